@@ -1,0 +1,45 @@
+"""What the quality check found in each log and channel: frozen, printable, kept with the results."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Verdict = Literal["good", "usable", "rejected"]
+
+
+@dataclass(frozen=True)
+class ChannelFinding:
+    """Quality of one channel of one log.
+
+    Rates in Hz, jitter as the largest departure of a time step from the nominal one [s], levels in the SI unit of the
+    sensor.  `gaps` lists (start [s], missing samples); `clip_level` is None where nothing is clipped; `dead_spans`
+    lists (start [s], end [s]); `rest_level` and `noise_rms` come from the quiet start of the record.
+    `messages` are plain sentences; `verdict` is what follows from them.
+    """
+
+    file: str
+    column: str
+    kind: str
+    si_unit: str
+    samples: int
+    rate_hz: float
+    jitter_s: float
+    missing: int
+    gaps: tuple[tuple[float, int], ...]
+    clipped: int
+    clip_level: float | None
+    dead_spans: tuple[tuple[float, float], ...]
+    rest_level: float | None
+    noise_rms: float | None
+    peak: float | None
+    verdict: Verdict
+    messages: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class QualityReport:
+    """All findings of a campaign: one per log and channel, plus sentences about logs or the campaign as a whole."""
+
+    channels: tuple[ChannelFinding, ...]
+    messages: tuple[str, ...] = ()

@@ -1,0 +1,243 @@
+"""Frozen records of one measurement campaign: everything in SI units, axles front to rear, index 0 = axle 1.
+
+Axes: x rearward from axle 1, z up, pitch positive nose-up (right-handed about the axis pointing to the right of travel).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+SensorKind = Literal["suspension_deflection", "axle_acceleration", "body_acceleration"]
+
+
+@dataclass(frozen=True)
+class LeafDimensions:
+    """Dimensions of one leaf pack (one side): number of leaves, width, thickness and length between the eyes [m]."""
+
+    leaves: int
+    width_m: float
+    thickness_m: float
+    length_m: float
+
+
+@dataclass(frozen=True)
+class PriorOverride:
+    """A user's own lognormal prior: `median` in SI units and the multiplicative standard deviation `log_sd`."""
+
+    median: float
+    log_sd: float
+
+
+@dataclass(frozen=True)
+class Axle:
+    """One axle, both sides and all its tires together.
+
+    `body` is the index of the body it carries.  `load_dependent` says whether the stiffness has one value per load case
+    (air springs) or one for all (leaf springs).  `priors` maps a quantity (``stiffness``, ``damping``,
+    ``tire_stiffness``, ``tire_damping``) to the user's own prior.
+    """
+
+    name: str
+    body: int
+    x_m: float
+    unsprung_mass_kg: float
+    tire_stiffness_N_per_m: float
+    tire_damping_N_s_per_m: float
+    tire_radius_m: float
+    suspension: Literal["leaf", "air", "other"]
+    suspension_law: str = "linear"
+    load_dependent: bool = False
+    inflation_pressure_Pa: float | None = None
+    jounce_travel_m: float | None = None
+    rebound_travel_m: float | None = None
+    leaf: LeafDimensions | None = None
+    priors: Mapping[str, PriorOverride] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Body:
+    """One rigid sprung body; `hitch_x_m` and `hitch_height_m` (above ground) are its hinge to the body in front, None if uncoupled."""
+
+    name: str
+    hitch_x_m: float | None = None
+    hitch_height_m: float | None = None
+
+
+@dataclass(frozen=True)
+class AxleGroup:
+    """Axles on a common beam with mass and pitch inertia of its own; `axles` are axle indices."""
+
+    name: str
+    axles: tuple[int, ...]
+    mass_kg: float
+    pitch_inertia_kg_m2: float
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """The vehicle of the campaign: bodies and axles front to rear, and the gravity that turns masses into weights."""
+
+    name: str
+    bodies: tuple[Body, ...]
+    axles: tuple[Axle, ...]
+    gravity_m_s2: float = 9.81
+    wheelbase_m: float | None = None
+    groups: tuple[AxleGroup, ...] = ()
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """Scale readings and mass properties of one load case.
+
+    `axle_loads_kg` (axles,) include the unsprung mass; `sprung_mass_kg`, `pitch_inertia_kg_m2` (about the body's own
+    centre of gravity) and `cg_height_m` (above ground) are (bodies,).
+    """
+
+    name: str
+    axle_loads_kg: tuple[float, ...]
+    sprung_mass_kg: tuple[float, ...]
+    pitch_inertia_kg_m2: tuple[float, ...]
+    cg_height_m: tuple[float, ...]
+    cargo_mass_kg: float | None = None
+
+
+@dataclass(frozen=True)
+class AntiAliasFilter:
+    """Causal analogue low-pass in front of every channel: `kind`, `order`, cut-off frequency [Hz]."""
+
+    kind: Literal["butterworth", "bessel"]
+    order: int
+    cutoff_hz: float
+
+
+@dataclass(frozen=True)
+class Acquisition:
+    """Data acquisition: declared sample interval [s] and anti-alias filter, None where there is none."""
+
+    sample_interval_s: float
+    filter: AntiAliasFilter | None
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One sensor: log column, what it measures and where.
+
+    `axle` (index) for deflections and axle accelerations, `body` (index) and `x_m` for body accelerations.
+    `full_scale` is the range (+-) in SI units, None if undeclared; `unit` is the unit in the file.  For plank drops
+    `axle`, `body` and `x_m` are filled in with the axle under test.
+    """
+
+    column: str
+    kind: SensorKind
+    unit: str
+    axle: int | None = None
+    body: int | None = None
+    x_m: float | None = None
+    full_scale: float | None = None
+    side: Literal["left", "right"] | None = None
+
+    @property
+    def si_unit(self) -> str:
+        """Unit of the values in memory: ``m`` or ``m/s^2``."""
+        return "m" if self.kind == "suspension_deflection" else "m/s^2"
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Readings of one sensor in one log.
+
+    `time_s` (n,) starts near zero (the first stamp of the log is subtracted); `value` (n,) in SI, NaN where missing;
+    `censored` (n,) int8: 0 measured, +1 the true value is at or above the reading (upper clip), -1 at or below.
+    """
+
+    sensor: Sensor
+    time_s: np.ndarray
+    value: np.ndarray
+    censored: np.ndarray
+
+
+@dataclass(frozen=True)
+class Log:
+    """One log file: its name relative to the campaign folder, its nominal sample interval [s] and its channels."""
+
+    file: str
+    sample_interval_s: float
+    channels: tuple[Channel, ...]
+    start_time_s: float = 0.0
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last stamp of any channel [s]."""
+        return max(float(c.time_s[-1]) for c in self.channels)
+
+
+@dataclass(frozen=True)
+class PlankDrop:
+    """One plank drop: the axle under test rolls off a plank of the given height."""
+
+    axle: int
+    load_case: str
+    plank_height_m: float
+    log: Log
+    nominal_speed_m_s: float | None = None
+    dampers: bool = True
+    towed: bool | None = None
+    engine_off: bool | None = None
+
+
+@dataclass(frozen=True)
+class BumpRun:
+    """One pass over a bump at a nominal speed [m/s]; `bump` names the scan it belongs to."""
+
+    case: str
+    load_case: str
+    nominal_speed_m_s: float
+    repeat: int
+    log: Log
+    bump: str = "bump"
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Laser point cloud of one bump: `points_m` (n, 3), direction of travel counter-clockwise from +x [rad]."""
+
+    name: str
+    file: str
+    heading_rad: float
+    points_m: np.ndarray
+
+
+@dataclass(frozen=True)
+class PredictionRequest:
+    """A pass nobody drove: load case, speed [m/s] and bump."""
+
+    load_case: str
+    speed_m_s: float
+    bump: str = "bump"
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Everything the test engineer brings home, read and converted once.
+
+    `load_cases` keeps the order of the file (the first is the reference of drops and tire stiffness);
+    `input_sha256` maps every input file, relative to `folder`, to its hash.
+    """
+
+    title: str
+    notes: str
+    folder: Path
+    file: Path
+    vehicle: Vehicle
+    load_cases: Mapping[str, LoadCase]
+    acquisition: Acquisition
+    plank_drops: tuple[PlankDrop, ...]
+    bump_runs: tuple[BumpRun, ...]
+    scans: Mapping[str, Scan]
+    predictions: tuple[PredictionRequest, ...]
+    input_sha256: Mapping[str, str]

@@ -1,0 +1,98 @@
+"""Results of the least-squares fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """One parameter: what it is, and what least squares found.
+
+    `name` like ``k_1`` or ``k_2[loaded]``; `quantity` ``stiffness``, ``damping``, ``tire_stiffness``, ...; `axle` is
+    the axle index or None; `load_case` None means shared; `run` is the file of a run-local parameter or None.
+    `value` in `unit`; `sd` its standard deviation; `prior_median`, `prior_log_sd` describe the prior.
+    `identified` is False where the data add next to nothing to the prior.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    axle: int | None
+    load_case: str | None
+    run: str | None
+    law: str
+    transform: str
+    value: float
+    sd: float
+    start: float
+    prior_median: float
+    prior_sd: float
+    identified: bool
+
+
+@dataclass(frozen=True)
+class RunHistory:
+    """Measured against simulated histories of one run at the least-squares optimum.
+
+    `time_s` (n,); per channel rows: `measured` and `simulated` (channels, n) in SI with the estimated sensor offset and
+    gain applied to the simulation; NaN where missing; `censored` as in the records; `noise_sd` (channels,) residual scale;
+    `offset`, `gain` (channels,).
+    """
+
+    file: str
+    case: str
+    load_case: str
+    speed_m_s: float
+    speed_sd: float
+    start_s: float
+    columns: tuple[str, ...]
+    kinds: tuple[str, ...]
+    si_units: tuple[str, ...]
+    axles: tuple[int | None, ...]
+    time_s: np.ndarray
+    measured: np.ndarray
+    simulated: np.ndarray
+    censored: np.ndarray
+    noise_sd: np.ndarray
+    instrument_noise_sd: np.ndarray
+    offset: np.ndarray
+    gain: np.ndarray
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """The least-squares optimum: global parameters, covariance, residual statistics and diagnostics.
+
+    `covariance` (p, p) of the global parameters in the estimation space (logarithms where `transform` says so), run-local
+    parameters marginalised and inflated for residual autocorrelation; `autocorrelation` (channels of all runs, lags)
+    of the standardised residuals; `step_halving_error` the largest relative RMS change of any channel when the
+    integration step is halved at the optimum; `scipy_max_difference_sd` the largest difference between the
+    optimum found by SciPy's trust-region solver and this one, in standard deviations.
+    """
+
+    parameters: tuple[ParameterEstimate, ...]
+    run_parameters: tuple[ParameterEstimate, ...]
+    covariance: np.ndarray
+    histories: tuple[RunHistory, ...]
+    converged: bool
+    message: str
+    iterations: int
+    cost: float
+    residuals: int
+    weight_rounds: int
+    condition_number: float
+    step_halving_error: float
+    scipy_max_difference_sd: float
+    variance_inflation: float
+    contact: str
+    autocorrelation_lag_s: np.ndarray
+    autocorrelation: np.ndarray
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the global parameters in the order of the covariance."""
+        return tuple(p.name for p in self.parameters)

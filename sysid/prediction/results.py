@@ -1,0 +1,38 @@
+"""Predicted passes nobody drove."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class PassPrediction:
+    """Wheel loads of one pass with posterior bands.
+
+    `time_s` (n,) zero when the centre of axle 1 passes the start of the bump; `tire_force_*_N` (axles, n) total
+    vertical force, pointwise quantiles (q05/q95 None before sampling); `static_load_N` (axles,);
+    `peak_ratio_*` (axles,) quantiles of the peak dynamic load ratio per draw (None before sampling); `lift_off` (axles,) bool at the median parameters.
+    """
+
+    load_case: str
+    speed_m_s: float
+    time_s: np.ndarray
+    tire_force_q05_N: np.ndarray | None
+    tire_force_q50_N: np.ndarray
+    tire_force_q95_N: np.ndarray | None
+    static_load_N: np.ndarray
+    peak_ratio_q05: np.ndarray | None
+    peak_ratio_q50: np.ndarray
+    peak_ratio_q95: np.ndarray | None
+    lift_off: np.ndarray
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """All predicted passes of a campaign; `source` is ``posterior`` or ``least squares``."""
+
+    passes: tuple[PassPrediction, ...]
+    source: str

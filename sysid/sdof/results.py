@@ -1,0 +1,96 @@
+"""Results of the plank-drop analysis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+DropMethod = Literal["paper", "corrected", "free_decay", "model"]
+
+
+@dataclass(frozen=True)
+class DecayReading:
+    """What peak-picking reads off one decay record (SI units, times from the start of the record).
+
+    `settled_level` [m]; `extremum_time_s` and `extremum_value_m` (m,) alternating extrema refined below the sample
+    step, relative to the record's own zero; `used` (m,) bool marks those that entered the averages.
+    `damped_period` [s] and `log_decrement` [-] per full cycle, each with a standard error.
+    `damping_kind` tells how the decrement changes with amplitude: ``viscous`` (constant), ``friction`` (rises as the
+    amplitude falls), ``quadratic`` (falls with the amplitude), ``unknown`` (too few peaks or too noisy to say);
+    `decrement_trend` is the slope of the decrement against relative amplitude, with its standard error.
+    `usable` is False where there are not two usable peaks: then period, decrement and their errors are NaN and `note`
+    says why.
+    """
+
+    settled_level: float
+    settled_level_se: float
+    extremum_time_s: np.ndarray
+    extremum_value_m: np.ndarray
+    used: np.ndarray
+    damped_period: float
+    damped_period_se: float
+    log_decrement: float
+    log_decrement_se: float
+    damping_kind: Literal["viscous", "friction", "quadratic", "unknown"]
+    decrement_trend: float
+    decrement_trend_se: float
+    usable: bool
+    note: str
+
+
+@dataclass(frozen=True)
+class DropEstimate:
+    """Stiffness [N/m] and damping [N s/m] of one axle by one method, from one file or pooled (`file` None).
+
+    `stiffness_sd` and `damping_sd` are standard deviations (of the file's own estimate, or the scatter-based one of the
+    pooled mean); NaN numbers with `usable` False mean that the record yields none, and `note` says why.
+    """
+
+    axle: int
+    load_case: str
+    file: str | None
+    method: DropMethod
+    stiffness: float
+    stiffness_sd: float
+    damping: float
+    damping_sd: float
+    damped_period: float
+    log_decrement: float
+    usable: bool
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class DropAnalysis:
+    """Everything about one plank-drop file: the trace, the picked peaks, the free-decay model and the estimates.
+
+    `time_s`, `deflection_m` (n,) as measured; `filtered_m` (n,) with wheel hop kept out, as used for picking;
+    `release_time_s` is when the axle leaves the plank; `free_decay_m` (n,) the fitted decay model, NaN outside its window.
+    `frequency_hz` and `damping_ratio_directive` (D = ln(A1/A2)/2pi) are the EU 96/53/EC Annex II / VSB 11 indicator.
+    """
+
+    axle: int
+    load_case: str
+    file: str
+    tributary_mass_kg: float
+    time_s: np.ndarray
+    deflection_m: np.ndarray
+    filtered_m: np.ndarray
+    release_time_s: float
+    reading: DecayReading
+    free_decay_m: np.ndarray
+    free_decay_note: str
+    estimates: tuple[DropEstimate, ...]
+    frequency_hz: float
+    damping_ratio_directive: float
+
+
+@dataclass(frozen=True)
+class DropSummary:
+    """All plank drops of a campaign: one analysis per file and pooled estimates per axle, load case and method."""
+
+    files: tuple[DropAnalysis, ...]
+    pooled: tuple[DropEstimate, ...]
+    messages: tuple[str, ...] = ()
