@@ -1,6 +1,7 @@
 """Frozen records of one measurement campaign: everything in SI units, axles front to rear, index 0 = axle 1.
 
-Axes: x rearward from axle 1, z up, pitch positive nose-up (right-handed about the axis pointing to the right of travel).
+Axes: x rearward from axle 1, z up, pitch positive nose-up (right-handed about the axis pointing to the right of
+travel).
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ class Axle:
 
 @dataclass(frozen=True)
 class Body:
-    """One rigid sprung body; `hitch_x_m` and `hitch_height_m` (above ground) are its hinge to the body in front, None if uncoupled."""
+    """One rigid sprung body; `hitch_x_m`, `hitch_height_m` above ground: hinge to the body in front, else None."""
 
     name: str
     hitch_x_m: float | None = None
@@ -163,12 +164,16 @@ class Channel:
 
 @dataclass(frozen=True)
 class Log:
-    """One log file: its name relative to the campaign folder, its nominal sample interval [s] and its channels."""
+    """One log file: its name relative to the campaign folder, its nominal sample interval [s] and its channels.
+
+    `messages` are sentences about what was missing or repaired while reading.
+    """
 
     file: str
     sample_interval_s: float
     channels: tuple[Channel, ...]
     start_time_s: float = 0.0
+    messages: tuple[str, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -226,7 +231,8 @@ class Campaign:
     """Everything the test engineer brings home, read and converted once.
 
     `load_cases` keeps the order of the file (the first is the reference of drops and tire stiffness);
-    `input_sha256` maps every input file, relative to `folder`, to its hash.
+    `input_sha256` maps every input file, relative to `folder`, to its hash; `messages` are sentences about the campaign
+    as a whole.
     """
 
     title: str
@@ -241,3 +247,4 @@ class Campaign:
     scans: Mapping[str, Scan]
     predictions: tuple[PredictionRequest, ...]
     input_sha256: Mapping[str, str]
+    messages: tuple[str, ...] = ()

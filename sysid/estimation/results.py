@@ -38,8 +38,8 @@ class RunHistory:
     """Measured against simulated histories of one run at the least-squares optimum.
 
     `time_s` (n,); per channel rows: `measured` and `simulated` (channels, n) in SI with the estimated sensor offset and
-    gain applied to the simulation; NaN where missing; `censored` as in the records; `noise_sd` (channels,) residual scale;
-    `offset`, `gain` (channels,).
+    gain applied to the simulation; NaN where missing; `censored` as in the records; `noise_sd` (channels,) residual
+    scale; `offset`, `gain` (channels,).
     """
 
     file: str
@@ -66,9 +66,9 @@ class RunHistory:
 class FitResult:
     """The least-squares optimum: global parameters, covariance, residual statistics and diagnostics.
 
-    `covariance` (p, p) of the global parameters in the estimation space (logarithms where `transform` says so), run-local
-    parameters marginalised and inflated for residual autocorrelation; `autocorrelation` (channels of all runs, lags)
-    of the standardised residuals; `step_halving_error` the largest relative RMS change of any channel when the
+    `covariance` (p, p) of the global parameters in the estimation space (logarithms where `transform` says so),
+    run-local parameters marginalised and inflated for residual autocorrelation; `autocorrelation` (channels of all
+    runs, lags) of the standardised residuals; `step_halving_error` the largest relative RMS change of any channel when the
     integration step is halved at the optimum; `scipy_max_difference_sd` the largest difference between the
     optimum found by SciPy's trust-region solver and this one, in standard deviations.
     """

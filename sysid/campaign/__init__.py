@@ -1,0 +1,59 @@
+"""The measurement campaign: records, reader, statics and quality check (SI units, no physics beyond statics)."""
+
+from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
+from sysid.campaign.logs import read_log
+from sysid.campaign.quality import check_quality, quality_table
+from sysid.campaign.read import PointCloudReader, read_campaign
+from sysid.campaign.records import (
+    Acquisition,
+    AntiAliasFilter,
+    Axle,
+    AxleGroup,
+    Body,
+    BumpRun,
+    Campaign,
+    Channel,
+    LeafDimensions,
+    LoadCase,
+    Log,
+    PlankDrop,
+    PredictionRequest,
+    PriorOverride,
+    Scan,
+    Sensor,
+    SensorKind,
+    Vehicle,
+)
+from sysid.campaign.statics import StaticEquilibrium, check_statics, static_equilibrium
+
+__all__ = [
+    "Acquisition",
+    "AntiAliasFilter",
+    "Axle",
+    "AxleGroup",
+    "Body",
+    "BumpRun",
+    "Campaign",
+    "Channel",
+    "ChannelFinding",
+    "LeafDimensions",
+    "LoadCase",
+    "Log",
+    "PlankDrop",
+    "PointCloudReader",
+    "PredictionRequest",
+    "PriorOverride",
+    "QualityReport",
+    "Scan",
+    "Sensor",
+    "SensorKind",
+    "StaticEquilibrium",
+    "Vehicle",
+    "Verdict",
+    "check_quality",
+    "check_statics",
+    "quality_table",
+    "read_campaign",
+    "read_log",
+    "static_equilibrium",
+]

@@ -1,0 +1,208 @@
+"""What the sensors of one axle say about each other: wrong units, flipped signs, exchanged columns.
+
+The second derivative of a suspension deflection is the acceleration of the frame minus that of the axle below,
+q'' = beta b - alpha a.  Both factors are 1 if all three sensors are right.  If one of them reads f times the truth the
+factors change in a way of its own: deflection alpha = beta = f, axle alpha = 1/f, frame beta = 1/f.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.campaign.records import Channel, Vehicle
+
+BAND_HZ = (1.0, 10.0)  # below, drift is integrated twice; above, the displacement sensor shows noise only
+PAIR_BAND_HZ = (5.0, 15.0)  # wheel hop, where the frame moves little
+REACH_M = 0.5  # a frame sensor this near to the axle counts as above it
+LONGEST_FILL_S = 0.1
+RATE_NEEDED_HZ = 25.0
+
+
+@dataclass(frozen=True)
+class Trio:
+    """Sensors of one axle: deflection, axle acceleration and the frame acceleration above it, None if there is none."""
+
+    axle: int
+    deflection: Channel
+    axle_acceleration: Channel
+    body_acceleration: Channel | None
+
+    @property
+    def channels(self) -> list[Channel]:
+        """The channels there are, deflection first."""
+        return [c for c in (self.deflection, self.axle_acceleration, self.body_acceleration) if c is not None]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Factors alpha (axle) and beta (frame) with standard errors, and the share of q'' that they leave unexplained."""
+
+    alpha: float
+    alpha_se: float
+    beta: float
+    beta_se: float
+    unexplained: float
+
+    @property
+    def right(self) -> bool:
+        """Whether both factors are compatible with 1."""
+        return abs(self.alpha - 1.0) < max(0.3, 4.0 * self.alpha_se) and (
+            abs(self.beta - 1.0) < max(0.3, 4.0 * self.beta_se)
+        )
+
+    @property
+    def clear(self) -> bool:
+        """Whether the factors are known well enough to accuse a sensor."""
+        return abs(self.alpha) > 6.0 * self.alpha_se and (
+            abs(self.beta) > 6.0 * self.beta_se or not np.isfinite(self.beta_se)
+        )
+
+
+def trios(channels: Sequence[Channel], vehicle: Vehicle) -> list[Trio]:
+    """Deflection, axle and frame sensors that belong together: one entry per axle that has the first two, in order."""
+    result: list[Trio] = []
+    for q in channels:
+        if q.sensor.kind != "suspension_deflection" or q.sensor.axle is None:
+            continue
+        axle = vehicle.axles[q.sensor.axle]
+        a = next(
+            (c for c in channels if c.sensor.kind == "axle_acceleration" and c.sensor.axle == q.sensor.axle),
+            None,
+        )
+        if a is None or any(t.axle == q.sensor.axle for t in result):
+            continue
+        above = [
+            (abs(c.sensor.x_m - axle.x_m), i)
+            for i, c in enumerate(channels)
+            if c.sensor.kind == "body_acceleration" and c.sensor.body == axle.body and c.sensor.x_m is not None
+        ]
+        nearest = min(above, default=None)
+        b = channels[nearest[1]] if nearest is not None and nearest[0] <= REACH_M else None
+        result.append(Trio(q.sensor.axle, q, a, b))
+    return sorted(result, key=lambda t: t.axle)
+
+
+def fit_factors(q: Channel, a: Channel, b: Channel | None, step_s: float) -> Fit | None:
+    """Fit alpha and beta of q'' = beta b - alpha a in the band of body and hop motion.
+
+    Spectra are compared at the level of velocity, -omega^2 Q / omega, so that neither drift (low) nor displacement
+    noise (high) weighs too much.
+
+    Parameters
+    ----------
+    q, a, b
+        Deflection [m], axle and frame acceleration [m/s^2]; without `b` the frame is taken as still and the band is
+        that of wheel hop.
+    step_s
+        Sample interval [s].
+
+    Returns
+    -------
+    Fit or None
+        None where the channels share too short a record.
+    """
+    members = [q, a] + ([] if b is None else [b])
+    grid = _common_grid(members, step_s)
+    if grid is None:
+        return None
+    n = grid.size
+    window = np.ones(n)
+    edge = max(2, n // 20)
+    window[:edge] = 0.5 - 0.5 * np.cos(np.pi * np.arange(edge) / edge)
+    window[-edge:] = window[:edge][::-1]
+    low, high = PAIR_BAND_HZ if b is None else BAND_HZ
+    frequency = np.fft.rfftfreq(n, step_s)
+    band = (frequency >= low) & (frequency <= min(high, 0.4 / step_s))
+    omega = 2.0 * np.pi * frequency[band]
+    if omega.size < 6:
+        return None
+    spectra = []
+    for channel in members:
+        value = _on_grid(channel, grid)
+        spectra.append(np.fft.rfft((value - np.median(value)) * window)[band] / omega)
+    target = _stacked(-(omega**2) * spectra[0])
+    columns = [_stacked(-spectra[1])] + ([] if b is None else [_stacked(spectra[2])])
+    design = np.stack(columns, axis=1)
+    scale = np.linalg.norm(design, axis=0)
+    size = float(target @ target)
+    if not np.all(scale > 0.0) or size <= 0.0:
+        return None
+    solution, _, rank, _ = np.linalg.lstsq(design / scale, target, rcond=1e-8)
+    if rank < design.shape[1]:
+        return None
+    rest = target - design / scale @ solution
+    variance = float(rest @ rest) / max(1, target.size - design.shape[1])
+    error = np.sqrt(np.diag(np.linalg.inv((design / scale).T @ (design / scale))) * variance) / scale
+    solution = solution / scale
+    return Fit(
+        alpha=float(solution[0]),
+        alpha_se=float(error[0]),
+        beta=float(solution[1]) if b is not None else 1.0,
+        beta_se=float(error[1]) if b is not None else np.inf,
+        unexplained=float(rest @ rest) / size,
+    )
+
+
+def hop_size(channel: Channel, step_s: float) -> float:
+    """Root mean square of a channel between 6 and 20 Hz, where an axle moves more than the frame above it."""
+    grid = _common_grid([channel], step_s)
+    if grid is None:
+        return 0.0
+    value = _on_grid(channel, grid)
+    frequency = np.fft.rfftfreq(grid.size, step_s)
+    spectrum = np.fft.rfft(value - np.median(value))
+    band = (frequency >= 6.0) & (frequency <= 20.0)
+    return float(np.sqrt(2.0 * np.sum(np.abs(spectrum[band]) ** 2)) / grid.size)
+
+
+def arrival(channel: Channel, rest: float) -> float | None:
+    """Time [s] at which an axle acceleration first exceeds a third of its largest departure from `rest`."""
+    departure = np.abs(channel.value - rest)
+    good = np.isfinite(departure)
+    if good.sum() < 20:
+        return None
+    return float(channel.time_s[np.argmax(np.where(good, departure, 0.0) > np.nanmax(departure) / 3.0)])
+
+
+def first_lift(channel: Channel, rest: float, arrival_s: float) -> float:
+    """How clearly an axle rises (towards +1) or falls (towards -1) when it meets the obstacle.
+
+    The acceleration is integrated twice over 0.35 s around the arrival; the largest departure of the displacement
+    from zero decides, relative to the largest one of the other sign.
+    """
+    inside = (channel.time_s > arrival_s - 0.15) & (channel.time_s < arrival_s + 0.2) & np.isfinite(channel.value)
+    time, value = channel.time_s[inside], channel.value[inside] - rest
+    if time.size < 6:
+        return 0.0
+    steps = np.diff(time)
+    velocity = np.concatenate([[0.0], np.cumsum(0.5 * steps * (value[1:] + value[:-1]))])
+    lift = np.concatenate([[0.0], np.cumsum(0.5 * steps * (velocity[1:] + velocity[:-1]))])
+    up, down = float(lift.max()), float(-lift.min())
+    return (up - down) / (up + down) if up + down > 0.0 else 0.0
+
+
+def _common_grid(channels: Sequence[Channel], step_s: float) -> np.ndarray | None:
+    """Uniform times over the longest stretch in which no channel pauses for more than a tenth of a second."""
+    if step_s > 1.0 / RATE_NEEDED_HZ:
+        return None
+    good = np.logical_and.reduce([np.isfinite(c.value) for c in channels])
+    time = channels[0].time_s[good]
+    if time.size < 2:
+        return None
+    breaks = np.flatnonzero(np.diff(time) > max(LONGEST_FILL_S, 2.5 * step_s)) + 1
+    pieces = np.split(time, breaks)
+    longest = max(pieces, key=lambda p: p[-1] - p[0])
+    count = int((longest[-1] - longest[0]) / step_s) + 1
+    return longest[0] + step_s * np.arange(count) if count * step_s >= 1.0 else None
+
+
+def _on_grid(channel: Channel, grid: np.ndarray) -> np.ndarray:
+    good = np.isfinite(channel.value)
+    return np.interp(grid, channel.time_s[good], channel.value[good])
+
+
+def _stacked(spectrum: np.ndarray) -> np.ndarray:
+    return np.concatenate([spectrum.real, spectrum.imag])

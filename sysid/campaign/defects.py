@@ -1,0 +1,179 @@
+"""Defects that one channel shows by itself: clipping, dead and lost spans, spikes, noise, rest level."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.campaign.records import Channel
+
+DEAD_S = 0.25  # a live sensor does not repeat one value for longer than this
+LOST_S = 0.1
+SPIKE_SIGMA = 15.0
+MOVING_SHARE = 0.08  # of the largest departure: smooth motion of that size at the start is no rest
+QUIET_S = 0.2  # shortest quiet start from which a rest level is read
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Time base of one log: rate [Hz], largest departure of a step from whole samples [s], gaps (start [s], rows)."""
+
+    rate_hz: float
+    jitter_s: float
+    gaps: tuple[tuple[float, int], ...]
+
+
+def timing(time_s: np.ndarray, sample_interval_s: float) -> Timing:
+    """Rate, jitter and gaps of the stamps `time_s` (n,) [s], whose nominal step is `sample_interval_s` [s]."""
+    steps = np.diff(time_s)
+    whole = np.maximum(np.rint(steps / sample_interval_s), 1.0)
+    jitter = float(np.max(np.abs(steps - whole * sample_interval_s), initial=0.0))
+    gaps = tuple((float(time_s[i]) + sample_interval_s, int(whole[i]) - 1) for i in np.flatnonzero(whole > 1.5))
+    return Timing(1.0 / sample_interval_s, jitter, gaps)
+
+
+def runs_of(mask: np.ndarray) -> list[tuple[int, int]]:
+    """First and past-the-last index of every run of True."""
+    edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
+    return list(zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True))
+
+
+def quantum(value: np.ndarray) -> float:
+    """Smallest step between different readings: the resolution of the written digits."""
+    levels = np.unique(value[np.isfinite(value)])
+    if levels.size < 2:
+        return 0.0
+    steps = np.diff(levels)
+    return float(np.min(steps[steps > 1e-9 * np.ptp(levels)], initial=np.inf))
+
+
+def clip_levels(value: np.ndarray) -> tuple[float | None, float | None]:
+    """Levels (upper, lower) at which a channel clips without having declared it, None where it does not.
+
+    A clipped channel piles up at its extreme: three readings or more stand there, and more than in the next 2 % of its
+    range, which a signal that merely reaches a peak, smooth or noisy, passes more often.  A resolution coarser than
+    0.5 % of the range piles up by itself and is not judged.
+
+    Parameters
+    ----------
+    value
+        (n,) readings, NaN where missing.
+    """
+    q = quantum(value)
+    finite = value[np.isfinite(value)]
+    if finite.size < 20 or q <= 0.0 or not np.isfinite(q) or q > 5e-3 * np.ptp(finite):
+        return None, None
+    upper = _clip_side(value, q)
+    lower = _clip_side(-value, q)
+    lower = None if lower is None else -lower
+    # Amplifiers clip at +- the same level: one reading there is enough on the second side.
+    if upper is not None and lower is None and abs(float(finite.min()) + upper) < 0.75 * q:
+        lower = float(finite.min())
+    if lower is not None and upper is None and abs(float(finite.max()) + lower) < 0.75 * q:
+        upper = float(finite.max())
+    return upper, lower
+
+
+def _clip_side(value: np.ndarray, q: float) -> float | None:
+    top = float(np.nanmax(value))
+    at_top = value >= top - 0.25 * q
+    just_below = (value > top - 0.02 * np.ptp(value[np.isfinite(value)])) & ~at_top
+    return top if at_top.sum() >= 3 and at_top.sum() > just_below.sum() else None
+
+
+def dead_spans(time_s: np.ndarray, value: np.ndarray, censored: np.ndarray) -> list[tuple[int, int]]:
+    """Index ranges where the reading stands still although elsewhere it changes from sample to sample.
+
+    Channels whose resolution is coarser than their noise stand still by nature and are not judged.
+    """
+    change = np.diff(value)
+    moving = np.abs(change[np.isfinite(change)]) > 0.0
+    if moving.size == 0 or moving.mean() < 0.5:
+        return []
+    step = float(np.median(np.diff(time_s)))
+    shortest = max(20, round(DEAD_S / step))
+    same = np.concatenate([change == 0.0, [False]])
+    result = []
+    for start, stop in runs_of(same):
+        if stop + 1 - start >= shortest and not censored[start:stop].any():
+            result.append((start, stop + 1))
+    return result
+
+
+def lost_spans(time_s: np.ndarray, value: np.ndarray) -> list[tuple[int, int]]:
+    """Index ranges without readings that last longer than a hiccup."""
+    return [(a, b) for a, b in runs_of(~np.isfinite(value)) if time_s[b - 1] - time_s[a] >= LOST_S]
+
+
+def spikes(value: np.ndarray) -> np.ndarray:
+    """Indices of isolated readings that no band-limited motion can have.
+
+    e_i = x_i - (-x_{i-2} + 4 x_{i-1} + 4 x_{i+1} - x_{i+2})/6 is the departure from the cubic through the neighbours; a
+    spike departs by far more than its surroundings do and stands out of the range of its four neighbours.
+
+    Parameters
+    ----------
+    value
+        (n,) readings, NaN where missing.
+    """
+    n = value.size
+    if n < 30:
+        return np.empty(0, int)
+    far, near = (value[:-4], value[4:]), (value[1:-3], value[3:-1])
+    middle = value[2:-2]
+    departure = np.abs(middle - (4.0 * (near[0] + near[1]) - far[0] - far[1]) / 6.0)
+    usable = np.isfinite(departure)
+    if usable.sum() < 20:
+        return np.empty(0, int)
+    high = np.maximum.reduce([*far, *near])
+    low = np.minimum.reduce([*far, *near])
+    beyond = np.maximum(middle - high, low - middle)
+    typical = float(np.median(departure[usable]))
+    size = float(np.nanpercentile(value, 99.0) - np.nanpercentile(value, 1.0))
+    with np.errstate(invalid="ignore"):
+        candidate = usable & (departure > SPIKE_SIGMA * typical) & (beyond > 3.0 * (high - low) + 0.1 * size)
+    return np.flatnonzero(candidate) + 2
+
+
+def motion_start(channels: Sequence[Channel]) -> float | None:
+    """Time [s] at which the truck meets the obstacle, or None where the record does not begin quietly.
+
+    Each channel is compared with its own first 0.2 s; the second channel to leave that level by six times its
+    scatter and a twentieth of its range decides, so that one bad sensor does not.
+    """
+    starts = []
+    for channel in channels:
+        good = np.isfinite(channel.value)
+        time, value = channel.time_s[good], channel.value[good]
+        quiet = time <= QUIET_S
+        if value.size < 20 or quiet.sum() < 4:
+            continue
+        level, scatter = float(np.median(value[quiet])), float(np.std(value[quiet]))
+        size = float(np.max(np.abs(value - level)))
+        if size <= 0.0:
+            continue
+        # Motion is smooth from sample to sample, noise is not: its second differences are sqrt(6) times its rms.
+        noise = float(np.std(np.diff(value[quiet], 2))) / np.sqrt(6.0)
+        if scatter > MOVING_SHARE * size and scatter > 4.0 * noise:
+            starts.append(0.0)
+            continue
+        away = np.abs(value - level) > max(6.0 * scatter, 0.05 * size)
+        both = away[:-1] & away[1:]
+        starts.append(float(time[np.argmax(both)]) if both.any() else np.inf)
+    finite = sorted(s for s in starts if np.isfinite(s))
+    if not finite:
+        return None
+    start = finite[1] if len(finite) > 2 else finite[0]
+    return start if start >= QUIET_S else None
+
+
+def rest_of(channel: Channel, start_s: float | None) -> tuple[float | None, float | None]:
+    """Mean and standard deviation of the quiet start, which ends 0.05 s before the motion begins at `start_s`."""
+    if start_s is None:
+        return None, None
+    quiet = channel.value[(channel.time_s < start_s - 0.05) & np.isfinite(channel.value)]
+    if quiet.size < 10:
+        return None, None
+    return float(np.mean(quiet)), float(np.std(quiet, ddof=1))

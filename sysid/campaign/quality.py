@@ -1,0 +1,288 @@
+"""Quality check of all logs: what each channel is worth, said in sentences, and a campaign without what is not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.campaign import defects
+from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
+from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop, Vehicle
+from sysid.campaign.suspects import Suspicion, suspicions
+from sysid.campaign.units import si_factor
+from sysid.campaign.wording import shorten
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FEWEST_SAMPLES = 20
+SLOWEST_HZ = 20.0  # body modes reach 4 Hz: five samples per cycle are the least that shows them
+LARGEST = 1e9  # m or m/s^2: error codes of loggers, not motion
+NO_RESPONSE = 4.5  # a record whose peak is below this many noise rms holds nothing but noise
+NOISY = 0.2  # noise rms over peak
+SPIKY_SHARE = 0.02
+JITTER_SHARE = 0.2
+
+
+@dataclass
+class _Work:
+    """One channel on its way through the check."""
+
+    channel: Channel
+    missing: int
+    clip_level: float | None
+    dead: tuple[tuple[float, float], ...]
+    rest: float | None
+    noise: float | None
+    messages: list[str]
+    rejected: bool = False
+
+
+def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
+    """Check every channel of every log.
+
+    Clipped samples are marked as censored, dead spans and spikes become NaN; channels that cannot be used (dead, noise
+    only, wrong unit, flipped sign, exchanged columns) are left out of the returned campaign, and so are logs of which
+    nothing remains.
+
+    Parameters
+    ----------
+    campaign
+        As read; it is not changed.
+
+    Returns
+    -------
+    campaign, report
+        The cleaned campaign, and one finding per channel with its verdict: good, usable (and why) or rejected.
+    """
+    findings: list[ChannelFinding] = []
+    messages: list[str] = list(campaign.messages)
+    drops: list[PlankDrop] = []
+    runs: list[BumpRun] = []
+    tests: tuple[PlankDrop | BumpRun, ...] = (*campaign.plank_drops, *campaign.bump_runs)
+    for test in tests:
+        speed = test.nominal_speed_m_s if isinstance(test, BumpRun) else None
+        log, found, said = _check_log(test.log, campaign.vehicle, speed)
+        findings += found
+        messages += said
+        if not log.channels:
+            messages.append(f"{log.file}: no channel can be used; the log is left out.")
+        elif isinstance(test, BumpRun):
+            runs.append(replace(test, log=log))
+        else:
+            drops.append(replace(test, log=log))
+    messages += _rejections(findings)
+    cleaned = replace(campaign, plank_drops=tuple(drops), bump_runs=tuple(runs))
+    return cleaned, QualityReport(tuple(findings), tuple(messages))
+
+
+def quality_table(report: QualityReport) -> pd.DataFrame:
+    """Findings as a table, one row per log and channel, in the SI units that the column names carry."""
+    import pandas as pd
+
+    rows = []
+    for finding in report.channels:
+        row = asdict(finding)
+        row["gaps"] = sum(count for _, count in finding.gaps)
+        row["dead_spans"] = sum(stop - start for start, stop in finding.dead_spans)
+        row["messages"] = " ".join(finding.messages)
+        rows.append(row)
+    table = pd.DataFrame(rows, columns=list(ChannelFinding.__dataclass_fields__))
+    return table.rename(columns={"gaps": "gap_rows", "dead_spans": "dead_s"})
+
+
+def _check_log(log: Log, vehicle: Vehicle, bump_speed: float | None) -> tuple[Log, list[ChannelFinding], list[str]]:
+    messages = list(log.messages)
+    if not log.channels:
+        return log, [], messages
+    clock = defects.timing(log.channels[0].time_s, log.sample_interval_s)
+    rows = log.channels[0].time_s.size
+    if clock.gaps:
+        lost = sum(count for _, count in clock.gaps)
+        at = ", ".join(f"{count} at {start:.3f} s" for start, count in clock.gaps[:3])
+        more = ", ..." if len(clock.gaps) > 3 else ""
+        messages.append(f"{log.file}: {lost} rows are missing ({at}{more}); the time stamps show where.")
+    if clock.jitter_s > JITTER_SHARE * log.sample_interval_s:
+        messages.append(
+            f"{log.file}: the time stamps depart by up to {1e3 * clock.jitter_s:.3g} ms from even steps; they are used "
+            "as they are."
+        )
+    work = [_examine(channel) for channel in log.channels]
+    too_short = rows < FEWEST_SAMPLES or clock.rate_hz < SLOWEST_HZ
+    if too_short:
+        what = (
+            f"holds {rows} samples, expected at least {FEWEST_SAMPLES}"
+            if rows < FEWEST_SAMPLES
+            else f"is sampled at {clock.rate_hz:.3g} Hz, expected at least {SLOWEST_HZ:g} Hz"
+        )
+        for item in work:
+            item.messages.append(f"the log {what}, so that body motion cannot be seen.")
+            item.rejected = True
+    else:
+        _judge_together(log, work, vehicle, bump_speed, messages)
+    found = [_finding(log, item, clock) for item in work]
+    kept = tuple(item.channel for item in work if not item.rejected)
+    return replace(log, channels=kept, messages=tuple(messages)), found, messages
+
+
+def _examine(channel: Channel) -> _Work:
+    """Defects that the channel shows by itself; times of spans in seconds of the log."""
+    value, censored = channel.value.copy(), channel.censored.copy()
+    time = channel.time_s
+    messages: list[str] = []
+    missing = int(np.sum(~np.isfinite(value)))
+    finite = value[np.isfinite(value)]
+    item = _Work(channel, missing, None, (), None, None, messages)
+    if finite.size == 0:
+        messages.append("the column is empty.")
+        item.rejected = True
+        return item
+    unit_scale = si_factor(channel.sensor.unit, "length" if channel.sensor.si_unit == "m" else "acceleration")
+    shown = channel.sensor.unit
+    if np.max(np.abs(finite)) > LARGEST:
+        messages.append(
+            f"the reading reaches {np.max(np.abs(finite)) / unit_scale:.3g} {shown}, which is no measurement."
+        )
+        item.rejected = True
+        return item
+    if np.ptp(finite) == 0.0:
+        messages.append(f"the reading stands still at {finite[0] / unit_scale:.4g} {shown}: the sensor is dead.")
+        item.rejected = True
+        return item
+    item.clip_level = _mark_clipping(channel, value, censored, messages, unit_scale)
+    spans = [(a, b, "stands still") for a, b in defects.dead_spans(time, value, censored)]
+    spans += [(a, b, "is lost") for a, b in defects.lost_spans(time, value)]
+    for a, b, what in sorted(spans):
+        value[a:b] = np.nan
+        censored[a:b] = 0
+        end = f"to {time[b - 1]:.3f} s" if b < time.size else "to the end"
+        messages.append(f"the reading {what} from {time[a]:.3f} s {end}; that span is left out.")
+    item.dead = tuple((float(time[a]), float(time[b - 1])) for a, b, _ in sorted(spans))
+    at = defects.spikes(value)
+    if at.size:
+        value[at] = np.nan
+        censored[at] = 0
+        plural = "s" if at.size > 1 else ""
+        messages.append(
+            f"{at.size} isolated spike{plural} (the first at {time[at[0]]:.3f} s) {'were' if plural else 'was'} left "
+            "out."
+        )
+        if at.size > SPIKY_SHARE * value.size:
+            messages.append(
+                "spikes come so often that the connection must be loose; repair it or leave the sensor out."
+            )
+            item.rejected = True
+    scattered = missing - sum(b - a for a, b in defects.lost_spans(time, channel.value))
+    if scattered:
+        messages.append(f"{scattered} single reading{'s are' if scattered > 1 else ' is'} missing.")
+    if np.sum(np.isfinite(value)) < FEWEST_SAMPLES <= value.size:
+        messages.append(f"fewer than {FEWEST_SAMPLES} readings remain.")
+        item.rejected = True
+    item.channel = replace(channel, value=value, censored=censored)
+    return item
+
+
+def _mark_clipping(
+    channel: Channel, value: np.ndarray, censored: np.ndarray, messages: list[str], unit_scale: float
+) -> float | None:
+    unit = channel.sensor.unit
+    level = channel.sensor.full_scale if censored.any() else None
+    if not censored.any():
+        upper, lower = defects.clip_levels(value)
+        slack = 0.25 * defects.quantum(value)
+        if upper is not None:
+            censored[value >= upper - slack] = 1
+        if lower is not None:
+            censored[value <= lower + slack] = -1
+        level = max((abs(v) for v in (upper, lower) if v is not None), default=None)
+        if level is not None:
+            declared = channel.sensor.full_scale
+            against = "" if declared is None else f", far below its range of {declared / unit_scale:.4g} {unit}"
+            messages.append(
+                f"{int(np.sum(censored != 0))} samples are clipped at {level / unit_scale:.4g} {unit}{against}; they "
+                "count as bounds."
+            )
+    else:
+        messages.append(
+            f"{int(np.sum(censored != 0))} sample{'s reach' if np.sum(censored != 0) > 1 else ' reaches'} the range of "
+            f"{level / unit_scale:.4g} {unit}; they count as bounds."  # type: ignore[operator]
+        )
+    return level
+
+
+def _judge_together(
+    log: Log, work: Sequence[_Work], vehicle: Vehicle, bump_speed: float | None, messages: list[str]
+) -> None:
+    alive = [item for item in work if not item.rejected]
+    start = defects.motion_start([item.channel for item in alive])
+    if start is None and alive:
+        messages.append(f"{log.file}: the record does not begin quietly, so that no rest level can be read.")
+    rests = {}
+    for item in alive:
+        item.rest, item.noise = defects.rest_of(item.channel, start)
+        rests[item.channel.sensor.column] = float(np.nanmedian(item.channel.value)) if item.rest is None else item.rest
+        _judge_noise(item)
+    alive = [item for item in alive if not item.rejected]
+    found = suspicions(log, [item.channel for item in alive], vehicle, rests, bump_speed)
+    for item in alive:
+        for suspicion in found.get(item.channel.sensor.column, ()):
+            _take(item, suspicion)
+
+
+def _judge_noise(item: _Work) -> None:
+    if item.rest is None or item.noise is None:
+        return
+    peak = float(np.nanmax(np.abs(item.channel.value - item.rest)))
+    if peak < NO_RESPONSE * item.noise:
+        item.messages.append("the reading shows noise only, no response to the test.")
+        item.rejected = True
+    elif item.noise > NOISY * peak:
+        item.messages.append(f"the noise is {100.0 * item.noise / peak:.0f} % of the largest reading.")
+
+
+def _take(item: _Work, suspicion: Suspicion) -> None:
+    if suspicion.sentence not in item.messages:
+        item.messages.append(suspicion.sentence)
+    item.rejected = item.rejected or suspicion.rejected
+
+
+def _finding(log: Log, item: _Work, clock: defects.Timing) -> ChannelFinding:
+    channel = item.channel
+    finite = channel.value[np.isfinite(channel.value)]
+    base = item.rest if item.rest is not None else (float(np.median(finite)) if finite.size else 0.0)
+    verdict: Verdict = "rejected" if item.rejected else "usable" if item.messages else "good"
+    return ChannelFinding(
+        file=log.file,
+        column=channel.sensor.column,
+        kind=channel.sensor.kind,
+        si_unit=channel.sensor.si_unit,
+        samples=int(finite.size),
+        rate_hz=clock.rate_hz,
+        jitter_s=clock.jitter_s,
+        missing=item.missing,
+        gaps=clock.gaps,
+        clipped=int(np.sum(channel.censored != 0)),
+        clip_level=item.clip_level,
+        dead_spans=item.dead,
+        rest_level=item.rest,
+        noise_rms=item.noise,
+        peak=float(np.max(np.abs(finite - base))) if finite.size else None,
+        verdict=verdict,
+        messages=tuple(item.messages),
+    )
+
+
+def _rejections(findings: Sequence[ChannelFinding]) -> list[str]:
+    """One sentence per column and cause, however many logs share it."""
+    logs: dict[tuple[str, str], list[str]] = {}
+    for finding in findings:
+        if finding.verdict == "rejected":
+            logs.setdefault((finding.column, finding.messages[-1]), []).append(finding.file)
+    result = []
+    for (column, sentence), files in logs.items():
+        where = files[0] if len(files) == 1 else f"{files[0]} and {len(files) - 1} more logs"
+        result.append(f"{where}: the channel '{shorten(column)}' is rejected: {sentence}")
+    return result

@@ -1,0 +1,242 @@
+"""Reader of a campaign: from campaign.toml and the files it names to records in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.campaign import paths
+from sysid.campaign.logs import read_log
+from sysid.campaign.records import (
+    Acquisition,
+    AntiAliasFilter,
+    BumpRun,
+    Campaign,
+    Log,
+    PlankDrop,
+    PredictionRequest,
+    Scan,
+    Sensor,
+)
+from sysid.campaign.statics import check_statics
+from sysid.campaign.units import angle_rad, si_factor, speed_m_s
+from sysid.campaign.wording import shorten
+from sysid.errors import CampaignError
+
+if TYPE_CHECKING:
+    from sysid.campaign import schema as s
+    from sysid.campaign.vehicle_tables import VehicleReader
+
+PointCloudReader = Callable[[Path, str], np.ndarray]
+
+
+def read_campaign(path: str | Path, *, point_cloud_reader: PointCloudReader | None = None) -> Campaign:
+    """Read a campaign: check the file, resolve names, convert to SI, read and hash every input.
+
+    Parameters
+    ----------
+    path
+        The campaign file, or the folder that holds a `campaign.toml`.
+    point_cloud_reader
+        Function (file, unit) -> points (n, 3) [m] that reads a scan; without it scans hold no points.
+
+    Returns
+    -------
+    Campaign
+        Axles sorted front to rear; load cases, drops, runs and predictions in the order of the file.
+
+    Raises
+    ------
+    CampaignError
+        If the campaign file is wrong, or a file it names is missing or outside its folder.
+    DataRejectedError
+        If a log or scan cannot be read.
+    """
+    # pydantic takes a third of a second to import; those who only need the records do not pay for it.
+    from sysid.campaign.toml_errors import parse_toml, validate
+    from sysid.campaign.vehicle_tables import VehicleReader
+
+    file = paths.locate_campaign(path)
+    tables = validate(parse_toml(paths.read_bytes(file), file.name), file.name)
+    vehicle = VehicleReader(tables, file.name)
+    try:
+        for load_case in vehicle.load_cases.values():
+            check_statics(vehicle.vehicle, load_case)
+    except CampaignError as error:
+        raise CampaignError(f"{file.name}: {error}") from None
+    reader = _Inputs(file, tables, vehicle, {file.name: paths.sha256(file)})
+    scans = reader.scans(point_cloud_reader)
+    acquisition = tables.acquisition
+    low_pass = acquisition.filter
+    return Campaign(
+        title=tables.campaign.title,
+        notes=tables.campaign.notes,
+        folder=file.parent,
+        file=file,
+        vehicle=vehicle.vehicle,
+        load_cases=vehicle.load_cases,
+        acquisition=Acquisition(
+            acquisition.sample_interval_s,
+            None if low_pass is None else AntiAliasFilter(low_pass.type, low_pass.order, low_pass.cutoff_hz),
+        ),
+        plank_drops=reader.plank_drops(),
+        bump_runs=reader.bump_runs(scans),
+        scans=scans,
+        predictions=reader.predictions(scans),
+        input_sha256=reader.hashes,
+        messages=reader.messages(),
+    )
+
+
+@dataclass(frozen=True)
+class _Inputs:
+    file: Path
+    tables: s.CampaignFile
+    vehicle: VehicleReader
+    hashes: dict[str, str]
+
+    def _input(self, name: str, key: str, limit: int) -> Path:
+        path = paths.input_file(self.file.parent, name, f"{self.file.name}: {key}", limit)
+        if paths.relative_name(name) not in self.hashes:
+            self.hashes[paths.relative_name(name)] = paths.sha256(path)
+        return path
+
+    def _log(self, name: str, key: str, sensors: Sequence[Sensor]) -> Log:
+        path = self._input(name, f"{key}.file", paths.LOG_BYTES)
+        return read_log(path, paths.relative_name(name), sensors, self.tables.acquisition.sample_interval_s)
+
+    def _load_case(self, name: str, key: str) -> str:
+        return self.vehicle.pick(name, list(self.vehicle.load_cases), f"{key}.load_case", "load case")
+
+    def scans(self, point_cloud_reader: PointCloudReader | None) -> dict[str, Scan]:
+        result = {}
+        for name, table in self.tables.scan.items():
+            key = "scan" if len(self.tables.scan) == 1 and name == "bump" else f"scan.{name}"
+            path = self._input(table.file, f"{key}.file", paths.SCAN_BYTES)
+            points = (
+                np.empty((0, 3))
+                if point_cloud_reader is None
+                else point_cloud_reader(path, table.unit.replace("µ", "u"))
+            )
+            result[name] = Scan(name, paths.relative_name(table.file), angle_rad(table.heading_deg), points)
+        return result
+
+    def plank_drops(self) -> tuple[PlankDrop, ...]:
+        drops = []
+        sensors = self.tables.sensors.plank_drop
+        for i, entry in enumerate(self.tables.tests.plank_drop):
+            key = f"tests.plank_drop[{i + 1}]"
+            if not sensors:
+                raise CampaignError(
+                    f"{self.file.name}: {key} needs [sensors.plank_drop], which is missing; "
+                    "name the columns of its log there."
+                )
+            index = self.vehicle.axle(entry.axle, f"{key}.axle")
+            axle = self.vehicle.vehicle.axles[index]
+            at = [_sensor(column, table, axle=index, body=axle.body, x_m=axle.x_m) for column, table in sensors.items()]
+            first = next(iter(self.vehicle.load_cases))
+            drops.append(
+                PlankDrop(
+                    axle=index,
+                    load_case=first if entry.load_case is None else self._load_case(entry.load_case, key),
+                    plank_height_m=entry.plank_height_m,
+                    log=self._log(entry.file, key, at),
+                    nominal_speed_m_s=None if entry.nominal_speed_km_h is None else speed_m_s(entry.nominal_speed_km_h),
+                    dampers=entry.dampers,
+                    towed=entry.towed,
+                    engine_off=entry.engine_off,
+                )
+            )
+        return tuple(drops)
+
+    def bump_runs(self, scans: Mapping[str, Scan]) -> tuple[BumpRun, ...]:
+        runs = []
+        sensors = self._run_sensors()
+        for i, entry in enumerate(self.tables.tests.bump_run):
+            key = f"tests.bump_run[{i + 1}]"
+            if not sensors:
+                raise CampaignError(
+                    f"{self.file.name}: {key} needs [sensors.bump_run], which is missing; "
+                    "name the columns of its log there."
+                )
+            runs.append(
+                BumpRun(
+                    case=entry.case,
+                    load_case=self._load_case(entry.load_case, key),
+                    nominal_speed_m_s=speed_m_s(entry.nominal_speed_km_h),
+                    repeat=entry.repeat,
+                    log=self._log(entry.file, key, sensors),
+                    bump=self._bump(entry.bump, key, scans),
+                )
+            )
+        return tuple(runs)
+
+    def predictions(self, scans: Mapping[str, Scan]) -> tuple[PredictionRequest, ...]:
+        result = []
+        for i, entry in enumerate(self.tables.tests.prediction):
+            key = f"tests.prediction[{i + 1}]"
+            result.append(
+                PredictionRequest(
+                    self._load_case(entry.load_case, key),
+                    speed_m_s(entry.speed_km_h),
+                    self._bump(entry.bump, key, scans),
+                )
+            )
+        return tuple(result)
+
+    def messages(self) -> tuple[str, ...]:
+        tests = self.tables.tests
+        names = [
+            paths.relative_name(e) for e in [*(d.file for d in tests.plank_drop), *(r.file for r in tests.bump_run)]
+        ]
+        twice = sorted({n for n in names if names.count(n) > 1}) if len(names) <= 2000 else []
+        result = [f"{shorten(n, 100)} is named by more than one test: its data count more than once." for n in twice]
+        if not names:
+            result.append("The campaign has neither plank drops nor bump runs.")
+        return tuple(result)
+
+    def _run_sensors(self) -> list[Sensor]:
+        result = []
+        for column, table in self.tables.sensors.bump_run.items():
+            key = f"sensors.bump_run.{shorten(column)}"
+            axle = None if table.axle is None else self.vehicle.axle(table.axle, f"{key}.axle")
+            body = None if table.body is None else self.vehicle.body(table.body, f"{key}.body")
+            result.append(_sensor(column, table, axle=axle, body=body, x_m=table.x_m))
+        return result
+
+    def _bump(self, name: str | None, key: str, scans: Mapping[str, Scan]) -> str:
+        label = self.file.name
+        if not scans:
+            raise CampaignError(f"{label}: {key} needs a scan of its bump, but [scan] is missing; add it.")
+        if name is not None:
+            return self.vehicle.pick(name, list(scans), f"{key}.bump", "scan")
+        if len(scans) > 1:
+            raise CampaignError(
+                f"{label}: {key} does not say which bump it crosses; add bump = "
+                f"{' or '.join(repr(shorten(n)) for n in list(scans)[:5])}."
+            )
+        return next(iter(scans))
+
+
+def _sensor(
+    column: str,
+    table: s.RunSensorTable | s.DropSensorTable,
+    axle: int | None,
+    body: int | None,
+    x_m: float | None,
+) -> Sensor:
+    factor = si_factor(table.unit, "length" if table.kind == "suspension_deflection" else "acceleration")
+    return Sensor(
+        column=column.strip(),
+        kind=table.kind,
+        unit=table.unit.strip(),
+        axle=axle,
+        body=body,
+        x_m=x_m,
+        full_scale=None if table.range is None else table.range * factor,
+        side=table.side,
+    )

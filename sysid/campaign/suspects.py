@@ -1,0 +1,278 @@
+"""Which sensor of a log has a wrong unit, a flipped sign or another sensor's column, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from sysid.campaign.consistency import Fit, Trio, arrival, first_lift, fit_factors, trios
+from sysid.campaign.exchanges import Suspicion, accuse, find_exchanges, inverted_axles, quoted
+from sysid.campaign.records import Channel, Log, Sensor, Vehicle
+from sysid.campaign.units import si_factor
+
+_ACTUAL_UNITS = {"length": ("m", "cm", "mm", "in"), "acceleration": ("m/s^2", "g", "mg", "mm/s^2")}
+# Largest departures [SI] that sensors of road vehicles show on a bump or plank, with room to spare on both sides.
+_PLAUSIBLE = {
+    "suspension_deflection": (1e-3, 0.5),
+    "axle_acceleration": (0.2, 600.0),
+    "body_acceleration": (0.05, 300.0),
+}
+# Mixing up g and m/s^2 or mm and m is common, the rest is not.
+_UNIT_COST: dict[str | None, float] = {
+    "m/s^2": 0.9,
+    "g": 0.9,
+    "m": 1.0,
+    "mm": 1.0,
+    "cm": 1.3,
+    "in": 1.3,
+    "mg": 1.2,
+    "mm/s^2": 1.5,
+}
+_MATCH = 0.5  # |ln| between found and expected factor; units differ by ln 9.8 = 2.3 and more
+
+
+@dataclass(frozen=True)
+class _Cause:
+    factor: float
+    unit: str | None
+
+
+def suspicions(
+    log: Log, channels: Sequence[Channel], vehicle: Vehicle, rests: Mapping[str, float], bump_speed: float | None
+) -> dict[str, list[Suspicion]]:
+    """Examine the channels of one log together.
+
+    Parameters
+    ----------
+    log
+        The log, for its sample interval.
+    channels
+        Its channels without dead ones.
+    vehicle
+        Says which sensors belong together.
+    rests
+        Rest level of each column [SI].
+    bump_speed
+        Nominal speed over a bump [m/s], which lifts the axles first, one after the other; None for a plank drop, where
+        the axle falls first.
+
+    Returns
+    -------
+    dict
+        Column to suspicions; empty for a healthy log.
+    """
+    step = log.sample_interval_s
+    found: dict[str, list[Suspicion]] = {}
+    groups = trios(channels, vehicle)
+    fits = {t.axle: fit_factors(t.deflection, t.axle_acceleration, t.body_acceleration, step) for t in groups}
+    confirmed: set[str] = set()
+    wrong, unclear = [], []
+    for trio in groups:
+        fit = fits[trio.axle]
+        if fit is None:
+            continue
+        if not fit.right:
+            wrong.append(trio)
+        elif fit.clear and fit.unexplained < 0.5:
+            confirmed |= {c.sensor.column for c in trio.channels}
+        elif fit.unexplained > 0.5:
+            unclear.append(trio)
+    expected_lift = -1.0 if bump_speed is None else 1.0
+    lifts = [_lift(t.axle_acceleration, rests) * expected_lift for t in groups]
+    inverted = None if bump_speed is None else inverted_axles(groups, vehicle, rests, bump_speed)
+    settled = find_exchanges(wrong + unclear, groups, fits, inverted, vehicle, step, found)
+    for trio in wrong:
+        fit = fits[trio.axle]
+        if trio.axle not in settled and fit is not None:
+            _explain(
+                trio, fit, _Evidence(_shared(fit, fits), lifts[groups.index(trio)], float(np.median(lifts))), found
+            )
+    if bump_speed is not None:
+        _all_flipped(groups, fits, lifts, found)
+    for channel in channels:
+        column = channel.sensor.column
+        if column not in found and column not in confirmed:
+            _implausible(channel, rests.get(column), found)
+    return found
+
+
+def _lift(channel: Channel, rests: Mapping[str, float]) -> float:
+    rest = rests.get(channel.sensor.column, 0.0)
+    time = arrival(channel, rest)
+    return 0.0 if time is None else first_lift(channel, rest, time)
+
+
+@dataclass(frozen=True)
+class _Evidence:
+    """What the other axles say: whether they show the same factors, and how clearly axles rise first (1) or fall."""
+
+    shared: bool
+    lift: float
+    median_lift: float
+
+
+def _shared(fit: Fit, fits: Mapping[int, Fit | None]) -> bool:
+    """Whether most axles of the log show these factors: then a convention is wrong rather than one sensor."""
+    known = [f for f in fits.values() if f is not None]
+    alike = [f for f in known if _near(f.alpha, fit.alpha) and _near(f.beta, fit.beta)]
+    return len(alike) > 0.65 * len(known)
+
+
+def _explain(trio: Trio, fit: Fit, evidence: _Evidence, found: dict[str, list[Suspicion]]) -> None:
+    members = trio.channels
+    explanations: list[tuple[float, tuple[_Cause, ...]]] = []
+    if fit.clear and fit.unexplained < 0.6:
+        for causes in product(*(_causes(c.sensor) for c in members)):
+            cost = _cost(trio, fit, causes, evidence)
+            if cost is not None:
+                explanations.append((cost, causes))
+    if not explanations:
+        _disagreement(trio, fit, found)
+        return
+    lowest = min(cost for cost, _ in explanations)
+    likely = [causes for cost, causes in explanations if cost < lowest + 0.05]
+    for causes in likely:
+        for channel, cause in zip(members, causes, strict=True):
+            if cause.factor != 1.0:
+                accuse(found, channel.sensor, _accusation(channel.sensor, cause, len(likely) > 1))
+
+
+def _causes(sensor: Sensor) -> list[_Cause]:
+    dimension = "length" if sensor.si_unit == "m" else "acceleration"
+    declared = si_factor(sensor.unit, dimension)  # type: ignore[arg-type]
+    causes = [_Cause(1.0, None), _Cause(-1.0, None)]
+    for unit in _ACTUAL_UNITS[dimension]:
+        factor = declared / si_factor(unit, dimension)  # type: ignore[arg-type]
+        if abs(np.log(factor)) > 0.1:
+            causes += [_Cause(factor, unit), _Cause(-factor, unit)]
+    return causes
+
+
+def _cost(trio: Trio, fit: Fit, causes: Sequence[_Cause], evidence: _Evidence) -> float | None:
+    """How far-fetched an explanation is: the number of faults, implausible sizes, a wrong first motion."""
+    q, a = causes[0].factor, causes[1].factor
+    b = causes[2].factor if len(causes) > 2 else None
+    if not _near(fit.alpha, q / a) or (b is not None and not _near(fit.beta, q / b)):
+        return None
+    cost = 0.0
+    for index, (channel, cause) in enumerate(zip(trio.channels, causes, strict=True)):
+        low, high = _PLAUSIBLE[channel.sensor.kind]
+        if cause.factor != 1.0 and not low <= _size(channel) / abs(cause.factor) <= high:
+            cost += 3.0
+        # Accelerometers that share a wrong convention on every axle are one mistake, not one per sensor.
+        if not (index == 2 and evidence.shared and np.isclose(a, cause.factor)):
+            cost += _UNIT_COST.get(cause.unit, 0.0) + (0.8 if cause.unit else 1.0) * (cause.factor < 0.0)
+    if b is None:
+        # Deflection and axle sensor alone cannot tell which of them is flipped; the first motion of the axle can.
+        if abs(evidence.lift) > 0.5 and evidence.lift * a < 0.0:
+            cost += 0.5
+    elif evidence.shared and abs(evidence.median_lift) > 0.5 and evidence.median_lift * a < 0.0:
+        cost += 1.5
+    return cost
+
+
+def _near(found: float, expected: float) -> bool:
+    return found * expected > 0.0 and abs(np.log(found / expected)) < _MATCH
+
+
+def _size(channel: Channel) -> float:
+    good = channel.value[np.isfinite(channel.value)]
+    return float(np.max(np.abs(good - np.median(good)))) if good.size else 0.0
+
+
+def _accusation(sensor: Sensor, cause: _Cause, alternatives: bool) -> str:
+    others = "the other sensors of its axle"
+    if cause.unit is None:
+        what = f"{quoted(sensor)} moves opposite to {others}: its sign is flipped"
+        remedy = "multiply the column by -1 in the file, or turn the sensor"
+    else:
+        flipped = " with a flipped sign" if cause.factor < 0.0 else ""
+        what = (
+            f"{quoted(sensor)} reads {abs(cause.factor):.3g} times what {others} imply: the file is in "
+            f"{cause.unit}{flipped}, not in {sensor.unit}"
+        )
+        remedy = f'set unit = "{cause.unit}" for it in campaign.toml' + (
+            " and multiply the column by -1" if flipped else ""
+        )
+    doubt = " (or the same fault of another sensor of this axle)" if alternatives else ""
+    return f"{what}{doubt}; {remedy}."
+
+
+def _disagreement(trio: Trio, fit: Fit, found: dict[str, list[Suspicion]]) -> None:
+    """A gain that no unit explains, or a deflection that follows neither sensor: worth a sentence, not a verdict."""
+    if any(c.censored.any() for c in trio.channels):
+        return
+    q, a, b = trio.deflection, trio.axle_acceleration, trio.body_acceleration
+    if b is None and 0.4 < fit.alpha < 2.5:
+        return  # the frame is not still, and nothing says how much it moves
+    if fit.unexplained < 0.3 and fit.clear:
+        if b is None or abs(fit.alpha / fit.beta - 1.0) < 0.2:
+            sensor, factor = q.sensor, fit.alpha
+        elif abs(fit.beta - 1.0) < 0.2:
+            sensor, factor = a.sensor, 1.0 / fit.alpha
+        else:
+            sensor, factor = b.sensor, 1.0 / fit.beta
+        accuse(
+            found,
+            sensor,
+            f"{quoted(sensor)} reads {factor:.2g} times what the other sensors of its axle imply; check its "
+            "calibration.",
+            rejected=False,
+        )
+    elif abs(fit.alpha - 1.0) > 6.0 * fit.alpha_se and fit.unexplained > 0.7:
+        accuse(
+            found,
+            q.sensor,
+            f"{quoted(q.sensor)} does not follow the accelerations of its axle and frame; check which sensor this "
+            "column holds.",
+            rejected=False,
+        )
+
+
+def _all_flipped(
+    groups: Sequence[Trio], fits: Mapping[int, Fit | None], lifts: Sequence[float], found: dict[str, list[Suspicion]]
+) -> None:
+    known = [f for f in fits.values() if f is not None]
+    good = sum(f.right and f.clear for f in known)
+    if len(known) < 2 or good < 0.65 * len(known) or not all(f.right for f in known):
+        return
+    if lifts[0] > -0.6 or float(np.median(lifts)) > -0.6:
+        return
+    for channel in {c.sensor.column: c for t in groups for c in t.channels}.values():
+        accuse(
+            found,
+            channel.sensor,
+            f"{quoted(channel.sensor)} and the other sensors show axles that fall onto the bump: every sign is "
+            "flipped; multiply the columns by -1 (+ is extension, + is up).",
+        )
+
+
+def _implausible(channel: Channel, rest: float | None, found: dict[str, list[Suspicion]]) -> None:
+    sensor = channel.sensor
+    good = channel.value[np.isfinite(channel.value)]
+    if good.size < 20:
+        return
+    scale = si_factor(sensor.unit, "length" if sensor.si_unit == "m" else "acceleration")
+    size = float(np.max(np.abs(good - (np.median(good) if rest is None else rest))))
+    low, high = _PLAUSIBLE[sensor.kind]
+    if sensor.full_scale is not None and np.mean(np.abs(good) > 1.5 * sensor.full_scale) > 0.002:
+        largest = float(np.max(np.abs(good)))
+        accuse(
+            found,
+            sensor,
+            f"{quoted(sensor)} reads up to {largest / scale:.3g} {sensor.unit}, beyond its range of "
+            f"{sensor.full_scale / scale:.3g} {sensor.unit}: the file is probably in another unit; correct unit or "
+            "range in campaign.toml.",
+        )
+    elif not low <= size <= high:
+        bound = f"more than {high / scale:.3g}" if size > high else f"less than {low / scale:.3g}"
+        accuse(
+            found,
+            sensor,
+            f"{quoted(sensor)} departs by {size / scale:.3g} {sensor.unit} from rest, {bound} {sensor.unit}, which a "
+            f"{sensor.kind.replace('_', ' ')} does not show here: wrong unit or dead sensor; correct unit in "
+            "campaign.toml or remove the sensor.",
+        )

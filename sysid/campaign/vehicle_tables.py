@@ -1,0 +1,158 @@
+"""From the validated tables of vehicle and load cases to records: names become indices, axles front to rear."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+
+from sysid.campaign import schema as s
+from sysid.campaign.records import Axle, AxleGroup, Body, LeafDimensions, LoadCase, PriorOverride, Vehicle
+from sysid.campaign.units import pressure_pa
+from sysid.campaign.wording import finish, nearest, shorten
+from sysid.errors import CampaignError
+
+_PRIOR_QUANTITIES = {
+    "stiffness_N_per_m": "stiffness",
+    "damping_N_s_per_m": "damping",
+    "tire_stiffness_N_per_m": "tire_stiffness",
+    "tire_damping_N_s_per_m": "tire_damping",
+}
+_SAME_PLACE_M = 1e-6
+
+
+class VehicleReader:
+    """Vehicle and load cases of one campaign file, and its names.
+
+    Axles are sorted by `x_m`, and the axle loads of every load case with them, so that the order in the file does not
+    matter.
+
+    Raises
+    ------
+    CampaignError
+        If names are unknown or used twice, positions contradict each other, or a list has the wrong length.
+    """
+
+    def __init__(self, tables: s.CampaignFile, label: str) -> None:
+        self._label = label
+        table = tables.vehicle
+        self._unique([b.name for b in table.body], "vehicle.body")
+        self._unique([a.name for a in table.axle], "vehicle.axle")
+        self._unique([g.name for g in table.group], "vehicle.group")
+        self._bodies = [b.name for b in table.body]
+        order = sorted(range(len(table.axle)), key=lambda i: table.axle[i].x_m)
+        self._axles = [table.axle[i].name for i in order]
+        self._check_positions([table.axle[i] for i in order], table.body)
+        several = len(tables.load_case) > 1
+        self.load_cases = {n: self._load_case(n, t, order, len(table.body)) for n, t in tables.load_case.items()}
+        self.vehicle = Vehicle(
+            name=table.name,
+            bodies=tuple(Body(b.name, b.hitch_x_m, b.hitch_height_m) for b in table.body),
+            axles=tuple(self._axle(table.axle[i], i, several) for i in order),
+            gravity_m_s2=table.gravity_m_s2,
+            wheelbase_m=table.wheelbase_m,
+            groups=tuple(self._group(g, i) for i, g in enumerate(table.group)),
+        )
+        grouped = [a for g in self.vehicle.groups for a in g.axles]
+        if len(set(grouped)) < len(grouped):
+            raise CampaignError(f"{label}: an axle stands in two groups of [[vehicle.group]]; leave it in one.")
+
+    def axle(self, name: str, key: str) -> int:
+        """Index of an axle by name."""
+        return self._axles.index(self.pick(name, self._axles, key, "axle"))
+
+    def body(self, name: str, key: str) -> int:
+        """Index of a body by name."""
+        return self._bodies.index(self.pick(name, self._bodies, key, "body"))
+
+    def pick(self, name: str, names: Sequence[str], key: str, what: str) -> str:
+        """The name itself if it is one of the names, else an error that suggests the nearest."""
+        if name not in names:
+            article = "an" if what[0] in "aeiou" else "a"
+            raise CampaignError(
+                finish(
+                    f"{self._label}: {key} is '{shorten(name)}', which is not the name of {article} {what}; "
+                    f"{nearest(name, names)}"
+                )
+            )
+        return name
+
+    def _unique(self, names: Iterable[str], key: str) -> None:
+        double = next((n for n, count in Counter(names).items() if count > 1), None)
+        if double is not None:
+            raise CampaignError(f"{self._label}: two entries of {key} have the name '{shorten(double)}'; rename one.")
+
+    def _check_positions(self, axles: Sequence[s.AxleTable], bodies: Sequence[s.BodyTable]) -> None:
+        if abs(axles[0].x_m) > _SAME_PLACE_M:
+            raise CampaignError(
+                f"{self._label}: the foremost axle '{shorten(axles[0].name)}' has x_m = {axles[0].x_m:g}, expected 0; "
+                "measure every x_m from axle 1, rearward positive."
+            )
+        for front, rear in pairwise(axles):
+            if rear.x_m - front.x_m <= _SAME_PLACE_M:
+                raise CampaignError(
+                    f"{self._label}: the axles '{shorten(front.name)}' and '{shorten(rear.name)}' have the same x_m = "
+                    f"{rear.x_m:g}; correct one, or enter them as one axle."
+                )
+        if bodies[0].hitch_x_m is not None:
+            raise CampaignError(
+                f"{self._label}: vehicle.body[1] ('{shorten(bodies[0].name)}') has hitch_x_m, but no body stands in "
+                "front of it; enter bodies front to rear and give the hitch keys to the rear one."
+            )
+
+    def _axle(self, table: s.AxleTable, index: int, several_load_cases: bool) -> Axle:
+        key = f"vehicle.axle[{index + 1}] ('{shorten(table.name)}')"
+        leaf = table.leaf
+        if leaf is not None and table.suspension != "leaf":
+            raise CampaignError(f"{self._label}: {key} has leaf dimensions, but suspension = '{table.suspension}'.")
+        by_load = table.suspension == "air" and several_load_cases
+        priors = {}
+        for name, quantity in _PRIOR_QUANTITIES.items():
+            prior = None if table.priors is None else getattr(table.priors, name)
+            if prior is not None:
+                priors[quantity] = PriorOverride(prior.median, prior.log_sd)
+        pressure = table.inflation_pressure_kPa
+        return Axle(
+            name=table.name,
+            body=self.body(table.body, f"{key}.body"),
+            x_m=table.x_m,
+            unsprung_mass_kg=table.unsprung_mass_kg,
+            tire_stiffness_N_per_m=table.tire_stiffness_N_per_m,
+            tire_damping_N_s_per_m=table.tire_damping_N_s_per_m,
+            tire_radius_m=table.tire_radius_m,
+            suspension=table.suspension,
+            suspension_law=table.suspension_law,
+            load_dependent=by_load if table.load_dependent is None else table.load_dependent,
+            inflation_pressure_Pa=None if pressure is None else pressure_pa(pressure),
+            jounce_travel_m=table.jounce_travel_m,
+            rebound_travel_m=table.rebound_travel_m,
+            leaf=None if leaf is None else LeafDimensions(leaf.leaves, leaf.width_m, leaf.thickness_m, leaf.length_m),
+            priors=priors,
+        )
+
+    def _group(self, table: s.GroupTable, index: int) -> AxleGroup:
+        axles = tuple(sorted(self.axle(n, f"vehicle.group[{index + 1}].axles") for n in table.axles))
+        return AxleGroup(table.name, axles, table.mass_kg, table.pitch_inertia_kg_m2)
+
+    def _load_case(self, name: str, table: s.LoadCaseTable, order: Sequence[int], bodies: int) -> LoadCase:
+        counts = {
+            "axle_loads_kg": (len(order), "axle"),
+            "sprung_mass_kg": (bodies, "body"),
+            "pitch_inertia_kg_m2": (bodies, "body"),
+            "cg_height_m": (bodies, "body"),
+        }
+        for key, (count, what) in counts.items():
+            given = len(getattr(table, key))
+            if given != count:
+                raise CampaignError(
+                    f"{self._label}: load_case.{shorten(name)}.{key} has {given} numbers, expected {count}, "
+                    f"one per {what}."
+                )
+        return LoadCase(
+            name=name,
+            axle_loads_kg=tuple(table.axle_loads_kg[i] for i in order),
+            sprung_mass_kg=tuple(table.sprung_mass_kg),
+            pitch_inertia_kg_m2=tuple(table.pitch_inertia_kg_m2),
+            cg_height_m=tuple(table.cg_height_m),
+            cargo_mass_kg=table.cargo_mass_kg,
+        )

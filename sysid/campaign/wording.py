@@ -1,0 +1,30 @@
+"""Words that the sentences of this package share."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+def shorten(text: object, limit: int = 60) -> str:
+    """Text fit for one line of an error: control characters escaped, cut at `limit` characters."""
+    line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text)[: limit + 1])
+    return line if len(line) <= limit else line[: limit - 3] + "..."
+
+
+def nearest(name: object, valid: Iterable[str]) -> str:
+    """Half a sentence naming the nearest valid name, or the valid names where none is near."""
+    names = list(valid)
+    text = str(name)[:200]
+    folded = {n.casefold(): n for n in names}
+    near = difflib.get_close_matches(text.casefold(), folded, n=1, cutoff=0.5)
+    if near:
+        return f"did you mean '{shorten(folded[near[0]])}'"
+    listed = ", ".join(f"'{shorten(n)}'" for n in names[:12]) + (", ..." if len(names) > 12 else "")
+    return f"use one of {listed}" if names else "there is none to choose from"
+
+
+def finish(sentence: str) -> str:
+    """The sentence with a full stop, or a question mark if it ends in a suggestion."""
+    last = sentence.rsplit("; ", 1)[-1]
+    return sentence + ("?" if last.startswith("did you mean") else ".")

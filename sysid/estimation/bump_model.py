@@ -1,0 +1,276 @@
+"""From parameters to residuals: the one function that least squares and the posterior share.
+
+For run r, channel c and sample n the residual is (simulated - measured) / sigma with
+
+    simulated = offset + gain * y(t_n),
+
+y the model's signal through the acquisition's filter.  Offset (flat prior) and gain (normal about 1) of every channel
+and run are eliminated analytically, so they never appear as parameters.  Clipped samples count only where the
+simulation stays inside the range, missing ones not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from sysid.campaign.records import AntiAliasFilter, Campaign
+from sysid.estimation.parameters import ParameterSet
+from sysid.estimation.run_data import ChannelLayout, RunGroup, channel_layout, group_runs
+from sysid.road.results import RoadProfile
+from sysid.vehicle_model.contact import EffectiveRoad, RoadInput, TireLaw, road_input, tire_law
+from sysid.vehicle_model.filters import discretise
+from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, Pass, make_lanes
+from sysid.vehicle_model.simulation import (
+    LaneMatrices,
+    Motion,
+    SensorLayout,
+    SuspensionLaw,
+    simulate_sensors,
+    stage_times,
+)
+
+#: Standard deviation of a sensor's gain about its calibration.
+GAIN_SD = {"suspension_deflection": 0.005, "axle_acceleration": 0.01, "body_acceleration": 0.01}
+#: Integration step that keeps every channel within 1e-4 of a converged solution.
+TARGET_STEP_S = 0.0025
+
+
+class ParameterIndex(NamedTuple):
+    """Positions in the parameter vector.
+
+    `stiffness` (R, na); `damping`, `tire_stiffness`, `tire_damping` (na,); `stiffening` ().
+    """
+
+    stiffness: np.ndarray
+    damping: np.ndarray
+    tire_stiffness: np.ndarray
+    tire_damping: np.ndarray
+    stiffening: np.ndarray
+
+
+def parameter_index(parameters: ParameterSet, axles: int, load_cases: list[str]) -> ParameterIndex:
+    """Where each axle and lane finds its parameters; `load_cases` names the load case of each lane."""
+
+    def per_axle(quantity: str) -> np.ndarray:
+        return np.array([parameters.index(quantity, i) for i in range(axles)])
+
+    stiffness = [[parameters.index("stiffness", i, case) for i in range(axles)] for case in load_cases]
+    return ParameterIndex(
+        np.array(stiffness),
+        per_axle("damping"),
+        per_axle("tire_stiffness"),
+        per_axle("tire_damping"),
+        np.array(parameters.index("tire_stiffening")),
+    )
+
+
+def lane_laws(
+    index: ParameterIndex, log_parameters: jax.Array, static_load: jax.Array, reference_load: jax.Array
+) -> tuple[SuspensionLaw, TireLaw]:
+    """Suspension and tire laws of every lane from the log parameters (p, S)."""
+    values = jnp.exp(log_parameters)
+    suspension = SuspensionLaw(
+        values[index.stiffness], jnp.broadcast_to(values[index.damping], values[index.stiffness].shape)
+    )
+    tire = tire_law(
+        values[index.tire_stiffness],
+        values[index.tire_damping],
+        values[index.stiffening],
+        static_load,
+        reference_load,
+    )
+    return suspension, tire
+
+
+class GroupArrays(NamedTuple):
+    """Arrays of one group of runs that the compiled functions take: model constants, data and weights."""
+
+    matrices: LaneMatrices
+    reference_load: np.ndarray
+    index: ParameterIndex
+    axle_x: np.ndarray
+    value: np.ndarray
+    measured: np.ndarray
+    censored: np.ndarray
+    gain_sd: np.ndarray
+
+
+class GroupShape(NamedTuple):
+    """What a compiled function specialises on (hashable)."""
+
+    deflection_axles: tuple[int, ...]
+    acceleration_axles: tuple[int, ...]
+    interval_s: float
+    substeps: int
+    samples: int
+    filter: AntiAliasFilter | None
+
+
+@dataclass(frozen=True)
+class BumpModel:
+    """All bump runs of a campaign as compiled-ready groups, with the parameters that drive them."""
+
+    parameters: ParameterSet
+    layout: ChannelLayout
+    groups: tuple[RunGroup, ...]
+    arrays: tuple[GroupArrays, ...]
+    roads: tuple[EffectiveRoad, ...]
+    lanes: tuple[Lanes, ...]
+    shapes: tuple[GroupShape, ...]
+
+    @property
+    def run_count(self) -> int:
+        """Number of runs in all groups."""
+        return sum(len(g.runs) for g in self.groups)
+
+    def with_substeps(self, factor: int) -> BumpModel:
+        """The same model with every sample interval cut into `factor` times as many steps."""
+        shapes = tuple(s._replace(substeps=s.substeps * factor) for s in self.shapes)
+        return replace(self, shapes=shapes)
+
+
+def bump_model(campaign: Campaign, parameters: ParameterSet, profiles: Mapping[str, RoadProfile]) -> BumpModel:
+    """Prepare all bump runs of a campaign for simulation.
+
+    Parameters
+    ----------
+    campaign : screened campaign, SI.
+    parameters : global parameters.
+    profiles : road profile of each bump by name.
+
+    Raises
+    ------
+    DataRejectedError
+        If no run has a usable channel.
+    """
+    layout = channel_layout(campaign.bump_runs)
+    groups = group_runs(campaign, layout)
+    roads = EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles)
+    gain_sd = np.array([GAIN_SD[s.kind] for s in layout.sensors])
+    arrays, group_lanes, shapes = [], [], []
+    for group in groups:
+        runs = [campaign.bump_runs[i] for i in group.runs]
+        lanes = make_lanes(
+            campaign.vehicle,
+            campaign.load_cases,
+            roads,
+            [Pass(r.load_case, r.bump) for r in runs],
+            layout.body_points,
+        )
+        substeps = max(1, int(np.ceil(group.interval_s / TARGET_STEP_S - 1e-9)))
+        shapes.append(
+            GroupShape(
+                layout.deflection_axles,
+                layout.acceleration_axles,
+                group.interval_s,
+                substeps,
+                group.samples,
+                campaign.acquisition.filter,
+            )
+        )
+        group_lanes.append(lanes)
+        arrays.append(
+            GroupArrays(
+                lanes.matrices,
+                lanes.reference_load,
+                parameter_index(parameters, len(campaign.vehicle.axles), [r.load_case for r in runs]),
+                lanes.axle_x,
+                group.value,
+                group.measured.astype(float),
+                group.censored.astype(float),
+                gain_sd,
+            )
+        )
+    return BumpModel(
+        parameters,
+        layout,
+        groups,
+        tuple(arrays),
+        tuple(lanes.road for lanes in group_lanes),
+        tuple(group_lanes),
+        tuple(shapes),
+    )
+
+
+def group_road(
+    road: EffectiveRoad, axle_x: jax.Array, speed: jax.Array, start_s: jax.Array, shape: GroupShape
+) -> RoadInput:
+    """Road input of a group at every half step for speeds [m/s] and starts [s] (R, S)."""
+    times = stage_times(shape.samples, shape.interval_s, shape.substeps)[:, None, None, None]
+    return road_input(road, speed[:, None] * (times - start_s[:, None]) - axle_x)
+
+
+def simulate_group(
+    arrays: GroupArrays, shape: GroupShape, log_parameters: jax.Array, motion: Motion, road: RoadInput
+) -> jax.Array:
+    """Filtered sensor signals (T, R, C, S) of one group for log parameters (p, S)."""
+    suspension, tire = lane_laws(arrays.index, log_parameters, arrays.matrices.static_load, arrays.reference_load)
+    recursion = None if shape.filter is None else discretise(shape.filter, shape.interval_s / shape.substeps)
+    return simulate_sensors(
+        arrays.matrices,
+        suspension,
+        tire,
+        motion,
+        road,
+        SensorLayout(shape.deflection_axles, shape.acceleration_axles),
+        recursion,
+        interval_s=shape.interval_s,
+        substeps=shape.substeps,
+    )
+
+
+class SensorFit(NamedTuple):
+    """Eliminated sensor constants (R, C, S): `offset` in SI and `gain`."""
+
+    offset: jax.Array
+    gain: jax.Array
+
+
+def eliminate_sensors(arrays: GroupArrays, noise_sd: jax.Array, simulated: jax.Array) -> SensorFit:
+    """Offset and gain of every channel and run that minimise its weighted squares plus the gain's prior.
+
+    gain = (S_yd / sigma^2 + 1 / s_g^2) / (S_yy / sigma^2 + 1 / s_g^2), offset = mean(d) - gain mean(y), with S the
+    centred sums over measured samples.
+
+    Parameters
+    ----------
+    noise_sd : (R, C) residual scale sigma, infinite where a channel has no reading.
+    simulated : (T, R, C, S).
+    """
+    mask = arrays.measured[..., None]
+    count = jnp.maximum(mask.sum(axis=0), 1.0)
+    mean_y = (mask * simulated).sum(axis=0) / count
+    mean_d = (arrays.measured * arrays.value).sum(axis=0)[..., None] / count
+    centred_y = mask * (simulated - mean_y)
+    s_yy = (centred_y * centred_y).sum(axis=0)
+    s_yd = (centred_y * arrays.value[..., None]).sum(axis=0)
+    weight = 1.0 / noise_sd[..., None] ** 2
+    prior = 1.0 / arrays.gain_sd[:, None] ** 2
+    gain = (s_yd * weight + prior) / (s_yy * weight + prior)
+    return SensorFit(mean_d - gain * mean_y, gain)
+
+
+def group_residuals(
+    arrays: GroupArrays, noise_sd: jax.Array, tempering: jax.Array, simulated: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """Standardised residuals (T, R, C, S) and the gains' prior residuals (R, C, S).
+
+    Parameters
+    ----------
+    noise_sd : (R, C) residual scale in SI.
+    tempering : (R, C) factor on the residuals, 1 / sqrt(variance inflation) where they are correlated.
+    simulated : (T, R, C, S) sensor signals.
+    """
+    fit = eliminate_sensors(arrays, noise_sd, simulated)
+    difference = fit.offset + fit.gain * simulated - arrays.value[..., None]
+    side = arrays.censored[..., None]
+    outside = jnp.where(side * difference < 0.0, difference, 0.0) * jnp.abs(side)
+    residual = (arrays.measured[..., None] * difference + outside) * (tempering / noise_sd)[..., None]
+    prior = jnp.where(jnp.isfinite(noise_sd)[..., None], (fit.gain - 1.0) / arrays.gain_sd[:, None], 0.0)
+    return residual, prior

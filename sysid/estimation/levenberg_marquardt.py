@@ -1,0 +1,115 @@
+"""Levenberg-Marquardt by optimistix over a residual function that lives on the host.
+
+optimistix sees, at every trial point y_0, the affine function r(y_0) + J(y_0) (y - y_0): its value and forward-mode
+Jacobian at y_0 are those of the true residuals, which is all that a Levenberg-Marquardt step uses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+
+from sysid.errors import SysidError
+
+#: Consecutive rejected trials after which the damping is so strong that nothing smaller will be found.
+_PATIENCE = 6
+
+Evaluation = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+class _Affine(NamedTuple):
+    point: jax.Array
+    residual: jax.Array
+    jacobian: jax.Array
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """A least-squares minimum: `point` (p,), its `cost` = r'r / 2, and how the search went."""
+
+    point: np.ndarray
+    cost: float
+    converged: bool
+    iterations: int
+    message: str
+
+
+def _affine(y: jax.Array, args: _Affine) -> tuple[jax.Array, None]:
+    return args.residual + args.jacobian @ (y - args.point), None
+
+
+def minimise(
+    evaluate: Evaluation,
+    start: np.ndarray,
+    *,
+    relative_tolerance: float = 1e-9,
+    step_tolerance: float = 1e-9,
+    max_iterations: int = 60,
+    on_iteration: Callable[[int, float], None] | None = None,
+) -> Minimum:
+    """Minimise r(y)'r(y) / 2 by Levenberg-Marquardt.
+
+    Parameters
+    ----------
+    evaluate : returns residuals (m,) and Jacobian (m, p) at y (p,), m the same at every call.
+    start : (p,) start vector.
+    relative_tolerance : an accepted step ends the search when it lowers the cost by less than this fraction.
+    step_tolerance : so does a proposed step that changes every component by less than this fraction.
+    max_iterations : limit on evaluations of the Jacobian.
+    on_iteration : called with the number of the iteration and the best cost so far.
+
+    Raises
+    ------
+    SysidError
+        If 64-bit floats are off, or the residuals at the start are not finite.
+    """
+    if not jax.config.jax_enable_x64:
+        raise SysidError(
+            "Least squares needs 64-bit floats; call jax.config.update('jax_enable_x64', True) before the first use."
+        )
+    residual, jacobian = evaluate(np.asarray(start, float))
+    if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
+        raise SysidError("The simulation is not finite at the start values; check masses, stiffnesses and time steps.")
+    # Scaling by the columns of the first Jacobian makes the damping act alike on all unknowns.
+    norms = np.linalg.norm(jacobian, axis=0)
+    scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
+
+    solver = optx.LevenbergMarquardt(rtol=relative_tolerance, atol=relative_tolerance)
+    point = jnp.asarray(start / scale)
+    args = _Affine(point, jnp.asarray(residual), jnp.asarray(jacobian * scale))
+    struct = jax.ShapeDtypeStruct(residual.shape, jnp.float64)
+    state = solver.init(_affine, point, args, {}, struct, None, frozenset())
+    step = eqx.filter_jit(lambda y, a, s: solver.step(_affine, y, a, {}, s, frozenset()))
+
+    best, rejections = np.inf, 0
+    for iteration in range(1, max_iterations + 1):
+        if iteration > 1:
+            trial = np.asarray(state.y_eval) * scale
+            residual, jacobian = evaluate(trial)
+            # A trial that leaves the domain is rejected like any step that does not lower the cost.
+            finite = np.isfinite(residual).all() and np.isfinite(jacobian).all()
+            residual = residual if finite else np.full_like(residual, 1e150 / np.sqrt(residual.size))
+            jacobian = jacobian if finite else np.zeros_like(jacobian)
+            args = _Affine(state.y_eval, jnp.asarray(residual), jnp.asarray(jacobian * scale))
+        cost = 0.5 * float(residual @ residual)
+        point, state, _ = step(point, args, state)
+        gain = best - cost
+        rejections = 0 if gain > 0.0 else rejections + 1
+        best = min(best, cost)
+        if on_iteration is not None:
+            on_iteration(iteration, best)
+        proposed = np.abs(np.asarray(state.y_eval) - np.asarray(point))
+        if 0.0 <= gain <= relative_tolerance * best:
+            return Minimum(np.asarray(point) * scale, best, True, iteration, "the cost no longer falls")
+        if np.all(proposed <= step_tolerance * (np.abs(np.asarray(point)) + step_tolerance)):
+            return Minimum(np.asarray(point) * scale, best, True, iteration, "the step has become negligible")
+        if rejections >= _PATIENCE:
+            return Minimum(np.asarray(point) * scale, best, True, iteration, "no smaller cost is found nearby")
+    return Minimum(np.asarray(point) * scale, best, False, max_iterations, "the limit of iterations was reached")

@@ -1,0 +1,209 @@
+"""The least-squares objective: all residuals of a campaign and their exact Jacobian.
+
+The unknowns are the global log parameters x (p,), and per run a relative speed change and a start shift in scaled
+units.  A run's speed and start touch that run only, so p + 2 forward-mode tangents give the Jacobian of all runs.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from sysid.estimation.bump_model import (
+    BumpModel,
+    GroupArrays,
+    GroupShape,
+    group_residuals,
+    group_road,
+    simulate_group,
+)
+from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.vehicle_model.simulation import Motion
+
+#: One unit of the scaled local unknowns: relative speed change, and shift along the road [m].
+SPEED_UNIT = 0.01
+SHIFT_UNIT_M = 0.02
+#: Prior spread of the true speed about the nominal one.
+SPEED_SD = 0.03
+
+
+@dataclass(frozen=True)
+class RunMotion:
+    """Speed [m/s] and start [s] of every run, in the order of the campaign's bump runs; NaN for runs left out."""
+
+    speed_m_s: np.ndarray
+    start_s: np.ndarray
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Residual scale [SI] and tempering factor per group, each (R, C)."""
+
+    noise_sd: tuple[np.ndarray, ...]
+    tempering: tuple[np.ndarray, ...]
+
+
+class Linearisation(NamedTuple):
+    """Residuals and Jacobian of one group.
+
+    `residual` (T, R, C) and `gain_residual` (R, C) with derivatives (..., p + 2): the last two columns belong to each
+    run's own speed and start in scaled units; `simulated` (T, R, C) sensor signals in SI.
+    """
+
+    residual: jax.Array
+    residual_jacobian: jax.Array
+    gain_residual: jax.Array
+    gain_jacobian: jax.Array
+    simulated: jax.Array
+
+
+def _moved(speed: jax.Array, start: jax.Array, local: jax.Array) -> Motion:
+    """Motion (R, S) with local unknowns (2, R, S) entering as displacements along the road."""
+    return Motion(
+        speed=speed,
+        start_s=start,
+        speed_change=local[0] * SPEED_UNIT * speed,
+        start_change=local[1] * SHIFT_UNIT_M / speed,
+    )
+
+
+@partial(jax.jit, static_argnames=("shape",))
+def linearise_group(
+    arrays: GroupArrays,
+    road: EffectiveRoad,
+    noise_sd: jax.Array,
+    tempering: jax.Array,
+    log_parameters: jax.Array,
+    speed: jax.Array,
+    start: jax.Array,
+    *,
+    shape: GroupShape,
+) -> Linearisation:
+    """Residuals of one group and their forward-mode derivatives at x (p,), speed and start (R,)."""
+    count = log_parameters.shape[0]
+    columns = count + 2
+    inputs = group_road(road, arrays.axle_x, speed[:, None], start[:, None], shape)
+
+    def residuals(x: jax.Array, local: jax.Array):
+        motion = _moved(speed[:, None], start[:, None], local)
+        simulated = simulate_group(arrays, shape, x, motion, inputs)
+        return (*group_residuals(arrays, noise_sd, tempering, simulated), simulated)
+
+    x = jnp.broadcast_to(log_parameters[:, None], (count, columns))
+    local = jnp.zeros((2, speed.shape[0], columns))
+    x_tangent = jnp.eye(count, columns)
+    local_tangent = jnp.broadcast_to(jnp.eye(columns)[count:, None, :], local.shape)
+    primal, tangent = jax.jvp(residuals, (x, local), (x_tangent, local_tangent))
+    return Linearisation(primal[0][..., 0], tangent[0], primal[1][..., 0], tangent[1], primal[2][..., 0])
+
+
+@partial(jax.jit, static_argnames=("shape",))
+def group_residual_batch(
+    arrays: GroupArrays,
+    road: EffectiveRoad,
+    noise_sd: jax.Array,
+    tempering: jax.Array,
+    log_parameters: jax.Array,
+    speed: jax.Array,
+    start: jax.Array,
+    *,
+    shape: GroupShape,
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Residuals (T, R, C, S), gain residuals (R, C, S) and signals for x (p, S) at speed and start (R,)."""
+    inputs = group_road(road, arrays.axle_x, speed[:, None], start[:, None], shape)
+    motion = Motion(speed[:, None], start[:, None])
+    simulated = simulate_group(arrays, shape, log_parameters, motion, inputs)
+    return (*group_residuals(arrays, noise_sd, tempering, simulated), simulated)
+
+
+def linearise(
+    model: BumpModel, weights: Weights, log_parameters: np.ndarray, motion: RunMotion
+) -> tuple[Linearisation, ...]:
+    """Linearisation of every group at global log parameters (p,) and run motions."""
+
+    def one(position: int) -> Linearisation:
+        runs = list(model.groups[position].runs)
+        return jax.block_until_ready(
+            linearise_group(
+                model.arrays[position],
+                model.roads[position],
+                weights.noise_sd[position],
+                weights.tempering[position],
+                jnp.asarray(log_parameters),
+                jnp.asarray(motion.speed_m_s[runs]),
+                jnp.asarray(motion.start_s[runs]),
+                shape=model.shapes[position],
+            )
+        )
+
+    # A compiled loop keeps one core busy; threads let the groups share the cores.
+    with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
+        return tuple(pool.map(one, range(len(model.groups))))
+
+
+class Compressed(NamedTuple):
+    """Residual vector (m,) and Jacobian (m, p + 2 runs) with the squares and products of the full problem.
+
+    The residuals of each run are replaced by the triangular factor R of [J r] = Q R: R carries the same r'r, J'r and
+    J'J, so Gauss-Newton and Levenberg-Marquardt steps are unchanged.  Run-local columns follow the global ones:
+    speed and start of the first run of the first group, and so on.
+    """
+
+    residual: np.ndarray
+    jacobian: np.ndarray
+
+
+def run_order(model: BumpModel) -> list[int]:
+    """Campaign indices of the runs in the order of their local columns."""
+    return [run for group in model.groups for run in group.runs]
+
+
+def run_blocks(linearisation: Linearisation) -> list[np.ndarray]:
+    """Per run the matrix [J r] (rows, p + 3) of all its residuals, sensor gains included."""
+    residual, jacobian = np.asarray(linearisation.residual), np.asarray(linearisation.residual_jacobian)
+    gain, gain_jacobian = np.asarray(linearisation.gain_residual), np.asarray(linearisation.gain_jacobian)
+    blocks = []
+    for r in range(residual.shape[1]):
+        columns = np.concatenate([jacobian[:, r].reshape(-1, jacobian.shape[-1]), gain_jacobian[r]])
+        values = np.concatenate([residual[:, r].ravel(), gain[r]])
+        blocks.append(np.concatenate([columns, values[:, None]], axis=1))
+    return blocks
+
+
+def compress(
+    model: BumpModel,
+    linearisations: Sequence[Linearisation],
+    log_parameters: np.ndarray,
+    motion: RunMotion,
+    nominal_speed_m_s: np.ndarray,
+) -> Compressed:
+    """Assemble the compressed problem: data, sensor gains, global priors and the priors of the run speeds."""
+    count = log_parameters.shape[0]
+    order = run_order(model)
+    width = count + 2 * len(order)
+    blocks = [block for lin in linearisations for block in run_blocks(lin)]
+    residuals, jacobians = [], []
+    for position, block in enumerate(blocks):
+        factor = np.linalg.qr(block, mode="r")
+        wide = np.zeros((factor.shape[0], width))
+        wide[:, :count] = factor[:, :count]
+        wide[:, count + 2 * position : count + 2 * position + 2] = factor[:, count : count + 2]
+        residuals.append(factor[:, -1])
+        jacobians.append(wide)
+    rows, targets = model.parameters.prior_rows()
+    residuals.append(rows @ log_parameters - targets)
+    jacobians.append(np.concatenate([rows, np.zeros((len(targets), width - count))], axis=1))
+    speed, nominal = motion.speed_m_s[order], nominal_speed_m_s[order]
+    residuals.append((speed / nominal - 1.0) / SPEED_SD)
+    wide = np.zeros((len(order), width))
+    wide[np.arange(len(order)), count + 2 * np.arange(len(order))] = SPEED_UNIT * speed / nominal / SPEED_SD
+    jacobians.append(wide)
+    return Compressed(np.concatenate(residuals), np.concatenate(jacobians))

@@ -1,0 +1,200 @@
+"""Named parameters of a calibration: unit, transform, start value and prior, and where each enters the vehicle.
+
+All global parameters are positive and estimated in log space; priors are Gaussian there.  The transform's Jacobian
+belongs to the prior, so a lognormal prior on the natural scale is exactly the Gaussian one on the log scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.campaign.records import Axle, Campaign, PriorOverride
+from sysid.errors import CampaignError
+from sysid.sdof.results import DropEstimate, DropSummary
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One global parameter: value and description are kept apart.
+
+    `quantity` is ``stiffness``, ``damping``, ``tire_stiffness``, ``tire_damping`` or ``tire_stiffening``; `axle` its
+    axle index, None for a property of all tires; `load_case` None means shared by all load cases.  `start` and
+    `prior_median` in `unit`; `prior_sd` is the standard deviation of the logarithm.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    start: float
+    prior_median: float
+    prior_sd: float
+    axle: int | None = None
+    load_case: str | None = None
+    law: str = "linear"
+
+    def __post_init__(self) -> None:
+        if not (self.start > 0 and self.prior_median > 0 and self.prior_sd > 0):
+            raise ValueError(f"Parameter {self.name} needs a positive start, prior median and prior sd.")
+
+
+@dataclass(frozen=True)
+class PriorLink:
+    """Gaussian prior on the difference of two log parameters, ``log second - log first ~ N(mean, sd)``."""
+
+    first: str
+    second: str
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """All global parameters of a campaign, with the links between them."""
+
+    parameters: tuple[Parameter, ...]
+    links: tuple[PriorLink, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names in the order of the parameter vector."""
+        return tuple(p.name for p in self.parameters)
+
+    @property
+    def start(self) -> np.ndarray:
+        """Start vector (p,) in log space."""
+        return np.log([p.start for p in self.parameters])
+
+    def index(self, quantity: str, axle: int | None = None, load_case: str | None = None) -> int:
+        """Position of the parameter that gives `quantity` of an axle in a load case."""
+        for position, p in enumerate(self.parameters):
+            if p.quantity == quantity and p.axle == axle and p.load_case in (None, load_case):
+                return position
+        raise KeyError((quantity, axle, load_case))
+
+    def prior_rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """Prior as linear residuals: ``rows @ log_parameters - targets`` is standard normal; (m, p) and (m,)."""
+        count = len(self.parameters)
+        rows = [np.eye(count)[i] / p.prior_sd for i, p in enumerate(self.parameters)]
+        targets = [np.log(p.prior_median) / p.prior_sd for p in self.parameters]
+        order = {p.name: i for i, p in enumerate(self.parameters)}
+        for link in self.links:
+            row = np.zeros(count)
+            row[order[link.second]], row[order[link.first]] = 1.0 / link.sd, -1.0 / link.sd
+            rows.append(row)
+            targets.append(link.mean / link.sd)
+        return np.array(rows), np.array(targets)
+
+
+#: Generic lognormal priors (median, log sd) where neither a drop nor the user says more; per axle, both sides.
+GENERIC_STIFFNESS = {"leaf": (1.0e6, 0.8), "air": (3.5e5, 0.7), "other": (7.0e5, 0.9)}
+GENERIC_DAMPING = (1.2e4, 0.8)
+#: Spread of the log of k and c around a drop estimate: axle coupling and the tire in series bias drops this much.
+DROP_STIFFNESS_SD = 0.4
+DROP_DAMPING_SD = 0.7
+#: Spread of data-book tire values, and the tire's stiffening per metre of deflection.
+TIRE_STIFFNESS_SD = 0.10
+TIRE_DAMPING_SD = 0.5
+TIRE_STIFFENING = (4.0, 0.8)
+#: An air spring's stiffness follows its load with an exponent of about 1/2 to 1; the link leaves room for either.
+AIR_LOAD_EXPONENT = 0.5
+AIR_LINK_SD = 0.5
+
+METHOD_PREFERENCE = ("free_decay", "corrected", "paper")
+SUPPORTED_LAWS = ("linear",)
+
+
+def campaign_parameters(campaign: Campaign, drops: DropSummary | None) -> ParameterSet:
+    """Parameters of a campaign with start values and priors from drops, nominal tire values and the user.
+
+    Raises
+    ------
+    CampaignError
+        If an axle asks for a suspension law that is not available.
+    """
+    vehicle = campaign.vehicle
+    used_cases = [name for name in campaign.load_cases if any(r.load_case == name for r in campaign.bump_runs)]
+    first = next(iter(campaign.load_cases))
+    parameters: list[Parameter] = []
+    links: list[PriorLink] = []
+    for i, axle in enumerate(vehicle.axles):
+        if axle.suspension_law not in SUPPORTED_LAWS:
+            raise CampaignError(
+                f"{campaign.file.name}: axle '{axle.name}' asks for suspension_law = '{axle.suspension_law}'; "
+                f"available laws: {', '.join(SUPPORTED_LAWS)}."
+            )
+        stiffness = _suspension_parameter(axle, i, "stiffness", drops, first)
+        if axle.load_dependent and len(used_cases) > 1:
+            base = campaign.load_cases[used_cases[0]]
+            for case in used_cases:
+                sprung = [campaign.load_cases[c].axle_loads_kg[i] - axle.unsprung_mass_kg for c in (case, base.name)]
+                growth = AIR_LOAD_EXPONENT * float(np.log(sprung[0] / sprung[1]))
+                factor = float(np.exp(growth))
+                name = f"k_{i + 1}[{case}]"
+                parameters.append(
+                    replace(
+                        stiffness,
+                        name=name,
+                        load_case=case,
+                        start=stiffness.start * factor,
+                        prior_median=stiffness.prior_median * factor,
+                        prior_sd=stiffness.prior_sd if case == base.name else np.hypot(stiffness.prior_sd, AIR_LINK_SD),
+                    )
+                )
+                if case != base.name:
+                    links.append(PriorLink(f"k_{i + 1}[{base.name}]", name, growth, AIR_LINK_SD))
+        else:
+            parameters.append(stiffness)
+    for i, axle in enumerate(vehicle.axles):
+        parameters.append(_suspension_parameter(axle, i, "damping", drops, first))
+    for i, axle in enumerate(vehicle.axles):
+        median, sd = _override(axle, "tire_stiffness", axle.tire_stiffness_N_per_m, TIRE_STIFFNESS_SD)
+        parameters.append(Parameter(f"kt_{i + 1}", "tire_stiffness", "N/m", median, median, sd, axle=i))
+    for i, axle in enumerate(vehicle.axles):
+        median, sd = _override(axle, "tire_damping", max(axle.tire_damping_N_s_per_m, 500.0), TIRE_DAMPING_SD)
+        parameters.append(Parameter(f"ct_{i + 1}", "tire_damping", "N s/m", median, median, sd, axle=i))
+    median, sd = TIRE_STIFFENING
+    parameters.append(Parameter("tire_stiffening", "tire_stiffening", "1/m", median, median, sd))
+    return ParameterSet(tuple(parameters), tuple(links))
+
+
+def _override(axle: Axle, quantity: str, median: float, sd: float) -> tuple[float, float]:
+    prior: PriorOverride | None = axle.priors.get(quantity)
+    return (median, sd) if prior is None else (prior.median, prior.log_sd)
+
+
+def _suspension_parameter(axle: Axle, i: int, quantity: str, drops: DropSummary | None, load_case: str) -> Parameter:
+    """k or c of one axle: the user's prior first, then the drops, then the generic range of its suspension type."""
+    if quantity == "stiffness":
+        symbol, unit, spread = "k", "N/m", DROP_STIFFNESS_SD
+        generic = GENERIC_STIFFNESS[axle.suspension]
+    else:
+        symbol, unit, spread = "c", "N s/m", DROP_DAMPING_SD
+        generic = GENERIC_DAMPING
+    estimate = best_drop_estimates(drops, load_case).get(i)
+    if estimate is None:
+        median, sd = generic
+    else:
+        # A drop far outside the generic range (a wheel hop taken for the body) is pulled back towards it.
+        limit = 2.0 * generic[1]
+        value = estimate.stiffness if quantity == "stiffness" else estimate.damping
+        median = generic[0] * float(np.exp(np.clip(np.log(value / generic[0]), -limit, limit)))
+        sd = spread
+    median, sd = _override(axle, quantity, median, sd)
+    return Parameter(f"{symbol}_{i + 1}", quantity, unit, median, median, sd, axle=i)
+
+
+def best_drop_estimates(drops: DropSummary | None, load_case: str) -> Mapping[int, DropEstimate]:
+    """The pooled drop estimate of each axle to start from: free-decay fit, else corrected, else the paper's."""
+    chosen: dict[int, DropEstimate] = {}
+    if drops is None:
+        return chosen
+    for method in reversed(METHOD_PREFERENCE):
+        for estimate in drops.pooled:
+            if estimate.method != method or not estimate.usable or estimate.load_case != load_case:
+                continue
+            if estimate.stiffness > 0 and estimate.damping > 0:
+                chosen[estimate.axle] = estimate
+    return chosen

@@ -1,0 +1,137 @@
+"""Bump runs as rectangular arrays: groups of runs of similar length, one row of samples on a uniform grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from sysid.campaign.records import BumpRun, Campaign, Channel, Sensor
+from sysid.errors import DataRejectedError
+
+
+@dataclass(frozen=True)
+class ChannelLayout:
+    """Sensors of all bump runs in the order of the simulated channels.
+
+    Deflections first, then axle accelerations, then body accelerations; `sensors` (channels,).
+    """
+
+    sensors: tuple[Sensor, ...]
+
+    @property
+    def deflection_axles(self) -> tuple[int, ...]:
+        """Axle index of each deflection channel."""
+        return tuple(s.axle for s in self.sensors if s.kind == "suspension_deflection" and s.axle is not None)
+
+    @property
+    def acceleration_axles(self) -> tuple[int, ...]:
+        """Axle index of each axle-acceleration channel."""
+        return tuple(s.axle for s in self.sensors if s.kind == "axle_acceleration" and s.axle is not None)
+
+    @property
+    def body_points(self) -> list[tuple[int, float]]:
+        """Body index and x [m] of each body-acceleration channel."""
+        return [(int(s.body or 0), float(s.x_m or 0.0)) for s in self.sensors if s.kind == "body_acceleration"]
+
+
+@dataclass(frozen=True)
+class RunGroup:
+    """R runs of similar length on one time grid of T samples and C channels.
+
+    `value` (T, R, C) in SI with zeros where nothing was measured; `measured` (T, R, C) bool, True where a plain reading
+    exists; `censored` (T, R, C) int8 as in the records.
+    """
+
+    runs: tuple[int, ...]
+    interval_s: float
+    value: np.ndarray
+    measured: np.ndarray
+    censored: np.ndarray
+
+    @property
+    def samples(self) -> int:
+        """Number of samples T."""
+        return self.value.shape[0]
+
+
+_KIND_ORDER = ("suspension_deflection", "axle_acceleration", "body_acceleration")
+
+
+def channel_layout(runs: tuple[BumpRun, ...]) -> ChannelLayout:
+    """All sensors that appear in any run, ordered by kind, then as in the log."""
+    seen: dict[str, Sensor] = {}
+    for run in runs:
+        for channel in run.log.channels:
+            seen.setdefault(channel.sensor.column, channel.sensor)
+    return ChannelLayout(tuple(sorted(seen.values(), key=lambda s: _KIND_ORDER.index(s.kind))))
+
+
+def on_grid(channel: Channel, samples: int, interval_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Value, measured mask and censoring (samples,) of one channel on the uniform grid k * interval.
+
+    Stamps within 2 % of the interval of a grid time are taken as they are; other readings are interpolated by a cubic
+    spline inside stretches without gaps.
+    """
+    value = np.zeros(samples)
+    measured = np.zeros(samples, bool)
+    censored = np.zeros(samples, np.int8)
+    position = channel.time_s / interval_s
+    index = np.rint(position).astype(int)
+    finite = np.isfinite(channel.value)
+    inside = (index >= 0) & (index < samples) & finite
+    if np.all(np.abs(position[inside] - index[inside]) < 0.02):
+        value[index[inside]] = channel.value[inside]
+        censored[index[inside]] = channel.censored[inside]
+        measured[index[inside]] = channel.censored[inside] == 0
+        return value, measured, censored
+    good = finite & (channel.censored == 0)
+    grid = np.arange(samples) * interval_s
+    stamps, readings = channel.time_s[good], channel.value[good]
+    for part in np.split(np.arange(stamps.size), np.flatnonzero(np.diff(stamps) > 1.6 * interval_s) + 1):
+        if part.size < 4:
+            continue
+        within = (grid >= stamps[part[0]]) & (grid <= stamps[part[-1]])
+        value[within] = CubicSpline(stamps[part], readings[part])(grid[within])
+        measured |= within
+    return value, measured, censored
+
+
+def group_runs(campaign: Campaign, layout: ChannelLayout, *, waste: float = 0.15) -> tuple[RunGroup, ...]:
+    """Group runs whose lengths differ by less than `waste`, so that padding costs little simulation time.
+
+    Raises
+    ------
+    DataRejectedError
+        If no run has a usable reading.
+    """
+    runs = campaign.bump_runs
+    count = [round(r.log.duration_s / r.log.sample_interval_s) + 1 for r in runs]
+    usable = [i for i, r in enumerate(runs) if any(np.isfinite(c.value).any() for c in r.log.channels)]
+    if not usable:
+        raise DataRejectedError(
+            "No bump run has a usable channel, so there is nothing to fit; run `calibrate.py check` to see why."
+        )
+    usable.sort(key=lambda i: (runs[i].log.sample_interval_s, -count[i], i))
+    members: list[list[int]] = []
+    for i in usable:
+        head = members[-1][0] if members else None
+        same = head is not None and np.isclose(runs[head].log.sample_interval_s, runs[i].log.sample_interval_s)
+        if same and count[i] >= (1.0 - waste) * count[head]:
+            members[-1].append(i)
+        else:
+            members.append([i])
+    return tuple(_group(campaign, layout, tuple(m), max(count[i] for i in m)) for m in members)
+
+
+def _group(campaign: Campaign, layout: ChannelLayout, members: tuple[int, ...], samples: int) -> RunGroup:
+    shape = (samples, len(members), len(layout.sensors))
+    value, measured, censored = np.zeros(shape), np.zeros(shape, bool), np.zeros(shape, np.int8)
+    interval = campaign.bump_runs[members[0]].log.sample_interval_s
+    column = {s.column: c for c, s in enumerate(layout.sensors)}
+    for r, i in enumerate(members):
+        for channel in campaign.bump_runs[i].log.channels:
+            c = column[channel.sensor.column]
+            value[:, r, c], measured[:, r, c], censored[:, r, c] = on_grid(channel, samples, interval)
+    return RunGroup(members, interval, value, measured, censored)

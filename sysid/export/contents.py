@@ -1,0 +1,61 @@
+"""Everything the finished stages hand to the exports and to the report, in one frozen container."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from sysid.campaign.findings import QualityReport
+from sysid.campaign.records import Campaign
+from sysid.estimation.results import FitResult
+from sysid.posterior.results import Posterior
+from sysid.prediction.results import Predictions
+from sysid.road.results import ScanAnalysis
+from sysid.sdof.results import DropSummary
+from sysid.validation.results import Validation
+
+Status = Literal["converged", "not_converged", "preview"]
+STATUSES: tuple[Status, ...] = ("converged", "not_converged", "preview")
+
+
+@dataclass(frozen=True)
+class Results:
+    """Results of all stages that have run; a stage that has not run yet is None (no scans: an empty mapping).
+
+    `scans` maps the name of a bump to its analysis.  `provenance` may hold ``input_sha256`` (file -> hash),
+    ``versions`` (package -> version), ``seed``, ``settings`` (nested mapping) and ``timings`` (stage -> seconds).
+
+    Raises ValueError if `status` is none of ``converged``, ``not_converged``, ``preview``.
+    """
+
+    campaign: Campaign
+    quality: QualityReport | None = None
+    drops: DropSummary | None = None
+    scans: Mapping[str, ScanAnalysis] = field(default_factory=dict)
+    fit: FitResult | None = None
+    posterior: Posterior | None = None
+    predictions: Predictions | None = None
+    validation: Validation | None = None
+    status: Status = "not_converged"
+    warnings: tuple[str, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.status not in STATUSES:
+            raise ValueError(f"status is {self.status!r}; expected one of {', '.join(STATUSES)}")
+
+    @property
+    def all_warnings(self) -> tuple[str, ...]:
+        """Warnings of the run, the fit and the predicted passes, each once, in this order."""
+        found = list(self.warnings)
+        if self.fit is not None:
+            found += self.fit.warnings
+        if self.predictions is not None:
+            found += [w for p in self.predictions.passes for w in p.warnings]
+        return tuple(dict.fromkeys(found))
+
+    @property
+    def input_sha256(self) -> Mapping[str, str]:
+        """Hash of every input file: the one written down by the run, else the one taken when the campaign was read."""
+        return self.provenance.get("input_sha256") or self.campaign.input_sha256

@@ -1,0 +1,42 @@
+"""File and variable names made from user text: safe on every file system and in every HDF5 reader."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterable
+
+from sysid.prediction.results import PassPrediction
+
+_LONGEST_NAME = 60
+
+
+def file_stem(text: str) -> str:
+    """`text` with all but letters a-z, digits, ``-``, ``_`` replaced by ``_``; never empty, at most 60 characters."""
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode().lower()
+    return re.sub(r"[^a-z0-9_-]+", "_", plain).strip("_-")[:_LONGEST_NAME] or "pass"
+
+
+def distinct(names: Iterable[str]) -> tuple[str, ...]:
+    """`names` with ``_2``, ``_3``, ... appended to repetitions."""
+    taken: set[str] = set()
+    result = []
+    for name in names:
+        candidate, count = name, 1
+        while candidate in taken:
+            count += 1
+            candidate = f"{name}_{count}"
+        taken.add(candidate)
+        result.append(candidate)
+    return tuple(result)
+
+
+def speed_km_h(speed_m_s: float) -> float:
+    """Speed in km/h without the rounding noise of the conversion, so that 48 km/h read comes out as 48."""
+    return round(float(speed_m_s) * 3.6, 9)
+
+
+def prediction_files(passes: Iterable[PassPrediction]) -> tuple[str, ...]:
+    """File of every predicted pass relative to the output folder, like ``predictions/unloaded_48kmh.csv``."""
+    stems = (f"{file_stem(p.load_case)}_{speed_km_h(p.speed_m_s):g}kmh" for p in passes)
+    return tuple(f"predictions/{stem}.csv" for stem in distinct(stems))

@@ -1,0 +1,159 @@
+"""`result.json`: the machine-readable result, schema version 1, SI units, what is not known is null."""
+
+from __future__ import annotations
+
+import json
+import math
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from sysid.estimation.results import ParameterEstimate
+from sysid.export.contents import Results
+from sysid.export.files import write_text
+from sysid.export.naming import prediction_files, speed_km_h
+from sysid.posterior.results import PosteriorSummary
+from sysid.prediction.results import PassPrediction
+from sysid.sdof.results import DropEstimate
+from sysid.validation.results import ChannelAgreement
+
+SCHEMA_VERSION = 1
+
+
+def result_document(results: Results) -> dict[str, Any]:
+    """The content of `result.json` as plain Python objects.
+
+    Numbers are in SI (speeds in km/h where the key says so), axles count from 1, and NaN or infinite values and
+    stages that have not run are None.
+    """
+    provenance = results.provenance
+    posterior = results.posterior
+    seed = provenance.get("seed", posterior.seed if posterior is not None else None)
+    return {
+        "schema": SCHEMA_VERSION,
+        "campaign": results.campaign.title,
+        "status": results.status,
+        "seed": None if seed is None else int(seed),
+        "inputs": {str(k): str(v) for k, v in sorted(results.input_sha256.items())},
+        "likelihood": None if posterior is None else posterior.likelihood,
+        "warnings": list(results.all_warnings),
+        "timings": {str(k): _number(v) for k, v in provenance.get("timings", {}).items()},
+        "drops": _drops(results),
+        "parameters": _parameters(results),
+        "validation": [] if results.validation is None else [_agreement(row) for row in results.validation.channels],
+        "predictions": _predictions(results),
+    }
+
+
+def result_schema() -> dict[str, Any]:
+    """The JSON Schema (draft 2020-12) of `result.json`."""
+    return json.loads(resources.files("sysid.export").joinpath("result.schema.json").read_text(encoding="utf-8"))
+
+
+def result_text(results: Results) -> str:
+    """The text of `result.json`: UTF-8, two-space indents, keys in the order of the schema."""
+    return json.dumps(result_document(results), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def write_result(results: Results, path: Path) -> None:
+    """Write `result.json` to `path`, complete or not at all."""
+    write_text(path, result_text(results))
+
+
+def _number(value: float | None) -> float | None:
+    if value is None:
+        return None
+    value = float(value)
+    return value if math.isfinite(value) else None
+
+
+def _axle(index: int | None) -> int | None:
+    return None if index is None else int(index) + 1
+
+
+def _drops(results: Results) -> list[dict[str, Any]]:
+    if results.drops is None:
+        return []
+    single = [estimate for analysis in results.drops.files for estimate in analysis.estimates]
+    return [_drop(estimate) for estimate in (*single, *results.drops.pooled)]
+
+
+def _drop(estimate: DropEstimate) -> dict[str, Any]:
+    return {
+        "axle": _axle(estimate.axle),
+        "load_case": estimate.load_case,
+        "file": estimate.file,
+        "method": estimate.method,
+        "stiffness": _number(estimate.stiffness),
+        "damping": _number(estimate.damping),
+        "stiffness_sd": _number(estimate.stiffness_sd),
+        "damping_sd": _number(estimate.damping_sd),
+        "damped_period": _number(estimate.damped_period),
+        "log_decrement": _number(estimate.log_decrement),
+        "usable": bool(estimate.usable),
+        "note": estimate.note,
+    }
+
+
+def _parameters(results: Results) -> list[dict[str, Any]]:
+    if results.fit is None:
+        return []
+    summaries = {} if results.posterior is None else {s.name: s for s in results.posterior.summaries}
+    estimates = (*results.fit.parameters, *results.fit.run_parameters)
+    return [_parameter(estimate, summaries.get(estimate.name)) for estimate in estimates]
+
+
+def _parameter(estimate: ParameterEstimate, summary: PosteriorSummary | None) -> dict[str, Any]:
+    return {
+        "name": estimate.name,
+        "axle": _axle(estimate.axle),
+        "quantity": estimate.quantity,
+        "load_case": estimate.load_case,
+        "run": estimate.run,
+        "law": estimate.law,
+        "unit": estimate.unit,
+        "identified": bool(estimate.identified),
+        "least_squares": {"value": _number(estimate.value), "sd": _number(estimate.sd)},
+        "posterior": None
+        if summary is None
+        else {key: _number(getattr(summary, key)) for key in ("mean", "sd", "q05", "q50", "q95", "ess", "rhat")},
+    }
+
+
+def _agreement(row: ChannelAgreement) -> dict[str, Any]:
+    return {
+        "run": row.run,
+        "channel": row.column,
+        "nrmse": _number(row.nrmse),
+        "iso18571": None,
+        "sprague_geers": None,
+    }
+
+
+def _predictions(results: Results) -> list[dict[str, Any]]:
+    if results.predictions is None:
+        return []
+    passes = results.predictions.passes
+    return [
+        _prediction(prediction, axle, file)
+        for prediction, file in zip(passes, prediction_files(passes), strict=True)
+        for axle in range(len(prediction.static_load_N))
+    ]
+
+
+def _prediction(prediction: PassPrediction, axle: int, file: str) -> dict[str, Any]:
+    def quantile(values: Any) -> float | None:
+        return None if values is None else _number(values[axle])
+
+    return {
+        "load_case": prediction.load_case,
+        "speed_km_h": speed_km_h(prediction.speed_m_s),
+        "axle": axle + 1,
+        "peak_dynamic_load_ratio": {
+            "q05": quantile(prediction.peak_ratio_q05),
+            "q50": quantile(prediction.peak_ratio_q50),
+            "q95": quantile(prediction.peak_ratio_q95),
+        },
+        "lift_off": bool(prediction.lift_off[axle]),
+        "file": file,
+    }

@@ -1,0 +1,115 @@
+"""Tables for spreadsheets and other programs: `parameters.csv` and `predictions/*.csv`."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from sysid.export.contents import Results
+from sysid.export.files import write_text
+from sysid.export.naming import prediction_files
+from sysid.prediction.results import PassPrediction
+
+PARAMETER_COLUMNS = (
+    "name",
+    "quantity",
+    "axle",
+    "axle_name",
+    "load_case",
+    "run",
+    "law",
+    "unit",
+    "identified",
+    "least_squares_value",
+    "least_squares_sd",
+    "posterior_mean",
+    "posterior_sd",
+    "posterior_q05",
+    "posterior_q50",
+    "posterior_q95",
+    "posterior_ess",
+    "posterior_rhat",
+)
+
+_FORMULA_STARTS = ("=", "+", "-", "@")
+
+
+def escape_cell(text: str) -> str:
+    """`text` on one line, with an apostrophe in front where a spreadsheet would take it for a formula."""
+    # Spreadsheets skip blanks before they look for a formula, and a bare line end would start a row of its own.
+    line = "".join(c if c.isprintable() else " " for c in text)
+    return "'" + line if line.lstrip().startswith(_FORMULA_STARTS) else line
+
+
+def parameters_csv(results: Results) -> str:
+    """The text of `parameters.csv`: one row per parameter in SI units, empty cells for what is not known."""
+    axles = results.campaign.vehicle.axles
+    summaries = {} if results.posterior is None else {s.name: s for s in results.posterior.summaries}
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(PARAMETER_COLUMNS)
+    estimates = () if results.fit is None else (*results.fit.parameters, *results.fit.run_parameters)
+    for p in estimates:
+        summary = summaries.get(p.name)
+        posterior = [None] * 7 if summary is None else [getattr(summary, key) for key in _SUMMARY_KEYS]
+        writer.writerow(
+            [
+                escape_cell(p.name),
+                escape_cell(p.quantity),
+                "" if p.axle is None else p.axle + 1,
+                "" if p.axle is None else escape_cell(axles[p.axle].name),
+                escape_cell(p.load_case or ""),
+                escape_cell(p.run or ""),
+                escape_cell(p.law),
+                p.unit,
+                "true" if p.identified else "false",
+                *(_cell(value) for value in (p.value, p.sd, *posterior)),
+            ]
+        )
+    return stream.getvalue()
+
+
+_SUMMARY_KEYS = ("mean", "sd", "q05", "q50", "q95", "ess", "rhat")
+
+
+def write_parameters(results: Results, path: Path) -> None:
+    """Write `parameters.csv` to `path`, complete or not at all."""
+    write_text(path, parameters_csv(results))
+
+
+def prediction_csv(prediction: PassPrediction) -> str:
+    """The text of one `predictions/*.csv`: time [s] and the quantiles of each axle's vertical tire force [N].
+
+    Before sampling the columns of the 5 % and 95 % quantiles are empty.
+    """
+    # Rounded to 1 us and 0.01 N: far below what the model knows, and a file half the size.
+    columns = {"time_s": np.round(prediction.time_s, 6)}
+    for axle in range(len(prediction.static_load_N)):
+        for key, force in (
+            ("q05", prediction.tire_force_q05_N),
+            ("q50", prediction.tire_force_q50_N),
+            ("q95", prediction.tire_force_q95_N),
+        ):
+            values = np.full(len(prediction.time_s), np.nan) if force is None else np.round(force[axle], 2)
+            columns[f"tire_force{axle + 1}_N_{key}"] = values
+    return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
+
+
+def write_predictions(results: Results, folder: Path) -> tuple[Path, ...]:
+    """Write one file per predicted pass below the output `folder` and return their paths."""
+    if results.predictions is None:
+        return ()
+    passes = results.predictions.passes
+    paths = tuple(Path(folder) / name for name in prediction_files(passes))
+    for prediction, path in zip(passes, paths, strict=True):
+        write_text(path, prediction_csv(prediction))
+    return paths
+
+
+def _cell(value: float | None) -> str:
+    return "" if value is None or not math.isfinite(value) else repr(float(value))

@@ -1,0 +1,52 @@
+"""Figures of results: each function takes a result and optional axes, returns the axes and computes nothing heavy."""
+
+from sysid.plot.comparison import SOURCE_LABELS, SOURCES, AxleEstimates, Estimate, comparison, suspension_estimates
+from sysid.plot.drops import drop, drops
+from sysid.plot.histories import autocorrelation, channel_grid, overlay, suspension_histories
+from sysid.plot.posterior import (
+    corner,
+    correlation,
+    covariance_correlation,
+    marginal,
+    marginals,
+    posterior_correlation,
+    trace,
+    traces,
+)
+from sysid.plot.predictions import load_ratio, load_ratios
+from sysid.plot.road import profile, scan
+from sysid.plot.style import axle_color, figure, figure_of, label, shared_legend
+from sysid.plot.svg import svg_element
+
+__all__ = [
+    "SOURCES",
+    "SOURCE_LABELS",
+    "AxleEstimates",
+    "Estimate",
+    "autocorrelation",
+    "axle_color",
+    "channel_grid",
+    "comparison",
+    "corner",
+    "correlation",
+    "covariance_correlation",
+    "drop",
+    "drops",
+    "figure",
+    "figure_of",
+    "label",
+    "load_ratio",
+    "load_ratios",
+    "marginal",
+    "marginals",
+    "overlay",
+    "posterior_correlation",
+    "profile",
+    "scan",
+    "shared_legend",
+    "suspension_estimates",
+    "suspension_histories",
+    "svg_element",
+    "trace",
+    "traces",
+]

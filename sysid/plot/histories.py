@@ -1,0 +1,156 @@
+"""Measured against simulated histories, as in Figures 7 and 8 of the paper, and what is left between them."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from sysid.estimation.results import FitResult, RunHistory
+from sysid.plot.style import (
+    INK,
+    MEASURED,
+    MUTED,
+    WARNING,
+    axes_grid,
+    axes_or_new,
+    axle_color,
+    display,
+    figure,
+    label,
+    shared_legend,
+    styled,
+    thin,
+)
+
+_KIND = {
+    "suspension_deflection": "suspension deflection",
+    "axle_acceleration": "axle acceleration",
+    "body_acceleration": "body acceleration",
+}
+
+
+def channel_title(history: RunHistory, row: int) -> str:
+    """What a channel shows, in words: kind, axle (counting from 1) where it has one, and the column of the log."""
+    axle = history.axles[row]
+    kind = _KIND.get(history.kinds[row], history.kinds[row])
+    place = "" if axle is None else f"axle {axle + 1} "
+    return f"{place}{kind} ({history.columns[row]})"
+
+
+@styled
+def overlay(
+    history: RunHistory,
+    column: str,
+    ax: Axes | None = None,
+    residual_ax: Axes | None = None,
+    legend: bool = True,
+    most_points: int = 1500,
+) -> Axes:
+    """One channel of one run: measured and simulated on `ax`, measured minus simulated on `residual_ax` if given.
+
+    With `ax` None a figure with both is made.  Clipped samples, whose true value lies beyond the reading, are marked.
+    Raises KeyError if the run has no such column.
+    """
+    if column not in history.columns:
+        raise KeyError(f"run {history.file} has no column {column}; it has {', '.join(history.columns)}")
+    row = history.columns.index(column)
+    if ax is None:
+        ax, residual_ax = figure(6.4, 3.6).subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    measured, unit = display(history.measured[row], history.si_units[row])
+    simulated, _ = display(history.simulated[row], history.si_units[row])
+    axle = history.axles[row]
+    color = INK if axle is None else axle_color(axle)
+    # Measured broad and pale below, simulated narrow above: both stay visible where they agree.
+    ax.plot(*thin(history.time_s, measured, most=most_points), color=MEASURED, lw=2.6, label="measured")
+    ax.plot(*thin(history.time_s, simulated, most=most_points), color=color, lw=1.0, label="simulated")
+    clipped = np.asarray(history.censored[row]) != 0
+    if clipped.any():
+        ax.plot(history.time_s[clipped], measured[clipped], "x", ms=4, color=WARNING, ls="", label="clipped")
+    ax.set_title(label(channel_title(history, row), 60))
+    ax.set_ylabel(f"[{unit}]")
+    if legend:
+        ax.legend(loc="upper right", ncols=3)
+    if residual_ax is None:
+        ax.set_xlabel("time [s]")
+    else:
+        residual = np.where(clipped, np.nan, measured - simulated)
+        residual_ax.plot(*thin(history.time_s, residual, most=most_points), color=MUTED, lw=0.8)
+        residual_ax.axhline(0.0, color=INK, lw=0.6)
+        residual_ax.set_ylabel("meas. −\nsim.")
+        residual_ax.set_xlabel("time [s]")
+    return ax
+
+
+@styled
+def suspension_histories(history: RunHistory, axles: tuple[int, ...]) -> np.ndarray:
+    """Deflection and axle acceleration of the named `axles` (indices) of one run: Figures 7 and 8 of the paper.
+
+    Returns the axes (2 * axles, 2): per axle a row of histories and below it the row of their differences.
+    """
+    fig = figure(11.0, 3.4 * len(axles))
+    grid = fig.subplots(2 * len(axles), 2, sharex=True, squeeze=False, height_ratios=(3, 1) * len(axles))
+    for r, axle in enumerate(axles):
+        for c, kind in enumerate(("suspension_deflection", "axle_acceleration")):
+            upper, lower = grid[2 * r, c], grid[2 * r + 1, c]
+            rows = [
+                i for i, (a, k) in enumerate(zip(history.axles, history.kinds, strict=True)) if (a, k) == (axle, kind)
+            ]
+            if not rows:
+                upper.text(
+                    0.5, 0.5, f"axle {axle + 1}: no {_KIND[kind]} recorded", ha="center", transform=upper.transAxes
+                )
+                continue
+            overlay(history, history.columns[rows[0]], upper, lower)
+            if r < len(axles) - 1:
+                lower.set_xlabel("")
+    return grid
+
+
+@styled
+def channel_grid(history: RunHistory, columns: tuple[str, ...] | None = None, per_row: int = 3) -> np.ndarray:
+    """All channels of one run, or the named ones, measured against simulated; returns the axes (rows, per_row)."""
+    chosen = history.columns if columns is None else columns
+    rows = max(1, -(-len(chosen) // per_row))
+    margins = (0.6, 0.1, 0.45, 0.55, 0.55, 0.34)
+    grid = axes_grid(rows, per_row, ((10.3 - 0.55 * (per_row - 1)) / per_row, 1.35), margins, sharex=True)
+    for ax in grid.flat[len(chosen) :]:
+        ax.set_axis_off()
+    for ax, column in zip(grid.flat, chosen, strict=False):
+        overlay(history, column, ax, legend=False, most_points=420)
+        row = history.columns.index(column)
+        ax.set_title(label(_short_title(history, row), 44))
+        ax.set_xlabel("")
+        ax.locator_params(nbins=5)
+    for ax in grid[-1]:
+        ax.set_xlabel("time [s]")
+    shared_legend(grid[0, 0].figure)
+    return grid
+
+
+def _short_title(history: RunHistory, row: int) -> str:
+    kind = {"suspension_deflection": "deflection", "axle_acceleration": "axle acc.", "body_acceleration": "body acc."}
+    axle = history.axles[row]
+    place = "" if axle is None else f"axle {axle + 1} "
+    return f"{place}{kind.get(history.kinds[row], history.kinds[row])} · {history.columns[row]}"
+
+
+@styled
+def autocorrelation(fit: FitResult, ax: Axes | None = None) -> Axes:
+    """Autocorrelation of the standardised residuals: every channel, their median, and the 95 % band of white noise."""
+    ax = axes_or_new(ax)
+    lag = fit.autocorrelation_lag_s
+    rows = np.atleast_2d(fit.autocorrelation)
+    for i, row in enumerate(rows[:: max(1, len(rows) // 60)]):
+        ax.plot(lag, row, color=axle_color(0), lw=0.5, alpha=0.25, label="one channel of one run" if i == 0 else None)
+    if len(rows) and len(lag):
+        finite = rows[np.any(np.isfinite(rows), axis=1)]
+        if len(finite):
+            ax.plot(lag, np.nanmedian(finite, axis=0), color=INK, lw=1.6, label="median")
+        samples = max(fit.residuals / len(rows), 1.0)
+        band = 1.96 / np.sqrt(samples)
+        ax.axhspan(-band, band, color=MUTED, alpha=0.18, lw=0, label="white noise, 95 %")
+    ax.axhline(0.0, color=MUTED, lw=0.6)
+    ax.set_xlabel("lag [s]")
+    ax.set_ylabel("autocorrelation [-]")
+    ax.legend(loc="upper right")
+    return ax

@@ -1,0 +1,51 @@
+"""Figures of predicted passes: dynamic over static wheel load against time, as in Figure 9a of the paper."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from sysid.plot.style import MUTED, axes_or_new, axle_color, figure, styled, thin
+from sysid.prediction.results import PassPrediction
+
+
+@styled
+def load_ratio(prediction: PassPrediction, axle: int, ax: Axes | None = None) -> Axes:
+    """Vertical tire force of one axle (index) over its static load, with the band of the 5 % and 95 % quantiles."""
+    ax = axes_or_new(ax)
+    static = prediction.static_load_N[axle]
+    color = axle_color(axle)
+    middle = prediction.tire_force_q50_N[axle] / static
+    low, high = prediction.tire_force_q05_N, prediction.tire_force_q95_N
+    if low is None or high is None:
+        ax.plot(*thin(prediction.time_s, middle, most=900), color=color, label="least squares")
+    else:
+        time, middle, lower, upper = thin(prediction.time_s, middle, low[axle] / static, high[axle] / static, most=900)
+        ax.fill_between(time, lower, upper, color=color, alpha=0.3, lw=0, label="90 % band")
+        ax.plot(time, middle, color=color, label="median")
+    ax.axhline(1.0, color=MUTED, lw=0.8, ls=":")
+    ax.axhline(0.0, color=MUTED, lw=0.8)
+    ax.set_title(f"axle {axle + 1}")
+    ax.set_xlabel("time after axle 1 meets the bump [s]")
+    ax.set_ylabel("dynamic / static load [-]")
+    return ax
+
+
+@styled
+def load_ratios(prediction: PassPrediction, per_row: int = 3) -> np.ndarray:
+    """Load ratios of all axles of one pass on common axes; returns the axes (rows, per_row)."""
+    count = len(prediction.static_load_N)
+    per_row = min(per_row, count)
+    rows = -(-count // per_row)
+    fig = figure(3.65 * per_row, 2.1 * rows + 0.3)
+    grid = fig.subplots(rows, per_row, squeeze=False, sharex=True, sharey=True)
+    for ax in grid.flat[count:]:
+        ax.set_axis_off()
+    for axle, ax in zip(range(count), grid.flat, strict=False):
+        load_ratio(prediction, axle, ax)
+        ax.legend(loc="upper right")
+        if axle % per_row:
+            ax.set_ylabel("")
+        if axle < count - per_row:
+            ax.set_xlabel("")
+    return grid

@@ -1,0 +1,63 @@
+"""Figures of the laser scan: the cloud from above and the profile with its band."""
+
+from __future__ import annotations
+
+from matplotlib.axes import Axes
+
+from sysid.plot.style import FAINT, INK, MUTED, axes_or_new, axle_color, styled, thin
+from sysid.road.results import ScanAnalysis
+
+
+@styled
+def scan(analysis: ScanAnalysis, ax: Axes | None = None) -> Axes:
+    """The scan from above in road coordinates, coloured by height above the road plane, with the wheel-track strip."""
+    ax = axes_or_new(ax)
+    step = max(1, len(analysis.cloud_along_m) // 20000)
+    picture = ax.scatter(
+        analysis.cloud_along_m[::step],
+        analysis.cloud_across_m[::step],
+        c=analysis.cloud_height_m[::step] * 1e3,
+        s=1.5,
+        cmap="cividis",
+        linewidths=0,
+        rasterized=True,
+    )
+    for side in (-1.0, 1.0):
+        ax.axhline(side * analysis.strip_half_width_m, color=INK, lw=0.8, ls="--")
+    ax.set_xlabel("along the direction of travel [m]")
+    ax.set_ylabel("across [m]")
+    ax.grid(False)
+    bar = ax.figure.colorbar(picture, ax=ax, label="height [mm]")
+    if bar.solids is not None:
+        bar.solids.set_rasterized(True)
+    return ax
+
+
+@styled
+def profile(analysis: ScanAnalysis, ax: Axes | None = None) -> Axes:
+    """Points of the wheel track, the smooth profile, and a band of two standard errors about it."""
+    ax = axes_or_new(ax)
+    step = max(1, len(analysis.strip_station_m) // 6000)
+    ax.plot(
+        analysis.strip_station_m[::step],
+        analysis.strip_height_m[::step] * 1e3,
+        ls="",
+        marker=".",
+        ms=2.0,
+        color=FAINT,
+        label="scan, wheel track",
+        rasterized=True,
+    )
+    p = analysis.profile
+    station, height, sd = thin(p.station_m, p.height_m, p.height_sd_m, most=800)
+    color = axle_color(0)
+    ax.fill_between(
+        station, (height - 2 * sd) * 1e3, (height + 2 * sd) * 1e3, color=color, alpha=0.25, lw=0, label="± 2 sd"
+    )
+    ax.plot(station, height * 1e3, color=color, label="profile")
+    ax.axvline(p.start_m, color=MUTED, lw=0.8, ls=":")
+    ax.axvline(p.start_m + p.length_m, color=MUTED, lw=0.8, ls=":")
+    ax.set_xlabel("station [m]")
+    ax.set_ylabel("height above the road [mm]")
+    ax.legend(loc="upper right")
+    return ax

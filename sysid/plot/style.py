@@ -1,0 +1,201 @@
+"""One look for all figures: settings applied only while a figure of ours is drawn, colours, labels, line thinning."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, wraps
+from itertools import pairwise
+from typing import Any, ParamSpec, TypeVar
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib import font_manager
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+# Left, right, bottom, top, between columns, between rows [in].
+Margins = tuple[float, float, float, float, float, float]
+
+INK = "#1f2933"
+MUTED = "#616e7c"
+FAINT = "#cbd2d9"
+MEASURED = "#9aa5b1"
+WARNING = "#b03a00"
+
+# Okabe and Ito's palette, the yellow left out (too pale for lines on white), then dark colours of Paul Tol's.
+_AXLE_COLORS = (
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#cc79a7",
+    "#56b4e9",
+    "#e69f00",
+    "#000000",
+    "#332288",
+    "#882255",
+    "#999933",
+)
+
+# Any: matplotlib's stubs want the literal type of every key.
+SETTINGS: Any = {
+    "font.family": ["sans-serif"],
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.titleweight": "bold",
+    "axes.labelsize": 9.0,
+    "axes.edgecolor": MUTED,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.useoffset": False,
+    "axes.unicode_minus": True,
+    "grid.color": "#e4e7eb",
+    "grid.linewidth": 0.6,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.0,
+    "legend.frameon": True,
+    "legend.framealpha": 0.85,
+    "legend.edgecolor": "none",
+    "legend.borderpad": 0.2,
+    "lines.linewidth": 1.1,
+    "figure.facecolor": "white",
+    "figure.dpi": 100.0,
+    "savefig.dpi": 110.0,
+    # User text (file, column, axle names) must never be read as mathematics: "$" stays a dollar sign.
+    "text.parse_math": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "sysid",
+}
+
+
+def styled(function: Callable[P, R]) -> Callable[P, R]:
+    """Run `function` with our settings and leave matplotlib's own as they were."""
+
+    @wraps(function)
+    def inside(*args: P.args, **kwargs: P.kwargs) -> R:
+        with mpl.rc_context(SETTINGS):
+            return function(*args, **kwargs)
+
+    return inside
+
+
+@styled
+def figure(width_in: float = 6.4, height_in: float = 3.2, margins_in: Margins | None = None) -> Figure:
+    """An empty figure on an Agg canvas that no global state knows of; sizes in inches.
+
+    `margins_in` (left, right, bottom, top, between columns, between rows) places the axes without measuring labels:
+    on a grid of many axes the automatic layout takes longer than the drawing.
+    """
+    result = Figure(figsize=(width_in, height_in), layout="constrained" if margins_in is None else None)
+    if margins_in is not None:
+        left, right, bottom, top, _, _ = margins_in
+        result.subplots_adjust(left / width_in, bottom / height_in, 1.0 - right / width_in, 1.0 - top / height_in)
+    FigureCanvasAgg(result)
+    return result
+
+
+@styled
+def axes_grid(rows: int, columns: int, cell_in: tuple[float, float], margins_in: Margins, **kwargs: Any) -> np.ndarray:
+    """A grid (rows, columns) of axes of `cell_in` = (width, height) each, with fixed margins and gaps [in]."""
+    left, right, bottom, top, gap_x, gap_y = margins_in
+    width = left + right + columns * cell_in[0] + (columns - 1) * gap_x
+    height = bottom + top + rows * cell_in[1] + (rows - 1) * gap_y
+    fig = figure(width, height, margins_in)
+    grid_spec = {"wspace": gap_x / cell_in[0], "hspace": gap_y / cell_in[1]}
+    return fig.subplots(rows, columns, squeeze=False, gridspec_kw=grid_spec, **kwargs)
+
+
+def figure_of(ax: Axes) -> Figure:
+    """The figure that `ax` belongs to; ValueError if it was removed from its figure."""
+    root = ax.get_figure(root=True)
+    if root is None:
+        raise ValueError("these axes belong to no figure any more; draw into new ones")
+    return root
+
+
+def axes_or_new(ax: Axes | None, width_in: float = 6.4, height_in: float = 3.2) -> Axes:
+    """`ax`, or the axes of a new figure where it is None."""
+    return figure(width_in, height_in).add_subplot() if ax is None else ax
+
+
+@styled
+def shared_legend(fig: Figure) -> None:
+    """One legend above all axes of a figure, every label once, drawn as on the first axes that has it."""
+    found: dict[str, Any] = {}
+    for ax in fig.axes:
+        for handle, text in zip(*ax.get_legend_handles_labels(), strict=True):
+            found.setdefault(text, handle)
+    if found:
+        place: Any = "upper center" if fig.get_layout_engine() is None else "outside upper center"
+        fig.legend(list(found.values()), list(found), loc=place, ncols=min(len(found), 8))
+
+
+def axle_color(axle: int | None) -> str:
+    """Colour of an axle (index 0 = axle 1), the same in every figure; grey for None."""
+    return MUTED if axle is None else _AXLE_COLORS[axle % len(_AXLE_COLORS)]
+
+
+def label(text: str, longest: int = 48) -> str:
+    """User text for a figure: one line, at most `longest` characters, characters that our font lacks as a box."""
+    line = "".join(
+        c if ord(c) in _glyphs() and c.isprintable() else ("\u25af" if c.isprintable() else " ") for c in text
+    )
+    line = " ".join(line.split())
+    return line if len(line) <= longest else line[: longest - 1] + "\u2026"
+
+
+@cache
+def _glyphs() -> frozenset[int]:
+    font = font_manager.get_font(font_manager.findfont("DejaVu Sans"))
+    return frozenset(font.get_charmap())
+
+
+def thin(x: np.ndarray, *ys: np.ndarray, most: int = 1500) -> tuple[np.ndarray, ...]:
+    """Samples of the curves y(x) to draw, at most about `most`: of every stretch the extremes of the first curve.
+
+    Keeping the extremes keeps the peaks, which plain decimation loses.  Shapes (n,) each; returned with a common index.
+    """
+    n = len(x)
+    if n <= most:
+        return (x, *ys)
+    stretches = max(most // 2, 1)
+    edges = np.linspace(0, n, stretches + 1).astype(int)
+    lead = ys[0] if ys else x
+    keep = [0, n - 1]
+    for low, high in pairwise(edges):
+        part = lead[low:high]
+        if np.all(np.isnan(part)):
+            keep.append(low)
+            continue
+        keep += [low + int(np.nanargmin(part)), low + int(np.nanargmax(part))]
+    index = np.unique(keep)
+    return (x[index], *(y[index] for y in ys))
+
+
+def display(values: np.ndarray, si_unit: str) -> tuple[np.ndarray, str]:
+    """Values and unit as people read them: metres as mm, m/s^2 in SI, N as kN, others unchanged."""
+    factor, unit = _DISPLAY.get(si_unit, (1.0, si_unit))
+    return np.asarray(values) * factor, unit
+
+
+_DISPLAY = {
+    "m": (1e3, "mm"),
+    "m/s^2": (1.0, "m/s\u00b2"),
+    "N": (1e-3, "kN"),
+    "N/m": (1e-3, "kN/m"),
+    "N s/m": (1e-3, "kN s/m"),
+    "N*s/m": (1e-3, "kN s/m"),
+}

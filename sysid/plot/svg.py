@@ -1,0 +1,131 @@
+"""A figure as one inline SVG element: small, without style attributes, identifiers that do not clash on a page."""
+
+from __future__ import annotations
+
+import io
+import re
+import xml.etree.ElementTree as ET
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from sysid.plot.style import SETTINGS
+
+_SVG = "{http://www.w3.org/2000/svg}"
+_XLINK_HREF = "{http://www.w3.org/1999/xlink}href"
+_FONT = re.compile(r"(?:(?P<style>italic|oblique)\s+)?(?:(?P<weight>bold|\d{3})\s+)?(?P<size>[\d.]+)px\s")
+_DECIMALS = re.compile(r"-?\d+\.\d{2,}(?:e-?\d+)?")
+_FAMILY = "DejaVu Sans, Verdana, Arial, sans-serif"
+_NUMERIC_ATTRIBUTES = ("d", "x", "y", "width", "height", "transform", "points")
+
+
+def svg_element(figure: Figure, prefix: str, description: str) -> str:
+    """The figure as an `<svg>` element for a page; `description` is what a screen reader says instead.
+
+    `prefix` (letters, digits, ``-``) starts every identifier inside.  Style attributes become presentation attributes,
+    so that a page may forbid inline styles; coordinates are rounded to 0.01 pt.
+    """
+    # The figure's text is written as text, so an XML parser of the standard library reads our own output only.
+    stream = io.BytesIO()
+    with mpl.rc_context(SETTINGS):
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    root = ET.fromstring(stream.getvalue())
+    for parent in list(root.iter()):
+        for child in list(parent):
+            # A style sheet inside a figure would apply to the whole page.
+            if child.tag == f"{_SVG}style":
+                parent.remove(child)
+    names = {e.get("id", ""): f"{prefix}-{i}" for i, e in enumerate(e for e in root.iter() if e.get("id"))}
+    linked = _linked(root)
+    for element in root.iter():
+        _simplify(element, names, linked)
+    width, height = figure.get_size_inches() * 72.0
+    for key in ("width", "height", "version"):
+        root.attrib.pop(key, None)
+    root.set("viewBox", f"0 0 {width:g} {height:g}")
+    root.set("role", "img")
+    root.set("aria-label", _printable(description))
+    root.set("class", "figure")
+    _collapse(root)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _linked(root: ET.Element) -> set[str]:
+    """Identifiers that something inside the drawing refers to."""
+    found = set()
+    for element in root.iter():
+        for value in element.attrib.values():
+            found.update(re.findall(r"url\(#([^)]+)\)", value))
+        if element.get(_XLINK_HREF, "").startswith("#"):
+            found.add(element.attrib[_XLINK_HREF][1:])
+    return found
+
+
+def _simplify(element: ET.Element, names: dict[str, str], linked: set[str]) -> None:
+    element.tag = element.tag.removeprefix(_SVG)
+    if element.text is not None and not element.text.strip():
+        element.text = None
+    element.tail = None
+    attributes = element.attrib
+    if (own := attributes.pop("id", None)) in linked:
+        attributes["id"] = names[own or ""]
+    if (target := attributes.pop(_XLINK_HREF, None)) is not None:
+        attributes["href"] = "#" + names[target[1:]] if target.startswith("#") else re.sub(r"\s+", "", target)
+    for declaration in attributes.pop("style", "").split(";"):
+        key, _, value = declaration.partition(":")
+        key, value = key.strip(), value.strip()
+        if key == "font":
+            _set_font(attributes, value)
+        elif key:
+            attributes[key] = value
+    for key in list(attributes):
+        attributes[key] = re.sub(r"url\(#([^)]+)\)", lambda m: f"url(#{names[m[1]]})", attributes[key])
+    for key in _NUMERIC_ATTRIBUTES:
+        if key in attributes:
+            attributes[key] = _DECIMALS.sub(_round, attributes[key])
+    if element.tag == "path" and "d" in attributes:
+        attributes["d"] = _compact_path(attributes["d"])
+
+
+def _set_font(attributes: dict[str, str], value: str) -> None:
+    found = _FONT.match(value)
+    if found is None:
+        return
+    attributes["font-size"] = found["size"]
+    attributes["font-family"] = _FAMILY
+    if found["weight"]:
+        attributes["font-weight"] = found["weight"]
+    if found["style"]:
+        attributes["font-style"] = found["style"]
+
+
+def _round(found: re.Match[str]) -> str:
+    text = f"{float(found[0]):.2f}".rstrip("0").rstrip(".")
+    return "0" if text in ("-0", "") else text
+
+
+def _compact_path(commands: str) -> str:
+    # After "M x y" or "L x y" further pairs mean "L", so the letter need not be repeated for every point.
+    parts: list[str] = []
+    previous = ""
+    for letter, numbers in re.findall(r"([A-Za-z])([^A-Za-z]*)", commands):
+        text = " ".join(numbers.split())
+        parts.append(f" {text}" if letter == "L" and previous in ("M", "L") else letter + text)
+        previous = letter
+    return "".join(parts)
+
+
+def _collapse(parent: ET.Element) -> None:
+    """Replace groups without attributes by their children."""
+    children: list[ET.Element] = []
+    for child in list(parent):
+        _collapse(child)
+        if child.tag == "g" and not child.attrib:
+            children += list(child)
+        else:
+            children.append(child)
+    parent[:] = children
+
+
+def _printable(text: str) -> str:
+    return "".join(c if c.isprintable() else " " for c in text)

@@ -1,0 +1,71 @@
+"""Tables of the agreement between simulated and measured histories."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable
+
+from sysid.report.numbers import fixed, percent
+from sysid.report.tables import Cell, Table, table
+from sysid.report.verdict import is_misfit
+from sysid.validation.results import ChannelAgreement, Validation
+
+_KINDS = {
+    "suspension_deflection": "deflection",
+    "axle_acceleration": "axle acceleration",
+    "body_acceleration": "body acceleration",
+}
+
+
+def summary_table(validation: Validation, run_names: dict[str, str]) -> Table:
+    """One row per run; per kind of channel the median (worst) NRMSE and the median residual over noise."""
+    kinds = list(dict.fromkeys(row.kind for row in validation.channels))
+    rows = []
+    for run in dict.fromkeys(row.run for row in validation.channels):
+        cells: list[Cell] = [Cell(run_names.get(run, run))]
+        for kind in kinds:
+            members = [m for m in validation.channels if (m.run, m.kind) == (run, kind)]
+            errors = [m.nrmse for m in members if math.isfinite(m.nrmse)]
+            worst = f" ({percent(max(errors))})" if errors else ""
+            cells.append(Cell(percent(_median(errors)) + worst))
+            cells.append(Cell(_ratio(_median([m.residual_over_noise for m in members]))))
+        rows.append(cells)
+    head = ["run"]
+    for kind in kinds:
+        head += [f"{_KINDS.get(kind, kind)}: NRMSE median (worst)", "residual / noise [-]"]
+    return table("Agreement per run and kind of channel", head, rows)
+
+
+def matrix_table(
+    validation: Validation, run_names: dict[str, str], caption: str, cell: Callable[[ChannelAgreement], str]
+) -> Table:
+    """One row per channel, one column per run."""
+    runs = list(dict.fromkeys(row.run for row in validation.channels))
+    columns = list(dict.fromkeys(row.column for row in validation.channels))
+    found = {(row.run, row.column): row for row in validation.channels}
+    rows = []
+    for column in columns:
+        cells = [cell(found[run, column]) if (run, column) in found else "\u2014" for run in runs]
+        rows.append([Cell(column), *cells])
+    return table(caption, ("channel", *(run_names.get(r, r) for r in runs)), rows, classes="matrix")
+
+
+def nrmse_cell(row: ChannelAgreement) -> str:
+    """NRMSE in percent."""
+    return percent(row.nrmse)
+
+
+def noise_cell(row: ChannelAgreement) -> str:
+    """Residual over instrument noise, marked where it shows a misfit."""
+    return _ratio(row.residual_over_noise)
+
+
+def _ratio(value: float) -> str:
+    mark = "\u25b2\u00a0" if is_misfit(value) else ""
+    return mark + fixed(value, 2)
+
+
+def _median(values: list[float]) -> float:
+    finite = [v for v in values if math.isfinite(v)]
+    return statistics.median(finite) if finite else math.nan

@@ -1,0 +1,208 @@
+"""Figures of the report: inline SVG with a caption and a description for those who cannot see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+
+from sysid import plot
+from sysid.estimation.results import RunHistory
+from sysid.export import Results
+from sysid.plot.comparison import Quantity
+from sysid.report.numbers import count, number, speed
+from sysid.sdof.results import DropAnalysis
+
+_MOST_CORNER = 14
+_MOST_MARGINALS = 48
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One figure of the page: the `<svg>` element, its caption, and its width class."""
+
+    svg: Markup
+    caption: str
+    width: str = "wide"
+
+
+class Gallery:
+    """Turns figures into pictures and numbers their identifiers, so that no two clash on the page."""
+
+    def __init__(self) -> None:
+        self._made = 0
+
+    def picture(self, axes: Axes, caption: str, description: str = "", width: str = "wide") -> Picture:
+        """The figure of `axes` as inline SVG; `description`, if any, replaces the caption for screen readers."""
+        self._made += 1
+        # The SVG was written and escaped by an XML serialiser; only this element may pass unescaped into the page.
+        svg = Markup(plot.svg_element(plot.figure_of(axes), f"f{self._made}", description or caption))
+        return Picture(svg, caption, width)
+
+
+def comparison_pictures(results: Results, gallery: Gallery) -> list[Picture]:
+    """Estimates of k and of c per axle side by side."""
+    pictures = []
+    quantities: tuple[tuple[Quantity, str], ...] = (("stiffness", "Stiffness"), ("damping", "Damping"))
+    for quantity, name in quantities:
+        rows = plot.suspension_estimates(quantity, results.drops, results.fit, results.posterior)
+        if any(row.best is not None for row in rows):
+            ax = plot.comparison(rows, quantity)
+            caption = f"{name} per axle: marker = method, colour = axle, bar = 90 % interval."
+            pictures.append(gallery.picture(ax, caption, width="half"))
+    return pictures
+
+
+def drop_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture], list[Picture]]:
+    """One drop per axle and load case for the page, and all drops, a figure per axle, for the fold."""
+    if results.drops is None or not results.drops.files:
+        return [], []
+    groups: dict[tuple[int, str], list[DropAnalysis]] = {}
+    for analysis in results.drops.files:
+        groups.setdefault((analysis.axle, analysis.load_case), []).append(analysis)
+    several = len({load_case for _, load_case in groups}) > 1
+    first = [next((a for a in files if a.reading.usable), files[0]) for _, files in sorted(groups.items())]
+    titles = [f"axle {a.axle + 1}" + (f", {plot.label(a.load_case, 20)}" if several else "") for a in first]
+    overview = plot.drops(first, titles)[0, 0]
+    caption = (
+        "One drop per axle. Filled circles are the peaks that entered period and decrement, open ones did not; the "
+        "grey lines are the envelope of the decrement, the vertical line is the moment the axle leaves the plank."
+    )
+    shown = [gallery.picture(overview, caption, f"{caption} {' '.join(_drop_words(a) for a in first)}")]
+    every = [
+        gallery.picture(
+            plot.drops(files)[0, 0],
+            f"Axle {axle + 1} ({results.campaign.vehicle.axles[axle].name}), {load_case}: "
+            f"{count(len(files), 'drop')}. {' '.join(_drop_words(a) for a in files)}",
+        )
+        for (axle, load_case), files in sorted(groups.items())
+    ]
+    return shown, every
+
+
+def _drop_words(analysis: DropAnalysis) -> str:
+    r = analysis.reading
+    name = f"{analysis.file.rsplit('/', 1)[-1]}:"
+    if not r.usable:
+        return f"{name} not usable, {r.note or 'no two usable peaks'}."
+    return (
+        f"{name} period {number(r.damped_period)} s, decrement {number(r.log_decrement)}, "
+        f"{int(np.sum(r.used))} of {count(len(r.used), 'peak')} used."
+    )
+
+
+def scan_pictures(results: Results, gallery: Gallery) -> list[Picture]:
+    """Profile and cloud of every scan."""
+    pictures = []
+    for name, analysis in results.scans.items():
+        p = analysis.profile
+        peak = float(np.max(p.height_m)) * 1e3 if len(p.height_m) else float("nan")
+        caption = f"Profile of {name}: {number(peak)} mm high, {number(p.length_m)} m long."
+        pictures.append(gallery.picture(plot.profile(analysis), caption, width="half"))
+        caption = f"Scan of {name} from above; between the dashed lines lie the points used for the profile."
+        pictures.append(gallery.picture(plot.scan(analysis), caption, width="half"))
+    return pictures
+
+
+def representative_run(results: Results) -> RunHistory | None:
+    """The run shown first: of the first load case the middle nominal speed, its first repeat."""
+    if results.fit is None or not results.fit.histories:
+        return None
+    histories = {h.file: h for h in results.fit.histories}
+    runs = [r for r in results.campaign.bump_runs if r.log.file in histories]
+    for load_case in results.campaign.load_cases:
+        of_case = [r for r in runs if r.load_case == load_case]
+        if of_case:
+            speeds = sorted({r.nominal_speed_m_s for r in of_case})
+            middle = speeds[len(speeds) // 2]
+            chosen = min((r for r in of_case if r.nominal_speed_m_s == middle), key=lambda r: r.repeat)
+            return histories[chosen.log.file]
+    return results.fit.histories[0]
+
+
+def run_words(history: RunHistory) -> str:
+    """Case, speed found and file of a run in words."""
+    return f"{history.case}, driven at {speed(history.speed_m_s)} km/h ({history.file})"
+
+
+def history_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture], list[tuple[str, Picture]]]:
+    """Figures 7 and 8 for the representative run, and a grid of all channels for every run."""
+    if results.fit is None:
+        return [], []
+    shown = []
+    if (history := representative_run(results)) is not None:
+        axles = sorted({a for a in history.axles if a is not None})
+        chosen = tuple(dict.fromkeys((axles[0], axles[-1]))) if axles else ()
+        if chosen:
+            grid = plot.suspension_histories(history, chosen)
+            names = " and ".join(f"axle {a + 1}" for a in chosen)
+            caption = (
+                f"Measured against simulated, as in Figures 7 and 8 of the paper: suspension deflection and axle "
+                f"acceleration of {names}; {run_words(history)}. Below each history: measured minus simulated."
+            )
+            shown.append(gallery.picture(grid[0, 0], caption))
+    every = [
+        (run_words(h), gallery.picture(plot.channel_grid(h)[0, 0], f"All channels of {run_words(h)}."))
+        for h in results.fit.histories
+    ]
+    return shown, every
+
+
+def residual_picture(results: Results, gallery: Gallery) -> list[Picture]:
+    """Autocorrelation of the residuals."""
+    if results.fit is None or np.size(results.fit.autocorrelation) == 0:
+        return []
+    caption = (
+        "Autocorrelation of the residuals. Outside the grey band neighbouring residuals are not independent; the "
+        "intervals of this report are widened for it."
+    )
+    return [gallery.picture(plot.autocorrelation(results.fit), caption, width="half")]
+
+
+def posterior_pictures(results: Results, gallery: Gallery) -> dict[str, list[Picture]]:
+    """Marginals, pairs, traces and correlations of the posterior."""
+    posterior = results.posterior
+    if posterior is None:
+        return {}
+    suspension = _suspension_names(results)
+    shown = suspension[:_MOST_MARGINALS]
+    marginals = plot.marginals(posterior, shown, results.fit)[0, 0]
+    corner = plot.corner(posterior, shown[:_MOST_CORNER], results.fit)[0, 0]
+    traces = plot.traces(posterior, shown, results.fit)[0, 0]
+    correlation = plot.correlation(plot.posterior_correlation(posterior), posterior.names)
+    return {
+        "marginals": [
+            gallery.picture(marginals, "Posterior of k and c per axle against the prior; the bar is the 90 % interval.")
+        ],
+        "corner": [gallery.picture(corner, "Pairs of k and c: thinned draws, marginals on the diagonal.")],
+        "traces": [gallery.picture(traces, "Mean over the walkers, step by step, one line per independent ensemble.")],
+        "correlation": [gallery.picture(correlation, "Correlation of all parameters.", width="half")],
+    }
+
+
+def _suspension_names(results: Results) -> tuple[str, ...]:
+    assert results.posterior is not None
+    names = results.posterior.names
+    if results.fit is not None:
+        kinds = {p.name: p.quantity for p in results.fit.parameters}
+        chosen = [n for q in ("stiffness", "damping") for n in names if kinds.get(n) == q]
+        if chosen:
+            return tuple(chosen)
+    return names[:_MOST_CORNER]
+
+
+def prediction_pictures(results: Results, gallery: Gallery) -> list[Picture]:
+    """Load ratio against time of every predicted pass, as in Figure 9a of the paper."""
+    if results.predictions is None:
+        return []
+    pictures = []
+    for p in results.predictions.passes:
+        caption = (
+            f"{p.load_case}, {speed(p.speed_m_s)} km/h: vertical wheel load over static load, as in Figure 9a "
+            "of the paper; 1 is the load at rest, 0 a wheel off the ground."
+        )
+        peaks = ", ".join(f"axle {i + 1} {number(float(r))}" for i, r in enumerate(p.peak_ratio_q50))
+        pictures.append(gallery.picture(plot.load_ratios(p)[0, 0], caption, f"{caption} Peak ratios: {peaks}."))
+    return pictures

@@ -1,0 +1,149 @@
+"""The report: one HTML page without any reference outside itself, made from results alone."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import unicodedata
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from sysid.export import Results, write_text
+from sysid.plot.comparison import Quantity
+from sysid.report import agreement, figures, tables
+from sysid.report.numbers import MISSING, count, fixed, number, percent
+from sysid.report.verdict import ARTEFACT_RATIO, MISFIT, artefact_passes, undeclared_travel, verdict
+
+_QUANTITIES: tuple[Quantity, ...] = ("stiffness", "damping")
+
+
+def render_report(results: Results) -> str:
+    """The whole report as the text of one HTML page.
+
+    Stages that have not run are named as such.  Everything that comes from the user (titles, names, files, columns,
+    notes, messages) is escaped; the page loads nothing, and its content security policy forbids it to.
+    """
+    style, script = _asset("style.css"), _asset("page.js")
+    # The policy admits exactly our style sheet and our script, by hash: injected ones would not run.
+    policy = "; ".join(
+        (
+            "default-src 'none'",
+            f"style-src '{_hash(style)}'",
+            f"script-src '{_hash(script)}'",
+            "img-src data:",
+            "base-uri 'none'",
+            "form-action 'none'",
+        )
+    )
+    return (
+        _environment()
+        .get_template("report.html")
+        .render(policy=policy, style=Markup(style), script=Markup(script), **_content(results))
+    )
+
+
+def write_report(results: Results, path: Path) -> None:
+    """Write the report to `path`, complete or not at all."""
+    write_text(path, render_report(results))
+
+
+def _content(results: Results) -> dict[str, Any]:
+    gallery = figures.Gallery()
+    drop_shown, drop_every = figures.drop_pictures(results, gallery)
+    history_shown, history_every = figures.history_pictures(results, gallery)
+    channels = () if results.quality is None else results.quality.channels
+    run_names = _run_names(results)
+    return {
+        "r": results,
+        "verdict": verdict(results),
+        "preview": results.status == "preview",
+        "estimates": [t for q in _QUANTITIES if (t := tables.estimates_table(results, q)) is not None],
+        "comparison": figures.comparison_pictures(results, gallery),
+        "vehicle": tables.vehicle_table(results),
+        "channels": channels,
+        "verdicts": {v: sum(c.verdict == v for c in channels) for v in ("good", "usable", "rejected")},
+        "remarkable": tables.quality_table([c for c in channels if c.verdict != "good"], "Channels with findings"),
+        "all_channels": tables.quality_table(channels, "All channels"),
+        "pooled": None if results.drops is None else tables.pooled_drops_table(results, results.drops),
+        "drop_files": None if results.drops is None else tables.files_table(results, results.drops),
+        "indicator": None if results.drops is None else tables.indicator_table(results, results.drops),
+        "drop_shown": drop_shown,
+        "drop_every": drop_every,
+        "scan_pictures": figures.scan_pictures(results, gallery),
+        "history_shown": history_shown,
+        "history_every": history_every,
+        "residuals": figures.residual_picture(results, gallery),
+        "fit_table": None if results.fit is None else tables.fit_table(results.fit),
+        "global_parameters": None
+        if results.fit is None
+        else tables.parameters_table(results, results.fit.parameters, "Parameters of vehicle and tires"),
+        "run_parameters": None
+        if results.fit is None
+        else tables.parameters_table(results, results.fit.run_parameters, "Parameters of single runs"),
+        "posterior_table": None if results.posterior is None else tables.posterior_table(results.posterior),
+        "posterior_pictures": figures.posterior_pictures(results, gallery),
+        "agreement": _agreement(results, run_names),
+        "prediction_tables": tables.prediction_tables(results),
+        "prediction_pictures": figures.prediction_pictures(results, gallery),
+        "artefacts": artefact_passes(results),
+        "undeclared": [f"axle {i + 1}" for i in undeclared_travel(results)],
+        "settings": tables.flat_settings(results.provenance.get("settings", {})),
+        "versions": dict(results.provenance.get("versions", {})),
+        "timing_rows": [(k, number(v)) for k, v in results.provenance.get("timings", {}).items()],
+        "seed": results.provenance.get("seed", results.posterior.seed if results.posterior else None),
+        "misfit": MISFIT,
+        "artefact_ratio": ARTEFACT_RATIO,
+    }
+
+
+def _agreement(results: Results, run_names: dict[str, str]) -> list[tables.Table]:
+    validation = results.validation
+    if validation is None:
+        return []
+    return [
+        agreement.summary_table(validation, run_names),
+        agreement.matrix_table(validation, run_names, "NRMSE per channel and run", agreement.nrmse_cell),
+        agreement.matrix_table(
+            validation, run_names, "Residual over instrument noise per channel and run [-]", agreement.noise_cell
+        ),
+    ]
+
+
+def _run_names(results: Results) -> dict[str, str]:
+    return {r.log.file: f"{r.case}, run {r.repeat}" for r in results.campaign.bump_runs}
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("sysid.report", "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        finalize=_finalize,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number, "fixed": fixed, "percent": percent, "count": count}
+    return environment
+
+
+def _finalize(value: Any) -> Any:
+    """What a template prints: a dash for None, text without control and direction-override characters."""
+    if value is None:
+        return MISSING
+    if isinstance(value, Markup) or not isinstance(value, str):
+        return value
+    return "".join(c for c in value if c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cf", "Cs", "Co"))
+
+
+def _asset(name: str) -> str:
+    return resources.files("sysid.report").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")

@@ -1,0 +1,280 @@
+"""The first screen in words: what are k and c, can they be used, what should be done next."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from sysid.export.contents import Results
+from sysid.plot import AxleEstimates, Estimate, suspension_estimates
+from sysid.plot.comparison import Quantity
+from sysid.prediction.results import PassPrediction
+from sysid.report.numbers import count, interval, listing, number, percent, speed
+
+Tone = Literal["good", "caution", "stop"]
+
+# Residuals above this multiple of the instrument noise say that the model's form, not the noise, limits the fit.
+MISFIT = 1.3
+# Half width of a 90 % interval, relative to the value, above which a parameter is called poorly known.
+WIDE = 0.2
+# Without bump stops in the model a peak ratio this high is more than a truck does.
+ARTEFACT_RATIO = 3.0
+
+
+_QUANTITIES: tuple[tuple[Quantity, str, str], ...] = (
+    ("stiffness", "Stiffness k", "kN/m"),
+    ("damping", "Damping c", "kN\u00a0s/m"),
+)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Badge, answer in a word or two, and the sentences under the three questions of the first screen."""
+
+    tone: Tone
+    badge: str
+    badge_tone: Tone
+    answer: str
+    what: tuple[str, ...]
+    use: tuple[str, ...]
+    todo: tuple[str, ...]
+    synthetic: bool
+
+
+def verdict(results: Results) -> Verdict:
+    """Judge the results of all stages that have run."""
+    stops, cautions = _stops(results), _cautions(results)
+    if stops:
+        tone: Tone = "stop"
+        answer = "Not for decisions" if results.status == "preview" else "Not yet"
+    elif cautions:
+        tone, answer = "caution", "Yes, with care"
+    else:
+        tone, answer = "good", "Yes"
+    return Verdict(
+        tone=tone,
+        badge=_badge(results),
+        badge_tone=_badge_tone(results),
+        answer=answer,
+        what=tuple(_what(results)),
+        use=(*stops, *cautions) or ("The calibration has converged and no check of this report speaks against it.",),
+        todo=tuple(_todo(results)),
+        synthetic=is_synthetic(results),
+    )
+
+
+def is_misfit(residual_over_noise: float) -> bool:
+    """Whether a residual, rounded as it is printed, is too large for instrument noise; False where it is unknown."""
+    return math.isfinite(residual_over_noise) and round(residual_over_noise, 2) >= MISFIT
+
+
+def is_synthetic(results: Results) -> bool:
+    """Whether title or notes of the campaign say that its data were computed, not measured."""
+    text = f"{results.campaign.title} {results.campaign.notes}"
+    return re.search(r"\b(synthetic|virtual|simulated campaign)\b", text, re.IGNORECASE) is not None
+
+
+def _badge(results: Results) -> str:
+    if results.status == "preview":
+        return "PREVIEW"
+    if results.posterior is not None:
+        return "CONVERGED" if results.status == "converged" else "NOT CONVERGED"
+    if results.fit is not None:
+        return "LEAST SQUARES ONLY" if results.fit.converged else "NOT CONVERGED"
+    return "FIRST ESTIMATES ONLY" if results.drops is not None else "NO ESTIMATES YET"
+
+
+def _badge_tone(results: Results) -> Tone:
+    if results.status == "converged" and results.posterior is not None:
+        return "good"
+    return "stop" if results.status == "preview" or _badge(results).startswith("N") else "caution"
+
+
+def _what(results: Results) -> list[str]:
+    sentences = []
+    for quantity, name, unit in _QUANTITIES:
+        rows = suspension_estimates(quantity, results.drops, results.fit, results.posterior)
+        best = [e for e in (row.best for row in rows) if e is not None]
+        if not best:
+            continue
+        values = [e.value / 1e3 for e in best]
+        text = f"{name} is {_range(values)}\u00a0{unit} per axle"
+        widths = [w for w in (_relative_half_width(e) for e in best) if math.isfinite(w)]
+        kinds = list(dict.fromkeys(e.kind for e in best))
+        if widths:
+            ends = dict.fromkeys(f"\u00b1{percent(w)}" for w in (min(widths), max(widths)))
+            # The scatter of repeated drops says nothing about the error of the method: no word of knowing there.
+            verb = "repeats scatter by" if results.fit is None else "each known to"
+            text += f", {verb} {' to '.join(ends)} ({listing(kinds)})"
+        sentences.append(text + ".")
+    if not sentences:
+        return ["No stiffness or damping has been estimated yet."]
+    if results.fit is None:
+        sentences.append("These are first estimates from the plank drops; on a truck they are biased, see below.")
+    return sentences + _wheel_loads(results)
+
+
+def _wheel_loads(results: Results) -> list[str]:
+    if results.predictions is None:
+        return []
+    sentences = []
+    artefacts = artefact_passes(results)
+    for p in results.predictions.passes:
+        axle = max(range(len(p.static_load_N)), key=lambda i: _finite(float(p.peak_ratio_q50[i])))
+        low = None if p.peak_ratio_q05 is None else float(p.peak_ratio_q05[axle])
+        high = None if p.peak_ratio_q95 is None else float(p.peak_ratio_q95[axle])
+        band = interval(low, high, 2)
+        sentences.append(
+            f"At {speed(p.speed_m_s)}\u00a0km/h ({p.load_case}) the largest wheel load is "
+            f"{number(float(p.peak_ratio_q50[axle]))} times the static one, on axle {axle + 1}"
+            + (f" (90\u00a0% interval {band})" if band else "")
+            + (": an artefact, see the caution." if _pass_name(p) in artefacts else ".")
+        )
+    return sentences
+
+
+def _stops(results: Results) -> list[str]:
+    found = []
+    if results.status == "preview":
+        found.append("This is a preview with shortened sampling. Its intervals are not reliable.")
+    elif results.status == "not_converged" and (results.posterior is not None or results.fit is not None):
+        why = results.posterior.message if results.posterior is not None else ""
+        found.append("The calibration has not converged" + (f": {why.rstrip('.')}." if why else "."))
+    if results.fit is None:
+        found.append(
+            "The drop values are starting points: tires in series and coupled axles bias equations (1)–(3)."
+            if results.drops is not None
+            else "No stage that estimates k and c has run yet."
+        )
+    elif not results.fit.converged:
+        found.append(f"The least-squares fit did not converge: {results.fit.message.rstrip('.')}.")
+    return found
+
+
+def _cautions(results: Results) -> list[str]:
+    found = []
+    if results.fit is not None and results.posterior is None:
+        found.append("The posterior has not been sampled: intervals come from the least-squares covariance.")
+    if unidentified := _unidentified(results):
+        found.append(f"The data say next to nothing about {listing(unidentified)}: these values repeat the prior.")
+    if wide := _wide(results):
+        found.append(f"Known to no better than \u00b1{percent(WIDE)}: {listing(wide)}.")
+    if results.validation is not None and (rows := results.validation.channels):
+        bad = [r for r in rows if is_misfit(r.residual_over_noise)]
+        if bad:
+            found.append(
+                f"In {len(bad)} of {count(len(rows), 'channel record')} the residual is at least {MISFIT:g} times the "
+                "instrument noise: there the form of the model, not the noise, limits the accuracy."
+            )
+    if artefacts := artefact_passes(results):
+        found.append(
+            f"Peak wheel-load ratios of {ARTEFACT_RATIO:g} and more ({listing(artefacts)}) are artefacts: the model "
+            "has no bump stops because the campaign file declares no jounce_travel_m and rebound_travel_m."
+        )
+    return found
+
+
+def artefact_passes(results: Results) -> list[str]:
+    """Predicted passes whose peak ratio is too high for a truck with bump stops, while none are declared."""
+    if results.predictions is None or not undeclared_travel(results):
+        return []
+    return [
+        _pass_name(p)
+        for p in results.predictions.passes
+        if any(
+            _finite(float(p.peak_ratio_q50[i])) >= ARTEFACT_RATIO and i in undeclared_travel(results)
+            for i in range(len(p.static_load_N))
+        )
+    ]
+
+
+def _pass_name(p: PassPrediction) -> str:
+    return f"{p.load_case} {speed(p.speed_m_s)}\u00a0km/h"
+
+
+def undeclared_travel(results: Results) -> list[int]:
+    """Axles (indices) without `jounce_travel_m` or without `rebound_travel_m`."""
+    axles = results.campaign.vehicle.axles
+    return [i for i, a in enumerate(axles) if a.jounce_travel_m is None or a.rebound_travel_m is None]
+
+
+def _todo(results: Results) -> list[str]:
+    steps = []
+    if results.fit is None:
+        steps.append("Run the stage 'fit': it corrects the drop values with the full vehicle model and the bump runs.")
+    elif results.status == "preview":
+        steps.append("Run again without --quick before anybody uses these numbers.")
+    elif results.posterior is None:
+        steps.append("Run the stage 'sample' for credible intervals that include what the data cannot tell apart.")
+    elif results.status == "not_converged":
+        steps.append("Run the stage 'sample' again: it resumes where it stopped.")
+    if results.quality is not None:
+        rejected = [f"{c.column} of {c.file}" for c in results.quality.channels if c.verdict == "rejected"]
+        if rejected:
+            steps.append(f"Check the sensors of {count(len(rejected), 'rejected channel')}: {listing(rejected, 4)}.")
+    if axles := _axles_without_drops(results):
+        steps.append(
+            f"For {listing(axles)} no drop gives a decrement; repeat the drops towed and with the engine off, or rely "
+            "on the fitted values."
+        )
+    if unidentified := _unidentified(results):
+        steps.append(f"Add runs at another speed or load to identify {listing(unidentified)}.")
+    if results.predictions is not None and undeclared_travel(results):
+        steps.append("Declare jounce_travel_m and rebound_travel_m of every axle before using high wheel-load ratios.")
+    if results.fit is not None and results.predictions is None and results.campaign.predictions:
+        steps.append("Run the stage 'predict' for the wheel loads of the passes that the campaign asks for.")
+    if results.status == "converged" and results.posterior is not None:
+        steps.append(
+            "Take k and c from parameters.csv"
+            + (" and wheel-load histories from predictions/*.csv" if results.predictions is not None else "")
+            + "; they are the numbers of this report."
+        )
+    return steps
+
+
+def _best_rows(results: Results) -> list[tuple[str, AxleEstimates, Estimate]]:
+    rows: list[tuple[str, AxleEstimates, Estimate]] = []
+    for quantity, name, _ in _QUANTITIES:
+        symbol = name[-1]
+        for row in suspension_estimates(quantity, results.drops, results.fit, results.posterior):
+            if row.best is not None:
+                rows.append(
+                    (
+                        f"{symbol} of axle {row.axle + 1}" + (f" ({row.load_case})" if row.load_case else ""),
+                        row,
+                        row.best,
+                    )
+                )
+    return rows
+
+
+def _unidentified(results: Results) -> list[str]:
+    return [] if results.fit is None else [name for name, _, best in _best_rows(results) if not best.identified]
+
+
+def _wide(results: Results) -> list[str]:
+    if results.fit is None:
+        return []
+    return [name for name, _, best in _best_rows(results) if best.identified and _relative_half_width(best) > WIDE]
+
+
+def _axles_without_drops(results: Results) -> list[str]:
+    if results.drops is None:
+        return []
+    pooled = [e for e in results.drops.pooled if e.method == "paper"]
+    return [f"axle {e.axle + 1}" for e in pooled if not e.usable]
+
+
+def _relative_half_width(e: Estimate) -> float:
+    return (e.high - e.low) / 2.0 / abs(e.value) if e.value else math.nan
+
+
+def _range(values: list[float]) -> str:
+    low, high = number(min(values)), number(max(values))
+    return low if low == high else f"{low} to {high}"
+
+
+def _finite(value: float) -> float:
+    return value if math.isfinite(value) else -math.inf

@@ -1,0 +1,181 @@
+"""Penalised cubic spline of a bump: zero at its two ends, free to kink there, smoothness by marginal likelihood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+from scipy.optimize import minimize_scalar
+from scipy.sparse import csc_array
+
+
+@dataclass(frozen=True)
+class BinnedHeights:
+    """Heights gathered in narrow bins: mean station and height (m,) [m] and the sum of weights (m,) of each.
+
+    `scatter_m2` is the weighted sum of squares within the bins, `count` the sum of all weights (number of points).
+    """
+
+    station_m: np.ndarray
+    height_m: np.ndarray
+    weight: np.ndarray
+    scatter_m2: float
+    count: float
+
+
+@dataclass(frozen=True)
+class SplineFit:
+    """Spline on [`start_m`, `end_m`], zero outside; `noise_m` is the residual scatter of one point of weight 1.
+
+    `criterion` is minus twice the logarithm of the marginal likelihood up to a constant of the data: comparable between
+    fits of the same data with other ends or another smoothness.
+    """
+
+    start_m: float
+    end_m: float
+    spline: BSpline
+    noise_m: float
+    smoothness: float
+    criterion: float
+    factor: np.ndarray
+
+    def height_m(self, station_m: np.ndarray) -> np.ndarray:
+        """Return the height [m] at stations [m], exactly zero outside the ends."""
+        inside = (station_m > self.start_m) & (station_m < self.end_m)
+        return np.where(inside, self.spline(np.clip(station_m, self.start_m, self.end_m)), 0.0)
+
+    def slope(self, station_m: np.ndarray) -> np.ndarray:
+        """Return dz/ds at stations [m], zero outside the ends."""
+        inside = (station_m > self.start_m) & (station_m < self.end_m)
+        return np.where(inside, self.spline(np.clip(station_m, self.start_m, self.end_m), nu=1), 0.0)
+
+    def variance_m2(self, station_m: np.ndarray) -> np.ndarray:
+        """Return the posterior variance [m^2] of the height at stations [m], zero outside the ends.
+
+        Bayesian covariance of the coefficients: its band covers the truth at the stated rate on average along the
+        curve (D. Nychka, Journal of the American Statistical Association 83 (1988) 1134-1143).
+        """
+        result = np.zeros_like(station_m)
+        inside = np.flatnonzero((station_m > self.start_m) & (station_m < self.end_m))
+        for block in np.array_split(inside, max(1, inside.size // 512)):
+            if block.size == 0:
+                continue
+            design = BSpline.design_matrix(station_m[block], self.spline.t, 3).toarray()[:, 1:-1]
+            solved = cho_solve_banded((self.factor, True), design.T)
+            result[block] = self.noise_m**2 * np.einsum("ij,ji->i", design, solved)
+        return result
+
+
+def bin_heights(
+    station_m: np.ndarray, height_m: np.ndarray, weight: np.ndarray, *, width_m: float = 0.001
+) -> BinnedHeights:
+    """Gather points (n,) into bins of `width_m`; the spline sees their weighted means, which are sufficient for it."""
+    label = np.floor((station_m - station_m.min()) / width_m).astype(np.int64)
+    total = np.bincount(label, weights=weight)
+    used = total > 0
+    safe = np.where(used, total, 1.0)
+    mean_station = np.bincount(label, weights=weight * station_m) / safe
+    mean_height = np.bincount(label, weights=weight * height_m) / safe
+    scatter = float(np.sum(weight * (height_m - mean_height[label]) ** 2))
+    return BinnedHeights(mean_station[used], mean_height[used], total[used], scatter, float(np.sum(weight)))
+
+
+def fit_spline(
+    data: BinnedHeights, start_m: float, end_m: float, *, knot_spacing_m: float, smoothness: float | None = None
+) -> SplineFit:
+    r"""Fit the spline f that minimises sum_j w_j (z_j - f(s_j))^2 + lambda \int f''(s)^2 ds, f(start) = f(end) = 0.
+
+    With lambda = `smoothness` None it maximises the marginal likelihood in which the penalty is a Gaussian prior and
+    the noise variance is profiled out:
+    -2 log L = n log(RSS + lambda c'Sc) + log|B'WB + lambda S| - log|lambda S|.
+    Data outside the ends are explained by zero, so that fits with other ends can be compared.
+    Source: P. H. C. Eilers and B. D. Marx, Statistical Science 11 (1996) 89-121, doi:10.1214/ss/1038425655.
+    """
+    intervals = max(4, round((end_m - start_m) / knot_spacing_m))
+    breaks = np.linspace(start_m, end_m, intervals + 1)
+    knots = np.concatenate([[start_m] * 3, breaks, [end_m] * 3])
+    inside = (data.station_m > start_m) & (data.station_m < end_m)
+    station, height, weight = data.station_m[inside], data.height_m[inside], data.weight[inside]
+    # Dropping the first and the last coefficient makes the spline zero at both ends and leaves its slope free.
+    design = BSpline.design_matrix(station, knots, 3)[:, 1:-1]
+    gram = _lower_band(csc_array(design.T @ design.multiply(weight[:, None])))
+    right = design.T @ (weight * height)
+    penalty = _penalty_band(knots, breaks)
+    squares = float(np.sum(data.weight * data.height_m**2)) + data.scatter_m2
+    log_penalty = _log_determinant(cholesky_banded(penalty, lower=True))
+    coefficients = penalty.shape[1]
+    # Dimensionless smoothness: lambda relative to the balance of the two matrices.
+    unit = float(np.sum(gram[0])) / float(np.sum(penalty[0]))
+
+    def solve(log_lambda: float) -> tuple[float, np.ndarray, np.ndarray, float]:
+        strength = unit * np.exp(log_lambda)
+        factor = cholesky_banded(gram + strength * penalty, lower=True)
+        solution = cho_solve_banded((factor, True), right)
+        # RSS + penalty at the minimum; the floor is the rounding of heights in the file (10 um).
+        loss = max(squares - float(right @ solution), 1e-10 * data.count)
+        criterion = data.count * np.log(loss) + _log_determinant(factor) - log_penalty - coefficients * np.log(strength)
+        return criterion, solution, factor, loss
+
+    def criterion_of(log_lambda: float) -> float:
+        try:
+            return solve(log_lambda)[0]
+        except LinAlgError:
+            return np.inf
+
+    if smoothness is None:
+        coarse = np.arange(-16.0, 30.1, 2.0)
+        best = coarse[int(np.argmin([criterion_of(value) for value in coarse]))]
+        found = minimize_scalar(criterion_of, bounds=(best - 2, best + 2), method="bounded", options={"xatol": 0.02})
+        log_lambda = float(found.x)
+    else:
+        log_lambda = float(np.log(smoothness / unit))
+    criterion, solution, factor, loss = solve(log_lambda)
+    return SplineFit(
+        start_m=start_m,
+        end_m=end_m,
+        spline=BSpline(knots, np.concatenate([[0.0], solution, [0.0]]), 3),
+        noise_m=float(np.sqrt(loss / data.count)),
+        smoothness=float(unit * np.exp(log_lambda)),
+        criterion=float(criterion),
+        factor=factor,
+    )
+
+
+def _penalty_band(knots: np.ndarray, breaks: np.ndarray) -> np.ndarray:
+    """Return the lower bands of the matrix of integrals of products of second derivatives.
+
+    The second derivative is linear between the breaks: two difference operators give its values there, the mass matrix
+    of hat functions integrates their products.
+    """
+    size = knots.size - 4
+    first = _difference(3 / (knots[4 : size + 3] - knots[1:size]))
+    second = _difference(2 / (knots[4 : size + 2] - knots[2:size]))
+    # The ends' own coefficients are zero and take no part.
+    curvature = csc_array(second @ first)[:, 1:-1]
+    step = np.diff(breaks)
+    mass = csc_array((breaks.size, breaks.size))
+    mass.setdiag(np.concatenate([step, [0.0]]) / 3 + np.concatenate([[0.0], step]) / 3)
+    mass.setdiag(step / 6, k=1)
+    mass.setdiag(step / 6, k=-1)
+    return _lower_band(csc_array(curvature.T @ mass @ curvature))
+
+
+def _difference(scale: np.ndarray) -> csc_array:
+    """Return the operator that takes scaled differences of neighbouring coefficients."""
+    row = np.arange(scale.size)
+    values = np.concatenate([-scale, scale])
+    return csc_array((values, (np.tile(row, 2), np.concatenate([row, row + 1]))), shape=(scale.size, scale.size + 1))
+
+
+def _lower_band(matrix: csc_array) -> np.ndarray:
+    size = matrix.shape[0]
+    band = np.zeros((4, size))
+    for k in range(4):
+        band[k, : size - k] = matrix.diagonal(-k)
+    return band
+
+
+def _log_determinant(factor: np.ndarray) -> float:
+    return 2.0 * float(np.sum(np.log(factor[0])))

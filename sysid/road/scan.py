@@ -1,0 +1,272 @@
+"""From a point cloud to the smooth profile of the bump along the direction of travel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.errors import CampaignError, DataRejectedError
+from sysid.road.bump_search import Stretch, raised_stretches
+from sysid.road.results import RoadProfile, ScanAnalysis
+from sysid.road.road_frame import RoadFrame, level_frame
+from sysid.road.scan_checks import HEIGHT_M, UNUSUAL_HEIGHT_M, checked_points, crest_angle, unit_hint
+from sysid.road.shapes import make_profile
+from sysid.road.strip_profile import StripFit, StripProfile, fit_strip, settle_ends
+from sysid.road.wheel_track import Strip, mean_over_tracks, select_strip, travel_station, without_bare_lanes
+
+if TYPE_CHECKING:
+    from sysid.campaign.records import Scan
+
+_SAMPLE_POINTS = 60_000
+_CREST_POINTS = 12_000
+_LEAST_ROAD_M = 0.1
+_LARGEST_TURN_RAD = 0.02
+_SETTLED_TURN_RAD = 2e-4
+
+
+@dataclass(frozen=True)
+class ScanOptions:
+    """Settings of :func:`analyse_scan`.
+
+    Without `strip_half_width_m` the profile is the mean over the whole scanned width, every lane of the road counting
+    alike; with it, over a strip about `strip_centre_m` (to the left of the scan's middle line).  With `track_width_m`
+    it is the mean of two such strips (half width 0.3 m if None), half a track width to either side of that centre.
+    `heading_tolerance_rad` is how well the declared heading is known: a crest line that is off by less turns the
+    heading, one that is off by more is a skew bump and reported, one beyond `heading_rejected_rad` is rejected.
+    `strip_points` and `cloud_points` are kept for figures.
+    """
+
+    station_step_m: float = 0.002
+    flat_m: float = 0.3
+    strip_centre_m: float = 0.0
+    strip_half_width_m: float | None = None
+    track_width_m: float | None = None
+    knot_spacing_m: float = 0.005
+    heading_tolerance_rad: float = float(np.radians(3.0))
+    heading_rejected_rad: float = float(np.radians(20.0))
+    minimum_points: int = 200
+    strip_points: int = 4000
+    cloud_points: int = 6000
+
+    def __post_init__(self) -> None:
+        for name in ("station_step_m", "flat_m", "knot_spacing_m", "strip_half_width_m", "track_width_m"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise CampaignError(f"Scan option {name} is {value}; a positive length in metres is expected.")
+        for name, least in (("minimum_points", 50), ("strip_points", 1), ("cloud_points", 1)):
+            if getattr(self, name) < least:
+                raise CampaignError(f"Scan option {name} is {getattr(self, name)}; at least {least} is expected.")
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What the steps hand to each other: the levelled frame, the strip in it, bumps and lesser rises along it."""
+
+    frame: RoadFrame
+    strip: Strip
+    bumps: tuple[Stretch, ...]
+    rises: tuple[Stretch, ...]
+
+
+def analyse_scan(scan: Scan, *, options: ScanOptions | None = None) -> ScanAnalysis:
+    """Find road plane, bump and smooth profile along the direction of travel in a laser point cloud.
+
+    The plane is found by a search that disfavours planes with points below them and refined on the flat road around the
+    bump; heights are measured perpendicular to it.  The heading is squared to the bump's crest line where the two
+    differ by less than the tolerance of the declared heading; beyond it the profile is the mean over the tracks of the
+    strip.  The profile is the penalised spline of :mod:`sysid.road.penalised_spline`, exactly zero outside the bump;
+    its standard error holds the noise of the points, the plane's own error, the waviness of the flat road, the
+    uncertain ends of the bump and differences between lanes.
+    `scan.points_m` (n, 3) [m]; the result is in metres and radians.  Raises DataRejectedError (one sentence) where the
+    cloud holds no usable bump.
+    """
+    options = options or ScanOptions()
+    points, repeated = checked_points(scan, options.minimum_points)
+    rng = np.random.default_rng(0)
+    sample = points[rng.permutation(points.shape[0])[:_SAMPLE_POINTS]]
+    frame, noise = level_frame(sample, scan.heading_rad, rng)
+    frame = frame.turned(crest_angle(sample[:_CREST_POINTS], frame, noise, scan, options.heading_rejected_rad))
+    # Heading, plane and profile depend on each other: settle them on the sample, then take every point once.
+    for _ in range(5):
+        work = _level(sample, frame, noise, scan, options)
+        fit = _fit(work, noise, options)
+        frame = work.frame
+        if abs(fit.crest_turn_rad) < _SETTLED_TURN_RAD:
+            break
+        frame = frame.turned(float(np.clip(fit.crest_turn_rad, -_LARGEST_TURN_RAD, _LARGEST_TURN_RAD)))
+    if points.shape[0] > sample.shape[0]:
+        strip = _strip_of(points, work.frame, scan, options)
+        work = _Work(work.frame, _trimmed(strip, work.bumps, options), work.bumps, work.rises)
+        fit = _fit(work, noise, options)
+    mean = settle_ends(fit, step_m=options.station_step_m, knot_spacing_m=options.knot_spacing_m)
+    result = _result(scan, options, points, work, fit, mean)
+    if repeated:
+        note = f"{repeated} points occur more than once in the scan and were counted once."
+        result = replace(result, messages=(*result.messages, note))
+    return result
+
+
+def _level(points: np.ndarray, frame: RoadFrame, noise: float, scan: Scan, options: ScanOptions) -> _Work:
+    """Level the frame on the road around the bump and cut the strip out of it."""
+    for _ in range(2):
+        strip = _strip_of(points, frame, scan, options)
+        bumps, rises = raised_stretches(strip.along_m, strip.height_m, noise, least_height_m=HEIGHT_M[0])
+        if not bumps:
+            raise DataRejectedError(
+                f"Scan {scan.file} shows no bump of {1e3 * HEIGHT_M[0]:.0f} mm or more in the wheel-track strip; "
+                "check strip and heading."
+            )
+        flat = _flat_road(frame.road_coordinates(points)[0], (*bumps, *rises))
+        if np.count_nonzero(flat) < 30:
+            raise DataRejectedError(
+                f"Scan {scan.file} holds hardly any flat road around the bump; scan at least 0.3 m on either side."
+            )
+        frame = frame.relevelled(points, flat, noise)
+    strip = _strip_of(points, frame, scan, options)
+    first, last = (float(value) for value in np.quantile(strip.along_m, [0.0005, 0.9995]))
+    start, end = bumps[0].start_m, bumps[-1].end_m
+    if start - first < _LEAST_ROAD_M or last - end < _LEAST_ROAD_M:
+        raise DataRejectedError(
+            f"Scan {scan.file}: the bump reaches from {max(start - first, 0.0):.2f} m to {end - first:.2f} m of "
+            f"{last - first:.2f} m scanned and is cut off; scan at least 0.3 m of flat road before and behind it."
+        )
+    return _Work(frame, _trimmed(strip, bumps, options), bumps, rises)
+
+
+def _strip_of(points: np.ndarray, frame: RoadFrame, scan: Scan, options: ScanOptions) -> Strip:
+    strip = select_strip(
+        *frame.road_coordinates(points),
+        centre_m=options.strip_centre_m,
+        half_width_m=options.strip_half_width_m,
+        track_width_m=options.track_width_m,
+    )
+    if strip.along_m.size < min(options.minimum_points, points.shape[0] // 2):
+        raise DataRejectedError(
+            f"Scan {scan.file}: {strip.along_m.size} points lie in the wheel-track strip, {options.minimum_points} are "
+            "needed; widen the strip or scan more densely."
+        )
+    return strip
+
+
+def _trimmed(strip: Strip, bumps: tuple[Stretch, ...], options: ScanOptions) -> Strip:
+    # A strip that was asked for is taken as it is.
+    chosen = options.strip_half_width_m is not None or options.track_width_m is not None
+    return strip if chosen else without_bare_lanes(strip, bumps)
+
+
+def _flat_road(along: np.ndarray, stretches: tuple[Stretch, ...]) -> np.ndarray:
+    flat = np.ones(along.size, dtype=bool)
+    for stretch in stretches:
+        flat &= (along < stretch.start_m - 0.1) | (along > stretch.end_m + 0.1)
+    return flat
+
+
+def _fit(work: _Work, noise: float, options: ScanOptions) -> StripFit:
+    strip = work.strip
+    return fit_strip(
+        strip.along_m,
+        strip.across_m,
+        strip.height_m,
+        _flat_road(strip.along_m, (*work.bumps, *work.rises)),
+        start_m=work.bumps[0].start_m,
+        end_m=work.bumps[-1].end_m,
+        noise_m=noise,
+        knot_spacing_m=options.knot_spacing_m,
+    )
+
+
+def _result(
+    scan: Scan, options: ScanOptions, points: np.ndarray, work: _Work, fit: StripFit, mean: StripProfile
+) -> ScanAnalysis:
+    strip, step = work.strip, options.station_step_m
+    turned = work.frame.heading_rad - scan.heading_rad
+    skew = turned if abs(turned) > options.heading_tolerance_rad else 0.0
+    first, height, variance = mean.start_m, mean.height_m, mean.variance_m2
+    if skew:
+        first, height, variance = mean_over_tracks(mean, strip, skew, step)
+    flat = int(np.ceil(options.flat_m / step - 1e-9))
+    origin = first - flat * step
+    station = step * np.arange(height.size + 2 * flat)
+    plane_sd = work.frame.height_sd_m(origin + station, strip.centre_m)
+    profile = make_profile(
+        station,
+        np.pad(height, flat),
+        height_sd_m=np.sqrt(np.pad(variance, flat) + plane_sd**2),
+        name=scan.name,
+    )
+    thin = slice(None, None, max(1, strip.along_m.size // options.strip_points))
+    cloud = points[:: max(1, points.shape[0] // options.cloud_points)]
+    along, across, above = work.frame.road_coordinates(cloud)
+    declared = work.frame.turned(-skew)
+    return ScanAnalysis(
+        profile=profile,
+        heading_rad=declared.heading_rad,
+        grade=declared.grade,
+        camber=declared.camber,
+        points=int(points.shape[0]),
+        outliers=fit.outliers,
+        noise_rms_m=fit.noise_m,
+        strip_half_width_m=strip.half_width_m,
+        strip_station_m=travel_station(strip.along_m[thin], strip.across_m[thin], strip.centre_m, skew) - origin,
+        strip_height_m=strip.height_m[thin],
+        cloud_along_m=travel_station(along, across, strip.centre_m, skew) - origin,
+        cloud_across_m=across,
+        cloud_height_m=above,
+        messages=_messages(scan, turned, skew, work, fit, mean, profile),
+    )
+
+
+def _messages(
+    scan: Scan, turned: float, skew: float, work: _Work, fit: StripFit, mean: StripProfile, profile: RoadProfile
+) -> tuple[str, ...]:
+    height = float(profile.height_m.max())
+    if height > HEIGHT_M[1]:
+        raise DataRejectedError(
+            f"Scan {scan.file} shows a bump of {height:.3g} m, more than {HEIGHT_M[1]:g} m; "
+            f"check its unit{unit_hint(height, *HEIGHT_M)}."
+        )
+    found = []
+    if skew:
+        found.append(
+            f"The crest line of the bump is {abs(np.degrees(turned)):.1f} degrees off the perpendicular to the "
+            "heading; the profile is the mean of the tracks that meet it one after the other. If the bump lies square "
+            f"to the lane, set heading_deg to {np.degrees(scan.heading_rad + turned) % 360:.1f}."
+        )
+    elif abs(np.degrees(turned)) > 0.5:
+        found.append(
+            f"The heading was turned by {np.degrees(turned):+.2f} degrees to be square to the crest line of the bump."
+        )
+    if height > UNUSUAL_HEIGHT_M:
+        found.append(f"The bump is {height:.3f} m high, unusual for a speed bump: check the unit of the scan.")
+    if len(work.bumps) > 1:
+        gaps = ", ".join(f"{after.start_m - before.end_m:.2f} m" for before, after in pairwise(work.bumps))
+        found.append(
+            f"The scan holds {len(work.bumps)} bumps (flat road between them: {gaps}); the profile holds all of them."
+        )
+    for rise in work.rises[:3]:
+        away = rise.start_m - work.bumps[0].start_m
+        side = "before" if away < 0 else "behind"
+        kind = "rise" if rise.peak_m > 0 else "dip"
+        found.append(
+            f"A {kind} of {1e3 * abs(rise.peak_m):.0f} mm, {abs(away):.2f} m {side} the start of the bump, is "
+            "not part of it and was left out."
+        )
+    if work.strip.narrowed:
+        found.append(
+            "The bump does not cover the whole scanned width; the strip was cut to "
+            f"+-{work.strip.half_width_m:.2f} m around its middle."
+        )
+    if fit.lateral_sd_m > max(0.002, 0.03 * height):
+        found.append(
+            f"The height of the bump differs between lanes by {1e3 * fit.lateral_sd_m:.1f} mm (standard deviation); "
+            "the profile is their mean."
+        )
+    if mean.largest_gap_m > 0.05:
+        found.append(
+            f"No point lies on {1e2 * mean.largest_gap_m:.0f} cm of the bump (shadow of the laser?); "
+            "the profile bridges it."
+        )
+    return tuple(found)

@@ -1,0 +1,215 @@
+"""Road profiles from analytic bump shapes or from surveyed points, on uniform stations."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from sysid.errors import CampaignError
+from sysid.road.results import RoadProfile
+
+STATION_STEP_M = 0.002
+FLAT_M = 0.3
+# The bump starts at the first station above this height: the origin of every start offset and of every time axis.
+START_HEIGHT_M = 0.001
+
+
+def make_profile(
+    station_m: np.ndarray, height_m: np.ndarray, *, height_sd_m: np.ndarray | None = None, name: str = "bump"
+) -> RoadProfile:
+    """Return the profile with its start and length read off the heights.
+
+    `station_m` (n,) [m] uniformly spaced and starting at 0; `height_m` (n,) [m]; `height_sd_m` (n,) [m], zeros if None.
+    Raises CampaignError where the stations are not uniform or nothing rises above 1 mm.
+    """
+    station = np.asarray(station_m, dtype=np.float64)
+    height = np.asarray(height_m, dtype=np.float64)
+    sd = np.zeros_like(height) if height_sd_m is None else np.asarray(height_sd_m, dtype=np.float64)
+    if station.ndim != 1 or station.size < 3 or height.shape != station.shape or sd.shape != station.shape:
+        raise CampaignError(
+            f"Profile '{name}' has {station.size} stations, {height.size} heights and {sd.size} standard errors; "
+            "three or more of each and equally many are expected."
+        )
+    if not (np.all(np.isfinite(station)) and np.all(np.isfinite(height)) and np.all(np.isfinite(sd))):
+        raise CampaignError(f"Profile '{name}' holds values that are not numbers; remove or replace those points.")
+    step = np.diff(station)
+    if abs(station[0]) > 1e-12 or step[0] <= 0 or np.ptp(step) > 1e-6 * step[0]:
+        raise CampaignError(
+            f"The stations of profile '{name}' are not uniform from 0 upward; resample them with profile_from_points."
+        )
+    above = np.flatnonzero(height > START_HEIGHT_M)
+    if above.size == 0:
+        raise CampaignError(
+            f"Profile '{name}' nowhere rises above 1 mm (maximum {1e3 * height.max():.2f} mm); give heights in metres."
+        )
+    start = float(station[above[0]])
+    return RoadProfile(
+        name=name,
+        station_m=station,
+        height_m=height,
+        height_sd_m=sd,
+        start_m=start,
+        length_m=float(station[above[-1]]) - start,
+    )
+
+
+def raised_cosine(
+    height_m: float, length_m: float, *, step_m: float = STATION_STEP_M, flat_m: float = FLAT_M, name: str = "bump"
+) -> RoadProfile:
+    """Return z(s) = h/2 (1 - cos(2 pi s/L)): height h [m], length L [m], no kink at its ends.
+
+    `step_m` is the distance of the stations, `flat_m` the flat road on either side.  Raises CampaignError for sizes
+    that are not positive.
+    """
+    station, u = _stations(height_m, length_m, step_m, flat_m, name)
+    return make_profile(station, np.where(_inside(u), 0.5 * height_m * (1 - np.cos(2 * np.pi * u)), 0.0), name=name)
+
+
+def half_sine(
+    height_m: float, length_m: float, *, step_m: float = STATION_STEP_M, flat_m: float = FLAT_M, name: str = "bump"
+) -> RoadProfile:
+    """Return z(s) = h sin(pi s/L): height h [m], length L [m]; arguments and errors as :func:`raised_cosine`."""
+    station, u = _stations(height_m, length_m, step_m, flat_m, name)
+    return make_profile(station, np.where(_inside(u), height_m * np.sin(np.pi * u), 0.0), name=name)
+
+
+def parabolic(
+    height_m: float, length_m: float, *, step_m: float = STATION_STEP_M, flat_m: float = FLAT_M, name: str = "bump"
+) -> RoadProfile:
+    """Return z(s) = 4 h s/L (1 - s/L): height h [m], length L [m]; arguments and errors as :func:`raised_cosine`."""
+    station, u = _stations(height_m, length_m, step_m, flat_m, name)
+    return make_profile(station, np.where(_inside(u), 4 * height_m * u * (1 - u), 0.0), name=name)
+
+
+def trapezoid(
+    height_m: float,
+    length_m: float,
+    *,
+    top_m: float | None = None,
+    step_m: float = STATION_STEP_M,
+    flat_m: float = FLAT_M,
+    name: str = "bump",
+) -> RoadProfile:
+    """Return a flat-topped hump with straight ramps: height [m], length over all [m], flat top `top_m` (a third of it).
+
+    Other arguments and errors as :func:`raised_cosine`.
+    """
+    top = length_m / 3 if top_m is None else top_m
+    if not 0 <= top < length_m:
+        raise CampaignError(f"The flat top of {top:g} m does not fit a bump of {length_m:g} m; make it shorter.")
+    station, u = _stations(height_m, length_m, step_m, flat_m, name)
+    ramp = (length_m - top) / 2
+    distance_to_end = np.minimum(u, 1 - u) * length_m
+    return make_profile(station, height_m * np.clip(distance_to_end / ramp, 0.0, 1.0), name=name)
+
+
+def watts(
+    height_m: float = 0.076,
+    length_m: float = 3.66,
+    *,
+    step_m: float = STATION_STEP_M,
+    flat_m: float = FLAT_M,
+    name: str = "bump",
+) -> RoadProfile:
+    """Return the circular-arc (Watts) hump: z(s) = sqrt(R^2 - (s - L/2)^2) - (R - h) with R = (L^2/4 + h^2)/(2 h).
+
+    Height h [m] and chord length L [m], by default 76 mm on 3.66 m; other arguments and errors as
+    :func:`raised_cosine`.  Raises CampaignError where the hump would be more than a half circle.
+    """
+    station, u = _stations(height_m, length_m, step_m, flat_m, name)
+    if height_m > length_m / 2:
+        raise CampaignError(f"A circular arc of {length_m:g} m cannot be {height_m:g} m high; at most half its length.")
+    radius = (length_m**2 / 4 + height_m**2) / (2 * height_m)
+    half_chord = np.minimum(np.abs(u - 0.5) * length_m, length_m / 2)
+    arc = np.sqrt(radius**2 - half_chord**2) - (radius - height_m)
+    return make_profile(station, np.where(_inside(u), np.maximum(arc, 0.0), 0.0), name=name)
+
+
+def plank(
+    height_m: float,
+    length_m: float,
+    *,
+    step_m: float = STATION_STEP_M,
+    flat_m: float = FLAT_M,
+    name: str = "plank",
+) -> RoadProfile:
+    """Return a plank: height [m] on every station of its length [m], a step at either end within one station distance.
+
+    A plank drop is the wheel rolling off its far end.  Other arguments and errors as :func:`raised_cosine`.
+    """
+    station, u = _stations(height_m, length_m, step_m, flat_m, name)
+    return make_profile(station, np.where(_inside(u), height_m, 0.0), name=name)
+
+
+def profile_from_points(
+    station_m: np.ndarray,
+    height_m: np.ndarray,
+    *,
+    kind: Literal["linear", "pchip"] = "linear",
+    step_m: float = STATION_STEP_M,
+    flat_m: float = FLAT_M,
+    name: str = "bump",
+) -> RoadProfile:
+    """Return the profile through surveyed points, with `flat_m` of flat road put before and behind them.
+
+    `station_m`, `height_m` (n,) [m], stations increasing, heights within 1 mm of the road at both ends.  `kind`:
+    ``linear`` joins the points by straight lines, ``pchip`` by a shape-preserving cubic (no overshoot).
+    Raises CampaignError for points that are not increasing, not numbers or not down on the road at the ends.
+    """
+    station = np.asarray(station_m, dtype=np.float64)
+    height = np.asarray(height_m, dtype=np.float64)
+    if station.ndim != 1 or station.shape != height.shape or station.size < 3:
+        raise CampaignError(
+            f"Profile '{name}' has {station.size} stations and {height.size} heights; "
+            "at least three of each are expected."
+        )
+    if not (np.all(np.isfinite(station)) and np.all(np.isfinite(height))):
+        raise CampaignError(f"Profile '{name}' holds values that are not numbers; remove or replace those points.")
+    backward = np.flatnonzero(np.diff(station) <= 0)
+    if backward.size:
+        raise CampaignError(
+            f"Stations of profile '{name}' do not increase at point {backward[0] + 2} "
+            f"({station[backward[0] + 1]:g} m after {station[backward[0]]:g} m); sort the points along the road."
+        )
+    if max(abs(height[0]), abs(height[-1])) > START_HEIGHT_M:
+        raise CampaignError(
+            f"Profile '{name}' ends {1e3 * height[0]:.1f} mm and {1e3 * height[-1]:.1f} mm above the road; "
+            "its first and last point must lie on the road (within 1 mm)."
+        )
+    length = float(station[-1] - station[0])
+    grid, u = _stations(float(np.max(np.abs(height))), length, step_m, flat_m, name)
+    along = station - station[0]
+    query = np.clip(u * length, 0.0, length)
+    inside = _inside(u)
+    values = PchipInterpolator(along, height)(query) if kind == "pchip" else np.interp(query, along, height)
+    return make_profile(grid, np.where(inside, values, 0.0), name=name)
+
+
+def _stations(
+    height_m: float, length_m: float, step_m: float, flat_m: float, name: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return uniform stations and the same as a fraction of the bump's length."""
+    for what, value in (("height", height_m), ("length", length_m), ("station step", step_m), ("flat road", flat_m)):
+        if not np.isfinite(value) or value <= 0:
+            raise CampaignError(
+                f"The {what} of profile '{name}' is {value:g} m; a positive length in metres is expected."
+            )
+    if length_m < 3 * step_m:
+        raise CampaignError(
+            f"Profile '{name}' is {length_m:g} m long, too short for stations every {step_m:g} m; use a smaller step."
+        )
+    if (length_m + 2 * flat_m) / step_m > 1e6:
+        raise CampaignError(
+            f"Profile '{name}' of {length_m:g} m has more than a million stations of {step_m:g} m; use a larger step."
+        )
+    before = int(np.ceil(flat_m / step_m - 1e-9))
+    count = before + int(np.ceil((length_m + flat_m) / step_m - 1e-9)) + 1
+    station = step_m * np.arange(count)
+    return station, (station - before * step_m) / length_m
+
+
+def _inside(fraction: np.ndarray) -> np.ndarray:
+    # A station that rounding puts a hair outside still belongs to the bump: planks would lose their last station.
+    return (fraction >= -1e-9) & (fraction <= 1 + 1e-9)

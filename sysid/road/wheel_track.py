@@ -1,0 +1,108 @@
+"""Which points the wheels roll on: the strip across the road, and the mean over tracks that meet a skew bump."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.road.bump_search import Stretch, covered_lanes, lanes
+from sysid.road.strip_profile import StripProfile
+
+_TRACK_HALF_WIDTH_M = 0.3
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Points of the wheel-track strip in road coordinates (n,) [m]; `narrowed` where bare lanes were cut off."""
+
+    along_m: np.ndarray
+    across_m: np.ndarray
+    height_m: np.ndarray
+    half_width_m: float
+    narrowed: bool = False
+
+    @property
+    def centre_m(self) -> float:
+        """Middle of the strip across the road [m]."""
+        return (float(self.across_m.min()) + float(self.across_m.max())) / 2
+
+
+def select_strip(
+    along_m: np.ndarray,
+    across_m: np.ndarray,
+    height_m: np.ndarray,
+    *,
+    centre_m: float,
+    half_width_m: float | None,
+    track_width_m: float | None,
+) -> Strip:
+    """Return the points (n,) of the strip; see :class:`sysid.road.scan.ScanOptions` for the three settings [m]."""
+    # A stray point far to the side must not stretch the strip.
+    low, high = (float(value) for value in np.quantile(across_m, [0.002, 0.998]))
+    offset = across_m - (low + high) / 2 - centre_m
+    if track_width_m is not None:
+        half = _TRACK_HALF_WIDTH_M if half_width_m is None else half_width_m
+        keep = np.abs(np.abs(offset) - track_width_m / 2) <= half
+    elif half_width_m is not None:
+        half = half_width_m
+        keep = np.abs(offset) <= half
+    else:
+        half = (high - low) / 2
+        keep = (across_m >= low) & (across_m <= high)
+    return Strip(along_m[keep], across_m[keep], height_m[keep], half)
+
+
+def without_bare_lanes(strip: Strip, bumps: tuple[Stretch, ...]) -> Strip:
+    """Cut the strip to the widest run of lanes that carry the bump: a scan is often wider than the bump."""
+    lane, count = lanes(strip.across_m)
+    inside = (strip.along_m > bumps[0].start_m) & (strip.along_m < bumps[-1].end_m)
+    along, height = strip.along_m[inside], strip.height_m[inside]
+    if along.size == 0:
+        return strip
+    label = np.floor((along - along.min()) / 0.05).astype(np.int64)
+    order = np.argsort(label, kind="stable")
+    bins, first = np.unique(label[order], return_index=True)
+    profile = np.full(label.max() + 1, 1e-4)
+    # The upper quartile over the width is the bump's own height even where up to half of the lanes are bare.
+    for k, group in zip(bins, np.split(height[order], first[1:]), strict=True):
+        profile[k] = max(float(np.quantile(group, 0.75)), 1e-4)
+    covered = covered_lanes(lane[inside], count, height, profile[label])
+    if covered.all():
+        return strip
+    runs = np.split(np.arange(count), np.flatnonzero(np.diff(covered.astype(int))) + 1)
+    widest = max((run for run in runs if covered[run[0]]), key=len, default=np.arange(count))
+    keep = (lane >= widest[0]) & (lane <= widest[-1])
+    half = strip.half_width_m * len(widest) / count
+    return Strip(strip.along_m[keep], strip.across_m[keep], strip.height_m[keep], half, narrowed=True)
+
+
+def travel_station(along_m: np.ndarray, across_m: np.ndarray, centre_m: float, skew_rad: float) -> np.ndarray:
+    """Return stations along the travel [m] of points given square to a skew crest line: t = s / cos - y tan."""
+    return along_m / np.cos(skew_rad) - (across_m - centre_m) * np.tan(skew_rad)
+
+
+def mean_over_tracks(
+    profile: StripProfile, strip: Strip, skew_rad: float, step_m: float
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return first station, mean heights and their variance along the travel over all tracks of the strip.
+
+    A wheel meets a bump that lies at `skew_rad` to its travel earlier or later the further it runs to one side; a
+    planar vehicle feels the mean of its tracks.  `profile` is square to the crest line; stations every `step_m` [m].
+    """
+    # Only on the bump: the corners of a scan that is skew to the bump reach further to the sides.
+    near = (strip.along_m > profile.start_m) & (strip.along_m < profile.end_m)
+    across = strip.across_m[near]
+    edges = np.linspace(float(np.quantile(across, 0.005)), float(np.quantile(across, 0.995)), 101)
+    used = np.histogram(across, edges)[0] > 0
+    track = (edges[:-1] + np.diff(edges) / 2)[used]
+    shift = travel_station(np.zeros_like(track), track, strip.centre_m, skew_rad)
+    first = profile.start_m / np.cos(skew_rad) + float(shift.min())
+    length = (profile.end_m - profile.start_m) / np.cos(skew_rad) + float(np.ptp(shift))
+    travel = first + step_m * np.arange(int(np.ceil(length / step_m)) + 1)
+    query = (travel[:, None] - shift) * np.cos(skew_rad)
+    height = np.interp(query, profile.station_m, profile.height_m, left=0.0, right=0.0).mean(axis=1)
+    # Errors of neighbouring tracks are those of one spline: averaging standard errors, not variances, is the safe side.
+    sd = np.interp(query, profile.station_m, np.sqrt(profile.variance_m2), left=0.0, right=0.0).mean(axis=1)
+    height[0] = height[-1] = 0.0
+    return first, height, sd**2

@@ -1,0 +1,48 @@
+"""Plank drops: peaks, damped period and decrement, stiffness and damping per axle by equations (1)-(3) and beyond."""
+
+from sysid.sdof.analysis import analyse_drop
+from sysid.sdof.decay import read_decay
+from sysid.sdof.equations import (
+    corrected_damping,
+    corrected_stiffness,
+    damping_ratio_from_decrement,
+    decrement_from_damping_ratio,
+    directive_damping,
+    exact_damping,
+    exact_stiffness,
+    invert_quarter_car,
+    log_decrement,
+    paper_damping,
+    paper_stiffness,
+    series_damping,
+    series_stiffness,
+)
+from sysid.sdof.results import DecayReading, DropAnalysis, DropEstimate, DropMethod, DropSummary
+from sysid.sdof.settings import DropSettings
+from sysid.sdof.summary import analyse_drops, summary_table
+
+__all__ = [
+    "DecayReading",
+    "DropAnalysis",
+    "DropEstimate",
+    "DropMethod",
+    "DropSettings",
+    "DropSummary",
+    "analyse_drop",
+    "analyse_drops",
+    "corrected_damping",
+    "corrected_stiffness",
+    "damping_ratio_from_decrement",
+    "decrement_from_damping_ratio",
+    "directive_damping",
+    "exact_damping",
+    "exact_stiffness",
+    "invert_quarter_car",
+    "log_decrement",
+    "paper_damping",
+    "paper_stiffness",
+    "read_decay",
+    "series_damping",
+    "series_stiffness",
+    "summary_table",
+]

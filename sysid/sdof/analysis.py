@@ -1,0 +1,216 @@
+"""Analysis of one plank drop: from the log to stiffness and damping by three methods."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid.campaign.records import Channel, LoadCase, PlankDrop, Vehicle
+from sysid.campaign.statics import static_equilibrium
+from sysid.errors import DataRejectedError
+from sysid.sdof.decay import PreparedRecord, prepare_record, reading_of, smooth_record
+from sysid.sdof.equations import directive_damping
+from sysid.sdof.estimates import AxleOnTire, estimate, unusable
+from sysid.sdof.free_decay import FreeDecayFit, fit_free_decay
+from sysid.sdof.results import DecayReading, DropAnalysis, DropEstimate
+from sysid.sdof.settings import DropSettings
+
+_SIDE_DISAGREEMENT = 0.2
+_DECREMENT_DISAGREEMENT = 0.2
+_CONTACT_LENGTH_RADII = 0.25  # half the footprint of a truck tire in tire radii, roughly
+
+
+def analyse_drop(
+    drop: PlankDrop, vehicle: Vehicle, load_case: LoadCase, settings: DropSettings | None = None
+) -> DropAnalysis:
+    """Estimate stiffness and damping of the axle under test from one plank drop.
+
+    Methods ``paper`` (equations (1)-(3) on the picked peaks), ``corrected`` (the same reading, tire in series, tire
+    damping and unsprung mass taken out exactly, see `invert_quarter_car`) and ``free_decay`` (that inversion on the
+    body-mode eigenvalue of a fitted model).  All three take the axle for the only one under its body.
+
+    Parameters
+    ----------
+    drop, vehicle, load_case
+        Records of the campaign; m_bi = axle load - unsprung mass [kg] from the load case.
+    settings
+        Defaults of `DropSettings`.
+
+    Returns
+    -------
+    DropAnalysis
+        Estimates that the record does not support are `usable` False with NaN numbers and a note.
+
+    Raises
+    ------
+    DataRejectedError
+        If the log has no suspension deflection of the axle under test.
+    CampaignError
+        If the masses of the load case do not add up.
+    """
+    settings = settings or DropSettings()
+    time, deflection, remarks = _deflection(drop, vehicle)
+    axle = axle_on_tire(drop.axle, vehicle, load_case)
+    record, fit = _read(drop, vehicle, time, deflection, settings)
+    reading = reading_of(record)
+    free_decay = np.full(time.size, np.nan)
+    if fit.usable:
+        inside = (time >= fit.window_s[0]) & (time <= fit.window_s[1])
+        free_decay[inside] = np.interp(time[inside], fit.time_s, fit.model)
+    return DropAnalysis(
+        axle=drop.axle,
+        load_case=load_case.name,
+        file=drop.log.file,
+        tributary_mass_kg=axle.mass,
+        time_s=time,
+        deflection_m=deflection,
+        filtered_m=smooth_record(record, time),
+        release_time_s=record.release.time_s if record.release is not None else float("nan"),
+        reading=reading,
+        free_decay_m=free_decay,
+        free_decay_note=fit.note,
+        estimates=_estimates(axle, settings, drop.log.file, reading, fit, remarks),
+        frequency_hz=1.0 / reading.damped_period,
+        damping_ratio_directive=float(directive_damping(reading.log_decrement)),
+    )
+
+
+def axle_on_tire(axle: int, vehicle: Vehicle, load_case: LoadCase) -> AxleOnTire:
+    """The axle as a quarter car: tributary mass from the scales, unsprung mass with its share of a common beam."""
+    record = vehicle.axles[axle]
+    beam = sum(group.mass_kg / len(group.axles) for group in vehicle.groups if axle in group.axles)
+    return AxleOnTire(
+        axle=axle,
+        load_case=load_case.name,
+        mass=float(static_equilibrium(vehicle, load_case).tributary_mass_kg[axle]),
+        unsprung_mass=record.unsprung_mass_kg + beam,
+        tire_stiffness=record.tire_stiffness_N_per_m,
+        tire_damping=record.tire_damping_N_s_per_m,
+    )
+
+
+def _deflection(drop: PlankDrop, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Times and deflection (clipped readings as missing), left and right averaged, and remarks about them."""
+    channels = [
+        channel
+        for channel in drop.log.channels
+        if channel.sensor.kind == "suspension_deflection" and channel.sensor.axle in (None, drop.axle)
+    ]
+    if not channels:
+        columns = ", ".join(channel.sensor.column for channel in drop.log.channels) or "no channel"
+        raise DataRejectedError(
+            f"{drop.log.file}: no suspension deflection of axle '{vehicle.axles[drop.axle].name}' among {columns}; "
+            "declare one with kind = \"suspension_deflection\" in [sensors.plank_drop]."
+        )
+    time = channels[0].time_s
+    values = [_measured(channel, time) for channel in channels]
+    remarks = []
+    clipped = int(sum(np.count_nonzero(channel.censored) for channel in channels))
+    if clipped:
+        remarks.append(f"{clipped} clipped readings left out")
+    if len(values) == 1:
+        return time, values[0], remarks
+    spans = [float(np.nanmax(v) - np.nanmin(v)) if np.isfinite(v).any() else 0.0 for v in values]
+    if max(spans) - min(spans) > _SIDE_DISAGREEMENT * max(spans):
+        names = " and ".join(channel.sensor.column for channel in channels)
+        remarks.append(f"{names} move by {' and '.join(f'{1e3 * s:.0f}' for s in spans)} mm, their mean is used")
+    # Where one side is missing the other stands in, at the same level.
+    stack = np.stack(values)
+    both = np.all(np.isfinite(stack), axis=0)
+    if not both.any():
+        return time, values[int(np.argmax([np.isfinite(v).sum() for v in values]))], remarks
+    level = stack[:, both].mean(axis=1, keepdims=True)
+    centred = stack - level
+    count = np.isfinite(centred).sum(axis=0)
+    total = np.where(np.isfinite(centred), centred, 0.0).sum(axis=0)
+    mean = np.where(count > 0, total / np.maximum(count, 1) + level.mean(), np.nan)
+    return time, mean, remarks
+
+
+def _measured(channel: Channel, time: np.ndarray) -> np.ndarray:
+    value = np.where(channel.censored == 0, channel.value, np.nan)
+    if channel.time_s.shape == time.shape and np.array_equal(channel.time_s, time):
+        return value
+    return np.interp(time, channel.time_s, value, left=np.nan, right=np.nan)
+
+
+def _read(
+    drop: PlankDrop, vehicle: Vehicle, time: np.ndarray, deflection: np.ndarray, settings: DropSettings
+) -> tuple[PreparedRecord, FreeDecayFit]:
+    """Prepared record and free-decay fit, the peaks sought only where the motion is free.
+
+    That is after the first turn (the axle is falling until then), after the tire has left the plank's edge if the speed
+    is declared, and from where the free-decay model fits, if it does.
+    """
+    search = settings.frequency_range_hz
+    record = prepare_record(time, deflection, frequency_range_hz=search, skip_first_turn=True)
+    if record.release is None or record.extrema is None:
+        return record, fit_free_decay(record)
+    earliest = -np.inf
+    if drop.nominal_speed_m_s:
+        radius, height = vehicle.axles[drop.axle].tire_radius_m, drop.plank_height_m
+        way = np.sqrt(max(2.0 * radius * height - height**2, 0.0)) + _CONTACT_LENGTH_RADII * radius
+        earliest = record.release.time_s + way / drop.nominal_speed_m_s
+    fit = fit_free_decay(record, earliest_s=earliest)
+    if fit.usable and not fit.poor:
+        record = prepare_record(
+            time,
+            deflection,
+            frequency_range_hz=search,
+            earliest_s=max(earliest, fit.window_s[0]),
+            period_s=fit.damped_period,
+            skip_first_turn=True,
+            ripple=(fit.time_s, fit.hop_model) if fit.hop is not None else None,
+        )
+    elif np.isfinite(earliest):
+        record = prepare_record(
+            time, deflection, frequency_range_hz=search, earliest_s=earliest, skip_first_turn=True
+        )
+    return record, fit
+
+
+def _estimates(
+    axle: AxleOnTire,
+    settings: DropSettings,
+    file: str,
+    reading: DecayReading,
+    fit: FreeDecayFit,
+    remarks: list[str],
+) -> tuple[DropEstimate, ...]:
+    note = "; ".join([reading.note, *remarks] if reading.note else remarks)
+    found = []
+    if reading.usable and reading.log_decrement > 0.0:
+        covariance = np.diag([reading.damped_period_se**2, reading.log_decrement_se**2])
+        for method in ("paper", "corrected"):
+            found.append(
+                estimate(
+                    method, axle, settings, file, reading.damped_period, reading.log_decrement, covariance, note
+                )
+            )
+    else:
+        why = note if not reading.usable else "the swings do not decay"
+        found += [unusable("paper", axle, file, why), unusable("corrected", axle, file, why)]
+    note = "; ".join([fit.note, *remarks] if fit.note else remarks)
+    if not fit.usable:
+        return (*found, unusable("free_decay", axle, file, note))
+    sigma, omega = fit.decay_rate, fit.angular_frequency
+    to_reading = np.array([[0.0, -2.0 * np.pi / omega**2], [2.0 * np.pi / omega, -2.0 * np.pi * sigma / omega**2]])
+    covariance = to_reading @ fit.covariance @ to_reading.T
+    note = "; ".join(part for part in (note, _disagreement(reading, fit, float(covariance[1, 1]))) if part)
+    return (
+        *found,
+        estimate("free_decay", axle, settings, file, fit.damped_period, fit.log_decrement, covariance, note),
+    )
+
+
+def _disagreement(reading: DecayReading, fit: FreeDecayFit, fit_variance: float) -> str:
+    """A remark where the fitted decrement and the one of the peaks differ by more than errors and scatter explain."""
+    if not reading.usable:
+        return ""
+    difference = abs(fit.log_decrement - reading.log_decrement)
+    error = np.sqrt(fit_variance + reading.log_decrement_se**2)
+    if difference <= max(_DECREMENT_DISAGREEMENT * reading.log_decrement, 4.0 * error):
+        return ""
+    return (
+        f"its decrement {fit.log_decrement:.2f} and that of the peaks {reading.log_decrement:.2f} disagree, "
+        "so the motion is not one viscously damped mode"
+    )

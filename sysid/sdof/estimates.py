@@ -1,0 +1,143 @@
+"""Stiffness and damping estimates of one axle from period and decrement, with their standard deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.sdof.equations import (
+    STIFFNESS_RATIO_LIMIT,
+    corrected_damping,
+    corrected_stiffness,
+    paper_damping,
+    paper_stiffness,
+    propagate,
+)
+from sysid.sdof.results import DropEstimate, DropMethod
+from sysid.sdof.settings import DropSettings
+
+
+@dataclass(frozen=True)
+class AxleOnTire:
+    """One axle as the single-axle equations see it: tributary and unsprung mass [kg], tire [N/m, N s/m]."""
+
+    axle: int
+    load_case: str
+    mass: float
+    unsprung_mass: float
+    tire_stiffness: float
+    tire_damping: float
+
+
+@dataclass(frozen=True)
+class Inversion:
+    """Stiffness and damping with the covariances (2, 2) from the reading and from the declared quantities."""
+
+    stiffness: float
+    damping: float
+    reading_covariance: np.ndarray
+    declared_covariance: np.ndarray
+
+
+def invert(
+    method: DropMethod,
+    axle: AxleOnTire,
+    settings: DropSettings,
+    damped_period: float,
+    decrement: float,
+    covariance: np.ndarray,
+) -> Inversion:
+    """Stiffness and damping by equations (1)-(2) or by the exact quarter-car inversion, uncertainties to first order.
+
+    Parameters
+    ----------
+    method
+        ``paper`` leaves the tire out; ``corrected`` and ``free_decay`` take it out.
+    axle, settings
+        Declared quantities and their tolerances.
+    damped_period, decrement, covariance
+        tau_d [s], delta [-] and their covariance (2, 2).
+    """
+    declared = np.array([axle.mass, axle.unsprung_mass, axle.tire_stiffness, axle.tire_damping])
+    tolerance = np.array(
+        [
+            settings.tributary_mass_tolerance,
+            settings.unsprung_mass_tolerance,
+            settings.tire_stiffness_tolerance,
+            settings.tire_damping_tolerance,
+        ]
+    )
+    equations: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    if method == "paper":
+
+        def equations(read: np.ndarray, given: np.ndarray) -> np.ndarray:
+            return np.array([paper_stiffness(read[0], given[0]), paper_damping(read[0], read[1], given[0])])
+    else:
+
+        def equations(read: np.ndarray, given: np.ndarray) -> np.ndarray:
+            return np.array([corrected_stiffness(*read, *given), corrected_damping(*read, *given)])
+
+    reading = np.array([damped_period, decrement])
+    value, from_reading = propagate(lambda read: equations(read, declared), reading, covariance)
+    _, from_declared = propagate(lambda given: equations(reading, given), declared, np.diag((declared * tolerance) ** 2))
+    return Inversion(float(value[0]), float(value[1]), from_reading, from_declared)
+
+
+def estimate(
+    method: DropMethod,
+    axle: AxleOnTire,
+    settings: DropSettings,
+    file: str | None,
+    damped_period: float,
+    decrement: float,
+    covariance: np.ndarray,
+    note: str = "",
+) -> DropEstimate:
+    """One `DropEstimate`; unusable with a reason where the numbers have no physical meaning."""
+    result = invert(method, axle, settings, damped_period, decrement, covariance)
+    notes = [note] if note else []
+    if method != "paper":
+        if not 0.0 < result.stiffness < np.inf:
+            notes.append("the measured stiffness is not below the tire's, so no suspension stiffness can be told from it")
+            return unusable(method, axle, file, "; ".join(notes), damped_period, decrement)
+        if result.damping <= 0.0:
+            notes.append(
+                "the declared tire damping alone explains more than the measured decrement, "
+                "so no suspension damping can be told from it"
+            )
+            return unusable(method, axle, file, "; ".join(notes), damped_period, decrement)
+        ratio = result.stiffness / axle.tire_stiffness
+        if ratio > STIFFNESS_RATIO_LIMIT:
+            notes.append(f"k/kt = {ratio:.2f} is above {STIFFNESS_RATIO_LIMIT:g}, where the correction is not reliable")
+    sd = np.sqrt(np.diagonal(result.reading_covariance + result.declared_covariance))
+    return DropEstimate(
+        axle=axle.axle,
+        load_case=axle.load_case,
+        file=file,
+        method=method,
+        stiffness=result.stiffness,
+        stiffness_sd=float(sd[0]),
+        damping=result.damping,
+        damping_sd=float(sd[1]),
+        damped_period=damped_period,
+        log_decrement=decrement,
+        usable=True,
+        note="; ".join(notes),
+    )
+
+
+def unusable(
+    method: DropMethod,
+    axle: AxleOnTire,
+    file: str | None,
+    note: str,
+    damped_period: float = float("nan"),
+    decrement: float = float("nan"),
+) -> DropEstimate:
+    """An estimate without numbers."""
+    nan = float("nan")
+    return DropEstimate(
+        axle.axle, axle.load_case, file, method, nan, nan, nan, nan, damped_period, decrement, False, note
+    )

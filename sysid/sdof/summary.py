@@ -1,0 +1,167 @@
+"""All plank drops of a campaign: pooled estimates per axle, load case and method, and what limits them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import asdict
+
+import numpy as np
+import pandas as pd
+
+from sysid.campaign.records import Campaign, Vehicle
+from sysid.sdof.analysis import analyse_drop, axle_on_tire
+from sysid.sdof.averages import mean_with_scatter
+from sysid.sdof.estimates import AxleOnTire, invert, unusable
+from sysid.sdof.results import DropAnalysis, DropEstimate, DropMethod, DropSummary
+from sysid.sdof.settings import DropSettings
+
+METHODS: tuple[DropMethod, ...] = ("paper", "corrected", "free_decay")
+
+
+def analyse_drops(campaign: Campaign, settings: DropSettings | None = None) -> DropSummary:
+    """Analyse every plank drop of a campaign and pool the repeats.
+
+    The pooled value is the mean weighted by the reading's variance plus the scatter between the repeats
+    (`random_effects`), so its standard deviation carries that scatter; the tolerances of declared quantities, common to
+    all repeats, are added once and do not average out.  Drops with the dampers removed are analysed but not pooled.
+
+    Parameters
+    ----------
+    campaign
+        Records in SI units.
+    settings
+        Defaults of `DropSettings`.
+
+    Returns
+    -------
+    DropSummary
+        One analysis per file, in the order of the campaign, pooled estimates (`file` None) by axle, load case, method.
+
+    Raises
+    ------
+    DataRejectedError, CampaignError
+        As `analyse_drop`.
+    """
+    settings = settings or DropSettings()
+    vehicle = campaign.vehicle
+    files = tuple(analyse_drop(d, vehicle, campaign.load_cases[d.load_case], settings) for d in campaign.plank_drops)
+    with_dampers = [a for a, d in zip(files, campaign.plank_drops, strict=True) if d.dampers]
+    pooled = []
+    for axle, load_case in sorted({(a.axle, a.load_case) for a in with_dampers}, key=lambda key: (key[1], key[0])):
+        group = [a for a in with_dampers if (a.axle, a.load_case) == (axle, load_case)]
+        quarter_car = axle_on_tire(axle, vehicle, campaign.load_cases[load_case])
+        for method in METHODS:
+            pooled.append(_pool([e for a in group for e in a.estimates if e.method == method], quarter_car, settings))
+    messages = _messages(vehicle, files, pooled, [a for a in files if a not in with_dampers])
+    return DropSummary(files=files, pooled=tuple(pooled), messages=messages)
+
+
+def summary_table(summary: DropSummary) -> pd.DataFrame:
+    """All estimates as a table, pooled rows last: one row per axle, load case, file and method, SI units.
+
+    Axles are counted from 1; columns as the fields of `DropEstimate`.
+    """
+    estimates = [e for a in summary.files for e in a.estimates] + list(summary.pooled)
+    columns = list(DropEstimate.__dataclass_fields__)
+    table = pd.DataFrame([asdict(e) for e in estimates], columns=columns)
+    table["axle"] = table["axle"] + 1
+    return table
+
+
+def _pool(estimates: list[DropEstimate], axle: AxleOnTire, settings: DropSettings) -> DropEstimate:
+    """Mean of the usable repeats of one axle, load case and method."""
+    method = estimates[0].method
+    usable = [e for e in estimates if e.usable]
+    if not usable:
+        reasons = _distinct(e.note for e in estimates if e.note)
+        return unusable(method, axle, None, f"none of {len(estimates)} records usable: {'; '.join(reasons)}")
+    period, decrement = (
+        float(np.mean([getattr(e, name) for e in usable])) for name in ("damped_period", "log_decrement")
+    )
+    declared = invert(method, axle, settings, period, decrement, np.zeros((2, 2))).declared_covariance
+    values = {}
+    for index, name in enumerate(("stiffness", "damping")):
+        value = np.array([getattr(e, name) for e in usable])
+        sd = np.array([getattr(e, f"{name}_sd") for e in usable])
+        own = [
+            invert(method, axle, settings, e.damped_period, e.log_decrement, np.zeros((2, 2))).declared_covariance
+            for e in usable
+        ]
+        reading = np.maximum(sd**2 - np.array([c[index, index] for c in own]), (1e-6 * value) ** 2)
+        mean, error = mean_with_scatter(value, np.diag(reading))
+        values[name] = mean
+        values[f"{name}_sd"] = float(np.sqrt(error**2 + declared[index, index]))
+    notes = _distinct(part for e in usable for part in e.note.split("; ") if part)
+    if len(usable) < len(estimates):
+        notes.insert(0, f"{len(usable)} of {len(estimates)} records usable")
+    elif len(usable) == 1:
+        notes.insert(0, "one record only, nothing is known of the scatter between repeats")
+    return DropEstimate(
+        axle=axle.axle,
+        load_case=axle.load_case,
+        file=None,
+        method=method,
+        damped_period=period,
+        log_decrement=decrement,
+        usable=True,
+        note="; ".join(notes),
+        **values,
+    )
+
+
+def _distinct(sentences: Iterable[str]) -> list[str]:
+    """Sentences that differ in more than their numbers, the first of each kind."""
+    kinds: dict[str, str] = {}
+    for sentence in sentences:
+        kinds.setdefault(re.sub(r"[0-9.]+", "#", sentence), sentence)
+    return list(kinds.values())
+
+
+def _messages(
+    vehicle: Vehicle, files: tuple[DropAnalysis, ...], pooled: list[DropEstimate], without_dampers: list[DropAnalysis]
+) -> tuple[str, ...]:
+    """Plain sentences about what the estimates can and cannot say."""
+    messages = []
+    if _coupled(vehicle) and files:
+        messages.append(
+            "Equations (1)-(3) take each axle for the only one under its body, but on this vehicle neighbouring axles and "
+            "pitch share the motion that a plank drop shows; stiffness and damping from drops are starting values, the "
+            "correction for the tire need not bring them closer, and fitting the drops with the full model is the cure."
+        )
+    names = [axle.name for axle in vehicle.axles]
+    unread = sorted({a.axle for a in files if not a.reading.usable})
+    for axle in unread:
+        count = sum(not a.reading.usable for a in files if a.axle == axle)
+        total = sum(a.axle == axle for a in files)
+        why = next(a.reading.note for a in files if a.axle == axle and not a.reading.usable)
+        messages.append(f"Axle '{names[axle]}': {count} of {total} records give no two-peak decrement ({why}).")
+    for axle in sorted({a.axle for a in files} - set(unread)):
+        doubtful = [a for a in files if a.axle == axle and a.reading.log_decrement_se > 0.2 * a.reading.log_decrement]
+        if doubtful:
+            messages.append(
+                f"Axle '{names[axle]}': the decrement of {len(doubtful)} records scatters by more than 20 %, its swings are "
+                "not those of one mode; do not rely on the damping of methods paper and corrected."
+            )
+    for axle in sorted({a.axle for a in files}):
+        group = [a for a in files if a.axle == axle]
+        rubbing = sum(a.reading.damping_kind == "friction" for a in group)
+        if 2 * rubbing > len(group):
+            messages.append(
+                f"Axle '{names[axle]}': the decrement rises as the amplitude falls in {rubbing} of {len(group)} records, as "
+                "with dry friction between leaves; the damping coefficient holds for the amplitudes of the drop only."
+            )
+    for item in pooled:
+        if item.method == "corrected" and "k/kt" in item.note:
+            messages.append(
+                f"Axle '{names[item.axle]}' ({item.load_case}): the corrected stiffness is above 0.4 of the tire's, where "
+                "the correction amplifies every error; prefer the full model."
+            )
+    for analysis in without_dampers:
+        messages.append(f"{analysis.file}: dampers removed, so it is not pooled with the other drops.")
+    return tuple(messages)
+
+
+def _coupled(vehicle: Vehicle) -> bool:
+    """Whether any body rests on more than one support, or more than one body is there."""
+    return len(vehicle.axles) > 1 or any(body.hitch_x_m is not None for body in vehicle.bodies)

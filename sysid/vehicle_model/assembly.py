@@ -1,0 +1,161 @@
+"""Mass matrix and kinematic rows of the planar vehicle, from geometry and mass properties.
+
+Coordinates of one chain of hinged bodies: fore-aft travel xi of the first body's centre of gravity about its nominal
+position (forward positive), its heave z (up), and the pitch theta of every body (nose-up).  Each axle adds its own
+heave.  All angles are small.  A point of body b at x (rearward) and height h moves by
+
+    up       z_b  - theta_b (x - x_b)
+    forward  xi_b - theta_b (h - h_b)
+
+with (x_b, h_b) the body's centre of gravity; a hinge at (x_h, h_h) makes both equal for the bodies it joins.  Axles
+slide along the body's vertical, so an unsprung mass below the centre of gravity adds to the pitch inertia, and a
+horizontal force at the wheel centre turns the body.  Static loads that act off the height of the centre of gravity
+tilt with the body; the second-order terms of their potential give each body the (negative) pitch stiffness
+
+    sum_i S_i (h_i - h_b) + H_b (h_hitch - h_b) - H_(b+1) (h_next hitch - h_b)
+
+with S_i the static suspension forces, H_b the load on the body's own hinge and H_(b+1) the load it carries behind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from sysid.campaign.records import LoadCase, Vehicle
+from sysid.campaign.statics import static_equilibrium
+from sysid.errors import CampaignError
+
+
+@dataclass(frozen=True)
+class PlanarMatrices:
+    """Arrays of one vehicle in one load case; nb body coordinates, na axles.
+
+    `mass` (nb, nb) body block [kg, kg m, kg m2]; `tilt` (nb, nb) stiffness of the static loads [N m/rad];
+    `unsprung_mass` (na,) [kg]; `attachment` (na, nb) vertical motion of the body above each axle; `travel` (na, nb)
+    forward motion of each wheel centre; `drive` (chains, nb) forward motion of the point where each chain is driven
+    (its first body's centre of gravity) and `chain_mass` (chains,) what is driven [kg]; `static_load` (na,) vertical
+    road force at rest [N]; `heave_rows`, `pitch_rows` (bodies, nb) motion of each centre of gravity; `cg_x`
+    (bodies,) [m].
+    """
+
+    mass: np.ndarray
+    tilt: np.ndarray
+    unsprung_mass: np.ndarray
+    attachment: np.ndarray
+    travel: np.ndarray
+    drive: np.ndarray
+    chain_mass: np.ndarray
+    static_load: np.ndarray
+    heave_rows: np.ndarray
+    pitch_rows: np.ndarray
+    cg_x: np.ndarray
+
+    def body_point(self, body: int, x_m: float) -> np.ndarray:
+        """Row (nb,) that gives the vertical motion of a point of `body` at `x_m` behind axle 1."""
+        return self.heave_rows[body] - self.pitch_rows[body] * (x_m - self.cg_x[body])
+
+
+def chains(vehicle: Vehicle) -> list[list[int]]:
+    """Indices of the bodies of each chain, front to rear; a body without hitch keys starts a new chain."""
+    result: list[list[int]] = []
+    for index, body in enumerate(vehicle.bodies):
+        if index == 0 or body.hitch_x_m is None:
+            result.append([index])
+        else:
+            result[-1].append(index)
+    return result
+
+
+def coordinate_names(vehicle: Vehicle) -> tuple[str, ...]:
+    """Names of the generalised coordinates: body coordinates chain by chain, then the heave of each axle."""
+    names: list[str] = []
+    for chain in chains(vehicle):
+        names += [f"fore-aft {vehicle.bodies[chain[0]].name}", f"heave {vehicle.bodies[chain[0]].name}"]
+        names += [f"pitch {vehicle.bodies[b].name}" for b in chain]
+    return (*names, *(f"heave {axle.name}" for axle in vehicle.axles))
+
+
+def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
+    """Assemble the planar model of a vehicle in one load case.
+
+    M = sum_b m_b (z_b z_b' + xi_b xi_b') + I_b theta_b theta_b' + sum_i m_ui x_i x_i', with z_b, xi_b, theta_b and x_i
+    the rows that give each motion from the body coordinates.
+
+    Raises
+    ------
+    CampaignError
+        If axle loads and masses do not add up, or the vehicle has axle groups, which this model does not carry.
+    """
+    if vehicle.groups:
+        raise CampaignError(
+            f"The vehicle has the axle group '{vehicle.groups[0].name}', which the planar model does not support; "
+            "describe its axles as single axles."
+        )
+    statics = static_equilibrium(vehicle, load_case)
+    cg_x = np.asarray(statics.cg_x_m, float)
+    cg_h = np.asarray(load_case.cg_height_m, float)
+    groups = chains(vehicle)
+    nb = sum(2 + len(chain) for chain in groups)
+    heave = np.zeros((len(vehicle.bodies), nb))
+    travel = np.zeros_like(heave)
+    pitch = np.zeros_like(heave)
+    column = 0
+    for chain in groups:
+        travel[chain[0], column] = 1.0
+        heave[chain[0], column + 1] = 1.0
+        for offset, body in enumerate(chain):
+            pitch[body, column + 2 + offset] = 1.0
+        for front, rear in pairwise(chain):
+            hinge = vehicle.bodies[rear]
+            hinge_h = _hinge_height(vehicle, rear, cg_h)
+            hinge_x = float(hinge.hitch_x_m or 0.0)
+            heave[rear] = heave[front] - pitch[front] * (hinge_x - cg_x[front]) + pitch[rear] * (hinge_x - cg_x[rear])
+            travel[rear] = travel[front] - pitch[front] * (hinge_h - cg_h[front]) + pitch[rear] * (hinge_h - cg_h[rear])
+        column += 2 + len(chain)
+
+    axles = vehicle.axles
+    x = np.array([a.x_m for a in axles])
+    body_of = np.array([a.body for a in axles])
+    wheel_h = np.array([a.tire_radius_m for a in axles])
+    unsprung = np.array([a.unsprung_mass_kg for a in axles])
+    attachment = heave[body_of] - pitch[body_of] * (x - cg_x[body_of])[:, None]
+    wheel_travel = travel[body_of] - pitch[body_of] * (wheel_h - cg_h[body_of])[:, None]
+    sprung = np.asarray(load_case.sprung_mass_kg, float)
+    inertia = np.asarray(load_case.pitch_inertia_kg_m2, float)
+    mass = (
+        heave.T @ (sprung[:, None] * heave)
+        + travel.T @ (sprung[:, None] * travel)
+        + pitch.T @ (inertia[:, None] * pitch)
+        + wheel_travel.T @ (unsprung[:, None] * wheel_travel)
+    )
+    hitch_load = np.asarray(statics.hitch_load_N, float)
+    preload = np.asarray(statics.suspension_preload_N, float)
+    tilt = np.zeros(len(vehicle.bodies))
+    np.add.at(tilt, body_of, preload * (wheel_h - cg_h[body_of]))
+    for chain in groups:
+        for front, rear in pairwise(chain):
+            hinge_h = _hinge_height(vehicle, rear, cg_h)
+            tilt[rear] += hitch_load[rear] * (hinge_h - cg_h[rear])
+            tilt[front] -= hitch_load[rear] * (hinge_h - cg_h[front])
+    return PlanarMatrices(
+        mass=mass,
+        tilt=pitch.T @ (tilt[:, None] * pitch),
+        unsprung_mass=unsprung,
+        attachment=attachment,
+        travel=wheel_travel,
+        drive=travel[[chain[0] for chain in groups]],
+        chain_mass=np.array([sprung[c].sum() + unsprung[np.isin(body_of, c)].sum() for c in groups]),
+        static_load=np.asarray(load_case.axle_loads_kg, float) * vehicle.gravity_m_s2,
+        heave_rows=heave,
+        pitch_rows=pitch,
+        cg_x=cg_x,
+    )
+
+
+def _hinge_height(vehicle: Vehicle, body: int, cg_height: np.ndarray) -> float:
+    """Height of the hinge in front of a body, its centre of gravity's where none is declared."""
+    declared = vehicle.bodies[body].hitch_height_m
+    return float(cg_height[body]) if declared is None else declared

@@ -1,0 +1,68 @@
+"""The acquisition's analogue anti-alias filter as a recursion on the integration grid.
+
+The filter's partial fractions H(s) = sum_k r_k / (s - p_k) are integrated exactly for an input that is quadratic over
+each step (values at its start, middle and end), so that the recursion reproduces magnitude and phase of the analogue
+filter up to the Nyquist frequency of the half step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+
+from sysid.campaign.records import AntiAliasFilter
+
+
+@dataclass(frozen=True)
+class FilterRecursion:
+    """Coefficients of x' = decay x + start u_n + middle u_(n+1/2);  y = Re(sum weight (x + feed u_n)).
+
+    All arrays are complex of shape (poles,), one entry per real pole or complex-conjugate pair; `spec` is the analogue
+    filter and `step_s` the step it was made for.
+    """
+
+    spec: AntiAliasFilter
+    step_s: float
+    decay: np.ndarray
+    start: np.ndarray
+    middle: np.ndarray
+    feed: np.ndarray
+    weight: np.ndarray
+
+
+def analogue_transfer(spec: AntiAliasFilter) -> tuple[np.ndarray, np.ndarray]:
+    """Poles [rad/s] and residues of the analogue low-pass, unit gain at zero frequency."""
+    design = {"butterworth": signal.butter, "bessel": signal.bessel}[spec.kind]
+    options = {"norm": "mag"} if spec.kind == "bessel" else {}
+    b, a = design(spec.order, 2 * np.pi * spec.cutoff_hz, btype="low", analog=True, output="ba", **options)
+    residues, poles, _ = signal.residue(b, a)
+    return poles, residues
+
+
+def discretise(spec: AntiAliasFilter, step_s: float) -> FilterRecursion:
+    """Recursion of the analogue filter on a grid of `step_s` [s] with mid-step input values.
+
+    With z = p h and I_j = int_0^1 exp(z (1 - s)) s^j ds, a quadratic input u_0, u_m, u_1 adds
+    h [(I_0 - 3 I_1 + 2 I_2) u_0 + 4 (I_1 - I_2) u_m + (2 I_2 - I_1) u_1] to the state of the pole p.
+    """
+    poles, residues = analogue_transfer(spec)
+    keep = poles.imag >= -1e-9 * np.abs(poles)
+    poles, residues = poles[keep], residues[keep]
+    weight = np.where(np.abs(poles.imag) > 1e-9 * np.abs(poles), 2.0, 1.0) * residues
+    z = poles * step_s
+    i0 = np.expm1(z) / z
+    i1 = (i0 - 1.0) / z
+    i2 = (2.0 * i1 - 1.0) / z
+    decay = np.exp(z)
+    end = step_s * (2.0 * i2 - i1)
+    return FilterRecursion(
+        spec=spec,
+        step_s=step_s,
+        decay=decay,
+        start=step_s * (i0 - 3.0 * i1 + 2.0 * i2) + decay * end,
+        middle=step_s * 4.0 * (i1 - i2),
+        feed=end,
+        weight=weight,
+    )

@@ -1,0 +1,345 @@
+"""Time integration of the planar vehicle over a bump, many lanes at once.
+
+A lane is one run with one parameter set; every state array has the shape (R runs, degrees of freedom, S sets), the
+sets contiguous, so that the kinematics of a stage are three small batched matrix products and the rest is elementwise.
+The classical fourth-order Runge-Kutta scheme in its second-order (Nystrom) form advances positions and velocities; the
+integral of each clipped tire force over the step is corrected exactly at lift-off (:mod:`sysid.vehicle_model.kink`).
+Everything that does not depend on the state is computed before the loop.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from sysid.errors import SysidError
+from sysid.vehicle_model.assembly import PlanarMatrices
+from sysid.vehicle_model.contact import RoadInput, TireLaw, contact_force
+from sysid.vehicle_model.filters import FilterRecursion
+from sysid.vehicle_model.kink import clipped_integrals
+
+#: The driving force holds the nominal speed like F = (chain mass / SPEED_HOLD_S) (v_ref - v).
+SPEED_HOLD_S = 0.05
+
+
+class LaneMatrices(NamedTuple):
+    """Matrices of R runs for the integrator; nb body coordinates, na axles, nr body sensors.
+
+    `position` (R, 2 na + nb, nb) turns body coordinates into attachment heights, wheel travel and the body
+    acceleration from static loads that tilt with the body; `rate` (R, 2 na + nb, nb) does the same for body rates, with
+    the acceleration from the driving force; `acceleration` (R, nb, 2 na) gives body accelerations from suspension pull
+    and horizontal tire force; `inverse_unsprung`, `static_load` (R, na, 1); `body_rows` (R, nr, nb) vertical motion at
+    the body accelerometers.
+    """
+
+    position: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    inverse_unsprung: np.ndarray
+    static_load: np.ndarray
+    body_rows: np.ndarray
+
+
+def lane_matrices(matrices: list[PlanarMatrices], body_sensors: list[tuple[int, float]]) -> LaneMatrices:
+    """Stack the matrices of R runs, with one row per body accelerometer given as (body, x_m)."""
+    position, rate, acceleration, rows = [], [], [], []
+    for m in matrices:
+        inverse = np.linalg.inv(m.mass)
+        hold = m.drive.T @ ((m.chain_mass / SPEED_HOLD_S)[:, None] * m.drive)
+        position.append(np.concatenate([m.attachment, m.travel, -inverse @ m.tilt]))
+        rate.append(np.concatenate([m.attachment, m.travel, -inverse @ hold]))
+        acceleration.append(inverse @ np.concatenate([-m.attachment.T, m.travel.T], axis=1))
+        rows.append(np.array([m.body_point(body, x) for body, x in body_sensors]).reshape(-1, inverse.shape[0]))
+    return LaneMatrices(
+        position=np.stack(position),
+        rate=np.stack(rate),
+        acceleration=np.stack(acceleration),
+        inverse_unsprung=np.stack([1.0 / m.unsprung_mass for m in matrices])[..., None],
+        static_load=np.stack([m.static_load for m in matrices])[..., None],
+        body_rows=np.stack(rows),
+    )
+
+
+class SuspensionLaw(NamedTuple):
+    """Linear suspension per lane and axle, (R, na, S): `stiffness` [N/m] and `damping` [N s/m]."""
+
+    stiffness: jax.Array
+    damping: jax.Array
+
+
+class Motion(NamedTuple):
+    """How each lane moves along the road, (R, S).
+
+    `speed` [m/s] and `start_s` [s] (axle 1 over the start of the bump) at which the road input was looked up;
+    `speed_change` [m/s] and `start_change` [s] are small departures from them, linear in their effect, for derivatives
+    with respect to both; None where none are wanted.
+    """
+
+    speed: jax.Array
+    start_s: jax.Array
+    speed_change: jax.Array | None = None
+    start_change: jax.Array | None = None
+
+
+class SensorLayout(NamedTuple):
+    """Which signals are observed: indices of axles with a deflection sensor and with an accelerometer."""
+
+    deflection_axles: tuple[int, ...]
+    acceleration_axles: tuple[int, ...]
+
+
+class Histories(NamedTuple):
+    """Unfiltered histories at the output times.
+
+    `deflection`, `axle_acceleration`, `tire_force`, `horizontal_force`, `suspension_force` (T, R, na, S): suspension
+    extension [m], axle acceleration [m/s2], total vertical and forward tire force [N], and suspension force on the body
+    less its preload [N]; `body_acceleration` (T, R, nr, S) [m/s2]; `body` (T, R, nb, S) body coordinates.
+    """
+
+    deflection: jax.Array
+    axle_acceleration: jax.Array
+    body_acceleration: jax.Array
+    tire_force: jax.Array
+    horizontal_force: jax.Array
+    suspension_force: jax.Array
+    body: jax.Array
+
+
+class _State(NamedTuple):
+    body: jax.Array
+    body_rate: jax.Array
+    axle: jax.Array
+    axle_rate: jax.Array
+
+
+class _Forces(NamedTuple):
+    body_acceleration: jax.Array
+    axle_acceleration: jax.Array
+    unclipped: jax.Array
+    horizontal: jax.Array
+    pull: jax.Array
+    extension: jax.Array
+
+
+def _forces(lanes, suspension, tire, motion, road, time_s, state) -> _Forces:
+    axles = lanes.static_load.shape[1]
+    shift = jnp.matmul(lanes.position, state.body)
+    drift = jnp.matmul(lanes.rate, state.body_rate)
+    nominal = motion.speed
+    if motion.speed_change is not None and motion.start_change is not None:
+        ahead = motion.speed_change * (time_s - motion.start_s) - motion.speed * motion.start_change
+        road = road.shifted(ahead[:, None])
+        nominal = nominal + motion.speed_change
+    advance = shift[:, axles : 2 * axles]
+    speed = drift[:, axles : 2 * axles] + nominal[:, None]
+    unclipped, slope = contact_force(tire, road, advance, speed, state.axle, state.axle_rate)
+    vertical = jnp.maximum(unclipped, 0.0)
+    horizontal = -tire.horizontal * slope * vertical
+    extension = shift[:, :axles] - state.axle
+    pull = suspension.stiffness * extension + suspension.damping * (drift[:, :axles] - state.axle_rate)
+    body = (
+        jnp.matmul(lanes.acceleration, jnp.concatenate([pull, horizontal], axis=1))
+        + shift[:, 2 * axles :]
+        + drift[:, 2 * axles :]
+    )
+    axle = lanes.inverse_unsprung * (vertical - lanes.static_load + pull)
+    return _Forces(body, axle, unclipped, horizontal, pull, extension)
+
+
+def _step(lanes, suspension, tire, motion, roads, time_s, h, state: _State, first: _Forces):
+    """One Nystrom step from `state`, whose forces are `first`; returns the new state and the mid-step forces."""
+    half = 0.5 * h
+
+    def forces(road, at, body, body_rate, axle, axle_rate):
+        return _forces(lanes, suspension, tire, motion, road, at, _State(body, body_rate, axle, axle_rate))
+
+    b, vb, z, vz = state
+    middle_b, middle_z = b + half * vb, z + half * vz
+    second = forces(
+        roads[1],
+        time_s + half,
+        middle_b,
+        vb + half * first.body_acceleration,
+        middle_z,
+        vz + half * first.axle_acceleration,
+    )
+    third = forces(
+        roads[1],
+        time_s + half,
+        middle_b + half * half * first.body_acceleration,
+        vb + half * second.body_acceleration,
+        middle_z + half * half * first.axle_acceleration,
+        vz + half * second.axle_acceleration,
+    )
+    fourth = forces(
+        roads[2],
+        time_s + h,
+        b + h * (vb + half * second.body_acceleration),
+        vb + h * third.body_acceleration,
+        z + h * (vz + half * second.axle_acceleration),
+        vz + h * third.axle_acceleration,
+    )
+    phi = (first.unclipped, second.unclipped, third.unclipped, fourth.unclipped)
+    f1, f2, f3, f4 = (jnp.maximum(p, 0.0) for p in phi)
+    impulse, moment = clipped_integrals(phi[0], 0.5 * (phi[1] + phi[2]), phi[3])
+    kick = h * lanes.inverse_unsprung * (impulse - (f1 + 2.0 * f2 + 2.0 * f3 + f4) / 6.0)
+    shift = h * h * lanes.inverse_unsprung * (moment - (f1 + f2 + f3) / 6.0)
+
+    def advance(x, v, a1, a2, a3, a4):
+        return x + h * v + h * h / 6.0 * (a1 + a2 + a3), v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+
+    new_b, new_vb = advance(b, vb, *(f.body_acceleration for f in (first, second, third, fourth)))
+    new_z, new_vz = advance(z, vz, *(f.axle_acceleration for f in (first, second, third, fourth)))
+    middle = _Forces(*(0.5 * (p + q) for p, q in zip(second, third, strict=True)))
+    return _State(new_b, new_vb, new_z + shift, new_vz + kick), middle
+
+
+def _observe(lanes: LaneMatrices, layout: SensorLayout, forces: _Forces) -> jax.Array:
+    """Signals at the sensors (R, channels, S): deflections, axle accelerations, body accelerations."""
+    parts = [
+        forces.extension[:, np.array(layout.deflection_axles, int)],
+        forces.axle_acceleration[:, np.array(layout.acceleration_axles, int)],
+        jnp.matmul(lanes.body_rows, forces.body_acceleration),
+    ]
+    return jnp.concatenate(parts, axis=1)
+
+
+def _time_slices(road: RoadInput, samples: int, substeps: int) -> RoadInput:
+    """Road input regrouped as (samples, 2 substeps + 1, ...) so that each sample interval carries its own stages."""
+    index = np.arange(samples)[:, None] * (2 * substeps) + np.arange(2 * substeps + 1)
+    return RoadInput(*(values[index] for values in road))
+
+
+def stage_times(samples: int, interval_s: float, substeps: int) -> np.ndarray:
+    """Times [s] at which the road input is needed: every half step, (2 substeps samples + 1,)."""
+    return np.arange(2 * substeps * samples + 1) * (interval_s / (2 * substeps))
+
+
+def _start(lanes: LaneMatrices, sets: int) -> _State:
+    runs, axles, _ = lanes.static_load.shape
+    body = jnp.zeros((runs, lanes.body_rows.shape[2], sets))
+    axle = jnp.zeros((runs, axles, sets))
+    if body.dtype != jnp.float64:
+        raise SysidError(
+            "The simulation needs 64-bit floats; call jax.config.update('jax_enable_x64', True) before the first use."
+        )
+    return _State(body, body, axle, axle)
+
+
+def simulate_sensors(
+    lanes: LaneMatrices,
+    suspension: SuspensionLaw,
+    tire: TireLaw,
+    motion: Motion,
+    road: RoadInput,
+    layout: SensorLayout,
+    recursion: FilterRecursion | None,
+    *,
+    interval_s: float,
+    substeps: int,
+) -> jax.Array:
+    """What the sensors show at every sample, through the acquisition's filter.
+
+    Parameters
+    ----------
+    lanes : matrices of the R runs.
+    suspension, tire, motion : laws and motion per lane.
+    road : road input at :func:`stage_times`, leading axis 2 substeps T + 1.
+    layout : observed signals, C channels in all.
+    recursion : the anti-alias filter for the integration step, None for unfiltered signals.
+    interval_s, substeps : sample interval [s] and integration steps per sample.
+
+    Returns
+    -------
+    (T, R, C, S) deflections [m] and accelerations [m/s2], starting from static equilibrium at time zero.
+    """
+    samples = (road.rise.shape[0] - 1) // (2 * substeps)
+    h = interval_s / substeps
+    sets = suspension.stiffness.shape[-1]
+    state = _start(lanes, sets)
+    channels = len(layout.deflection_axles) + len(layout.acceleration_axles) + lanes.body_rows.shape[1]
+    poles = 0 if recursion is None else recursion.decay.size
+    memory = jnp.zeros((2, poles, lanes.static_load.shape[0], channels, sets))
+
+    def body(carry, inputs):
+        state, memory = carry
+        sample, roads = inputs
+        shown = None
+        for j in range(substeps):
+            at = sample * interval_s + j * h
+            stage = [RoadInput(*(v[2 * j + k] for v in roads)) for k in range(3)]
+            first = _forces(lanes, suspension, tire, motion, stage[0], at, state)
+            state, middle = _step(lanes, suspension, tire, motion, stage, at, h, state, first)
+            now = _observe(lanes, layout, first)
+            if recursion is None:
+                shown = now if j == 0 else shown
+                continue
+            if j == 0:
+                shown = _filter_output(recursion, memory, now)
+            memory = _filter_update(recursion, memory, now, _observe(lanes, layout, middle))
+        return (state, memory), shown
+
+    slices = _time_slices(road, samples, substeps)
+    _, shown = jax.lax.scan(body, (state, memory), (jnp.arange(samples, dtype=jnp.float64), slices))
+    return shown
+
+
+def _filter_output(recursion: FilterRecursion, memory: jax.Array, now: jax.Array) -> jax.Array:
+    direct = float(np.sum((recursion.weight * recursion.feed).real))
+    shown = direct * now
+    for k, weight in enumerate(recursion.weight):
+        shown = shown + weight.real * memory[0, k] - weight.imag * memory[1, k]
+    return shown
+
+
+def _filter_update(recursion: FilterRecursion, memory: jax.Array, now: jax.Array, middle: jax.Array) -> jax.Array:
+    decay, start, mid = (c[:, None, None, None] for c in (recursion.decay, recursion.start, recursion.middle))
+    real, imaginary = memory
+    return jnp.stack(
+        [
+            decay.real * real - decay.imag * imaginary + start.real * now + mid.real * middle,
+            decay.imag * real + decay.real * imaginary + start.imag * now + mid.imag * middle,
+        ]
+    )
+
+
+def simulate_histories(
+    lanes: LaneMatrices,
+    suspension: SuspensionLaw,
+    tire: TireLaw,
+    motion: Motion,
+    road: RoadInput,
+    *,
+    interval_s: float,
+    substeps: int,
+) -> Histories:
+    """Unfiltered motion and forces at every output interval; arguments as in :func:`simulate_sensors`."""
+    samples = (road.rise.shape[0] - 1) // (2 * substeps)
+    h = interval_s / substeps
+    state = _start(lanes, suspension.stiffness.shape[-1])
+
+    def body(state, inputs):
+        sample, roads = inputs
+        record = None
+        for j in range(substeps):
+            at = sample * interval_s + j * h
+            stage = [RoadInput(*(v[2 * j + k] for v in roads)) for k in range(3)]
+            first = _forces(lanes, suspension, tire, motion, stage[0], at, state)
+            if record is None:
+                record = Histories(
+                    deflection=first.extension,
+                    axle_acceleration=first.axle_acceleration,
+                    body_acceleration=jnp.matmul(lanes.body_rows, first.body_acceleration),
+                    tire_force=jnp.maximum(first.unclipped, 0.0),
+                    horizontal_force=first.horizontal,
+                    suspension_force=-first.pull,
+                    body=state.body,
+                )
+            state, _ = _step(lanes, suspension, tire, motion, stage, at, h, state, first)
+        return state, record
+
+    slices = _time_slices(road, samples, substeps)
+    return jax.lax.scan(body, state, (jnp.arange(samples, dtype=jnp.float64), slices))[1]

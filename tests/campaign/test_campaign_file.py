@@ -1,0 +1,298 @@
+"""The campaign file: what is read from it, and the sentence that each fault ends in."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import tomllib
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sysid.campaign import read_campaign
+from sysid.campaign.toml_errors import validate
+from sysid.campaign.units import angle_rad, pressure_pa, si_factor, speed_m_s
+from sysid.errors import CampaignError, DataRejectedError, SysidError
+
+
+def one_sentence(error: pytest.ExceptionInfo[SysidError]) -> str:
+    text = str(error.value)
+    assert "\n" not in text
+    assert text.endswith((".", "?"))
+    assert len(text) < 700
+    return text
+
+
+def test_shipped_campaign_in_si_units(shipped_folder):
+    campaign = read_campaign(shipped_folder)
+    assert campaign.title == "Virtual proving ground A: reference campaign"
+    assert [a.x_m for a in campaign.vehicle.axles] == [0, 4.07, 5.39, 13.33, 14.63, 15.93]
+    assert [a.body for a in campaign.vehicle.axles] == [0, 0, 0, 1, 1, 1]
+    assert [a.load_dependent for a in campaign.vehicle.axles] == [False, True, True, False, False, False]
+    assert campaign.vehicle.gravity_m_s2 == 9.81
+    assert campaign.vehicle.bodies[1].hitch_x_m == 4.43
+    assert list(campaign.load_cases) == ["unloaded", "loaded"]
+    assert campaign.load_cases["loaded"].cargo_mass_kg == 39000
+    assert (len(campaign.plank_drops), len(campaign.bump_runs), len(campaign.predictions)) == (18, 10, 2)
+    assert campaign.bump_runs[0].nominal_speed_m_s == pytest.approx(16 / 3.6, rel=1e-15)
+    assert campaign.predictions[0].speed_m_s == pytest.approx(48 / 3.6, rel=1e-15)
+    assert campaign.scans["bump"].heading_rad == pytest.approx(4.3 * np.pi / 180, rel=1e-15)
+    assert campaign.scans["bump"].points_m.shape == (0, 3)
+    filter_ = campaign.acquisition.filter
+    assert (filter_.kind, filter_.order, filter_.cutoff_hz) == ("butterworth", 4, 60)
+    log = campaign.bump_runs[0].log
+    by_name = {c.sensor.column: c for c in log.channels}
+    # First data row of the file: 3.64 mm and -0.005 g; 1 g = 9.80665 m/s2.
+    assert by_name["lvdt1_mm"].value[0] == pytest.approx(3.64e-3, rel=1e-12)
+    assert by_name["axle1_accel_g"].value[0] == pytest.approx(-0.005 * 9.80665, rel=1e-12)
+    assert by_name["axle1_accel_g"].sensor.full_scale == pytest.approx(98.0665, rel=1e-12)
+    assert by_name["frame5_accel_g"].sensor.x_m == 14.63
+    drop = campaign.plank_drops[3]
+    assert (drop.axle, drop.load_case, drop.plank_height_m) == (1, "unloaded", 0.075)
+    assert [(c.sensor.axle, c.sensor.body, c.sensor.x_m) for c in drop.log.channels] == [(1, 0, 4.07)] * 3
+    scan = (shipped_folder / "bump_scan.csv").read_bytes()
+    assert campaign.input_sha256["bump_scan.csv"] == hashlib.sha256(scan).hexdigest()
+    assert len(campaign.input_sha256) == 18 + 10 + 1 + 1
+
+
+@pytest.mark.parametrize(
+    ("unit", "dimension", "factor"),
+    [
+        ("mm", "length", 1e-3),
+        ("in", "length", 0.0254),
+        ("g", "acceleration", 9.80665),
+        ("mg", "acceleration", 9.80665e-3),
+        ("m/s^2", "acceleration", 1.0),
+        ("cm/s2", "acceleration", 0.01),
+    ],
+)
+def test_unit_factors(unit, dimension, factor):
+    assert si_factor(unit, dimension) == pytest.approx(factor, rel=1e-15)
+
+
+def test_other_units():
+    assert speed_m_s(36.0) == pytest.approx(10.0, rel=1e-15)
+    assert angle_rad(180.0) == pytest.approx(np.pi, rel=1e-15)
+    assert pressure_pa(800.0) == pytest.approx(8e5, rel=1e-15)
+
+
+def test_point_cloud_reader_gets_file_and_unit(small):
+    calls = []
+
+    def reader(path, unit):
+        calls.append((path.name, unit))
+        return np.ones((4, 3))
+
+    campaign = read_campaign(small(("heading_deg = 90", 'heading_deg = 90\nunit = "mm"')), point_cloud_reader=reader)
+    assert calls == [("scan.csv", "mm")]
+    assert campaign.scans["bump"].points_m.shape == (4, 3)
+
+
+def test_optional_keys(small):
+    file = small(
+        ('name = "truck"', 'name = "truck"\ngravity_m_s2 = 9.79'),
+        (
+            'suspension = "leaf"',
+            'suspension = "leaf"\njounce_travel_m = 0.08\nrebound_travel_m = 0.1\n'
+            "leaf = { leaves = 8, width_m = 0.09, thickness_m = 0.012, length_m = 1.5 }\n"
+            "priors = { stiffness_N_per_m = { median = 4e5, log_sd = 0.2 } }",
+        ),
+        ('suspension = "air"', 'suspension = "air"\ninflation_pressure_kPa = 830\nload_dependent = true'),
+        (
+            "[tests]",
+            '[tests]\nplank_drop = [{ axle = "rear", file = "run.csv", plank_height_m = 0.08, load_case = "empty", '
+            "nominal_speed_km_h = 5.4, dampers = false, towed = true, engine_off = true }]",
+        ),
+        (
+            "[scan]",
+            '[sensors.plank_drop]\nq1_mm = { kind = "suspension_deflection", unit = "mm" }\n\n[scan]',
+        ),
+    )
+    campaign = read_campaign(file)
+    front, rear = campaign.vehicle.axles
+    assert campaign.vehicle.gravity_m_s2 == 9.79
+    assert (front.leaf.leaves, front.leaf.length_m, front.jounce_travel_m) == (8, 1.5, 0.08)
+    assert (front.priors["stiffness"].median, front.priors["stiffness"].log_sd) == (4e5, 0.2)
+    assert (rear.load_dependent, rear.inflation_pressure_Pa) == (True, 830e3)
+    drop = campaign.plank_drops[0]
+    assert (drop.axle, drop.dampers, drop.towed, drop.engine_off) == (1, False, True, True)
+    assert drop.nominal_speed_m_s == pytest.approx(1.5, rel=1e-15)
+    assert any("more than one test" in m for m in campaign.messages)
+
+
+def test_air_axle_is_not_load_dependent_with_one_load_case(small):
+    assert [a.load_dependent for a in read_campaign(small()).vehicle.axles] == [False, False]
+
+
+def test_order_of_axles_in_the_file_does_not_matter(small, tmp_path):
+    first = read_campaign(small()).vehicle
+    text = (tmp_path / "campaign.toml").read_text()
+    head, front, rest = text.split("[[vehicle.axle]]")
+    rear, tail = rest.split("[load_case")
+    swapped = f"{head}[[vehicle.axle]]{rear}[[vehicle.axle]]{front}[load_case{tail}".replace(
+        "[4000, 3500]", "[3500, 4000]"
+    )
+    campaign = read_campaign(small(toml=swapped))
+    assert campaign.vehicle.axles == first.axles
+    assert campaign.load_cases["empty"].axle_loads_kg == (4000, 3500)
+
+
+def test_several_scans(small):
+    scans = '[scan.short]\nfile = "scan.csv"\nheading_deg = 0\n[scan.long]\nfile = "scan.csv"\nheading_deg = 5'
+    one = ('[scan]\nfile = "scan.csv"\nheading_deg = 90', scans)
+    campaign = read_campaign(small(one, ("nominal_speed_km_h = 36", 'nominal_speed_km_h = 36, bump = "long"')))
+    assert list(campaign.scans) == ["short", "long"]
+    assert campaign.bump_runs[0].bump == "long"
+    with pytest.raises(CampaignError, match="which bump") as error:
+        read_campaign(small(one))
+    one_sentence(error)
+    with pytest.raises(CampaignError, match="did you mean 'long'"):
+        read_campaign(small(one, ("nominal_speed_km_h = 36", 'nominal_speed_km_h = 36, bump = "longg"')))
+
+
+FAULTS = [
+    ("unknown key", [("tire_radius_m = 0.5\nsuspension = \"leaf\"", "tyre_radius_m = 0.5\nsuspension = \"leaf\"")],
+     ["vehicle.axle[1]", "'front'", "tyre_radius_m", "did you mean 'tire_radius_m'"]),
+    ("unknown table", [("[acquisition]", "[aquisition]")], ["aquisition", "did you mean 'acquisition'"]),
+    ("missing key", [("x_m = 4.0\n", "")], ["vehicle.axle[2]", "x_m", "missing"]),
+    ("text for number", [("x_m = 4.0", 'x_m = "4.0"')], ["vehicle.axle[2].x_m", "'4.0'", "expected a number"]),
+    ("number for text", [('title = "small"', "title = 3")], ["campaign.title", "3", "expected text in quotes"]),
+    ("boolean for number", [("x_m = 4.0", "x_m = true")], ["x_m", "true", "expected a number"]),
+    ("NaN", [("unsprung_mass_kg = 500", "unsprung_mass_kg = nan")], ["unsprung_mass_kg", "expected a finite number"]),
+    ("negative mass", [("unsprung_mass_kg = 500", "unsprung_mass_kg = -5")],
+     ["unsprung_mass_kg", "-5", "a number greater than 0"]),
+    ("wrong choice", [('suspension = "leaf"', 'suspension = "leaff"')], ["'leaff'", "did you mean 'leaf'"]),
+    ("schema 2", [("schema = 1", "schema = 2")], ["schema = 2", "schema = 1"]),
+    ("no schema", [("schema = 1\n", "")], ["no schema"]),
+    ("body name", [('name = "front"\nbody = "frame"', 'name = "front"\nbody = "fram"')],
+     ["'fram'", "did you mean 'frame'"]),
+    ("axle name", [('axle = "front", unit = "g"', 'axle = "frnt", unit = "g"')],
+     ["sensors.bump_run.a1_g.axle", "did you mean 'front'"]),
+    ("load case name", [('load_case = "empty"', 'load_case = "emtpy"')], ["tests.bump_run[1].load_case", "'empty'"]),
+    ("unit", [('unit = "g"', 'unit = "G"')], ["a1_g", "'G'", "did you mean 'g'"]),
+    ("unit of the other dimension", [('unit = "g"', 'unit = "mm"')], ["a1_g", "'mm'", "acceleration"]),
+    ("sensor without place", [('axle = "front", unit = "g"', 'unit = "g"')],
+     ["a1_g measures axle_acceleration; give the name of its axle"]),
+    ("too few loads", [("[4000, 3500]", "[4000]")], ["axle_loads_kg has 1 numbers", "expected 2"]),
+    ("masses do not add up", [("[4000, 3500]", "[4000, 3600]")],
+     ["campaign.toml: load case 'empty'", "+100 kg", "sprung_mass_kg"]),
+    ("two axles of one name", [('name = "rear"', 'name = "front"')], ["vehicle.axle", "'front'"]),
+    ("two axles at one place", [("x_m = 4.0", "x_m = 0")], ["same x_m"]),
+    ("x not from axle 1", [("x_m = 0\n", "x_m = 1.2\n")], ["x_m = 1.2", "expected 0"]),
+    ("hitch of the first body", [('name = "frame"\n\n', 'name = "frame"\nhitch_x_m = 1\n\n')], ["hitch_x_m", "front"]),
+    ("height without hitch", [('name = "frame"\n\n', 'name = "frame"\nhitch_height_m = 1\n\n')], ["hitch_height_m"]),
+    ("no scan", [('[scan]\nfile = "scan.csv"\nheading_deg = 90\n', "")], ["tests.bump_run[1]", "[scan]"]),
+    ("drop without sensors",
+     [("[tests]", '[tests]\nplank_drop = [{axle="front", file="run.csv", plank_height_m=0.1}]')],
+     ["[sensors.plank_drop]"]),
+    ("absolute path", [('"run.csv"', '"/etc/passwd"')], ["tests.bump_run[1].file", "absolute"]),
+    ("drive path", [('"run.csv"', '"C:/run.csv"')], ["absolute"]),
+    ("parent path", [('"run.csv"', '"../run.csv"')], ["leads outside", "move the file"]),
+    ("hidden parent path", [('"run.csv"', '"a/../../run.csv"')], ["leads outside"]),
+    ("backslash", [('"run.csv"', "'logs\\run.csv'")], ["forward slashes"]),
+    ("long name", [('"run.csv"', '"' + "a" * 300 + '.csv"')], ["304 characters"]),
+    ("control character", [('"run.csv"', '"run\\u0000.csv"')], ["control characters"]),
+    ("missing file", [('"run.csv"', '"runn.csv"')], ["'runn.csv'", "did you mean 'run.csv'"]),
+    ("emoji file", [('"run.csv"', '"\U0001f69a.csv"')], ["does not exist"]),
+    ("directory", [('"run.csv"', '"."')], ["is a folder"]),
+    ("number that is too long", [("x_m = 4.0", "x_m = " + "9" * 5000)], ["campaign.toml"]),
+    ("huge number", [("x_m = 4.0", "x_m = 1" + "0" * 400)], ["x_m", "huge"]),
+    ("deep nesting", [("[tests]", "deep = " + "[" * 5000 + "]" * 5000 + "\n[tests]")], ["nested too deeply"]),
+    ("TOML syntax", [("x_m = 4.0", "x_m = = 4.0")], ["not valid TOML", "line 25, column 7"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "words"), [f[1:] for f in FAULTS], ids=[f[0] for f in FAULTS])
+def test_faulty_campaign_file_ends_in_one_sentence(small, changes, words):
+    with pytest.raises(CampaignError) as error:
+        read_campaign(small(*changes))
+    text = one_sentence(error)
+    for word in words:
+        assert word in text
+
+
+def test_many_faults_are_reported_briefly(small):
+    with pytest.raises(CampaignError) as error:
+        read_campaign(small(("unsprung_mass_kg", "mass"), ("tire_radius_m", "wheel_radius_m")))
+    text = one_sentence(error)
+    assert "more" in text
+    assert text.count("is not a known key") == 3
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_encodings_of_the_campaign_file(small, small_text, encoding):
+    assert read_campaign(small(toml=small_text.encode(encoding))).title == "small"
+
+
+def test_campaign_file_that_is_not_text(small):
+    with pytest.raises(CampaignError, match="UTF-8") as error:
+        read_campaign(small(toml=b'title = "\xff\xfa"'))
+    one_sentence(error)
+
+
+def test_missing_campaign_file_and_folder(tmp_path):
+    for path in (tmp_path / "nowhere.toml", tmp_path, tmp_path / "a" / "b", "x" * 5000, "a\0b"):
+        with pytest.raises(CampaignError) as error:
+            read_campaign(path)
+        one_sentence(error)
+
+
+def test_link_out_of_the_folder(small, tmp_path):
+    file = small(log=None)
+    outside = tmp_path.parent / f"{tmp_path.name}_outside.csv"
+    outside.write_text("time_s,q1_mm\n0,1\n")
+    os.symlink(outside, tmp_path / "run.csv")
+    with pytest.raises(CampaignError, match="outside the campaign folder") as error:
+        read_campaign(file)
+    one_sentence(error)
+
+
+def test_link_loop_and_pipe(small, tmp_path):
+    file = small(log=None)
+    os.symlink(tmp_path / "run.csv", tmp_path / "run.csv")
+    with pytest.raises(CampaignError) as error:
+        read_campaign(file)
+    one_sentence(error)
+    (tmp_path / "run.csv").unlink()
+    os.mkfifo(tmp_path / "run.csv")
+    with pytest.raises(CampaignError, match="not a regular file"):
+        read_campaign(file)
+
+
+def test_log_of_two_gigabytes_is_refused_at_once(small, tmp_path):
+    file = small()
+    with (tmp_path / "run.csv").open("r+b") as stream:
+        stream.truncate(2_000_000_000)
+    with pytest.raises(DataRejectedError, match="2000 MB") as error:
+        read_campaign(file)
+    one_sentence(error)
+
+
+@settings(max_examples=60, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.integers(0, 2000), st.integers(0, 40), st.binary(max_size=12))
+def test_damaged_campaign_file_never_ends_in_a_traceback(small, small_text, start, length, junk):
+    raw = small_text.encode()
+    file = small(toml=raw[:start] + junk + raw[start + length :])
+    with contextlib.suppress(SysidError):
+        read_campaign(file)
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-5, 5) | st.floats(allow_nan=True) | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@settings(max_examples=80, derandomize=True, deadline=None)
+@given(
+    st.sampled_from(["campaign", "vehicle", "load_case", "acquisition", "sensors", "scan", "tests", "other"]), VALUES
+)
+def test_wrong_tables_never_end_in_a_traceback(small_text, table, value):
+    data = tomllib.loads(small_text)
+    data[table] = value
+    with contextlib.suppress(CampaignError):
+        validate(data, "campaign.toml")

@@ -1,0 +1,114 @@
+"""`result.json` against its own schema, checked by the jsonschema package."""
+
+import json
+import math
+from dataclasses import replace
+
+import jsonschema
+import pytest
+from small_results import Words, before_sampling, campaign_only, small_fit, small_results
+
+from sysid.export import Results, result_document, result_schema, write_result
+
+
+@pytest.fixture(scope="module")
+def validator():
+    schema = result_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+@pytest.mark.parametrize("results", [small_results(), before_sampling(), campaign_only()], ids=["all", "fit", "none"])
+def test_document_follows_the_schema(validator, results):
+    validator.validate(json.loads(json.dumps(result_document(results), allow_nan=False)))
+
+
+def test_schema_refuses_what_the_contract_does_not_name(validator):
+    good = result_document(small_results())
+    for broken in (
+        good | {"extra": 1},
+        good | {"status": "done"},
+        good | {"schema": 2},
+        good | {"drops": [good["drops"][0] | {"extra": 1}]},
+        good | {"parameters": [good["parameters"][0] | {"axle": 0}]},
+        good | {"predictions": [good["predictions"][0] | {"file": "../outside.csv"}]},
+        {k: v for k, v in good.items() if k != "seed"},
+    ):
+        assert not validator.is_valid(broken)
+
+
+def test_every_key_of_the_published_example_is_there():
+    document = result_document(small_results())
+    assert list(document) == [
+        "schema", "campaign", "status", "seed", "inputs", "likelihood", "warnings", "timings", "drops", "parameters",
+        "validation", "predictions",
+    ]  # fmt: skip
+    assert set(document["drops"][0]) == {
+        "axle", "load_case", "file", "method", "stiffness", "damping", "stiffness_sd", "damping_sd", "damped_period",
+        "log_decrement", "usable", "note",
+    }  # fmt: skip
+    assert set(document["parameters"][0]) == {
+        "name", "axle", "quantity", "load_case", "run", "law", "unit", "identified", "least_squares", "posterior",
+    }  # fmt: skip
+    assert set(document["parameters"][0]["posterior"]) == {"mean", "sd", "q05", "q50", "q95", "ess", "rhat"}
+    assert set(document["validation"][0]) == {"run", "channel", "nrmse", "iso18571", "sprague_geers"}
+    assert set(document["predictions"][0]) == {
+        "load_case", "speed_km_h", "axle", "peak_dynamic_load_ratio", "lift_off", "file",
+    }  # fmt: skip
+
+
+def test_axles_count_from_one_and_units_are_si():
+    document = result_document(small_results())
+    by_name = {p["name"]: p for p in document["parameters"]}
+    assert document["inputs"] == {"runs/r1.csv": "ab" * 32}
+    assert result_document(campaign_only())["inputs"] == {"campaign.toml": "cd" * 32}
+    assert by_name["k_1"]["axle"] == 1
+    assert by_name["k_1"]["least_squares"] == {"value": 4.2e5, "sd": pytest.approx(4.2e3)}
+    assert by_name["k_2[laden]"]["axle"] == 2
+    assert by_name["k_2[laden]"]["load_case"] == "laden"
+    assert by_name["speed[runs/r1.csv]"]["axle"] is None
+    assert by_name["speed[runs/r1.csv]"]["run"] == "runs/r1.csv"
+    assert [d["axle"] for d in document["drops"] if d["file"] is None] == [1, 1, 2, 2]
+    assert [p["axle"] for p in document["predictions"]] == [1, 2]
+    assert document["predictions"][1] == {
+        "load_case": "empty",
+        "speed_km_h": 48.0,
+        "axle": 2,
+        "peak_dynamic_load_ratio": {"q05": 3.4, "q50": 3.6, "q95": 3.8},
+        "lift_off": True,
+        "file": "predictions/empty_48kmh.csv",
+    }
+
+
+def test_what_is_not_known_is_null():
+    document = result_document(small_results())
+    unusable = [d for d in document["drops"] if not d["usable"]]
+    assert unusable
+    assert all(d["stiffness"] is None and d["damping"] is None for d in unusable)
+    assert document["timings"] == {"fit": 12.5, "sample": None}
+    early = result_document(before_sampling())
+    assert all(p["posterior"] is None for p in early["parameters"])
+    assert early["likelihood"] is None
+    assert early["predictions"][0]["peak_dynamic_load_ratio"] == {"q05": None, "q50": 1.8, "q95": None}
+    broken = small_results(fit=small_fit(parameters=(replace(small_fit().parameters[0], value=math.inf, sd=math.nan),)))
+    assert result_document(broken)["parameters"][0]["least_squares"] == {"value": None, "sd": None}
+
+
+def test_warnings_of_all_stages_appear_once():
+    assert result_document(small_results(warnings=("first", "one remark")))["warnings"] == ["first", "one remark"]
+
+
+def test_same_results_same_bytes_and_hostile_text_survives(tmp_path):
+    text = '"}],"x":1</script>\u202e\u2028 =1+1 \U0001f69a'
+    for name in ("a.json", "b.json"):
+        write_result(small_results(Words.all(text)), tmp_path / name)
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+    read = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
+    assert read["campaign"] == text
+    assert read["predictions"][0]["file"].startswith("predictions/x_1_script_")
+    assert "/" not in read["predictions"][0]["file"].removeprefix("predictions/")
+
+
+def test_unknown_status_is_refused():
+    with pytest.raises(ValueError, match="done"):
+        Results(campaign_only().campaign, status="done")

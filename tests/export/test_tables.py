@@ -1,0 +1,120 @@
+"""CSV files read back by pandas; file names and atomic writing."""
+
+import io
+import os
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from small_results import Words, before_sampling, campaign_only, small_results
+
+from sysid.export import (
+    escape_cell,
+    parameters_csv,
+    prediction_csv,
+    prediction_files,
+    write_atomically,
+    write_parameters,
+    write_predictions,
+    write_text,
+)
+
+
+def test_parameters_come_back_with_pandas(tmp_path):
+    results = small_results()
+    write_parameters(results, tmp_path / "parameters.csv")
+    table = pd.read_csv(tmp_path / "parameters.csv").set_index("name")
+    fit, summaries = results.fit, {s.name: s for s in results.posterior.summaries}
+    assert list(table.index) == [*fit.names, "speed[runs/r1.csv]"]
+    for p in fit.parameters:
+        row = table.loc[p.name]
+        assert row["least_squares_value"] == p.value
+        assert row["least_squares_sd"] == p.sd
+        assert row["axle"] == p.axle + 1
+        assert [row["posterior_q05"], row["posterior_q95"]] == [summaries[p.name].q05, summaries[p.name].q95]
+    assert not table.loc["kt_1", "identified"]
+    assert np.isnan(table.loc["speed[runs/r1.csv]", "posterior_mean"])
+    assert table.loc["c_2", "axle_name"] == "rear axle"
+
+
+def test_parameters_without_stages_are_empty_not_absent():
+    assert pd.read_csv(io.StringIO(parameters_csv(campaign_only()))).empty
+    early = pd.read_csv(io.StringIO(parameters_csv(before_sampling())))
+    assert early["posterior_mean"].isna().all()
+    assert early["least_squares_value"].notna().all()
+
+
+@pytest.mark.parametrize(
+    ("text", "cell"),
+    [
+        ("=1+1", "'=1+1"),
+        ("+1", "'+1"),
+        ("-1", "'-1"),
+        ("@a", "'@a"),
+        (" =1", "' =1"),
+        ("\t=1", "' =1"),
+        ("a\r=1", "a =1"),
+        ("a\n=1", "a =1"),
+        ('a";=1', 'a";=1'),
+    ],
+)
+def test_no_text_cell_starts_a_formula(text, cell):
+    table = pd.read_csv(io.StringIO(parameters_csv(small_results(Words.all(text)))), dtype=str, keep_default_na=False)
+    assert len(table) == 7
+    for column in ("name", "axle_name", "load_case", "run"):
+        assert not table[column].str.lstrip().str.startswith(("=", "+", "-", "@")).any()
+    assert table["axle_name"][0] == cell
+
+
+def test_ordinary_text_is_left_alone():
+    assert escape_cell("front axle - left") == "front axle - left"
+
+
+def test_predictions_come_back_with_pandas(tmp_path):
+    results = small_results()
+    (path,) = write_predictions(results, tmp_path)
+    assert path == tmp_path / "predictions" / "empty_48kmh.csv"
+    table = pd.read_csv(path)
+    p = results.predictions.passes[0]
+    assert list(table.columns) == ["time_s"] + [f"tire_force{i}_N_{q}" for i in (1, 2) for q in ("q05", "q50", "q95")]
+    np.testing.assert_allclose(table["time_s"], p.time_s, atol=1e-9)
+    np.testing.assert_allclose(table["tire_force2_N_q95"], p.tire_force_q95_N[1], atol=0.0051)
+    np.testing.assert_allclose(table["tire_force1_N_q05"], p.tire_force_q05_N[0], atol=0.0051)
+
+
+def test_bands_are_empty_before_sampling(tmp_path):
+    table = pd.read_csv(io.StringIO(prediction_csv(before_sampling().predictions.passes[0])))
+    assert table["tire_force1_N_q05"].isna().all()
+    assert table["tire_force1_N_q95"].isna().all()
+    assert table["tire_force1_N_q50"].notna().all()
+    assert write_predictions(campaign_only(), tmp_path) == ()
+
+
+def test_names_of_passes_stay_apart_and_inside_the_folder():
+    one = small_results().predictions.passes[0]
+    cases = ("Empty", "empty", "../../etc", "", "\U0001f69a" * 100, "leer/h\u00e4lftig")
+    files = prediction_files([replace(one, load_case=c) for c in cases] + [replace(one, speed_m_s=12.5 / 3.6)])
+    assert files == (
+        "predictions/empty_48kmh.csv",
+        "predictions/empty_48kmh_2.csv",
+        "predictions/etc_48kmh.csv",
+        "predictions/pass_48kmh.csv",
+        "predictions/pass_48kmh_2.csv",
+        "predictions/leer_halftig_48kmh.csv",
+        "predictions/empty_12.5kmh.csv",
+    )
+
+
+def test_a_write_that_fails_leaves_the_old_file(tmp_path):
+    target = tmp_path / "out" / "x.csv"
+    write_text(target, "old\n")
+
+    def fails(path):
+        path.write_text("half")
+        raise OSError("disk full")
+
+    with pytest.raises(OSError, match="disk full"):
+        write_atomically(target, fails)
+    assert target.read_text() == "old\n"
+    assert os.listdir(target.parent) == ["x.csv"]

@@ -1,0 +1,193 @@
+"""Figures show the numbers they are given and leave matplotlib as it was."""
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from scipy import stats
+from small_results import DECREMENT, PERIOD, Z90, Words, before_sampling, decaying_drop, small_fit, small_results
+
+from sysid import plot
+from sysid.plot.posterior import _prior_density
+from sysid.plot.style import label, thin
+
+
+@pytest.fixture(scope="module")
+def results():
+    return small_results()
+
+
+def draws_of(results):
+    """One call of every public figure, with axes of our own where it takes them."""
+    fit, posterior, one = results.fit, results.posterior, results.predictions.passes[0]
+    history = fit.histories[0]
+    rows = plot.suspension_estimates("stiffness", results.drops, fit, posterior)
+    scan = results.scans["bump"]
+    return {
+        "drop": lambda ax=None: plot.drop(results.drops.files[0], ax),
+        "scan": lambda ax=None: plot.scan(scan, ax),
+        "profile": lambda ax=None: plot.profile(scan, ax),
+        "overlay": lambda ax=None: plot.overlay(history, history.columns[0], ax),
+        "autocorrelation": lambda ax=None: plot.autocorrelation(fit, ax),
+        "marginal": lambda ax=None: plot.marginal(posterior, "k_1", fit, ax),
+        "trace": lambda ax=None: plot.trace(posterior, "k_1", fit, ax),
+        "correlation": lambda ax=None: plot.correlation(plot.posterior_correlation(posterior), posterior.names, ax),
+        "load_ratio": lambda ax=None: plot.load_ratio(one, 1, ax),
+        "comparison": lambda ax=None: plot.comparison(rows, "stiffness", ax),
+    }
+
+
+FIGURES = (
+    "drop", "scan", "profile", "overlay", "autocorrelation", "marginal", "trace", "correlation", "load_ratio",
+    "comparison",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_figures_use_the_axes_they_get_and_touch_nothing_global(results, name):
+    before = dict(mpl.rcParams)
+    draw = draws_of(results)[name]
+    ax = Figure().add_subplot()
+    assert draw(ax) is ax
+    own = draw()
+    assert own is not ax
+    assert own.has_data()
+    assert any(a.get_xlabel() for a in own.figure.axes) or name == "correlation"
+    assert dict(mpl.rcParams) == before
+
+
+def test_history_shows_measured_simulated_and_their_difference(results):
+    history = results.fit.histories[0]
+    grid = plot.suspension_histories(history, (0, 1))
+    upper, lower = grid[0, 0], grid[1, 0]
+    measured, simulated = (line.get_ydata() for line in upper.get_lines()[:2])
+    np.testing.assert_allclose(measured, history.measured[0] * 1e3)
+    np.testing.assert_allclose(simulated, history.simulated[0] * 1e3)
+    np.testing.assert_allclose(lower.get_lines()[0].get_ydata(), np.cos(40.0 * history.time_s), atol=1e-9)
+    assert "[mm]" in upper.get_ylabel()
+    assert "m/s²" in grid[0, 1].get_ylabel()
+    assert any("no axle acceleration" in text.get_text() for text in grid[2, 1].texts)
+
+
+def test_clipped_samples_are_marked_and_left_out_of_the_residual(results):
+    history = results.fit.histories[0]
+    fig = plot.figure()
+    upper, lower = fig.subplots(2)
+    plot.overlay(history, history.columns[2], upper, lower)
+    (marks,) = (line for line in upper.get_lines() if line.get_label() == "clipped")
+    np.testing.assert_allclose(marks.get_xdata(), history.time_s[50:53])
+    assert np.isnan(lower.get_lines()[0].get_ydata()[50:53]).all()
+
+
+def test_unknown_column_is_named(results):
+    with pytest.raises(KeyError, match="sensor0_mm"):
+        plot.overlay(results.fit.histories[0], "nothing")
+
+
+def test_an_axle_has_one_colour_everywhere(results):
+    color = plot.axle_color(1)
+    one = results.predictions.passes[0]
+    history = results.fit.histories[0]
+    lines = [
+        plot.load_ratio(one, 1).get_lines()[0],
+        plot.overlay(history, history.columns[1]).get_lines()[1],
+        plot.drop(decaying_drop(axle=1)).get_lines()[1],
+    ]
+    assert {to_hex(line.get_color()) for line in lines} == {color}
+    assert len({plot.axle_color(i) for i in range(8)}) == 8
+
+
+def test_envelope_passes_through_the_peaks_of_an_exact_decay():
+    analysis = decaying_drop()
+    ax = plot.drop(analysis)
+    upper = next(line for line in ax.get_lines() if line.get_label() == "envelope")
+    time, value = upper.get_xdata(), upper.get_ydata()
+    expected = 2.0 + 30.0 * np.exp(-DECREMENT / PERIOD * (time - 1.0))
+    np.testing.assert_allclose(value, expected, rtol=1e-9)
+    by_label = {line.get_label(): line for line in ax.get_lines()}
+    assert len(by_label["peak used"].get_xdata()) == 4
+    assert len(by_label["peak not used"].get_xdata()) == 1
+
+
+def test_unusable_drop_says_so():
+    ax = plot.drop(decaying_drop(usable=False))
+    assert "not usable" in [text.get_text() for text in ax.texts]
+    assert "envelope" not in [line.get_label() for line in ax.get_lines()]
+
+
+def test_load_ratio_is_force_over_static_load(results):
+    p = results.predictions.passes[0]
+    ax = plot.load_ratio(p, 0)
+    assert ax.get_lines()[0].get_ydata().max() == pytest.approx(1.8, rel=1e-6)
+    assert [c.get_label() for c in ax.collections] == ["90 % band"]
+    early = plot.load_ratio(before_sampling().predictions.passes[0], 0)
+    assert not early.collections
+    assert early.get_lines()[0].get_label() == "least squares"
+
+
+def test_estimates_are_matched_to_axles_and_load_cases(results):
+    rows = plot.suspension_estimates("stiffness", results.drops, results.fit, results.posterior)
+    assert [(r.axle, r.load_case, r.drop_load_case) for r in rows] == [
+        (0, None, "empty"), (1, "empty", "empty"), (1, "laden", None),
+    ]  # fmt: skip
+    first = rows[0].estimates
+    assert set(first) == {"paper", "corrected", "fitted", "posterior"}
+    # Normal interval of the drops, lognormal interval of the fit, quantiles of the posterior.
+    assert (first["paper"].low, first["paper"].high) == pytest.approx(stats.norm(3e5, 4e3).interval(0.9))
+    assert (first["fitted"].low, first["fitted"].high) == pytest.approx(stats.lognorm(0.01, scale=4.2e5).interval(0.9))
+    s = results.posterior.summaries[0]
+    assert (first["posterior"].value, first["posterior"].low, first["posterior"].high) == (s.q50, s.q05, s.q95)
+    assert rows[0].best is first["posterior"]
+    assert not rows[1].estimates["paper"].usable
+    assert set(rows[2].estimates) == {"fitted", "posterior"}
+    assert stats.norm.ppf(0.95) == pytest.approx(Z90)
+
+
+def test_estimates_fall_back_on_what_there_is(results):
+    rows = plot.suspension_estimates("damping", results.drops, None, None)
+    assert [(r.axle, r.load_case) for r in rows] == [(0, "empty"), (1, "empty")]
+    assert rows[0].best.source == "corrected"
+    assert rows[1].best is None
+    assert plot.suspension_estimates("damping", None, None, None) == ()
+    fitted = plot.suspension_estimates("damping", None, results.fit, None)
+    assert [r.best.source for r in fitted] == ["fitted", "fitted"]
+
+
+def test_correlations_agree_with_numpy(results):
+    flat = results.posterior.draws.reshape(-1, 6)
+    np.testing.assert_allclose(plot.posterior_correlation(results.posterior), np.corrcoef(flat.T), atol=1e-12)
+    expected = np.full((6, 6), 0.3) + 0.7 * np.eye(6)
+    np.testing.assert_allclose(plot.covariance_correlation(results.fit.covariance), expected, atol=1e-12)
+
+
+def test_prior_is_the_lognormal_of_scipy():
+    p = small_fit().parameters[0]
+    x = np.array([3e5, 5e5, 8e5])
+    np.testing.assert_allclose(_prior_density(p, x), stats.lognorm(p.prior_sd, scale=p.prior_median).pdf(x), rtol=1e-12)
+
+
+def test_thinning_keeps_every_peak():
+    x = np.arange(10000.0)
+    y = np.zeros(10000)
+    y[[17, 4242, 9998]] = 5.0, -7.0, 3.0
+    z = np.full(10000, np.nan)
+    thin_x, thin_y, thin_z = thin(x, y, z, most=500)
+    assert len(thin_x) <= 510
+    assert set(thin_y) == {0.0, 5.0, -7.0, 3.0}
+    assert (thin_x[0], thin_x[-1]) == (0.0, 9999.0)
+    assert np.isnan(thin_z).all()
+    assert thin(x, z, most=100)[0].size <= 110
+
+
+def test_user_text_becomes_one_printable_line():
+    assert label("a\nb\x00c") == "a b c"
+    assert label("\U0001f69a$x^$") == "▯$x^$"
+    assert label("x" * 300) == "x" * 47 + "…"
+
+
+def test_hostile_names_reach_the_figure_as_plain_text():
+    hostile = small_results(Words.all("$\\frac{1}$\U0001f69a<b>"))
+    history = hostile.fit.histories[0]
+    svg = plot.svg_element(plot.channel_grid(history)[0, 0].figure, "h", "x")
+    assert "$\\frac{1}$▯&lt;b&gt;" in svg

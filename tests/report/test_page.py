@@ -1,0 +1,212 @@
+"""The page parsed again: structure, policy, words, and hostile text that must stay text."""
+
+import base64
+import hashlib
+import re
+from dataclasses import dataclass, field
+from html.parser import HTMLParser
+from itertools import pairwise
+
+import pytest
+from small_results import Words, before_sampling, campaign_only, small_results
+
+from sysid.report import render_report, write_report
+
+VOID = {"meta", "br", "link", "img", "input", "hr"}
+
+
+@dataclass
+class Page:
+    """Elements of a page in order, its visible text and its problems of nesting."""
+
+    elements: list[tuple[str, dict[str, str | None]]] = field(default_factory=list)
+    text: dict[str, list[str]] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
+
+    def all(self, tag):
+        return [attributes for name, attributes in self.elements if name == tag]
+
+    def words(self):
+        return " ".join(" ".join(t) for tag, t in self.text.items() if tag not in ("style", "script"))
+
+
+class _Reader(HTMLParser):
+    def __init__(self):
+        super().__init__(convert_charrefs=True)
+        self.page, self.open = Page(), []
+
+    def handle_starttag(self, tag, attrs):
+        if len({name for name, _ in attrs}) < len(attrs):
+            self.page.problems.append(f"attribute twice in <{tag}>")
+        self.page.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.page.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.page.problems.append(f"</{tag}> closes nothing")
+
+    def handle_comment(self, data):
+        self.page.problems.append(f"comment {data}")
+
+    def handle_data(self, data):
+        self.page.text.setdefault(self.open[-1] if self.open else "", []).append(data)
+
+
+def parse(text):
+    reader = _Reader()
+    reader.feed(text)
+    reader.close()
+    reader.page.problems += [f"<{tag}> left open" for tag in reader.open]
+    return reader.page
+
+
+@pytest.fixture(scope="module")
+def full_text():
+    return render_report(small_results())
+
+
+@pytest.fixture(scope="module")
+def full(full_text):
+    return parse(full_text)
+
+
+def skeleton(page):
+    """Elements outside figures with the names of their attributes."""
+    svg = {"svg", "g", "path", "text", "use", "defs", "clippath", "rect", "image"}
+    return [(tag, tuple(attributes)) for tag, attributes in page.elements if tag not in svg]
+
+
+HOSTILE = (
+    '"\' onmouseover=pwned() x="><pwned></style></script></svg></title><script>pwned()</script>'
+    "<img src=x onerror=pwned>{{7*7}}{% raw %}<!-- ]]> &lt;pwned&gt; $\\frac{1}$ \u202e\x00\U0001f69a javascript:pwned"
+)
+
+
+def test_hostile_text_adds_no_element_and_no_attribute(full):
+    page = parse(render_report(small_results(Words.all(HOSTILE))))
+    assert page.problems == []
+    assert skeleton(page) == skeleton(full)
+    assert {tag for tag, _ in page.elements} == {tag for tag, _ in full.elements}
+    for tag, attributes in page.elements:
+        assert not any(name.startswith("on") or name == "style" for name in attributes), tag
+        assert "pwned" not in " ".join(attributes)
+        for name in ("href", "src", "action"):
+            assert re.match(r"#|data:image/png;base64,", attributes.get(name) or "#")
+    assert "{{7*7}}{% raw %}<!-- ]]> &lt;pwned&gt;" in page.words()
+    assert "\u202e" not in page.words()
+    assert "\x00" not in page.words()
+
+
+def test_hostile_text_stays_text_before_the_first_stage():
+    page = parse(render_report(campaign_only(Words.all(HOSTILE))))
+    assert page.problems == []
+    assert skeleton(page) == skeleton(parse(render_report(campaign_only())))
+
+
+def test_page_is_well_formed_and_identifiers_are_distinct(full):
+    assert full.problems == []
+    names = [a["id"] for _, a in full.elements if a.get("id")]
+    assert len(names) == len(set(names))
+    targets = {a["href"][1:] for a in full.all("a")}
+    assert targets <= set(names)
+    labels = {a["aria-labelledby"] for _, a in full.elements if a.get("aria-labelledby")}
+    assert labels <= set(names)
+
+
+def test_policy_admits_our_style_and_script_only(full, full_text):
+    (policy,) = [a["content"] for a in full.all("meta") if a.get("http-equiv") == "Content-Security-Policy"]
+    rules = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
+    for tag in ("style", "script"):
+        content = re.search(f"<{tag}>(.*?)</{tag}>", full_text, re.DOTALL)[1]
+        digest = base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()
+        assert rules[f"{tag}-src"] == f"'sha256-{digest}'"
+    assert rules["default-src"] == "'none'"
+    assert rules["img-src"] == "data:"
+    assert not any("style" in a for _, a in full.elements)
+
+
+def test_page_loads_nothing(full, full_text):
+    assert {a.get("href", "#")[0] for a in full.all("a")} == {"#"}
+    assert not full.all("link")
+    assert not re.search(r"https?://", full_text)
+    assert "@import" not in full_text
+    assert "url(" not in "".join(full.text["style"])
+
+
+def test_page_is_accessible(full):
+    assert full.all("html")[0]["lang"] == "en"
+    assert full.all("a")[0]["class"] == "skip"
+    assert all(a.get("scope") in ("col", "row") for a in full.all("th"))
+    assert len(full.all("caption")) == len(full.all("table"))
+    assert all(a.get("role") == "img" and a["aria-label"] for a in full.all("svg"))
+    levels = [int(tag[1]) for tag, _ in full.elements if re.fullmatch("h[1-6]", tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(b - a <= 1 for a, b in pairwise(levels))
+
+
+def test_figures_are_not_empty(full_text):
+    figures = re.findall(r"<svg.*?</svg>", full_text, re.DOTALL)
+    # Two comparisons, drops (overview and two axles), profile, scan, histories (one and two runs), residuals,
+    # marginals, correlation, pairs, traces, one pass.
+    assert len(figures) == 16
+    assert all(figure.count("<path") + figure.count("<use") > 10 for figure in figures)
+    assert len(full_text) < 1_500_000
+
+
+def test_first_screen_gives_values_with_interval_unit_and_kind(full, full_text):
+    first = full_text[: full_text.index('id="quality"')]
+    words = " ".join(re.sub("<[^>]*>", " ", re.sub("<svg.*?</svg>", "", first, flags=re.DOTALL)).split())
+    assert "What are k and c?" in words
+    assert "Can I use them?" in words
+    assert "What should I do next?" in words
+    assert "CONVERGED" in words
+    s = small_results().posterior.summaries[0]
+    assert f"{s.q50 / 1e3:.0f} [{s.q05 / 1e3:.0f}, {s.q95 / 1e3:.0f}]" in words
+    assert "300 [293, 307]" in words
+    assert "posterior [kN/m]".replace(" [", " [") in words.replace("\xa0", " ")
+    assert "90 % credible interval" in words.replace("\xa0", " ")
+    assert "one remark" in words
+
+
+def test_sections_follow_the_order_of_the_work(full):
+    targets = [a["id"] for tag, a in full.elements if tag == "h2"]
+    expected = "result quality drops road fit posterior validation predictions provenance"
+    assert targets == expected.split()
+
+
+def test_stages_that_have_not_run_are_named():
+    words = parse(render_report(campaign_only())).words()
+    for stage in ("check", "drops", "fit", "sample", "predict"):
+        assert f"python calibrate.py {stage}" in words
+    assert "NO ESTIMATES YET" in words
+    assert not re.search(r"\b(nan|None|inf)\b", words)
+
+
+def test_report_before_sampling_names_the_other_interval():
+    words = parse(render_report(before_sampling())).words().replace("\xa0", " ")
+    assert "LEAST SQUARES ONLY" in words
+    assert "90 % confidence interval" in words
+    assert "90 % credible interval)" not in words
+    assert "no interval yet" in words
+
+
+def test_preview_is_marked_everywhere():
+    page = parse(render_report(small_results(status="preview", fit=None, posterior=None)))
+    words = page.words()
+    assert page.text["title"][0].startswith("PREVIEW")
+    tags = [a for a in page.all("span") if a.get("class") == "tag stop"]
+    marked = len(page.all("h2")) - 1 + len(page.all("figure")) + len(page.all("table"))
+    # Declared inputs and provenance are facts, not results: their five tables stay unmarked.
+    assert len(page.all("figure")) >= 7
+    assert len(tags) == marked - 5
+    assert "Not for decisions" in words
+
+
+def test_page_is_written_whole_and_the_same_each_time(tmp_path, full_text):
+    write_report(small_results(), tmp_path / "report.html")
+    assert (tmp_path / "report.html").read_text(encoding="utf-8") == full_text

@@ -1,0 +1,127 @@
+"""Verdict and numbers: each sentence appears exactly when its reason is there."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from small_results import Words, before_sampling, campaign_only, small_campaign, small_fit, small_results
+
+from sysid.report.figures import representative_run
+from sysid.report.numbers import decimals, fixed, interval, listing, number, percent
+from sysid.report.verdict import verdict
+
+
+def blameless():
+    """Results without any reason for a caution."""
+    results = small_results()
+    axles = tuple(replace(a, jounce_travel_m=0.1, rebound_travel_m=0.1) for a in results.campaign.vehicle.axles)
+    campaign = replace(results.campaign, vehicle=replace(results.campaign.vehicle, axles=axles))
+    agreement = tuple(replace(c, residual_over_noise=1.0) for c in results.validation.channels)
+    good = tuple(replace(c, verdict="good") for c in results.quality.channels)
+    return replace(
+        results,
+        campaign=campaign,
+        validation=replace(results.validation, channels=agreement),
+        quality=replace(results.quality, channels=good),
+    )
+
+
+def test_nothing_against_it_is_a_yes():
+    v = verdict(blameless())
+    assert (v.tone, v.answer, v.badge, v.badge_tone) == ("good", "Yes", "CONVERGED", "good")
+    assert len(v.use) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "tone", "sentence"),
+    [
+        ({"status": "preview"}, "stop", "preview"),
+        ({"status": "not_converged"}, "stop", "has not converged"),
+        ({"posterior": None}, "caution", "has not been sampled"),
+        ({"fit": None, "posterior": None}, "stop", "starting points"),
+        ({"fit": None, "posterior": None, "drops": None}, "stop", "No stage"),
+        ({"fit": small_fit(converged=False)}, "stop", "did not converge"),
+        ({"validation": small_results().validation}, "caution", "2 of 6 channel records"),
+        ({"campaign": small_campaign()}, "caution", "no bump stops"),
+    ],
+)
+def test_each_reason_against_it_is_said(change, tone, sentence):
+    v = verdict(replace(blameless(), **change))
+    assert v.tone == tone
+    assert any(sentence in s for s in v.use)
+
+
+def test_values_that_repeat_the_prior_or_are_wide_are_named():
+    fit = small_fit()
+    parameters = tuple(
+        replace(p, identified=False) if p.name == "k_1" else replace(p, sd=0.3 * p.value) if p.name == "c_2" else p
+        for p in fit.parameters
+    )
+    v = verdict(replace(blameless(), fit=replace(fit, parameters=parameters), posterior=None))
+    assert any("next to nothing about k of axle 1" in s for s in v.use)
+    assert any(s.endswith("c of axle 2.") for s in v.use)
+    assert any("identify k of axle 1" in s for s in v.todo)
+
+
+def test_next_steps_follow_from_what_is_missing():
+    assert any("'fit'" in s for s in verdict(campaign_only()).todo)
+    assert any("'sample'" in s for s in verdict(before_sampling()).todo)
+    assert any("'predict'" in s for s in verdict(small_results(predictions=None)).todo)
+    assert any("sensor1_mm of runs/r1.csv" in s for s in verdict(small_results()).todo)
+    assert any("axle 2" in s and "engine off" in s for s in verdict(small_results()).todo)
+
+
+def test_wheel_loads_are_said_and_artefacts_called_so():
+    said = " ".join(verdict(small_results()).what).replace("\xa0", " ")
+    assert "48 km/h (empty)" in said
+    assert "3.60 times the static one, on axle 2 (90 % interval [3.40, 3.80]): an artefact" in said
+    assert "artefact" not in " ".join(verdict(blameless()).what)
+
+
+def test_synthetic_campaigns_are_called_so():
+    assert not verdict(small_results()).synthetic
+    assert verdict(small_results(Words(title="Virtual proving ground"))).synthetic
+    assert verdict(small_results(Words(notes="a synthetic truck"))).synthetic
+
+
+def test_the_run_shown_first_is_of_middle_speed():
+    results = small_results()
+    runs = [replace(results.campaign.bump_runs[0], nominal_speed_m_s=v, repeat=1) for v in (9.0, 3.0, 6.0)]
+    named = [replace(r, log=replace(r.log, file=f"{r.nominal_speed_m_s}")) for r in runs]
+    histories = tuple(replace(results.fit.histories[0], file=r.log.file) for r in named)
+    changed = replace(
+        results,
+        campaign=replace(results.campaign, bump_runs=tuple(named)),
+        fit=replace(results.fit, histories=histories),
+    )
+    assert representative_run(changed).file == "6.0"
+    assert representative_run(campaign_only()) is None
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (416.04, "416"), (11.14, "11.1"), (0.07842, "0.0784"), (0.0, "0"), (-1.7, "−1.70"), (None, "—"),
+        (math.nan, "—"), (math.inf, "—"), (3e-4, "3.00×10⁻⁴"), (999.9, "1000"), (2.5e7, "2.50×10⁷"),
+    ],
+)  # fmt: skip
+def test_three_significant_digits(value, text):
+    assert number(value) == text
+
+
+def test_value_and_interval_share_one_rounding():
+    assert decimals(416.0, 6.0) == 0
+    assert decimals(416.0, 1.0) == 1
+    assert decimals(11.1, 0.5) == 1
+    assert decimals(math.nan) == 3
+    assert interval(-0.04, 10.02, 1) == "[0.0, 10.0]"
+    assert interval(-0.4, 10.02, 1) == "[−0.4, 10.0]"
+    assert interval(math.nan, 1.0, 1) == interval(None, 1.0, 1) == ""
+    assert fixed(-0.001, 1) == "0.0"
+
+
+def test_words_for_fractions_and_lists():
+    assert percent(0.0316) == "3.2\xa0%"
+    assert listing(["a"]) == "a"
+    assert listing(["a", "b", "c"]) == "a, b and c"
+    assert listing(list("abcdefgh"), 3) == "a, b, c and 5 more"

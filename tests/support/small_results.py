@@ -1,0 +1,314 @@
+"""Small synthetic results of every stage: two axles, two runs, three drops; closed forms and one seed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sysid.campaign.findings import ChannelFinding, QualityReport
+from sysid.campaign.records import (
+    Acquisition,
+    Axle,
+    Body,
+    BumpRun,
+    Campaign,
+    Channel,
+    LoadCase,
+    Log,
+    PlankDrop,
+    PredictionRequest,
+    Sensor,
+    Vehicle,
+)
+from sysid.estimation.results import FitResult, ParameterEstimate, RunHistory
+from sysid.export import Results
+from sysid.posterior.results import Posterior, PosteriorSummary
+from sysid.prediction.results import PassPrediction, Predictions
+from sysid.road.results import RoadProfile, ScanAnalysis
+from sysid.sdof.results import DecayReading, DropAnalysis, DropEstimate, DropSummary
+from sysid.validation.results import ChannelAgreement, Validation
+
+PERIOD = 0.6
+DECREMENT = 0.7
+Z90 = 1.6448536269514722
+
+
+@dataclass(frozen=True)
+class Words:
+    """Every piece of text that a user can choose; tests replace them by hostile ones."""
+
+    title: str = "Small campaign"
+    notes: str = "Two axles."
+    vehicle: str = "short truck"
+    front: str = "front axle"
+    rear: str = "rear axle"
+    empty: str = "empty"
+    laden: str = "laden"
+    case: str = "empty 20 km/h"
+    drop_file: str = "drops/d{}.csv"
+    run_file: str = "runs/r{}.csv"
+    column: str = "sensor{}_mm"
+    bump: str = "bump"
+    message: str = "one remark"
+
+    @classmethod
+    def all(cls, text: str) -> Words:
+        """The same text everywhere; numbered where names must differ."""
+        numbered = text.replace("{", "{{").replace("}", "}}") + "{}"
+        fields = dict.fromkeys(cls.__dataclass_fields__, text)
+        fields |= {"drop_file": numbered, "run_file": numbered, "column": numbered}
+        fields |= {"rear": text + " 2", "laden": text + " 2"}
+        return cls(**fields)
+
+
+def small_results(words: Words = Words(), **changes: object) -> Results:
+    """Results of all stages; keyword arguments replace fields of `Results`."""
+    w = words
+    fit = small_fit(w)
+    fields: dict[str, object] = {
+        "campaign": small_campaign(w),
+        "quality": _quality(w),
+        "drops": _drops(w),
+        "scans": {w.bump: _scan(w)},
+        "fit": fit,
+        "posterior": _posterior(fit),
+        "predictions": _predictions(w),
+        "validation": _validation(w),
+        "status": "converged",
+        "warnings": (w.message,),
+        "provenance": {
+            "input_sha256": {w.run_file.format(1): "ab" * 32},
+            "versions": {"sysid": "0.1.0", "emcee": "3.1.6"},
+            "seed": 7,
+            "settings": {"fit": {"step_s": 0.001}, "note": w.message},
+            "timings": {"fit": 12.5, "sample": math.nan},
+        },
+    }
+    return Results(**(fields | changes))  # type: ignore[arg-type]
+
+
+def small_campaign(w: Words = Words()) -> Campaign:
+    """Two axles on one body, two load cases, two runs with a deflection and an acceleration per axle."""
+    axles = (
+        Axle(w.front, 0, 0.0, 500.0, 1.6e6, 3e3, 0.5, "leaf"),
+        Axle(w.rear, 0, 5.0, 900.0, 2.9e6, 3e3, 0.5, "air", load_dependent=True),
+    )
+    cases = {
+        w.empty: LoadCase(w.empty, (4000.0, 3000.0), (5600.0,), (9e3,), (1.1,)),
+        w.laden: LoadCase(w.laden, (5000.0, 9000.0), (12600.0,), (9e3,), (1.4,)),
+    }
+    time = np.arange(400) * 0.005
+    sensors = _sensors(w)
+    runs = []
+    for i in (1, 2):
+        channels = tuple(Channel(s, time, np.sin(9.0 * time), np.zeros(len(time), np.int8)) for s in sensors)
+        runs.append(BumpRun(w.case, w.empty, 20.0 / 3.6, i, Log(w.run_file.format(i), 0.005, channels), w.bump))
+    drops = tuple(
+        PlankDrop(axle, w.empty, 0.075, Log(w.drop_file.format(i), 0.005, runs[0].log.channels[:1]))
+        for i, axle in enumerate((0, 0, 1))
+    )
+    return Campaign(
+        title=w.title,
+        notes=w.notes,
+        folder=Path("."),
+        file=Path("campaign.toml"),
+        vehicle=Vehicle(w.vehicle, (Body("body"),), axles),
+        load_cases=cases,
+        acquisition=Acquisition(0.005, None),
+        plank_drops=drops,
+        bump_runs=tuple(runs),
+        scans={},
+        predictions=(PredictionRequest(w.empty, 48.0 / 3.6, w.bump),),
+        input_sha256={"campaign.toml": "cd" * 32},
+    )
+
+
+def _sensors(w: Words) -> tuple[Sensor, ...]:
+    kinds = (("suspension_deflection", 0), ("suspension_deflection", 1), ("axle_acceleration", 0))
+    return tuple(Sensor(w.column.format(i), kind, "mm", axle) for i, (kind, axle) in enumerate(kinds))  # type: ignore[arg-type]
+
+
+def _quality(w: Words) -> QualityReport:
+    def finding(i: int, verdict: str, noise: float | None) -> ChannelFinding:
+        return ChannelFinding(
+            w.run_file.format(1), w.column.format(i), "suspension_deflection", "m", 400, 200.0, 1e-5, 3, ((0.5, 3),),
+            0, None, (), None, noise, 0.04, verdict, (w.message,),  # type: ignore[arg-type]
+        )  # fmt: skip
+
+    return QualityReport((finding(0, "good", 3e-4), finding(1, "rejected", None)), (w.message,))
+
+
+def decaying_drop(w: Words = Words(), axle: int = 0, file: str = "d.csv", usable: bool = True) -> DropAnalysis:
+    """An exact damped oscillation about 2 mm with amplitude 30 mm, its extrema where the cosine has them."""
+    time = np.arange(1000) * 0.005
+    sigma = DECREMENT / PERIOD
+    release, level = 1.0, 2e-3
+    since = time - release
+    motion = 0.03 * np.exp(-sigma * since) * np.cos(2.0 * np.pi * since / PERIOD)
+    trace = np.where(since >= 0.0, level + motion, level)
+    when = release + PERIOD * np.arange(1, 6) / 2.0
+    value = level + 0.03 * np.exp(-sigma * (when - release)) * np.array([-1.0, 1.0, -1.0, 1.0, -1.0])
+    nan = math.nan
+    reading = DecayReading(
+        level, 1e-5, when, value, np.array([True, True, True, True, False]),
+        PERIOD if usable else nan, 0.01, DECREMENT if usable else nan, 0.02, "viscous", 0.0, 0.1, usable,
+        "" if usable else w.message,
+    )  # fmt: skip
+    estimates = tuple(
+        DropEstimate(axle, w.empty, file, m, k if usable else nan, 5e3, c if usable else nan, 300.0, PERIOD, DECREMENT,
+                     usable, "" if usable else w.message)
+        for m, k, c in (("paper", 3.0e5, 7e3), ("corrected", 3.8e5, 9.5e3))
+    )  # fmt: skip
+    free_decay = np.where((since > 0.2) & (since < 2.0), trace, np.nan)
+    return DropAnalysis(
+        axle, w.empty, file, 3500.0, time, trace, trace, release, reading, free_decay, "", estimates,
+        1.0 / PERIOD, DECREMENT / (2.0 * np.pi),
+    )  # fmt: skip
+
+
+def _drops(w: Words) -> DropSummary:
+    files = tuple(
+        decaying_drop(w, axle, w.drop_file.format(i), usable)
+        for i, (axle, usable) in enumerate(((0, True), (0, True), (1, False)))
+    )
+    pooled = []
+    for axle, usable in ((0, True), (1, False)):
+        for method, k, c in (("paper", 3.0e5, 7e3), ("corrected", 3.8e5, 9.5e3)):
+            value = (k, 4e3, c, 250.0) if usable else (math.nan,) * 4
+            pooled.append(
+                DropEstimate(
+                    axle, w.empty, None, method, *value, PERIOD, DECREMENT, usable, "" if usable else w.message
+                )  # type: ignore[arg-type]
+            )
+    return DropSummary(files, tuple(pooled), (w.message,))
+
+
+def _scan(w: Words) -> ScanAnalysis:
+    station = np.arange(0.0, 3.0, 0.01)
+    height = np.where((station > 1.0) & (station < 2.0), 0.08 * np.sin(np.pi * (station - 1.0)) ** 2, 0.0)
+    profile = RoadProfile(w.bump, station, height, np.full_like(station, 5e-4), 1.05, 0.9)
+    across = np.linspace(-1.0, 1.0, len(station))
+    return ScanAnalysis(
+        profile, 0.1, 0.01, -0.02, 3000, 12, 2e-3, 0.3, station, height, station, across, height, (w.message,)
+    )
+
+
+def small_fit(w: Words = Words(), **changes: object) -> FitResult:
+    """Stiffness shared on axle 1, per load case on axle 2; damping shared; a tire value that only the prior knows."""
+
+    def parameter(name, quantity, axle, load_case, value, relative, unit, identified=True):
+        return ParameterEstimate(
+            name, quantity, unit, axle, load_case, None, "linear", "log", value, relative * value, 1.1 * value,
+            1.2 * value, 0.4, identified,
+        )  # fmt: skip
+
+    parameters = (
+        parameter("k_1", "stiffness", 0, None, 4.2e5, 0.01, "N/m"),
+        parameter(f"k_2[{w.empty}]", "stiffness", 1, w.empty, 4.0e5, 0.02, "N/m"),
+        parameter(f"k_2[{w.laden}]", "stiffness", 1, w.laden, 7.0e5, 0.02, "N/m"),
+        parameter("c_1", "damping", 0, None, 1.1e4, 0.04, "N s/m"),
+        parameter("c_2", "damping", 1, None, 9.0e3, 0.05, "N s/m"),
+        parameter("kt_1", "tire_stiffness", 0, None, 1.6e6, 0.05, "N/m", identified=False),
+    )
+    file = w.run_file.format(1)
+    runs = (
+        ParameterEstimate(
+            f"speed[{file}]", "speed", "m/s", None, w.empty, file, "", "linear", 5.6, 0.01, 5.5, 5.5, 0.1, True
+        ),
+    )
+    relative = np.array([p.sd / p.value for p in parameters])
+    correlation = np.full((6, 6), 0.3) + 0.7 * np.eye(6)
+    lag = np.arange(20) * 0.005
+    fields: dict[str, object] = {
+        "parameters": parameters,
+        "run_parameters": runs,
+        "covariance": correlation * np.outer(relative, relative),
+        "histories": tuple(_history(w, i) for i in (1, 2)),
+        "converged": True,
+        "message": "the cost changes by less than 1e-10",
+        "iterations": 12,
+        "cost": 10.0,
+        "residuals": 2400,
+        "weight_rounds": 3,
+        "condition_number": 30.0,
+        "step_halving_error": 2e-5,
+        "scipy_max_difference_sd": 0.01,
+        "variance_inflation": 3.0,
+        "contact": "radial springs",
+        "autocorrelation_lag_s": lag,
+        "autocorrelation": np.tile(np.exp(-lag / 0.02), (6, 1)),
+        "warnings": (w.message,),
+    }
+    return FitResult(**(fields | changes))  # type: ignore[arg-type]
+
+
+def _history(w: Words, repeat: int) -> RunHistory:
+    sensors = _sensors(w)
+    time = np.arange(400) * 0.005
+    simulated = np.array([0.03 * np.sin(9.0 * time + i) for i in range(3)])
+    measured = simulated + 1e-3 * np.cos(40.0 * time)
+    measured[1, 100:110] = np.nan
+    censored = np.zeros((3, 400), np.int8)
+    censored[2, 50:53] = 1
+    return RunHistory(
+        w.run_file.format(repeat), w.case, w.empty, 5.6, 0.01, 0.4, tuple(s.column for s in sensors),
+        tuple(s.kind for s in sensors), tuple(s.si_unit for s in sensors), tuple(s.axle for s in sensors), time,
+        measured, simulated, censored, np.full(3, 1e-3), np.full(3, 8e-4), np.zeros(3), np.ones(3),
+    )  # fmt: skip
+
+
+def _posterior(fit: FitResult) -> Posterior:
+    rng = np.random.default_rng(20)
+    relative = np.array([p.sd / p.value for p in fit.parameters])
+    log_values = np.log([p.value for p in fit.parameters])
+    draws = np.exp(log_values + relative * rng.standard_normal((2, 50, 8, 6)))
+    flat = draws.reshape(-1, 6)
+    summaries = tuple(
+        PosteriorSummary(
+            p.name, flat[:, i].mean(), flat[:, i].std(), *np.quantile(flat[:, i], [0.05, 0.5, 0.95]), 700.0, 1.003
+        )
+        for i, p in enumerate(fit.parameters)
+    )  # fmt: skip
+    return Posterior(
+        fit.names, draws, -0.5 * rng.chisquare(6, (2, 50, 8)), 100, 2, np.full(6, 9.0), np.array([0.3, 0.32]),
+        summaries, True, False, "Gaussian blocks", "all R-hat below 1.01", 7,
+    )  # fmt: skip
+
+
+def _predictions(w: Words) -> Predictions:
+    time = np.arange(-500, 2000) * 1e-3
+    static = np.array([39240.0, 29430.0])
+    middle = static[:, None] * (1.0 + 0.8 * np.exp(-((time - 0.2) ** 2) / 0.005)) * np.ones((2, 1))
+    one = PassPrediction(
+        w.empty, 48.0 / 3.6, time, 0.95 * middle, middle, 1.05 * middle, static, np.array([1.7, 3.4]),
+        np.array([1.8, 3.6]), np.array([1.9, 3.8]), np.array([False, True]), (w.message,),
+    )  # fmt: skip
+    return Predictions((one,), "posterior")
+
+
+def _validation(w: Words) -> Validation:
+    return Validation(
+        tuple(
+            ChannelAgreement(w.run_file.format(run), s.column, s.kind, s.axle, 0.02 * (i + 1), 1.0 + 0.2 * i, 400)
+            for run in (1, 2)
+            for i, s in enumerate(_sensors(w))
+        )
+    )
+
+
+def before_sampling(words: Words = Words()) -> Results:
+    """Results after the fit: no posterior, predictions at the least-squares values."""
+    p = _predictions(words).passes[0]
+    one = PassPrediction(
+        p.load_case, p.speed_m_s, p.time_s, None, p.tire_force_q50_N, None, p.static_load_N, None, p.peak_ratio_q50,
+        None, p.lift_off,
+    )  # fmt: skip
+    return small_results(words, posterior=None, predictions=Predictions((one,), "least squares"))
+
+
+def campaign_only(words: Words = Words()) -> Results:
+    """Results before any stage has run."""
+    return Results(small_campaign(words))
