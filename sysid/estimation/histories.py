@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.bump_model import eliminate_sensors
-from sysid.estimation.objective import group_residual_batch
+from sysid.estimation.objective import simulate_runs
 from sysid.estimation.results import RunHistory
 
 if TYPE_CHECKING:
@@ -25,19 +25,11 @@ def run_histories(campaign: Campaign, state: FitState, instrument: tuple[np.ndar
     instrument : (R, C) instrument noise per group [SI].
     """
     model, found = state.model, {}
+    signals = simulate_runs(model, state.log_parameters, state.motion)
     for position, group in enumerate(model.groups):
         arrays, runs = model.arrays[position], list(group.runs)
         noise = state.weights.noise_sd[position]
-        _, _, simulated = group_residual_batch(
-            arrays,
-            model.roads[position],
-            noise,
-            np.ones_like(noise),
-            jnp.asarray(state.log_parameters)[:, None],
-            jnp.asarray(state.motion.speed_m_s[runs]),
-            jnp.asarray(state.motion.start_s[runs]),
-            shape=model.shapes[position],
-        )
+        simulated = jnp.asarray(signals[position])[..., None]
         fit = eliminate_sensors(arrays, noise, simulated)
         offset, gain = np.asarray(fit.offset)[..., 0], np.asarray(fit.gain)[..., 0]
         shown = offset + gain * np.asarray(simulated)[..., 0]

@@ -26,6 +26,7 @@ from sysid.estimation.objective import (
     compress,
     linearise,
     run_order,
+    simulate_runs,
 )
 from sysid.estimation.parameters import ParameterSet
 from sysid.estimation.results import FitResult, ParameterEstimate
@@ -290,10 +291,10 @@ def _scipy_difference(problem: _Problem, optimum: np.ndarray, start: np.ndarray)
 def _step_halving_error(problem: _Problem, vector: np.ndarray, coarse: tuple[Linearisation, ...]) -> float:
     """Largest relative RMS change of any simulated channel when the integration step is halved."""
     parameters, motion = problem.unpack(vector)
-    fine = linearise(problem.model.with_substeps(2), problem.weights, parameters, motion)
+    fine = simulate_runs(problem.model.with_substeps(2), parameters, motion)
     worst = 0.0
-    for a, b in zip(coarse, fine, strict=True):
-        rough, smooth = np.asarray(a.simulated), np.asarray(b.simulated)
+    for lin, smooth in zip(coarse, fine, strict=True):
+        rough = np.asarray(lin.simulated)
         size = np.sqrt((smooth**2).mean(axis=0))
         error = np.sqrt(((rough - smooth) ** 2).mean(axis=0))
         worst = max(worst, float(np.max(error / np.maximum(size, 1e-12))))

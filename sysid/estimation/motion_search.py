@@ -6,14 +6,12 @@ simulated histories in time, so the best start of each candidate comes from cros
 
 from __future__ import annotations
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.bump_model import BumpModel
-from sysid.estimation.objective import RunMotion, group_residual_batch
+from sysid.estimation.objective import RunMotion, simulate_runs
 from sysid.estimation.run_data import RunGroup
 
 #: Half width of the search in speed, and its step.
@@ -37,35 +35,18 @@ def search_motion(
     count = len(campaign.bump_runs)
     speed, start = np.full(count, np.nan), np.full(count, np.nan)
     factors = 1.0 + np.arange(-SPEED_REACH, SPEED_REACH + 1e-9, SPEED_STEP)
+    nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
+    trial_start = 1.0 + 0.5 / nominal
+    signals = [simulate_runs(model, log_parameters, RunMotion(nominal * f, trial_start)) for f in factors]
     for position, group in enumerate(model.groups):
-        nominal = np.array([campaign.bump_runs[i].nominal_speed_m_s for i in group.runs])
-        trial_start = 1.0 + 0.5 / nominal
-        signals = [
-            _simulate(model, position, log_parameters, nominal * factor, trial_start, noise_sd[position])
-            for factor in factors
-        ]
         for r, run in enumerate(group.runs):
             best = min(
-                (*_best_shift(group, r, signal[:, r], noise_sd[position][r]), k) for k, signal in enumerate(signals)
+                (*_best_shift(group, r, signal[position][:, r], noise_sd[position][r]), k)
+                for k, signal in enumerate(signals)
             )
-            speed[run] = nominal[r] * factors[best[2]]
-            start[run] = trial_start[r] + best[1] * group.interval_s
+            speed[run] = nominal[run] * factors[best[2]]
+            start[run] = trial_start[run] + best[1] * group.interval_s
     return RunMotion(speed, start)
-
-
-def _simulate(model, position, log_parameters, speed, start, noise) -> np.ndarray:
-    arrays, shape = model.arrays[position], model.shapes[position]
-    _, _, simulated = group_residual_batch(
-        arrays,
-        model.roads[position],
-        noise,
-        np.ones_like(noise),
-        jnp.asarray(log_parameters)[:, None],
-        jnp.asarray(speed),
-        jnp.asarray(start),
-        shape=shape,
-    )
-    return np.asarray(jax.block_until_ready(simulated))[..., 0]
 
 
 def _best_shift(group: RunGroup, r: int, simulated: np.ndarray, noise: np.ndarray) -> tuple[float, float]:

@@ -105,25 +105,6 @@ def linearise_group(
     return Linearisation(primal[0][..., 0], tangent[0], primal[1][..., 0], tangent[1], primal[2][..., 0])
 
 
-@partial(jax.jit, static_argnames=("shape",))
-def group_residual_batch(
-    arrays: GroupArrays,
-    road: EffectiveRoad,
-    noise_sd: jax.Array,
-    tempering: jax.Array,
-    log_parameters: jax.Array,
-    speed: jax.Array,
-    start: jax.Array,
-    *,
-    shape: GroupShape,
-) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Residuals (T, R, C, S), gain residuals (R, C, S) and signals for x (p, S) at speed and start (R,)."""
-    inputs = group_road(road, arrays.axle_x, speed[:, None], start[:, None], shape)
-    motion = Motion(speed[:, None], start[:, None])
-    simulated = simulate_group(arrays, shape, log_parameters, motion, inputs)
-    return (*group_residuals(arrays, noise_sd, tempering, simulated), simulated)
-
-
 def linearise(
     model: BumpModel, weights: Weights, log_parameters: np.ndarray, motion: RunMotion
 ) -> tuple[Linearisation, ...]:
@@ -145,6 +126,32 @@ def linearise(
         )
 
     # A compiled loop keeps one core busy; threads let the groups share the cores.
+    with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
+        return tuple(pool.map(one, range(len(model.groups))))
+
+
+@partial(jax.jit, static_argnames=("shape",))
+def _group_signals(arrays, road, log_parameters, speed, start, *, shape: GroupShape) -> jax.Array:
+    inputs = group_road(road, arrays.axle_x, speed[:, None], start[:, None], shape)
+    motion = Motion(speed[:, None], start[:, None])
+    return simulate_group(arrays, shape, log_parameters[:, None], motion, inputs)[..., 0]
+
+
+def simulate_runs(model: BumpModel, log_parameters: np.ndarray, motion: RunMotion) -> tuple[np.ndarray, ...]:
+    """Sensor signals (T, R, C) of every group in SI at log parameters (p,)."""
+
+    def one(position: int) -> np.ndarray:
+        runs = list(model.groups[position].runs)
+        signals = _group_signals(
+            model.arrays[position],
+            model.roads[position],
+            jnp.asarray(log_parameters),
+            jnp.asarray(motion.speed_m_s[runs]),
+            jnp.asarray(motion.start_s[runs]),
+            shape=model.shapes[position],
+        )
+        return np.asarray(jax.block_until_ready(signals))
+
     with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
         return tuple(pool.map(one, range(len(model.groups))))
 

@@ -68,8 +68,8 @@ class FitResult:
 
     `covariance` (p, p) of the global parameters in the estimation space (logarithms where `transform` says so),
     run-local parameters marginalised and inflated for residual autocorrelation; `autocorrelation` (channels of all
-    runs, lags) of the standardised residuals; `step_halving_error` the largest relative RMS change of any channel when the
-    integration step is halved at the optimum; `scipy_max_difference_sd` the largest difference between the
+    runs, lags) of the standardised residuals; `step_halving_error` the largest relative RMS change of any channel when
+    the integration step is halved at the optimum; `scipy_max_difference_sd` the largest difference between the
     optimum found by SciPy's trust-region solver and this one, in standard deviations.
     """
 

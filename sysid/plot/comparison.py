@@ -78,8 +78,8 @@ def suspension_estimates(
 ) -> tuple[AxleEstimates, ...]:
     """Collect the estimates of `quantity` per axle and, where they differ, per load case, front to rear.
 
-    90 % intervals: drops value +- 1.645 sd (scatter over the repeats), fit exp(ln value +- 1.645 sd/value) for
-    parameters kept as logarithms, posterior its 5 % and 95 % quantiles.
+    90 % intervals: drops value +- 1.645 sd (scatter over the repeats and tolerances of declared quantities), fit
+    exp(ln value +- 1.645 sd/value) for parameters kept as logarithms, posterior its 5 % and 95 % quantiles.
     """
     pooled = () if drops is None else drops.pooled
     fitted = () if fit is None else tuple(p for p in fit.parameters if p.quantity == quantity and p.axle is not None)
@@ -114,7 +114,7 @@ def suspension_estimates(
 
 def _from_drop(e: DropEstimate, quantity: Quantity) -> Estimate:
     value, sd = (e.stiffness, e.stiffness_sd) if quantity == "stiffness" else (e.damping, e.damping_sd)
-    kind = "90 % interval of the scatter over repeats"
+    kind = "90 % interval of repeats and tolerances"
     return Estimate(e.method, value, value - _Z90 * sd, value + _Z90 * sd, kind, e.usable, True, e.note)
 
 

@@ -13,12 +13,15 @@ def scan(analysis: ScanAnalysis, ax: Axes | None = None) -> Axes:
     """The scan from above in road coordinates, coloured by height above the road plane, with the wheel-track strip."""
     ax = axes_or_new(ax)
     step = max(1, len(analysis.cloud_along_m) // 20000)
+    low, high = _height_range_mm(analysis)
     picture = ax.scatter(
         analysis.cloud_along_m[::step],
         analysis.cloud_across_m[::step],
         c=analysis.cloud_height_m[::step] * 1e3,
         s=1.5,
         cmap="cividis",
+        vmin=low,
+        vmax=high,
         linewidths=0,
         rasterized=True,
     )
@@ -57,7 +60,19 @@ def profile(analysis: ScanAnalysis, ax: Axes | None = None) -> Axes:
     ax.plot(station, height * 1e3, color=color, label="profile")
     ax.axvline(p.start_m, color=MUTED, lw=0.8, ls=":")
     ax.axvline(p.start_m + p.length_m, color=MUTED, lw=0.8, ls=":")
+    ax.set_ylim(_height_range_mm(analysis))
+    if len(p.station_m):
+        ax.set_xlim(float(p.station_m[0]) - 0.3, float(p.station_m[-1]) + 0.3)
     ax.set_xlabel("station [m]")
     ax.set_ylabel("height above the road [mm]")
     ax.legend(loc="upper right")
     return ax
+
+
+def _height_range_mm(analysis: ScanAnalysis) -> tuple[float, float]:
+    # Outliers of the scanner lie far above and below the road; the bump and its noise set the range instead.
+    height = analysis.profile.height_m * 1e3
+    noise = 4.0 * analysis.noise_rms_m * 1e3
+    low, high = min(float(height.min(initial=0.0)), 0.0), max(float(height.max(initial=0.0)), 1.0)
+    margin = max(0.1 * (high - low), noise)
+    return low - margin, high + margin

@@ -13,6 +13,7 @@ from sysid.estimation.results import RunHistory
 from sysid.export import Results
 from sysid.plot.comparison import Quantity
 from sysid.report.numbers import count, number, speed
+from sysid.report.tables import without_dampers
 from sysid.sdof.results import DropAnalysis
 
 _MOST_CORNER = 14
@@ -63,7 +64,8 @@ def drop_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture], li
     for analysis in results.drops.files:
         groups.setdefault((analysis.axle, analysis.load_case), []).append(analysis)
     several = len({load_case for _, load_case in groups}) > 1
-    first = [next((a for a in files if a.reading.usable), files[0]) for _, files in sorted(groups.items())]
+    bare = without_dampers(results)
+    first = [min(files, key=lambda a: (a.file in bare, not a.reading.usable)) for _, files in sorted(groups.items())]
     titles = [f"axle {a.axle + 1}" + (f", {plot.label(a.load_case, 20)}" if several else "") for a in first]
     overview = plot.drops(first, titles)[0, 0]
     caption = (

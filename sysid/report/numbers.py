@@ -11,7 +11,8 @@ def decimals(value: float, half_width: float = math.nan, digits: int = 3) -> int
     """Decimal places for `value`: `digits` significant ones, a fourth where the interval is narrower than about 1 %."""
     if not math.isfinite(value) or value == 0.0:
         return 0 if value == 0.0 else digits
-    leading = math.floor(math.log10(abs(value)))
+    # The exponent after rounding: 9.999 counts as 10.0.
+    leading = int(f"{value:.{digits - 1}e}".split("e")[1])
     if math.isfinite(half_width) and 0.0 < half_width < 0.012 * abs(value):
         digits += 1
     return max(digits - 1 - leading, 0)

@@ -70,6 +70,7 @@ def _content(results: Results) -> dict[str, Any]:
         "remarkable": tables.quality_table([c for c in channels if c.verdict != "good"], "Channels with findings"),
         "all_channels": tables.quality_table(channels, "All channels"),
         "pooled": None if results.drops is None else tables.pooled_drops_table(results, results.drops),
+        "drop_notes": [] if results.drops is None else tables.pooled_notes(results.drops),
         "drop_files": None if results.drops is None else tables.files_table(results, results.drops),
         "indicator": None if results.drops is None else tables.indicator_table(results, results.drops),
         "drop_shown": drop_shown,

@@ -17,7 +17,7 @@ from sysid.plot import SOURCE_LABELS, SOURCES, AxleEstimates, suspension_estimat
 from sysid.plot.comparison import Quantity
 from sysid.posterior.results import Posterior
 from sysid.report.numbers import MISSING, decimals, fixed, interval, number, percent, speed
-from sysid.sdof.results import DropEstimate, DropSummary
+from sysid.sdof.results import DropAnalysis, DropEstimate, DropSummary
 
 _DISPLAY_UNITS = {"N/m": (1e-3, "kN/m"), "N s/m": (1e-3, "kN s/m"), "N*s/m": (1e-3, "kN s/m"), "N": (1e-3, "kN")}
 
@@ -65,8 +65,9 @@ def estimates_table(results: Results, quantity: Quantity) -> Table | None:
     sources = [
         s for s in SOURCES if s in ("paper", "corrected", "fitted", "posterior") or any(s in r.estimates for r in rows)
     ]
-    always = ("paper", "corrected", "fitted", "posterior")
-    sources = [s for s in SOURCES if s in always or (s == "model" and any(s in r.estimates for r in rows))]
+    always = ("paper", "corrected", "model", "fitted", "posterior")
+    present = {s for row in rows for s in row.estimates}
+    sources = [s for s in SOURCES if s in present and s in always]
     unit, name = ("kN/m", "Stiffness k") if quantity == "stiffness" else ("kN s/m", "Damping c")
     head = ["axle", *(f"{SOURCE_LABELS[s]} [{unit}]" for s in sources)]
     body = [[axle_name(results, row.axle, row.load_case), *(_estimate_cell(row, s) for s in sources)] for row in rows]
@@ -82,7 +83,7 @@ def _estimate_cell(row: AxleEstimates, source: Any) -> Cell:
         return Cell(MISSING, note="not readable")
     value, low, high = e.value / 1e3, e.low / 1e3, e.high / 1e3
     places = decimals(value, (high - low) / 2.0)
-    note = "" if e.identified else "prior only"
+    note = "prior only" if not e.identified else "caution, see plank drops" if e.note else ""
     return Cell(fixed(value, places), interval(low, high, places), note)
 
 
@@ -99,12 +100,19 @@ def pooled_drops_table(results: Results, drops: DropSummary) -> Table:
         cells += [number(reading.damped_period), number(reading.log_decrement)] if reading.usable else [MISSING] * 2
         cells += [_pooled_cell(found.get(m), "stiffness") for m in methods]
         cells += [_pooled_cell(found.get(m), "damping") for m in methods]
-        notes = dict.fromkeys(e.note for e in found.values() if e.note)
-        rows.append([*cells, "; ".join(notes)])
+        rows.append(cells)
     head = ["axle", "period τ_d [s]", "decrement δ [-]"]
     head += [f"k {SOURCE_LABELS[m]} [kN/m]" for m in methods] + [f"c {SOURCE_LABELS[m]} [kN s/m]" for m in methods]
-    made = table("Plank drops, mean ± standard deviation pooled over the repeats", [*head, "note"], rows)
-    return Table(made.caption, made.head, made.rows, (*made.numeric[:-1], False), "drops")
+    return table("Plank drops, mean ± standard deviation pooled over the repeats", head, rows)
+
+
+def pooled_notes(drops: DropSummary) -> list[str]:
+    """Notes on the pooled estimates, each once, with the axle it belongs to."""
+    notes: dict[tuple[int, str], dict[str, None]] = {}
+    for e in drops.pooled:
+        for part in filter(None, e.note.split("; ")):
+            notes.setdefault((e.axle, e.load_case), {})[part] = None
+    return [f"axle {axle + 1}, {case}: {'; '.join(parts)}" for (axle, case), parts in sorted(notes.items())]
 
 
 def _pooled_cell(e: DropEstimate | None, quantity: Quantity) -> str:
@@ -133,19 +141,25 @@ def files_table(results: Results, drops: DropSummary) -> Table:
     return table("Readings of every drop", head, rows)
 
 
+def without_dampers(results: Results) -> frozenset[str]:
+    """Files of the drops that were made with the dampers removed."""
+    return frozenset(d.log.file for d in results.campaign.plank_drops if not d.dampers)
+
+
 def indicator_table(results: Results, drops: DropSummary) -> Table:
     """Frequency and damping of the EU 96/53/EC Annex II / VSB 11 test, mean over the usable drops of an axle."""
     rows = []
-    groups: dict[tuple[int, str], list[Any]] = {}
+    groups: dict[tuple[int, str, bool], list[DropAnalysis]] = {}
+    bare = without_dampers(results)
     for a in drops.files:
-        groups.setdefault((a.axle, a.load_case), []).append(a)
-    for (axle, load_case), files in sorted(groups.items()):
+        groups.setdefault((a.axle, a.load_case, a.file in bare), []).append(a)
+    for (axle, load_case, removed), files in sorted(groups.items()):
         usable = [a for a in files if a.reading.usable]
         frequency = _mean([a.frequency_hz for a in usable])
         damping = _mean([a.damping_ratio_directive for a in usable])
         rows.append(
             [
-                axle_name(results, axle, load_case),
+                axle_name(results, axle, load_case + (", dampers removed" if removed else "")),
                 number(frequency),
                 _against(frequency, frequency <= 2.0),
                 percent(damping, 3),
@@ -343,4 +357,4 @@ def _mean(values: list[float]) -> float:
 
 
 def _against(value: float, holds: bool) -> str:
-    return MISSING if not math.isfinite(value) else ("within" if holds else "outside")
+    return MISSING if not math.isfinite(value) else ("yes" if holds else "no")

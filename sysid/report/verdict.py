@@ -105,8 +105,8 @@ def _what(results: Results) -> list[str]:
         kinds = list(dict.fromkeys(e.kind for e in best))
         if widths:
             ends = dict.fromkeys(f"\u00b1{percent(w)}" for w in (min(widths), max(widths)))
-            # The scatter of repeated drops says nothing about the error of the method: no word of knowing there.
-            verb = "repeats scatter by" if results.fit is None else "each known to"
+            # The interval of the drops leaves out the error of the method: no word of knowing there.
+            verb = "read to within" if results.fit is None else "each known to"
             text += f", {verb} {' to '.join(ends)} ({listing(kinds)})"
         sentences.append(text + ".")
     if not sentences:

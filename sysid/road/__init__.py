@@ -1,5 +1,6 @@
-"""Road side of the toolkit: point cloud, road plane, smooth bump profile, analytic bump shapes."""
+"""Road side of the toolkit: point cloud, road plane, smooth bump profile, analytic bump shapes, what a tire feels."""
 
+from sysid.road.enveloping import SPOKE_EXPONENT, SpokeTable, effective_profile, spoke_table, static_deflection
 from sysid.road.point_cloud import read_point_cloud, read_point_cloud_counted
 from sysid.road.results import RoadProfile, ScanAnalysis
 from sysid.road.scan import ScanOptions, analyse_scan
@@ -15,10 +16,13 @@ from sysid.road.shapes import (
 )
 
 __all__ = [
+    "SPOKE_EXPONENT",
     "RoadProfile",
     "ScanAnalysis",
     "ScanOptions",
+    "SpokeTable",
     "analyse_scan",
+    "effective_profile",
     "half_sine",
     "make_profile",
     "parabolic",
@@ -27,6 +31,8 @@ __all__ = [
     "raised_cosine",
     "read_point_cloud",
     "read_point_cloud_counted",
+    "spoke_table",
+    "static_deflection",
     "trapezoid",
     "watts",
 ]

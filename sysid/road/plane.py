@@ -116,7 +116,10 @@ def refine_plane(points_m: np.ndarray, noise_m: float, start: RoadPlane, *, cell
         scale = max(1.4826 * float(np.median(np.abs(residual[weight > 0]))), NOISE_FLOOR_M)
         if change < 1e-8:
             break
-    return _plane_of(solution, _cell_covariance(design, weight * residual, weight, cell_m))
+    # Sandwich of an M-estimator: scores outside, the derivative of the score inside.
+    ratio = (residual / (_BISQUARE * scale)) ** 2
+    slope = np.where(ratio < 1, (1 - ratio) * (1 - 5 * ratio), 0.0)
+    return _plane_of(solution, _cell_covariance(design, weight * residual, slope, cell_m))
 
 
 def _plane_of(parameters: np.ndarray, covariance: np.ndarray) -> RoadPlane:
@@ -124,11 +127,11 @@ def _plane_of(parameters: np.ndarray, covariance: np.ndarray) -> RoadPlane:
     return RoadPlane(level, slope_x, slope_y, covariance)
 
 
-def _cell_covariance(design: np.ndarray, influence: np.ndarray, weight: np.ndarray, cell_m: float) -> np.ndarray:
+def _cell_covariance(design: np.ndarray, influence: np.ndarray, slope: np.ndarray, cell_m: float) -> np.ndarray:
     cell = np.floor(design[:, 1:] / cell_m).astype(np.int64)
     cell -= cell.min(axis=0)
     label = np.unique(cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1], return_inverse=True)[1]
     score = np.column_stack([np.bincount(label, weights=influence * column) for column in design.T])
-    bread = np.linalg.inv((design * weight[:, None]).T @ design)
+    bread = np.linalg.inv((design * slope[:, None]).T @ design)
     cells = score.shape[0]
     return bread @ (score.T @ score) @ bread * cells / max(cells - 3, 1)

@@ -15,7 +15,14 @@ from sysid.road.road_frame import RoadFrame, level_frame
 from sysid.road.scan_checks import HEIGHT_M, UNUSUAL_HEIGHT_M, checked_points, crest_angle, unit_hint
 from sysid.road.shapes import make_profile
 from sysid.road.strip_profile import StripFit, StripProfile, fit_strip, settle_ends
-from sysid.road.wheel_track import Strip, mean_over_tracks, select_strip, travel_station, without_bare_lanes
+from sysid.road.wheel_track import (
+    Strip,
+    mean_over_tracks,
+    select_strip,
+    track_range,
+    travel_station,
+    without_bare_lanes,
+)
 
 if TYPE_CHECKING:
     from sysid.campaign.records import Scan
@@ -184,8 +191,9 @@ def _result(
     strip, step = work.strip, options.station_step_m
     turned = work.frame.heading_rad - scan.heading_rad
     skew = turned if abs(turned) > options.heading_tolerance_rad else 0.0
-    first, height, variance = mean.start_m, mean.height_m, mean.variance_m2
+    first, height, variance, centre = mean.start_m, mean.height_m, mean.variance_m2, 0.0
     if skew:
+        centre = sum(track_range(strip, mean, skew)) / 2
         first, height, variance = mean_over_tracks(mean, strip, skew, step)
     flat = int(np.ceil(options.flat_m / step - 1e-9))
     origin = first - flat * step
@@ -200,6 +208,7 @@ def _result(
     thin = slice(None, None, max(1, strip.along_m.size // options.strip_points))
     cloud = points[:: max(1, points.shape[0] // options.cloud_points)]
     along, across, above = work.frame.road_coordinates(cloud)
+    cloud_along, cloud_across = travel_station(along, across, skew, centre)
     declared = work.frame.turned(-skew)
     return ScanAnalysis(
         profile=profile,
@@ -210,10 +219,10 @@ def _result(
         outliers=fit.outliers,
         noise_rms_m=fit.noise_m,
         strip_half_width_m=strip.half_width_m,
-        strip_station_m=travel_station(strip.along_m[thin], strip.across_m[thin], strip.centre_m, skew) - origin,
+        strip_station_m=travel_station(strip.along_m[thin], strip.across_m[thin], skew, centre)[0] - origin,
         strip_height_m=strip.height_m[thin],
-        cloud_along_m=travel_station(along, across, strip.centre_m, skew) - origin,
-        cloud_across_m=across,
+        cloud_along_m=cloud_along - origin,
+        cloud_across_m=cloud_across,
         cloud_height_m=above,
         messages=_messages(scan, turned, skew, work, fit, mean, profile),
     )

@@ -43,10 +43,9 @@ def read_text_cloud(path: Path, unit: str, max_points: int) -> np.ndarray:
         raise
     except pd.errors.ParserError as error:
         raise _parser_sentence(path, layout, error) from error
-    except UnicodeError as error:
-        raise _encoding_sentence(path) from error
     except (ValueError, OverflowError):
-        # A cell is no number: read again as text, which is slower, to say which one or to accept a mark of absence.
+        # A cell is no number, or bytes are no text: read again as text, which is slower, to say which cell it is or to
+        # accept a mark of absence.
         return _read_cell_by_cell(path, layout, max_points)
     return np.column_stack([frame[column].to_numpy(dtype=np.float64) for column in layout.columns])
 

@@ -77,9 +77,25 @@ def without_bare_lanes(strip: Strip, bumps: tuple[Stretch, ...]) -> Strip:
     return Strip(strip.along_m[keep], strip.across_m[keep], strip.height_m[keep], half, narrowed=True)
 
 
-def travel_station(along_m: np.ndarray, across_m: np.ndarray, centre_m: float, skew_rad: float) -> np.ndarray:
-    """Return stations along the travel [m] of points given square to a skew crest line: t = s / cos - y tan."""
-    return along_m / np.cos(skew_rad) - (across_m - centre_m) * np.tan(skew_rad)
+def travel_station(
+    along_m: np.ndarray, across_m: np.ndarray, skew_rad: float, centre_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return stations along the travel and distances across it [m] of points given square to a skew crest line.
+
+    A turn by the skew; stations count from where the track at `centre_m` across the travel meets along = 0.
+    """
+    cosine, sine = np.cos(skew_rad), np.sin(skew_rad)
+    station = along_m * cosine - across_m * sine + centre_m * np.tan(skew_rad)
+    return station, across_m * cosine + along_m * sine
+
+
+def track_range(strip: Strip, profile: StripProfile, skew_rad: float) -> tuple[float, float]:
+    """Return how far to the right and to the left of the travel [m] the strip reaches on the bump."""
+    # Only on the bump: the corners of a scan that is skew to the bump reach further to the sides.
+    near = (strip.along_m > profile.start_m) & (strip.along_m < profile.end_m)
+    across = travel_station(strip.along_m[near], strip.across_m[near], skew_rad, 0.0)[1]
+    low, high = np.quantile(across, [0.005, 0.995])
+    return float(low), float(high)
 
 
 def mean_over_tracks(
@@ -87,16 +103,15 @@ def mean_over_tracks(
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Return first station, mean heights and their variance along the travel over all tracks of the strip.
 
-    A wheel meets a bump that lies at `skew_rad` to its travel earlier or later the further it runs to one side; a
-    planar vehicle feels the mean of its tracks.  `profile` is square to the crest line; stations every `step_m` [m].
+    A wheel meets a bump that lies at `skew_rad` to its travel earlier or later the further it runs to one side (by
+    y tan of the skew) and takes longer over it (by 1 / cos); a planar vehicle feels the mean of its tracks.  `profile`
+    is square to the crest line; stations every `step_m` [m].
     """
-    # Only on the bump: the corners of a scan that is skew to the bump reach further to the sides.
-    near = (strip.along_m > profile.start_m) & (strip.along_m < profile.end_m)
-    across = strip.across_m[near]
-    edges = np.linspace(float(np.quantile(across, 0.005)), float(np.quantile(across, 0.995)), 101)
+    low, high = track_range(strip, profile, skew_rad)
+    edges = np.linspace(low, high, 101)
+    across = travel_station(strip.along_m, strip.across_m, skew_rad, 0.0)[1]
     used = np.histogram(across, edges)[0] > 0
-    track = (edges[:-1] + np.diff(edges) / 2)[used]
-    shift = travel_station(np.zeros_like(track), track, strip.centre_m, skew_rad)
+    shift = ((low + high) / 2 - (edges[:-1] + np.diff(edges) / 2)[used]) * np.tan(skew_rad)
     first = profile.start_m / np.cos(skew_rad) + float(shift.min())
     length = (profile.end_m - profile.start_m) / np.cos(skew_rad) + float(np.ptp(shift))
     travel = first + step_m * np.arange(int(np.ceil(length / step_m)) + 1)

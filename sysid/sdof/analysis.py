@@ -99,7 +99,7 @@ def _deflection(drop: PlankDrop, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarr
         columns = ", ".join(channel.sensor.column for channel in drop.log.channels) or "no channel"
         raise DataRejectedError(
             f"{drop.log.file}: no suspension deflection of axle '{vehicle.axles[drop.axle].name}' among {columns}; "
-            "declare one with kind = \"suspension_deflection\" in [sensors.plank_drop]."
+            'declare one with kind = "suspension_deflection" in [sensors.plank_drop].'
         )
     time = channels[0].time_s
     values = [_measured(channel, time) for channel in channels]
@@ -162,9 +162,7 @@ def _read(
             ripple=(fit.time_s, fit.hop_model) if fit.hop is not None else None,
         )
     elif np.isfinite(earliest):
-        record = prepare_record(
-            time, deflection, frequency_range_hz=search, earliest_s=earliest, skip_first_turn=True
-        )
+        record = prepare_record(time, deflection, frequency_range_hz=search, earliest_s=earliest, skip_first_turn=True)
     return record, fit
 
 
@@ -182,9 +180,7 @@ def _estimates(
         covariance = np.diag([reading.damped_period_se**2, reading.log_decrement_se**2])
         for method in ("paper", "corrected"):
             found.append(
-                estimate(
-                    method, axle, settings, file, reading.damped_period, reading.log_decrement, covariance, note
-                )
+                estimate(method, axle, settings, file, reading.damped_period, reading.log_decrement, covariance, note)
             )
     else:
         why = note if not reading.usable else "the swings do not decay"

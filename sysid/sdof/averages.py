@@ -12,7 +12,8 @@ from scipy.optimize import brentq
 class RandomEffects:
     """Generalised least squares with an extra variance common to all values.
 
-    `value` (p,), `covariance` (p, p), `extra_sd` the standard deviation beyond the noise, `freedom` the degrees of freedom.
+    `value` (p,), `covariance` (p, p), `extra_sd` the standard deviation beyond the noise, `freedom` the degrees of
+    freedom.
     """
 
     value: np.ndarray

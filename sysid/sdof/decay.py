@@ -115,9 +115,9 @@ def read_decay(
     """Read settled level, damped period and logarithmic decrement off a free-decay record.
 
     delta_i = ln(S_i / S_(i+2)) with the peak-to-trough swings S_i = |x_i - x_(i+1)| of the refined extrema, so that an
-    error of the baseline cancels; the period is twice the slope of the extrema's times over their number.  Both averages
-    are weighted by the noise plus the scatter beyond the noise (`random_effects`): a perfect exponential decay is read
-    from its large swings, a decrement that varies is averaged evenly over the cycles.
+    error of the baseline cancels; the period is twice the slope of the extrema's times over their number.  Both are
+    averages weighted by the noise plus the scatter beyond the noise (`random_effects`): a perfect exponential decay is
+    read from its large swings, a decrement that varies is averaged evenly over the cycles.
 
     Parameters
     ----------
@@ -229,9 +229,7 @@ def reading_of(record: PreparedRecord) -> DecayReading:
     )
 
 
-def _usable_readings(
-    time_s: Any, value: Any, window_s: tuple[float, float] | None
-) -> tuple[np.ndarray, np.ndarray]:
+def _usable_readings(time_s: Any, value: Any, window_s: tuple[float, float] | None) -> tuple[np.ndarray, np.ndarray]:
     time, y = np.asarray(time_s, float), np.asarray(value, float)
     if time.ndim != 1 or time.shape != y.shape:
         raise ValueError(
@@ -258,8 +256,8 @@ def _decrements(
     swing = np.abs(heights[neighbours] - heights[neighbours + 1])
     to_swing[rows, neighbours], to_swing[rows, neighbours + 1] = sign / swing, -sign / swing
     start = index[neighbours]
-    pairs = [
-        (i, int(np.argmax(start >= start[i] + 2))) for i in rows if np.any(start >= start[i] + 2)
+    pairs: list[tuple[int, int]] = [
+        (int(i), int(np.argmax(start >= start[i] + 2))) for i in rows if np.any(start >= start[i] + 2)
     ] or [(0, neighbours.size - 1)]
     first, second = np.array(pairs).T
     cycles = 0.5 * (start[second] - start[first])

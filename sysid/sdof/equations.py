@@ -77,8 +77,8 @@ def series_damping(equivalent_damping: Any, stiffness: Any, tire_stiffness: Any,
     """Low-order removal of the tire in series from a damping coefficient.
 
     c_s = (c_eq - ct (k_s/(k_s+kt))^2) ((k_s+kt)/kt)^2 with the suspension stiffness k_s, the tire stiffness kt [N/m],
-    the damping seen by the body c_eq and the tire damping ct [N s/m].  Unsprung mass neglected; `corrected_damping` does
-    without that.
+    the damping seen by the body c_eq and the tire damping ct [N s/m].  The unsprung mass is neglected here and not in
+    `corrected_damping`.
     """
     stiffness, tire_stiffness = np.asarray(stiffness, float), np.asarray(tire_stiffness, float)
     total = stiffness + tire_stiffness
@@ -149,7 +149,10 @@ def corrected_damping(
 
 
 def propagate(
-    function: Callable[[np.ndarray], np.ndarray], values: np.ndarray, covariance: np.ndarray, relative_step: float = 1e-5
+    function: Callable[[np.ndarray], np.ndarray],
+    values: np.ndarray,
+    covariance: np.ndarray,
+    relative_step: float = 1e-5,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Values of a function of uncertain numbers and their covariance to first order (delta method).
 

@@ -81,7 +81,9 @@ def invert(
 
     reading = np.array([damped_period, decrement])
     value, from_reading = propagate(lambda read: equations(read, declared), reading, covariance)
-    _, from_declared = propagate(lambda given: equations(reading, given), declared, np.diag((declared * tolerance) ** 2))
+    _, from_declared = propagate(
+        lambda given: equations(reading, given), declared, np.diag((declared * tolerance) ** 2)
+    )
     return Inversion(float(value[0]), float(value[1]), from_reading, from_declared)
 
 
@@ -100,7 +102,9 @@ def estimate(
     notes = [note] if note else []
     if method != "paper":
         if not 0.0 < result.stiffness < np.inf:
-            notes.append("the measured stiffness is not below the tire's, so no suspension stiffness can be told from it")
+            notes.append(
+                "the measured stiffness is not below the tire's, so no suspension stiffness can be told from it"
+            )
             return unusable(method, axle, file, "; ".join(notes), damped_period, decrement)
         if result.damping <= 0.0:
             notes.append(

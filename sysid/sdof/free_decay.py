@@ -30,8 +30,9 @@ class FreeDecayFit:
     """Fit of y(t) = offset + body mode + wheel-hop mode after the release.
 
     `decay_rate` sigma [1/s] and `angular_frequency` omega [rad/s] of the body mode with their `covariance` (2, 2);
-    `hop` (decay rate, angular frequency) or None where the record shows none; `window_s` the part fitted; `noise_ratio`
-    residual over noise at rest (NaN where unknown); `time_s`, `model`, `hop_model` (n,) the fitted curve and its hop part.  `usable` False (NaN numbers) where no body mode could be fitted.
+    `hop` (decay rate, angular frequency) or None where the record shows none; `window_s` the part fitted; `time_s`,
+    `model`, `hop_model` (n,) the fitted curve and its hop part; `noise_ratio` residual over noise at rest (NaN where
+    unknown).  `usable` False (NaN numbers) where no body mode could be fitted.
     """
 
     decay_rate: float
@@ -62,10 +63,10 @@ class FreeDecayFit:
 def fit_free_decay(record: PreparedRecord, earliest_s: float = -np.inf) -> FreeDecayFit:
     """Fit body mode, wheel hop and offset to the free part of a prepared record by nonlinear least squares.
 
-    y(t) = y0 + exp(-sigma t) (a cos omega t + b sin omega t) + the same with the wheel hop's sigma, omega.  The hop mode
-    (6-20 Hz) and a linear drift stay only where the record shows them.  The window starts at the earliest extremum from
-    which the residual is no more than 15 % above what later starts reach, since the wheel still rolls off the plank at
-    first.  Standard errors allow for the autocorrelation of the residual.
+    y(t) = y0 + exp(-sigma t) (a cos omega t + b sin omega t) + the same with the wheel hop's sigma, omega.  The hop
+    mode (6-20 Hz) and a linear drift stay only where the record shows them.  The window starts at the earliest extremum
+    from which the residual is no more than 15 % above the noise or what later starts reach, since the wheel still rolls
+    off the plank at first.  Standard errors allow for the autocorrelation of the residual.
 
     Parameters
     ----------
@@ -81,7 +82,12 @@ def fit_free_decay(record: PreparedRecord, earliest_s: float = -np.inf) -> FreeD
     """
     if record.mode is None or record.release is None or record.extrema is None:
         return _unusable(record.note)
-    fits = [fit for start in _window_starts(record, earliest_s) if (fit := _fit_window(record, start)) is not None]
+    fits: list[ModeFit] = []
+    for start in _window_starts(record, earliest_s):
+        if (candidate := _fit_window(record, start)) is not None:
+            fits.append(candidate)
+            if candidate.residual_rms <= _WINDOW_TOLERANCE * record.release.noise_sd:
+                break  # as good as the noise allows, no later start can do better
     if not fits:
         return _unusable("too few readings after the release for a free-decay model")
     best = min(fit.residual_rms for fit in fits)
@@ -127,8 +133,9 @@ def fit_free_decay(record: PreparedRecord, earliest_s: float = -np.inf) -> FreeD
 
 
 def _window_starts(record: PreparedRecord, earliest_s: float) -> list[float]:
-    """First turn after the release and the extrema after it, as long as two cycles and a fifth of the motion are left."""
-    assert record.release is not None and record.extrema is not None
+    """First turn after the release and the extrema after it that leave two cycles and a fifth of the motion."""
+    if record.release is None or record.extrema is None:
+        return []
     first = max(record.release.first_turn_s, earliest_s)
     times, heights = record.extrema.time_s, record.extrema.value
     swings = np.abs(np.diff(heights, append=heights[-1:]))
@@ -165,8 +172,9 @@ def _fit_window(record: PreparedRecord, start_s: float) -> ModeFit | None:
     body = (float(single.decay_rate[0]), float(single.angular_frequency[0]))
     hop_bounds = _hop_bounds(body[1], time)
     fit = single
-    for hop_hz in _HOP_STARTS_HZ if hop_bounds is not None else ():
-        assert hop_bounds is not None
+    if hop_bounds is None:
+        return fit
+    for hop_hz in _HOP_STARTS_HZ:
         hop_omega = float(np.clip(2.0 * np.pi * hop_hz, 1.02 * hop_bounds[1][0], 0.98 * hop_bounds[1][1]))
         start = (_HOP_DAMPING_RATIO * hop_omega, hop_omega)
         both = fit_modes(time, value, [body, start], [_body_bounds(body[1]), hop_bounds])
@@ -222,4 +230,6 @@ def _envelope_note(fit: ModeFit, time: np.ndarray, value: np.ndarray) -> list[st
 def _unusable(note: str) -> FreeDecayFit:
     nan = float("nan")
     empty = np.zeros(0)
-    return FreeDecayFit(nan, nan, np.full((2, 2), nan), None, (nan, nan), empty, empty, empty, nan, nan, False, True, note)
+    return FreeDecayFit(
+        nan, nan, np.full((2, 2), nan), None, (nan, nan), empty, empty, empty, nan, nan, False, True, note
+    )

@@ -15,9 +15,9 @@ _GRID_SAMPLES = 250  # enough for a start value; the refinement uses every sampl
 class ModeFit:
     """Least-squares fit of decaying modes on a constant (and optionally a linear drift).
 
-    Mode q: exp(-sigma_q t) (a_q cos omega_q t + b_q sin omega_q t), with t from `start_s`.  `decay_rate` sigma [1/s] and
-    `angular_frequency` omega [rad/s] are (modes,); `amplitude` (modes,) sqrt(a^2 + b^2) at the start; `baseline` and
-    `drift_per_s` of the constant and the drift, both at the middle of the window; `curvature` kappa [1/s^2] of the log
+    Mode q: exp(-sigma_q t) (a_q cos omega_q t + b_q sin omega_q t), with t from `start_s`.  `decay_rate` sigma [1/s]
+    and `angular_frequency` omega [rad/s] are (modes,); `amplitude` (modes,) sqrt(a^2 + b^2) at the start; `baseline`
+    and `drift_per_s` of the constant and the drift, both at the middle of the window; `curvature` kappa [1/s^2] of the log
     envelope exp(-sigma t + kappa t^2 / 2) of the first mode (0 unless fitted).  `parameters` (p,) in the order
     sigma, omega per mode, kappa if fitted, then linear coefficients; `covariance` (p, p) allows for the autocorrelation
     of the `residual` (n,).
@@ -180,10 +180,13 @@ def fit_modes(
     def residual(p: np.ndarray) -> np.ndarray:
         return _design(p[:count], u, modes, curved, drift)[0] @ p[count:] - y
 
+    def jacobian(p: np.ndarray) -> np.ndarray:
+        return _jacobian(p, u, modes, curved, drift)
+
     solution = least_squares(
         residual,
         np.concatenate([nonlinear, linear]),
-        jac=lambda p: _jacobian(p, u, modes, curved, drift),
+        jac=jacobian,
         bounds=(np.concatenate([lower, -free]), np.concatenate([upper, free])),
         x_scale="jac",
         xtol=1e-14,
@@ -192,7 +195,7 @@ def fit_modes(
         max_nfev=300,
     )
     p = solution.x
-    covariance = scale**2 * correlated_covariance(_jacobian(p, u, modes, curved, drift), solution.fun, u)
+    covariance = scale**2 * correlated_covariance(jacobian(p), solution.fun, u)
     rescale = np.concatenate([np.full(count, 1.0 / scale), np.ones(linear.size)])
     covariance = covariance * np.outer(rescale, rescale)
     linear = scale * p[count:]

@@ -67,7 +67,8 @@ class DropAnalysis:
     """Everything about one plank-drop file: the trace, the picked peaks, the free-decay model and the estimates.
 
     `time_s`, `deflection_m` (n,) as measured; `filtered_m` (n,) with wheel hop kept out, as used for picking;
-    `release_time_s` is when the axle leaves the plank; `free_decay_m` (n,) the fitted decay model, NaN outside its window.
+    `release_time_s` is when the axle leaves the plank; `free_decay_m` (n,) the fitted decay model, NaN outside its
+    window.
     `frequency_hz` and `damping_ratio_directive` (D = ln(A1/A2)/2pi) are the EU 96/53/EC Annex II / VSB 11 indicator.
     """
 

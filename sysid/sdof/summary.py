@@ -125,9 +125,9 @@ def _messages(
     messages = []
     if _coupled(vehicle) and files:
         messages.append(
-            "Equations (1)-(3) take each axle for the only one under its body, but on this vehicle neighbouring axles and "
-            "pitch share the motion that a plank drop shows; stiffness and damping from drops are starting values, the "
-            "correction for the tire need not bring them closer, and fitting the drops with the full model is the cure."
+            "Equations (1)-(3) take each axle for the only one under its body, but on this vehicle neighbouring axles "
+            "and pitch share the motion that a plank drop shows; stiffness and damping from drops are starting values, "
+            "the correction for the tire need not bring them closer, and fitting the drops with the full model is the cure."
         )
     names = [axle.name for axle in vehicle.axles]
     unread = sorted({a.axle for a in files if not a.reading.usable})
@@ -140,22 +140,23 @@ def _messages(
         doubtful = [a for a in files if a.axle == axle and a.reading.log_decrement_se > 0.2 * a.reading.log_decrement]
         if doubtful:
             messages.append(
-                f"Axle '{names[axle]}': the decrement of {len(doubtful)} records scatters by more than 20 %, its swings are "
-                "not those of one mode; do not rely on the damping of methods paper and corrected."
+                f"Axle '{names[axle]}': the decrement of {len(doubtful)} records scatters by more than 20 %, its "
+                "swings are not those of one mode; do not rely on the damping of methods paper and corrected."
             )
     for axle in sorted({a.axle for a in files}):
         group = [a for a in files if a.axle == axle]
         rubbing = sum(a.reading.damping_kind == "friction" for a in group)
         if 2 * rubbing > len(group):
             messages.append(
-                f"Axle '{names[axle]}': the decrement rises as the amplitude falls in {rubbing} of {len(group)} records, as "
-                "with dry friction between leaves; the damping coefficient holds for the amplitudes of the drop only."
+                f"Axle '{names[axle]}': the decrement rises as the amplitude falls in {rubbing} of {len(group)} "
+                "records, as with dry friction between leaves; the damping coefficient holds for the amplitudes of the "
+                "drop only."
             )
     for item in pooled:
         if item.method == "corrected" and "k/kt" in item.note:
             messages.append(
-                f"Axle '{names[item.axle]}' ({item.load_case}): the corrected stiffness is above 0.4 of the tire's, where "
-                "the correction amplifies every error; prefer the full model."
+                f"Axle '{names[item.axle]}' ({item.load_case}): the corrected stiffness is above 0.4 of the tire's, "
+                "where the correction amplifies every error; prefer the full model."
             )
     for analysis in without_dampers:
         messages.append(f"{analysis.file}: dampers removed, so it is not pooled with the other drops.")

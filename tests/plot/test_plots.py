@@ -1,5 +1,7 @@
 """Figures show the numbers they are given and leave matplotlib as it was."""
 
+from dataclasses import replace
+
 import matplotlib as mpl
 import numpy as np
 import pytest
@@ -114,6 +116,19 @@ def test_unusable_drop_says_so():
     ax = plot.drop(decaying_drop(usable=False))
     assert "not usable" in [text.get_text() for text in ax.texts]
     assert "envelope" not in [line.get_label() for line in ax.get_lines()]
+
+
+def test_outliers_of_the_scanner_do_not_squeeze_the_bump(results):
+    scan = results.scans["bump"]
+    wild = replace(
+        scan,
+        strip_height_m=np.append(scan.strip_height_m[1:], 5.0),
+        cloud_height_m=np.append(scan.cloud_height_m[1:], -5.0),
+    )
+    low, high = plot.profile(wild).get_ylim()
+    assert -30.0 < low < 0.0
+    assert 80.0 < high < 110.0
+    assert plot.scan(wild).collections[0].get_clim() == pytest.approx((low, high))
 
 
 def test_load_ratio_is_force_over_static_load(results):

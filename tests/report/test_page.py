@@ -2,11 +2,13 @@
 
 import base64
 import hashlib
+import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html.parser import HTMLParser
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from small_results import Words, before_sampling, campaign_only, small_results
 
@@ -210,3 +212,36 @@ def test_preview_is_marked_everywhere():
 def test_page_is_written_whole_and_the_same_each_time(tmp_path, full_text):
     write_report(small_results(), tmp_path / "report.html")
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == full_text
+
+
+def test_results_with_holes_still_make_a_page():
+    nan = math.nan
+    r = small_results()
+    first = r.drops.files[0]
+    empty = np.zeros(0)
+    reading = replace(
+        first.reading, extremum_time_s=empty, extremum_value_m=empty, used=np.zeros(0, bool), usable=False,
+        damped_period=nan, damped_period_se=nan, log_decrement=nan, log_decrement_se=nan, settled_level=nan,
+    )  # fmt: skip
+    drop = replace(first, reading=reading, release_time_s=nan, frequency_hz=nan, free_decay_m=np.full(1000, nan))
+    history = r.fit.histories[0]
+    dead = np.full_like(history.measured, nan)
+    draws = r.posterior.draws.copy()
+    draws[..., 0] = 4e5
+    one = r.predictions.passes[0]
+    scan = replace(r.scans["bump"], strip_station_m=empty, strip_height_m=empty)
+    scan = replace(scan, cloud_along_m=empty, cloud_across_m=empty, cloud_height_m=empty)
+    page = parse(
+        render_report(
+            replace(
+                r,
+                drops=replace(r.drops, files=(drop,), pooled=()),
+                scans={"bump": scan},
+                fit=replace(r.fit, histories=(replace(history, measured=dead),), autocorrelation=np.full((6, 20), nan)),
+                posterior=replace(r.posterior, draws=draws),
+                predictions=replace(r.predictions, passes=(replace(one, peak_ratio_q50=np.full(2, nan)),)),
+            )
+        )
+    )
+    assert page.problems == []
+    assert not re.search(r"\b(nan|None|inf)\b", page.words())

@@ -102,7 +102,7 @@ def test_the_run_shown_first_is_of_middle_speed():
     ("value", "text"),
     [
         (416.04, "416"), (11.14, "11.1"), (0.07842, "0.0784"), (0.0, "0"), (-1.7, "−1.70"), (None, "—"),
-        (math.nan, "—"), (math.inf, "—"), (3e-4, "3.00×10⁻⁴"), (999.9, "1000"), (2.5e7, "2.50×10⁷"),
+        (math.nan, "—"), (math.inf, "—"), (3e-4, "3.00×10⁻⁴"), (999.9, "1000"), (2.5e7, "2.50×10⁷"), (9.999, "10.0"),
     ],
 )  # fmt: skip
 def test_three_significant_digits(value, text):

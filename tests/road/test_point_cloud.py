@@ -132,6 +132,10 @@ FAULTS = {
     "web page": ("<html><body>404</body></html>", "neither numbers nor a header"),
     "one long line": ("1,2,3," * 30_000, "longer than"),
     "ten thousand columns": (",".join(["x", "y", "z", *(f"c{k}" for k in range(10_000))]) + "\n", "than 200 columns"),
+    "bytes that are no text": (
+        b"x,y,z,t\n" + table(extra=",1").encode() * 100 + b"1,2,3,\xff\xfe\n",
+        "bytes that are not text",
+    ),
     "open quote": ("x,y,z\n" + table() + '"1,2,3\n4,5,6\n', "table of numbers"),
     "ply cut in header": (b"ply\nformat ascii 1.0\n", "end of its header"),
     "ply bomb": (PLY_HEAD % (99_999_999_999_999, b"x"), "promises 99999999999999"),

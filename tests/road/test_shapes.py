@@ -39,6 +39,16 @@ def test_height_area_and_flat_road(shape, area: float) -> None:
     assert np.all(profile.height_sd_m == 0.0)
 
 
+@pytest.mark.parametrize(
+    ("shape", "quarter"),
+    [(raised_cosine, 0.5), (half_sine, np.sqrt(0.5)), (parabolic, 0.75), (trapezoid, 0.75), (plank, 1.0)],
+)
+def test_quarter_height_and_symmetry(shape, quarter: float) -> None:
+    profile = shape(0.08, 0.8, step_m=0.001)
+    at = np.interp([0.5, 0.9], profile.station_m, profile.height_m)
+    np.testing.assert_allclose(at, 0.08 * quarter, rtol=1e-9)
+
+
 def test_start_and_length_are_where_the_profile_exceeds_a_millimetre() -> None:
     profile = half_sine(0.08, 0.9)
     first = 0.9 / np.pi * np.arcsin(1 / 80)

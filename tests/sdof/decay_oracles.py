@@ -19,7 +19,7 @@ def quarter_car_drop(k, c, m, m_u, kt, ct, *, rate_hz=200.0, duration_s=4.5, rel
 
     State-space simulation with scipy.signal.lsim on a grid of a tenth of a millisecond; static level = 0.
     """
-    oversampling = int(round(1e4 / rate_hz))
+    oversampling = round(1e4 / rate_hz)
     time = np.arange(int(duration_s * 1e4) + 1) / 1e4
     road = height_m * np.clip((release_s + roll_s - time) / max(roll_s, 1e-4), 0.0, 1.0)
     road_speed = np.gradient(road, time)

@@ -1,0 +1,75 @@
+"""The command line: ``calibrate.py STAGE [CAMPAIGN] [--output DIR]``.
+
+Exit codes: 0 done, 2 bad command or campaign file, 3 data rejected, 4 not converged (results are still written and
+marked so), 130 stopped by Ctrl-C (what is done is kept).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+DEFAULT_CAMPAIGN = "data/campaign.toml"
+DEFAULT_OUTPUT = "output"
+
+_HELP = """Suspension stiffness and damping of a heavy vehicle from plank drops and bump runs.
+
+CAMPAIGN is a campaign.toml or its folder (default: data/campaign.toml).  Every stage runs the stages it needs first and
+leaves its results in the output folder for the next.
+
+Exit codes: 0 done, 2 bad command or campaign file, 3 data rejected, 4 not converged (results are still written and
+marked so), 130 stopped by Ctrl-C.
+"""
+
+
+def _options(command: Callable[..., Any]) -> Callable[..., Any]:
+    decorators = [
+        click.argument("campaign", default=DEFAULT_CAMPAIGN, type=click.Path(path_type=Path)),
+        click.option("--output", default=DEFAULT_OUTPUT, show_default=True, help="Folder for everything written.",
+                     type=click.Path(path_type=Path)),
+        click.option("--quick", is_flag=True, help="Preview: few iterations, a short chain; results are marked so."),
+        click.option("--seed", default=0, show_default=True, help="Seed of everything random.", type=click.IntRange(0)),
+        click.option("--max-steps", default=None, help="Limit of sampling steps per ensemble.",
+                     type=click.IntRange(1)),
+        click.option("--resume", is_flag=True, help="Go on with what an interrupted run left in the output folder."),
+    ]  # fmt: skip
+    for decorate in reversed(decorators):
+        command = decorate(command)
+    return command
+
+
+@click.group(help=_HELP, context_settings={"help_option_names": ["-h", "--help"]})
+def cli() -> None:
+    """Entry point of all stages."""
+
+
+def _stage(name: str, text: str) -> None:
+    def command(campaign: Path, output: Path, quick: bool, seed: int, max_steps: int | None, resume: bool) -> None:
+        from sysid.cli.stages import run_stage
+
+        sys.exit(run_stage(name, campaign, output, quick=quick, seed=seed, max_steps=max_steps, resume=resume))
+
+    cli.command(name, help=text)(_options(command))
+
+
+_stage("check", "Quality of every log and channel: rate, gaps, clipping, wrong units, flipped signs.")
+_stage("drops", "Stiffness and damping of every axle from its plank drops, equations (1)-(3) and corrections.")
+_stage("fit", "Least-squares calibration of the vehicle model against all bump runs.")
+_stage("sample", "Posterior of all parameters by emcee, continued until it has converged.")
+_stage("predict", "Dynamic wheel loads of the passes that the campaign asks for.")
+_stage("report", "Write report.html from the stages that have run.")
+_stage("export", "Write result.json, parameters.csv, predictions and posterior.nc from the stages that have run.")
+_stage("run", "All stages in order.")
+
+
+def main() -> None:
+    """Run the command line."""
+    cli(prog_name=Path(sys.argv[0]).name if sys.argv else "sysid")
+
+
+if __name__ == "__main__":
+    main()

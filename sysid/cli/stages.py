@@ -1,0 +1,101 @@
+"""What each command does: run a stage with a progress bar, print its result, turn errors into one sentence."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+
+from sysid.cli import tables
+from sysid.cli.progress import StageProgress
+from sysid.errors import NotConvergedError, SysidError
+
+INTERRUPTED = 130
+
+
+def run_stage(
+    name: str, campaign: Path, output: Path, *, quick: bool, seed: int, max_steps: int | None, resume: bool
+) -> int:
+    """Run one command and return its exit code."""
+    screen, errors = _console(False), _console(True)
+    with _termination_as_interrupt():
+        try:
+            return _run(name, campaign, output, screen, errors, quick, seed, max_steps, resume)
+        except SysidError as error:
+            errors.print(f"calibrate.py {name}: {error}", markup=False)
+            return error.exit_code
+        except KeyboardInterrupt:
+            errors.print(
+                f"Stopped. What is done is kept in {output}; go on with: "
+                f"python calibrate.py {name} {campaign} --output {output} --resume",
+                markup=False,
+            )
+            return INTERRUPTED
+
+
+def _run(name, campaign, output, screen, errors, quick, seed, max_steps, resume) -> int:
+    from sysid.runtime import configure
+    from sysid.workflow import Calibration, make_settings
+
+    configure()
+    settings = make_settings(quick=quick, seed=seed, max_steps=max_steps)
+    with StageProgress(errors) as progress:
+        calibration = Calibration(campaign, output, settings, progress.update, resume=resume)
+        if name in ("check", "drops", "fit", "sample", "predict"):
+            if not resume:
+                calibration.redo(name)
+            progress.stage(name)
+            result = getattr(calibration, name)()
+            calibration.export()
+        elif name == "report":
+            progress.stage(name)
+            result = calibration.report()
+            calibration.export()
+        elif name == "export":
+            result = calibration.export()
+        else:
+            progress.stage("calibration")
+            result = calibration.run()
+    show = getattr(tables, f"show_{name}")
+    show(screen, calibration, result)
+    return _exit_code(name, calibration)
+
+
+def _exit_code(name: str, calibration) -> int:
+    """0, or 4 where the stage that was asked for has not converged; a preview is 0."""
+    if calibration.settings.quick:
+        return 0
+    if name == "fit" and not calibration.fit().converged:
+        return NotConvergedError.exit_code
+    if name == "sample" and not calibration.sample().converged:
+        return NotConvergedError.exit_code
+    if name == "run" and calibration.results().status != "converged":
+        return NotConvergedError.exit_code
+    return 0
+
+
+def _console(stderr: bool) -> Console:
+    """A console that does not squeeze tables into 80 columns when its output goes to a file."""
+    console = Console(stderr=stderr, highlight=False)
+    return console if console.is_terminal else Console(stderr=stderr, highlight=False, width=200, soft_wrap=True)
+
+
+@contextmanager
+def _termination_as_interrupt() -> Iterator[None]:
+    """A polite kill is treated like Ctrl-C: what is done is kept and the way to go on is said."""
+
+    def interrupt(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        before = signal.signal(signal.SIGTERM, interrupt)
+    except ValueError:  # not in the main thread
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

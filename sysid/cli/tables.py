@@ -1,0 +1,152 @@
+"""What the commands print: short tables in the units of the trade."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+
+def _table(title: str, columns: Sequence[str]) -> Table:
+    table = Table(title=title, title_justify="left", header_style="bold", box=None, pad_edge=False)
+    for i, column in enumerate(columns):
+        table.add_column(column, justify="left" if i == 0 else "right")
+    return table
+
+
+def _value(number: float, sd: float, scale: float) -> str:
+    if not np.isfinite(number):
+        return "-"
+    return f"{number / scale:.4g}" + (f" ± {sd / scale:.2g}" if np.isfinite(sd) else "")
+
+
+def show_check(screen: Console, calibration, report) -> None:
+    """One line per log and channel, then the findings in words."""
+    table = _table(
+        "Data quality", ("log", "channel", "Hz", "jitter ms", "missing", "clipped", "rest", "noise", "verdict")
+    )
+    for f in report.channels:
+        scale, unit = (1e-3, "mm") if f.si_unit == "m" else (9.80665, "g")
+
+        def level(value: float | None, digits: str, scale: float = scale, unit: str = unit) -> str:
+            return "-" if value is None else f"{value / scale:{digits}} {unit}"
+
+        table.add_row(
+            escape(f.file),
+            escape(f.column),
+            f"{f.rate_hz:.1f}",
+            f"{1e3 * f.jitter_s:.2f}",
+            str(f.missing),
+            str(f.clipped) if f.clip_level is None else f"{f.clipped} at {level(f.clip_level, '.3g')}",
+            level(f.rest_level, ".2f"),
+            level(f.noise_rms, ".3f"),
+            f.verdict,
+        )
+    screen.print(table)
+    for f in report.channels:
+        for message in f.messages:
+            screen.print(f"{f.file}, {f.column}: {message}", markup=False)
+    for message in (*calibration.results().warnings, *report.messages):
+        screen.print(message, markup=False)
+
+
+def show_drops(screen: Console, calibration, summary) -> None:
+    """Pooled k and c per axle and method."""
+    axles = calibration.campaign.vehicle.axles
+    table = _table("Plank drops, pooled", ("axle", "method", "k kN/m", "c kN s/m", "period s", "decrement", "note"))
+    for e in summary.pooled:
+        table.add_row(
+            f"{e.axle + 1} {escape(axles[e.axle].name)}",
+            e.method,
+            _value(e.stiffness, e.stiffness_sd, 1e3),
+            _value(e.damping, e.damping_sd, 1e3),
+            f"{e.damped_period:.3f}" if np.isfinite(e.damped_period) else "-",
+            f"{e.log_decrement:.3f}" if np.isfinite(e.log_decrement) else "-",
+            "" if e.usable else escape(e.note),
+        )
+    screen.print(table)
+    for message in summary.messages:
+        screen.print(message, markup=False)
+
+
+def show_fit(screen: Console, calibration, fit) -> None:
+    """Least-squares values of all parameters."""
+    table = _table("Least squares", ("parameter", "value", "unit", "start", "known from the data"))
+    for p in fit.parameters:
+        scale, unit = (1e3, f"k{p.unit}") if p.unit in ("N/m", "N s/m") else (1.0, p.unit)
+        table.add_row(
+            escape(p.name),
+            _value(p.value, p.sd, scale),
+            unit,
+            f"{p.start / scale:.4g}",
+            "yes" if p.identified else "no",
+        )
+    screen.print(table)
+    screen.print(f"{fit.iterations} iterations, {fit.residuals} residuals: {fit.message}.", markup=False)
+    for warning in fit.warnings:
+        screen.print(warning, markup=False)
+
+
+def show_sample(screen: Console, calibration, posterior) -> None:
+    """Posterior medians with 90 % credible intervals."""
+    table = _table("Posterior", ("parameter", "median", "90 % credible interval", "unit", "effective draws", "R-hat"))
+    units = {p.name: p.unit for p in calibration.fit().parameters}
+    for s in posterior.summaries:
+        unit = units[s.name]
+        scale, shown = (1e3, f"k{unit}") if unit in ("N/m", "N s/m") else (1.0, unit)
+        table.add_row(
+            escape(s.name),
+            f"{s.q50 / scale:.4g}",
+            f"{s.q05 / scale:.4g} to {s.q95 / scale:.4g}",
+            shown,
+            f"{s.ess:.0f}",
+            f"{s.rhat:.3f}",
+        )
+    screen.print(table)
+    screen.print(posterior.message, markup=False)
+
+
+def show_predict(screen: Console, calibration, predictions) -> None:
+    """Peak dynamic load ratio per axle of every predicted pass."""
+    axles = calibration.campaign.vehicle.axles
+    for p in predictions.passes:
+        table = _table(
+            f"{escape(p.load_case)}, {3.6 * p.speed_m_s:.4g} km/h: peak dynamic load ratio",
+            ("axle", "median", "90 % interval", "leaves the road"),
+        )
+        for i, axle in enumerate(axles):
+            low, high = p.peak_ratio_q05, p.peak_ratio_q95
+            table.add_row(
+                f"{i + 1} {escape(axle.name)}",
+                f"{p.peak_ratio_q50[i]:.3f}",
+                "-" if low is None or high is None else f"{low[i]:.3f} to {high[i]:.3f}",
+                "yes" if p.lift_off[i] else "no",
+            )
+        screen.print(table)
+        for warning in p.warnings:
+            screen.print(warning, markup=False)
+
+
+def show_report(screen: Console, calibration, path) -> None:
+    """Where the report is."""
+    screen.print(f"Report: {path}", markup=False)
+
+
+def show_export(screen: Console, calibration, paths) -> None:
+    """Which files were written."""
+    for path in paths:
+        screen.print(str(path), markup=False)
+
+
+def show_run(screen: Console, calibration, results) -> None:
+    """The answer of a whole calibration: k and c with intervals, status and where to read on."""
+    if results.posterior is not None:
+        show_sample(screen, calibration, results.posterior)
+    if results.predictions is not None:
+        show_predict(screen, calibration, results.predictions)
+    for warning in results.all_warnings:
+        screen.print(f"Note: {warning}", markup=False)
+    screen.print(f"Status: {results.status}. Report: {calibration.output / 'report.html'}", markup=False)

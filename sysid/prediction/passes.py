@@ -1,0 +1,146 @@
+"""Dynamic wheel loads of passes nobody drove, with bands from the posterior."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.estimation.bump_model import lane_laws, parameter_index
+from sysid.estimation.parameters import ParameterSet
+from sysid.prediction.results import PassPrediction, Predictions
+from sysid.road.results import RoadProfile
+from sysid.vehicle_model.contact import road_input
+from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
+from sysid.vehicle_model.simulation import Motion, simulate_histories, stage_times
+
+#: Output interval of predicted histories [s], and how long before and after the passage they reach.
+INTERVAL_S = 0.001
+BEFORE_S = 0.5
+AFTER_S = 1.5
+#: Number of posterior draws behind the bands.
+DRAWS = 200
+
+
+@partial(jax.jit, static_argnames=("samples",))
+def _forces(matrices, index, reference_load, axle_x, road, log_parameters, speed, start, *, samples: int) -> jax.Array:
+    suspension, tire = lane_laws(index, log_parameters, matrices.static_load, reference_load)
+    times = stage_times(samples, INTERVAL_S, 1)[:, None, None, None]
+    inputs = road_input(road, speed[:, None] * (times - start[:, None]) - axle_x)
+    histories = simulate_histories(
+        matrices, suspension, tire, Motion(speed, start), inputs, interval_s=INTERVAL_S, substeps=1
+    )
+    return histories.tire_force[:, 0]
+
+
+def predict_pass(
+    campaign: Campaign,
+    parameters: ParameterSet,
+    profiles: Mapping[str, RoadProfile],
+    request: PredictionRequest,
+    log_parameters: np.ndarray,
+    draws: np.ndarray | None,
+    *,
+    roads: EffectiveRoads | None = None,
+) -> PassPrediction:
+    """Tire forces of one pass, for the point estimate and for posterior draws.
+
+    The peak dynamic load ratio of a draw is the maximum over the pass of the unfiltered vertical tire force over the
+    static axle load; quantiles are taken over draws, pointwise in time for the bands.
+
+    Parameters
+    ----------
+    log_parameters : (p,) point estimate, used alone where `draws` is None.
+    draws : (n, p) posterior draws of the log parameters, or None.
+    """
+    roads = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles)
+    lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [Pass(request.load_case, request.bump)], [])
+    index = parameter_index(parameters, len(campaign.vehicle.axles), [request.load_case])
+    road, speed = lanes.road, request.speed_m_s
+    last = road.first_station_m + road.step_m * road.coefficients.shape[-1]
+    # The record starts half a second before axle 1 touches the bump and its time is zero over the start of the bump.
+    lead = np.ceil((BEFORE_S - road.first_station_m / speed) / INTERVAL_S) * INTERVAL_S
+    samples = int(np.ceil((lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S) / INTERVAL_S))
+    sets = log_parameters[:, None] if draws is None else draws.T
+    force = np.asarray(
+        _forces(
+            lanes.matrices,
+            index,
+            lanes.reference_load,
+            lanes.axle_x,
+            road,
+            jnp.asarray(sets),
+            jnp.full((1, 1), speed),
+            jnp.full((1, 1), float(lead)),
+            samples=samples,
+        )
+    )
+    static = lanes.matrices.static_load[0, :, 0]
+    peaks = force.max(axis=0) / static[:, None]
+    time = np.round(np.arange(samples) * INTERVAL_S - lead, 6)
+    bands = _quantiles(force) if draws is not None else None
+    ratios = _quantiles(peaks) if draws is not None else None
+    middle = bands[1] if bands is not None else force[..., 0]
+    driven = [r.nominal_speed_m_s for r in campaign.bump_runs if r.load_case == request.load_case]
+    return PassPrediction(
+        load_case=request.load_case,
+        speed_m_s=speed,
+        time_s=time,
+        tire_force_q05_N=None if bands is None else bands[0].T,
+        tire_force_q50_N=middle.T,
+        tire_force_q95_N=None if bands is None else bands[2].T,
+        static_load_N=static,
+        peak_ratio_q05=None if ratios is None else ratios[0],
+        peak_ratio_q50=peaks[:, 0] if ratios is None else ratios[1],
+        peak_ratio_q95=None if ratios is None else ratios[2],
+        lift_off=(force.min(axis=0) <= 0.0).mean(axis=1) >= 0.5,
+        warnings=_warnings(campaign, request, driven, middle, static),
+    )
+
+
+def _quantiles(values: np.ndarray) -> np.ndarray:
+    return np.quantile(values, [0.05, 0.5, 0.95], axis=-1)
+
+
+def _warnings(campaign: Campaign, request: PredictionRequest, driven: list[float], force, static) -> tuple[str, ...]:
+    found = []
+    name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
+    if not driven:
+        found.append(f"{name}: no run was driven in this load case; the prediction is an extrapolation.")
+    elif request.speed_m_s > 1.05 * max(driven):
+        found.append(
+            f"{name}: faster than any run of this load case ({3.6 * max(driven):g} km/h); the prediction is an "
+            "extrapolation."
+        )
+    travel = [a.jounce_travel_m is not None and a.rebound_travel_m is not None for a in campaign.vehicle.axles]
+    peak = force.max(axis=0) / static
+    if not all(travel) and np.any(peak > 3.0):
+        found.append(
+            f"{name}: load ratios above 3 assume that no suspension reaches its stops; no travel is declared in "
+            "campaign.toml, so treat them as upper bounds of a model without bump stops."
+        )
+    return tuple(found)
+
+
+def predict(
+    campaign: Campaign,
+    parameters: ParameterSet,
+    profiles: Mapping[str, RoadProfile],
+    log_parameters: np.ndarray,
+    draws: np.ndarray | None,
+    *,
+    seed: int = 0,
+) -> Predictions:
+    """All passes that the campaign asks for; `draws` (n, p) in log space are thinned to a few hundred at random."""
+    if draws is not None and draws.shape[0] > DRAWS:
+        draws = draws[np.random.default_rng(seed).choice(draws.shape[0], DRAWS, replace=False)]
+    roads = EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles)
+    passes = tuple(
+        predict_pass(campaign, parameters, profiles, request, log_parameters, draws, roads=roads)
+        for request in campaign.predictions
+    )
+    return Predictions(passes, "least squares" if draws is None else "posterior")

@@ -1,0 +1,33 @@
+"""Process-wide settings that only entry points make: 64-bit floats and the compilation cache of JAX."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def cache_folder() -> Path:
+    """Folder for compiled functions, one per version of JAX; ``SYSID_CACHE_DIR`` overrides the user's cache folder."""
+    import jax
+    from platformdirs import user_cache_path
+
+    root = os.environ.get("SYSID_CACHE_DIR")
+    base = Path(root) if root else user_cache_path("sysid")
+    return base / f"jax-{jax.__version__}"
+
+
+def configure() -> None:
+    """Switch JAX to 64-bit floats and keep its compiled functions between runs.
+
+    A cache folder that cannot be written is done without.
+    """
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    try:
+        folder = cache_folder()
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)

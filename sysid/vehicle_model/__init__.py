@@ -1,0 +1,44 @@
+"""The planar vehicle: bodies, hitches, axles, tires over an effective road, and its simulation (JAX)."""
+
+from sysid.vehicle_model.assembly import PlanarMatrices, assemble, coordinate_names
+from sysid.vehicle_model.contact import EffectiveRoad, RoadInput, TireLaw, effective_road, road_input, tire_law
+from sysid.vehicle_model.filters import FilterRecursion, discretise
+from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, Pass, make_lanes
+from sysid.vehicle_model.simulation import (
+    Histories,
+    LaneMatrices,
+    Motion,
+    SensorLayout,
+    SuspensionLaw,
+    lane_matrices,
+    simulate_histories,
+    simulate_sensors,
+    stage_times,
+)
+
+__all__ = [
+    "EffectiveRoad",
+    "EffectiveRoads",
+    "FilterRecursion",
+    "Histories",
+    "LaneMatrices",
+    "Lanes",
+    "Motion",
+    "Pass",
+    "PlanarMatrices",
+    "RoadInput",
+    "SensorLayout",
+    "SuspensionLaw",
+    "TireLaw",
+    "assemble",
+    "coordinate_names",
+    "discretise",
+    "effective_road",
+    "lane_matrices",
+    "make_lanes",
+    "road_input",
+    "simulate_histories",
+    "simulate_sensors",
+    "stage_times",
+    "tire_law",
+]

@@ -1,0 +1,347 @@
+"""The order of the stages: from a campaign file to results, each stage kept in the output folder for the next."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import json
+import platform
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid.campaign.findings import QualityReport
+from sysid.campaign.quality import check_quality
+from sysid.campaign.read import read_campaign
+from sysid.campaign.records import Campaign
+from sysid.errors import CampaignError, DataRejectedError
+from sysid.estimation.bump_model import bump_model
+from sysid.estimation.least_squares import FitState, fit_bump_runs
+from sysid.estimation.parameters import ParameterSet, campaign_parameters
+from sysid.estimation.results import FitResult
+from sysid.export.contents import Results, Status
+from sysid.export.files import write_text
+from sysid.export.inference_data import write_posterior
+from sysid.export.result_json import write_result
+from sysid.export.tables import write_parameters, write_predictions
+from sysid.posterior.log_density import LIKELIHOOD, LogDensity
+from sysid.posterior.results import Posterior
+from sysid.posterior.sampling import sample_posterior
+from sysid.prediction.passes import predict
+from sysid.prediction.results import Predictions
+from sysid.road.point_cloud import read_point_cloud
+from sysid.road.results import RoadProfile, ScanAnalysis
+from sysid.road.scan import analyse_scan
+from sysid.runtime import configure
+from sysid.sdof.results import DropSummary
+from sysid.sdof.summary import analyse_drops
+from sysid.validation.agreement import validate
+from sysid.validation.results import Validation
+from sysid.workflow import store
+from sysid.workflow.settings import Settings
+
+#: Stages in order; a result depends on those before it.
+STAGES = ("check", "drops", "scan", "fit", "sample", "predict")
+SUCCESS_MARKER = "SUCCESS"
+
+Progress = Callable[[str, float], None]
+
+
+class Calibration:
+    """One campaign and one output folder.
+
+    Every stage method returns its frozen result and keeps it under ``stages/`` of the output folder; a stage that has
+    already run on the same inputs is read back instead of run again when a later one needs it.
+
+    Parameters
+    ----------
+    campaign : the campaign file or its folder.
+    output : folder for everything that is written; made if it does not exist.
+    settings : options of the stages.
+    progress : callback (message, fraction of the running stage).
+    resume : continue an interrupted chain, and keep stages whose inputs have not changed even in :meth:`run`.
+
+    Raises
+    ------
+    CampaignError
+        If the campaign file is wrong.
+    DataRejectedError
+        If a log cannot be read, or the output folder cannot be written.
+    """
+
+    def __init__(
+        self,
+        campaign: str | Path,
+        output: str | Path = "output",
+        settings: Settings | None = None,
+        progress: Progress | None = None,
+        *,
+        resume: bool = False,
+    ):
+        configure()
+        self.settings = settings or Settings()
+        self.output = Path(output)
+        self._progress = progress or (lambda message, fraction: None)
+        self._resume = resume
+        self._raw = read_campaign(campaign, point_cloud_reader=read_point_cloud)
+        self._results: dict[str, Any] = {}
+        self._screened: Campaign | None = None
+        self._make_output()
+        self._timings: dict[str, float] = self._read_timings()
+
+    # ------------------------------------------------------------------ stages
+
+    def check(self) -> QualityReport:
+        """Quality of every log and channel."""
+        report: QualityReport = self._stage("check", lambda: self._screen()[1])
+        return report
+
+    @property
+    def campaign(self) -> Campaign:
+        """The campaign with rejected channels removed and clipped samples marked."""
+        return self._screen()[0]
+
+    def drops(self) -> DropSummary:
+        """Stiffness and damping of every axle from its plank drops."""
+        return self._stage("drops", lambda: analyse_drops(self.campaign))
+
+    def scan(self) -> Mapping[str, ScanAnalysis]:
+        """Road profile of every bump."""
+        return self._stage("scan", lambda: {name: analyse_scan(s) for name, s in self.campaign.scans.items()})
+
+    def fit(self) -> FitResult:
+        """Least-squares calibration against all bump runs."""
+        result: FitResult = self._stage("fit", self._fit)[0]
+        return result
+
+    def sample(self) -> Posterior:
+        """Posterior of the parameters."""
+        return self._stage("sample", self._sample)
+
+    def predict(self) -> Predictions:
+        """Wheel loads of the passes that the campaign asks for, from the posterior if there is one."""
+        return self._stage("predict", self._predict)
+
+    def validate(self) -> Validation:
+        """Agreement of simulated and measured histories of the fitted runs."""
+        return validate(self.fit())
+
+    def report(self) -> Path:
+        """Write report.html from the stages that have run."""
+        from sysid.report.page import write_report
+
+        path = self.output / "report.html"
+        self._timed("report", lambda: write_report(self.results(), path))
+        return path
+
+    def export(self) -> list[Path]:
+        """Write result.json, parameters.csv, predictions/*.csv and posterior.nc from the stages that have run."""
+        results = self.results()
+        written = [self.output / "result.json"]
+        if results.fit is not None:
+            write_parameters(results, self.output / "parameters.csv")
+            written.append(self.output / "parameters.csv")
+        if results.predictions is not None:
+            written += write_predictions(results, self.output / "predictions")
+        if results.posterior is not None:
+            write_posterior(results, self.output / "posterior.nc")
+            written.append(self.output / "posterior.nc")
+        write_result(results, self.output / "result.json")
+        return written
+
+    def run(self) -> Results:
+        """All stages in order, then exports, report and the success marker, which is written last."""
+        (self.output / SUCCESS_MARKER).unlink(missing_ok=True)
+        if not self._resume:
+            self._forget(STAGES)
+        for stage in (self.check, self.drops, self.scan, self.fit, self.sample, self.predict):
+            stage()
+        self.report()
+        self.export()
+        results = self.results()
+        write_text(self.output / SUCCESS_MARKER, f"{results.status}\n")
+        return results
+
+    # ------------------------------------------------------------------ results
+
+    def results(self) -> Results:
+        """Everything that has been computed so far for these inputs and settings."""
+        found = {name: self._known(name) for name in STAGES}
+        fit = found["fit"][0] if found["fit"] is not None else None
+        posterior: Posterior | None = found["sample"]
+        return Results(
+            campaign=self.campaign,
+            quality=found["check"],
+            drops=found["drops"],
+            scans=found["scan"] or {},
+            fit=fit,
+            posterior=posterior,
+            predictions=found["predict"],
+            validation=None if fit is None else validate(fit),
+            status=self._status(fit, posterior),
+            warnings=self._warnings(posterior),
+            provenance={
+                "input_sha256": dict(self._raw.input_sha256),
+                "versions": versions(),
+                "seed": self.settings.seed,
+                "settings": self.settings.as_dict(),
+                "timings": {name: round(seconds, 3) for name, seconds in self._timings.items()},
+            },
+        )
+
+    def _status(self, fit: FitResult | None, posterior: Posterior | None) -> Status:
+        if self.settings.quick:
+            return "preview"
+        done = fit is not None and fit.converged and posterior is not None and posterior.converged
+        return "converged" if done else "not_converged"
+
+    def _warnings(self, posterior: Posterior | None) -> tuple[str, ...]:
+        found = [*self._raw.messages]
+        if self.settings.quick:
+            found.append("Preview: few iterations and a short chain; run without --quick before using any number.")
+        elif posterior is None:
+            found.append("The posterior has not been sampled: there are no credible intervals yet.")
+        elif not posterior.converged:
+            found.append(posterior.message)
+        return tuple(found)
+
+    # ------------------------------------------------------------------ how stages work
+
+    def _fit(self) -> tuple[FitResult, dict[str, Any]]:
+        if not self.campaign.bump_runs:
+            raise DataRejectedError(
+                "No bump run is left to fit: every log was rejected or none is listed; see `calibrate.py check`."
+            )
+        fit, state = fit_bump_runs(
+            self.campaign, self._parameters(), self._profiles(), self.settings.fit, self._progress
+        )
+        return fit, {"log_parameters": state.log_parameters, "motion": state.motion, "weights": state.weights}
+
+    def _state(self) -> FitState:
+        point = self._stage("fit", self._fit)[1]
+        model = bump_model(self.campaign, self._parameters(), self._profiles())
+        return FitState(model, point["log_parameters"], point["motion"], point["weights"])
+
+    def _sample(self) -> Posterior:
+        fit, state = self.fit(), self._state()
+        density = LogDensity(self.campaign, state)
+        return sample_posterior(
+            density,
+            fit.names,
+            state.log_parameters,
+            fit.covariance,
+            LIKELIHOOD,
+            self.settings.sampling,
+            folder=self.output / "chain",
+            fingerprint={f"file {name}": digest for name, digest in self._raw.input_sha256.items()},
+            resume=self._resume,
+            progress=self._progress,
+        )
+
+    def _predict(self) -> Predictions:
+        fit = self.fit()
+        posterior: Posterior | None = self._known("sample")
+        point = np.log([p.value for p in fit.parameters])
+        draws = None if posterior is None else np.log(posterior.draws.reshape(-1, len(posterior.names)))
+        return predict(self.campaign, self._parameters(), self._profiles(), point, draws, seed=self.settings.seed)
+
+    def _parameters(self) -> ParameterSet:
+        return campaign_parameters(self.campaign, self.drops())
+
+    def _profiles(self) -> dict[str, RoadProfile]:
+        return {name: analysis.profile for name, analysis in self.scan().items()}
+
+    def _screen(self) -> tuple[Campaign, QualityReport]:
+        if self._screened is None:
+            campaign, report = check_quality(self._raw)
+            self._screened = campaign
+            self._quality = report
+        return self._screened, self._quality
+
+    def _stage(self, name: str, compute: Callable[[], Any]) -> Any:
+        """The result of a stage: known already, else computed, timed and kept; later results are then stale."""
+        known = self._known(name)
+        if known is not None:
+            return known
+        result = self._timed(name, compute)
+        self._forget(STAGES[STAGES.index(name) + 1 :])
+        (self.output / SUCCESS_MARKER).unlink(missing_ok=True)
+        self._results[name] = result
+        self._write(lambda: store.save(self._path(name), result, self._fingerprint(name)))
+        return result
+
+    def redo(self, name: str) -> None:
+        """Forget a stage and all that follow, so that it runs again."""
+        self._forget(STAGES[STAGES.index(name) :])
+
+    def _known(self, name: str) -> Any | None:
+        if name not in self._results:
+            stored = store.load(self._path(name), self._fingerprint(name))
+            if stored is None:
+                return None
+            self._results[name] = stored
+        return self._results[name]
+
+    def _forget(self, names: tuple[str, ...]) -> None:
+        for name in names:
+            self._results.pop(name, None)
+            self._write(lambda name=name: self._path(name).unlink(missing_ok=True))
+
+    def _timed(self, name: str, compute: Callable[[], Any]) -> Any:
+        begin = time.perf_counter()
+        nested = sum(self._timings.get(n, 0.0) for n in STAGES if n in self._results)
+        result = compute()
+        later = sum(self._timings.get(n, 0.0) for n in STAGES if n in self._results)
+        # A stage that had to run its predecessors first is not charged for them.
+        self._timings[name] = max(time.perf_counter() - begin - max(later - nested, 0.0), 0.0)
+        self._write(lambda: write_text(self.output / "stages" / "timings.json", json.dumps(self._timings)))
+        return result
+
+    def _path(self, name: str) -> Path:
+        return self.output / "stages" / f"{name}.npz"
+
+    def _fingerprint(self, name: str) -> str:
+        """Hash of the inputs, the version and the settings that a stage depends on."""
+        relevant: dict[str, Any] = {"inputs": dict(self._raw.input_sha256), "version": versions()["sysid"]}
+        if name in ("fit", "sample", "predict"):
+            relevant["fit"] = self.settings.as_dict()["fit"]
+        if name in ("sample", "predict"):
+            sampling = dict(self.settings.as_dict()["sampling"])
+            relevant["sampling"] = sampling
+        return hashlib.sha256(json.dumps(relevant, sort_keys=True).encode()).hexdigest()
+
+    def _make_output(self) -> None:
+        if self.output.exists() and not self.output.is_dir():
+            raise CampaignError(f"--output names a file, {self.output.name}; give a folder instead.")
+        self._write(lambda: (self.output / "stages").mkdir(parents=True, exist_ok=True))
+
+    def _write(self, action: Callable[[], Any]) -> None:
+        try:
+            action()
+        except OSError as error:
+            raise DataRejectedError(
+                f"The output folder {self.output.name}/ cannot be written ({error.strerror}); free some space or "
+                "choose another folder with --output."
+            ) from error
+
+    def _read_timings(self) -> dict[str, float]:
+        path = self.output / "stages" / "timings.json"
+        try:
+            return dict(json.loads(path.read_text(encoding="utf-8")))
+        except (OSError, ValueError):
+            return {}
+
+
+def versions() -> dict[str, str]:
+    """Versions of this package, Python and the libraries that decide the numbers."""
+    names = ("sysid", "numpy", "scipy", "jax", "jaxlib", "optimistix", "emcee", "pandas")
+    found = {"python": platform.python_version()}
+    for name in names:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            found[name] = "unknown"
+    return found

@@ -1,0 +1,41 @@
+"""Settings of a whole calibration."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from sysid.estimation.least_squares import FitOptions
+from sysid.posterior.sampling import SamplingOptions
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Options of the stages; `quick` gives a preview with few iterations and a short chain, marked as such."""
+
+    fit: FitOptions = field(default_factory=FitOptions)
+    sampling: SamplingOptions = field(default_factory=SamplingOptions)
+    quick: bool = False
+
+    @property
+    def seed(self) -> int:
+        """Seed of everything random."""
+        return self.sampling.seed
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain nested mapping, for the provenance."""
+        return asdict(self)
+
+
+def make_settings(*, quick: bool = False, seed: int = 0, max_steps: int | None = None) -> Settings:
+    """Settings from what the command line offers."""
+    settings = Settings(sampling=replace(SamplingOptions(), seed=seed))
+    if quick:
+        settings = Settings(
+            fit=FitOptions(weight_rounds=1, cross_check=False, tolerance=1e-5, max_iterations=20),
+            sampling=SamplingOptions(segment_steps=10, min_steps=10, max_steps=10, seed=seed, preview=True),
+            quick=True,
+        )
+    if max_steps is not None:
+        settings = replace(settings, sampling=replace(settings.sampling, max_steps=max_steps))
+    return settings

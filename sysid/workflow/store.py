@@ -1,0 +1,99 @@
+"""Results of the stages on disk: one file per stage, frozen dataclasses in and out, no pickle.
+
+A stage file is an .npz whose entry ``tree`` is JSON text and whose other entries are the arrays it refers to.  Only
+dataclasses of this package that are listed here are ever built from a file.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid.campaign import findings
+from sysid.errors import CampaignError
+from sysid.estimation import objective
+from sysid.estimation import results as estimation_results
+from sysid.export.files import write_atomically
+from sysid.posterior import results as posterior_results
+from sysid.prediction import results as prediction_results
+from sysid.road import results as road_results
+from sysid.sdof import results as sdof_results
+from sysid.validation import results as validation_results
+
+_MODULES = (
+    findings,
+    sdof_results,
+    road_results,
+    estimation_results,
+    posterior_results,
+    prediction_results,
+    validation_results,
+)
+_CLASSES = {
+    name: value
+    for module in _MODULES
+    for name, value in vars(module).items()
+    if isinstance(value, type) and dataclasses.is_dataclass(value)
+} | {"RunMotion": objective.RunMotion, "Weights": objective.Weights}
+
+
+def save(path: Path, result: Any, fingerprint: str) -> None:
+    """Write a stage result atomically, marked with the fingerprint of its inputs."""
+    arrays: dict[str, np.ndarray] = {}
+    tree = json.dumps({"fingerprint": fingerprint, "result": _encode(result, arrays)})
+    arrays["tree"] = np.frombuffer(tree.encode("utf-8"), dtype=np.uint8)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    write_atomically(path, lambda temporary: temporary.write_bytes(buffer.getvalue()))
+
+
+def load(path: Path, fingerprint: str) -> Any | None:
+    """Read a stage result; None if there is none, it is damaged, or its inputs have changed since."""
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            tree = json.loads(data["tree"].tobytes().decode("utf-8"))
+            if tree["fingerprint"] != fingerprint:
+                return None
+            return _decode(tree["result"], data)
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        return None
+
+
+def _encode(value: Any, arrays: dict[str, np.ndarray]) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        name = type(value).__name__
+        if name not in _CLASSES:
+            raise CampaignError(f"{name} is not a stage result and cannot be kept.")
+        members = {f.name: _encode(getattr(value, f.name), arrays) for f in dataclasses.fields(value)}
+        return {"class": name, "members": members}
+    if isinstance(value, np.ndarray):
+        key = f"array_{len(arrays)}"
+        arrays[key] = value
+        return {"array": key}
+    if isinstance(value, tuple | list):
+        return {"tuple": [_encode(v, arrays) for v in value]}
+    if isinstance(value, dict):
+        return {"dict": [[k, _encode(v, arrays)] for k, v in value.items()]}
+    if isinstance(value, np.generic):
+        return value.item()
+    return value
+
+
+def _decode(value: Any, arrays: Any) -> Any:
+    if not isinstance(value, dict):
+        return value
+    if "class" in value:
+        return _CLASSES[value["class"]](**{k: _decode(v, arrays) for k, v in value["members"].items()})
+    if "array" in value:
+        return arrays[value["array"]]
+    if "tuple" in value:
+        return tuple(_decode(v, arrays) for v in value["tuple"])
+    return {k: _decode(v, arrays) for k, v in value["dict"]}

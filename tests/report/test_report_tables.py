@@ -1,0 +1,89 @@
+"""Tables of the report: the numbers in them, recomputed by hand."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from small_results import DECREMENT, PERIOD, decaying_drop, small_campaign, small_results
+
+from sysid.report import agreement, tables
+from sysid.report.figures import Gallery, drop_pictures
+
+
+def cells(table):
+    return [[c.text for c in row] for row in table.rows]
+
+
+def test_estimates_stand_side_by_side_in_the_order_of_the_work():
+    made = tables.estimates_table(small_results(), "stiffness")
+    names = [h.split(" [")[0] for h in made.head]
+    assert names == ["axle", "paper, eq. (1)–(3)", "corrected", "fitted to the runs", "posterior"]
+    assert cells(made)[0][:4] == ["axle 1", "300", "380", "420"]
+    # 1.645 x 4 kN/m about 300, and 420 exp(+-1.645 x 0.01).
+    assert [c.interval for c in made.rows[0][1:4]] == ["[293, 307]", "[373, 387]", "[413, 427]"]
+    assert [c.note for c in made.rows[1][1:3]] == ["not readable", "not readable"]
+    assert [c.note for c in made.rows[2][1:3]] == ["no drop in this load case"] * 2
+    assert tables.estimates_table(replace(small_results(), drops=None, fit=None, posterior=None), "damping") is None
+
+
+def test_columns_of_stages_that_have_not_run_are_left_out():
+    made = tables.estimates_table(small_results(fit=None, posterior=None), "damping")
+    assert len(made.head) == 3
+
+
+def test_indicator_uses_the_usable_drops_and_keeps_bare_axles_apart():
+    results = small_results()
+    (first, second) = cells(tables.indicator_table(results, results.drops))
+    assert first == ["axle 1", "1.67", "yes", "11.1\xa0%", "no"]
+    assert (1.0 / PERIOD, DECREMENT / (2.0 * math.pi)) == pytest.approx((1.6667, 0.1114), rel=1e-3)
+    assert second[1:] == ["—", "—", "—", "—"]
+    drops = tuple(replace(d, dampers=i != 0) for i, d in enumerate(small_campaign().plank_drops))
+    bare = replace(results, campaign=replace(results.campaign, plank_drops=drops))
+    notes = [row[0].note for row in tables.indicator_table(bare, bare.drops).rows]
+    assert notes == ["front axle, empty", "front axle, empty, dampers removed", "rear axle, empty"]
+
+
+def test_the_drop_shown_first_has_its_dampers_and_is_usable():
+    results = small_results()
+    files = (decaying_drop(file="a"), decaying_drop(file="b", usable=False), decaying_drop(file="c"))
+    drops = tuple(
+        replace(d, axle=0, dampers=f.file != "a", log=replace(d.log, file=f.file))
+        for d, f in zip(results.campaign.plank_drops, files, strict=True)
+    )
+    changed = replace(
+        results,
+        campaign=replace(results.campaign, plank_drops=drops),
+        drops=replace(results.drops, files=files),
+    )
+    (shown,), _ = drop_pictures(changed, Gallery())
+    assert "c: period 0.600 s, decrement 0.700, 4 of 5 peaks used" in shown.svg
+    assert "b: not usable" not in shown.svg
+
+
+def test_notes_on_drops_name_the_axle_once():
+    results = small_results()
+    assert tables.pooled_notes(results.drops) == ["axle 2, empty: one remark"]
+
+
+def test_peak_wheel_load_is_ratio_times_static_load():
+    (made,) = tables.prediction_tables(small_results())
+    rear = made.rows[1]
+    # 3.6 x 29.43 kN.
+    assert [c.text for c in rear] == ["axle 2", "29.4", "3.60", "106", "yes"]
+    assert [c.interval for c in rear[2:4]] == ["[3.40, 3.80]", "[100, 112]"]
+    assert "predictions/empty_48kmh.csv" in made.caption
+
+
+def test_agreement_is_summed_up_per_run_and_kind():
+    results = small_results()
+    made = agreement.summary_table(results.validation, {"runs/r1.csv": "first"})
+    # NRMSE 2 and 4 % of the two deflections, 6 % of the acceleration; residuals 1.0 and 1.2, then 1.4.
+    assert cells(made)[0] == ["first", "3.0\xa0% (4.0\xa0%)", "1.10", "6.0\xa0% (6.0\xa0%)", "▲\xa01.40"]
+    matrix = agreement.matrix_table(results.validation, {}, "x", agreement.noise_cell)
+    assert cells(matrix)[2] == ["sensor2_mm", "▲\xa01.40", "▲\xa01.40"]
+
+
+def test_settings_are_flattened():
+    assert tables.flat_settings({"a": {"b": 1, "c": {"d": True}}, "e": "f"}) == [
+        ("a.b", "1"), ("a.c.d", "True"), ("e", "f"),
+    ]  # fmt: skip
