@@ -93,7 +93,7 @@ class GroupArrays(NamedTuple):
 
     matrices: LaneMatrices
     reference_load: np.ndarray
-    index: ParameterIndex
+    positions: ParameterIndex
     axle_x: np.ndarray
     value: np.ndarray
     measured: np.ndarray
@@ -210,7 +210,7 @@ def simulate_group(
     arrays: GroupArrays, shape: GroupShape, log_parameters: jax.Array, motion: Motion, road: RoadInput
 ) -> jax.Array:
     """Filtered sensor signals (T, R, C, S) of one group for log parameters (p, S)."""
-    suspension, tire = lane_laws(arrays.index, log_parameters, arrays.matrices.static_load, arrays.reference_load)
+    suspension, tire = lane_laws(arrays.positions, log_parameters, arrays.matrices.static_load, arrays.reference_load)
     recursion = None if shape.filter is None else discretise(shape.filter, shape.interval_s / shape.substeps)
     return simulate_sensors(
         arrays.matrices,
@@ -273,4 +273,4 @@ def group_residuals(
     outside = jnp.where(side * difference < 0.0, difference, 0.0) * jnp.abs(side)
     residual = (arrays.measured[..., None] * difference + outside) * (tempering / noise_sd)[..., None]
     prior = jnp.where(jnp.isfinite(noise_sd)[..., None], (fit.gain - 1.0) / arrays.gain_sd[:, None], 0.0)
-    return residual, prior
+    return jnp.asarray(residual), jnp.asarray(prior)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.optimize import least_squares as scipy_least_squares
@@ -30,6 +31,7 @@ from sysid.estimation.objective import (
 )
 from sysid.estimation.parameters import ParameterSet
 from sysid.estimation.results import FitResult, ParameterEstimate
+from sysid.estimation.sandwich import Adjustment, adjust, block_scores
 from sysid.road.results import RoadProfile
 
 #: The data determine a parameter when they shrink its prior at least this much.
@@ -55,12 +57,17 @@ class FitOptions:
 
 @dataclass(frozen=True)
 class FitState:
-    """What the posterior needs from a fit: the model, the optimum (p,), the run motions and the weights."""
+    """What the posterior needs from a fit.
+
+    The model, the optimum (p,), the run motions, the weights, and the `adjustment` (p, p) by which the likelihood is
+    flattened (:mod:`sysid.estimation.sandwich`).
+    """
 
     model: BumpModel
     log_parameters: np.ndarray
     motion: RunMotion
     weights: Weights
+    adjustment: np.ndarray
 
 
 class _Problem:
@@ -85,6 +92,11 @@ class _Problem:
         """Linearisation of every group at a vector."""
         parameters, motion = self.unpack(vector)
         return linearise(self.model, self.weights, parameters, motion)
+
+    def evaluate(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Compressed residuals (m,) and Jacobian (m, p + 2 runs)."""
+        problem = self.compressed(vector)
+        return problem.residual, problem.jacobian
 
     def compressed(self, vector: np.ndarray) -> Compressed:
         """Compressed residuals and Jacobian with respect to the vector."""
@@ -146,13 +158,11 @@ def fit_bump_runs(
     for number in range(rounds):
         last = number == rounds - 1
         minimum = minimise(
-            lambda y: tuple(problem.compressed(y)),
+            problem.evaluate,
             vector,
             relative_tolerance=options.tolerance if last else 1e-4,
             max_iterations=options.max_iterations,
-            on_iteration=lambda i, cost, n=number: report(
-                f"least squares, round {n + 1} of {rounds}, iteration {i}", 0.1 + 0.8 * (n + i / (i + 8)) / rounds
-            ),
+            on_iteration=partial(_report_iteration, report, number, rounds),
         )
         vector = minimum.point
         iterations += minimum.iterations
@@ -162,6 +172,11 @@ def fit_bump_runs(
     assert minimum is not None
     report("covariance and checks", 0.9)
     return _result(campaign, problem, vector, start_vector, minimum, iterations, instrument, options, report)
+
+
+def _report_iteration(report: Progress, number: int, rounds: int, iteration: int, cost: float) -> None:
+    share = (number + iteration / (iteration + 8)) / rounds
+    report(f"least squares, round {number + 1} of {rounds}, iteration {iteration}", 0.1 + 0.8 * share)
 
 
 def _first_scale(model: BumpModel, instrument: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
@@ -213,7 +228,8 @@ def _result(campaign, problem, vector, start_vector, minimum, iterations, instru
         cross_check = _scipy_difference(problem, vector, start_vector)
     problem.weights = tempered
     compressed = problem.compressed(vector)
-    covariance = np.linalg.inv(compressed.jacobian.T @ compressed.jacobian)
+    adjustment = _adjustment(campaign, problem, vector)
+    covariance = _covariance(problem, compressed, adjustment)
     scaled = compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0)
     singular = np.linalg.svd(scaled, compute_uv=False)
     problem.weights = plain
@@ -226,7 +242,7 @@ def _result(campaign, problem, vector, start_vector, minimum, iterations, instru
     lags = min(c.shape[0] for c in correlations)
     misfit = np.concatenate([(n / i)[u] for n, i, u in zip(plain.noise_sd, instrument, usable, strict=True)])
     warnings = _warnings(estimates, minimum.converged, float(np.median(misfit)), halving, cross_check)
-    state = FitState(model, parameters, motion, tempered)
+    state = FitState(model, parameters, motion, tempered, adjustment.matrix)
     fit = FitResult(
         parameters=estimates,
         run_parameters=runs,
@@ -242,6 +258,7 @@ def _result(campaign, problem, vector, start_vector, minimum, iterations, instru
         step_halving_error=halving,
         scipy_max_difference_sd=cross_check,
         variance_inflation=median_inflation,
+        model_error_inflation=float(np.sqrt(np.mean(adjustment.inflation))),
         contact="effective profile of radial springs, quadratic stiffening, horizontal force",
         autocorrelation_lag_s=np.arange(lags) * model.groups[0].interval_s,
         autocorrelation=np.concatenate(
@@ -251,6 +268,49 @@ def _result(campaign, problem, vector, start_vector, minimum, iterations, instru
     )
     report("done", 1.0)
     return fit, state
+
+
+def _adjustment(campaign: Campaign, problem: _Problem, vector: np.ndarray) -> Adjustment:
+    """Sandwich over blocks: one channel in all repeats of one case."""
+    count = problem.count
+    _, motion = problem.unpack(vector)
+    scores, keys = [], []
+    information = np.zeros((count, count))
+    for group, lin in zip(problem.model.groups, problem.linearise(vector), strict=True):
+        runs = list(group.runs)
+        prior = np.zeros((len(runs), 2, 2))
+        prior[:, 0, 0] = (SPEED_UNIT * motion.speed_m_s[runs] / problem.nominal[runs] / SPEED_SD) ** 2
+        found, data = block_scores(
+            np.asarray(lin.residual),
+            np.asarray(lin.residual_jacobian),
+            np.asarray(lin.gain_residual),
+            np.asarray(lin.gain_jacobian),
+            prior,
+        )
+        information += data.sum(axis=0)
+        for r, run in enumerate(runs):
+            record = campaign.bump_runs[run]
+            case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
+            used = group.measured[:, r].any(axis=0)
+            scores += [found[r, c] for c in np.flatnonzero(used)]
+            keys += [(*case, int(c)) for c in np.flatnonzero(used)]
+    return adjust(np.array(scores), keys, information)
+
+
+def _covariance(problem: _Problem, compressed: Compressed, adjustment: Adjustment) -> np.ndarray:
+    """Covariance of all unknowns: adjusted information of the globals, conditional information of the runs' own."""
+    count = problem.count
+    rows, _ = problem.model.parameters.prior_rows()
+    normal = compressed.jacobian.T @ compressed.jacobian
+    shared = np.linalg.inv(adjustment.information + rows.T @ rows)
+    local = np.linalg.inv(normal[count:, count:])
+    lever = local @ normal[count:, :count]
+    covariance = np.zeros_like(normal)
+    covariance[:count, :count] = shared
+    covariance[count:, :count] = -lever @ shared
+    covariance[:count, count:] = covariance[count:, :count].T
+    covariance[count:, count:] = local + lever @ shared @ lever.T
+    return covariance
 
 
 def _with_speed_sd(histories, run_parameters):
@@ -272,10 +332,16 @@ def _scipy_difference(problem: _Problem, optimum: np.ndarray, start: np.ndarray)
             cache[key] = problem.compressed(vector)
         return cache[key]
 
+    def residual(vector: np.ndarray) -> np.ndarray:
+        return at(vector).residual
+
+    def jacobian_at(vector: np.ndarray) -> np.ndarray:
+        return at(vector).jacobian
+
     found = scipy_least_squares(
-        lambda y: at(y).residual,
+        residual,
         optimum + (start - optimum) / 10.0,
-        jac=lambda y: at(y).jacobian,
+        jac=jacobian_at,
         method="trf",
         x_scale="jac",
         ftol=1e-7,

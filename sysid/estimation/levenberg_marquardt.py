@@ -70,7 +70,7 @@ def minimise(
     SysidError
         If 64-bit floats are off, or the residuals at the start are not finite.
     """
-    if not jax.config.jax_enable_x64:
+    if jnp.zeros(1).dtype != jnp.float64:
         raise SysidError(
             "Least squares needs 64-bit floats; call jax.config.update('jax_enable_x64', True) before the first use."
         )
@@ -81,7 +81,7 @@ def minimise(
     norms = np.linalg.norm(jacobian, axis=0)
     scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
 
-    solver = optx.LevenbergMarquardt(rtol=relative_tolerance, atol=relative_tolerance)
+    solver: optx.LevenbergMarquardt = optx.LevenbergMarquardt(rtol=relative_tolerance, atol=relative_tolerance)
     point = jnp.asarray(start / scale)
     args = _Affine(point, jnp.asarray(residual), jnp.asarray(jacobian * scale))
     struct = jax.ShapeDtypeStruct(residual.shape, jnp.float64)

@@ -199,7 +199,7 @@ def compress(
     blocks = [block for lin in linearisations for block in run_blocks(lin)]
     residuals, jacobians = [], []
     for position, block in enumerate(blocks):
-        factor = np.linalg.qr(block, mode="r")
+        factor: np.ndarray = np.asarray(np.linalg.qr(block, mode="r"))
         wide = np.zeros((factor.shape[0], width))
         wide[:, :count] = factor[:, :count]
         wide[:, count + 2 * position : count + 2 * position + 2] = factor[:, count : count + 2]

@@ -67,10 +67,12 @@ class FitResult:
     """The least-squares optimum: global parameters, covariance, residual statistics and diagnostics.
 
     `covariance` (p, p) of the global parameters in the estimation space (logarithms where `transform` says so),
-    run-local parameters marginalised and inflated for residual autocorrelation; `autocorrelation` (channels of all
-    runs, lags) of the standardised residuals; `step_halving_error` the largest relative RMS change of any channel when
-    the integration step is halved at the optimum; `scipy_max_difference_sd` the largest difference between the
-    optimum found by SciPy's trust-region solver and this one, in standard deviations.
+    run-local parameters marginalised, inflated for residual autocorrelation and for model error (a sandwich over blocks
+    of residuals, :mod:`sysid.estimation.sandwich`; `model_error_inflation` is its root mean square factor on standard
+    deviations); `autocorrelation` (channels of all runs, lags) of the standardised residuals; `step_halving_error` the
+    largest relative RMS change of any channel when the integration step is halved at the optimum;
+    `scipy_max_difference_sd` the largest difference between the optimum found by SciPy's trust-region solver and this
+    one, in standard deviations.
     """
 
     parameters: tuple[ParameterEstimate, ...]
@@ -87,6 +89,7 @@ class FitResult:
     step_halving_error: float
     scipy_max_difference_sd: float
     variance_inflation: float
+    model_error_inflation: float
     contact: str
     autocorrelation_lag_s: np.ndarray
     autocorrelation: np.ndarray

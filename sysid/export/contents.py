@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import Campaign
-from sysid.estimation.results import FitResult
-from sysid.posterior.results import Posterior
-from sysid.prediction.results import Predictions
 from sysid.road.results import ScanAnalysis
 from sysid.sdof.results import DropSummary
-from sysid.validation.results import Validation
+
+# For annotations only: at run time these packages would load JAX, which exports and report do without.
+if TYPE_CHECKING:
+    from sysid.estimation.results import FitResult
+    from sysid.posterior.results import Posterior
+    from sysid.prediction.results import Predictions
+    from sysid.validation.results import Validation
 
 Status = Literal["converged", "not_converged", "preview"]
 STATUSES: tuple[Status, ...] = ("converged", "not_converged", "preview")

@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
-from sysid.prediction.results import PassPrediction
+if TYPE_CHECKING:
+    from sysid.prediction.results import PassPrediction
+
 
 _LONGEST_NAME = 60
 

@@ -6,16 +6,18 @@ import json
 import math
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sysid.estimation.results import ParameterEstimate
 from sysid.export.contents import Results
 from sysid.export.files import write_text
 from sysid.export.naming import prediction_files, speed_km_h
-from sysid.posterior.results import PosteriorSummary
-from sysid.prediction.results import PassPrediction
 from sysid.sdof.results import DropEstimate
-from sysid.validation.results import ChannelAgreement
+
+if TYPE_CHECKING:
+    from sysid.estimation.results import ParameterEstimate
+    from sysid.posterior.results import PosteriorSummary
+    from sysid.prediction.results import PassPrediction
+    from sysid.validation.results import ChannelAgreement
 
 SCHEMA_VERSION = 1
 

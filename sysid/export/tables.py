@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,9 @@ import pandas as pd
 from sysid.export.contents import Results
 from sysid.export.files import write_text
 from sysid.export.naming import prediction_files
-from sysid.prediction.results import PassPrediction
+
+if TYPE_CHECKING:
+    from sysid.prediction.results import PassPrediction
 
 PARAMETER_COLUMNS = (
     "name",

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from sysid.estimation.results import FitResult, ParameterEstimate
 from sysid.plot.style import INK, axes_or_new, axle_color, label, styled
-from sysid.posterior.results import Posterior
 from sysid.sdof.results import DropEstimate, DropSummary
+
+if TYPE_CHECKING:
+    from sysid.estimation.results import FitResult, ParameterEstimate
+    from sysid.posterior.results import Posterior
 
 Quantity = Literal["stiffness", "damping"]
 Source = Literal["paper", "corrected", "free_decay", "model", "fitted", "posterior"]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
 
-from sysid.estimation.results import FitResult, RunHistory
 from sysid.plot.style import (
     INK,
     MEASURED,
@@ -21,6 +22,9 @@ from sysid.plot.style import (
     styled,
     thin,
 )
+
+if TYPE_CHECKING:
+    from sysid.estimation.results import FitResult, RunHistory
 
 _KIND = {
     "suspension_deflection": "suspension deflection",

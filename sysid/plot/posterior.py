@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from sysid.estimation.results import FitResult, ParameterEstimate
 from sysid.plot.style import INK, axes_grid, axes_or_new, axle_color, display, label, shared_legend, styled
-from sysid.posterior.results import Posterior
+
+if TYPE_CHECKING:
+    from sysid.estimation.results import FitResult, ParameterEstimate
+    from sysid.posterior.results import Posterior
 
 _MOST_POINTS = 1500
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
 
 from sysid.plot.style import MUTED, axes_or_new, axle_color, figure, styled, thin
-from sysid.prediction.results import PassPrediction
+
+if TYPE_CHECKING:
+    from sysid.prediction.results import PassPrediction
 
 
 @styled

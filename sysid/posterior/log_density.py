@@ -5,8 +5,9 @@ their Gaussian priors leaves, per run,
 
     -1/2 (r'r - b' N^-1 b),   b = J_eta' r + prior,   N = J_eta' J_eta + prior precision,
 
-so the sampler sees global parameters only.  Residuals are tempered by their variance inflation, and the Gaussian
-priors of the log parameters are added; sensor offsets and gains are eliminated inside the residuals.
+so the sampler sees global parameters only.  Residuals are tempered by their variance inflation, the likelihood is
+flattened around the optimum for model error (:mod:`sysid.estimation.sandwich`), and the Gaussian priors of the log
+parameters are added; sensor offsets and gains are eliminated inside the residuals.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from sysid.vehicle_model.simulation import Motion
 #: What the likelihood is, for people.
 LIKELIHOOD = (
     "Gaussian residuals; scale per run and channel from the least-squares residuals; residuals correlated in time are "
-    "tempered by their variance inflation; run speed and start marginalised, sensor offset and gain eliminated"
+    "tempered by their variance inflation; the likelihood is flattened for model error by a sandwich over blocks of "
+    "channel and case (curvature adjustment); run speed and start marginalised, sensor offset and gain eliminated"
 )
 
 
@@ -71,6 +73,7 @@ class LogDensity:
         self._model = state.model
         self.names = state.model.parameters.names
         self.centre = np.asarray(state.log_parameters, float)
+        self._adjustment = np.asarray(state.adjustment, float)
         self._rows, self._targets = state.model.parameters.prior_rows()
         self.rejected: list[np.ndarray] = []
         self.rejected_count = 0
@@ -109,7 +112,8 @@ class LogDensity:
     def __call__(self, log_parameters: np.ndarray) -> np.ndarray:
         """Log-density (n,) of parameter sets (n, p)."""
         points = np.atleast_2d(np.asarray(log_parameters, float))
-        sets = jnp.asarray(points.T)
+        # The likelihood is flattened around the optimum; the priors are not.
+        sets = jnp.asarray((self.centre + (points - self.centre) @ self._adjustment.T).T)
         misfit = np.zeros(points.shape[0])
         for inputs, shape in zip(self._inputs, self._model.shapes, strict=True):
             misfit = misfit + np.asarray(_group_misfit(inputs, sets, shape=shape))

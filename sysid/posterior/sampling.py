@@ -91,9 +91,7 @@ def sample_posterior(
         report(_words(diagnosis, done), _fraction(diagnosis, done, options))
         # Two ensembles at a time: one compiled likelihood keeps one core busy.
         with ThreadPoolExecutor(max_workers=2) as pool:
-            results = list(
-                pool.map(lambda pair: _advance(*pair, options.segment_steps), zip(samplers, states, strict=True))
-            )
+            results = list(pool.map(_advance, samplers, states, [options.segment_steps] * len(samplers)))
         states = [state for state, _, _, _ in results]
         segment = Segment(
             np.stack([draws for _, draws, _, _ in results]),

@@ -12,8 +12,9 @@ class PassPrediction:
     """Wheel loads of one pass with posterior bands.
 
     `time_s` (n,) zero when the centre of axle 1 passes the start of the bump; `tire_force_*_N` (axles, n) total
-    vertical force, pointwise quantiles (q05/q95 None before sampling); `static_load_N` (axles,);
-    `peak_ratio_*` (axles,) quantiles of the peak dynamic load ratio per draw (None before sampling); `lift_off` (axles,) bool at the median parameters.
+    vertical force, pointwise quantiles (q05/q95 None before sampling); `static_load_N` (axles,); `peak_ratio_*`
+    (axles,) quantiles of the peak dynamic load ratio per draw (q05/q95 None before sampling); `lift_off` (axles,) bool,
+    True where the wheels leave the road in at least half of the draws.
     """
 
     load_case: str

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from sysid.report.numbers import fixed, percent
 from sysid.report.tables import Cell, Table, table
 from sysid.report.verdict import is_misfit
-from sysid.validation.results import ChannelAgreement, Validation
+
+if TYPE_CHECKING:
+    from sysid.validation.results import ChannelAgreement, Validation
 
 _KINDS = {
     "suspension_deflection": "deflection",

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 
 from sysid import plot
-from sysid.estimation.results import RunHistory
 from sysid.export import Results
 from sysid.plot.comparison import Quantity
 from sysid.report.numbers import count, number, speed
 from sysid.report.tables import without_dampers
 from sysid.sdof.results import DropAnalysis
+
+if TYPE_CHECKING:
+    from sysid.estimation.results import RunHistory
 
 _MOST_CORNER = 14
 _MOST_MARGINALS = 48

@@ -6,18 +6,20 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sysid.campaign.findings import ChannelFinding
-from sysid.estimation.results import FitResult, ParameterEstimate
 from sysid.export import Results, prediction_files
 from sysid.plot import SOURCE_LABELS, SOURCES, AxleEstimates, suspension_estimates
 from sysid.plot.comparison import Quantity
-from sysid.posterior.results import Posterior
 from sysid.report.numbers import MISSING, decimals, fixed, interval, number, percent, speed
 from sysid.sdof.results import DropAnalysis, DropEstimate, DropSummary
+
+if TYPE_CHECKING:
+    from sysid.estimation.results import FitResult, ParameterEstimate
+    from sysid.posterior.results import Posterior
 
 _DISPLAY_UNITS = {"N/m": (1e-3, "kN/m"), "N s/m": (1e-3, "kN s/m"), "N*s/m": (1e-3, "kN s/m"), "N": (1e-3, "kN")}
 
@@ -219,6 +221,7 @@ def fit_table(fit: FitResult) -> Table:
         ("largest change when the integration step is halved", percent(fit.step_halving_error), "below 0.01 %"),
         ("largest difference from SciPy's optimum [sd]", number(fit.scipy_max_difference_sd, 2), "below 0.1"),
         ("inflation of variances for correlated residuals [-]", number(fit.variance_inflation), "1 = white residuals"),
+        ("inflation of standard deviations for model error [-]", number(fit.model_error_inflation), "1 = no misfit"),
         ("tire contact", fit.contact, ""),
     ]
     return table("Diagnostics of the least-squares fit", ("quantity", "value", "what a good fit shows"), rows, 3)

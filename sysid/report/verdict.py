@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from sysid.export.contents import Results
 from sysid.plot import AxleEstimates, Estimate, suspension_estimates
 from sysid.plot.comparison import Quantity
-from sysid.prediction.results import PassPrediction
 from sysid.report.numbers import count, interval, listing, number, percent, speed
+
+if TYPE_CHECKING:
+    from sysid.prediction.results import PassPrediction
 
 Tone = Literal["good", "caution", "stop"]
 

@@ -127,7 +127,8 @@ def _messages(
         messages.append(
             "Equations (1)-(3) take each axle for the only one under its body, but on this vehicle neighbouring axles "
             "and pitch share the motion that a plank drop shows; stiffness and damping from drops are starting values, "
-            "the correction for the tire need not bring them closer, and fitting the drops with the full model is the cure."
+            "the correction for the tire need not bring them closer, and fitting the drops with the full model is the "
+            "cure."
         )
     names = [axle.name for axle in vehicle.axles]
     unread = sorted({a.axle for a in files if not a.reading.usable})

@@ -51,8 +51,8 @@ class RoadInput(NamedTuple):
 
     def shifted(self, ahead: jax.Array) -> RoadInput:
         """The road looked up `ahead` [m] further on, to first order: exact as a derivative with respect to it."""
-        values = (*self, 0.0)
-        return RoadInput(*(v + d * ahead for v, d in pairwise(values)))
+        moved = [value + derivative * ahead for value, derivative in pairwise(self)]
+        return RoadInput(moved[0], moved[1], moved[2], moved[3], self.fourth)
 
 
 def tire_law(

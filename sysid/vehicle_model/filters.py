@@ -34,9 +34,11 @@ class FilterRecursion:
 
 def analogue_transfer(spec: AntiAliasFilter) -> tuple[np.ndarray, np.ndarray]:
     """Poles [rad/s] and residues of the analogue low-pass, unit gain at zero frequency."""
-    design = {"butterworth": signal.butter, "bessel": signal.bessel}[spec.kind]
-    options = {"norm": "mag"} if spec.kind == "bessel" else {}
-    b, a = design(spec.order, 2 * np.pi * spec.cutoff_hz, btype="low", analog=True, output="ba", **options)
+    corner = 2 * np.pi * spec.cutoff_hz
+    if spec.kind == "butterworth":
+        b, a = signal.butter(spec.order, corner, btype="low", analog=True, output="ba")
+    else:
+        b, a = signal.bessel(spec.order, corner, btype="low", analog=True, output="ba", norm="mag")
     residues, poles, _ = signal.residue(b, a)
     return poles, residues
 

@@ -8,6 +8,7 @@ import json
 import platform
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -218,12 +219,17 @@ class Calibration:
         fit, state = fit_bump_runs(
             self.campaign, self._parameters(), self._profiles(), self.settings.fit, self._progress
         )
-        return fit, {"log_parameters": state.log_parameters, "motion": state.motion, "weights": state.weights}
+        return fit, {
+            "log_parameters": state.log_parameters,
+            "motion": state.motion,
+            "weights": state.weights,
+            "adjustment": state.adjustment,
+        }
 
     def _state(self) -> FitState:
         point = self._stage("fit", self._fit)[1]
         model = bump_model(self.campaign, self._parameters(), self._profiles())
-        return FitState(model, point["log_parameters"], point["motion"], point["weights"])
+        return FitState(model, **point)
 
     def _sample(self) -> Posterior:
         fit, state = self.fit(), self._state()
@@ -288,7 +294,7 @@ class Calibration:
     def _forget(self, names: tuple[str, ...]) -> None:
         for name in names:
             self._results.pop(name, None)
-            self._write(lambda name=name: self._path(name).unlink(missing_ok=True))
+            self._write(partial(self._path(name).unlink, missing_ok=True))
 
     def _timed(self, name: str, compute: Callable[[], Any]) -> Any:
         begin = time.perf_counter()

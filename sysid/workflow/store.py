@@ -49,8 +49,12 @@ def save(path: Path, result: Any, fingerprint: str) -> None:
     tree = json.dumps({"fingerprint": fingerprint, "result": _encode(result, arrays)})
     arrays["tree"] = np.frombuffer(tree.encode("utf-8"), dtype=np.uint8)
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)
-    write_atomically(path, lambda temporary: temporary.write_bytes(buffer.getvalue()))
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+
+    def write(temporary: Path) -> None:
+        temporary.write_bytes(buffer.getvalue())
+
+    write_atomically(path, write)
 
 
 def load(path: Path, fingerprint: str) -> Any | None:

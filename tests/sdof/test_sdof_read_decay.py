@@ -65,17 +65,31 @@ def test_noise_is_covered_by_the_standard_errors(seed, decrement):
         ("reversed sign", lambda t, y: (t, -y)),
         ("offset", lambda t, y: (t, y + 5.0)),
         ("late clock", lambda t, y: (t + 2718.0, y)),
-        ("drift", lambda t, y: (t, y + 0.001 * t)),
         ("short gap", lambda t, y: (t, np.where((t > 1.2) & (t < 1.35), np.nan, y))),
         ("gap over more than a cycle", lambda t, y: (t, np.where((t > 1.2) & (t < 2.0), np.nan, y))),
         ("engine", lambda t, y: (t, y + 5e-4 * np.sin(2 * np.pi * 22.3 * t))),
-        ("spikes", lambda t, y: (t, y + 0.06 * np.isin(np.arange(t.size), [50, 160, 161, 310]))),
         ("no rest", lambda t, y: (t[110:], y[110:])),
     ],
 )
 def test_defects_leave_the_reading_alone(change, defect):
     time, value = defect(TIME, noisy(damped_cosine(TIME, PERIOD, DECREMENT)))
     assert_reads(read_decay(time, value))
+
+
+def test_a_drift_of_the_level_is_taken_out():
+    clean = read_decay(TIME, damped_cosine(TIME, PERIOD, DECREMENT) + 0.001 * TIME)
+    assert "drift" in clean.note
+    assert clean.log_decrement == pytest.approx(DECREMENT, rel=1e-3)
+    assert_reads(read_decay(TIME, noisy(damped_cosine(TIME, PERIOD, DECREMENT) + 0.001 * TIME)))
+
+
+def test_spikes_are_left_out():
+    value = damped_cosine(TIME, PERIOD, DECREMENT)
+    hit = np.isin(np.arange(TIME.size), [50, 160, 161, 220, 310])
+    reading = read_decay(TIME, value + 0.06 * hit)
+    assert "5 spikes left out" in reading.note
+    assert reading.log_decrement == pytest.approx(DECREMENT, rel=2e-3)
+    assert_reads(read_decay(TIME, noisy(value + 0.06 * hit)))
 
 
 @pytest.mark.parametrize("rate", [50.0, 100.0, 500.0])

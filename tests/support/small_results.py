@@ -237,6 +237,7 @@ def small_fit(w: Words = Words(), **changes: object) -> FitResult:
         "step_halving_error": 2e-5,
         "scipy_max_difference_sd": 0.01,
         "variance_inflation": 3.0,
+        "model_error_inflation": 4.0,
         "contact": "radial springs",
         "autocorrelation_lag_s": lag,
         "autocorrelation": np.tile(np.exp(-lag / 0.02), (6, 1)),

@@ -1,0 +1,36 @@
+# Everything on a fresh machine: `make run` calibrates the shipped campaign, `make test` passes the tests.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+OUTPUT ?= output
+
+.PHONY: run quick test test-long lint format clean
+
+run: $(VENV)/.installed
+	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
+
+quick: $(VENV)/.installed
+	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT) --quick
+
+test: lint
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+test-long: $(VENV)/.installed
+	$(BIN)/python -m pytest -m long
+
+lint: $(VENV)/.installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: $(VENV)/.installed
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+$(VENV)/.installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	touch $@
+
+clean:
+	rm -rf $(VENV) build output .pytest_cache .mypy_cache .ruff_cache

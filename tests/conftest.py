@@ -1,0 +1,30 @@
+"""Settings of the whole suite: 64-bit floats, and compiled functions kept between test runs.
+
+Both are set through the environment, before JAX is imported and also for child processes, so that tests which need no
+JAX do not load it.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+# The same folder layout as `sysid.runtime`: one folder per version, so that an update never meets stale entries.
+_CACHE = Path(__file__).resolve().parents[1] / "build" / "cache"
+_SETTINGS = {
+    "SYSID_CACHE_DIR": str(_CACHE),
+    "JAX_ENABLE_X64": "1",
+    "JAX_PLATFORMS": "cpu",
+    "JAX_COMPILATION_CACHE_DIR": str(_CACHE / f"jax-{version('jax')}"),
+    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2",
+    "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+}
+os.environ.update(_SETTINGS)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """A cache entry that a killed run left half-written costs a compilation, not a failed test."""
+    config.addinivalue_line("filterwarnings", "ignore:Error (reading|writing) persistent compilation cache:UserWarning")
