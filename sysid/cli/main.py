@@ -1,7 +1,7 @@
 """The command line: ``calibrate.py STAGE [CAMPAIGN] [--output DIR]``.
 
-Exit codes: 0 done, 2 bad command or campaign file, 3 data rejected, 4 not converged (results are still written and
-marked so), 130 stopped by Ctrl-C (what is done is kept).
+Exit codes: 0 done, 1 unexpected error, 2 bad command or campaign file, 3 data rejected, 4 not converged (results are
+still written and marked so), 130 stopped by Ctrl-C (what is done is kept).
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +12,7 @@ from rich.console import Console
 
 from sysid.cli import tables
 from sysid.cli.progress import StageProgress
-from sysid.errors import NotConvergedError, SysidError
+from sysid.errors import DataRejectedError, NotConvergedError, SysidError
 
 INTERRUPTED = 130
 
@@ -34,6 +35,24 @@ def run_stage(
                 markup=False,
             )
             return INTERRUPTED
+        except Exception as error:
+            kept = _keep_traceback(output)
+            errors.print(
+                f"calibrate.py {name}: an unexpected error stopped the run ({type(error).__name__}: {error}). What is "
+                f"done is kept in {output}; please report it{kept}.",
+                markup=False,
+            )
+            return SysidError.exit_code
+
+
+def _keep_traceback(output: Path) -> str:
+    """Write the traceback of the running exception into the output folder; where it went, in words."""
+    try:
+        path = output / "error.log"
+        path.write_text(traceback.format_exc(), encoding="utf-8")
+    except OSError:
+        return ""
+    return f" with the file {path}"
 
 
 def _run(name, campaign, output, screen, errors, quick, seed, max_steps, resume) -> int:
@@ -65,7 +84,9 @@ def _run(name, campaign, output, screen, errors, quick, seed, max_steps, resume)
 
 
 def _exit_code(name: str, calibration) -> int:
-    """0, or 4 where the stage that was asked for has not converged; a preview is 0."""
+    """0; 3 where the check rejects a channel; 4 where what was asked for has not converged; a preview is 0."""
+    if name == "check" and any(f.verdict == "rejected" for f in calibration.check().channels):
+        return DataRejectedError.exit_code
     if calibration.settings.quick:
         return 0
     if name == "fit" and not calibration.fit().converged:

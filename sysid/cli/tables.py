@@ -49,7 +49,7 @@ def show_check(screen: Console, calibration, report) -> None:
     for f in report.channels:
         for message in f.messages:
             screen.print(f"{f.file}, {f.column}: {message}", markup=False)
-    for message in (*calibration.results().warnings, *report.messages):
+    for message in report.messages:
         screen.print(message, markup=False)
 
 

@@ -266,7 +266,6 @@ def _result(campaign, problem, vector, start_vector, minimum, iterations, instru
         ),
         warnings=warnings,
     )
-    report("done", 1.0)
     return fit, state
 
 

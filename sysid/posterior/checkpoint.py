@@ -99,7 +99,7 @@ class Checkpoint:
             if path.name != f"segment_{number:05d}.npz":
                 break
             try:
-                with np.load(path, allow_pickle=False) as data:
+                with path.open("rb") as handle, np.load(handle, allow_pickle=False) as data:
                     segments.append(Segment(**{name: data[name] for name in Segment.__annotations__}))
             except (ValueError, KeyError, zipfile.BadZipFile, EOFError, OSError):
                 # A damaged segment ends what can be continued; the ones before it are complete.

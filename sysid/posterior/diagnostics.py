@@ -40,7 +40,9 @@ def diagnose(draws: np.ndarray) -> Diagnosis:
 
 
 def _autocorrelation_time(draws: np.ndarray) -> np.ndarray:
-    times = [emcee.autocorr.integrated_time(chain, c=5, tol=0, quiet=True) for chain in draws]
+    # A walker that never moved has no autocorrelation; its ensemble then counts as one long correlation.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        times = [emcee.autocorr.integrated_time(chain, c=5, tol=0, quiet=True) for chain in draws]
     return np.maximum(np.nan_to_num(np.mean(times, axis=0), nan=float(draws.shape[1])), 1.0)
 
 

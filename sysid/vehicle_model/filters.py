@@ -36,11 +36,13 @@ def analogue_transfer(spec: AntiAliasFilter) -> tuple[np.ndarray, np.ndarray]:
     """Poles [rad/s] and residues of the analogue low-pass, unit gain at zero frequency."""
     corner = 2 * np.pi * spec.cutoff_hz
     if spec.kind == "butterworth":
-        b, a = signal.butter(spec.order, corner, btype="low", analog=True, output="ba")
+        _, poles, gain = signal.butter(spec.order, corner, btype="low", analog=True, output="zpk")
     else:
-        b, a = signal.bessel(spec.order, corner, btype="low", analog=True, output="ba", norm="mag")
-    residues, poles, _ = signal.residue(b, a)
-    return poles, residues
+        _, poles, gain = signal.bessel(spec.order, corner, btype="low", analog=True, output="zpk", norm="mag")
+    # Residues from the distances of the poles: polynomial coefficients lose half of the digits at order 12.
+    distance = poles[:, None] - poles
+    np.fill_diagonal(distance, 1.0)
+    return poles, gain / distance.prod(axis=1)
 
 
 def discretise(spec: AntiAliasFilter, step_s: float) -> FilterRecursion:

@@ -201,6 +201,14 @@ class Calibration:
 
     def _warnings(self, posterior: Posterior | None) -> tuple[str, ...]:
         found = [*self._raw.messages]
+        quality: QualityReport | None = self._known("check")
+        if quality is not None:
+            found += quality.messages
+            found += [
+                f"{f.file}, {f.column} was left out: {' '.join(f.messages)}"
+                for f in quality.channels
+                if f.verdict == "rejected"
+            ]
         if self.settings.quick:
             found.append("Preview: few iterations and a short chain; run without --quick before using any number.")
         elif posterior is None:

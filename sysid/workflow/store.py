@@ -62,7 +62,7 @@ def load(path: Path, fingerprint: str) -> Any | None:
     if not path.is_file():
         return None
     try:
-        with np.load(path, allow_pickle=False) as data:
+        with path.open("rb") as handle, np.load(handle, allow_pickle=False) as data:
             tree = json.loads(data["tree"].tobytes().decode("utf-8"))
             if tree["fingerprint"] != fingerprint:
                 return None

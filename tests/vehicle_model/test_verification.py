@@ -25,8 +25,9 @@ from sysid.vehicle_model.simulation import (
 INTERVAL_S = 0.002
 SUBSTEPS = 1
 START_S = 0.5
-#: Worst relative RMS of any channel.
-LIMIT = 0.005
+#: Worst relative RMS of any channel that a small-angle planar model can reach on finite rotations, by bump height and
+#: whether real heights count; 0.5 % would still be agreement.
+LIMIT = {("h20", False): 0.001, ("h90", False): 0.004, ("h20", True): 0.0025}
 QUANTITIES = ("deflection", "axle_acceleration", "body_acceleration", "tire_force")
 CASES = passes()
 
@@ -85,7 +86,7 @@ def test_no_pass_is_missing():
 
 
 @pytest.mark.parametrize("lane", range(len(CASES)), ids=lambda i: f"{CASES[i].name}{'_heights' * CASES[i].heights}")
-def test_histories_agree_within_half_a_percent(simulated, lane: int):
+def test_histories_agree(simulated, lane: int):
     case, histories = simulated[0][lane], simulated[1]
     worst = {}
     for quantity in QUANTITIES:
@@ -97,8 +98,7 @@ def test_histories_agree_within_half_a_percent(simulated, lane: int):
             f"{quantity}{i + 1}": e for i, e in enumerate(error / np.sqrt(np.mean((reference - static) ** 2, axis=0)))
         }
     name = max(worst, key=worst.__getitem__)
-    print("FIG", case.name, case.heights, name, worst[name])
-    assert worst[name] < LIMIT, f"{name}: {worst[name]:.2%}"
+    assert worst[name] < LIMIT[case.name[:3], case.heights], f"{name}: {worst[name]:.2%}"
 
 
 def test_lift_off_happens_in_the_high_passes(simulated):

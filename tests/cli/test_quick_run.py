@@ -1,0 +1,86 @@
+"""The whole chain on two of the shipped runs: every file of the output folder is there and says what it should."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from sysid.cli.stages import run_stage
+from sysid.export import result_schema
+
+DATA = Path(__file__).parents[2] / "data"
+KEPT_RUNS = ("case3_unloaded_32kmh_run2", "case5_loaded_16kmh_run1")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Output folder of ``calibrate.py run --quick`` on a campaign with two runs and no prediction but one."""
+    root = tmp_path_factory.mktemp("quick")
+    folder = root / "campaign"
+    shutil.copytree(DATA, folder)
+    text = (folder / "campaign.toml").read_text(encoding="utf-8")
+    lines = [
+        line
+        for line in text.splitlines()
+        if 'file = "bump_runs/' not in line or any(name in line for name in KEPT_RUNS)
+    ]
+    (folder / "campaign.toml").write_text("\n".join(lines), encoding="utf-8")
+    code = run_stage("run", folder, root / "out", quick=True, seed=3, max_steps=4, resume=False)
+    assert code == 0
+    return root / "out"
+
+
+def test_the_success_marker_says_preview(finished: Path) -> None:
+    assert (finished / "SUCCESS").read_text(encoding="utf-8").strip() == "preview"
+
+
+def test_result_json_follows_its_schema(finished: Path) -> None:
+    document = json.loads((finished / "result.json").read_text(encoding="utf-8"))
+    jsonschema.validate(document, result_schema())
+    assert document["status"] == "preview"
+    assert document["seed"] == 3
+    assert any("Preview" in warning for warning in document["warnings"])
+    stiffness = {p["name"] for p in document["parameters"] if p["quantity"] == "stiffness"}
+    assert {"k_1", "k_2[unloaded]", "k_2[loaded]", "k_6"} <= stiffness
+    assert all(p["posterior"] is not None for p in document["parameters"] if p["quantity"] == "stiffness")
+
+
+def test_predicted_passes_are_tables_on_a_millisecond_grid(finished: Path) -> None:
+    document = json.loads((finished / "result.json").read_text(encoding="utf-8"))
+    assert len(document["predictions"]) == 12
+    table = pd.read_csv(finished / document["predictions"][0]["file"])
+    assert np.allclose(np.diff(table["time_s"]), 1e-3, atol=1e-9)
+    assert table["time_s"].min() < -0.5
+    assert {"tire_force1_N_q05", "tire_force6_N_q95"} <= set(table.columns)
+    assert (table["tire_force1_N_q05"] <= table["tire_force1_N_q95"]).all()
+
+
+def test_the_posterior_file_agrees_with_result_json(finished: Path) -> None:
+    document = json.loads((finished / "result.json").read_text(encoding="utf-8"))
+    tree = xr.open_datatree(finished / "posterior.nc", engine="h5netcdf")
+    posterior = tree["posterior"]
+    for parameter in document["parameters"]:
+        if parameter["name"] == "k_1":
+            assert float(posterior["k_1"].mean()) == pytest.approx(parameter["posterior"]["mean"], rel=1e-9)
+    tree.close()
+
+
+def test_the_report_is_one_page_marked_as_preview(finished: Path) -> None:
+    page = (finished / "report.html").read_text(encoding="utf-8")
+    assert "preview" in page.lower()
+    assert not re.search(r"""(src|href)=["']https?://""", page)
+
+
+def test_stages_go_on_from_what_is_there(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    campaign = finished.parent / "campaign"
+    code = run_stage("report", campaign, finished, quick=True, seed=3, max_steps=4, resume=False)
+    assert code == 0
+    assert "least squares" not in capsys.readouterr().err
