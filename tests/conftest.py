@@ -7,10 +7,13 @@ JAX do not load it.
 from __future__ import annotations
 
 import os
+import sys
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parent / "support"))
 
 # The same folder layout as `sysid.runtime`: one folder per version, so that an update never meets stale entries.
 _CACHE = Path(__file__).resolve().parents[1] / "build" / "cache"

@@ -121,8 +121,8 @@ def fit_bump_runs(
     """Calibrate the vehicle against all bump runs by least squares.
 
     minimise sum ((simulated - measured) / sigma)^2 + priors over the global log parameters and every run's speed and
-    start; sigma per run and channel is re-estimated from the residuals in each round, and residuals that are
-    correlated in time are down-weighted by their variance inflation before the covariance is taken.
+    start; sigma per run and channel is re-estimated from the residuals after each round, and residuals that are
+    correlated in time are down-weighted by their variance inflation.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def fit_bump_runs(
         iterations += minimum.iterations
         if not last:
             lin = problem.linearise(vector)
-            problem.weights = Weights(_residual_scales(problem, lin), problem.weights.tempering)
+            problem.weights = _new_weights(problem, lin)
     assert minimum is not None
     report("covariance and checks", 0.9)
     return _result(campaign, problem, vector, start_vector, minimum, iterations, instrument, options, report)
@@ -189,14 +189,24 @@ def _first_scale(model: BumpModel, instrument: tuple[np.ndarray, ...]) -> tuple[
     return tuple(scales)
 
 
-def _residual_scales(problem: _Problem, linearisations: tuple[Linearisation, ...]) -> tuple[np.ndarray, ...]:
+def _correlations(problem: _Problem, linearisations: tuple[Linearisation, ...]) -> list[np.ndarray]:
+    """Autocorrelation (lags, R, C) of the residuals of every group."""
+    return [
+        noise_model.autocorrelation(group, np.asarray(lin.residual), min(_LAGS, group.samples // 4))
+        for group, lin in zip(problem.model.groups, linearisations, strict=True)
+    ]
+
+
+def _new_weights(problem: _Problem, linearisations: tuple[Linearisation, ...]) -> Weights:
+    """Residual scales, and tempering by the residuals' variance inflation, from the residuals of a round."""
     scales = []
     for group, lin, noise, temper in zip(
         problem.model.groups, linearisations, problem.weights.noise_sd, problem.weights.tempering, strict=True
     ):
         scale = np.where(np.isfinite(noise), noise, 0.0) / temper
         scales.append(noise_model.residual_scale(group, np.asarray(lin.residual) * scale))
-    return tuple(scales)
+    inflation = [noise_model.variance_inflation(c) for c in _correlations(problem, linearisations)]
+    return Weights(tuple(scales), tuple(1.0 / np.sqrt(v) for v in inflation))
 
 
 def _check_motion(campaign: Campaign, model: BumpModel, motion: RunMotion) -> None:
@@ -214,35 +224,29 @@ def _result(campaign, problem, vector, start_vector, minimum, iterations, instru
     model = problem.model
     parameters, motion = problem.unpack(vector)
     lin = problem.linearise(vector)
-    correlations = [
-        noise_model.autocorrelation(g, np.asarray(r.residual), min(_LAGS, g.samples // 4))
-        for g, r in zip(model.groups, lin, strict=True)
-    ]
+    correlations = _correlations(problem, lin)
     inflation = [noise_model.variance_inflation(c) for c in correlations]
-    tempered = Weights(problem.weights.noise_sd, tuple(1.0 / np.sqrt(v) for v in inflation))
-    plain = problem.weights
+    weights = problem.weights
 
     cross_check = float("nan")
     if options.cross_check:
         report("cross-check by SciPy's trust-region solver", 0.92)
         cross_check = _scipy_difference(problem, vector, start_vector)
-    problem.weights = tempered
     compressed = problem.compressed(vector)
     adjustment = _adjustment(campaign, problem, vector)
     covariance = _covariance(problem, compressed, adjustment)
     scaled = compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0)
     singular = np.linalg.svd(scaled, compute_uv=False)
-    problem.weights = plain
 
     report("step-halving check", 0.96)
     halving = _step_halving_error(problem, vector, lin)
     estimates, runs = _estimates(campaign, problem, parameters, motion, covariance)
-    usable = [np.isfinite(n) for n in plain.noise_sd]
+    usable = [np.isfinite(n) for n in weights.noise_sd]
     median_inflation = float(np.median(np.concatenate([v[u] for v, u in zip(inflation, usable, strict=True)])))
     lags = min(c.shape[0] for c in correlations)
-    misfit = np.concatenate([(n / i)[u] for n, i, u in zip(plain.noise_sd, instrument, usable, strict=True)])
+    misfit = np.concatenate([(n / i)[u] for n, i, u in zip(weights.noise_sd, instrument, usable, strict=True)])
     warnings = _warnings(estimates, minimum.converged, float(np.median(misfit)), halving, cross_check)
-    state = FitState(model, parameters, motion, tempered, adjustment.matrix)
+    state = FitState(model, parameters, motion, weights, adjustment.matrix)
     fit = FitResult(
         parameters=estimates,
         run_parameters=runs,

@@ -194,6 +194,8 @@ def _step(lanes, suspension, tire, motion, roads, time_s, h, state: _State, firs
     new_b, new_vb = advance(b, vb, *(f.body_acceleration for f in (first, second, third, fourth)))
     new_z, new_vz = advance(z, vz, *(f.axle_acceleration for f in (first, second, third, fourth)))
     middle = _Forces(*(0.5 * (p + q) for p, q in zip(second, third, strict=True)))
+    # At lift-off the filter's quadratic through start, middle and end then has the exact impulse of the clipped force.
+    middle = middle._replace(axle_acceleration=middle.axle_acceleration + 1.5 / h * kick)
     return _State(new_b, new_vb, new_z + shift, new_vz + kick), middle
 
 

@@ -89,6 +89,7 @@ class Calibration:
         self._resume = resume
         self._raw = read_campaign(campaign, point_cloud_reader=read_point_cloud)
         self._results: dict[str, Any] = {}
+        self._nested: list[float] = []
         self._screened: Campaign | None = None
         self._make_output()
         self._timings: dict[str, float] = self._read_timings()
@@ -146,7 +147,7 @@ class Calibration:
             write_parameters(results, self.output / "parameters.csv")
             written.append(self.output / "parameters.csv")
         if results.predictions is not None:
-            written += write_predictions(results, self.output / "predictions")
+            written += write_predictions(results, self.output)
         if results.posterior is not None:
             write_posterior(results, self.output / "posterior.nc")
             written.append(self.output / "posterior.nc")
@@ -305,12 +306,17 @@ class Calibration:
             self._write(partial(self._path(name).unlink, missing_ok=True))
 
     def _timed(self, name: str, compute: Callable[[], Any]) -> Any:
+        """Run a stage and keep its own time: a stage that runs its predecessors first is not charged for them."""
+        self._nested.append(0.0)
         begin = time.perf_counter()
-        nested = sum(self._timings.get(n, 0.0) for n in STAGES if n in self._results)
-        result = compute()
-        later = sum(self._timings.get(n, 0.0) for n in STAGES if n in self._results)
-        # A stage that had to run its predecessors first is not charged for them.
-        self._timings[name] = max(time.perf_counter() - begin - max(later - nested, 0.0), 0.0)
+        try:
+            result = compute()
+        finally:
+            elapsed = time.perf_counter() - begin
+            within = self._nested.pop()
+            if self._nested:
+                self._nested[-1] += elapsed
+        self._timings[name] = elapsed - within
         self._write(lambda: write_text(self.output / "stages" / "timings.json", json.dumps(self._timings)))
         return result
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -71,7 +73,7 @@ def test_derivatives_are_integrals_of_the_basis_over_the_contact():
         slopes = np.array(jax.jacfwd(lambda p: jnp.stack(clipped_integrals(*p)))(jnp.asarray(point)))
         grid = np.sort(np.concatenate([np.linspace(0, 1, 3), _roots(point)]))
         exact = np.zeros((2, 3))
-        for low, high in zip(grid[:-1], grid[1:], strict=True):
+        for low, high in pairwise(grid):
             if quadratic(*point, (low + high) / 2) <= 0:
                 continue
             for k, basis in enumerate(np.eye(3)):

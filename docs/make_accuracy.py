@@ -1,0 +1,238 @@
+"""Write docs/accuracy.md: results of a finished output folder against the truth of the shipped campaign.
+
+    python docs/make_accuracy.py [OUTPUT] [CAMPAIGN_FOLDER]
+
+OUTPUT is the folder of a `calibrate.py run` on the shipped campaign (default: output), CAMPAIGN_FOLDER holds
+`campaign.toml` and `truth.toml` (default: data).
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+METHODS = ("paper", "corrected", "free_decay")
+SUSPENSION = {"stiffness": "suspension_stiffness_N_per_m", "damping": "suspension_damping_N_s_per_m"}
+TIRE = {"tire_stiffness": "tire_stiffness_N_per_m", "tire_damping": "tire_damping_N_s_per_m"}
+KINDS = {
+    "suspension_deflection": "suspension deflection",
+    "axle_acceleration": "axle acceleration",
+    "body_acceleration": "frame acceleration",
+}
+MISSING = "–"
+
+INTRODUCTION = """\
+Written by `python docs/make_accuracy.py OUTPUT` from the results of `calibrate.py run` and `data/truth.toml`; not
+edited by hand. The campaign is **synthetic** ([data/README.md](../data/README.md)): its histories come from another,
+more detailed model, so errors of the model's form are in these figures. Masses, inertias and heights in its campaign
+file are exact, so errors of those are not. One campaign says little about others.""".splitlines()
+
+READING = """\
+The values are posterior medians, or least squares where nothing was sampled. Honest 90 % intervals hold the truth nine
+times in ten; where they hold it less often they are too narrow, because an error of the model's form that moves all
+channels alike is not in them ([results.md](results.md)).""".splitlines()
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
+    """Lines of a Markdown table, first column to the left, the others to the right."""
+    head = list(head)
+    lines = ["| " + " | ".join(head) + " |", "|---" + "|---:" * (len(head) - 1) + "|"]
+    return [*lines, *("| " + " | ".join(row) + " |" for row in rows), ""]
+
+
+def percent(value: float, truth: float) -> str:
+    """Signed error in per cent of the truth."""
+    return f"{100.0 * (value / truth - 1.0):+.1f}"
+
+
+def inside(quantiles: dict[str, float], truth: float) -> bool:
+    """Whether the 90 % interval holds the truth."""
+    return quantiles["q05"] <= truth <= quantiles["q95"]
+
+
+def band(quantiles: dict[str, float] | None, scale: float, digits: int) -> str:
+    """Median and 90 % interval, a dash before sampling."""
+    if quantiles is None or quantiles["q05"] is None:
+        return MISSING
+    middle, low, high = (quantiles[q] / scale for q in ("q50", "q05", "q95"))
+    return f"{middle:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+
+def pairs(result: dict[str, Any], truth: dict[str, Any], keys: dict[str, str]) -> list[tuple[dict[str, Any], float]]:
+    """Every parameter of the given quantities with its true value."""
+    return [
+        (p, truth["axle"][p["axle"] - 1][keys[p["quantity"]]]) for p in result["parameters"] if p["quantity"] in keys
+    ]
+
+
+def best(parameter: dict[str, Any]) -> float:
+    """Posterior median, or the least-squares value before sampling."""
+    posterior = parameter["posterior"]
+    return parameter["least_squares"]["value"] if posterior is None else posterior["q50"]
+
+
+def parameter_table(rows: list[tuple[dict[str, Any], float]], unit: str, digits: int) -> list[str]:
+    """Truth, least squares and posterior of the parameters in thousands of their SI unit."""
+    lines = []
+    for p, true in rows:
+        fit, posterior = p["least_squares"], p["posterior"]
+        lines.append(
+            [
+                f"`{p['name']}`",
+                f"{true / 1e3:.{digits}f}",
+                f"{fit['value'] / 1e3:.{digits}f} ± {fit['sd'] / 1e3:.{digits}f}",
+                percent(fit["value"], true),
+                band(posterior, 1e3, digits),
+                MISSING if posterior is None else percent(posterior["q50"], true),
+                MISSING if posterior is None else "yes" if inside(posterior, true) else "no",
+            ]
+        )
+    head = ("", f"true {unit}", "least squares ± sd", "error %", "posterior median (90 %)", "error %", "truth inside")
+    return table(head, lines)
+
+
+def drop_table(result: dict[str, Any], truth: dict[str, Any]) -> list[str]:
+    """Pooled drop values over the true ones, by axle and method."""
+    pooled = {(d["axle"], d["method"]): d for d in result["drops"] if d["file"] is None}
+    rows = []
+    for number, axle in enumerate(truth["axle"], start=1):
+        cells = [f"{number} {axle['name']}"]
+        for quantity, key in SUSPENSION.items():
+            for method in METHODS:
+                drop = pooled.get((number, method))
+                cells.append(f"{drop[quantity] / axle[key]:.2f}" if drop and drop["usable"] else MISSING)
+        rows.append(cells)
+    return table(("axle", *(f"{s} {m}" for s in "kc" for m in METHODS)), rows)
+
+
+def prediction_rows(result: dict[str, Any], truth: dict[str, Any]) -> list[tuple[dict[str, Any], float]]:
+    """Every predicted pass and axle with its true peak load ratio."""
+    true = {(p["load_case"], float(p["speed_km_h"])): p["peak_tire_force_over_static"] for p in truth["prediction"]}
+    return [(p, true[p["load_case"], float(p["speed_km_h"])][p["axle"] - 1]) for p in result["predictions"]]
+
+
+def prediction_table(rows: list[tuple[dict[str, Any], float]]) -> list[str]:
+    """Peak dynamic load ratios against the true ones."""
+    lines = []
+    for p, true in rows:
+        ratio = p["peak_dynamic_load_ratio"]
+        lines.append(
+            [
+                f"{p['load_case']} {p['speed_km_h']:g} km/h, axle {p['axle']}",
+                f"{true:.3f}",
+                f"{ratio['q50']:.3f}" if ratio["q05"] is None else band(ratio, 1.0, 3),
+                percent(ratio["q50"], true),
+                MISSING if ratio["q05"] is None else "yes" if inside(ratio, true) else "no",
+            ]
+        )
+    return table(("pass", "true", "median (90 %)", "error %", "truth inside"), lines)
+
+
+def agreement_table(result: dict[str, Any], sensors: dict[str, Any]) -> list[str]:
+    """NRMSE of all runs by kind of channel."""
+    rows = []
+    for kind, words in KINDS.items():
+        values = [v["nrmse"] for v in result["validation"] if sensors[v["channel"]]["kind"] == kind]
+        values = sorted(v for v in values if v is not None)
+        if values:
+            rows.append([words, str(len(values)), f"{100 * median(values):.1f}", f"{100 * values[-1]:.1f}"])
+    return table(("channels", "records", "median NRMSE %", "largest %"), rows)
+
+
+def spread(rows: Iterable[tuple[float, float]]) -> str:
+    """Median and largest absolute error in per cent."""
+    errors = [100.0 * abs(value / true - 1.0) for value, true in rows]
+    return f"median {median(errors):.2g} %, largest {max(errors):.2g} %"
+
+
+def coverage(rows: list[tuple[dict[str, Any], float]]) -> str:
+    """How many 90 % intervals hold the truth, and how far off the worst value is in its own standard deviations."""
+    sampled = [(p["posterior"], true) for p, true in rows if p["posterior"] is not None]
+    if not sampled:
+        return "not sampled"
+    held = sum(inside(q, true) for q, true in sampled)
+    worst = max(abs(q["q50"] - true) / q["sd"] for q, true in sampled)
+    return f"{held} of {len(sampled)}, the worst median is {worst:.1f} sd off"
+
+
+def document(result: dict[str, Any], campaign: dict[str, Any], truth: dict[str, Any]) -> str:
+    """The text of the page."""
+    suspension = pairs(result, truth, SUSPENSION)
+    by_quantity = {q: [(p, t) for p, t in suspension if p["quantity"] == q] for q in SUSPENSION}
+    passes = prediction_rows(result, truth)
+    speed = {r["file"]: r["true_speed_m_s"] for r in truth["bump_run"]}
+    speeds = [(p["least_squares"]["value"], speed[p["run"]]) for p in result["parameters"] if p["quantity"] == "speed"]
+    seconds = result["timings"]
+    summary = [
+        ["stiffness k", spread((best(p), t) for p, t in by_quantity["stiffness"]), coverage(by_quantity["stiffness"])],
+        ["damping c", spread((best(p), t) for p, t in by_quantity["damping"]), coverage(by_quantity["damping"])],
+        ["speeds of the runs", spread(speeds), MISSING],
+    ]
+    if passes:
+        ratios = [(p["peak_dynamic_load_ratio"], t) for p, t in passes]
+        sampled = [(q, t) for q, t in ratios if q["q05"] is not None]
+        held = f"{sum(inside(q, t) for q, t in sampled)} of {len(sampled)}" if sampled else "not sampled"
+        summary.append(["peak load ratios of passes nobody drove", spread((q["q50"], t) for q, t in ratios), held])
+    stages = ", ".join(f"{name} {value:.0f} s" for name, value in seconds.items() if value is not None and value >= 1)
+    lines = [
+        "# Accuracy on the shipped campaign",
+        "",
+        *INTRODUCTION,
+        "",
+        f"Status {result['status'].replace('_', ' ')}, seed {result['seed']}. Time: {stages}.",
+        "",
+        "## In short",
+        "",
+        *table(("", "error of the value", "truth inside the 90 % interval"), summary),
+        *READING,
+        "",
+        "## Stiffness",
+        "",
+        *parameter_table(by_quantity["stiffness"], "kN/m", 1),
+        "## Damping",
+        "",
+        *parameter_table(by_quantity["damping"], "kN s/m", 3),
+        "## Plank drops alone",
+        "",
+        "Pooled value over the true one, by method; a dash where no record is usable.",
+        "",
+        *drop_table(result, truth),
+        "## Wheel loads",
+        "",
+        "Peak vertical tire force over static axle load.",
+        "",
+        *(prediction_table(passes) if passes else ["No pass was predicted.", ""]),
+        "## Tires",
+        "",
+        "Tangent values at the first load case's static load. They take up what the model lacks and are not findings.",
+        "",
+        *parameter_table(pairs(result, truth, TIRE), "kN/m, kN s/m", 2),
+        "## Agreement with the measured histories",
+        "",
+        "RMS of simulated minus measured over the range of the measured history; in-sample, sensor noise included.",
+        "",
+        *agreement_table(result, campaign["sensors"]["bump_run"]),
+    ]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def main(output: Path, folder: Path) -> None:
+    """Read the results and the truth, write the page."""
+    result = json.loads((output / "result.json").read_text(encoding="utf-8"))
+    campaign = tomllib.loads((folder / "campaign.toml").read_text(encoding="utf-8"))
+    truth = tomllib.loads((folder / "truth.toml").read_text(encoding="utf-8"))
+    if result["campaign"] != truth["campaign"]["title"]:
+        sys.exit(f"{output} holds results of '{result['campaign']}', not of '{truth['campaign']['title']}'.")
+    text = document(result, campaign, truth)
+    (ROOT / "docs" / "accuracy.md").write_text(text, encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    arguments = [Path(a) for a in sys.argv[1:]]
+    main(arguments[0] if arguments else ROOT / "output", arguments[1] if len(arguments) > 1 else ROOT / "data")

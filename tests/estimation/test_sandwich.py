@@ -1,0 +1,66 @@
+"""The sandwich adjustment against closed forms of a linear model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sysid.estimation.sandwich import adjust, block_scores
+
+
+def linear_blocks(blocks: int, samples: int, shared: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Scores (blocks, 2) and information (2, 2) at the truth of a line fit whose errors share an offset per block."""
+    random = np.random.default_rng(seed)
+    x = np.stack([np.ones(samples), np.linspace(-1.0, 1.0, samples)], axis=1)
+    errors = random.standard_normal((blocks, samples)) + shared * random.standard_normal((blocks, 1))
+    return errors @ x, blocks * x.T @ x
+
+
+def test_independent_noise_is_left_almost_alone() -> None:
+    scores, information = linear_blocks(4000, 20, 0.0, 1)
+    found = adjust(scores, range(4000), information, never_sharper=False)
+    assert np.allclose(found.inflation, 1.0, atol=0.1)
+    assert np.allclose(found.information, information, rtol=0.1, atol=0.05 * information.max())
+
+
+def test_errors_shared_within_blocks_inflate_by_their_known_factor() -> None:
+    samples, shared = 20, 1.5
+    scores, information = linear_blocks(4000, samples, shared, 2)
+    found = adjust(scores, range(4000), information)
+    # An offset common to the n samples of a block multiplies the variance of the constant by 1 + n shared^2.
+    assert found.inflation.max() == pytest.approx(1.0 + samples * shared**2, rel=0.1)
+    assert found.inflation.min() == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_adjusted_curvature_is_the_sandwich() -> None:
+    scores, information = linear_blocks(300, 20, 1.0, 3)
+    found = adjust(scores, range(300), information, never_sharper=False)
+    centred = scores - scores.mean(axis=0)
+    spread = centred.T @ centred * 300 / 299
+    sandwich = information @ np.linalg.inv(spread) @ information
+    assert np.allclose(found.information, sandwich, rtol=1e-6)
+    assert np.allclose(found.matrix.T @ information @ found.matrix, sandwich, rtol=1e-6)
+
+
+def test_repeats_in_one_block_count_as_one() -> None:
+    scores, information = linear_blocks(200, 20, 0.0, 4)
+    doubled = np.concatenate([scores, scores])
+    once = adjust(doubled, range(400), 2 * information, never_sharper=False)
+    joined = adjust(doubled, [*range(200), *range(200)], 2 * information, never_sharper=False)
+    assert np.allclose(joined.inflation, 2.0 * once.inflation, rtol=0.02)
+
+
+def test_a_run_s_own_unknowns_are_eliminated_like_a_schur_complement() -> None:
+    random = np.random.default_rng(5)
+    residual = random.standard_normal((50, 1, 2))
+    jacobian = random.standard_normal((50, 1, 2, 5))
+    prior = np.diag([0.3, 0.0])[None]
+    scores, information = block_scores(residual, jacobian, np.zeros((1, 2)), np.zeros((1, 2, 5)), prior)
+    dense = jacobian[:, 0].reshape(-1, 5)
+    normal = dense.T @ dense
+    normal[3:, 3:] += prior[0]
+    inverse = np.linalg.inv(normal)
+    assert np.allclose(np.linalg.inv(information[0]), inverse[:3, :3], rtol=1e-8)
+    total = dense.T @ residual[:, 0].ravel()
+    expected = total[:3] - normal[:3, 3:] @ np.linalg.solve(normal[3:, 3:], total[3:])
+    assert np.allclose(scores[0].sum(axis=0), expected, rtol=1e-8)

@@ -1,0 +1,142 @@
+"""Radial springs over a bump: quadrature, limiting cases, and profiles from an independent engine."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from sysid.road.enveloping import SPOKE_EXPONENT, SpokeTable, effective_profile, spoke_table, static_deflection
+from sysid.road.results import RoadProfile
+
+DATA = Path(__file__).resolve().parents[1] / "data" / "enveloping"
+RADIUS_M = 0.5
+UNLOADED_KG = (3955, 2676, 3012, 3021, 3447, 3946)
+LOADED_KG = (4907, 9700, 10036, 11250, 11470, 11694)
+STIFFNESS = (1.65e6, *[2.9e6] * 5)
+
+
+def profile(station_m: np.ndarray, height_m: np.ndarray) -> RoadProfile:
+    above = np.flatnonzero(height_m > 1e-3)
+    first, last = (station_m[above[0]], station_m[above[-1]]) if above.size else (station_m[0], station_m[-1])
+    return RoadProfile("bump", station_m, height_m, 0.0 * height_m, float(first), float(last - first))
+
+
+def raised_cosine(length_m: float, height_m: float) -> RoadProfile:
+    s = np.arange(0.0, length_m + 0.4001, 0.002)
+    inside = (s > 0.2) & (s < 0.2 + length_m)
+    return profile(s, np.where(inside, 0.5 * height_m * (1 - np.cos(2 * np.pi * (s - 0.2) / length_m)), 0.0))
+
+
+@lru_cache
+def table(kind: str) -> SpokeTable:
+    if kind == "reference":
+        points = pd.read_csv(DATA / "bump_profile.csv")
+        return spoke_table(profile(points.s_m.to_numpy(), points.z_m.to_numpy()), RADIUS_M)
+    if kind == "flat":
+        s = np.arange(0.0, 1.0, 0.01)
+        return spoke_table(profile(s, 0.0 * s), RADIUS_M)
+    return spoke_table(raised_cosine(*{"long": (12.0, 0.1), "short": (0.5, 0.06)}[kind]), RADIUS_M)
+
+
+def flat_force(deflection_m: float) -> float:
+    """Vertical force of unit spokes on a flat road by quadrature: spoke length (R - u) / cos(phi)."""
+    height = RADIUS_M - deflection_m
+    edge = np.arccos(height / RADIUS_M)
+    return quad(
+        lambda phi: np.cos(phi) * max(RADIUS_M - height / np.cos(phi), 0.0) ** SPOKE_EXPONENT, -edge, edge, limit=200
+    )[0]
+
+
+def flat_tangent(deflection_m: float) -> float:
+    step = 1e-4 * deflection_m
+    return (flat_force(deflection_m + step) - flat_force(deflection_m - step)) / (2 * step)
+
+
+@pytest.mark.parametrize("load_case", ["unloaded", "loaded"])
+@pytest.mark.parametrize("axle", range(6))
+def test_agrees_with_an_independent_engine(load_case: str, axle: int):
+    reference = pd.read_csv(DATA / "effective_profiles.csv")
+    load = {"unloaded": UNLOADED_KG, "loaded": LOADED_KG}[load_case][axle] * 9.81
+    station, rise = effective_profile(table("reference"), load, UNLOADED_KG[axle] * 9.81, STIFFNESS[axle])
+    theirs = reference[f"{load_case}_axle{axle + 1}_m"].to_numpy()
+    # Their stations count from the middle of the bump, so the shift is a free number.
+    shifts = np.arange(-0.7, 0.7, 0.002)
+    error = min(np.abs(np.interp(reference.s_m + shift, station, rise) - theirs).max() for shift in shifts)
+    assert theirs.max() > 0.05
+    assert error < 1e-3
+
+
+def test_a_flat_road_has_no_effect():
+    station, rise = effective_profile(table("flat"), 6e4, 4e4, 2.9e6)
+    assert station.size > 100
+    np.testing.assert_array_equal(rise, 0.0)
+
+
+def test_a_long_gentle_profile_is_followed():
+    """On a slope alpha the wheel centre rides R / cos(alpha) above the road, 0.15 mm more than on the flat."""
+    road = raised_cosine(12.0, 0.1)
+    station, rise = effective_profile(table("long"), 4e4, 4e4, 2.9e6)
+    exact = np.interp(station, road.station_m - road.start_m, road.height_m, left=0.0, right=0.0)
+    assert np.abs(rise - exact).max() < 3e-4
+    assert rise.max() == pytest.approx(0.1, abs=1e-4)
+
+
+def test_flat_road_force_equals_quadrature():
+    t = table("flat")
+    deep = t.deflection_m > 0.008
+    exact = np.array([flat_force(u) for u in t.deflection_m[deep]])
+    np.testing.assert_allclose(t.flat_force[deep], exact, rtol=5e-3)
+    assert t.flat_force[0] == 0.0
+
+
+@pytest.mark.parametrize(("load_N", "stiffness"), [(38e3, 1.65e6), (26e3, 2.9e6), (115e3, 2.9e6)])
+def test_static_deflection_solves_the_flat_road_law(load_N: float, stiffness: float):
+    exact = brentq(lambda u: flat_force(u) / flat_tangent(u) - load_N / stiffness, 1e-3, 0.11)
+    found = static_deflection(table("flat"), load_N, stiffness)
+    assert found == pytest.approx(exact, rel=0.02)
+    # For small deflections g ~ u^(p + 1/2), so u = (p + 1/2) F / k.
+    assert found == pytest.approx((SPOKE_EXPONENT + 0.5) * load_N / stiffness, rel=0.05)
+
+
+@pytest.mark.parametrize("station_m", [-0.15, 0.0, 0.1, 0.24])
+def test_the_rise_keeps_the_vertical_force(station_m: float):
+    """The force of continuous spokes at the wheel centre's place, by root finding and quadrature, is the load."""
+    road = raised_cosine(0.5, 0.06)
+    load, stiffness = 5e4, 2.9e6
+    station, rise = effective_profile(table("short"), load, load, stiffness)
+    deflection = static_deflection(table("short"), load, stiffness)
+    height = RADIUS_M - deflection + float(np.interp(station_m, station, rise))
+
+    def spoke(phi: float) -> float:
+        def clearance(rho: float) -> float:
+            under = station_m + rho * np.sin(phi) + road.start_m
+            return height - rho * np.cos(phi) - float(np.interp(under, road.station_m, road.height_m))
+
+        if clearance(RADIUS_M) >= 0.0:
+            return 0.0
+        return np.cos(phi) * (RADIUS_M - brentq(clearance, 0.0, RADIUS_M)) ** SPOKE_EXPONENT
+
+    grid = np.linspace(-np.pi / 3, np.pi / 3, 2001)
+    force = np.trapezoid([spoke(phi) for phi in grid], grid)
+    assert force == pytest.approx(flat_force(deflection), rel=0.01)
+
+
+def test_symmetry_and_load():
+    """A symmetric bump stays symmetric; a heavier wheel swallows more of it; the effect reaches beyond the bump."""
+    road = raised_cosine(0.5, 0.06)
+    middle = 0.45 - road.start_m
+    light = effective_profile(table("short"), 3e4, 4e4, 2.9e6)
+    heavy = effective_profile(table("short"), 9e4, 4e4, 2.9e6)
+    offsets = np.linspace(0.0, 0.6, 61)
+    for station, rise in (light, heavy):
+        ahead, behind = (np.interp(middle + sign * offsets, station, rise) for sign in (1, -1))
+        np.testing.assert_allclose(ahead, behind, atol=2e-4)
+        assert rise[0] == rise[-1] == 0.0
+    assert heavy[1].max() < light[1].max() < 0.06
+    assert np.interp(-0.08, *light) > 1e-3

@@ -1,0 +1,95 @@
+"""Stages are kept for the next, read back while their inputs stay the same, and forgotten when they change."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from sysid.errors import CampaignError, DataRejectedError
+from sysid.workflow import Calibration, make_settings
+
+DATA = Path(__file__).parents[2] / "data"
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    """A copy of the shipped campaign with one drop per axle, quick to analyse."""
+    folder = tmp_path / "campaign"
+    shutil.copytree(DATA, folder)
+    file = folder / "campaign.toml"
+    lines = [line for line in file.read_text().splitlines() if "_drop2.csv" not in line and "_drop3.csv" not in line]
+    file.write_text("\n".join(lines))
+    return folder
+
+
+def test_a_stage_is_read_back_by_the_next_process(campaign: Path, tmp_path: Path) -> None:
+    first = Calibration(campaign, tmp_path / "out")
+    drops = first.drops()
+    kept = (tmp_path / "out" / "stages" / "drops.npz").stat().st_mtime_ns
+    second = Calibration(campaign, tmp_path / "out")
+    assert second.drops().pooled == drops.pooled
+    assert (tmp_path / "out" / "stages" / "drops.npz").stat().st_mtime_ns == kept
+
+
+def test_a_changed_input_makes_a_stage_stale(campaign: Path, tmp_path: Path) -> None:
+    before = Calibration(campaign, tmp_path / "out").drops()
+    file = campaign / "campaign.toml"
+    file.write_text(file.read_text().replace("gravity_m_s2 = 9.81", "").replace(
+        "tire_stiffness_N_per_m = 1650000", "tire_stiffness_N_per_m = 1500000"))  # fmt: skip
+    after = Calibration(campaign, tmp_path / "out").drops()
+    assert after.pooled != before.pooled
+
+
+def test_running_a_stage_again_takes_the_success_marker_away(campaign: Path, tmp_path: Path) -> None:
+    calibration = Calibration(campaign, tmp_path / "out")
+    calibration.drops()
+    (tmp_path / "out" / "SUCCESS").write_text("converged\n")
+    calibration.redo("drops")
+    calibration.drops()
+    assert not (tmp_path / "out" / "SUCCESS").exists()
+
+
+def test_the_same_inputs_give_the_same_result_json_but_for_times(campaign: Path, tmp_path: Path) -> None:
+    documents = []
+    for name in ("a", "b"):
+        calibration = Calibration(campaign, tmp_path / name, make_settings(seed=5))
+        calibration.check()
+        calibration.drops()
+        calibration.export()
+        document = json.loads((tmp_path / name / "result.json").read_text())
+        document.pop("timings")
+        documents.append(json.dumps(document))
+    assert documents[0] == documents[1]
+
+
+def test_timings_count_each_stage_once(campaign: Path, tmp_path: Path) -> None:
+    calibration = Calibration(campaign, tmp_path / "out")
+    calibration.drops()
+    calibration.scan()
+    timings = calibration.results().provenance["timings"]
+    assert {"drops", "scan"} <= set(timings)
+    assert all(seconds >= 0.0 for seconds in timings.values())
+
+
+def test_an_output_folder_that_cannot_be_written_is_a_sentence(
+    campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calibration = Calibration(campaign, tmp_path / "out")
+
+    def full(*arguments: object, **options: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("sysid.workflow.store.save", full)
+    with pytest.raises(DataRejectedError, match="No space left on device"):
+        calibration.scan()
+
+
+def test_a_campaign_without_bump_runs_cannot_be_fitted(campaign: Path, tmp_path: Path) -> None:
+    file = campaign / "campaign.toml"
+    lines = [line for line in file.read_text().splitlines() if 'file = "bump_runs/' not in line]
+    file.write_text("\n".join(lines))
+    with pytest.raises((DataRejectedError, CampaignError), match="bump"):
+        Calibration(campaign, tmp_path / "out").fit()

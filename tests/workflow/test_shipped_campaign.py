@@ -1,0 +1,68 @@
+"""Least squares on the shipped campaign against the truth that was used to make it."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sysid.estimation.results import FitResult
+from sysid.workflow import Calibration
+
+DATA = Path(__file__).parents[2] / "data"
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory: pytest.TempPathFactory) -> FitResult:
+    """The default least-squares stage on all ten runs."""
+    return Calibration(DATA, tmp_path_factory.mktemp("fit")).fit()
+
+
+@pytest.fixture(scope="module")
+def truth() -> list[dict[str, float]]:
+    """True values per axle."""
+    with (DATA / "truth.toml").open("rb") as handle:
+        return tomllib.load(handle)["axle"]
+
+
+def errors(fit: FitResult, truth: list[dict[str, float]], quantity: str) -> dict[str, float]:
+    """Relative error of every entry of a quantity."""
+    key = {"stiffness": "suspension_stiffness_N_per_m", "damping": "suspension_damping_N_s_per_m"}[quantity]
+    return {
+        p.name: p.value / truth[p.axle][key] - 1.0
+        for p in fit.parameters
+        if p.quantity == quantity and p.axle is not None
+    }
+
+
+def test_least_squares_converges_and_an_independent_solver_agrees(fit: FitResult) -> None:
+    assert fit.converged
+    assert fit.scipy_max_difference_sd < 0.1
+
+
+def test_stiffness_is_within_5_percent_on_every_axle(fit: FitResult, truth) -> None:
+    found = errors(fit, truth, "stiffness")
+    assert len(found) == 8
+    assert np.abs(list(found.values())).max() < 0.05
+
+
+def test_damping_is_within_12_percent_on_every_axle(fit: FitResult, truth) -> None:
+    found = errors(fit, truth, "damping")
+    assert len(found) == 6
+    assert np.abs(list(found.values())).max() < 0.12
+
+
+def test_speeds_are_found_to_a_few_thousandths(fit: FitResult) -> None:
+    with (DATA / "truth.toml").open("rb") as handle:
+        runs = tomllib.load(handle)["bump_run"]
+    true = {run["file"]: run["true_speed_m_s"] for run in runs}
+    found = {p.run: p.value for p in fit.run_parameters if p.quantity == "speed"}
+    assert max(abs(found[file] / speed - 1.0) for file, speed in true.items()) < 0.005
+
+
+def test_start_values_alone_would_fail(fit: FitResult, truth) -> None:
+    start = {p.name: p.start / truth[p.axle]["suspension_stiffness_N_per_m"] - 1.0
+             for p in fit.parameters if p.quantity == "stiffness" and p.axle is not None}  # fmt: skip
+    assert np.abs(list(start.values())).max() > 0.05
