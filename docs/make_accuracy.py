@@ -148,7 +148,8 @@ def agreement_table(result: dict[str, Any], sensors: dict[str, Any]) -> list[str
 def spread(rows: Iterable[tuple[float, float]]) -> str:
     """Median and largest absolute error in per cent."""
     errors = [100.0 * abs(value / true - 1.0) for value, true in rows]
-    return f"median {median(errors):.2g} %, largest {max(errors):.2g} %"
+    middle, largest = (f"{e:.1f}" if e >= 1.0 else f"{e:.2g}" for e in (median(errors), max(errors)))
+    return f"median {middle} %, largest {largest} %"
 
 
 def coverage(rows: list[tuple[dict[str, Any], float]]) -> str:
