@@ -1,4 +1,4 @@
-"""Imports run downward only, and the light packages load nothing heavy: read from the source, and from a fresh process."""
+"""Imports run downward only, and the light packages load nothing heavy: from the source, and from a fresh process."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ROOT = Path(sysid.__file__).resolve().parent
 
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
-    {"errors", "runtime"},
+    {"errors", "runtime", "tabular"},
     {"campaign"},
     {"sdof", "road"},
     {"vehicle_model"},

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+from sysid.tabular import Tabular, records_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Verdict = Literal["good", "usable", "rejected"]
 
@@ -38,8 +43,27 @@ class ChannelFinding:
 
 
 @dataclass(frozen=True)
-class QualityReport:
+class QualityReport(Tabular):
     """All findings of a campaign: one per log and channel, plus sentences about logs or the campaign as a whole."""
 
     channels: tuple[ChannelFinding, ...]
     messages: tuple[str, ...] = ()
+
+    def summary(self) -> pd.DataFrame:
+        """One row per entry, in SI units."""
+        return records_table(
+            self.channels,
+            (
+                "file",
+                "column",
+                "verdict",
+                "rate_hz",
+                "jitter_s",
+                "missing",
+                "clipped",
+                "rest_level",
+                "noise_rms",
+                "peak",
+                "messages",
+            ),
+        )

@@ -30,7 +30,7 @@ def run_histories(campaign: Campaign, state: FitState, instrument: tuple[np.ndar
         arrays, runs = model.arrays[position], list(group.runs)
         noise = state.weights.noise_sd[position]
         simulated = jnp.asarray(signals[position])[..., None]
-        fit = eliminate_sensors(arrays, noise, simulated)
+        fit = eliminate_sensors(arrays, noise / state.weights.tempering[position], simulated)
         offset, gain = np.asarray(fit.offset)[..., 0], np.asarray(fit.gain)[..., 0]
         shown = offset + gain * np.asarray(simulated)[..., 0]
         for r, run in enumerate(runs):

@@ -184,7 +184,8 @@ def _first_scale(model: BumpModel, instrument: tuple[np.ndarray, ...]) -> tuple[
     scales = []
     for group, noise in zip(model.groups, instrument, strict=True):
         count = np.maximum(group.measured.sum(axis=0), 1)
-        rms = np.sqrt((group.measured * group.value**2).sum(axis=0) / count)
+        mean = (group.measured * group.value).sum(axis=0) / count
+        rms = np.sqrt((group.measured * (group.value - mean) ** 2).sum(axis=0) / count)
         scales.append(np.hypot(noise, 0.1 * rms))
     return tuple(scales)
 
@@ -263,7 +264,7 @@ def _result(campaign, problem, vector, start_vector, minimum, iterations, instru
         scipy_max_difference_sd=cross_check,
         variance_inflation=median_inflation,
         model_error_inflation=float(np.sqrt(np.mean(adjustment.inflation))),
-        contact="effective profile of radial springs, quadratic stiffening, horizontal force",
+        contact="footprint map of radial springs, power-law stiffening, forward force",
         autocorrelation_lag_s=np.arange(lags) * model.groups[0].interval_s,
         autocorrelation=np.concatenate(
             [c[:lags].reshape(lags, -1)[:, u.ravel()].T for c, u in zip(correlations, usable, strict=True)]
@@ -439,7 +440,7 @@ def _warnings(estimates, converged: bool, misfit: float, halving: float, cross_c
             f"Residuals are {misfit:.1f} times the instrument noise (median over channels): the model does not explain "
             "everything the sensors saw, and intervals may be too narrow."
         )
-    if halving > 1e-3:
+    if halving > 1e-2:
         found.append(f"Halving the integration step changes a channel by {halving:.1e} of its size.")
     if np.isfinite(cross_check) and cross_check > 0.5:
         found.append(

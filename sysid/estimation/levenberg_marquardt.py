@@ -19,7 +19,9 @@ import optimistix as optx
 from sysid.errors import SysidError
 
 #: Consecutive rejected trials after which the damping is so strong that nothing smaller will be found.
-_PATIENCE = 6
+_PATIENCE = 20
+#: Share of the predicted fall of the cost above which the damping is relaxed.
+_GOOD_STEP = 0.75
 
 Evaluation = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -82,10 +84,15 @@ def minimise(
     scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
 
     solver: optx.LevenbergMarquardt = optx.LevenbergMarquardt(rtol=relative_tolerance, atol=relative_tolerance)
+    solver = eqx.tree_at(lambda s: s.search, solver, optx.ClassicalTrustRegion(high_cutoff=_GOOD_STEP))
     point = jnp.asarray(start / scale)
     args = _Affine(point, jnp.asarray(residual), jnp.asarray(jacobian * scale))
     struct = jax.ShapeDtypeStruct(residual.shape, jnp.float64)
     state = solver.init(_affine, point, args, {}, struct, None, frozenset())
+    # The first step is no longer than the start vector: a leap into a flat region is accepted, but never comes back.
+    reach, pull = float(jnp.linalg.norm(point)), float(np.linalg.norm((jacobian * scale).T @ residual))
+    if 0.0 < reach < pull:
+        state = eqx.tree_at(lambda s: s.search_state.step_size, state, jnp.asarray(reach / pull))
     step = eqx.filter_jit(lambda y, a, s: solver.step(_affine, y, a, {}, s, frozenset()))
 
     best, rejections = np.inf, 0

@@ -20,7 +20,7 @@ from sysid.sdof.results import DropEstimate, DropSummary
 class Parameter:
     """One global parameter: value and description are kept apart.
 
-    `quantity` is ``stiffness``, ``damping``, ``tire_stiffness``, ``tire_damping`` or ``tire_stiffening``; `axle` its
+    `quantity` is ``stiffness``, ``damping``, ``tire_stiffness``, ``tire_damping`` or ``tire_exponent``; `axle` its
     axle index, None for a property of all tires; `load_case` None means shared by all load cases.  `start` and
     `prior_median` in `unit`; `prior_sd` is the standard deviation of the logarithm.
     """
@@ -77,8 +77,11 @@ class ParameterSet:
     def prior_rows(self) -> tuple[np.ndarray, np.ndarray]:
         """Prior as linear residuals: ``rows @ log_parameters - targets`` is standard normal; (m, p) and (m,)."""
         count = len(self.parameters)
-        rows = [np.eye(count)[i] / p.prior_sd for i, p in enumerate(self.parameters)]
-        targets = [np.log(p.prior_median) / p.prior_sd for p in self.parameters]
+        # A linked parameter has its prior from the link alone; its `prior_sd` is the marginal one.
+        linked = {link.second for link in self.links}
+        own = [(i, p) for i, p in enumerate(self.parameters) if p.name not in linked]
+        rows = [np.eye(count)[i] / p.prior_sd for i, p in own]
+        targets = [np.log(p.prior_median) / p.prior_sd for _, p in own]
         order = {p.name: i for i, p in enumerate(self.parameters)}
         for link in self.links:
             row = np.zeros(count)
@@ -94,10 +97,10 @@ GENERIC_DAMPING = (1.2e4, 0.8)
 #: Spread of the log of k and c around a drop estimate: axle coupling and the tire in series bias drops this much.
 DROP_STIFFNESS_SD = 0.4
 DROP_DAMPING_SD = 0.7
-#: Spread of data-book tire values, and the tire's stiffening per metre of deflection.
+#: Spread of data-book tire values, and the exponent of the tire's load-deflection law (1 linear, 1.5 radial springs).
 TIRE_STIFFNESS_SD = 0.10
 TIRE_DAMPING_SD = 0.5
-TIRE_STIFFENING = (4.0, 0.8)
+TIRE_EXPONENT = (1.2, 0.08)
 #: An air spring's stiffness follows its load with an exponent of about 1/2 to 1; the link leaves room for either.
 AIR_LOAD_EXPONENT = 0.5
 AIR_LINK_SD = 0.5
@@ -155,8 +158,8 @@ def campaign_parameters(campaign: Campaign, drops: DropSummary | None) -> Parame
     for i, axle in enumerate(vehicle.axles):
         median, sd = _override(axle, "tire_damping", max(axle.tire_damping_N_s_per_m, 500.0), TIRE_DAMPING_SD)
         parameters.append(Parameter(f"ct_{i + 1}", "tire_damping", "N s/m", median, median, sd, axle=i))
-    median, sd = TIRE_STIFFENING
-    parameters.append(Parameter("tire_stiffening", "tire_stiffening", "1/m", median, median, sd))
+    median, sd = TIRE_EXPONENT
+    parameters.append(Parameter("tire_exponent", "tire_exponent", "1", median, median, sd))
     return ParameterSet(tuple(parameters), tuple(links))
 
 

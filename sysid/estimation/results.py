@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from sysid.tabular import Tabular, records_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,7 @@ class RunHistory:
 
 
 @dataclass(frozen=True)
-class FitResult:
+class FitResult(Tabular):
     """The least-squares optimum: global parameters, covariance, residual statistics and diagnostics.
 
     `covariance` (p, p) of the global parameters in the estimation space (logarithms where `transform` says so),
@@ -99,3 +105,22 @@ class FitResult:
     def names(self) -> tuple[str, ...]:
         """Names of the global parameters in the order of the covariance."""
         return tuple(p.name for p in self.parameters)
+
+    def summary(self) -> pd.DataFrame:
+        """One row per entry, in SI units."""
+        return records_table(
+            self.parameters,
+            (
+                "name",
+                "axle",
+                "quantity",
+                "load_case",
+                "unit",
+                "value",
+                "sd",
+                "start",
+                "prior_median",
+                "prior_sd",
+                "identified",
+            ),
+        )

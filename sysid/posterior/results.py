@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from sysid.tabular import Tabular, records_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -22,7 +28,7 @@ class PosteriorSummary:
 
 
 @dataclass(frozen=True)
-class Posterior:
+class Posterior(Tabular):
     """Draws of all ensembles after burn-in, in natural units.
 
     `draws` (ensembles, steps, walkers, parameters); `log_probability` (ensembles, steps, walkers);
@@ -43,3 +49,7 @@ class Posterior:
     likelihood: str
     message: str
     seed: int
+
+    def summary(self) -> pd.DataFrame:
+        """One row per entry, in SI units."""
+        return records_table(self.summaries, ("name", "mean", "sd", "q05", "q50", "q95", "ess", "rhat"))

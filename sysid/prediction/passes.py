@@ -61,7 +61,7 @@ def predict_pass(
     lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [Pass(request.load_case, request.bump)], [])
     index = parameter_index(parameters, len(campaign.vehicle.axles), [request.load_case])
     road, speed = lanes.road, request.speed_m_s
-    last = road.first_station_m + road.step_m * road.coefficients.shape[-1]
+    last = road.first_station_m + road.step_m * road.rise.shape[-1]
     # The record starts half a second before axle 1 touches the bump and its time is zero over the start of the bump.
     lead = np.ceil((BEFORE_S - road.first_station_m / speed) / INTERVAL_S) * INTERVAL_S
     samples = int(np.ceil((lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S) / INTERVAL_S))
@@ -120,8 +120,8 @@ def _warnings(campaign: Campaign, request: PredictionRequest, driven: list[float
     peak = force.max(axis=0) / static
     if not all(travel) and np.any(peak > 3.0):
         found.append(
-            f"{name}: load ratios above 3 assume that no suspension reaches its stops; no travel is declared in "
-            "campaign.toml, so treat them as upper bounds of a model without bump stops."
+            f"{name}: load ratios above 3 come from a model without bump stops, and no suspension travel is declared "
+            "in campaign.toml to judge whether the stops would be reached; do not use them as wheel loads."
         )
     return tuple(found)
 

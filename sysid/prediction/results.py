@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from sysid.tabular import Tabular
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -32,8 +38,29 @@ class PassPrediction:
 
 
 @dataclass(frozen=True)
-class Predictions:
+class Predictions(Tabular):
     """All predicted passes of a campaign; `source` is ``posterior`` or ``least squares``."""
 
     passes: tuple[PassPrediction, ...]
     source: str
+
+    def summary(self) -> pd.DataFrame:
+        """Peak dynamic load ratio of every axle and pass."""
+        import pandas as pd
+
+        rows = []
+        for p in self.passes:
+            for i in range(len(p.static_load_N)):
+                rows.append(
+                    {
+                        "load_case": p.load_case,
+                        "speed_m_s": p.speed_m_s,
+                        "axle": i + 1,
+                        "static_load_N": p.static_load_N[i],
+                        "peak_ratio_q05": None if p.peak_ratio_q05 is None else p.peak_ratio_q05[i],
+                        "peak_ratio_q50": p.peak_ratio_q50[i],
+                        "peak_ratio_q95": None if p.peak_ratio_q95 is None else p.peak_ratio_q95[i],
+                        "lift_off": bool(p.lift_off[i]),
+                    }
+                )
+        return pd.DataFrame(rows)

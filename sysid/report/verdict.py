@@ -211,7 +211,9 @@ def _todo(results: Results) -> list[str]:
     elif results.posterior is None:
         steps.append("Run the stage 'sample' for credible intervals that include what the data cannot tell apart.")
     elif results.status == "not_converged":
-        steps.append("Run the stage 'sample' again: it resumes where it stopped.")
+        steps.append(
+            "Run the stage 'sample' again with --resume and a larger --max-steps: it goes on where it stopped."
+        )
     if results.quality is not None:
         rejected = [f"{c.column} of {c.file}" for c in results.quality.channels if c.verdict == "rejected"]
         if rejected:

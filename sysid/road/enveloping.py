@@ -21,18 +21,19 @@ SPOKE_EXPONENT = 0.7
 
 _SPOKES = 161
 _HALF_ANGLE_RAD = np.deg2rad(60.0)
-_LEVELS = 24
+_LEVELS = 48
+_MAP_DEPTH_PER_RADIUS = 0.12
 _DEEPEST_PER_RADIUS = 0.24
 _STATION_STEP_M = 0.01
 
 
 @dataclass(frozen=True)
 class SpokeTable:
-    """Vertical force of a unit-stiffness radial-spring wheel over one profile.
+    """Force of a unit-stiffness radial-spring wheel over one profile.
 
     `station_m` (n,) of the wheel centre from the start of the bump; `contact_height_m` (n,) centre height at first
-    contact; `deflection_m` (m,) below first contact; `force` (n, m) for unit spoke stiffness; `flat_force` (m,) the
-    same on a flat road.
+    contact; `deflection_m` (m,) below first contact; `force`, `forward_force` (n, m) vertical and forward force for
+    unit spoke stiffness; `flat_force` (m,) the vertical one on a flat road.
     """
 
     radius_m: float
@@ -40,6 +41,7 @@ class SpokeTable:
     contact_height_m: np.ndarray
     deflection_m: np.ndarray
     force: np.ndarray
+    forward_force: np.ndarray
     flat_force: np.ndarray
 
 
@@ -63,14 +65,15 @@ def spoke_table(profile: RoadProfile, radius_m: float, *, exponent: float = SPOK
     tread = np.interp(station[:, None] + radius_m * np.sin(angle), road_s, road_z, left=0.0, right=0.0)
     contact = np.maximum((tread + radius_m * np.cos(angle)).max(axis=1), radius_m)
     height = contact[:, None] - deflection[None, :]
-    force = _spoke_sum(station, height, angle, radius_m, exponent, road_s, road_z)
-    flat = _spoke_sum(np.zeros(1), (radius_m - deflection)[None, :], angle, radius_m, exponent, road_s, 0.0 * road_z)
-    return SpokeTable(radius_m, station, contact, deflection, force, flat[0])
+    force, forward = _spoke_sums(station, height, angle, radius_m, exponent, road_s, road_z)
+    flat_height = (radius_m - deflection)[None, :]
+    flat, _ = _spoke_sums(np.zeros(1), flat_height, angle, radius_m, exponent, road_s, 0.0 * road_z)
+    return SpokeTable(radius_m, station, contact, deflection, force, forward, flat[0])
 
 
-def _spoke_sum(station, height, angle, radius, exponent, road_s, road_z) -> np.ndarray:
-    """Vertical force (stations, levels) of all spokes for given centre heights (stations, levels)."""
-    total = np.zeros_like(height)
+def _spoke_sums(station, height, angle, radius, exponent, road_s, road_z) -> tuple[np.ndarray, np.ndarray]:
+    """Vertical and forward force (stations, levels) of all spokes for given centre heights (stations, levels)."""
+    vertical, forward = np.zeros_like(height), np.zeros_like(height)
     for phi in angle:
         sin, cos = np.sin(phi), np.cos(phi)
         # Bisection along the spoke: above the road at the hub, possibly below it at the undeformed tread.
@@ -84,8 +87,11 @@ def _spoke_sum(station, height, angle, radius, exponent, road_s, road_z) -> np.n
             low = np.where(below, low, middle)
         compression = np.maximum(radius - 0.5 * (low + high), 0.0)
         compression[compression < 1e-6 * radius] = 0.0
-        total += cos * compression**exponent
-    return total * (angle[1] - angle[0])
+        force = compression**exponent
+        vertical += cos * force
+        forward -= sin * force
+    spacing = angle[1] - angle[0]
+    return vertical * spacing, forward * spacing
 
 
 def static_deflection(table: SpokeTable, load_N: float, stiffness_N_per_m: float) -> float:
@@ -138,3 +144,75 @@ def effective_profile(
     flat = np.interp(target**power, table.flat_force**power, table.deflection_m)
     rise = table.contact_height_m - deflection - (table.radius_m - flat)
     return table.station_m, np.where(np.abs(rise) < 1e-7, 0.0, rise)
+
+
+@dataclass(frozen=True)
+class FootprintMap:
+    """How a radial-spring tire responds over a bump, relative to its response on a flat road.
+
+    With v the amount by which the wheel centre is lower than the effective profile of the static load asks for, the
+    tire carries what a flat road would make it carry at the equivalent deflection
+
+        e = u_0 + v + stretch_1 v + stretch_2 v^2 + stretch_3 v^3
+
+    and its forward force is V (drag_0 + drag_1 v + drag_2 v^2) of the vertical force V.  `station_m` (n,) from the
+    start of the bump; `rise_m` (n,) effective profile; `stretch`, `drag` (3, n) [1, 1/m, 1/m2]; `misfit_m` the largest
+    error of e over the fitted range.
+    """
+
+    station_m: np.ndarray
+    rise_m: np.ndarray
+    stretch: np.ndarray
+    drag: np.ndarray
+    misfit_m: float
+
+
+def footprint_map(
+    table: SpokeTable,
+    load_N: float,
+    reference_load_N: float,
+    stiffness_N_per_m: float,
+    *,
+    load_ratio: float = 6.0,
+    levels: int = 24,
+) -> FootprintMap:
+    """Fit the footprint map of a tire over a profile between lift-off and `load_ratio` times its static load.
+
+    Parameters as in :func:`effective_profile`; `levels` loads are used for the fit.
+    """
+    station, rise = effective_profile(table, load_N, reference_load_N, stiffness_N_per_m)
+    power = 2.0 / 3.0
+    reference = static_deflection(table, reference_load_N, stiffness_N_per_m)
+    spoke_stiffness = reference_load_N / np.interp(reference, table.deflection_m, table.flat_force)
+    flat = table.flat_force**power
+    static = np.interp((load_N / spoke_stiffness) ** power, flat, table.deflection_m)
+    deepest = np.interp((_MAP_DEPTH_PER_RADIUS * table.radius_m), table.deflection_m, table.flat_force)
+    largest = min(load_ratio * load_N / spoke_stiffness, max(deepest, 2.0 * load_N / spoke_stiffness))
+    target = largest * np.linspace(0.0, 1.0, levels + 1)[1:] ** 1.2
+    equivalent = np.interp(target**power, flat, table.deflection_m)
+    deflection = np.array([np.interp(target**power, row**power, table.deflection_m) for row in table.force])
+    height = table.contact_height_m[:, None] - deflection
+    below = rise[:, None] + (table.radius_m - static) - height
+    extra = equivalent - static - below
+    basis = np.stack([below, below**2, below**3], axis=-1)
+    # Columns are scaled so that the small powers of metres do not spoil the normal equations.
+    scale = np.array([static, static**2, static**3])
+    weight = np.ones(levels)
+    coefficients = _fit_rows(basis / scale, extra, weight) / scale
+    misfit = float(np.abs((basis * coefficients[:, None, :]).sum(axis=-1) - extra).max())
+    rows = zip(deflection, table.forward_force, table.force, strict=True)
+    ratio = np.array([np.interp(d, table.deflection_m[1:], f[1:] / v[1:]) for d, f, v in rows])
+    drag_scale = np.array([1.0, static, static**2])
+    drag_basis = np.stack([np.ones_like(below), below, below**2], axis=-1)
+    drag = _fit_rows(drag_basis / drag_scale, ratio, target / target.max()) / drag_scale
+    on_flat = np.abs(rise) < 1e-6
+    coefficients[on_flat], drag[on_flat] = 0.0, 0.0
+    return FootprintMap(station, rise, coefficients.T, drag.T, misfit)
+
+
+def _fit_rows(basis: np.ndarray, values: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Weighted least squares of every row: basis (n, m, k), values (n, m), weight (m,) -> (n, k)."""
+    weighted = basis * weight[:, None]
+    normal = np.einsum("nmk,nml->nkl", weighted, basis)
+    right = np.einsum("nmk,nm->nk", weighted, values)
+    return np.linalg.solve(normal + 1e-12 * np.eye(basis.shape[-1]), right[..., None])[..., 0]

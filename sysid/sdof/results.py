@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+
+from sysid.tabular import Tabular, records_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 DropMethod = Literal["paper", "corrected", "free_decay", "model"]
 
@@ -89,9 +94,28 @@ class DropAnalysis:
 
 
 @dataclass(frozen=True)
-class DropSummary:
+class DropSummary(Tabular):
     """All plank drops of a campaign: one analysis per file and pooled estimates per axle, load case and method."""
 
     files: tuple[DropAnalysis, ...]
     pooled: tuple[DropEstimate, ...]
     messages: tuple[str, ...] = ()
+
+    def summary(self) -> pd.DataFrame:
+        """One row per entry, in SI units."""
+        return records_table(
+            self.pooled,
+            (
+                "axle",
+                "load_case",
+                "method",
+                "stiffness",
+                "stiffness_sd",
+                "damping",
+                "damping_sd",
+                "damped_period",
+                "log_decrement",
+                "usable",
+                "note",
+            ),
+        )

@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sysid.tabular import Tabular, records_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -22,7 +28,13 @@ class ChannelAgreement:
 
 
 @dataclass(frozen=True)
-class Validation:
+class Validation(Tabular):
     """Agreement of every channel of every run."""
 
     channels: tuple[ChannelAgreement, ...]
+
+    def summary(self) -> pd.DataFrame:
+        """One row per entry, in SI units."""
+        return records_table(
+            self.channels, ("run", "column", "kind", "axle", "nrmse", "residual_over_noise", "samples")
+        )

@@ -1,13 +1,19 @@
-"""Tire contact over an effective profile: unilateral, stiffening, with the horizontal force of the slope.
+"""Tire contact over a bump: a footprint of radial springs, unilateral, with vertical and forward force.
 
-The wheel centre feels the effective road W(s) of its static load (:mod:`sysid.road.enveloping`).  With the deflection
-u = u_0 + W(s) - z (u_0 at rest, z the rise of the wheel centre) the vertical and the forward force are
+The wheel centre feels the effective road W(s) of its static load, and around it the footprint map of
+:mod:`sysid.road.enveloping`.  With v = W(s) - z (z the rise of the wheel centre above its static position) the tire
+acts like a flat road at the equivalent deflection
 
-    V = max(0, A u + B u^2 + c (W' ds/dt - dz/dt)),   H = -V W'(s)
+    e = u_0 + v + alpha_1(s) v + alpha_2(s) v^2 + alpha_3(s) v^3,
 
-with the quadratic deflection law of tire handbooks (B = kappa A, kappa the stiffening; H. B. Pacejka, Tire and Vehicle
-Dynamics, the load characteristic of the Magic Formula tire).  A is fixed by the declared tangent stiffness at the
-first load case's static load; damping scales with the contact length, the square root of the static deflection.
+and gives the vertical and the forward force
+
+    V = max(0, F_ref |e / u_ref|^n sign(e) + c (e / u_ref)^(1/2) de/dt),
+    H = V (beta_0(s) + beta_1(s) v + beta_2(s) v^2).
+
+The exponent n is the same for all tires and estimated with the other parameters; u_ref = n F_ref / k_t makes k_t the
+tangent stiffness at the static load F_ref of the first load case, so other load cases get stiffer by themselves.  The
+damping grows with the contact length, the square root of the deflection (softened below a tenth of u_ref).
 """
 
 from __future__ import annotations
@@ -26,68 +32,95 @@ from scipy.ndimage import spline_filter1d
 _PADDING = 24
 
 
+#: Value and first three derivatives along the road of the three coefficients of a map.
+MapOrders = tuple[jax.Array, jax.Array, jax.Array, jax.Array]
+
+
 class TireLaw(NamedTuple):
     """Coefficients of the contact force per axle and lane, arrays (R, na, S).
 
-    `static_deflection` u_0 [m], `linear` A [N/m], `quadratic` B [N/m2], `damping` c [N s/m]; `horizontal` is 1 where
-    the slope of the road pushes the wheel back and 0 for a purely vertical contact force.
+    `static_deflection` u_0 [m]; `reference_deflection` u_ref [m]; `reference_load` F_ref [N]; `exponent` n (S,) or
+    broadcastable [-]; `damping` c [N s/m] at the reference deflection.  `growth` is 1 where damping grows with the
+    contact length, 0 where it is constant.
     """
 
     static_deflection: jax.Array
-    linear: jax.Array
-    quadratic: jax.Array
+    reference_deflection: jax.Array
+    reference_load: jax.Array
+    exponent: jax.Array
     damping: jax.Array
-    horizontal: float = 1.0
+    growth: float = 1.0
 
 
 class RoadInput(NamedTuple):
-    """Effective road under each wheel: rise [m] and its first four derivatives along the road, (..., R, na, S)."""
+    """Road under each wheel at one instant or many, (..., R, na, S).
+
+    `rise` W [m] and its first four derivatives along the road; `stretch` and `drag`, each (3 coefficients) of the
+    footprint map with its first three derivatives: tuples of four (..., 3, R, na, S) arrays, or None for a point
+    follower with a purely vertical force.
+    """
 
     rise: jax.Array
     slope: jax.Array
     second: jax.Array
     third: jax.Array
     fourth: jax.Array
+    stretch: MapOrders | None = None
+    drag: MapOrders | None = None
 
     def shifted(self, ahead: jax.Array) -> RoadInput:
         """The road looked up `ahead` [m] further on, to first order: exact as a derivative with respect to it."""
-        moved = [value + derivative * ahead for value, derivative in pairwise(self)]
-        return RoadInput(moved[0], moved[1], moved[2], moved[3], self.fourth)
+
+        def moved(orders: tuple[jax.Array, ...]) -> list[jax.Array]:
+            return [*(value + derivative * ahead for value, derivative in pairwise(orders)), orders[-1]]
+
+        rise, slope, second, third, fourth = moved((self.rise, self.slope, self.second, self.third, self.fourth))
+        stretch = None if self.stretch is None else _orders(moved(self.stretch))
+        drag = None if self.drag is None else _orders(moved(self.drag))
+        return RoadInput(rise, slope, second, third, fourth, stretch, drag)
+
+
+def _orders(values: list[jax.Array]) -> MapOrders:
+    value, first, second, third = values
+    return value, first, second, third
 
 
 def tire_law(
     stiffness: jax.Array,
     damping: jax.Array,
-    stiffening: jax.Array,
+    exponent: jax.Array,
     static_load: jax.Array,
     reference_load: jax.Array,
 ) -> TireLaw:
     """Coefficients of the contact law from the tangent stiffness at the reference load.
 
-    With r = F_ref / k_t the reference deflection is u = 2 r / (1 - 2 kappa r + sqrt(1 + 4 kappa^2 r^2)) and
-    A = k_t / (1 + 2 kappa u); any other static load F gives u_0 = 2 F / (A (1 + sqrt(1 + 4 kappa F / A))).
+    F = F_ref (u / u_ref)^n has the tangent k_t = n F_ref / u_ref at F_ref; a static load F rests at
+    u_0 = u_ref (F / F_ref)^(1/n).
 
     Parameters
     ----------
     stiffness : (R, na, S) tangent stiffness k_t at the reference load [N/m].
     damping : (R, na, S) damping at the reference load [N s/m].
-    stiffening : (..., S) kappa [1/m].
+    exponent : (..., S) n.
     static_load, reference_load : (R, na, 1) static load of this lane and of the first load case [N].
     """
-    r = reference_load / stiffness
-    reference = 2.0 * r / (1.0 - 2.0 * stiffening * r + jnp.sqrt(1.0 + (2.0 * stiffening * r) ** 2))
-    linear = stiffness / (1.0 + 2.0 * stiffening * reference)
-    static = 2.0 * (static_load / linear) / (1.0 + jnp.sqrt(1.0 + 4.0 * stiffening * static_load / linear))
-    return TireLaw(static, linear, stiffening * linear, damping * jnp.sqrt(static / reference))
+    reference = exponent * reference_load / stiffness
+    static = reference * (static_load / reference_load) ** (1.0 / exponent)
+    return TireLaw(static, reference, reference_load, exponent, damping)
+
+
+#: Deflection, as a fraction of the reference, below which the damping falls off linearly instead of as a square root:
+#: a vertical tangent at lift-off would ask for much smaller time steps.
+SOFT_DAMPING = 0.1
 
 
 def contact_force(
     law: TireLaw, road: RoadInput, advance: jax.Array, speed: jax.Array, rise: jax.Array, rise_rate: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """Unclipped vertical contact force [N] and local road slope [-], both (R, na, S).
+    """Unclipped vertical contact force [N] and ratio of forward to vertical force [-], both (R, na, S).
 
-    Below zero deflection the law continues with its initial tangent, so that the unclipped force is smooth through
-    lift-off; the contact force is its positive part and the forward force minus slope times that.
+    The elastic law continues oddly below zero deflection, so that the unclipped force crosses zero smoothly at
+    lift-off; the contact force is its positive part.
 
     Parameters
     ----------
@@ -99,34 +132,75 @@ def contact_force(
     """
     slope = road.slope + advance * (road.second + 0.5 * advance * road.third)
     height = road.rise + advance * (road.slope + advance * (0.5 * road.second + advance / 6.0 * road.third))
-    deflection = law.static_deflection + height - rise
-    elastic = deflection * (law.linear + law.quadratic * jnp.maximum(deflection, 0.0))
-    return elastic + law.damping * (slope * speed - rise_rate), slope
+    below = height - rise
+    below_rate = slope * speed - rise_rate
+    if road.stretch is None or road.drag is None:
+        deflection = law.static_deflection + below
+        rate, drag = below_rate, jnp.zeros_like(slope)
+    else:
+        (a, b, c), (da, db, dc) = _advanced(road.stretch, advance)
+        deflection = law.static_deflection + below * (1.0 + a + below * (b + below * c))
+        rate = below_rate * (1.0 + a + below * (2.0 * b + 3.0 * below * c))
+        rate = rate + speed * below * (da + below * (db + below * dc))
+        (a, b, c), _ = _advanced(road.drag, advance)
+        drag = a + below * (b + below * c)
+    relative = deflection / law.reference_deflection
+    elastic = law.reference_load * _odd_power(relative, law.exponent)
+    grown = jnp.maximum(relative, 0.0)
+    length = grown * jnp.sqrt((1.0 + SOFT_DAMPING) / (grown + SOFT_DAMPING))
+    factor = 1.0 + law.growth * (length - 1.0)
+    return elastic + law.damping * factor * rate, drag
+
+
+def _advanced(orders: MapOrders, advance: jax.Array) -> tuple[list[jax.Array], list[jax.Array]]:
+    """The three map coefficients and their slopes `advance` [m] further on, by their Taylor series."""
+    value, first, second, _ = orders
+    moved = [value[k] + advance * (first[k] + 0.5 * advance * second[k]) for k in range(3)]
+    return moved, [first[k] + advance * second[k] for k in range(3)]
+
+
+def _odd_power(x: jax.Array, exponent: jax.Array) -> jax.Array:
+    """sign(x) |x|^n for n about 1 or more, with finite derivatives at zero."""
+    size = jnp.abs(x)
+    safe = jnp.where(size > 1e-12, size, 1.0)
+    return jnp.where(size > 1e-12, jnp.sign(x) * jnp.exp(exponent * jnp.log(safe)), 0.0)
 
 
 class EffectiveRoad(NamedTuple):
-    """Quintic B-spline coefficients of the effective profiles, (R, na, n), on uniform stations."""
+    """Quintic B-spline coefficients on uniform stations of the effective profiles and footprint maps.
 
-    coefficients: np.ndarray
+    `rise` (R, na, n); `stretch`, `drag` (3, R, na, n), None for a point follower.
+    """
+
+    rise: np.ndarray
     first_station_m: float
     step_m: float
+    stretch: np.ndarray | None = None
+    drag: np.ndarray | None = None
 
 
-def spline_coefficients(rise_m: np.ndarray) -> np.ndarray:
+def spline_coefficients(values: np.ndarray) -> np.ndarray:
     """Coefficients of the interpolating quintic B-spline along the last axis, zero-padded at both ends."""
-    padding = [(0, 0)] * (rise_m.ndim - 1) + [(_PADDING, _PADDING)]
-    padded = np.pad(rise_m, padding)
-    return spline_filter1d(padded, order=5, axis=-1, mode="mirror", output=np.float64)
+    padding = [(0, 0)] * (values.ndim - 1) + [(_PADDING, _PADDING)]
+    return spline_filter1d(np.pad(values, padding), order=5, axis=-1, mode="mirror", output=np.float64)
 
 
-def effective_road(station_m: np.ndarray, rise_m: np.ndarray) -> EffectiveRoad:
-    """Spline of effective profiles (R, na, n) given on uniform stations [m] from the start of the bump."""
+def effective_road(
+    station_m: np.ndarray, rise_m: np.ndarray, stretch: np.ndarray | None = None, drag: np.ndarray | None = None
+) -> EffectiveRoad:
+    """Splines of effective profiles (R, na, n) and maps (3, R, na, n) on uniform stations [m] from the bump's start."""
     step = float(station_m[1] - station_m[0])
-    return EffectiveRoad(spline_coefficients(rise_m), float(station_m[0]) - _PADDING * step, step)
+    return EffectiveRoad(
+        spline_coefficients(rise_m),
+        float(station_m[0]) - _PADDING * step,
+        step,
+        None if stretch is None else spline_coefficients(stretch),
+        None if drag is None else spline_coefficients(drag),
+    )
 
 
 def road_input(road: EffectiveRoad, position_m: jax.Array) -> RoadInput:
-    """Rise of the effective road and its derivatives at wheel positions.
+    """Road at wheel positions: effective profile, footprint map, and their derivatives.
 
     The quintic B-spline basis is continuous over its knots up to the fourth derivative, so the result does not depend
     on which cell rounding chooses for a position that falls on a knot.
@@ -135,25 +209,37 @@ def road_input(road: EffectiveRoad, position_m: jax.Array) -> RoadInput:
     ----------
     position_m : (..., R, na, S) wheel-centre positions from the start of the bump [m].
     """
-    count = road.coefficients.shape[-1]
+    count = road.rise.shape[-1]
     moved = jnp.moveaxis(position_m, (-3, -2), (0, 1))
     flat = moved.reshape(*moved.shape[:2], -1)
     # Outside the tabulated stations the road is flat: all coefficients are zero there.
     scaled = jnp.clip((flat - road.first_station_m) / road.step_m, 2.0, count - 4.0)
     cell = jax.lax.stop_gradient(jnp.floor(scaled)).astype(jnp.int32)
     t = scaled - cell
-    table = jnp.asarray(road.coefficients)
-    # Six B-spline coefficients become the six coefficients of the polynomial in t on this cell.
-    weights = jnp.stack([jnp.take_along_axis(table, cell + k, axis=2) for k in range(-2, 4)])
-    terms = jnp.tensordot(jnp.asarray(_CELL_POLYNOMIAL), weights, axes=1)
-    derivatives = []
-    for order in range(5):
-        factors = [math.perm(power, order) for power in range(order, 6)]
-        value = factors[-1] * terms[5]
-        for power in range(4, order - 1, -1):
-            value = value * t + factors[power - order] * terms[power]
-        derivatives.append(jnp.moveaxis(value.reshape(moved.shape), (0, 1), (-3, -2)) / road.step_m**order)
-    return RoadInput(*derivatives)
+
+    def derivatives(coefficients: np.ndarray, orders: int) -> list[jax.Array]:
+        table = jnp.asarray(coefficients)
+        # Six B-spline coefficients become the six coefficients of the polynomial in t on this cell.
+        weights = jnp.stack([jnp.take_along_axis(table, cell + k, axis=2) for k in range(-2, 4)])
+        terms = jnp.tensordot(jnp.asarray(_CELL_POLYNOMIAL), weights, axes=1)
+        found = []
+        for order in range(orders):
+            factors = [math.perm(power, order) for power in range(order, 6)]
+            value = factors[-1] * terms[5]
+            for power in range(4, order - 1, -1):
+                value = value * t + factors[power - order] * terms[power]
+            found.append(jnp.moveaxis(value.reshape(moved.shape), (0, 1), (-3, -2)) / road.step_m**order)
+        return found
+
+    def stacked(tables: np.ndarray | None) -> MapOrders | None:
+        if tables is None:
+            return None
+        each = [derivatives(table, 4) for table in tables]
+        # The coefficient axis stands just before (R, na, S), so that a leading time axis can be sliced.
+        return _orders([jnp.stack([coefficients[k] for coefficients in each], axis=-4) for k in range(4)])
+
+    rise, slope, second, third, fourth = derivatives(road.rise, 5)
+    return RoadInput(rise, slope, second, third, fourth, stacked(road.stretch), stacked(road.drag))
 
 
 def _cell_polynomial() -> np.ndarray:

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from sysid.campaign.records import LoadCase, Vehicle
-from sysid.road.enveloping import SpokeTable, effective_profile, spoke_table
+from sysid.road.enveloping import FootprintMap, SpokeTable, footprint_map, spoke_table
 from sysid.road.results import RoadProfile
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import EffectiveRoad, effective_road
@@ -46,45 +46,47 @@ class EffectiveRoads:
         self._load_cases = dict(load_cases)
         self._profiles = dict(profiles)
         self._table = lru_cache(maxsize=None)(self._make_table)
-        self._rises = lru_cache(maxsize=None)(self._make_rises)
+        self._maps = lru_cache(maxsize=None)(self._make_maps)
 
     def _make_table(self, bump: str, radius_m: float) -> SpokeTable:
         return spoke_table(self._profiles[bump], radius_m)
 
-    def _make_rises(self, load_case: str, bump: str) -> tuple[np.ndarray, np.ndarray]:
+    def _make_maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
         first = next(iter(self._load_cases.values()))
         case = self._load_cases[load_case]
         gravity = self._vehicle.gravity_m_s2
-        curves = [
-            effective_profile(
+        return tuple(
+            footprint_map(
                 self._table(bump, axle.tire_radius_m),
                 case.axle_loads_kg[i] * gravity,
                 first.axle_loads_kg[i] * gravity,
                 axle.tire_stiffness_N_per_m,
             )
             for i, axle in enumerate(self._vehicle.axles)
-        ]
-        start = min(s[0] for s, _ in curves)
-        end = max(s[-1] for s, _ in curves)
-        step = curves[0][0][1] - curves[0][0][0]
-        station = start + np.arange(round((end - start) / step) + 1) * step
-        return station, np.array([np.interp(station, s, w, left=0.0, right=0.0) for s, w in curves])
+        )
 
-    def rises(self, load_case: str, bump: str) -> tuple[np.ndarray, np.ndarray]:
-        """Stations (n,) from the start of the bump [m] and effective rise (na, n) [m] under each axle."""
-        return self._rises(load_case, bump)
+    def maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
+        """Footprint map of every axle in a load case over a bump."""
+        return self._maps(load_case, bump)
 
     def stacked(self, passes: Sequence[Pass]) -> EffectiveRoad:
-        """Effective roads of several passes on common stations."""
-        curves = [self.rises(p.load_case, p.bump) for p in passes]
-        step = curves[0][0][1] - curves[0][0][0]
-        first = min(round(s[0] / step) for s, _ in curves)
-        last = max(round(s[-1] / step) for s, _ in curves)
-        rises = []
-        for station, rise in curves:
-            before = round(station[0] / step) - first
-            rises.append(np.pad(rise, ((0, 0), (before, last - first + 1 - before - station.size))))
-        return effective_road(np.arange(first, last + 1) * step, np.stack(rises))
+        """Effective roads and footprint maps of several passes on common stations."""
+        maps = [self.maps(p.load_case, p.bump) for p in passes]
+        every = [m for row in maps for m in row]
+        step = float(every[0].station_m[1] - every[0].station_m[0])
+        first = min(round(m.station_m[0] / step) for m in every)
+        last = max(round(m.station_m[-1] / step) for m in every)
+
+        def padded(m: FootprintMap, values: np.ndarray) -> np.ndarray:
+            before = round(m.station_m[0] / step) - first
+            after = last - first + 1 - before - m.station_m.size
+            return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(before, after)])
+
+        def stack(name: str) -> np.ndarray:
+            return np.array([[padded(m, getattr(m, name)) for m in row] for row in maps])
+
+        stretch, drag = (np.moveaxis(stack(name), 2, 0) for name in ("stretch", "drag"))
+        return effective_road(np.arange(first, last + 1) * step, stack("rise_m"), stretch, drag)
 
 
 def make_lanes(

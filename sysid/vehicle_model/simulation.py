@@ -135,9 +135,9 @@ def _forces(lanes, suspension, tire, motion, road, time_s, state) -> _Forces:
         nominal = nominal + motion.speed_change
     advance = shift[:, axles : 2 * axles]
     speed = drift[:, axles : 2 * axles] + nominal[:, None]
-    unclipped, slope = contact_force(tire, road, advance, speed, state.axle, state.axle_rate)
+    unclipped, drag = contact_force(tire, road, advance, speed, state.axle, state.axle_rate)
     vertical = jnp.maximum(unclipped, 0.0)
-    horizontal = -tire.horizontal * slope * vertical
+    horizontal = drag * vertical
     extension = shift[:, :axles] - state.axle
     pull = suspension.stiffness * extension + suspension.damping * (drift[:, :axles] - state.axle_rate)
     body = (
@@ -212,7 +212,7 @@ def _observe(lanes: LaneMatrices, layout: SensorLayout, forces: _Forces) -> jax.
 def _time_slices(road: RoadInput, samples: int, substeps: int) -> RoadInput:
     """Road input regrouped as (samples, 2 substeps + 1, ...) so that each sample interval carries its own stages."""
     index = np.arange(samples)[:, None] * (2 * substeps) + np.arange(2 * substeps + 1)
-    return RoadInput(*(values[index] for values in road))
+    return jax.tree.map(lambda values: values[index], road)
 
 
 def stage_times(samples: int, interval_s: float, substeps: int) -> np.ndarray:
@@ -272,7 +272,7 @@ def simulate_sensors(
         shown = None
         for j in range(substeps):
             at = sample * interval_s + j * h
-            stage = [RoadInput(*(v[2 * j + k] for v in roads)) for k in range(3)]
+            stage = [jax.tree.map(lambda v, i=2 * j + k: v[i], roads) for k in range(3)]
             first = _forces(lanes, suspension, tire, motion, stage[0], at, state)
             state, middle = _step(lanes, suspension, tire, motion, stage, at, h, state, first)
             now = _observe(lanes, layout, first)
@@ -328,7 +328,7 @@ def simulate_histories(
         record = None
         for j in range(substeps):
             at = sample * interval_s + j * h
-            stage = [RoadInput(*(v[2 * j + k] for v in roads)) for k in range(3)]
+            stage = [jax.tree.map(lambda v, i=2 * j + k: v[i], roads) for k in range(3)]
             first = _forces(lanes, suspension, tire, motion, stage[0], at, state)
             if record is None:
                 record = Histories(

@@ -329,8 +329,10 @@ class Calibration:
         if name in ("fit", "sample", "predict"):
             relevant["fit"] = self.settings.as_dict()["fit"]
         if name in ("sample", "predict"):
-            sampling = dict(self.settings.as_dict()["sampling"])
-            relevant["sampling"] = sampling
+            # How long to go on decides when a chain ends, not what it is.
+            limits = ("max_steps", "min_steps", "rhat_limit", "min_effective")
+            sampling = self.settings.as_dict()["sampling"]
+            relevant["sampling"] = {k: v for k, v in sampling.items() if k not in limits}
         return hashlib.sha256(json.dumps(relevant, sort_keys=True).encode()).hexdigest()
 
     def _make_output(self) -> None:

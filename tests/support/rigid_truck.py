@@ -37,7 +37,7 @@ FILTER = AntiAliasFilter("butterworth", 4, 60.0)
 #: Suspensions behind every synthetic run.
 STIFFNESS = np.array([4.3e5, 3.9e5, 3.5e5])
 DAMPING = np.array([1.05e4, 1.2e4, 0.9e4])
-STIFFENING = 4.0
+EXPONENT = 1.25
 
 SENSORS = (
     *(Sensor(f"axle{i + 1}_lvdt", "suspension_deflection", "mm", axle=i) for i in range(3)),
@@ -103,7 +103,7 @@ def with_values(run: BumpRun, values: np.ndarray) -> BumpRun:
 
 def true_log_parameters(names: Sequence[str]) -> np.ndarray:
     """Log parameters behind the synthetic runs, in the order of the names."""
-    truth = {"tire_stiffening": STIFFENING}
+    truth = {"tire_exponent": EXPONENT}
     for i, axle in enumerate(AXLES):
         truth |= {
             f"c_{i + 1}": DAMPING[i],

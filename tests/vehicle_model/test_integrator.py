@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from rigid_truck import AXLES, DAMPING, EMPTY, FILTER, STIFFENING, STIFFNESS, VEHICLE
+from rigid_truck import AXLES, DAMPING, EMPTY, EXPONENT, FILTER, STIFFNESS, VEHICLE
 from scipy import signal
 from scipy.integrate import solve_ivp
 
@@ -34,6 +34,8 @@ DURATION_S = 1.5
 HEIGHTS_M = (0.07, 0.006)
 WIDTH_M = 0.22
 POINTS_M = (0.3, 5.0)
+#: Size of the footprint map's departure from a flat road.
+ALPHA = 0.15
 OUTPUT_S = 0.005
 FINE_S = 0.000125
 
@@ -63,19 +65,13 @@ class Truck:
         coupling = float(-(UNSPRUNG * below).sum())
         inertia = EMPTY.pitch_inertia_kg_m2[0] + float((UNSPRUNG * below**2).sum())
         total = EMPTY.sprung_mass_kg[0] + UNSPRUNG.sum()
-        deflection = LOAD / TIRE_STIFFNESS
-        for _ in range(60):  # fixed point of F = u (k - B u), which A u + B u^2 with A + 2 B u = k gives
-            quadratic = STIFFENING * TIRE_STIFFNESS / (1 + 2 * STIFFENING * deflection)
-            deflection = LOAD / (TIRE_STIFFNESS - quadratic * deflection)
         self.__dict__.update(
             cg_x=cg_x,
             below=below,
             tilt=float((preload * below).sum()),
             mass=np.array([[total, coupling], [coupling, inertia]]),
             total=total,
-            quadratic=quadratic,
-            linear=quadratic / STIFFENING,
-            rest=deflection,
+            rest=EXPONENT * LOAD / TIRE_STIFFNESS,
         )
 
     def signals(self, t: float, y: np.ndarray) -> dict[str, np.ndarray]:
@@ -87,11 +83,16 @@ class Truck:
         pull = STIFFNESS * extension + DAMPING * (z_rate - theta_rate * arm - axle_rate)
         s = SPEED_M_S * (t - START_S) - X + xi - theta * self.below
         slope = self.height_m * road(s, 1)
-        u = self.rest + self.height_m * road(s) - axle
-        climb = slope * (SPEED_M_S + xi_rate - theta_rate * self.below) - axle_rate
-        force = u * (self.linear + self.quadratic * np.maximum(u, 0)) + TIRE_DAMPING * climb
+        speed = SPEED_M_S + xi_rate - theta_rate * self.below
+        v, v_rate = self.height_m * road(s) - axle, slope * speed - axle_rate
+        a, a_slope = ALPHA * road(s), ALPHA * road(s, 1)
+        e = self.rest + v + a * v + 2.0 * a * v**2 - 5.0 * a * v**3
+        e_rate = v_rate * (1.0 + a + 4.0 * a * v - 15.0 * a * v**2) + speed * a_slope * (v + 2.0 * v**2 - 5.0 * v**3)
+        x = e / self.rest
+        grip = np.maximum(x, 0.0) * np.sqrt(1.1 / (np.maximum(x, 0.0) + 0.1))
+        force = LOAD * np.sign(x) * np.abs(x) ** EXPONENT + TIRE_DAMPING * grip * e_rate
         vertical = np.maximum(force, 0.0)
-        push = -vertical * slope
+        push = vertical * (-slope + 3.0 * slope * v)
         right = [
             push.sum() - self.total / SPEED_HOLD_S * xi_rate,
             (pull * arm).sum() - (push * self.below).sum() - self.tilt * theta,
@@ -143,7 +144,11 @@ def model(step_s: float, *, filtered: bool = False, speed_m_s: float = SPEED_M_S
     lanes = lane_matrices([matrices] * 2, [(0, x) for x in POINTS_M])
     station = np.arange(-250, 300) * 0.01
     rises = np.tile(road(station), (2, 3, 1)) * np.array(HEIGHTS_M)[:, None, None]
-    table = effective_road(station, rises)
+    shape = np.tile(road(station), (2, 3, 1))
+    stretch = ALPHA * np.stack([shape, 2.0 * shape, -5.0 * shape])
+    slopes = np.tile(road(station, 1), (2, 3, 1)) * np.array(HEIGHTS_M)[:, None, None]
+    drag = np.stack([-slopes, 3.0 * slopes, 0.0 * slopes])
+    table = effective_road(station, rises, stretch, drag)
     samples, substeps = round(DURATION_S / OUTPUT_S), round(OUTPUT_S / step_s)
 
     @jax.jit
@@ -152,7 +157,7 @@ def model(step_s: float, *, filtered: bool = False, speed_m_s: float = SPEED_M_S
             return jnp.asarray(np.tile(values[:, None], (2, 1, 1)))
 
         tire = tire_law(
-            per_axle(TIRE_STIFFNESS), per_axle(TIRE_DAMPING), STIFFENING, lanes.static_load, lanes.static_load
+            per_axle(TIRE_STIFFNESS), per_axle(TIRE_DAMPING), EXPONENT, lanes.static_load, lanes.static_load
         )
         motion = Motion(jnp.full((2, 1), speed), jnp.full((2, 1), START_S))
         times = stage_times(samples, OUTPUT_S, substeps)[:, None, None, None]

@@ -26,7 +26,8 @@ def bump(s: np.ndarray, order: int = 0) -> np.ndarray:
 def look_up(position_m: jax.Array) -> RoadInput:
     """Road input at positions (n,) of one axle of one run."""
     road = effective_road(STATION_M, bump(STATION_M)[None, None])
-    return RoadInput(*(v[:, 0, 0, 0] for v in road_input(road, position_m[:, None, None, None])))
+    found = road_input(road, position_m[:, None, None, None])
+    return RoadInput(*(v[:, 0, 0, 0] for v in found[:5]))
 
 
 def relative_error(values: jax.Array, exact: np.ndarray) -> float:
@@ -44,7 +45,7 @@ def test_rise_and_derivatives_of_an_analytic_bump():
 def test_equals_the_interpolating_quintic_spline():
     s = np.random.default_rng(1).uniform(-1.5, 2.5, 2000)
     spline = make_interp_spline(STATION_M, bump(STATION_M), k=5)
-    for order, values in enumerate(look_up(s)):
+    for order, values in enumerate(look_up(s)[:5]):
         exact = spline.derivative(order)(s) if order else spline(s)
         assert relative_error(values, exact) < 1e-9 * 100**order / 10
 
@@ -58,7 +59,7 @@ def test_exactly_on_the_stations(offset_m: float):
     spline = make_interp_spline(STATION_M, bump(STATION_M), k=5)
     found = look_up(position)
     np.testing.assert_allclose(found.rise, bump(np.asarray(position)), rtol=0, atol=1e-11)
-    for order, values in enumerate(found):
+    for order, values in enumerate(found[:5]):
         # The fourth derivative is the last continuous one.
         exact = spline.derivative(order)(position) if order else spline(position)
         assert relative_error(values, np.asarray(exact)) < 1e-9 * 100**order / 10
@@ -75,7 +76,7 @@ def test_derivative_of_the_look_up_is_the_next_derivative():
 def test_flat_far_away_and_finite_derivatives():
     s = jnp.array([-1e3, -3.0, 4.0, 1e3])
     value, tangent = jax.jvp(look_up, (s,), (jnp.ones(4),))
-    for v, t in zip(value, tangent, strict=True):
+    for v, t in zip(value[:5], tangent[:5], strict=True):
         np.testing.assert_allclose(v, 0.0, atol=1e-10)
         np.testing.assert_array_equal(t, 0.0)
 

@@ -58,10 +58,10 @@ def simulated() -> tuple[list[VerificationPass], Histories]:
     tire = tire_law(
         law("tire_stiffness_N_per_m"),
         law("tire_damping_N_s_per_m"),
-        jnp.zeros((1, 1, 1)),
+        jnp.ones((1, 1, 1)),
         lanes.static_load,
         lanes.static_load,
-    )._replace(horizontal=0.0)
+    )._replace(growth=0.0)
     x = np.array([a.x_m for a in axles])[:, None]
 
     @jax.jit
