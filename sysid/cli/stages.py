@@ -57,10 +57,14 @@ def _keep_traceback(output: Path) -> str:
 
 def _run(name, campaign, output, screen, errors, quick, seed, max_steps, resume) -> int:
     from sysid.runtime import configure
-    from sysid.workflow import Calibration, make_settings
+    from sysid.workflow import Calibration, make_settings, recall
 
     configure()
-    settings = make_settings(quick=quick, seed=seed, max_steps=max_steps)
+    chosen = {"quick": quick, "seed": seed}
+    if name in ("report", "export") and not quick and seed == 0:
+        # These show what is there: without options they take those of the run that filled the folder.
+        chosen |= recall(output)
+    settings = make_settings(**chosen, max_steps=max_steps)
     with StageProgress(errors) as progress:
         calibration = Calibration(campaign, output, settings, progress.update, resume=resume)
         if name in ("check", "drops", "fit", "sample", "predict"):

@@ -245,7 +245,7 @@ def _result(campaign, problem, vector, start_vector, minimum, iterations, instru
     usable = [np.isfinite(n) for n in weights.noise_sd]
     median_inflation = float(np.median(np.concatenate([v[u] for v, u in zip(inflation, usable, strict=True)])))
     lags = min(c.shape[0] for c in correlations)
-    misfit = np.concatenate([(n / i)[u] for n, i, u in zip(weights.noise_sd, instrument, usable, strict=True)])
+    misfit = np.concatenate([n[u] / i[u] for n, i, u in zip(weights.noise_sd, instrument, usable, strict=True)])
     warnings = _warnings(estimates, minimum.converged, float(np.median(misfit)), halving, cross_check)
     state = FitState(model, parameters, motion, weights, adjustment.matrix)
     fit = FitResult(

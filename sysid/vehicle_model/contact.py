@@ -119,8 +119,8 @@ def contact_force(
 ) -> tuple[jax.Array, jax.Array]:
     """Unclipped vertical contact force [N] and ratio of forward to vertical force [-], both (R, na, S).
 
-    The elastic law continues oddly below zero deflection, so that the unclipped force crosses zero smoothly at
-    lift-off; the contact force is its positive part.
+    Below zero deflection, where the wheel is off the ground, both parts continue negatively, so that the unclipped
+    force crosses zero smoothly; the contact force is its positive part.
 
     Parameters
     ----------
@@ -146,10 +146,11 @@ def contact_force(
         drag = a + below * (b + below * c)
     relative = deflection / law.reference_deflection
     elastic = law.reference_load * _odd_power(relative, law.exponent)
-    grown = jnp.maximum(relative, 0.0)
-    length = grown * jnp.sqrt((1.0 + SOFT_DAMPING) / (grown + SOFT_DAMPING))
-    factor = 1.0 + law.growth * (length - 1.0)
-    return elastic + law.damping * factor * rate, drag
+    size = jnp.abs(relative)
+    length = size * jnp.sqrt((1.0 + SOFT_DAMPING) / (size + SOFT_DAMPING))
+    # Off the ground the force goes on falling, so that it crosses zero with one slope when a wheel lands.
+    grown = jnp.where(relative >= 0.0, rate, -jnp.abs(rate)) * length
+    return elastic + law.damping * (rate + law.growth * (grown - rate)), drag
 
 
 def _advanced(orders: MapOrders, advance: jax.Array) -> tuple[list[jax.Array], list[jax.Array]]:

@@ -42,7 +42,7 @@ from sysid.sdof.summary import analyse_drops
 from sysid.validation.agreement import validate
 from sysid.validation.results import Validation
 from sysid.workflow import store
-from sysid.workflow.settings import Settings
+from sysid.workflow.settings import Settings, remember
 
 #: Stages in order; a result depends on those before it.
 STAGES = ("check", "drops", "scan", "fit", "sample", "predict")
@@ -285,6 +285,7 @@ class Calibration:
         self._forget(STAGES[STAGES.index(name) + 1 :])
         (self.output / SUCCESS_MARKER).unlink(missing_ok=True)
         self._results[name] = result
+        self._write(lambda: remember(self.output, self.settings))
         self._write(lambda: store.save(self._path(name), result, self._fingerprint(name)))
         return result
 

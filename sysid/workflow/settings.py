@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from sysid.estimation.least_squares import FitOptions
+from sysid.export.files import write_text
 from sysid.posterior.sampling import SamplingOptions
 
 
@@ -25,6 +28,21 @@ class Settings:
     def as_dict(self) -> dict[str, Any]:
         """Plain nested mapping, for the provenance."""
         return asdict(self)
+
+
+def remember(folder: Path, settings: Settings) -> None:
+    """Keep what the command line chose, so that a later report of the same folder need not be told again."""
+    text = json.dumps({"quick": settings.quick, "seed": settings.seed})
+    write_text(folder / "stages" / "settings.json", text)
+
+
+def recall(folder: Path) -> dict[str, Any]:
+    """What :func:`remember` kept in an output folder; empty if nothing was kept or it cannot be read."""
+    try:
+        kept = json.loads((folder / "stages" / "settings.json").read_text(encoding="utf-8"))
+        return {"quick": bool(kept["quick"]), "seed": int(kept["seed"])}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
 
 
 def make_settings(*, quick: bool = False, seed: int = 0, max_steps: int | None = None) -> Settings:

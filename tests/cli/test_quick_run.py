@@ -79,8 +79,14 @@ def test_the_report_is_one_page_marked_as_preview(finished: Path) -> None:
     assert not re.search(r"""(src|href)=["']https?://""", page)
 
 
-def test_stages_go_on_from_what_is_there(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_report_without_options_shows_the_run_that_filled_the_folder(
+    finished: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     campaign = finished.parent / "campaign"
-    code = run_stage("report", campaign, finished, quick=True, seed=3, max_steps=4, resume=False)
+    before = json.loads((finished / "result.json").read_text(encoding="utf-8"))
+    code = run_stage("report", campaign, finished, quick=False, seed=0, max_steps=None, resume=False)
     assert code == 0
     assert "least squares" not in capsys.readouterr().err
+    after = json.loads((finished / "result.json").read_text(encoding="utf-8"))
+    assert after["status"] == "preview"
+    assert after["parameters"] == before["parameters"]

@@ -20,7 +20,7 @@ from sysid.vehicle_model.simulation import Motion
 #: the road jumps and differences lose an order, see the test of the nominal motion below.
 SPEED_M_S, START_S = 8.01, 0.2503
 #: Half width of the central differences: log parameters, relative speed in its unit, shift in its unit.
-STEPS = {"log": 1e-4, "speed": 1e-4, "start": 1e-4}
+STEPS = {"log": 1e-5, "speed": 1e-5, "start": 1e-5}
 
 
 @partial(jax.jit, static_argnames=("shape",))

@@ -57,7 +57,6 @@ def test_certified_values_to_six_digits(name: str, start: int):
 
     found = minimise(evaluate, starts[start - 1], relative_tolerance=1e-14, step_tolerance=1e-12, max_iterations=8000)
     digits = -np.log10(np.maximum(np.abs(found.point / certified - 1.0), 1e-12))
-    print("FIG", name, start, digits.min(), found.iterations, found.message)
     assert found.converged, found.message
     assert digits.min() >= 6.0
     assert 2 * found.cost == pytest.approx(squares, rel=1e-7)

@@ -1,0 +1,115 @@
+"""Which parameters a campaign has, where they start, and what their priors say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, campaign, empty_run
+
+from sysid.campaign.records import PriorOverride
+from sysid.errors import CampaignError
+from sysid.estimation.bump_model import parameter_index
+from sysid.estimation.parameters import Parameter, ParameterSet, PriorLink, best_drop_estimates, campaign_parameters
+from sysid.sdof.results import DropEstimate, DropSummary
+
+BOTH = [empty_run("a", 5.0), empty_run("b", 5.0, load_case="laden")]
+
+
+def estimate(axle: int, method: str, stiffness: float, *, usable: bool = True, load_case: str = "empty"):
+    return DropEstimate(axle, load_case, None, method, stiffness, 1e4, 9e3, 5e2, 0.7, 0.5, usable)
+
+
+def summary(*pooled: DropEstimate) -> DropSummary:
+    return DropSummary((), tuple(pooled))
+
+
+def test_one_load_case_shares_everything():
+    found = campaign_parameters(campaign([empty_run("a", 5.0)]), None)
+    assert found.names == (
+        *("k_1", "k_2", "k_3", "c_1", "c_2", "c_3", "kt_1", "kt_2", "kt_3", "ct_1", "ct_2", "ct_3"),
+        found.names[-1],
+    )
+    assert found.links == ()
+
+
+def test_air_springs_have_one_stiffness_per_load_case_linked_by_their_load():
+    found = campaign_parameters(campaign(BOTH, load_cases=(EMPTY, LADEN)), None)
+    assert found.names[:5] == ("k_1", "k_2[empty]", "k_2[laden]", "k_3[empty]", "k_3[laden]")
+    link = found.links[0]
+    carried = [c.axle_loads_kg[1] - AXLES[1].unsprung_mass_kg for c in (EMPTY, LADEN)]
+    assert (link.first, link.second) == ("k_2[empty]", "k_2[laden]")
+    assert link.mean == pytest.approx(0.5 * np.log(carried[1] / carried[0]))
+    ratio = found.parameters[2].start / found.parameters[1].start
+    assert np.log(ratio) == pytest.approx(link.mean)
+
+
+def test_index_finds_shared_and_load_dependent_stiffness():
+    found = campaign_parameters(campaign(BOTH, load_cases=(EMPTY, LADEN)), None)
+    index = parameter_index(found, 3, ["laden", "empty", "laden"])
+    np.testing.assert_array_equal(index.stiffness, [[0, 2, 4], [0, 1, 3], [0, 2, 4]])
+    np.testing.assert_array_equal(index.damping, [5, 6, 7])
+    with pytest.raises(KeyError):
+        found.index("friction", 0)
+
+
+def test_prior_rows_are_the_log_density_of_lognormal_priors_and_links():
+    parameters = ParameterSet(
+        (
+            Parameter("a", "stiffness", "N/m", 1.0, 2.0, 0.5, axle=0),
+            Parameter("b", "stiffness", "N/m", 3.0, 4.0, 0.2, axle=1),
+        ),
+        (PriorLink("a", "b", 0.3, 0.1),),
+    )
+    rows, targets = parameters.prior_rows()
+    x = np.array([0.4, 1.7])
+    squares = ((x[0] - np.log(2)) / 0.5) ** 2 + ((x[1] - np.log(4)) / 0.2) ** 2 + ((x[1] - x[0] - 0.3) / 0.1) ** 2
+    assert ((rows @ x - targets) ** 2).sum() == pytest.approx(squares)
+    np.testing.assert_allclose(parameters.start, np.log([1.0, 3.0]))
+
+
+def test_drops_give_start_and_prior_of_their_axle():
+    drops = summary(estimate(0, "paper", 3e5), estimate(0, "free_decay", 5e5), estimate(2, "corrected", 4e5))
+    chosen = best_drop_estimates(drops, "empty")
+    assert {k: v.method for k, v in chosen.items()} == {0: "free_decay", 2: "corrected"}
+    found = campaign_parameters(campaign([empty_run("a", 5.0)]), drops)
+    assert found.parameters[0].start == pytest.approx(5e5)
+    assert found.parameters[2].prior_median == pytest.approx(4e5)
+    without = campaign_parameters(campaign([empty_run("a", 5.0)]), None)
+    assert found.parameters[1] == without.parameters[1]
+    assert found.parameters[0].prior_sd < without.parameters[0].prior_sd
+
+
+def test_unusable_drops_and_other_load_cases_are_left_out():
+    drops = summary(estimate(0, "free_decay", 5e5, usable=False), estimate(1, "paper", 3e5, load_case="laden"))
+    assert best_drop_estimates(drops, "empty") == {}
+    assert best_drop_estimates(None, "empty") == {}
+    assert best_drop_estimates(summary(estimate(0, "paper", float("nan"))), "empty") == {}
+
+
+def test_a_drop_that_read_the_wheel_hop_is_pulled_back():
+    found = campaign_parameters(campaign([empty_run("a", 5.0)]), summary(estimate(0, "paper", 3e7)))
+    assert found.parameters[0].start < 6e6
+
+
+def test_a_user_s_prior_wins():
+    axle = replace(
+        AXLES[0], priors={"stiffness": PriorOverride(2.5e5, 0.05), "tire_stiffness": PriorOverride(1e6, 0.2)}
+    )
+    vehicle = replace(VEHICLE, axles=(axle, *AXLES[1:]))
+    found = campaign_parameters(campaign([empty_run("a", 5.0)], vehicle=vehicle), summary(estimate(0, "paper", 5e5)))
+    assert (found.parameters[0].prior_median, found.parameters[0].prior_sd) == (2.5e5, 0.05)
+    assert (found.parameters[6].prior_median, found.parameters[6].prior_sd) == (1e6, 0.2)
+
+
+def test_an_unknown_law_is_refused_with_those_that_exist():
+    vehicle = replace(VEHICLE, axles=(replace(AXLES[0], suspension_law="rubber"), *AXLES[1:]))
+    with pytest.raises(CampaignError, match=r"'steer' asks for suspension_law = 'rubber'.*linear"):
+        campaign_parameters(campaign([empty_run("a", 5.0)], vehicle=vehicle), None)
+
+
+@pytest.mark.parametrize("field", ["start", "prior_median", "prior_sd"])
+def test_parameters_are_positive(field: str):
+    with pytest.raises(ValueError, match="positive"):
+        replace(Parameter("a", "stiffness", "N/m", 1.0, 2.0, 0.5), **{field: 0.0})
