@@ -12,7 +12,7 @@ from scipy.optimize import least_squares as scipy_least_squares
 from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation import noise as noise_model
-from sysid.estimation.bump_model import BumpModel, bump_model
+from sysid.estimation.bump_model import TARGET_STEP_S, BumpModel, bump_model
 from sysid.estimation.histories import run_histories
 from sysid.estimation.levenberg_marquardt import minimise
 from sysid.estimation.motion_search import search_motion
@@ -46,13 +46,15 @@ class FitOptions:
     """Settings of the least-squares stage.
 
     `weight_rounds` re-estimations of the residual scales; `max_iterations` per round; `cross_check` repeats the last
-    round with SciPy's trust-region solver from the start values; `tolerance` relative change of the cost that ends it.
+    round with SciPy's trust-region solver from the start values; `tolerance` relative change of the cost that ends it;
+    `target_step_s` the largest integration step [s].
     """
 
     weight_rounds: int = 3
     max_iterations: int = 40
     cross_check: bool = True
     tolerance: float = 1e-7
+    target_step_s: float = TARGET_STEP_S
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,7 @@ def fit_bump_runs(
     options = options or FitOptions()
     report = progress or (lambda message, fraction: None)
     report("preparing the model", 0.0)
-    model = bump_model(campaign, parameters, profiles)
+    model = bump_model(campaign, parameters, profiles, target_step_s=options.target_step_s)
     quiet = tuple(noise_model.instrument_noise(g, 0.25) for g in model.groups)
     report("searching speeds and starts", 0.02)
     motion = search_motion(model, campaign, parameters.start, quiet)

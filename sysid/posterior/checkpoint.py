@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,7 +52,7 @@ class Checkpoint:
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             if resume and identity.exists():
-                self._compare(json.loads(identity.read_text(encoding="utf-8")))
+                self._compare(identity.read_text(encoding="utf-8", errors="replace"))
                 return self._load()
             for old in self._files():
                 old.unlink()
@@ -84,7 +83,14 @@ class Checkpoint:
     def _files(self) -> list[Path]:
         return sorted(self._folder.glob("segment_*.npz"))
 
-    def _compare(self, stored: dict[str, str]) -> None:
+    def _compare(self, identity: str) -> None:
+        try:
+            stored = dict(json.loads(identity))
+        except (ValueError, TypeError) as error:
+            raise CampaignError(
+                f"{self._folder.name}/identity.json is damaged, so it cannot be told whether the chain there belongs "
+                "to these inputs; start afresh without --resume, or choose another --output."
+            ) from error
         keys = sorted(set(stored) | set(self._fingerprint))
         changed = [k for k in keys if stored.get(k) != self._fingerprint.get(k)]
         if changed:
@@ -101,8 +107,9 @@ class Checkpoint:
             try:
                 with path.open("rb") as handle, np.load(handle, allow_pickle=False) as data:
                     segments.append(Segment(**{name: data[name] for name in Segment.__annotations__}))
-            except (ValueError, KeyError, zipfile.BadZipFile, EOFError, OSError):
-                # A damaged segment ends what can be continued; the ones before it are complete.
+            except Exception:
+                # A damaged segment ends what can be continued, whatever reading it raises (a flipped bit can ask for a
+                # password, an unknown compression, or end in the tokeniser); the ones before it are complete.
                 break
         for path in self._files()[len(segments) :]:
             path.unlink()

@@ -74,7 +74,8 @@ def sample_posterior(
     count = len(names)
     walkers = 2 * int(np.ceil(max(options.walkers_per_parameter * count, 2 * count + 2) / 2))
     moves = posterior_moves(centre, covariance)
-    checkpoint = None if folder is None else Checkpoint(folder, _identity(options, centre, fingerprint or {}))
+    identity = _identity(options, centre, covariance, fingerprint or {})
+    checkpoint = None if folder is None else Checkpoint(folder, identity)
     segments = [] if checkpoint is None else checkpoint.open(resume=resume)
     seeds = np.random.SeedSequence(options.seed).spawn(options.ensembles)
     samplers = [
@@ -85,7 +86,8 @@ def sample_posterior(
     else:
         states = [_start(density, names, centre, covariance, walkers, options, seed) for seed in seeds]
 
-    diagnosis: Diagnosis | None = None
+    # A chain that had already converged when it is resumed must not grow.
+    diagnosis = diagnose(np.concatenate([s.draws for s in segments], axis=1)) if segments else None
     done = sum(s.draws.shape[1] for s in segments)
     while not _finished(diagnosis, done, options):
         report(_words(diagnosis, done), _fraction(diagnosis, done, options))
@@ -112,9 +114,11 @@ def sample_posterior(
     return _posterior(names, draws, logs, accepted, diagnosis, likelihood, options)
 
 
-def _identity(options: SamplingOptions, centre: np.ndarray, fingerprint: dict[str, str]) -> dict[str, str]:
+def _identity(options: SamplingOptions, centre, covariance, fingerprint: dict[str, str]) -> dict[str, str]:
     settings = {k: str(v) for k, v in asdict(options).items() if k not in ("max_steps", "min_effective", "rhat_limit")}
-    digest = hashlib.sha256(np.ascontiguousarray(centre).tobytes()).hexdigest()
+    # The proposals depend on the covariance as well as on the optimum.
+    content = np.concatenate([np.ravel(centre), np.ravel(covariance)]).astype(float)
+    digest = hashlib.sha256(content.tobytes()).hexdigest()
     return {**fingerprint, **{f"setting {k}": v for k, v in settings.items()}, "least-squares optimum": digest}
 
 

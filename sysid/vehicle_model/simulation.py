@@ -209,9 +209,9 @@ def _observe(lanes: LaneMatrices, layout: SensorLayout, forces: _Forces) -> jax.
     return jnp.concatenate(parts, axis=1)
 
 
-def _time_slices(road: RoadInput, samples: int, substeps: int) -> RoadInput:
-    """Road input regrouped as (samples, 2 substeps + 1, ...) so that each sample interval carries its own stages."""
-    index = np.arange(samples)[:, None] * (2 * substeps) + np.arange(2 * substeps + 1)
+def _step_slices(road: RoadInput, steps: int) -> RoadInput:
+    """Road input regrouped as (steps, 3, ...): start, middle and end of every step."""
+    index = np.arange(steps)[:, None] * 2 + np.arange(3)
     return jax.tree.map(lambda values: values[index], road)
 
 
@@ -268,25 +268,20 @@ def simulate_sensors(
 
     def body(carry, inputs):
         state, memory = carry
-        sample, roads = inputs
-        shown = None
-        for j in range(substeps):
-            at = sample * interval_s + j * h
-            stage = [jax.tree.map(lambda v, i=2 * j + k: v[i], roads) for k in range(3)]
-            first = _forces(lanes, suspension, tire, motion, stage[0], at, state)
-            state, middle = _step(lanes, suspension, tire, motion, stage, at, h, state, first)
-            now = _observe(lanes, layout, first)
-            if recursion is None:
-                shown = now if j == 0 else shown
-                continue
-            if j == 0:
-                shown = _filter_output(recursion, memory, now)
-            memory = _filter_update(recursion, memory, now, _observe(lanes, layout, middle))
-        return (state, memory), shown
+        number, stages = inputs
+        at = number * h
+        stage = [jax.tree.map(lambda v, k=k: v[k], stages) for k in range(3)]
+        first = _forces(lanes, suspension, tire, motion, stage[0], at, state)
+        state, middle = _step(lanes, suspension, tire, motion, stage, at, h, state, first)
+        now = _observe(lanes, layout, first)
+        if recursion is None:
+            return (state, memory), now
+        shown = _filter_output(recursion, memory, now)
+        return (state, _filter_update(recursion, memory, now, _observe(lanes, layout, middle))), shown
 
-    slices = _time_slices(road, samples, substeps)
-    _, shown = jax.lax.scan(body, (state, memory), (jnp.arange(samples, dtype=jnp.float64), slices))
-    return shown
+    steps = jnp.arange(samples * substeps, dtype=jnp.float64)
+    _, shown = jax.lax.scan(body, (state, memory), (steps, _step_slices(road, samples * substeps)))
+    return shown[::substeps]
 
 
 def _filter_output(recursion: FilterRecursion, memory: jax.Array, now: jax.Array) -> jax.Array:
@@ -324,24 +319,22 @@ def simulate_histories(
     state = _start(lanes, suspension.stiffness.shape[-1])
 
     def body(state, inputs):
-        sample, roads = inputs
-        record = None
-        for j in range(substeps):
-            at = sample * interval_s + j * h
-            stage = [jax.tree.map(lambda v, i=2 * j + k: v[i], roads) for k in range(3)]
-            first = _forces(lanes, suspension, tire, motion, stage[0], at, state)
-            if record is None:
-                record = Histories(
-                    deflection=first.extension,
-                    axle_acceleration=first.axle_acceleration,
-                    body_acceleration=jnp.matmul(lanes.body_rows, first.body_acceleration),
-                    tire_force=jnp.maximum(first.unclipped, 0.0),
-                    horizontal_force=first.horizontal,
-                    suspension_force=-first.pull,
-                    body=state.body,
-                )
-            state, _ = _step(lanes, suspension, tire, motion, stage, at, h, state, first)
+        number, stages = inputs
+        at = number * h
+        stage = [jax.tree.map(lambda v, k=k: v[k], stages) for k in range(3)]
+        first = _forces(lanes, suspension, tire, motion, stage[0], at, state)
+        record = Histories(
+            deflection=first.extension,
+            axle_acceleration=first.axle_acceleration,
+            body_acceleration=jnp.matmul(lanes.body_rows, first.body_acceleration),
+            tire_force=jnp.maximum(first.unclipped, 0.0),
+            horizontal_force=first.horizontal,
+            suspension_force=-first.pull,
+            body=state.body,
+        )
+        state, _ = _step(lanes, suspension, tire, motion, stage, at, h, state, first)
         return state, record
 
-    slices = _time_slices(road, samples, substeps)
-    return jax.lax.scan(body, state, (jnp.arange(samples, dtype=jnp.float64), slices))[1]
+    steps = jnp.arange(samples * substeps, dtype=jnp.float64)
+    found = jax.lax.scan(body, state, (steps, _step_slices(road, samples * substeps)))[1]
+    return Histories(*(values[::substeps] for values in found))

@@ -237,7 +237,8 @@ class Calibration:
 
     def _state(self) -> FitState:
         point = self._stage("fit", self._fit)[1]
-        model = bump_model(self.campaign, self._parameters(), self._profiles())
+        step = self.settings.fit.target_step_s
+        model = bump_model(self.campaign, self._parameters(), self._profiles(), target_step_s=step)
         return FitState(model, **point)
 
     def _sample(self) -> Posterior:

@@ -50,7 +50,7 @@ def make_settings(*, quick: bool = False, seed: int = 0, max_steps: int | None =
     settings = Settings(sampling=replace(SamplingOptions(), seed=seed))
     if quick:
         settings = Settings(
-            fit=FitOptions(weight_rounds=1, cross_check=False, tolerance=1e-5, max_iterations=20),
+            fit=FitOptions(weight_rounds=1, cross_check=False, tolerance=1e-5, max_iterations=20, target_step_s=0.0025),
             sampling=SamplingOptions(segment_steps=10, min_steps=10, max_steps=10, seed=seed, preview=True),
             quick=True,
         )

@@ -64,9 +64,19 @@ def test_prior_rows_are_the_log_density_of_lognormal_priors_and_links():
     )
     rows, targets = parameters.prior_rows()
     x = np.array([0.4, 1.7])
-    squares = ((x[0] - np.log(2)) / 0.5) ** 2 + ((x[1] - np.log(4)) / 0.2) ** 2 + ((x[1] - x[0] - 0.3) / 0.1) ** 2
+    # The second of a linked pair has no prior of its own: the link would otherwise count twice.
+    squares = ((x[0] - np.log(2)) / 0.5) ** 2 + ((x[1] - x[0] - 0.3) / 0.1) ** 2
     assert ((rows @ x - targets) ** 2).sum() == pytest.approx(squares)
     np.testing.assert_allclose(parameters.start, np.log([1.0, 3.0]))
+
+
+def test_the_joint_prior_has_the_marginals_that_the_parameters_state():
+    found = campaign_parameters(campaign(BOTH, load_cases=(EMPTY, LADEN)), None)
+    rows, targets = found.prior_rows()
+    covariance = np.linalg.inv(rows.T @ rows)
+    median = np.exp(covariance @ rows.T @ targets)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), [p.prior_sd for p in found.parameters], rtol=1e-9)
+    np.testing.assert_allclose(median, [p.prior_median for p in found.parameters], rtol=1e-9)
 
 
 def test_drops_give_start_and_prior_of_their_axle():

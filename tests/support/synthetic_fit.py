@@ -1,4 +1,4 @@
-"""A small campaign made with the model itself, fitted once per test session: the truth behind every reading is known."""
+"""A small campaign made with the model itself, fitted once per test session: the truth behind it is known."""
 
 from __future__ import annotations
 
