@@ -1,6 +1,6 @@
 """Settings of the whole suite: 64-bit floats, and compiled functions kept between test runs.
 
-Both are set through the environment, before JAX is imported and also for child processes, so that tests which need no
+They are set through the environment, before JAX is imported and also for child processes, so that tests which need no
 JAX do not load it.
 """
 
@@ -19,6 +19,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent / "support"))
 _CACHE = Path(__file__).resolve().parents[1] / "build" / "cache"
 _SETTINGS = {
     "SYSID_CACHE_DIR": str(_CACHE),
+    # Matrices are small here: more threads only wait for each other.
+    "OPENBLAS_NUM_THREADS": "1",
     "JAX_ENABLE_X64": "1",
     "JAX_PLATFORMS": "cpu",
     "JAX_COMPILATION_CACHE_DIR": str(_CACHE / f"jax-{version('jax')}"),

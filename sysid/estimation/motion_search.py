@@ -71,4 +71,7 @@ def _best_shift(group: RunGroup, r: int, simulated: np.ndarray, noise: np.ndarra
     around = cost[[k - 1, k, (k + 1) % length]]
     curvature = around[0] - 2.0 * around[1] + around[2]
     fine = 0.5 * (around[0] - around[2]) / curvature if np.isfinite(curvature) and curvature > 0 else 0.0
-    return float(cost[k]), float(lags[k] + np.clip(fine, -0.5, 0.5))
+    fine = float(np.clip(fine, -0.5, 0.5))
+    # The parabola's own minimum: between samples, so that a speed is not judged by where its start happens to fall.
+    smallest = float(cost[k]) - (0.25 * float(around[0] - around[2]) * fine if fine else 0.0)
+    return smallest, float(lags[k]) + fine

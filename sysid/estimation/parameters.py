@@ -118,7 +118,9 @@ def campaign_parameters(campaign: Campaign, drops: DropSummary | None) -> Parame
         If an axle asks for a suspension law that is not available.
     """
     vehicle = campaign.vehicle
-    used_cases = [name for name in campaign.load_cases if any(r.load_case == name for r in campaign.bump_runs)]
+    # A load case that is only predicted has its own air-spring stiffness too: known through its link alone.
+    wanted = {run.load_case for run in campaign.bump_runs} | {request.load_case for request in campaign.predictions}
+    used_cases = [name for name in campaign.load_cases if name in wanted]
     first = next(iter(campaign.load_cases))
     parameters: list[Parameter] = []
     links: list[PriorLink] = []
@@ -130,11 +132,11 @@ def campaign_parameters(campaign: Campaign, drops: DropSummary | None) -> Parame
             )
         stiffness = _suspension_parameter(axle, i, "stiffness", drops, first)
         if axle.load_dependent and len(used_cases) > 1:
-            base = campaign.load_cases[used_cases[0]]
+            # Drops and generic values belong to the first load case, whether or not a run was driven in it.
+            growth = {case: _air_growth(campaign, i, first, case) for case in used_cases}
+            base = used_cases[0]
             for case in used_cases:
-                sprung = [campaign.load_cases[c].axle_loads_kg[i] - axle.unsprung_mass_kg for c in (case, base.name)]
-                growth = AIR_LOAD_EXPONENT * float(np.log(sprung[0] / sprung[1]))
-                factor = float(np.exp(growth))
+                factor = float(np.exp(growth[case]))
                 name = f"k_{i + 1}[{case}]"
                 parameters.append(
                     replace(
@@ -143,11 +145,11 @@ def campaign_parameters(campaign: Campaign, drops: DropSummary | None) -> Parame
                         load_case=case,
                         start=stiffness.start * factor,
                         prior_median=stiffness.prior_median * factor,
-                        prior_sd=stiffness.prior_sd if case == base.name else np.hypot(stiffness.prior_sd, AIR_LINK_SD),
+                        prior_sd=stiffness.prior_sd if case == base else np.hypot(stiffness.prior_sd, AIR_LINK_SD),
                     )
                 )
-                if case != base.name:
-                    links.append(PriorLink(f"k_{i + 1}[{base.name}]", name, growth, AIR_LINK_SD))
+                if case != base:
+                    links.append(PriorLink(f"k_{i + 1}[{base}]", name, growth[case] - growth[base], AIR_LINK_SD))
         else:
             parameters.append(stiffness)
     for i, axle in enumerate(vehicle.axles):
@@ -161,6 +163,13 @@ def campaign_parameters(campaign: Campaign, drops: DropSummary | None) -> Parame
     median, sd = TIRE_EXPONENT
     parameters.append(Parameter("tire_exponent", "tire_exponent", "1", median, median, sd))
     return ParameterSet(tuple(parameters), tuple(links))
+
+
+def _air_growth(campaign: Campaign, axle: int, first: str, case: str) -> float:
+    """Logarithm by which an air spring is expected to be stiffer in `case` than in the first load case."""
+    unsprung = campaign.vehicle.axles[axle].unsprung_mass_kg
+    carried = [campaign.load_cases[name].axle_loads_kg[axle] - unsprung for name in (case, first)]
+    return AIR_LOAD_EXPONENT * float(np.log(carried[0] / carried[1]))
 
 
 def _override(axle: Axle, quantity: str, median: float, sd: float) -> tuple[float, float]:

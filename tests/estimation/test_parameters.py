@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, campaign, empty_run
 
-from sysid.campaign.records import PriorOverride
+from sysid.campaign.records import PredictionRequest, PriorOverride
 from sysid.errors import CampaignError
 from sysid.estimation.bump_model import parameter_index
 from sysid.estimation.parameters import Parameter, ParameterSet, PriorLink, best_drop_estimates, campaign_parameters
@@ -43,6 +43,26 @@ def test_air_springs_have_one_stiffness_per_load_case_linked_by_their_load():
     assert link.mean == pytest.approx(0.5 * np.log(carried[1] / carried[0]))
     ratio = found.parameters[2].start / found.parameters[1].start
     assert np.log(ratio) == pytest.approx(link.mean)
+
+
+def test_a_load_case_that_is_only_predicted_has_a_linked_stiffness():
+    half = replace(EMPTY, name="half", axle_loads_kg=(4600.0, 5600.0, 5000.0), sprung_mass_kg=(12940.0,))
+    request = PredictionRequest("half", 10.0)
+    found = campaign_parameters(campaign(BOTH, load_cases=(EMPTY, half, LADEN), predictions=[request]), None)
+    assert found.names[:4] == ("k_1", "k_2[empty]", "k_2[half]", "k_2[laden]")
+    np.testing.assert_array_equal(parameter_index(found, 3, ["half"]).stiffness, [[0, 2, 5]])
+
+
+def test_drops_of_the_first_load_case_are_carried_over_to_the_driven_ones():
+    """No run was driven empty: its drop still says how stiff the laden air spring must be."""
+    half = replace(EMPTY, name="half", axle_loads_kg=(4600.0, 5600.0, 5000.0), sprung_mass_kg=(12940.0,))
+    runs = [empty_run("a", 5.0, load_case="half"), empty_run("b", 5.0, load_case="laden")]
+    found = campaign_parameters(campaign(runs, load_cases=(EMPTY, half, LADEN)), summary(estimate(1, "paper", 4e5)))
+    carried = [c.axle_loads_kg[1] - AXLES[1].unsprung_mass_kg for c in (EMPTY, half, LADEN)]
+    assert found.names[1:3] == ("k_2[half]", "k_2[laden]")
+    assert found.parameters[1].start == pytest.approx(4e5 * np.sqrt(carried[1] / carried[0]))
+    assert found.parameters[2].start == pytest.approx(4e5 * np.sqrt(carried[2] / carried[0]))
+    assert found.links[0].mean == pytest.approx(0.5 * np.log(carried[2] / carried[1]))
 
 
 def test_index_finds_shared_and_load_dependent_stiffness():

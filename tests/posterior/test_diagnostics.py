@@ -1,0 +1,140 @@
+"""Convergence figures against ArviZ and sequences of known autocorrelation; the verdicts of the sampling stage."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from arviz_stats.base import array_stats
+from scipy.signal import lfilter
+
+from sysid.posterior.diagnostics import diagnose, summarise
+from sysid.posterior.sampling import SamplingOptions, sample_posterior
+
+SHAPE = (4, 2000, 10, 2)
+
+
+def ar1(rho: float, seed: int, shape: tuple[int, ...] = SHAPE) -> np.ndarray:
+    """Independent AR(1) walkers of unit variance (ensembles, steps, walkers, parameters)."""
+    noise = np.random.default_rng(seed).normal(size=shape) * np.sqrt(1 - rho**2)
+    noise[:, 0] /= np.sqrt(1 - rho**2)
+    return lfilter([1.0], [1.0, -rho], noise, axis=1)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.7, 0.9])
+def test_autocorrelation_time_of_known_sequences(rho: float):
+    found = diagnose(ar1(rho, 1))
+    tau = (1 + rho) / (1 - rho)
+    np.testing.assert_allclose(found.autocorrelation_time, tau, rtol=0.1, atol=0.05)
+    assert found.burn_in == pytest.approx(5 * tau, rel=0.15, abs=2)
+    kept = SHAPE[1] - found.burn_in
+    np.testing.assert_allclose(found.ess, 4 * 10 * kept / found.autocorrelation_time, rtol=1e-12)
+
+
+@pytest.mark.parametrize("rho", [0.5, 0.9])
+def test_effective_draws_agree_with_arviz(rho: float):
+    """Independent walkers are chains of their own for ArviZ, so both must count the same."""
+    draws = ar1(rho, 2)
+    found = diagnose(draws)
+    kept = draws[:, found.burn_in :]
+    for i in range(2):
+        chains = np.moveaxis(kept[..., i], 2, 1).reshape(-1, kept.shape[1])
+        assert found.ess[i] == pytest.approx(
+            float(array_stats.ess(chains, chain_axis=0, draw_axis=1, method="mean")), rel=0.1
+        )
+
+
+def test_rhat_compares_ensembles_and_not_walkers():
+    draws = ar1(0.5, 3)
+    assert diagnose(draws).rhat.max() < 1.01
+    apart = draws.copy()
+    apart[0, ..., 1] += 1.0
+    found = diagnose(apart)
+    assert found.rhat[0] < 1.01
+    assert found.rhat[1] > 1.05
+    flat = apart[:, found.burn_in :, :, 1].reshape(4, -1)
+    assert found.rhat[1] == pytest.approx(float(array_stats.rhat(flat, chain_axis=0, draw_axis=1)), rel=1e-12)
+    # Walkers that differ from each other, alike in all ensembles, are no lack of convergence.
+    shifted = draws + np.arange(10)[:, None] * 0.0 + np.where(np.arange(10) % 2, 0.3, -0.3)[:, None]
+    assert diagnose(shifted).rhat.max() < 1.01
+
+
+def test_a_chain_still_drifting_is_seen_by_rhat():
+    draws = ar1(0.5, 4, (4, 400, 10, 2))
+    draws[..., 0] += np.linspace(0.0, 6.0, 400)[:, None]
+    found = diagnose(draws)
+    assert found.rhat[0] > 1.1
+    assert found.burn_in <= 200
+
+
+def test_summaries_are_moments_and_quantiles():
+    draws = np.exp(np.random.default_rng(6).normal(size=(50_000, 2)) * [0.1, 0.2] + [1.0, 2.0])
+    diagnosis = diagnose(ar1(0.0, 7))
+    first, second = summarise(("a", "b"), draws, diagnosis)
+    assert (first.name, second.name) == ("a", "b")
+    assert first.mean == pytest.approx(np.exp(1.0 + 0.005), rel=2e-3)
+    assert second.q50 == pytest.approx(np.exp(2.0), rel=5e-3)
+    assert second.q05 == pytest.approx(np.exp(2.0 - 1.6449 * 0.2), rel=1e-2)
+    assert second.q95 == pytest.approx(np.exp(2.0 + 1.6449 * 0.2), rel=1e-2)
+    assert second.ess == diagnosis.ess[1]
+
+
+CENTRE, SD = np.array([12.0, 9.0]), np.array([0.1, 0.3])
+
+
+def density(points: np.ndarray) -> np.ndarray:
+    return -0.5 * (((points - CENTRE) / SD) ** 2).sum(axis=1)
+
+
+def sampled(options: SamplingOptions):
+    return sample_posterior(density, ("k_1", "c_1"), CENTRE, np.diag(SD**2), "test", options)
+
+
+def test_sampling_goes_on_until_it_has_converged():
+    found = sampled(SamplingOptions(seed=1, min_effective=1500.0, segment_steps=100))
+    assert found.converged
+    assert found.message.startswith("Converged.")
+    assert found.draws.shape[0] == 4
+    for summary, centre, sd in zip(found.summaries, CENTRE, SD, strict=True):
+        assert summary.rhat < 1.01
+        assert summary.ess >= 1500.0
+        # Lognormal: median and log quantiles of the Gaussian that was sampled.
+        assert np.log(summary.q50) == pytest.approx(centre, abs=0.12 * sd)
+        assert np.log(summary.q95 / summary.q05) == pytest.approx(2 * 1.6449 * sd, rel=0.08)
+    assert ((found.acceptance > 0.2) & (found.acceptance < 0.99)).all()
+
+
+def test_a_limit_that_is_too_short_is_said():
+    found = sampled(SamplingOptions(seed=1, max_steps=40, min_effective=1e6))
+    assert not found.converged
+    assert "Not converged at the limit of 40 steps" in found.message
+
+
+def test_a_preview_is_never_called_converged():
+    found = sampled(SamplingOptions(seed=1, max_steps=200, min_effective=10.0, rhat_limit=2.0, preview=True))
+    assert not found.converged
+    assert "Preview" in found.message
+
+
+def test_the_same_seed_gives_the_same_chain_and_another_one_another():
+    options = SamplingOptions(seed=3, max_steps=40, min_effective=1e6)
+    first, again = sampled(options), sampled(options)
+    assert first.draws.tobytes() == again.draws.tobytes()
+    other = sampled(dataclasses.replace(options, seed=4))
+    assert not np.array_equal(first.draws, other.draws)
+
+
+def test_progress_runs_towards_one():
+    seen: list[float] = []
+    sample_posterior(
+        density,
+        ("k_1", "c_1"),
+        CENTRE,
+        np.diag(SD**2),
+        "test",
+        SamplingOptions(seed=1),
+        progress=lambda message, fraction: seen.append(fraction),
+    )
+    assert seen
+    assert all(0.0 <= f <= 1.0 for f in seen)

@@ -1,0 +1,135 @@
+"""The log-density against brute-force integration over speed and start, and against the covariance of the fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from synthetic_fit import NOMINAL_M_S, SyntheticFit, synthetic_fit
+
+from sysid.estimation.bump_model import group_residuals, group_road, simulate_group
+from sysid.estimation.objective import SHIFT_UNIT_M, SPEED_SD, SPEED_UNIT
+from sysid.posterior.log_density import LogDensity
+from sysid.vehicle_model.simulation import Motion
+
+
+@pytest.fixture(scope="session")
+def fit() -> SyntheticFit:
+    return synthetic_fit()
+
+
+@pytest.fixture(scope="session")
+def density(fit) -> LogDensity:
+    """The density as it is without flattening for model error."""
+    return LogDensity(fit.campaign, replace(fit.state, adjustment=np.eye(fit.truth.size)))
+
+
+def in_batches(density: LogDensity, points: np.ndarray) -> np.ndarray:
+    """Densities of points (n, p), five at a time: one batch size is compiled once."""
+    padded = np.concatenate([points, np.tile(points[-1:], (-len(points) % 5, 1))])
+    return np.concatenate([density(chunk) for chunk in padded.reshape(-1, 5, points.shape[1])])[: len(points)]
+
+
+@partial(jax.jit, static_argnames=("shape",))
+def squares(arrays, road, noise, tempering, x, speed, start, *, shape) -> jax.Array:
+    """Sum of squared residuals, sensor gains included, of every run and set (R, S), simulated at each set's motion."""
+    inputs = group_road(road, arrays.axle_x, speed, start, shape)
+    signals = simulate_group(arrays, shape, x, Motion(speed, start), inputs)
+    residual, gain = group_residuals(arrays, noise, tempering, signals)
+    return (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
+
+
+def log_marginal(fit: SyntheticFit, x: np.ndarray, widths: np.ndarray) -> float:
+    """log of the integral over speed and start of both runs, on grids of 9 by 9 simulations; with the prior of x."""
+    model, state = fit.state.model, fit.state
+    runs = list(model.groups[0].runs)
+    # Steps of 1.25 standard deviations integrate a Gaussian to 1e-5.
+    u = np.linspace(-5.0, 5.0, 9)
+    first, second = (g.ravel() for g in np.meshgrid(u, u))
+    # Whitened grid of each run: speed and shift are strongly correlated.
+    local = np.einsum("rkl,ls->rks", widths, np.stack([first, second]))
+    speed0, start0 = state.motion.speed_m_s[runs][:, None], state.motion.start_s[runs][:, None]
+    speed = speed0 * (1 + SPEED_UNIT * local[:, 0])
+    start = start0 + SHIFT_UNIT_M / speed0 * local[:, 1]
+    total = squares(
+        model.arrays[0],
+        model.roads[0],
+        state.weights.noise_sd[0],
+        state.weights.tempering[0],
+        jnp.asarray(np.tile(x[:, None], u.size**2)),
+        jnp.asarray(speed),
+        jnp.asarray(start),
+        shape=model.shapes[0],
+    )
+    nominal = np.array(NOMINAL_M_S)[runs][:, None]
+    total = np.asarray(total) + ((speed / nominal - 1.0) / SPEED_SD) ** 2
+    prior = sum(((x[i] - np.log(p.prior_median)) / p.prior_sd) ** 2 for i, p in enumerate(fit.parameters.parameters))
+    return float(logsumexp(-0.5 * total, axis=1).sum() - 0.5 * prior)
+
+
+def test_marginalisation_equals_brute_force_integration(fit, density):
+    centre = fit.state.log_parameters
+    sd = np.sqrt(np.diag(fit.result.covariance))
+    by_run = {p.run: {} for p in fit.result.run_parameters}
+    for p in fit.result.run_parameters:
+        by_run[p.run][p.quantity] = p.sd
+    files = [fit.campaign.bump_runs[r].log.file for r in fit.state.model.groups[0].runs]
+    # Conditional widths for the grid, in the solver's units: a factor of the local normal matrix.
+    inputs = density._inputs[0]
+    normal = np.einsum("trck,trcl->rkl", inputs.local_columns, inputs.local_columns)
+    widths = np.linalg.inv(np.linalg.cholesky(normal)).transpose(0, 2, 1)
+    assert all(by_run[f]["speed"] > 0 for f in files)
+    random = np.random.default_rng(3)
+    points = [centre, centre + sd * np.eye(13)[0], centre + sd * random.normal(size=13)]
+    brute = np.array([log_marginal(fit, x, widths) for x in points])
+    ours = in_batches(density, np.array(points))
+    # The columns of speed and start are frozen at the optimum: exact up to their change over a standard deviation.
+    np.testing.assert_allclose(ours - ours[0], brute - brute[0], rtol=5e-3, atol=0.02)
+    assert np.ptp(brute) > 1.0
+
+
+def test_curvature_is_the_covariance_of_the_fit(fit):
+    """One standard deviation along any principal axis of the covariance costs half a unit of log-density."""
+    flattened = LogDensity(fit.campaign, fit.state)
+    values, vectors = np.linalg.eigh(fit.result.covariance)
+    step = (vectors * np.sqrt(values)).T
+    centre = fit.state.log_parameters
+    up, down, here = (in_batches(flattened, x) for x in (centre + step, centre - step, centre[None]))
+    np.testing.assert_allclose(0.5 * (up + down) - here, -0.5, rtol=0.1)
+
+
+def test_flattening_moves_the_likelihood_and_not_the_priors(fit, density):
+    matrix = np.diag(np.linspace(0.4, 1.0, 13))
+    flattened = LogDensity(fit.campaign, replace(fit.state, adjustment=matrix))
+    centre = fit.state.log_parameters
+    points = centre + 0.01 * np.random.default_rng(4).normal(size=(5, 13))
+    rows, targets = fit.parameters.prior_rows()
+
+    def prior(x: np.ndarray) -> np.ndarray:
+        return -0.5 * ((x @ rows.T - targets) ** 2).sum(axis=1)
+
+    pulled = centre + (points - centre) @ matrix.T
+    np.testing.assert_allclose(flattened(points) - prior(points), density(pulled) - prior(pulled), rtol=1e-9)
+
+
+def test_batches_and_single_points_agree(fit, density):
+    points = fit.state.log_parameters + 0.01 * np.random.default_rng(5).normal(size=(5, 13))
+    together = density(points)
+    assert together.shape == (5,)
+    np.testing.assert_allclose(density(points[0]), together[:1], rtol=1e-10)
+
+
+def test_a_point_without_a_finite_simulation_is_rejected_and_kept(fit):
+    density = LogDensity(fit.campaign, fit.state)
+    points = np.tile(fit.state.log_parameters, (5, 1))
+    points[1, 0] = 800.0
+    points[3, 2] = np.nan
+    found = density(points)
+    np.testing.assert_array_equal(np.isneginf(found), [False, True, False, True, False])
+    assert density.rejected_count == 2
+    np.testing.assert_array_equal(density.rejected[0], points[1])

@@ -1,0 +1,177 @@
+"""Predicted wheel loads: conventions of time, static passes, bands, and what is said about extrapolation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, bump, campaign, empty_run, true_log_parameters
+
+from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.estimation.parameters import campaign_parameters
+from sysid.prediction import passes
+from sysid.prediction.passes import predict, predict_pass
+from sysid.prediction.results import PassPrediction
+from sysid.vehicle_model.lanes import EffectiveRoads
+
+SPEED_M_S = 10.0
+REQUEST = PredictionRequest("empty", SPEED_M_S)
+PROFILE = bump()
+STATIC_N = np.array(EMPTY.axle_loads_kg) * VEHICLE.gravity_m_s2
+
+
+@pytest.fixture(scope="module")
+def data() -> Campaign:
+    return campaign([empty_run("a.csv", 9.0)], predictions=[REQUEST])
+
+
+@pytest.fixture(scope="module")
+def parameters(data):
+    return campaign_parameters(data, None)
+
+
+@pytest.fixture(scope="module")
+def truth(parameters) -> np.ndarray:
+    return true_log_parameters(parameters.names)
+
+
+@pytest.fixture(scope="module")
+def single(data, parameters, truth) -> PassPrediction:
+    return predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, truth, None)
+
+
+@pytest.fixture(scope="module")
+def draws(truth) -> np.ndarray:
+    return truth + 0.05 * np.random.default_rng(1).normal(size=(3, truth.size))
+
+
+@pytest.fixture(scope="module")
+def banded(data, parameters, truth, draws) -> PassPrediction:
+    return predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, truth, draws)
+
+
+def test_a_pass_over_a_flat_road_is_static(data, parameters, truth):
+    """On the same stations, so that nothing is compiled anew."""
+    flat = replace(PROFILE, height_m=0.0 * PROFILE.height_m)
+    found = predict_pass(data, parameters, {"bump": flat}, REQUEST, truth, None)
+    np.testing.assert_allclose(found.tire_force_q50_N, np.tile(STATIC_N[:, None], found.time_s.size), rtol=1e-9)
+    np.testing.assert_allclose(found.peak_ratio_q50, 1.0, rtol=1e-9)
+    assert not found.lift_off.any()
+
+
+def test_time_is_zero_when_axle_1_passes_the_start_of_the_bump(single, data):
+    """Axle 1 feels the bump when its wheel is so near that the tread touches it: found from the tire alone."""
+    first = EffectiveRoads(VEHICLE, data.load_cases, {"bump": PROFILE}).maps("empty", "bump")[0]
+    touching = first.station_m[np.flatnonzero(np.abs(first.rise_m) > 1e-5)[0]]
+    assert -0.4 < touching < 0.0
+    force = single.tire_force_q50_N[0]
+    moved = single.time_s[np.flatnonzero(np.abs(force / STATIC_N[0] - 1.0) > 2e-3)[0]]
+    assert moved == pytest.approx(touching / SPEED_M_S, abs=0.003)
+    assert 0.0 in single.time_s
+
+
+def test_every_axle_meets_the_bump_later_by_its_distance(single):
+    """The rear axles swing before they meet it; the steepest rise of their force comes with the bump itself."""
+    slope = np.gradient(single.tire_force_q50_N, single.time_s, axis=1) / STATIC_N[:, None]
+    steepest = single.time_s[np.argmax(slope, axis=1)]
+    for i in (1, 2):
+        assert steepest[i] - steepest[0] == pytest.approx(AXLES[i].x_m / SPEED_M_S, abs=0.02)
+
+
+def test_the_record_covers_the_pass_in_milliseconds(single, data):
+    maps = EffectiveRoads(VEHICLE, data.load_cases, {"bump": PROFILE}).maps("empty", "bump")
+    touched = [m.station_m[np.flatnonzero(m.rise_m)[[0, -1]]] for m in maps]
+    np.testing.assert_allclose(np.diff(single.time_s), 0.001, atol=1e-9)
+    contact = touched[0][0] / SPEED_M_S
+    leaving = (touched[2][1] + AXLES[2].x_m) / SPEED_M_S
+    assert contact - 0.6 < single.time_s[0] <= contact - 0.5 + 1e-9
+    assert leaving + 1.5 - 1e-9 <= single.time_s[-1] + 0.001 < leaving + 1.6
+    assert single.tire_force_q50_N.shape == (3, single.time_s.size)
+    np.testing.assert_allclose(single.tire_force_q50_N[:, :400], STATIC_N[:, None] * np.ones(400), rtol=1e-9)
+
+
+def test_peak_ratio_and_lift_off_come_from_the_whole_pass(single):
+    force = single.tire_force_q50_N
+    np.testing.assert_allclose(single.static_load_N, STATIC_N)
+    np.testing.assert_allclose(single.peak_ratio_q50, force.max(axis=1) / STATIC_N)
+    np.testing.assert_array_equal(single.lift_off, force.min(axis=1) <= 0.0)
+    assert single.lift_off.any()
+    assert force.min() == 0.0
+    assert (single.peak_ratio_q50 > 1.2).all()
+    for unknown in ("tire_force_q05_N", "tire_force_q95_N", "peak_ratio_q05", "peak_ratio_q95"):
+        assert getattr(single, unknown) is None
+
+
+def test_impulse_of_the_wheel_loads_is_the_weight(single):
+    """Over a pass that begins and ends at rest the mean total force carries the truck."""
+    total = single.tire_force_q50_N.sum(axis=0)
+    end = single.tire_force_q50_N[:, -1]
+    np.testing.assert_allclose(end, STATIC_N, rtol=5e-3)
+    assert np.mean(total) == pytest.approx(STATIC_N.sum(), rel=2e-3)
+
+
+def test_bands_are_quantiles_over_the_draws(data, parameters, single, banded, draws):
+    alone = [predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, d, None) for d in draws]
+    force = np.stack([p.tire_force_q50_N for p in alone])
+    np.testing.assert_allclose(banded.tire_force_q50_N, np.median(force, axis=0), rtol=1e-9, atol=1e-3)
+    np.testing.assert_allclose(banded.tire_force_q05_N, np.quantile(force, 0.05, axis=0), rtol=1e-9, atol=1e-3)
+    np.testing.assert_allclose(banded.tire_force_q95_N, np.quantile(force, 0.95, axis=0), rtol=1e-9, atol=1e-3)
+    peaks = np.stack([p.peak_ratio_q50 for p in alone])
+    # Quantiles of the peaks, not peaks of the quantiles.
+    np.testing.assert_allclose(banded.peak_ratio_q95, np.quantile(peaks, 0.95, axis=0), rtol=1e-9)
+    np.testing.assert_allclose(banded.peak_ratio_q50, np.median(peaks, axis=0), rtol=1e-9)
+    np.testing.assert_array_equal(banded.time_s, single.time_s)
+
+
+def test_draws_that_are_all_alike_have_no_band(data, parameters, truth, single):
+    found = predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, truth, np.tile(truth, (3, 1)))
+    for band in (found.tire_force_q05_N, found.tire_force_q50_N, found.tire_force_q95_N):
+        np.testing.assert_allclose(band, single.tire_force_q50_N, rtol=1e-9, atol=1e-3)
+
+
+@pytest.fixture
+def recorded(monkeypatch) -> list[np.ndarray | None]:
+    """The draws that reach each pass, without simulating it."""
+    seen: list[np.ndarray | None] = []
+
+    def stand_in(campaign, parameters, profiles, request, log_parameters, draws, *, roads=None):
+        seen.append(draws)
+        return request
+
+    monkeypatch.setattr(passes, "predict_pass", stand_in)
+    return seen
+
+
+def test_all_requests_are_predicted_from_a_seeded_selection_of_draws(data, parameters, truth, recorded):
+    two = replace(data, predictions=(REQUEST, PredictionRequest("empty", 12.0)))
+    many = truth + np.arange(1000.0)[:, None]
+    found = predict(two, parameters, {"bump": PROFILE}, truth, many, seed=4)
+    assert found.source == "posterior"
+    assert found.passes == two.predictions
+    assert recorded[0].shape == (passes.DRAWS, truth.size)
+    np.testing.assert_array_equal(recorded[0], recorded[1])
+    assert len({float(d[0]) for d in recorded[0]}) == passes.DRAWS
+    predict(two, parameters, {"bump": PROFILE}, truth, many, seed=4)
+    np.testing.assert_array_equal(recorded[0], recorded[2])
+    predict(two, parameters, {"bump": PROFILE}, truth, many, seed=5)
+    assert not np.array_equal(recorded[0], recorded[4])
+
+
+def test_without_a_posterior_the_source_is_least_squares(data, parameters, truth, recorded):
+    assert predict(data, parameters, {"bump": PROFILE}, truth, None).source == "least squares"
+    assert recorded == [None]
+
+
+def test_extrapolation_is_said():
+    runs = campaign([empty_run("a.csv", 9.0)], load_cases=(EMPTY, LADEN))
+    static, quiet = np.array([1.0, 1.0]), np.ones((2, 5))
+    slow = passes._warnings(runs, PredictionRequest("empty", 9.2), [9.0], quiet, static)
+    fast = passes._warnings(runs, PredictionRequest("empty", 12.0), [9.0], quiet, static)
+    other = passes._warnings(runs, PredictionRequest("laden", 9.0), [], quiet, static)
+    assert slow == ()
+    assert "faster than any run" in fast[0]
+    assert "43.2 km/h" in fast[0]
+    assert "no run was driven in this load case" in other[0]
+    high = passes._warnings(runs, PredictionRequest("empty", 9.0), [9.0], 4.0 * quiet, static)
+    assert "stops" in high[0]
