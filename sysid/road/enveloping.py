@@ -156,14 +156,16 @@ class FootprintMap:
         e = u_0 + v + stretch_1 v + stretch_2 v^2 + stretch_3 v^3
 
     and its forward force is V (drag_0 + drag_1 v + drag_2 v^2) of the vertical force V.  `station_m` (n,) from the
-    start of the bump; `rise_m` (n,) effective profile; `stretch`, `drag` (3, n) [1, 1/m, 1/m2]; `misfit_m` the largest
-    error of e over the fitted range.
+    start of the bump; `rise_m` (n,) effective profile; `stretch`, `drag` (3, n) [1, 1/m, 1/m2]; `lift_m` (n,) how much
+    deeper than on a flat road (v = -u_0) the wheel centre stands at first contact, v = lift - u_0; `misfit_m` the
+    largest error of e over the fitted range.
     """
 
     station_m: np.ndarray
     rise_m: np.ndarray
     stretch: np.ndarray
     drag: np.ndarray
+    lift_m: np.ndarray
     misfit_m: float
 
 
@@ -207,7 +209,8 @@ def footprint_map(
     drag = _fit_rows(drag_basis / drag_scale, ratio, target / target.max()) / drag_scale
     on_flat = np.abs(rise) < 1e-6
     coefficients[on_flat], drag[on_flat] = 0.0, 0.0
-    return FootprintMap(station, rise, coefficients.T, drag.T, misfit)
+    lift = rise - (table.contact_height_m - table.radius_m)
+    return FootprintMap(station, rise, coefficients.T, drag.T, lift, misfit)
 
 
 def _fit_rows(basis: np.ndarray, values: np.ndarray, weight: np.ndarray) -> np.ndarray:

@@ -4,16 +4,17 @@ The wheel centre feels the effective road W(s) of its static load, and around it
 :mod:`sysid.road.enveloping`.  With v = W(s) - z (z the rise of the wheel centre above its static position) the tire
 acts like a flat road at the equivalent deflection
 
-    e = u_0 + v + alpha_1(s) v + alpha_2(s) v^2 + alpha_3(s) v^3,
+    e = u_0 + v + alpha_1(s) w + alpha_2(s) w^2 + alpha_3(s) w^3,   w = max(v, lift(s) - u_0)
 
 and gives the vertical and the forward force
 
     V = max(0, F_ref |e / u_ref|^n sign(e) + c (e / u_ref)^(1/2) de/dt),
-    H = V (beta_0(s) + beta_1(s) v + beta_2(s) v^2).
+    H = V (beta_0(s) + beta_1(s) w + beta_2(s) w^2).
 
-The exponent n is the same for all tires and estimated with the other parameters; u_ref = n F_ref / k_t makes k_t the
-tangent stiffness at the static load F_ref of the first load case, so other load cases get stiffer by themselves.  The
-damping grows with the contact length, the square root of the deflection (softened below a tenth of u_ref).
+Below v = lift - u_0 the undeformed wheel is clear of the road.  The exponent n is the same for all tires and estimated
+with the other parameters; u_ref = n F_ref / k_t makes k_t the tangent stiffness at the static load F_ref of the first
+load case, so other load cases get stiffer by themselves.  The damping grows with the contact length, the square root of
+the deflection (softened below a tenth of u_ref).
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from scipy.ndimage import spline_filter1d
 _PADDING = 24
 
 
-#: Value and first three derivatives along the road of the three coefficients of a map.
+#: Value and first three derivatives along the road of the rows of a map.
 MapOrders = tuple[jax.Array, jax.Array, jax.Array, jax.Array]
 
 
@@ -55,9 +56,9 @@ class TireLaw(NamedTuple):
 class RoadInput(NamedTuple):
     """Road under each wheel at one instant or many, (..., R, na, S).
 
-    `rise` W [m] and its first four derivatives along the road; `stretch` and `drag`, each (3 coefficients) of the
-    footprint map with its first three derivatives: tuples of four (..., 3, R, na, S) arrays, or None for a point
-    follower with a purely vertical force.
+    `rise` W [m] and its first four derivatives along the road; `stretch` (alpha_1, alpha_2, alpha_3 and the lift of
+    first contact) and `drag` (beta_0, beta_1, beta_2) of the footprint map with their first three derivatives: tuples
+    of four (..., 4 or 3, R, na, S) arrays, or None for a point follower with a purely vertical force.
     """
 
     rise: jax.Array
@@ -138,12 +139,16 @@ def contact_force(
         deflection = law.static_deflection + below
         rate, drag = below_rate, jnp.zeros_like(slope)
     else:
-        (a, b, c), (da, db, dc) = _advanced(road.stretch, advance)
-        deflection = law.static_deflection + below * (1.0 + a + below * (b + below * c))
-        rate = below_rate * (1.0 + a + below * (2.0 * b + 3.0 * below * c))
-        rate = rate + speed * below * (da + below * (db + below * dc))
+        (a, b, c, lift), (da, db, dc, lift_slope) = _advanced(road.stretch, advance)
+        # Above its first contact the wheel feels no footprint: the cubic must not bend back to the road up there.
+        lowest = lift - law.static_deflection
+        touching = below > lowest
+        v, v_rate = jnp.where(touching, below, lowest), jnp.where(touching, below_rate, speed * lift_slope)
+        deflection = law.static_deflection + below + v * (a + v * (b + v * c))
+        rate = below_rate + v_rate * (a + v * (2.0 * b + 3.0 * v * c))
+        rate = rate + speed * v * (da + v * (db + v * dc))
         (a, b, c), _ = _advanced(road.drag, advance)
-        drag = a + below * (b + below * c)
+        drag = a + v * (b + v * c)
     relative = deflection / law.reference_deflection
     elastic = law.reference_load * _odd_power(relative, law.exponent)
     size = jnp.abs(relative)
@@ -154,10 +159,11 @@ def contact_force(
 
 
 def _advanced(orders: MapOrders, advance: jax.Array) -> tuple[list[jax.Array], list[jax.Array]]:
-    """The three map coefficients and their slopes `advance` [m] further on, by their Taylor series."""
+    """The rows of a map and their slopes `advance` [m] further on, by their Taylor series."""
     value, first, second, _ = orders
-    moved = [value[k] + advance * (first[k] + 0.5 * advance * second[k]) for k in range(3)]
-    return moved, [first[k] + advance * second[k] for k in range(3)]
+    rows = range(value.shape[-4])
+    moved = [value[k] + advance * (first[k] + 0.5 * advance * second[k]) for k in rows]
+    return moved, [first[k] + advance * second[k] for k in rows]
 
 
 def _odd_power(x: jax.Array, exponent: jax.Array) -> jax.Array:
@@ -170,7 +176,7 @@ def _odd_power(x: jax.Array, exponent: jax.Array) -> jax.Array:
 class EffectiveRoad(NamedTuple):
     """Quintic B-spline coefficients on uniform stations of the effective profiles and footprint maps.
 
-    `rise` (R, na, n); `stretch`, `drag` (3, R, na, n), None for a point follower.
+    `rise` (R, na, n); `stretch` (4, R, na, n), `drag` (3, R, na, n), None for a point follower.
     """
 
     rise: np.ndarray
@@ -189,7 +195,7 @@ def spline_coefficients(values: np.ndarray) -> np.ndarray:
 def effective_road(
     station_m: np.ndarray, rise_m: np.ndarray, stretch: np.ndarray | None = None, drag: np.ndarray | None = None
 ) -> EffectiveRoad:
-    """Splines of effective profiles (R, na, n) and maps (3, R, na, n) on uniform stations [m] from the bump's start."""
+    """Splines of effective profiles (R, na, n) and maps (rows, R, na, n) on uniform stations [m] from the start."""
     step = float(station_m[1] - station_m[0])
     return EffectiveRoad(
         spline_coefficients(rise_m),

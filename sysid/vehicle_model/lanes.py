@@ -86,6 +86,7 @@ class EffectiveRoads:
             return np.array([[padded(m, getattr(m, name)) for m in row] for row in maps])
 
         stretch, drag = (np.moveaxis(stack(name), 2, 0) for name in ("stretch", "drag"))
+        stretch = np.concatenate([stretch, stack("lift_m")[None]])
         return effective_road(np.arange(first, last + 1) * step, stack("rise_m"), stretch, drag)
 
 

@@ -10,8 +10,8 @@ import pytest
 from sysid.vehicle_model.contact import RoadInput, contact_force, tire_law
 
 ZERO = jnp.zeros((1, 1, 1))
-MAP = tuple(jnp.zeros((3, 1, 1, 1)) for _ in range(4))
-FLAT = RoadInput(ZERO, ZERO, ZERO, ZERO, ZERO, MAP, MAP)
+MAP, DRAG = (tuple(jnp.zeros((rows, 1, 1, 1)) for _ in range(4)) for rows in (4, 3))
+FLAT = RoadInput(ZERO, ZERO, ZERO, ZERO, ZERO, MAP, DRAG)
 
 
 def law(stiffness: float, damping: float, exponent: float, load: float, reference: float):
@@ -80,8 +80,8 @@ def test_damping_grows_with_the_contact_length():
 def test_the_map_stretches_the_deflection_and_gives_the_forward_force():
     tire = law(1.65e6, 0.0, 1.2, 38e3, 38e3)
     a, b, c, p, q, r = 0.2, 3.0, -20.0, -0.15, 2.0, 5.0
-    stretch = (jnp.array([a, b, c])[:, None, None, None], *MAP[1:])
-    drag = (jnp.array([p, q, r])[:, None, None, None], *MAP[1:])
+    stretch = (jnp.array([a, b, c, 0.0])[:, None, None, None], *MAP[1:])
+    drag = (jnp.array([p, q, r])[:, None, None, None], *DRAG[1:])
     road = RoadInput(ZERO + 0.02, ZERO, ZERO, ZERO, ZERO, stretch, drag)
     v = 0.02 - 0.006
     force, ratio = contact_force(tire, road, ZERO, ZERO, ZERO + 0.006, ZERO)
@@ -89,6 +89,26 @@ def test_the_map_stretches_the_deflection_and_gives_the_forward_force():
     e = u + v + a * v + b * v**2 + c * v**3
     assert value(force) == pytest.approx(38e3 * (e / u) ** 1.2, rel=1e-12)
     assert value(ratio) == pytest.approx(p + q * v + r * v**2, rel=1e-12)
+
+
+def test_above_its_first_contact_a_wheel_is_never_pressed_again():
+    """The cubic of the map bends back far from the contact; the wheel must fly as if over a flat road up there."""
+    tire = law(1.65e6, 2e3, 1.2, 38e3, 38e3)
+    a, b, c, lift = 0.2, 20.0, 300.0, -0.004
+    stretch = (jnp.array([a, b, c, lift])[:, None, None, None], *MAP[1:])
+    drag = (jnp.array([-0.2, 3.0, 50.0])[:, None, None, None], *DRAG[1:])
+    road = RoadInput(ZERO, ZERO, ZERO, ZERO, ZERO, stretch, drag)
+    u = value(tire.static_deflection)
+    low = lift - u
+    clear = [0.0, 0.001, 0.01, 0.05, 0.1, 0.3]
+    # At rest above first contact: the equivalent deflection of first contact, less the way up.
+    for gap in clear:
+        e = lift - gap + low * (a + low * (b + low * c))
+        force, ratio = contact_force(tire, road, ZERO, ZERO, ZERO - low + gap, ZERO)
+        assert value(force) == pytest.approx(38e3 * np.sign(e) * (abs(e) / u) ** 1.2, rel=1e-9)
+        assert value(ratio) == pytest.approx(-0.2 + 3.0 * low + 50.0 * low**2, rel=1e-9)
+    falling = [contact_force(tire, road, ZERO, ZERO + 8.0, ZERO - low + gap, ZERO - 2.0)[0] for gap in clear[2:]]
+    assert max(value(f) for f in falling) < 0.0
 
 
 def test_a_wheel_ahead_of_its_look_up_feels_the_road_there():

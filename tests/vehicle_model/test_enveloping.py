@@ -11,7 +11,15 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from sysid.road.enveloping import SPOKE_EXPONENT, SpokeTable, effective_profile, spoke_table, static_deflection
+from sysid.road.enveloping import (
+    SPOKE_EXPONENT,
+    FootprintMap,
+    SpokeTable,
+    effective_profile,
+    footprint_map,
+    spoke_table,
+    static_deflection,
+)
 from sysid.road.results import RoadProfile
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "enveloping"
@@ -104,27 +112,76 @@ def test_static_deflection_solves_the_flat_road_law(load_N: float, stiffness: fl
     assert found == pytest.approx((SPOKE_EXPONENT + 0.5) * load_N / stiffness, rel=0.05)
 
 
+def spoke_forces(road: RoadProfile, station_m: float, height_m: float) -> tuple[float, float]:
+    """Vertical and forward force of unit spokes, closely spaced, each cut with the road by bisection."""
+    phi = np.linspace(-np.pi / 3, np.pi / 3, 4001)
+
+    def clear(rho: np.ndarray) -> np.ndarray:
+        under = station_m + rho * np.sin(phi) + road.start_m
+        return height_m - rho * np.cos(phi) > np.interp(under, road.station_m, road.height_m)
+
+    low, high = np.zeros_like(phi), np.full_like(phi, RADIUS_M)
+    for _ in range(45):
+        middle = 0.5 * (low + high)
+        above = clear(middle)
+        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    force = np.where(clear(np.full_like(phi, RADIUS_M)), 0.0, RADIUS_M - low) ** SPOKE_EXPONENT
+    return float(np.trapezoid(force * np.cos(phi), phi)), float(-np.trapezoid(force * np.sin(phi), phi))
+
+
+SHORT = raised_cosine(0.5, 0.06)
+LOAD_N, STIFFNESS_N_PER_M = 5e4, 2.9e6
+
+
 @pytest.mark.parametrize("station_m", [-0.15, 0.0, 0.1, 0.24])
 def test_the_rise_keeps_the_vertical_force(station_m: float):
-    """The force of continuous spokes at the wheel centre's place, by root finding and quadrature, is the load."""
-    road = raised_cosine(0.5, 0.06)
-    load, stiffness = 5e4, 2.9e6
-    station, rise = effective_profile(table("short"), load, load, stiffness)
-    deflection = static_deflection(table("short"), load, stiffness)
+    station, rise = effective_profile(table("short"), LOAD_N, LOAD_N, STIFFNESS_N_PER_M)
+    deflection = static_deflection(table("short"), LOAD_N, STIFFNESS_N_PER_M)
     height = RADIUS_M - deflection + float(np.interp(station_m, station, rise))
+    assert spoke_forces(SHORT, station_m, height)[0] == pytest.approx(flat_force(deflection), rel=0.01)
 
-    def spoke(phi: float) -> float:
-        def clearance(rho: float) -> float:
-            under = station_m + rho * np.sin(phi) + road.start_m
-            return height - rho * np.cos(phi) - float(np.interp(under, road.station_m, road.height_m))
 
-        if clearance(RADIUS_M) >= 0.0:
-            return 0.0
-        return np.cos(phi) * (RADIUS_M - brentq(clearance, 0.0, RADIUS_M)) ** SPOKE_EXPONENT
+@lru_cache
+def short_map() -> FootprintMap:
+    return footprint_map(table("short"), LOAD_N, LOAD_N, STIFFNESS_N_PER_M)
 
-    grid = np.linspace(-np.pi / 3, np.pi / 3, 2001)
-    force = np.trapezoid([spoke(phi) for phi in grid], grid)
-    assert force == pytest.approx(flat_force(deflection), rel=0.01)
+
+@pytest.mark.parametrize("station_m", [-0.1, 0.0, 0.1, 0.24, 0.4])
+@pytest.mark.parametrize("share", [-0.6, -0.3, 0.3, 0.8, 1.5])
+def test_the_map_gives_the_force_of_the_spokes(station_m: float, share: float):
+    """Wheel higher or lower than its effective profile by a share of the static deflection: both forces."""
+    m = short_map()
+    k = int(np.argmin(np.abs(m.station_m - station_m)))
+    rest = static_deflection(table("short"), LOAD_N, STIFFNESS_N_PER_M)
+    v = share * rest
+    vertical, forward = spoke_forces(SHORT, m.station_m[k], RADIUS_M - rest + m.rise_m[k] - v)
+    exact = brentq(lambda u: flat_force(u) - vertical, 1e-5, 0.2)
+    found = rest + v + np.polyval([*m.stretch[::-1, k], 0.0], v)
+    assert m.misfit_m < 1.5e-3
+    assert found == pytest.approx(exact, abs=m.misfit_m + 3e-4)
+    assert np.polyval(m.drag[::-1, k], v) == pytest.approx(forward / vertical, abs=0.04)
+
+
+def test_lift_is_the_place_of_first_contact():
+    m = short_map()
+    rest = static_deflection(table("short"), LOAD_N, STIFFNESS_N_PER_M)
+    for k in range(0, m.station_m.size, 7):
+        height = RADIUS_M - rest + m.rise_m[k] - (m.lift_m[k] - rest)
+        assert spoke_forces(SHORT, m.station_m[k], height + 2e-4)[0] == 0.0
+        assert spoke_forces(SHORT, m.station_m[k], height - 1e-3)[0] > 0.0
+
+
+def test_on_a_flat_road_the_map_is_empty():
+    m = footprint_map(table("flat"), 6e4, 4e4, 2.9e6)
+    for values in (m.rise_m, m.stretch, m.drag, m.lift_m):
+        assert not values.any()
+
+
+def test_the_forward_force_brakes_on_the_way_up_and_pushes_on_the_way_down():
+    m = short_map()
+    middle = 0.45 - SHORT.start_m
+    assert np.interp(middle - 0.2, m.station_m, m.drag[0]) < -0.1
+    assert np.interp(middle + 0.2, m.station_m, m.drag[0]) > 0.1
 
 
 def test_symmetry_and_load():

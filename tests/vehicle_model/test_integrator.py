@@ -86,13 +86,16 @@ class Truck:
         speed = SPEED_M_S + xi_rate - theta_rate * self.below
         v, v_rate = self.height_m * road(s) - axle, slope * speed - axle_rate
         a, a_slope = ALPHA * road(s), ALPHA * road(s, 1)
-        e = self.rest + v + a * v + 2.0 * a * v**2 - 5.0 * a * v**3
-        e_rate = v_rate * (1.0 + a + 4.0 * a * v - 15.0 * a * v**2) + speed * a_slope * (v + 2.0 * v**2 - 5.0 * v**3)
+        # Clear of the road, above first contact at v = -rest, the map stays what it was there.
+        w = np.maximum(v, -self.rest)
+        w_rate = np.where(v > -self.rest, v_rate, 0.0)
+        e = self.rest + v + a * w + 2.0 * a * w**2 - 5.0 * a * w**3
+        e_rate = v_rate + w_rate * (a + 4.0 * a * w - 15.0 * a * w**2) + speed * a_slope * (w + 2.0 * w**2 - 5.0 * w**3)
         x = e / self.rest
         grip = np.maximum(x, 0.0) * np.sqrt(1.1 / (np.maximum(x, 0.0) + 0.1))  # no damping off the ground
         force = LOAD * np.sign(x) * np.abs(x) ** EXPONENT + TIRE_DAMPING * grip * e_rate
         vertical = np.maximum(force, 0.0)
-        push = vertical * (-slope + 3.0 * slope * v)
+        push = vertical * (-slope + 3.0 * slope * w)
         right = [
             push.sum() - self.total / SPEED_HOLD_S * xi_rate,
             (pull * arm).sum() - (push * self.below).sum() - self.tilt * theta,
@@ -145,7 +148,7 @@ def model(step_s: float, *, filtered: bool = False, speed_m_s: float = SPEED_M_S
     station = np.arange(-250, 300) * 0.01
     rises = np.tile(road(station), (2, 3, 1)) * np.array(HEIGHTS_M)[:, None, None]
     shape = np.tile(road(station), (2, 3, 1))
-    stretch = ALPHA * np.stack([shape, 2.0 * shape, -5.0 * shape])
+    stretch = ALPHA * np.stack([shape, 2.0 * shape, -5.0 * shape, 0.0 * shape])
     slopes = np.tile(road(station, 1), (2, 3, 1)) * np.array(HEIGHTS_M)[:, None, None]
     drag = np.stack([-slopes, 3.0 * slopes, 0.0 * slopes])
     table = effective_road(station, rises, stretch, drag)
