@@ -30,10 +30,10 @@ from sysid.vehicle_model.simulation import (
     LaneMatrices,
     Motion,
     SensorLayout,
-    SuspensionLaw,
     simulate_sensors,
     stage_times,
 )
+from sysid.vehicle_model.suspension import SuspensionLaw
 
 #: Standard deviation of a sensor's gain about its calibration.
 GAIN_SD = {"suspension_deflection": 0.005, "axle_acceleration": 0.01, "body_acceleration": 0.01}

@@ -9,12 +9,12 @@ from sysid.vehicle_model.simulation import (
     LaneMatrices,
     Motion,
     SensorLayout,
-    SuspensionLaw,
     lane_matrices,
     simulate_histories,
     simulate_sensors,
     stage_times,
 )
+from sysid.vehicle_model.suspension import SuspensionLaw
 
 __all__ = [
     "EffectiveRoad",

@@ -9,6 +9,7 @@ Everything that does not depend on the state is computed before the loop.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -20,6 +21,14 @@ from sysid.vehicle_model.assembly import PlanarMatrices
 from sysid.vehicle_model.contact import RoadInput, TireLaw, contact_force
 from sysid.vehicle_model.filters import FilterRecursion
 from sysid.vehicle_model.kink import clipped_integrals
+from sysid.vehicle_model.suspension import (
+    SuspensionLaw,
+    has_kinks,
+    kink_corrections,
+    slip_after_step,
+    slip_at_stage,
+    suspension_force,
+)
 
 #: The driving force holds the nominal speed like F = (chain mass / SPEED_HOLD_S) (v_ref - v).
 SPEED_HOLD_S = 0.05
@@ -61,13 +70,6 @@ def lane_matrices(matrices: list[PlanarMatrices], body_sensors: list[tuple[int, 
         static_load=np.stack([m.static_load for m in matrices])[..., None],
         body_rows=np.stack(rows),
     )
-
-
-class SuspensionLaw(NamedTuple):
-    """Linear suspension per lane and axle, (R, na, S): `stiffness` [N/m] and `damping` [N s/m]."""
-
-    stiffness: jax.Array
-    damping: jax.Array
 
 
 class Motion(NamedTuple):
@@ -113,6 +115,7 @@ class _State(NamedTuple):
     body_rate: jax.Array
     axle: jax.Array
     axle_rate: jax.Array
+    slip: jax.Array | None
 
 
 class _Forces(NamedTuple):
@@ -122,9 +125,11 @@ class _Forces(NamedTuple):
     horizontal: jax.Array
     pull: jax.Array
     extension: jax.Array
+    rate: jax.Array
 
 
-def _forces(lanes, suspension, tire, motion, road, time_s, state) -> _Forces:
+def _forces(lanes, suspension, tire, motion, road, time_s, state, slip_at=None) -> _Forces:
+    """Forces of a state; `slip_at` gives the friction state of a stage from its extension, None keeps the state's."""
     axles = lanes.static_load.shape[1]
     shift = jnp.matmul(lanes.position, state.body)
     drift = jnp.matmul(lanes.rate, state.body_rate)
@@ -139,28 +144,32 @@ def _forces(lanes, suspension, tire, motion, road, time_s, state) -> _Forces:
     vertical = jnp.maximum(unclipped, 0.0)
     horizontal = drag * vertical
     extension = shift[:, :axles] - state.axle
-    pull = suspension.stiffness * extension + suspension.damping * (drift[:, :axles] - state.axle_rate)
+    rate = drift[:, :axles] - state.axle_rate
+    slip = state.slip if slip_at is None else slip_at(extension)
+    pull = suspension_force(suspension, extension, rate, slip)
     body = (
         jnp.matmul(lanes.acceleration, jnp.concatenate([pull, horizontal], axis=1))
         + shift[:, 2 * axles :]
         + drift[:, 2 * axles :]
     )
     axle = lanes.inverse_unsprung * (vertical - lanes.static_load + pull)
-    return _Forces(body, axle, unclipped, horizontal, pull, extension)
+    return _Forces(body, axle, unclipped, horizontal, pull, extension, rate)
 
 
 def _step(lanes, suspension, tire, motion, roads, time_s, h, state: _State, first: _Forces):
     """One Nystrom step from `state`, whose forces are `first`; returns the new state and the mid-step forces."""
     half = 0.5 * h
+    b, vb, z, vz, slip = state
 
-    def forces(road, at, body, body_rate, axle, axle_rate):
-        return _forces(lanes, suspension, tire, motion, road, at, _State(body, body_rate, axle, axle_rate))
+    def forces(road, tau, body, body_rate, axle, axle_rate):
+        slip_at = None if slip is None else partial(slip_at_stage, suspension, slip, first.extension, first.rate, tau)
+        stage = _State(body, body_rate, axle, axle_rate, slip)
+        return _forces(lanes, suspension, tire, motion, road, time_s + tau, stage, slip_at)
 
-    b, vb, z, vz = state
     middle_b, middle_z = b + half * vb, z + half * vz
     second = forces(
         roads[1],
-        time_s + half,
+        half,
         middle_b,
         vb + half * first.body_acceleration,
         middle_z,
@@ -168,7 +177,7 @@ def _step(lanes, suspension, tire, motion, roads, time_s, h, state: _State, firs
     )
     third = forces(
         roads[1],
-        time_s + half,
+        half,
         middle_b + half * half * first.body_acceleration,
         vb + half * second.body_acceleration,
         middle_z + half * half * first.axle_acceleration,
@@ -176,27 +185,59 @@ def _step(lanes, suspension, tire, motion, roads, time_s, h, state: _State, firs
     )
     fourth = forces(
         roads[2],
-        time_s + h,
+        h,
         b + h * (vb + half * second.body_acceleration),
         vb + h * third.body_acceleration,
         z + h * (vz + half * second.axle_acceleration),
         vz + h * third.axle_acceleration,
     )
-    phi = (first.unclipped, second.unclipped, third.unclipped, fourth.unclipped)
-    f1, f2, f3, f4 = (jnp.maximum(p, 0.0) for p in phi)
-    impulse, moment = clipped_integrals(phi[0], 0.5 * (phi[1] + phi[2]), phi[3])
-    kick = h * lanes.inverse_unsprung * (impulse - (f1 + 2.0 * f2 + 2.0 * f3 + f4) / 6.0)
-    shift = h * h * lanes.inverse_unsprung * (moment - (f1 + f2 + f3) / 6.0)
+    stages = (first, second, third, fourth)
+    impulse, moment = _missed_by_stages(lanes, suspension, stages)
 
     def advance(x, v, a1, a2, a3, a4):
         return x + h * v + h * h / 6.0 * (a1 + a2 + a3), v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
 
-    new_b, new_vb = advance(b, vb, *(f.body_acceleration for f in (first, second, third, fourth)))
-    new_z, new_vz = advance(z, vz, *(f.axle_acceleration for f in (first, second, third, fourth)))
+    new_b, new_vb = advance(b, vb, *(f.body_acceleration for f in stages))
+    new_z, new_vz = advance(z, vz, *(f.axle_acceleration for f in stages))
     middle = _Forces(*(0.5 * (p + q) for p, q in zip(second, third, strict=True)))
-    # At lift-off the filter's quadratic through start, middle and end then has the exact impulse of the clipped force.
-    middle = middle._replace(axle_acceleration=middle.axle_acceleration + 1.5 / h * kick)
-    return _State(new_b, new_vb, new_z + shift, new_vz + kick), middle
+    # At a corner the filter's quadratic through start, middle and end then has the exact impulse of the force.
+    middle = middle._replace(axle_acceleration=middle.axle_acceleration + 1.5 * impulse.axle)
+    new_z, new_vz = new_z + h * h * moment.axle, new_vz + h * impulse.axle
+    if impulse.body is not None:
+        new_b, new_vb = new_b + h * h * moment.body, new_vb + h * impulse.body
+        middle = middle._replace(body_acceleration=middle.body_acceleration + 1.5 * impulse.body)
+    if slip is not None:
+        axles = lanes.static_load.shape[1]
+        end = (
+            jnp.matmul(lanes.position[:, :axles], new_b) - new_z,
+            jnp.matmul(lanes.position[:, :axles], new_vb) - new_vz,
+        )
+        slip = slip_after_step(suspension, slip, (first.extension, first.rate), end, h)
+    return _State(new_b, new_vb, new_z, new_vz, slip), middle
+
+
+class _Missed(NamedTuple):
+    """Mean acceleration, or its first moment over the step, that the stages miss; `body` None where it is zero."""
+
+    axle: jax.Array
+    body: jax.Array | None
+
+
+def _missed_by_stages(lanes, suspension, stages: tuple[_Forces, ...]) -> tuple[_Missed, _Missed]:
+    """Corrections for the corners of tire contact and suspension law within one step."""
+    phi = tuple(f.unclipped for f in stages)
+    f1, f2, f3, f4 = (jnp.maximum(p, 0.0) for p in phi)
+    impulse, moment = clipped_integrals(phi[0], 0.5 * (phi[1] + phi[2]), phi[3])
+    impulse = lanes.inverse_unsprung * (impulse - (f1 + 2.0 * f2 + 2.0 * f3 + f4) / 6.0)
+    moment = lanes.inverse_unsprung * (moment - (f1 + f2 + f3) / 6.0)
+    if not has_kinks(suspension):
+        return _Missed(impulse, None), _Missed(moment, None)
+    missed = kink_corrections(suspension, tuple(f.extension for f in stages), tuple(f.rate for f in stages))
+    turn = lanes.acceleration[:, :, : lanes.static_load.shape[1]]
+    return (
+        _Missed(impulse + lanes.inverse_unsprung * missed[0], jnp.matmul(turn, missed[0])),
+        _Missed(moment + lanes.inverse_unsprung * missed[1], jnp.matmul(turn, missed[1])),
+    )
 
 
 def _observe(lanes: LaneMatrices, layout: SensorLayout, forces: _Forces) -> jax.Array:
@@ -220,15 +261,16 @@ def stage_times(samples: int, interval_s: float, substeps: int) -> np.ndarray:
     return np.arange(2 * substeps * samples + 1) * (interval_s / (2 * substeps))
 
 
-def _start(lanes: LaneMatrices, sets: int) -> _State:
+def _start(lanes: LaneMatrices, suspension: SuspensionLaw) -> _State:
     runs, axles, _ = lanes.static_load.shape
+    sets = suspension.stiffness.shape[-1]
     body = jnp.zeros((runs, lanes.body_rows.shape[2], sets))
     axle = jnp.zeros((runs, axles, sets))
     if body.dtype != jnp.float64:
         raise SysidError(
             "The simulation needs 64-bit floats; call jax.config.update('jax_enable_x64', True) before the first use."
         )
-    return _State(body, body, axle, axle)
+    return _State(body, body, axle, axle, None if suspension.friction is None else axle)
 
 
 def simulate_sensors(
@@ -261,7 +303,7 @@ def simulate_sensors(
     samples = (road.rise.shape[0] - 1) // (2 * substeps)
     h = interval_s / substeps
     sets = suspension.stiffness.shape[-1]
-    state = _start(lanes, sets)
+    state = _start(lanes, suspension)
     channels = len(layout.deflection_axles) + len(layout.acceleration_axles) + lanes.body_rows.shape[1]
     poles = 0 if recursion is None else recursion.decay.size
     memory = jnp.zeros((2, poles, lanes.static_load.shape[0], channels, sets))
@@ -316,7 +358,7 @@ def simulate_histories(
     """Unfiltered motion and forces at every output interval; arguments as in :func:`simulate_sensors`."""
     samples = (road.rise.shape[0] - 1) // (2 * substeps)
     h = interval_s / substeps
-    state = _start(lanes, suspension.stiffness.shape[-1])
+    state = _start(lanes, suspension)
 
     def body(state, inputs):
         number, stages = inputs

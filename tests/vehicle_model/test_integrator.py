@@ -20,12 +20,12 @@ from sysid.vehicle_model.simulation import (
     SPEED_HOLD_S,
     Motion,
     SensorLayout,
-    SuspensionLaw,
     lane_matrices,
     simulate_histories,
     simulate_sensors,
     stage_times,
 )
+from sysid.vehicle_model.suspension import SuspensionLaw
 
 SPEED_M_S = 8.0  # with steps of 1.25 ms every wheel passes exactly over the 10 mm stations
 START_S = 0.25

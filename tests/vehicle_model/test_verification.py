@@ -16,11 +16,11 @@ from sysid.vehicle_model.contact import effective_road, road_input, tire_law
 from sysid.vehicle_model.simulation import (
     Histories,
     Motion,
-    SuspensionLaw,
     lane_matrices,
     simulate_histories,
     stage_times,
 )
+from sysid.vehicle_model.suspension import SuspensionLaw
 
 INTERVAL_S = 0.002
 SUBSTEPS = 1

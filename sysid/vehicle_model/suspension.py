@@ -1,0 +1,203 @@
+"""Suspension laws: the force that a suspension puts on axle and body as a function of its extension and rate.
+
+One law per axle is a sum of elements; every element has neutral values, so that axles with different laws stand in the
+same arrays, and an element that no axle needs is None and costs nothing.
+
+    pull = S(e) + D(v) + F_c phi + sum_j ramp_j
+
+e extension from static rest (positive: longer) and v its rate; the static load itself is in neither.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from sysid.vehicle_model.kink import clipped_integrals
+
+#: Rate at which a nonlinear damper's coefficient is stated: c is the secant |D| / |v| there, mean of both directions.
+REFERENCE_RATE_M_S = 0.5
+#: A gas spring is not compressed below this share of its static length.
+_SHORTEST = 0.05
+
+
+class Ramps(NamedTuple):
+    """Piecewise linear parts of a force-extension curve, each `side` slope max(0, side (e - at)).
+
+    `at` [m], `slope` [N/m] and `side` (+1 acts when longer, -1 when shorter than `at`) are (J, R, na, S or 1).
+    """
+
+    at: jax.Array
+    slope: jax.Array
+    side: jax.Array
+
+
+class SuspensionLaw(NamedTuple):
+    """Suspension per lane and axle, arrays (R, na, S); elements that are None act on no axle.
+
+    - `stiffness` k [N/m], `damping` c [N s/m].
+    - `softening` 1/l [1/m]: gas spring S = k e / (1 + e / l), the isothermal law P = P_0 l / (l + e) for k = P_0 / l; 0
+      is a linear spring.
+    - `saturation` v_s [m/s] and `tail` r: damper D = c g s(v) V / s(V), s(v) = r v + (1 - r) v / sqrt(1 + (v / v_s)^2),
+      V = 0.5 m/s; r = 1 is a linear damper, small v_s with r > 0 a regularised Coulomb force beside a viscous one.
+    - `asymmetry` q: g = 2 q / (1 + q) in rebound (v > 0) and 2 / (1 + q) in compression; 1 is symmetric.
+    - `friction` F_c [N] and `slip` z_s [m]: Dahl's element d phi / d e = (1 - phi sgn v) / z_s (P. R. Dahl, "A solid
+      friction model", 1968).
+    - `ramps`: bump stops, hanger lash and tables.
+    """
+
+    stiffness: jax.Array
+    damping: jax.Array
+    softening: jax.Array | None = None
+    saturation: jax.Array | None = None
+    tail: jax.Array | None = None
+    asymmetry: jax.Array | None = None
+    friction: jax.Array | None = None
+    slip: jax.Array | None = None
+    ramps: Ramps | None = None
+
+
+def spring_force(law: SuspensionLaw, extension: jax.Array) -> jax.Array:
+    """Elastic force S(e) with the ramps [N], positive when it pulls axle and body together."""
+    force = law.stiffness * extension
+    if law.softening is not None:
+        force = force / jnp.maximum(1.0 + extension * law.softening, _SHORTEST)
+    if law.ramps is not None:
+        at, slope, side = law.ramps
+        force = force + (side * slope * jnp.maximum(side * (extension - at), 0.0)).sum(axis=0)
+    return jnp.asarray(force)
+
+
+def damper_force(law: SuspensionLaw, rate: jax.Array) -> jax.Array:
+    """Damper force D(v) [N] at extension rates [m/s]."""
+    force = _symmetric_damper(law, rate)
+    if law.asymmetry is not None:
+        force = force * jnp.where(rate >= 0.0, law.asymmetry, 1.0) * (2.0 / (1.0 + law.asymmetry))
+    return jnp.asarray(force)
+
+
+def _symmetric_damper(law: SuspensionLaw, rate: jax.Array) -> jax.Array:
+    if law.saturation is None or law.tail is None:
+        return law.damping * rate
+
+    def factor(v: jax.Array | float) -> jax.Array:
+        return law.tail + (1.0 - law.tail) / jnp.sqrt(1.0 + (v / law.saturation) ** 2)
+
+    return jnp.asarray(law.damping * rate * factor(rate) / factor(REFERENCE_RATE_M_S))
+
+
+def suspension_force(law: SuspensionLaw, extension: jax.Array, rate: jax.Array, slip: jax.Array | None) -> jax.Array:
+    """Force [N] that pulls axle and body together, less the static one, (R, na, S).
+
+    Parameters
+    ----------
+    law : coefficients.
+    extension, rate : (R, na, S) extension from static rest [m] and its rate [m/s].
+    slip : (R, na, S) state phi of the friction elements, None where no axle has one.
+    """
+    force = spring_force(law, extension) + damper_force(law, rate)
+    if law.friction is not None and slip is not None:
+        force = force + law.friction * slip
+    return force
+
+
+def _slide(slip: jax.Array, length: jax.Array, change: jax.Array) -> jax.Array:
+    """phi after the extension changes by `change` in one direction: s + (phi - s) exp(-|change| / z_s)."""
+    direction = jnp.sign(change)
+    return direction + (slip - direction) * jnp.exp(-jnp.abs(change) / length)
+
+
+def slip_at_stage(
+    law: SuspensionLaw, slip: jax.Array, start: jax.Array, rate: jax.Array, tau: float, extension: jax.Array
+) -> jax.Array:
+    """Friction state phi at a stage, from the parabola through the step's start and the stage's extension.
+
+    Where the parabola turns inside the stage the friction element slides to the turning point and back; the result is
+    continuous where the turning point enters or leaves the stage.
+
+    Parameters
+    ----------
+    slip, start, rate : (R, na, S) phi, extension [m] and rate [m/s] at the start of the step.
+    tau : time from the start of the step to the stage [s].
+    extension : (R, na, S) extension at the stage [m].
+    """
+    assert law.slip is not None
+    bend = extension - start - rate * tau
+    turns = rate * (rate * tau + 2.0 * bend) < 0.0
+    turned = start - jnp.where(turns, (rate * tau) ** 2, 0.0) / (4.0 * jnp.where(turns, bend, 1.0))
+    return _slide(_slide(slip, law.slip, turned - start), law.slip, extension - turned)
+
+
+def slip_after_step(
+    law: SuspensionLaw,
+    slip: jax.Array,
+    start: tuple[jax.Array, jax.Array],
+    end: tuple[jax.Array, jax.Array],
+    step_s: float,
+) -> jax.Array:
+    """Friction state phi at the end of a step, through the turning point of the cubic between both ends.
+
+    Parameters
+    ----------
+    slip : (R, na, S) phi at the start.
+    start, end : extension [m] and rate [m/s] at both ends, each (R, na, S).
+    step_s : step [s].
+    """
+    assert law.slip is not None
+    (e0, v0), (e1, v1) = start, end
+    turns = v0 * v1 < 0.0
+    s = jax.lax.stop_gradient(_turning_point(e1 - e0, v0 * step_s, v1 * step_s, turns))
+    # Its rate vanishes there, so the exact derivative needs no derivative of the turning point's place.
+    cubic = e0 + s * (step_s * v0 * (1.0 - s) ** 2 + s * ((3.0 - 2.0 * s) * (e1 - e0) - (1.0 - s) * step_s * v1))
+    turned = jnp.where(turns, cubic, e0)
+    return _slide(_slide(slip, law.slip, turned - e0), law.slip, e1 - turned)
+
+
+def _turning_point(change: jax.Array, v0: jax.Array, v1: jax.Array, turns: jax.Array) -> jax.Array:
+    """Root in [0, 1] of v0 + (6 change - 4 v0 - 2 v1) s + (3 v0 + 3 v1 - 6 change) s^2, the cubic's rate."""
+    a, b, c = 3.0 * (v0 + v1) - 6.0 * change, 6.0 * change - 4.0 * v0 - 2.0 * v1, v0
+    half = -0.5 * (b + jnp.where(b >= 0.0, 1.0, -1.0) * jnp.sqrt(jnp.maximum(b * b - 4.0 * a * c, 0.0)))
+    first = jnp.where(a != 0.0, half / jnp.where(a != 0.0, a, 1.0), -1.0)
+    second = jnp.where(half != 0.0, c / jnp.where(half != 0.0, half, 1.0), -1.0)
+    root = jnp.where((second >= 0.0) & (second <= 1.0), second, first)
+    return jnp.where(turns, jnp.clip(root, 0.0, 1.0), 0.0)
+
+
+def has_kinks(law: SuspensionLaw) -> bool:
+    """Whether the law has corners in extension or rate that the integrator corrects."""
+    return law.ramps is not None or law.asymmetry is not None
+
+
+def kink_corrections(
+    law: SuspensionLaw, extension: tuple[jax.Array, ...], rate: tuple[jax.Array, ...]
+) -> tuple[jax.Array, jax.Array]:
+    """What Runge-Kutta misses at the corners of the law: corrections of the mean force and of its first moment [N].
+
+    With q the quadratic through the stage values of a corner's argument, the exact integrals of its positive part
+    replace the quadrature of the stages (:mod:`sysid.vehicle_model.kink`); both corrections vanish in a step that does
+    not touch the corner.
+
+    Parameters
+    ----------
+    extension, rate : four stage values each, (R, na, S), in the order of the Nystrom step.
+    """
+    impulse, moment = jnp.zeros_like(extension[0]), jnp.zeros_like(extension[0])
+    if law.ramps is not None:
+        at, slope, side = law.ramps
+        mean, first = _missed(*(side * (e - at) for e in extension))
+        impulse, moment = impulse + (side * slope * mean).sum(axis=0), moment + (side * slope * first).sum(axis=0)
+    if law.asymmetry is not None:
+        # D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): only the second part has a corner.
+        mean, first = _missed(*(_symmetric_damper(law, v) for v in rate))
+        share = 2.0 * (law.asymmetry - 1.0) / (law.asymmetry + 1.0)
+        impulse, moment = impulse + share * mean, moment + share * first
+    return impulse, moment
+
+
+def _missed(*values: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Exact less Runge-Kutta integrals of max(0, q) and (1 - s) max(0, q) for four stage values of q."""
+    exact, exact_moment = clipped_integrals(values[0], 0.5 * (values[1] + values[2]), values[3])
+    f1, f2, f3, f4 = (jnp.maximum(q, 0.0) for q in values)
+    return exact - (f1 + 2.0 * f2 + 2.0 * f3 + f4) / 6.0, exact_moment - (f1 + f2 + f3) / 6.0
