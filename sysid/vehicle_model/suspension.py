@@ -82,10 +82,9 @@ def _symmetric_damper(law: SuspensionLaw, rate: jax.Array) -> jax.Array:
     if law.saturation is None or law.tail is None:
         return law.damping * rate
 
-    def factor(v: jax.Array | float) -> jax.Array:
-        return law.tail + (1.0 - law.tail) / jnp.sqrt(1.0 + (v / law.saturation) ** 2)
-
-    return jnp.asarray(law.damping * rate * factor(rate) / factor(REFERENCE_RATE_M_S))
+    knee, tail = law.saturation, law.tail
+    now, stated = (tail + (1.0 - tail) / jnp.sqrt(1.0 + (v / knee) ** 2) for v in (rate, REFERENCE_RATE_M_S))
+    return jnp.asarray(law.damping * rate * now / stated)
 
 
 def suspension_force(law: SuspensionLaw, extension: jax.Array, rate: jax.Array, slip: jax.Array | None) -> jax.Array:

@@ -1,0 +1,134 @@
+"""Equations of motion of one rigid body on three axles, written out by hand and solved by DOP853."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from rigid_truck import AXLES, DAMPING, EMPTY, EXPONENT, STIFFNESS
+from scipy.integrate import solve_ivp
+
+from sysid.vehicle_model.simulation import SPEED_HOLD_S
+
+SPEED_M_S = 8.0  # with steps of 1.25 ms every wheel passes exactly over the 10 mm stations
+START_S = 0.25
+DURATION_S = 1.5
+#: A bump that every axle leaves, and one that none leaves.
+HEIGHTS_M = (0.07, 0.006)
+WIDTH_M = 0.22
+POINTS_M = (0.3, 5.0)
+#: Size of the footprint map's departure from a flat road.
+ALPHA = 0.15
+OUTPUT_S = 0.005
+FINE_S = 0.000125
+
+X = np.array([a.x_m for a in AXLES])
+UNSPRUNG = np.array([a.unsprung_mass_kg for a in AXLES])
+TIRE_STIFFNESS = np.array([a.tire_stiffness_N_per_m for a in AXLES])
+TIRE_DAMPING = np.array([a.tire_damping_N_s_per_m for a in AXLES])
+LOAD = np.array(EMPTY.axle_loads_kg) * 9.81
+
+
+def road(s: np.ndarray, order: int = 0) -> np.ndarray:
+    """Gaussian bump of unit height and its slope."""
+    t = (s - 0.6) / WIDTH_M
+    return np.exp(-(t**2)) * (-2 * t / WIDTH_M if order else 1.0)
+
+
+def linear(extension: np.ndarray, rate: np.ndarray, slip: np.ndarray) -> np.ndarray:
+    """Force of linear springs and dampers [N]."""
+    return STIFFNESS * extension + DAMPING * rate
+
+
+@dataclass(frozen=True)
+class Truck:
+    """Quantities of the hand-written equations: statics, tire law, and the coupled mass of travel and pitch.
+
+    `law` gives the suspension force from extension, rate and the state of Dahl friction elements with the slip length
+    `slip_m`.
+    """
+
+    height_m: float
+    law: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] = linear
+    slip_m: float = 1e-3
+
+    def __post_init__(self) -> None:
+        preload = LOAD - UNSPRUNG * 9.81
+        cg_x = float(preload @ X / preload.sum())
+        below = np.array([a.tire_radius_m for a in AXLES]) - EMPTY.cg_height_m[0]
+        coupling = float(-(UNSPRUNG * below).sum())
+        inertia = EMPTY.pitch_inertia_kg_m2[0] + float((UNSPRUNG * below**2).sum())
+        total = EMPTY.sprung_mass_kg[0] + UNSPRUNG.sum()
+        self.__dict__.update(
+            cg_x=cg_x,
+            below=below,
+            tilt=float((preload * below).sum()),
+            mass=np.array([[total, coupling], [coupling, inertia]]),
+            total=total,
+            rest=EXPONENT * LOAD / TIRE_STIFFNESS,
+        )
+
+    def signals(self, t: float, y: np.ndarray) -> dict[str, np.ndarray]:
+        """Accelerations, forces and deflections in state y = (xi, z, theta, z_1..3, their rates, phi_1..3)."""
+        (xi, z, theta), axle = y[:3], y[3:6]
+        (xi_rate, z_rate, theta_rate), axle_rate, slip = y[6:9], y[9:12], y[12:15]
+        arm = X - self.cg_x
+        extension = z - theta * arm - axle
+        rate = z_rate - theta_rate * arm - axle_rate
+        pull = self.law(extension, rate, slip)
+        s = SPEED_M_S * (t - START_S) - X + xi - theta * self.below
+        slope = self.height_m * road(s, 1)
+        speed = SPEED_M_S + xi_rate - theta_rate * self.below
+        v, v_rate = self.height_m * road(s) - axle, slope * speed - axle_rate
+        a, a_slope = ALPHA * road(s), ALPHA * road(s, 1)
+        # Clear of the road, above first contact at v = -rest, the map stays what it was there.
+        w = np.maximum(v, -self.rest)
+        w_rate = np.where(v > -self.rest, v_rate, 0.0)
+        e = self.rest + v + a * w + 2.0 * a * w**2 - 5.0 * a * w**3
+        e_rate = v_rate + w_rate * (a + 4.0 * a * w - 15.0 * a * w**2) + speed * a_slope * (w + 2.0 * w**2 - 5.0 * w**3)
+        x = e / self.rest
+        grip = np.maximum(x, 0.0) * np.sqrt(1.1 / (np.maximum(x, 0.0) + 0.1))  # no damping off the ground
+        force = LOAD * np.sign(x) * np.abs(x) ** EXPONENT + TIRE_DAMPING * grip * e_rate
+        vertical = np.maximum(force, 0.0)
+        push = vertical * (-slope + 3.0 * slope * w)
+        right = [
+            push.sum() - self.total / SPEED_HOLD_S * xi_rate,
+            (pull * arm).sum() - (push * self.below).sum() - self.tilt * theta,
+        ]
+        xi_acceleration, theta_acceleration = np.linalg.solve(self.mass, right)
+        z_acceleration = -pull.sum() / EMPTY.sprung_mass_kg[0]
+        return {
+            "body": np.array([xi_acceleration, z_acceleration, theta_acceleration]),
+            "axle_acceleration": (vertical - LOAD + pull) / UNSPRUNG,
+            "body_acceleration": z_acceleration - theta_acceleration * (np.array(POINTS_M) - self.cg_x),
+            "tire_force": vertical,
+            "horizontal_force": push,
+            "deflection": extension,
+            "suspension_force": -pull,
+            "slip_rate": (rate - np.abs(rate) * slip) / self.slip_m,
+        }
+
+    def rates(self, t: float, y: np.ndarray) -> np.ndarray:
+        found = self.signals(t, y)
+        return np.concatenate([y[6:12], found["body"], found["axle_acceleration"], found["slip_rate"]])
+
+    def histories(self, times: np.ndarray) -> dict[str, np.ndarray]:
+        """Signals (n, channels) at `times` [s], from rest."""
+        solution = solve_ivp(
+            self.rates,
+            (0.0, times[-1]),
+            np.zeros(15),
+            method="DOP853",
+            t_eval=times,
+            rtol=1e-11,
+            atol=1e-13,
+            max_step=0.005,
+        )
+        rows = [self.signals(t, y) for t, y in zip(times, solution.y.T, strict=True)]
+        return {q: np.array([r[q] for r in rows]) for q in rows[0]}
+
+
+def relative_rms(ours: np.ndarray, exact: np.ndarray) -> np.ndarray:
+    """Per channel RMS(ours - exact) / RMS(exact - its static value)."""
+    return np.sqrt(np.mean((ours - exact) ** 2, axis=0) / np.mean((exact - exact[0]) ** 2, axis=0))

@@ -1,0 +1,79 @@
+"""The truck of the hand-written equations, simulated by the package."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from hand_written_truck import (
+    ALPHA,
+    DURATION_S,
+    HEIGHTS_M,
+    OUTPUT_S,
+    POINTS_M,
+    SPEED_M_S,
+    START_S,
+    TIRE_DAMPING,
+    TIRE_STIFFNESS,
+    X,
+    road,
+)
+from rigid_truck import DAMPING, EMPTY, EXPONENT, FILTER, STIFFNESS, VEHICLE
+
+from sysid.vehicle_model.assembly import assemble
+from sysid.vehicle_model.contact import effective_road, road_input, tire_law
+from sysid.vehicle_model.filters import discretise
+from sysid.vehicle_model.simulation import (
+    Motion,
+    SensorLayout,
+    lane_matrices,
+    simulate_histories,
+    simulate_sensors,
+    stage_times,
+)
+from sysid.vehicle_model.suspension import SuspensionLaw
+
+
+def per_axle(values: np.ndarray) -> jax.Array:
+    """One value per axle as an array (2, 3, 1) of both lanes."""
+    return jnp.asarray(np.tile(values[:, None], (2, 1, 1)))
+
+
+def simulated_truck(
+    step_s: float,
+    *,
+    law: SuspensionLaw | None = None,
+    filtered: bool = False,
+    speed_m_s: float = SPEED_M_S,
+    every_s: float = OUTPUT_S,
+):
+    """The package's own simulation of both bumps with steps of `step_s`; linear suspensions unless `law` is given."""
+    matrices = assemble(VEHICLE, EMPTY)
+    lanes = lane_matrices([matrices] * 2, [(0, x) for x in POINTS_M])
+    station = np.arange(-250, 300) * 0.01
+    rises = np.tile(road(station), (2, 3, 1)) * np.array(HEIGHTS_M)[:, None, None]
+    shape = np.tile(road(station), (2, 3, 1))
+    stretch = ALPHA * np.stack([shape, 2.0 * shape, -5.0 * shape, 0.0 * shape])
+    slopes = np.tile(road(station, 1), (2, 3, 1)) * np.array(HEIGHTS_M)[:, None, None]
+    drag = np.stack([-slopes, 3.0 * slopes, 0.0 * slopes])
+    table = effective_road(station, rises, stretch, drag)
+    samples, substeps = round(DURATION_S / every_s), round(every_s / step_s)
+
+    suspension = law or SuspensionLaw(per_axle(STIFFNESS), per_axle(DAMPING))
+
+    @jax.jit
+    def run(speed):
+        tire = tire_law(
+            per_axle(TIRE_STIFFNESS), per_axle(TIRE_DAMPING), EXPONENT, lanes.static_load, lanes.static_load
+        )
+        motion = Motion(jnp.full((2, 1), speed), jnp.full((2, 1), START_S))
+        times = stage_times(samples, every_s, substeps)[:, None, None, None]
+        inputs = road_input(table, motion.speed[:, None] * (times - START_S) - X[:, None])
+        laws = (suspension, tire, motion, inputs)
+        options = {"interval_s": every_s, "substeps": substeps}
+        if filtered:
+            layout = SensorLayout((0, 1, 2), (0, 1, 2))
+            return simulate_sensors(lanes, *laws, layout, discretise(FILTER, step_s), **options)
+        return simulate_histories(lanes, *laws, **options)
+
+    return run(speed_m_s)
