@@ -35,6 +35,14 @@ class PriorOverride:
 
 
 @dataclass(frozen=True)
+class ForceTable:
+    """Piecewise linear curve: suspension force [N] against extension from static rest [m] or its rate [m/s]."""
+
+    position: tuple[float, ...]
+    force_N: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class Axle:
     """One axle, both sides and all its tires together.
 
@@ -51,7 +59,10 @@ class Axle:
     tire_damping_N_s_per_m: float
     tire_radius_m: float
     suspension: Literal["leaf", "air", "other"]
-    suspension_law: str = "linear"
+    suspension_law: str | None = None
+    spring_table: ForceTable | None = None
+    damper_table: ForceTable | None = None
+    hanger_lash_m: float | None = None
     load_dependent: bool = False
     inflation_pressure_Pa: float | None = None
     jounce_travel_m: float | None = None

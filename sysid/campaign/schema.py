@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictBool, StrictStr, model_validator
@@ -87,6 +88,45 @@ class PriorsTable(Table):
     tire_damping_N_s_per_m: PriorTable | None = None
 
 
+Curve = Annotated[list[Annotated[float, Field(strict=True, allow_inf_nan=False)]], Field(min_length=2, max_length=40)]
+
+
+def _check_curve(positions: list[float], forces: list[float], what: str, name: str) -> None:
+    if len(positions) != len(forces):
+        raise ValueError(f"has {len(positions)} values of {what} and {len(forces)} of force_N; give pairs")
+    if any(b <= a for a, b in pairwise(positions)):
+        raise ValueError(f"has values of {what} that do not increase; sort the {name}")
+    if any(b < a for a, b in pairwise(forces)):
+        raise ValueError(f"has a force_N that falls with {what}; positive force pulls axle and body together")
+    if not positions[0] < 0.0 < positions[-1]:
+        raise ValueError(f"does not reach to both sides of {what} = 0, static rest; extend the {name}")
+
+
+class SpringTable(Table):
+    """spring_table = {...}: force (positive pulls axle and body together) against extension
+    from static rest in the first load case."""
+
+    extension_m: Curve
+    force_N: Curve
+
+    @model_validator(mode="after")
+    def _curve(self) -> SpringTable:
+        _check_curve(self.extension_m, self.force_N, "extension_m", "spring table")
+        return self
+
+
+class DamperTable(Table):
+    """damper_table = {...}: force against the rate of extension, rebound positive."""
+
+    rate_m_s: Curve
+    force_N: Curve
+
+    @model_validator(mode="after")
+    def _curve(self) -> DamperTable:
+        _check_curve(self.rate_m_s, self.force_N, "rate_m_s", "damper table")
+        return self
+
+
 class AxleTable(Table):
     """[[vehicle.axle]]: one axle, both sides and all its tires together."""
 
@@ -98,7 +138,10 @@ class AxleTable(Table):
     tire_damping_N_s_per_m: NotNegative
     tire_radius_m: Length
     suspension: Literal["leaf", "air", "other"]
-    suspension_law: Annotated[StrictStr, Field(min_length=1, max_length=40)] = "linear"
+    suspension_law: Annotated[StrictStr, Field(min_length=1, max_length=200)] | None = None
+    spring_table: SpringTable | None = None
+    damper_table: DamperTable | None = None
+    hanger_lash_m: Length | None = None
     load_dependent: StrictBool | None = None
     inflation_pressure_kPa: Positive | None = None
     jounce_travel_m: Length | None = None

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from sysid.campaign import schema as s
-from sysid.campaign.records import Axle, AxleGroup, Body, LeafDimensions, LoadCase, PriorOverride, Vehicle
+from sysid.campaign.records import Axle, AxleGroup, Body, ForceTable, LeafDimensions, LoadCase, PriorOverride, Vehicle
 from sysid.campaign.units import pressure_pa
 from sysid.campaign.wording import finish, nearest, shorten
 from sysid.errors import CampaignError
@@ -122,6 +122,13 @@ class VehicleReader:
             tire_radius_m=table.tire_radius_m,
             suspension=table.suspension,
             suspension_law=table.suspension_law,
+            spring_table=None
+            if table.spring_table is None
+            else ForceTable(tuple(table.spring_table.extension_m), tuple(table.spring_table.force_N)),
+            damper_table=None
+            if table.damper_table is None
+            else ForceTable(tuple(table.damper_table.rate_m_s), tuple(table.damper_table.force_N)),
+            hanger_lash_m=table.hanger_lash_m,
             load_dependent=by_load if table.load_dependent is None else table.load_dependent,
             inflation_pressure_Pa=None if pressure is None else pressure_pa(pressure),
             jounce_travel_m=table.jounce_travel_m,

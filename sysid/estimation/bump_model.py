@@ -20,10 +20,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.campaign.records import AntiAliasFilter, Campaign
+from sysid.estimation.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters import ParameterSet
 from sysid.estimation.run_data import ChannelLayout, RunGroup, channel_layout, group_runs
 from sysid.road.results import RoadProfile
-from sysid.vehicle_model.contact import EffectiveRoad, RoadInput, TireLaw, road_input, tire_law
+from sysid.vehicle_model.contact import EffectiveRoad, RoadInput, road_input
 from sysid.vehicle_model.filters import discretise
 from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, Pass, make_lanes
 from sysid.vehicle_model.simulation import (
@@ -33,7 +34,6 @@ from sysid.vehicle_model.simulation import (
     simulate_sensors,
     stage_times,
 )
-from sysid.vehicle_model.suspension import SuspensionLaw
 
 #: Standard deviation of a sensor's gain about its calibration.
 GAIN_SD = {"suspension_deflection": 0.005, "axle_acceleration": 0.01, "body_acceleration": 0.01}
@@ -41,59 +41,11 @@ GAIN_SD = {"suspension_deflection": 0.005, "axle_acceleration": 0.01, "body_acce
 TARGET_STEP_S = 0.00125
 
 
-class ParameterIndex(NamedTuple):
-    """Positions in the parameter vector.
-
-    `stiffness` (R, na); `damping`, `tire_stiffness`, `tire_damping` (na,); `exponent` ().
-    """
-
-    stiffness: np.ndarray
-    damping: np.ndarray
-    tire_stiffness: np.ndarray
-    tire_damping: np.ndarray
-    exponent: np.ndarray
-
-
-def parameter_index(parameters: ParameterSet, axles: int, load_cases: list[str]) -> ParameterIndex:
-    """Where each axle and lane finds its parameters; `load_cases` names the load case of each lane."""
-
-    def per_axle(quantity: str) -> np.ndarray:
-        return np.array([parameters.index(quantity, i) for i in range(axles)])
-
-    stiffness = [[parameters.index("stiffness", i, case) for i in range(axles)] for case in load_cases]
-    return ParameterIndex(
-        np.array(stiffness),
-        per_axle("damping"),
-        per_axle("tire_stiffness"),
-        per_axle("tire_damping"),
-        np.array(parameters.index("tire_exponent")),
-    )
-
-
-def lane_laws(
-    index: ParameterIndex, log_parameters: jax.Array, static_load: jax.Array, reference_load: jax.Array
-) -> tuple[SuspensionLaw, TireLaw]:
-    """Suspension and tire laws of every lane from the log parameters (p, S)."""
-    values = jnp.exp(log_parameters)
-    suspension = SuspensionLaw(
-        values[index.stiffness], jnp.broadcast_to(values[index.damping], values[index.stiffness].shape)
-    )
-    tire = tire_law(
-        values[index.tire_stiffness],
-        values[index.tire_damping],
-        values[index.exponent],
-        static_load,
-        reference_load,
-    )
-    return suspension, tire
-
-
 class GroupArrays(NamedTuple):
     """Arrays of one group of runs that the compiled functions take: model constants, data and weights."""
 
     matrices: LaneMatrices
-    reference_load: np.ndarray
-    positions: ParameterIndex
+    laws: LawInputs
     axle_x: np.ndarray
     value: np.ndarray
     measured: np.ndarray
@@ -185,8 +137,7 @@ def bump_model(
         arrays.append(
             GroupArrays(
                 lanes.matrices,
-                lanes.reference_load,
-                parameter_index(parameters, len(campaign.vehicle.axles), [r.load_case for r in runs]),
+                law_inputs(campaign.vehicle, parameters, lanes, [r.load_case for r in runs]),
                 lanes.axle_x,
                 group.value,
                 group.measured.astype(float),
@@ -217,7 +168,7 @@ def simulate_group(
     arrays: GroupArrays, shape: GroupShape, log_parameters: jax.Array, motion: Motion, road: RoadInput
 ) -> jax.Array:
     """Filtered sensor signals (T, R, C, S) of one group for log parameters (p, S)."""
-    suspension, tire = lane_laws(arrays.positions, log_parameters, arrays.matrices.static_load, arrays.reference_load)
+    suspension, tire = lane_laws(arrays.laws, log_parameters)
     recursion = None if shape.filter is None else discretise(shape.filter, shape.interval_s / shape.substeps)
     return simulate_sensors(
         arrays.matrices,

@@ -6,13 +6,14 @@ belongs to the prior, so a lognormal prior on the natural scale is exactly the G
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sysid.campaign.records import Axle, Campaign, PriorOverride
 from sysid.errors import CampaignError
+from sysid.estimation.suspension_elements import ELEMENTS, LINEAR, law_elements, law_name, quantities
 from sysid.sdof.results import DropEstimate, DropSummary
 
 
@@ -20,9 +21,10 @@ from sysid.sdof.results import DropEstimate, DropSummary
 class Parameter:
     """One global parameter: value and description are kept apart.
 
-    `quantity` is ``stiffness``, ``damping``, ``tire_stiffness``, ``tire_damping`` or ``tire_exponent``; `axle` its
-    axle index, None for a property of all tires; `load_case` None means shared by all load cases.  `start` and
-    `prior_median` in `unit`; `prior_sd` is the standard deviation of the logarithm.
+    `quantity` is ``stiffness``, ``damping``, ``tire_stiffness``, ``tire_damping``, ``tire_exponent`` or one of the
+    quantities of :mod:`sysid.estimation.suspension_elements`; `axle` its axle index, None for a property of all axles;
+    `load_case` None means shared by all load cases.  `start` and `prior_median` in `unit`; `prior_sd` is the standard
+    deviation of the logarithm.
     """
 
     name: str
@@ -106,17 +108,43 @@ AIR_LOAD_EXPONENT = 0.5
 AIR_LINK_SD = 0.5
 
 METHOD_PREFERENCE = ("free_decay", "corrected", "paper")
-SUPPORTED_LAWS = ("linear",)
 
 
-def campaign_parameters(campaign: Campaign, drops: DropSummary | None) -> ParameterSet:
-    """Parameters of a campaign with start values and priors from drops, nominal tire values and the user.
+def declared_laws(campaign: Campaign) -> tuple[frozenset[str], ...]:
+    """Elements of every axle's suspension law as the campaign file declares them; no law is a linear one.
 
     Raises
     ------
     CampaignError
         If an axle asks for a suspension law that is not available.
     """
+    laws = []
+    for axle in campaign.vehicle.axles:
+        try:
+            laws.append(law_elements(axle.suspension_law))
+        except ValueError as error:
+            raise CampaignError(
+                f"{campaign.file.name}: axle '{axle.name}' asks for suspension_law = '{axle.suspension_law}'; "
+                f"'{error}' is unknown, give '{LINEAR}' or elements joined by '+': {', '.join(ELEMENTS)}."
+            ) from error
+    return tuple(laws)
+
+
+def campaign_parameters(
+    campaign: Campaign, drops: DropSummary | None, laws: Sequence[frozenset[str]] | None = None
+) -> ParameterSet:
+    """Parameters of a campaign with start values and priors from drops, nominal tire values and the user.
+
+    Parameters
+    ----------
+    laws : elements of every axle's suspension law, None for those of the campaign file.
+
+    Raises
+    ------
+    CampaignError
+        If an axle asks for a suspension law that is not available.
+    """
+    laws = declared_laws(campaign) if laws is None else laws
     vehicle = campaign.vehicle
     # A load case that is only predicted has its own air-spring stiffness too: known through its link alone.
     wanted = {run.load_case for run in campaign.bump_runs} | {request.load_case for request in campaign.predictions}
@@ -125,12 +153,7 @@ def campaign_parameters(campaign: Campaign, drops: DropSummary | None) -> Parame
     parameters: list[Parameter] = []
     links: list[PriorLink] = []
     for i, axle in enumerate(vehicle.axles):
-        if axle.suspension_law not in SUPPORTED_LAWS:
-            raise CampaignError(
-                f"{campaign.file.name}: axle '{axle.name}' asks for suspension_law = '{axle.suspension_law}'; "
-                f"available laws: {', '.join(SUPPORTED_LAWS)}."
-            )
-        stiffness = _suspension_parameter(axle, i, "stiffness", drops, first)
+        stiffness = replace(_suspension_parameter(axle, i, "stiffness", drops, first), law=law_name(laws[i]))
         if axle.load_dependent and len(used_cases) > 1:
             # Drops and generic values belong to the first load case, whether or not a run was driven in it.
             growth = {case: _air_growth(campaign, i, first, case) for case in used_cases}
@@ -153,7 +176,8 @@ def campaign_parameters(campaign: Campaign, drops: DropSummary | None) -> Parame
         else:
             parameters.append(stiffness)
     for i, axle in enumerate(vehicle.axles):
-        parameters.append(_suspension_parameter(axle, i, "damping", drops, first))
+        parameters.append(replace(_suspension_parameter(axle, i, "damping", drops, first), law=law_name(laws[i])))
+    parameters += _element_parameters(campaign, laws)
     for i, axle in enumerate(vehicle.axles):
         median, sd = _override(axle, "tire_stiffness", axle.tire_stiffness_N_per_m, TIRE_STIFFNESS_SD)
         parameters.append(Parameter(f"kt_{i + 1}", "tire_stiffness", "N/m", median, median, sd, axle=i))
@@ -163,6 +187,21 @@ def campaign_parameters(campaign: Campaign, drops: DropSummary | None) -> Parame
     median, sd = TIRE_EXPONENT
     parameters.append(Parameter("tire_exponent", "tire_exponent", "1", median, median, sd))
     return ParameterSet(tuple(parameters), tuple(links))
+
+
+def _element_parameters(campaign: Campaign, laws: Sequence[frozenset[str]]) -> list[Parameter]:
+    """Parameters of all other elements than spring and damper; a shared one has its prior from its first axle."""
+    found: dict[str, Parameter] = {}
+    loads = next(iter(campaign.load_cases.values())).axle_loads_kg
+    for i, axle in enumerate(campaign.vehicle.axles):
+        carried = (loads[i] - axle.unsprung_mass_kg) * campaign.vehicle.gravity_m_s2
+        for q in quantities(laws[i]):
+            name = q.symbol if q.shared else f"{q.symbol}_{i + 1}"
+            median = q.median(axle, carried)
+            axle_index = None if q.shared else i
+            law = law_name(laws[i])
+            found.setdefault(name, Parameter(name, q.quantity, q.unit, median, median, q.sd, axle_index, law=law))
+    return list(found.values())
 
 
 def _air_growth(campaign: Campaign, axle: int, first: str, case: str) -> float:

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.campaign.records import Campaign, PredictionRequest
-from sysid.estimation.bump_model import lane_laws, parameter_index
+from sysid.estimation.lane_laws import lane_laws, law_inputs
 from sysid.estimation.parameters import ParameterSet
 from sysid.prediction.results import PassPrediction, Predictions
 from sysid.road.results import RoadProfile
@@ -27,8 +27,8 @@ DRAWS = 200
 
 
 @partial(jax.jit, static_argnames=("samples",))
-def _forces(matrices, index, reference_load, axle_x, road, log_parameters, speed, start, *, samples: int) -> jax.Array:
-    suspension, tire = lane_laws(index, log_parameters, matrices.static_load, reference_load)
+def _forces(matrices, laws, axle_x, road, log_parameters, speed, start, *, samples: int) -> jax.Array:
+    suspension, tire = lane_laws(laws, log_parameters)
     times = stage_times(samples, INTERVAL_S, 1)[:, None, None, None]
     inputs = road_input(road, speed[:, None] * (times - start[:, None]) - axle_x)
     histories = simulate_histories(
@@ -59,7 +59,7 @@ def predict_pass(
     """
     roads = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles)
     lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [Pass(request.load_case, request.bump)], [])
-    index = parameter_index(parameters, len(campaign.vehicle.axles), [request.load_case])
+    laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
     road, speed = lanes.road, request.speed_m_s
     last = road.first_station_m + road.step_m * road.rise.shape[-1]
     # The record starts half a second before axle 1 touches the bump and its time is zero over the start of the bump.
@@ -69,8 +69,7 @@ def predict_pass(
     force = np.asarray(
         _forces(
             lanes.matrices,
-            index,
-            lanes.reference_load,
+            laws,
             lanes.axle_x,
             road,
             jnp.asarray(sets),

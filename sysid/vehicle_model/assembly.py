@@ -37,7 +37,8 @@ class PlanarMatrices:
     `unsprung_mass` (na,) [kg]; `attachment` (na, nb) vertical motion of the body above each axle; `travel` (na, nb)
     forward motion of each wheel centre; `drive` (chains, nb) forward motion of the point where each chain is driven
     (its first body's centre of gravity) and `chain_mass` (chains,) what is driven [kg]; `static_load` (na,) vertical
-    road force at rest [N]; `heave_rows`, `pitch_rows` (bodies, nb) motion of each centre of gravity; `cg_x`
+    road force at rest [N]; `carried_load` (na,) static suspension force [N]; `heave_rows`, `pitch_rows` (bodies, nb)
+    motion of each centre of gravity; `cg_x`
     (bodies,) [m].
     """
 
@@ -49,6 +50,7 @@ class PlanarMatrices:
     drive: np.ndarray
     chain_mass: np.ndarray
     static_load: np.ndarray
+    carried_load: np.ndarray
     heave_rows: np.ndarray
     pitch_rows: np.ndarray
     cg_x: np.ndarray
@@ -149,6 +151,7 @@ def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
         drive=travel[[chain[0] for chain in groups]],
         chain_mass=np.array([sprung[c].sum() + unsprung[np.isin(body_of, c)].sum() for c in groups]),
         static_load=np.asarray(load_case.axle_loads_kg, float) * vehicle.gravity_m_s2,
+        carried_load=preload,
         heave_rows=heave,
         pitch_rows=pitch,
         cg_x=cg_x,

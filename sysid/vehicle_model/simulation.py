@@ -40,7 +40,8 @@ class LaneMatrices(NamedTuple):
     `position` (R, 2 na + nb, nb) turns body coordinates into attachment heights, wheel travel and the body
     acceleration from static loads that tilt with the body; `rate` (R, 2 na + nb, nb) does the same for body rates, with
     the acceleration from the driving force; `acceleration` (R, nb, 2 na) gives body accelerations from suspension pull
-    and horizontal tire force; `inverse_unsprung`, `static_load` (R, na, 1); `body_rows` (R, nr, nb) vertical motion at
+    and horizontal tire force; `inverse_unsprung`, `static_load`, `carried_load` (R, na, 1), the last what each
+    suspension carries at rest; `body_rows` (R, nr, nb) vertical motion at
     the body accelerometers.
     """
 
@@ -49,6 +50,7 @@ class LaneMatrices(NamedTuple):
     acceleration: np.ndarray
     inverse_unsprung: np.ndarray
     static_load: np.ndarray
+    carried_load: np.ndarray
     body_rows: np.ndarray
 
 
@@ -68,6 +70,7 @@ def lane_matrices(matrices: list[PlanarMatrices], body_sensors: list[tuple[int, 
         acceleration=np.stack(acceleration),
         inverse_unsprung=np.stack([1.0 / m.unsprung_mass for m in matrices])[..., None],
         static_load=np.stack([m.static_load for m in matrices])[..., None],
+        carried_load=np.stack([m.carried_load for m in matrices])[..., None],
         body_rows=np.stack(rows),
     )
 

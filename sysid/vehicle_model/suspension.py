@@ -24,9 +24,9 @@ _SHORTEST = 0.05
 
 
 class Ramps(NamedTuple):
-    """Piecewise linear parts of a force-extension curve, each `side` slope max(0, side (e - at)).
+    """Piecewise linear parts of a curve, each `side` slope max(0, side (x - at)), x extension or its rate.
 
-    `at` [m], `slope` [N/m] and `side` (+1 acts when longer, -1 when shorter than `at`) are (J, R, na, S or 1).
+    `at` [m or m/s], `slope` [N/m or N s/m] and `side` (+1 acts beyond, -1 below `at`) are (J, R, na, S or 1).
     """
 
     at: jax.Array
@@ -45,7 +45,7 @@ class SuspensionLaw(NamedTuple):
     - `asymmetry` q: g = 2 q / (1 + q) in rebound (v > 0) and 2 / (1 + q) in compression; 1 is symmetric.
     - `friction` F_c [N] and `slip` z_s [m]: Dahl's element d phi / d e = (1 - phi sgn v) / z_s (P. R. Dahl, "A solid
       friction model", 1968).
-    - `ramps`: bump stops, hanger lash and tables.
+    - `ramps`: corners of the spring curve: bump stops, hanger lash and tables; `rate_ramps`: of the damper curve.
     """
 
     stiffness: jax.Array
@@ -57,6 +57,12 @@ class SuspensionLaw(NamedTuple):
     friction: jax.Array | None = None
     slip: jax.Array | None = None
     ramps: Ramps | None = None
+    rate_ramps: Ramps | None = None
+
+
+def _ramp_force(ramps: Ramps, x: jax.Array) -> jax.Array:
+    at, slope, side = ramps
+    return jnp.asarray((side * slope * jnp.maximum(side * (x - at), 0.0)).sum(axis=0))
 
 
 def spring_force(law: SuspensionLaw, extension: jax.Array) -> jax.Array:
@@ -65,8 +71,7 @@ def spring_force(law: SuspensionLaw, extension: jax.Array) -> jax.Array:
     if law.softening is not None:
         force = force / jnp.maximum(1.0 + extension * law.softening, _SHORTEST)
     if law.ramps is not None:
-        at, slope, side = law.ramps
-        force = force + (side * slope * jnp.maximum(side * (extension - at), 0.0)).sum(axis=0)
+        force = force + _ramp_force(law.ramps, extension)
     return jnp.asarray(force)
 
 
@@ -75,6 +80,8 @@ def damper_force(law: SuspensionLaw, rate: jax.Array) -> jax.Array:
     force = _symmetric_damper(law, rate)
     if law.asymmetry is not None:
         force = force * jnp.where(rate >= 0.0, law.asymmetry, 1.0) * (2.0 / (1.0 + law.asymmetry))
+    if law.rate_ramps is not None:
+        force = force + _ramp_force(law.rate_ramps, rate)
     return jnp.asarray(force)
 
 
@@ -166,7 +173,7 @@ def _turning_point(change: jax.Array, v0: jax.Array, v1: jax.Array, turns: jax.A
 
 def has_kinks(law: SuspensionLaw) -> bool:
     """Whether the law has corners in extension or rate that the integrator corrects."""
-    return law.ramps is not None or law.asymmetry is not None
+    return law.ramps is not None or law.rate_ramps is not None or law.asymmetry is not None
 
 
 def kink_corrections(
@@ -183,9 +190,11 @@ def kink_corrections(
     extension, rate : four stage values each, (R, na, S), in the order of the Nystrom step.
     """
     impulse, moment = jnp.zeros_like(extension[0]), jnp.zeros_like(extension[0])
-    if law.ramps is not None:
-        at, slope, side = law.ramps
-        mean, first = _missed(*(side * (e - at) for e in extension))
+    for ramps, values in ((law.ramps, extension), (law.rate_ramps, rate)):
+        if ramps is None:
+            continue
+        at, slope, side = ramps
+        mean, first = _missed(*(side * (x - at) for x in values))
         impulse, moment = impulse + (side * slope * mean).sum(axis=0), moment + (side * slope * first).sum(axis=0)
     if law.asymmetry is not None:
         # D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): only the second part has a corner.

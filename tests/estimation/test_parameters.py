@@ -10,7 +10,7 @@ from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, campaign, empty_run
 
 from sysid.campaign.records import PredictionRequest, PriorOverride
 from sysid.errors import CampaignError
-from sysid.estimation.bump_model import parameter_index
+from sysid.estimation.lane_laws import stiffness_positions
 from sysid.estimation.parameters import Parameter, ParameterSet, PriorLink, best_drop_estimates, campaign_parameters
 from sysid.sdof.results import DropEstimate, DropSummary
 
@@ -50,7 +50,7 @@ def test_a_load_case_that_is_only_predicted_has_a_linked_stiffness():
     request = PredictionRequest("half", 10.0)
     found = campaign_parameters(campaign(BOTH, load_cases=(EMPTY, half, LADEN), predictions=[request]), None)
     assert found.names[:4] == ("k_1", "k_2[empty]", "k_2[half]", "k_2[laden]")
-    np.testing.assert_array_equal(parameter_index(found, 3, ["half"]).stiffness, [[0, 2, 5]])
+    np.testing.assert_array_equal(stiffness_positions(found, 3, ["half"]), [[0, 2, 5]])
 
 
 def test_drops_of_the_first_load_case_are_carried_over_to_the_driven_ones():
@@ -67,9 +67,9 @@ def test_drops_of_the_first_load_case_are_carried_over_to_the_driven_ones():
 
 def test_index_finds_shared_and_load_dependent_stiffness():
     found = campaign_parameters(campaign(BOTH, load_cases=(EMPTY, LADEN)), None)
-    index = parameter_index(found, 3, ["laden", "empty", "laden"])
-    np.testing.assert_array_equal(index.stiffness, [[0, 2, 4], [0, 1, 3], [0, 2, 4]])
-    np.testing.assert_array_equal(index.damping, [5, 6, 7])
+    index = stiffness_positions(found, 3, ["laden", "empty", "laden"])
+    np.testing.assert_array_equal(index, [[0, 2, 4], [0, 1, 3], [0, 2, 4]])
+    assert [found.index("damping", i) for i in range(3)] == [5, 6, 7]
     with pytest.raises(KeyError):
         found.index("friction", 0)
 

@@ -1,0 +1,145 @@
+"""Corners of suspension curves that the campaign file declares: bump stops, hanger lash, force tables.
+
+Every corner becomes a ramp of the suspension law (:class:`sysid.vehicle_model.suspension.Ramps`); its place or slope
+may depend on parameters, so that stiffness and damping scale a declared curve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from sysid.campaign.records import Axle, ForceTable
+from sysid.vehicle_model.suspension import REFERENCE_RATE_M_S, Ramps
+
+#: Place of a corner that is never reached, for axles with fewer corners than others.
+_NEVER = 1e3
+
+
+class TableCorners(NamedTuple):
+    """A piecewise linear curve through rest, as multiples of the axle's stiffness or damping.
+
+    `share` (R, na, 1) slope at rest; `at`, `side`, `change` (J, R, na, 1) position [m or m/s], which side of rest it
+    stands on, and change of slope there.
+    """
+
+    share: np.ndarray
+    at: np.ndarray
+    side: np.ndarray
+    change: np.ndarray
+
+
+class SuspensionCurves(NamedTuple):
+    """Declared curves of all axles of R lanes; None where no axle has one.
+
+    `spring`, `damper` tables; `stops` (2, R, na, 1) extension at the rebound and at the jounce stop [m]; `lash`
+    (R, na, 1) free travel of the hanger [m], zero where an axle has none.
+    """
+
+    spring: TableCorners | None = None
+    damper: TableCorners | None = None
+    stops: np.ndarray | None = None
+    lash: np.ndarray | None = None
+
+
+def suspension_curves(
+    axles: Sequence[Axle], laws: Sequence[frozenset[str]], carried_N: np.ndarray, reference_N: np.ndarray
+) -> SuspensionCurves:
+    """Curves that the laws of the axles ask for.
+
+    Parameters
+    ----------
+    laws : elements of every axle's suspension law.
+    carried_N, reference_N : (R, na) load on each suspension in its lane and in the first load case.
+    """
+    lanes = carried_N.shape[0]
+    names = frozenset().union(*laws)
+    pairs = list(zip(axles, laws, strict=True))
+    never = np.full(len(axles), _NEVER)
+    rebound, jounce, lash = never.copy(), -never, np.zeros(len(axles))
+    for i, (axle, law) in enumerate(pairs):
+        if "bump_stops" in law:
+            rebound[i], jounce[i] = axle.rebound_travel_m or _NEVER, -(axle.jounce_travel_m or _NEVER)
+        if "hanger_lash" in law:
+            lash[i] = axle.hanger_lash_m or 0.0
+    springs = [a.spring_table if "spring_table" in law else None for a, law in pairs]
+    dampers = [a.damper_table if "damper_table" in law else None for a, law in pairs]
+    rest = np.zeros_like(carried_N)
+    for i, table in enumerate(springs):
+        if table is not None:
+            # A heavier load rests where the table's force has fallen by the difference.
+            rest[:, i] = np.interp(reference_N[:, i] - carried_N[:, i], table.force_N, table.position)
+    return SuspensionCurves(
+        spring=_corners(springs, rest, None) if "spring_table" in names else None,
+        damper=_corners(dampers, np.zeros_like(rest), REFERENCE_RATE_M_S) if "damper_table" in names else None,
+        stops=np.tile(np.stack([rebound, jounce])[:, None, :, None], (1, lanes, 1, 1))
+        if "bump_stops" in names
+        else None,
+        lash=np.tile(lash[:, None], (lanes, 1, 1)) if "hanger_lash" in names else None,
+    )
+
+
+def _corners(tables: list[ForceTable | None], rest: np.ndarray, secant_at: float | None) -> TableCorners:
+    """Corners of all tables seen from where each lane rests (R, na); slopes as multiples of the one at zero.
+
+    With `secant_at` they are multiples of the mean secant at +- that position instead.
+    """
+    count = max(1, *(len(t.position) - 2 for t in tables if t is not None))
+    at = np.full((count, *rest.shape), _NEVER)
+    change, share = np.zeros_like(at), np.ones_like(rest)
+    for i, table in enumerate(tables):
+        if table is None:
+            continue
+        x, force = np.array(table.position), np.array(table.force_N)
+        slopes = np.diff(force) / np.diff(x)
+        if secant_at is None:
+            unit = slopes[np.searchsorted(x[1:-1], 0.0, side="right")]
+        else:
+            unit = np.diff(np.interp([-secant_at, secant_at], x, force))[0] / (2.0 * secant_at)
+        unit = max(float(unit), 1e-9 * float(slopes.max()))
+        share[:, i] = slopes[np.searchsorted(x[1:-1], rest[:, i], side="right")] / unit
+        at[: x.size - 2, :, i] = x[1:-1, None] - rest[:, i]
+        change[: x.size - 2, :, i] = (np.diff(slopes) / unit)[:, None]
+    return TableCorners(share[..., None], at[..., None], np.where(at > 0.0, 1.0, -1.0)[..., None], change[..., None])
+
+
+def table_ramps(corners: TableCorners, slope: jax.Array) -> Ramps:
+    """Ramps of a table for stiffness or damping `slope` (R, na, S); its slope at rest is `corners.share * slope`."""
+    shape = (*corners.at.shape[:-1], slope.shape[-1])
+    return Ramps(
+        jnp.broadcast_to(corners.at, shape),
+        corners.side * corners.change * slope,
+        jnp.broadcast_to(corners.side, shape),
+    )
+
+
+def stop_ramps(stops: np.ndarray, stiffness: jax.Array) -> Ramps:
+    """Ramps of the bump stops with their stiffness (R, na, S) [N/m]."""
+    shape = (*stops.shape[:-1], stiffness.shape[-1])
+    side = jnp.broadcast_to(np.array([1.0, -1.0])[:, None, None, None], shape)
+    return Ramps(jnp.broadcast_to(stops, shape), jnp.broadcast_to(stiffness, shape), side)
+
+
+def lash_ramps(lash: np.ndarray, stiffness: jax.Array, carried: np.ndarray) -> Ramps:
+    """Ramps of the hanger lash: the spring is slack from where it carries nothing until its hanger has moved `lash`.
+
+    Parameters
+    ----------
+    lash, carried : (R, na, 1) free travel [m], zero for none, and static load on the spring [N].
+    stiffness : (R, na, S) of the spring [N/m].
+    """
+    slack = jnp.broadcast_to(carried / stiffness, stiffness.shape)
+    slope = jnp.where(lash > 0.0, stiffness, 0.0)
+    at = jnp.stack([slack, slack + lash])
+    return Ramps(at, jnp.stack([-slope, slope]), jnp.ones_like(at))
+
+
+def joined(parts: list[Ramps]) -> Ramps | None:
+    """All ramps of several parts, None of none."""
+    if not parts:
+        return None
+    return Ramps(*(jnp.concatenate(arrays) for arrays in zip(*parts, strict=True)))
