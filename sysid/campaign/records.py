@@ -82,7 +82,11 @@ class Body:
 
 @dataclass(frozen=True)
 class AxleGroup:
-    """Axles on a common beam with mass and pitch inertia of its own; `axles` are axle indices."""
+    """Neighbouring axles of one body on a common rigid beam with mass and pitch inertia of its own.
+
+    `axles` are axle indices, front to rear.  The beam carries the body on one suspension, at the mean position of its
+    axles; that suspension belongs to the group's first axle, whose number is in the names of its parameters.
+    """
 
     name: str
     axles: tuple[int, ...]
@@ -100,6 +104,24 @@ class Vehicle:
     gravity_m_s2: float = 9.81
     wheelbase_m: float | None = None
     groups: tuple[AxleGroup, ...] = ()
+
+    @property
+    def suspension_axle(self) -> tuple[int, ...]:
+        """Per axle the index of the axle that stands for its suspension: itself, or the first of its group."""
+        first = {i: group.axles[0] for group in self.groups for i in group.axles}
+        return tuple(first.get(i, i) for i in range(len(self.axles)))
+
+    @property
+    def suspension_x_m(self) -> tuple[float, ...]:
+        """Per axle where its suspension acts on the body: above the axle, or above the middle of its group."""
+        middle = {i: sum(self.axles[k].x_m for k in g.axles) / len(g.axles) for g in self.groups for i in g.axles}
+        return tuple(middle.get(i, axle.x_m) for i, axle in enumerate(self.axles))
+
+    @property
+    def unsprung_mass_kg(self) -> tuple[float, ...]:
+        """Per axle what it carries besides the body: its own unsprung mass and an equal share of its beam."""
+        beam = {i: group.mass_kg / len(group.axles) for group in self.groups for i in group.axles}
+        return tuple(axle.unsprung_mass_kg + beam.get(i, 0.0) for i, axle in enumerate(self.axles))
 
 
 @dataclass(frozen=True)

@@ -133,7 +133,7 @@ class AxleTable(Table):
     name: Name
     body: Name
     x_m: Position
-    unsprung_mass_kg: Mass
+    unsprung_mass_kg: OptionalMass
     tire_stiffness_N_per_m: Positive
     tire_damping_N_s_per_m: NotNegative
     tire_radius_m: Length

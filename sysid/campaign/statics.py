@@ -42,11 +42,7 @@ def _chains(vehicle: Vehicle) -> list[list[int]]:
 
 
 def _tributary_mass(vehicle: Vehicle, load_case: LoadCase) -> np.ndarray:
-    mass = np.array(load_case.axle_loads_kg, float) - np.array([a.unsprung_mass_kg for a in vehicle.axles], float)
-    for group in vehicle.groups:
-        # A beam hangs on its axles in equal parts; unequal axle loads are taken up by the spring preloads.
-        mass[list(group.axles)] -= group.mass_kg / len(group.axles)
-    return mass
+    return np.array(load_case.axle_loads_kg, float) - np.array(vehicle.unsprung_mass_kg, float)
 
 
 def check_statics(vehicle: Vehicle, load_case: LoadCase) -> None:
@@ -102,6 +98,9 @@ def check_statics(vehicle: Vehicle, load_case: LoadCase) -> None:
 def static_equilibrium(vehicle: Vehicle, load_case: LoadCase) -> StaticEquilibrium:
     """Find centres of gravity and hinge loads from axle loads, masses and positions, last body first.
 
+    The support of an axle group acts on the body at the middle of the group; what the axle loads of one group differ
+    by stays within its beam.
+
     For body b with hinge at x_h, suspension forces S_i at x_i and the load R of the next body at its hinge x_r:
     vertical balance m_b g + R = sum S_i + H gives the hinge load H, moments about the hinge
     m_b g (x_cg - x_h) + R (x_r - x_h) = sum S_i (x_i - x_h) give x_cg.  For the first body of a chain everything it
@@ -128,7 +127,7 @@ def static_equilibrium(vehicle: Vehicle, load_case: LoadCase) -> StaticEquilibri
 
 def _equilibrium(vehicle: Vehicle, load_case: LoadCase, tributary: np.ndarray) -> StaticEquilibrium:
     g = vehicle.gravity_m_s2
-    x = np.array([a.x_m for a in vehicle.axles], float)
+    x = np.array(vehicle.suspension_x_m, float)
     body_of = np.array([a.body for a in vehicle.axles])
     support = tributary * g
     cg_x = np.zeros(len(vehicle.bodies))

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from sysid.campaign import schema as s
+from sysid.campaign.groups import check_groups
 from sysid.campaign.records import Axle, AxleGroup, Body, ForceTable, LeafDimensions, LoadCase, PriorOverride, Vehicle
 from sysid.campaign.units import pressure_pa
 from sysid.campaign.wording import finish, nearest, shorten
@@ -53,9 +54,7 @@ class VehicleReader:
             wheelbase_m=table.wheelbase_m,
             groups=tuple(self._group(g, i) for i, g in enumerate(table.group)),
         )
-        grouped = [a for g in self.vehicle.groups for a in g.axles]
-        if len(set(grouped)) < len(grouped):
-            raise CampaignError(f"{label}: an axle stands in two groups of [[vehicle.group]]; leave it in one.")
+        check_groups(self.vehicle, label)
 
     def axle(self, name: str, key: str) -> int:
         """Index of an axle by name."""

@@ -77,12 +77,11 @@ def analyse_drop(
 def axle_on_tire(axle: int, vehicle: Vehicle, load_case: LoadCase) -> AxleOnTire:
     """The axle as a quarter car: tributary mass from the scales, unsprung mass with its share of a common beam."""
     record = vehicle.axles[axle]
-    beam = sum(group.mass_kg / len(group.axles) for group in vehicle.groups if axle in group.axles)
     return AxleOnTire(
         axle=axle,
         load_case=load_case.name,
         mass=float(static_equilibrium(vehicle, load_case).tributary_mass_kg[axle]),
-        unsprung_mass=record.unsprung_mass_kg + beam,
+        unsprung_mass=vehicle.unsprung_mass_kg[axle],
         tire_stiffness=record.tire_stiffness_N_per_m,
         tire_damping=record.tire_damping_N_s_per_m,
     )

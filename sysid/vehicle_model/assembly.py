@@ -8,7 +8,7 @@ heave.  All angles are small.  A point of body b at x (rearward) and height h mo
     forward  xi_b - theta_b (h - h_b)
 
 with (x_b, h_b) the body's centre of gravity; a hinge at (x_h, h_h) makes both equal for the bodies it joins.  Axles
-slide along the body's vertical, so an unsprung mass below the centre of gravity adds to the pitch inertia, and a
+slide along the body's vertical (a beam that joins several axles carries them at wheel height), so an unsprung mass below the centre of gravity adds to the pitch inertia, and a
 horizontal force at the wheel centre turns the body.  Static loads that act off the height of the centre of gravity
 tilt with the body; the second-order terms of their potential give each body the (negative) pitch stiffness
 
@@ -26,7 +26,7 @@ import numpy as np
 
 from sysid.campaign.records import LoadCase, Vehicle
 from sysid.campaign.statics import static_equilibrium
-from sysid.errors import CampaignError
+from sysid.vehicle_model.beams import Beams, assemble_beams, unsprung_names
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,11 @@ class PlanarMatrices:
     """Arrays of one vehicle in one load case; nb body coordinates, na axles.
 
     `mass` (nb, nb) body block [kg, kg m, kg m2]; `tilt` (nb, nb) stiffness of the static loads [N m/rad];
-    `unsprung_mass` (na,) [kg]; `attachment` (na, nb) vertical motion of the body above each axle; `travel` (na, nb)
-    forward motion of each wheel centre; `drive` (chains, nb) forward motion of the point where each chain is driven
+    `unsprung_mass` (na,) with the share of a common beam [kg]; `attachment` (na, nb) vertical motion of the body above
+    each suspension, zero where an axle has none of its own; `travel` (na, nb) forward motion of each wheel centre; `drive` (chains, nb) forward motion of the point where each chain is driven
     (its first body's centre of gravity) and `chain_mass` (chains,) what is driven [kg]; `static_load` (na,) vertical
-    road force at rest [N]; `carried_load` (na,) static suspension force [N]; `heave_rows`, `pitch_rows` (bodies, nb)
-    motion of each centre of gravity; `cg_x`
-    (bodies,) [m].
+    road force at rest [N]; `carried_load` (na,) static force on its suspension [N]; `heave_rows`, `travel_rows`, `pitch_rows` (bodies, nb) motion of each centre of
+    gravity; `cg_x` (bodies,) [m]; `beams` where axles are grouped, else None.
     """
 
     mass: np.ndarray
@@ -52,8 +51,10 @@ class PlanarMatrices:
     static_load: np.ndarray
     carried_load: np.ndarray
     heave_rows: np.ndarray
+    travel_rows: np.ndarray
     pitch_rows: np.ndarray
     cg_x: np.ndarray
+    beams: Beams | None = None
 
     def body_point(self, body: int, x_m: float) -> np.ndarray:
         """Row (nb,) that gives the vertical motion of a point of `body` at `x_m` behind axle 1."""
@@ -72,12 +73,15 @@ def chains(vehicle: Vehicle) -> list[list[int]]:
 
 
 def coordinate_names(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the generalised coordinates: body coordinates chain by chain, then the heave of each axle."""
+    """Names of the generalised coordinates: body coordinates chain by chain, then unsprung ones.
+
+    Those are the heave of each axle, and heave and pitch of the beam of each axle group.
+    """
     names: list[str] = []
     for chain in chains(vehicle):
         names += [f"fore-aft {vehicle.bodies[chain[0]].name}", f"heave {vehicle.bodies[chain[0]].name}"]
         names += [f"pitch {vehicle.bodies[b].name}" for b in chain]
-    return (*names, *(f"heave {axle.name}" for axle in vehicle.axles))
+    return (*names, *unsprung_names(vehicle))
 
 
 def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
@@ -89,13 +93,8 @@ def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
     Raises
     ------
     CampaignError
-        If axle loads and masses do not add up, or the vehicle has axle groups, which this model does not carry.
+        If axle loads and masses do not add up.
     """
-    if vehicle.groups:
-        raise CampaignError(
-            f"The vehicle has the axle group '{vehicle.groups[0].name}', which the planar model does not support; "
-            "describe its axles as single axles."
-        )
     statics = static_equilibrium(vehicle, load_case)
     cg_x = np.asarray(statics.cg_x_m, float)
     cg_h = np.asarray(load_case.cg_height_m, float)
@@ -122,8 +121,11 @@ def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
     x = np.array([a.x_m for a in axles])
     body_of = np.array([a.body for a in axles])
     wheel_h = np.array([a.tire_radius_m for a in axles])
-    unsprung = np.array([a.unsprung_mass_kg for a in axles])
-    attachment = heave[body_of] - pitch[body_of] * (x - cg_x[body_of])[:, None]
+    unsprung = np.array(vehicle.unsprung_mass_kg)
+    above = heave[body_of] - pitch[body_of] * (x - cg_x[body_of])[:, None]
+    support_x = np.array(vehicle.suspension_x_m)
+    attachment = heave[body_of] - pitch[body_of] * (support_x - cg_x[body_of])[:, None]
+    attachment[np.not_equal(vehicle.suspension_axle, np.arange(len(axles)))] = 0.0
     wheel_travel = travel[body_of] - pitch[body_of] * (wheel_h - cg_h[body_of])[:, None]
     sprung = np.asarray(load_case.sprung_mass_kg, float)
     inertia = np.asarray(load_case.pitch_inertia_kg_m2, float)
@@ -153,8 +155,10 @@ def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
         static_load=np.asarray(load_case.axle_loads_kg, float) * vehicle.gravity_m_s2,
         carried_load=preload,
         heave_rows=heave,
+        travel_rows=travel,
         pitch_rows=pitch,
         cg_x=cg_x,
+        beams=assemble_beams(vehicle, above),
     )
 
 

@@ -1,0 +1,75 @@
+"""What axle groups must fulfil to be one rigid beam with one suspension."""
+
+from __future__ import annotations
+
+from sysid.campaign.records import AxleGroup, Vehicle
+from sysid.campaign.wording import shorten
+from sysid.errors import CampaignError
+
+_SUSPENSION_KEYS = ("suspension", "suspension_law", "load_dependent", "jounce_travel_m", "rebound_travel_m", "leaf")
+
+
+def check_groups(vehicle: Vehicle, label: str) -> None:
+    """Check the axle groups of a vehicle, and that every axle has something to be accelerated.
+
+    The axles of a group are neighbours under one body and stand in no other group.  The group's one suspension is
+    described at its first axle, so that the other axles agree with it or say nothing.  Beam and axles together have
+    mass, and pitch inertia where there is more than one axle.
+
+    Parameters
+    ----------
+    label : name of the campaign file, for the error.
+
+    Raises
+    ------
+    CampaignError
+        If one of these does not hold.
+    """
+    owner: dict[int, AxleGroup] = {}
+    for group in vehicle.groups:
+        for i in group.axles:
+            if i in owner:
+                raise CampaignError(
+                    f"{label}: the axle '{shorten(vehicle.axles[i].name)}' stands in two groups of [[vehicle.group]], "
+                    f"'{shorten(owner[i].name)}' and '{shorten(group.name)}'; leave it in one."
+                )
+            owner[i] = group
+        _check_group(vehicle, group, f"{label}: the axle group '{shorten(group.name)}'")
+    for i, axle in enumerate(vehicle.axles):
+        if i not in owner and not axle.unsprung_mass_kg > 0.0:
+            raise CampaignError(
+                f"{label}: the axle '{shorten(axle.name)}' has unsprung_mass_kg = 0; only an axle in a "
+                "[[vehicle.group]] with a mass of its own may have none."
+            )
+
+
+def _check_group(vehicle: Vehicle, group: AxleGroup, what: str) -> None:
+    axles = [vehicle.axles[i] for i in group.axles]
+    if len({a.body for a in axles}) > 1:
+        raise CampaignError(f"{what} has axles under two bodies; a beam carries one body, so split the group.")
+    if group.axles[-1] - group.axles[0] != len(group.axles) - 1:
+        between = next(i for i in range(group.axles[0], group.axles[-1]) if i not in group.axles)
+        raise CampaignError(
+            f"{what} leaves out the axle '{shorten(vehicle.axles[between].name)}' between its axles; a group holds "
+            "neighbouring axles."
+        )
+    first = axles[0]
+    for other in axles[1:]:
+        for key in _SUSPENSION_KEYS:
+            given = getattr(other, key)
+            if given is not None and given != getattr(first, key):
+                raise CampaignError(
+                    f"{what} has one suspension, described at its first axle '{shorten(first.name)}', but the axle "
+                    f"'{shorten(other.name)}' has another {key}; give both the same."
+                )
+        if {"stiffness", "damping"} & set(other.priors):
+            raise CampaignError(
+                f"{what} has one suspension: give its priors of stiffness and damping at its first axle "
+                f"'{shorten(first.name)}' and not at '{shorten(other.name)}'."
+            )
+    if not group.mass_kg + sum(a.unsprung_mass_kg for a in axles) > 0.0:
+        raise CampaignError(f"{what} has no mass; give mass_kg, or unsprung_mass_kg of its axles.")
+    middle = sum(a.x_m for a in axles) / len(axles)
+    inertia = group.pitch_inertia_kg_m2 + sum(a.unsprung_mass_kg * (a.x_m - middle) ** 2 for a in axles)
+    if len(axles) > 1 and not inertia > 0.0:
+        raise CampaignError(f"{what} has no pitch inertia; give pitch_inertia_kg_m2, or unsprung_mass_kg of its axles.")
