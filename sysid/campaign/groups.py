@@ -6,15 +6,25 @@ from sysid.campaign.records import AxleGroup, Vehicle
 from sysid.campaign.wording import shorten
 from sysid.errors import CampaignError
 
-_SUSPENSION_KEYS = ("suspension", "suspension_law", "load_dependent", "jounce_travel_m", "rebound_travel_m", "leaf")
+_SUSPENSION_KEYS = (
+    "suspension",
+    "suspension_law",
+    "spring_table",
+    "damper_table",
+    "hanger_lash_m",
+    "load_dependent",
+    "jounce_travel_m",
+    "rebound_travel_m",
+    "leaf",
+)
 
 
 def check_groups(vehicle: Vehicle, label: str) -> None:
     """Check the axle groups of a vehicle, and that every axle has something to be accelerated.
 
     The axles of a group are neighbours under one body and stand in no other group.  The group's one suspension is
-    described at its first axle, so that the other axles agree with it or say nothing.  Beam and axles together have
-    mass, and pitch inertia where there is more than one axle.
+    described at its first axle, so that the other axles agree with it or say nothing.  An axle without unsprung mass
+    of its own shares that of its beam, and beam and axles together have pitch inertia.
 
     Parameters
     ----------
@@ -35,8 +45,8 @@ def check_groups(vehicle: Vehicle, label: str) -> None:
                 )
             owner[i] = group
         _check_group(vehicle, group, f"{label}: the axle group '{shorten(group.name)}'")
-    for i, axle in enumerate(vehicle.axles):
-        if i not in owner and not axle.unsprung_mass_kg > 0.0:
+    for axle, mass in zip(vehicle.axles, vehicle.unsprung_mass_kg, strict=True):
+        if not mass > 0.0:
             raise CampaignError(
                 f"{label}: the axle '{shorten(axle.name)}' has unsprung_mass_kg = 0; only an axle in a "
                 "[[vehicle.group]] with a mass of its own may have none."
@@ -67,8 +77,6 @@ def _check_group(vehicle: Vehicle, group: AxleGroup, what: str) -> None:
                 f"{what} has one suspension: give its priors of stiffness and damping at its first axle "
                 f"'{shorten(first.name)}' and not at '{shorten(other.name)}'."
             )
-    if not group.mass_kg + sum(a.unsprung_mass_kg for a in axles) > 0.0:
-        raise CampaignError(f"{what} has no mass; give mass_kg, or unsprung_mass_kg of its axles.")
     middle = sum(a.x_m for a in axles) / len(axles)
     inertia = group.pitch_inertia_kg_m2 + sum(a.unsprung_mass_kg * (a.x_m - middle) ** 2 for a in axles)
     if len(axles) > 1 and not inertia > 0.0:

@@ -77,7 +77,9 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_ca
         position = [parameters.index(quantity, None if shared else i) if having[i] else -1 for i in axles]
         elements[quantity] = ElementIndex(np.array(position), np.full(len(position), neutral))
     carried = lanes.matrices.carried_load
-    reference = carried[..., 0] + (lanes.reference_load - lanes.matrices.static_load)[..., 0]
+    # A group's suspension carries what its axles carry together.
+    together = np.equal.outer(vehicle.suspension_axle, vehicle.suspension_axle).astype(float)
+    reference = carried[..., 0] + (lanes.reference_load - lanes.matrices.static_load)[..., 0] @ together
     return LawInputs(
         stiffness,
         per_axle("damping"),

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.campaign.records import Axle, Campaign, PriorOverride
+from sysid.campaign.records import Axle, Campaign, PriorOverride, Vehicle
 from sysid.errors import CampaignError
 from sysid.estimation.suspension_elements import ELEMENTS, LINEAR, law_elements, law_name, quantities
 from sysid.sdof.results import DropEstimate, DropSummary
@@ -54,10 +54,15 @@ class PriorLink:
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """All global parameters of a campaign, with the links between them."""
+    """All global parameters of a campaign, with the links between them.
+
+    `suspension_axle` (axles,) says which axle's suspension parameters hold for an axle: the first one's in an axle
+    group; empty where every axle has its own.
+    """
 
     parameters: tuple[Parameter, ...]
     links: tuple[PriorLink, ...] = ()
+    suspension_axle: tuple[int, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -71,6 +76,8 @@ class ParameterSet:
 
     def index(self, quantity: str, axle: int | None = None, load_case: str | None = None) -> int:
         """Position of the parameter that gives `quantity` of an axle in a load case."""
+        if axle is not None and self.suspension_axle and not quantity.startswith("tire_"):
+            axle = self.suspension_axle[axle]
         for position, p in enumerate(self.parameters):
             if p.quantity == quantity and p.axle == axle and p.load_case in (None, load_case):
                 return position
@@ -152,8 +159,10 @@ def campaign_parameters(
     first = next(iter(campaign.load_cases))
     parameters: list[Parameter] = []
     links: list[PriorLink] = []
-    for i, axle in enumerate(vehicle.axles):
-        stiffness = replace(_suspension_parameter(axle, i, "stiffness", drops, first), law=law_name(laws[i]))
+    suspended = sorted(set(vehicle.suspension_axle))
+    for i in suspended:
+        axle = vehicle.axles[i]
+        stiffness = replace(_suspension_parameter(vehicle, i, "stiffness", drops, first), law=law_name(laws[i]))
         if axle.load_dependent and len(used_cases) > 1:
             # Drops and generic values belong to the first load case, whether or not a run was driven in it.
             growth = {case: _air_growth(campaign, i, first, case) for case in used_cases}
@@ -175,8 +184,8 @@ def campaign_parameters(
                     links.append(PriorLink(f"k_{i + 1}[{base}]", name, growth[case] - growth[base], AIR_LINK_SD))
         else:
             parameters.append(stiffness)
-    for i, axle in enumerate(vehicle.axles):
-        parameters.append(replace(_suspension_parameter(axle, i, "damping", drops, first), law=law_name(laws[i])))
+    for i in suspended:
+        parameters.append(replace(_suspension_parameter(vehicle, i, "damping", drops, first), law=law_name(laws[i])))
     parameters += _element_parameters(campaign, laws)
     for i, axle in enumerate(vehicle.axles):
         median, sd = _override(axle, "tire_stiffness", axle.tire_stiffness_N_per_m, TIRE_STIFFNESS_SD)
@@ -186,15 +195,16 @@ def campaign_parameters(
         parameters.append(Parameter(f"ct_{i + 1}", "tire_damping", "N s/m", median, median, sd, axle=i))
     median, sd = TIRE_EXPONENT
     parameters.append(Parameter("tire_exponent", "tire_exponent", "1", median, median, sd))
-    return ParameterSet(tuple(parameters), tuple(links))
+    return ParameterSet(tuple(parameters), tuple(links), vehicle.suspension_axle)
 
 
 def _element_parameters(campaign: Campaign, laws: Sequence[frozenset[str]]) -> list[Parameter]:
     """Parameters of all other elements than spring and damper; a shared one has its prior from its first axle."""
     found: dict[str, Parameter] = {}
-    loads = next(iter(campaign.load_cases.values())).axle_loads_kg
-    for i, axle in enumerate(campaign.vehicle.axles):
-        carried = (loads[i] - axle.unsprung_mass_kg) * campaign.vehicle.gravity_m_s2
+    vehicle, loads = campaign.vehicle, next(iter(campaign.load_cases.values())).axle_loads_kg
+    for i in sorted(set(vehicle.suspension_axle)):
+        axle = vehicle.axles[i]
+        carried = sum(loads[j] - vehicle.unsprung_mass_kg[j] for j in _carried_by(vehicle, i)) * vehicle.gravity_m_s2
         for q in quantities(laws[i]):
             name = q.symbol if q.shared else f"{q.symbol}_{i + 1}"
             median = q.median(axle, carried)
@@ -206,8 +216,9 @@ def _element_parameters(campaign: Campaign, laws: Sequence[frozenset[str]]) -> l
 
 def _air_growth(campaign: Campaign, axle: int, first: str, case: str) -> float:
     """Logarithm by which an air spring is expected to be stiffer in `case` than in the first load case."""
-    unsprung = campaign.vehicle.axles[axle].unsprung_mass_kg
-    carried = [campaign.load_cases[name].axle_loads_kg[axle] - unsprung for name in (case, first)]
+    on = _carried_by(campaign.vehicle, axle)
+    unsprung = sum(campaign.vehicle.unsprung_mass_kg[j] for j in on)
+    carried = [sum(campaign.load_cases[name].axle_loads_kg[j] for j in on) - unsprung for name in (case, first)]
     return AIR_LOAD_EXPONENT * float(np.log(carried[0] / carried[1]))
 
 
@@ -216,23 +227,35 @@ def _override(axle: Axle, quantity: str, median: float, sd: float) -> tuple[floa
     return (median, sd) if prior is None else (prior.median, prior.log_sd)
 
 
-def _suspension_parameter(axle: Axle, i: int, quantity: str, drops: DropSummary | None, load_case: str) -> Parameter:
-    """k or c of one axle: the user's prior first, then the drops, then the generic range of its suspension type."""
+def _carried_by(vehicle: Vehicle, axle: int) -> list[int]:
+    """Axles under the suspension of an axle: itself, and the others of its group."""
+    return [j for j, owner in enumerate(vehicle.suspension_axle) if owner == axle]
+
+
+def _suspension_parameter(
+    vehicle: Vehicle, i: int, quantity: str, drops: DropSummary | None, load_case: str
+) -> Parameter:
+    """k or c of one suspension: the user's prior first, then drops, then the generic range of its suspension type.
+
+    Drops and generic values are per axle: the suspension of a group is as stiff as those of its axles together.
+    """
+    axle, on = vehicle.axles[i], _carried_by(vehicle, i)
     if quantity == "stiffness":
         symbol, unit, spread = "k", "N/m", DROP_STIFFNESS_SD
         generic = GENERIC_STIFFNESS[axle.suspension]
     else:
         symbol, unit, spread = "c", "N s/m", DROP_DAMPING_SD
         generic = GENERIC_DAMPING
-    estimate = best_drop_estimates(drops, load_case).get(i)
-    if estimate is None:
+    every = best_drop_estimates(drops, load_case)
+    values = [getattr(every[j], quantity) for j in on if j in every]
+    if not values:
         median, sd = generic
     else:
         # A drop far outside the generic range (a wheel hop taken for the body) is pulled back towards it.
         limit = 2.0 * generic[1]
-        value = estimate.stiffness if quantity == "stiffness" else estimate.damping
-        median = generic[0] * float(np.exp(np.clip(np.log(value / generic[0]), -limit, limit)))
-        sd = spread
+        shifts = np.clip(np.log(np.array(values) / generic[0]), -limit, limit)
+        median, sd = generic[0] * float(np.exp(shifts).mean()), spread
+    median *= len(on)
     median, sd = _override(axle, quantity, median, sd)
     return Parameter(f"{symbol}_{i + 1}", quantity, unit, median, median, sd, axle=i)
 

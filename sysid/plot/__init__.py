@@ -3,6 +3,7 @@
 from sysid.plot.comparison import SOURCE_LABELS, SOURCES, AxleEstimates, Estimate, comparison, suspension_estimates
 from sysid.plot.drops import drop, drops
 from sysid.plot.histories import autocorrelation, channel_grid, overlay, suspension_histories
+from sysid.plot.modes import mode_shape, mode_shapes
 from sysid.plot.posterior import (
     corner,
     correlation,
@@ -39,6 +40,8 @@ __all__ = [
     "load_ratios",
     "marginal",
     "marginals",
+    "mode_shape",
+    "mode_shapes",
     "overlay",
     "posterior_correlation",
     "profile",

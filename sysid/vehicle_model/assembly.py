@@ -8,9 +8,10 @@ heave.  All angles are small.  A point of body b at x (rearward) and height h mo
     forward  xi_b - theta_b (h - h_b)
 
 with (x_b, h_b) the body's centre of gravity; a hinge at (x_h, h_h) makes both equal for the bodies it joins.  Axles
-slide along the body's vertical (a beam that joins several axles carries them at wheel height), so an unsprung mass below the centre of gravity adds to the pitch inertia, and a
-horizontal force at the wheel centre turns the body.  Static loads that act off the height of the centre of gravity
-tilt with the body; the second-order terms of their potential give each body the (negative) pitch stiffness
+slide along the body's vertical (a beam that joins several axles carries them at wheel height), so an unsprung mass
+below the centre of gravity adds to the pitch inertia, and a horizontal force at the wheel centre turns the body.
+Static loads that act off the height of the centre of gravity tilt with the body; the second-order terms of their
+potential give each body the (negative) pitch stiffness
 
     sum_i S_i (h_i - h_b) + H_b (h_hitch - h_b) - H_(b+1) (h_next hitch - h_b)
 
@@ -35,9 +36,11 @@ class PlanarMatrices:
 
     `mass` (nb, nb) body block [kg, kg m, kg m2]; `tilt` (nb, nb) stiffness of the static loads [N m/rad];
     `unsprung_mass` (na,) with the share of a common beam [kg]; `attachment` (na, nb) vertical motion of the body above
-    each suspension, zero where an axle has none of its own; `travel` (na, nb) forward motion of each wheel centre; `drive` (chains, nb) forward motion of the point where each chain is driven
-    (its first body's centre of gravity) and `chain_mass` (chains,) what is driven [kg]; `static_load` (na,) vertical
-    road force at rest [N]; `carried_load` (na,) static force on its suspension [N]; `heave_rows`, `travel_rows`, `pitch_rows` (bodies, nb) motion of each centre of
+    each suspension (of an axle group the first row; its second row is the pitch of the body, further ones are zero, as
+    the unsprung coordinates of :class:`Beams`); `travel` (na, nb) forward motion of each wheel centre; `drive` (chains,
+    nb) forward motion of the point where each chain is driven (its first body's centre of gravity) and `chain_mass`
+    (chains,) what is driven [kg]; `static_load` (na,) vertical road force at rest [N]; `carried_load` (na,) static
+    force on its suspension [N]; `heave_rows`, `travel_rows`, `pitch_rows` (bodies, nb) motion of each centre of
     gravity; `cg_x` (bodies,) [m]; `beams` where axles are grouped, else None.
     """
 
@@ -118,14 +121,14 @@ def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
         column += 2 + len(chain)
 
     axles = vehicle.axles
-    x = np.array([a.x_m for a in axles])
     body_of = np.array([a.body for a in axles])
     wheel_h = np.array([a.tire_radius_m for a in axles])
     unsprung = np.array(vehicle.unsprung_mass_kg)
-    above = heave[body_of] - pitch[body_of] * (x - cg_x[body_of])[:, None]
     support_x = np.array(vehicle.suspension_x_m)
     attachment = heave[body_of] - pitch[body_of] * (support_x - cg_x[body_of])[:, None]
-    attachment[np.not_equal(vehicle.suspension_axle, np.arange(len(axles)))] = 0.0
+    for group in vehicle.groups:
+        attachment[list(group.axles[1:])] = 0.0
+        attachment[list(group.axles[1:2])] = pitch[body_of[group.axles[0]]]
     wheel_travel = travel[body_of] - pitch[body_of] * (wheel_h - cg_h[body_of])[:, None]
     sprung = np.asarray(load_case.sprung_mass_kg, float)
     inertia = np.asarray(load_case.pitch_inertia_kg_m2, float)
@@ -153,12 +156,12 @@ def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
         drive=travel[[chain[0] for chain in groups]],
         chain_mass=np.array([sprung[c].sum() + unsprung[np.isin(body_of, c)].sum() for c in groups]),
         static_load=np.asarray(load_case.axle_loads_kg, float) * vehicle.gravity_m_s2,
-        carried_load=preload,
+        carried_load=np.equal.outer(vehicle.suspension_axle, vehicle.suspension_axle) @ preload,
         heave_rows=heave,
         travel_rows=travel,
         pitch_rows=pitch,
         cg_x=cg_x,
-        beams=assemble_beams(vehicle, above),
+        beams=assemble_beams(vehicle),
     )
 
 

@@ -25,24 +25,17 @@ class Beams:
     A single axle's slot is its heave.  A group's first slot is the heave of the beam's middle, its second slot the
     beam's pitch; slots that are left over stand still.  `wheel` (na, na) gives the rise of each wheel from the
     coordinates; `mass` (na, na) [kg, kg m, kg m2], 1 where a slot is left over; `carries` (na,) is 1 where a
-    suspension stands on the slot's heave, else 0; `used` (na,) bool, False for slots left over; `above` (na, nb)
-    vertical motion of the body above each wheel.
+    suspension stands on the slot's heave, else 0; `used` (na,) bool, False for slots left over.
     """
 
     wheel: np.ndarray
     mass: np.ndarray
     carries: np.ndarray
     used: np.ndarray
-    above: np.ndarray
 
 
-def assemble_beams(vehicle: Vehicle, above: np.ndarray) -> Beams | None:
-    """Coordinates and masses of the beams of a vehicle; None where every axle moves by itself.
-
-    Parameters
-    ----------
-    above : (na, nb) vertical motion of the body above each axle.
-    """
+def assemble_beams(vehicle: Vehicle) -> Beams | None:
+    """Coordinates and masses of the beams of a vehicle; None where every axle moves by itself."""
     groups = [g for g in vehicle.groups if len(g.axles) > 1]
     if not groups:
         return None
@@ -66,7 +59,7 @@ def assemble_beams(vehicle: Vehicle, above: np.ndarray) -> Beams | None:
         used[left_over] = False
         mass[left_over, left_over] = 1.0
     carries = np.equal(vehicle.suspension_axle, np.arange(count)).astype(float)
-    return Beams(wheel, mass, carries, used, above)
+    return Beams(wheel, mass, carries, used)
 
 
 def unsprung_names(vehicle: Vehicle) -> tuple[str, ...]:

@@ -35,11 +35,12 @@ class NaturalModes(Tabular):
     """Modes of a vehicle in one load case, n modes in the order of their undamped frequency.
 
     `frequency_hz` (n,) without damping; `damping_ratio` (n,) zeta = -Re(s)/|s| of the damped pole s, above 1 where the
-    mode does not oscillate; `damped_frequency_hz` (n,) |Im(s)|/2 pi, then zero; `pole` (n,) the damped pole s [1/s]
-    (of an overdamped pair the slower one).  `coordinates` (c,) names the rows of `shape` (c, n): undamped mode shapes,
+    mode does not oscillate; `damped_frequency_hz` (n,) |Im(s)|/2 pi, then zero; `pole` (n,) the damped pole s [1/s] (of
+    an overdamped pair the slower one).  `coordinates` (c,) names the rows of `shape` (c, n): undamped mode shapes,
     real, without fore-aft momentum, scaled so that the largest of shape * `scale_m` is 1.  `scale_m` (c,) makes
-    coordinates comparable: 1 for travel and heave, half the distance between the outermost supports for a pitch [m].  `body_motion` (bodies, 3, n): fore-aft travel [m], heave [m] and
-    pitch [rad] of each centre of gravity; `wheel_rise` (axles, n) [m]; `cg_x_m` (bodies,).
+    coordinates comparable: 1 for travel and heave, half the distance between the outermost supports for a pitch [m].
+    `body_motion` (bodies, 3, n): fore-aft travel [m], heave [m] and pitch [rad] of each centre of gravity; `wheel_rise`
+    (axles, n) [m]; `cg_x_m` (bodies,).
     """
 
     vehicle: Vehicle
@@ -143,7 +144,9 @@ def natural_modes(
 def _per_axle(name: str, values: np.ndarray, vehicle: Vehicle) -> np.ndarray:
     found = np.array(values, float)
     if found.shape != (len(vehicle.axles),):
-        raise SysidError(f"{name} has the shape {found.shape}, expected one value for each of {len(vehicle.axles)} axles.")
+        raise SysidError(
+            f"{name} has the shape {found.shape}, expected one value for each of {len(vehicle.axles)} axles."
+        )
     if name in ("stiffness", "damping"):
         found[np.not_equal(vehicle.suspension_axle, np.arange(len(vehicle.axles)))] = 0.0
     if not np.all(found >= 0.0):
@@ -160,7 +163,7 @@ def _rows(m: PlanarMatrices) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     else:
         extension, wheel, mass, used = np.diag(m.beams.carries), m.beams.wheel, m.beams.mass, m.beams.used
     return (
-        np.concatenate([m.attachment, -extension[:, used]], axis=1),
+        np.concatenate([extension @ m.attachment, -extension[:, used]], axis=1),
         np.concatenate([np.zeros((count, bodies)), wheel[:, used]], axis=1),
         block_diag(m.mass, mass[np.ix_(used, used)]),
     )
@@ -213,7 +216,9 @@ def _result(vehicle, load_case, matrices: PlanarMatrices, omega, ratio, pole, sh
     bodies = matrices.mass.shape[0]
     body, unsprung = shapes[:bodies], shapes[bodies:]
     _, wheel, _ = _rows(matrices)
-    motion = np.stack([rows @ body for rows in (matrices.travel_rows, matrices.heave_rows, matrices.pitch_rows)], axis=1)
+    motion = np.stack(
+        [rows @ body for rows in (matrices.travel_rows, matrices.heave_rows, matrices.pitch_rows)], axis=1
+    )
     return NaturalModes(
         vehicle=vehicle,
         load_case=load_case,

@@ -34,15 +34,29 @@ from sysid.vehicle_model.suspension import (
 SPEED_HOLD_S = 0.05
 
 
+class LaneBeams(NamedTuple):
+    """Unsprung coordinates of R runs of a vehicle with axle groups, see :class:`sysid.vehicle_model.beams.Beams`.
+
+    `wheel` (R, na, na) turns coordinates into the rise of the wheels, and extensions at the coordinates into those
+    above the wheels; `tire`, `pull` (R, na, na) give the coordinates' accelerations from vertical tire forces and from
+    suspension pull; `carries` (R, na, 1) is 0 where no suspension stands.
+    """
+
+    wheel: np.ndarray
+    tire: np.ndarray
+    pull: np.ndarray
+    carries: np.ndarray
+
+
 class LaneMatrices(NamedTuple):
     """Matrices of R runs for the integrator; nb body coordinates, na axles, nr body sensors.
 
-    `position` (R, 2 na + nb, nb) turns body coordinates into attachment heights, wheel travel and the body
-    acceleration from static loads that tilt with the body; `rate` (R, 2 na + nb, nb) does the same for body rates, with
-    the acceleration from the driving force; `acceleration` (R, nb, 2 na) gives body accelerations from suspension pull
-    and horizontal tire force; `inverse_unsprung`, `static_load`, `carried_load` (R, na, 1), the last what each
-    suspension carries at rest; `body_rows` (R, nr, nb) vertical motion at
-    the body accelerometers.
+    `position` (R, 2 na + nb, nb) turns body coordinates into attachment heights, wheel travel and the body acceleration
+    from static loads that tilt with the body; `rate` (R, 2 na + nb, nb) does the same for body rates, with the
+    acceleration from the driving force; `acceleration` (R, nb, 2 na) gives body accelerations from suspension pull and
+    horizontal tire force; `inverse_unsprung`, `static_load`, `carried_load` (R, na, 1), the last what each suspension
+    carries at rest; `body_rows` (R, nr, nb) vertical motion at the body accelerometers; `beams` for vehicles with axle
+    groups, else None.
     """
 
     position: np.ndarray
@@ -52,6 +66,7 @@ class LaneMatrices(NamedTuple):
     static_load: np.ndarray
     carried_load: np.ndarray
     body_rows: np.ndarray
+    beams: LaneBeams | None = None
 
 
 def lane_matrices(matrices: list[PlanarMatrices], body_sensors: list[tuple[int, float]]) -> LaneMatrices:
@@ -72,6 +87,20 @@ def lane_matrices(matrices: list[PlanarMatrices], body_sensors: list[tuple[int, 
         static_load=np.stack([m.static_load for m in matrices])[..., None],
         carried_load=np.stack([m.carried_load for m in matrices])[..., None],
         body_rows=np.stack(rows),
+        beams=_lane_beams(matrices),
+    )
+
+
+def _lane_beams(matrices: list[PlanarMatrices]) -> LaneBeams | None:
+    every = [m.beams for m in matrices if m.beams is not None]
+    if not every:
+        return None
+    inverse = [np.linalg.inv(b.mass) for b in every]
+    return LaneBeams(
+        wheel=np.stack([b.wheel for b in every]),
+        tire=np.stack([i @ b.wheel.T for i, b in zip(inverse, every, strict=True)]),
+        pull=np.stack(inverse),
+        carries=np.stack([b.carries for b in every])[..., None],
     )
 
 
@@ -100,8 +129,9 @@ class Histories(NamedTuple):
     """Unfiltered histories at the output times.
 
     `deflection`, `axle_acceleration`, `tire_force`, `horizontal_force`, `suspension_force` (T, R, na, S): suspension
-    extension [m], axle acceleration [m/s2], total vertical and forward tire force [N], and suspension force on the body
-    less its preload [N]; `body_acceleration` (T, R, nr, S) [m/s2]; `body` (T, R, nb, S) body coordinates.
+    extension above the axle [m], axle acceleration [m/s2], total vertical and forward tire force [N], and suspension
+    force on the body less its preload [N] (of an axle group at its first axle); `body_acceleration` (T, R, nr, S)
+    [m/s2]; `body` (T, R, nb, S) body coordinates.
     """
 
     deflection: jax.Array
@@ -122,6 +152,8 @@ class _State(NamedTuple):
 
 
 class _Forces(NamedTuple):
+    """Forces and accelerations of one stage; `axle_acceleration`, `extension` and `rate` at unsprung coordinates."""
+
     body_acceleration: jax.Array
     axle_acceleration: jax.Array
     unclipped: jax.Array
@@ -143,20 +175,40 @@ def _forces(lanes, suspension, tire, motion, road, time_s, state, slip_at=None) 
         nominal = nominal + motion.speed_change
     advance = shift[:, axles : 2 * axles]
     speed = drift[:, axles : 2 * axles] + nominal[:, None]
-    unclipped, drag = contact_force(tire, road, advance, speed, state.axle, state.axle_rate)
+    unclipped, drag = contact_force(
+        tire, road, advance, speed, _at_wheels(lanes, state.axle), _at_wheels(lanes, state.axle_rate)
+    )
     vertical = jnp.maximum(unclipped, 0.0)
     horizontal = drag * vertical
     extension = shift[:, :axles] - state.axle
     rate = drift[:, :axles] - state.axle_rate
     slip = state.slip if slip_at is None else slip_at(extension)
-    pull = suspension_force(suspension, extension, rate, slip)
+    pull = _carried(lanes, suspension_force(suspension, extension, rate, slip))
     body = (
         jnp.matmul(lanes.acceleration, jnp.concatenate([pull, horizontal], axis=1))
         + shift[:, 2 * axles :]
         + drift[:, 2 * axles :]
     )
-    axle = lanes.inverse_unsprung * (vertical - lanes.static_load + pull)
+    axle = _unsprung_acceleration(lanes, vertical - lanes.static_load, pull)
     return _Forces(body, axle, unclipped, horizontal, pull, extension, rate)
+
+
+def _at_wheels(lanes: LaneMatrices, motion: jax.Array) -> jax.Array:
+    """Motion of the wheels, or above them, from that at the unsprung coordinates."""
+    return motion if lanes.beams is None else jnp.matmul(lanes.beams.wheel, motion)
+
+
+def _carried(lanes: LaneMatrices, pull: jax.Array) -> jax.Array:
+    """Suspension force, zero where a group's suspension stands at another axle."""
+    return pull if lanes.beams is None else jnp.asarray(lanes.beams.carries * pull)
+
+
+def _unsprung_acceleration(lanes: LaneMatrices, tire: jax.Array, pull: jax.Array | None = None) -> jax.Array:
+    """Accelerations of the unsprung coordinates from vertical tire force and suspension pull, if any."""
+    if lanes.beams is None:
+        return jnp.asarray(lanes.inverse_unsprung * (tire if pull is None else tire + pull))
+    push = jnp.matmul(lanes.beams.tire, tire)
+    return push if pull is None else push + jnp.matmul(lanes.beams.pull, pull)
 
 
 def _step(lanes, suspension, tire, motion, roads, time_s, h, state: _State, first: _Forces):
@@ -231,23 +283,27 @@ def _missed_by_stages(lanes, suspension, stages: tuple[_Forces, ...]) -> tuple[_
     phi = tuple(f.unclipped for f in stages)
     f1, f2, f3, f4 = (jnp.maximum(p, 0.0) for p in phi)
     impulse, moment = clipped_integrals(phi[0], 0.5 * (phi[1] + phi[2]), phi[3])
-    impulse = lanes.inverse_unsprung * (impulse - (f1 + 2.0 * f2 + 2.0 * f3 + f4) / 6.0)
-    moment = lanes.inverse_unsprung * (moment - (f1 + f2 + f3) / 6.0)
+    impulse = impulse - (f1 + 2.0 * f2 + 2.0 * f3 + f4) / 6.0
+    moment = moment - (f1 + f2 + f3) / 6.0
     if not has_kinks(suspension):
-        return _Missed(impulse, None), _Missed(moment, None)
-    missed = kink_corrections(suspension, tuple(f.extension for f in stages), tuple(f.rate for f in stages))
+        return (
+            _Missed(_unsprung_acceleration(lanes, impulse), None),
+            _Missed(_unsprung_acceleration(lanes, moment), None),
+        )
+    every = kink_corrections(suspension, tuple(f.extension for f in stages), tuple(f.rate for f in stages))
+    missed = tuple(_carried(lanes, one) for one in every)
     turn = lanes.acceleration[:, :, : lanes.static_load.shape[1]]
     return (
-        _Missed(impulse + lanes.inverse_unsprung * missed[0], jnp.matmul(turn, missed[0])),
-        _Missed(moment + lanes.inverse_unsprung * missed[1], jnp.matmul(turn, missed[1])),
+        _Missed(_unsprung_acceleration(lanes, impulse, missed[0]), jnp.matmul(turn, missed[0])),
+        _Missed(_unsprung_acceleration(lanes, moment, missed[1]), jnp.matmul(turn, missed[1])),
     )
 
 
 def _observe(lanes: LaneMatrices, layout: SensorLayout, forces: _Forces) -> jax.Array:
     """Signals at the sensors (R, channels, S): deflections, axle accelerations, body accelerations."""
     parts = [
-        forces.extension[:, np.array(layout.deflection_axles, int)],
-        forces.axle_acceleration[:, np.array(layout.acceleration_axles, int)],
+        _at_wheels(lanes, forces.extension)[:, np.array(layout.deflection_axles, int)],
+        _at_wheels(lanes, forces.axle_acceleration)[:, np.array(layout.acceleration_axles, int)],
         jnp.matmul(lanes.body_rows, forces.body_acceleration),
     ]
     return jnp.concatenate(parts, axis=1)
@@ -369,8 +425,8 @@ def simulate_histories(
         stage = [jax.tree.map(lambda v, k=k: v[k], stages) for k in range(3)]
         first = _forces(lanes, suspension, tire, motion, stage[0], at, state)
         record = Histories(
-            deflection=first.extension,
-            axle_acceleration=first.axle_acceleration,
+            deflection=_at_wheels(lanes, first.extension),
+            axle_acceleration=_at_wheels(lanes, first.axle_acceleration),
             body_acceleration=jnp.matmul(lanes.body_rows, first.body_acceleration),
             tire_force=jnp.maximum(first.unclipped, 0.0),
             horizontal_force=first.horizontal,

@@ -163,7 +163,7 @@ FAULTS = [
     ("boolean for number", [("x_m = 4.0", "x_m = true")], ["x_m", "true", "expected a number"]),
     ("NaN", [("unsprung_mass_kg = 500", "unsprung_mass_kg = nan")], ["unsprung_mass_kg", "expected a finite number"]),
     ("negative mass", [("unsprung_mass_kg = 500", "unsprung_mass_kg = -5")],
-     ["unsprung_mass_kg", "-5", "a number greater than 0"]),
+     ["unsprung_mass_kg", "-5", "expected a number greater than or equal to 0"]),
     ("wrong choice", [('suspension = "leaf"', 'suspension = "leaff"')], ["'leaff'", "did you mean 'leaf'"]),
     ("schema 2", [("schema = 1", "schema = 2")], ["schema = 2", "schema = 1"]),
     ("no schema", [("schema = 1\n", "")], ["no schema"]),

@@ -9,7 +9,7 @@ import pytest
 from rigid_truck import AXLES, EMPTY, VEHICLE
 from scipy.linalg import null_space
 
-from sysid.campaign.records import Axle, AxleGroup, Body, LoadCase, Vehicle
+from sysid.campaign.records import Axle, Body, LoadCase, Vehicle
 from sysid.campaign.statics import static_equilibrium
 from sysid.errors import CampaignError
 from sysid.vehicle_model.assembly import assemble, chains, coordinate_names
@@ -103,12 +103,6 @@ def test_a_hinge_without_a_height_lies_at_the_centre_of_gravity():
     open_height = replace(vehicle, bodies=(vehicle.bodies[0], Body("trailer", 3.4)))
     at_cg = replace(vehicle, bodies=(vehicle.bodies[0], Body("trailer", 3.4, 1.7)))
     np.testing.assert_array_equal(assemble(open_height, load).mass, assemble(at_cg, load).mass)
-
-
-def test_axle_groups_are_refused_by_name():
-    grouped = replace(VEHICLE, groups=(AxleGroup("bogie", (1, 2), 300.0, 90.0),))
-    with pytest.raises(CampaignError, match="bogie"):
-        assemble(grouped, replace(EMPTY, sprung_mass_kg=(7700.0,)))
 
 
 def test_masses_that_do_not_add_up_are_refused():

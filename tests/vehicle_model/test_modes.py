@@ -14,9 +14,10 @@ from sysid.errors import SysidError
 from sysid.vehicle_model.modes import natural_modes
 
 #: VEqMon2D, articulated vehicle with eight axles: computed in Abaqus [Hz].
-ABAQUS_HZ = (
-    "1.4010 1.5923 1.9731 4.8321 7.3248 8.8112 12.351 12.367 12.661 13.422 29.174 29.775"
-).split()  # fmt: skip
+ABAQUS_HZ = [
+    "1.4010", "1.5923", "1.9731", "4.8321", "7.3248", "8.8112", "12.351", "12.367", "12.661", "13.422", "29.174",
+    "29.775",
+]  # fmt: skip
 
 
 def two_axles(sprung: float, inertia: float, height: float = 0.5, radius: float = 0.5) -> tuple[Vehicle, LoadCase]:
