@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, campaign, empty_run
 
-from sysid.campaign.records import PredictionRequest, PriorOverride
+from sysid.campaign.records import AxleGroup, PredictionRequest, PriorOverride
 from sysid.errors import CampaignError
 from sysid.estimation.lane_laws import stiffness_positions
 from sysid.estimation.parameters import Parameter, ParameterSet, PriorLink, best_drop_estimates, campaign_parameters
@@ -143,3 +143,27 @@ def test_an_unknown_law_is_refused_with_those_that_exist():
 def test_parameters_are_positive(field: str):
     with pytest.raises(ValueError, match="positive"):
         replace(Parameter("a", "stiffness", "N/m", 1.0, 2.0, 0.5), **{field: 0.0})
+
+
+def test_an_axle_group_has_one_suspension_named_after_its_first_axle():
+    grouped = replace(VEHICLE, groups=(AxleGroup("bogie", (1, 2), 300.0, 90.0),))
+    cases = tuple(replace(c, sprung_mass_kg=(c.sprung_mass_kg[0] - 300.0,)) for c in (EMPTY, LADEN))
+    data = campaign(BOTH, load_cases=cases, vehicle=grouped)
+    drops = summary(estimate(1, "paper", 4e5), estimate(2, "paper", 3e5))
+    found = campaign_parameters(data, drops)
+    assert found.names == (
+        *("k_1", "k_2[empty]", "k_2[laden]", "c_1", "c_2"),
+        *("kt_1", "kt_2", "kt_3", "ct_1", "ct_2", "ct_3", "tire_exponent"),
+    )
+    by_name = {p.name: p for p in found.parameters}
+    # As stiff as both axles' drops together, and as the load on both asks for.
+    assert by_name["k_2[empty]"].start == pytest.approx(7e5)
+    carried = [sum(c.axle_loads_kg[1:]) - 980.0 - 760.0 - 300.0 for c in cases]
+    assert found.links[0].mean == pytest.approx(0.5 * np.log(carried[1] / carried[0]))
+    assert by_name["c_2"].start == pytest.approx(2 * 9e3)
+    generic = {p.name: p.start for p in campaign_parameters(data, None).parameters}
+    assert generic["k_2[empty]"] == pytest.approx(2 * 3.5e5)
+    # Every axle of the group finds the group's suspension, and its own tire.
+    np.testing.assert_array_equal(stiffness_positions(found, 3, ["empty", "laden"]), [[0, 1, 1], [0, 2, 2]])
+    assert [found.index("damping", i) for i in range(3)] == [3, 4, 4]
+    assert [found.index("tire_stiffness", i) for i in range(3)] == [5, 6, 7]

@@ -33,6 +33,7 @@ def test_wheels_move_as_in_the_mode(modes):
     np.testing.assert_array_equal(rest[:, 0], moved[:, 0])
     rise = moved[:, 1] - rest[:, 1]
     assert rise[3] == pytest.approx(-rise[5])
+    assert np.abs(rise).max() == pytest.approx(0.05 * (22.5 + 2 * 1.4))
     np.testing.assert_allclose(rise / rise[3], modes.wheel_rise[:, 10] / modes.wheel_rise[3, 10], atol=1e-9)
     # The beam of the three axles ends at its outer wheels.
     beam = next(line for line in ax.get_lines()[1::2] if len(line.get_xdata()) == 3)

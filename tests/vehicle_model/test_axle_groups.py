@@ -182,7 +182,7 @@ def simulated(step_s: float, *, stops: bool = False, sensors: bool = False):
         k, c = (np.where(np.isnan(v), 7e6, v) for v in (STIFFNESS, DAMPING))
         ramps = None
         if stops:
-            at, slope = (per_axle(v)[None] for v in ([-0.012] * 6, [0, 0, 5e6, 4e6, 9e6, 0]))
+            at, slope = (per_axle(v)[None] for v in ([-0.012] * 6, [0, 0, 5e8, 4e6, 9e8, 9e8]))
             ramps = Ramps(at, slope, jnp.full((1, 1, 1, 1), -1.0))
         suspension = SuspensionLaw(per_axle(k), per_axle(c), ramps=ramps)
         tire = tire_law(
