@@ -230,7 +230,10 @@ class PlankDrop:
 
 @dataclass(frozen=True)
 class BumpRun:
-    """One pass over a bump at a nominal speed [m/s]; `bump` names the scan it belongs to."""
+    """One pass over a bump at a nominal speed [m/s]; `bump` names the scan it belongs to.
+
+    `speed_sd` is the relative standard deviation of the true speed about the nominal one.
+    """
 
     case: str
     load_case: str
@@ -238,6 +241,7 @@ class BumpRun:
     repeat: int
     log: Log
     bump: str = "bump"
+    speed_sd: float = 0.03
 
 
 @dataclass(frozen=True)

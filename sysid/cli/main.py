@@ -35,6 +35,9 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--seed", default=0, show_default=True, help="Seed of everything random.", type=click.IntRange(0)),
         click.option("--max-steps", default=None, help="Limit of sampling steps per ensemble.",
                      type=click.IntRange(1)),
+        click.option("--laws", default=None, type=click.Choice(["auto", "compare", "declared"]),
+                     help="Suspension laws of axles without a declared one: richer ones where linear ones leave "
+                          "residuals (auto), compared in any case, or as declared (default: auto)."),
         click.option("--resume", is_flag=True, help="Go on with what an interrupted run left in the output folder."),
     ]  # fmt: skip
     for decorate in reversed(decorators):
@@ -48,10 +51,10 @@ def cli() -> None:
 
 
 def _stage(name: str, text: str) -> None:
-    def command(campaign: Path, output: Path, quick: bool, seed: int, max_steps: int | None, resume: bool) -> None:
+    def command(campaign: Path, output: Path, resume: bool, **choices: Any) -> None:
         from sysid.cli.stages import run_stage
 
-        sys.exit(run_stage(name, campaign, output, quick=quick, seed=seed, max_steps=max_steps, resume=resume))
+        sys.exit(run_stage(name, campaign, output, resume=resume, **choices))
 
     cli.command(name, help=text)(_options(command))
 

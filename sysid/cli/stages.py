@@ -7,6 +7,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -17,14 +18,12 @@ from sysid.errors import DataRejectedError, NotConvergedError, SysidError
 INTERRUPTED = 130
 
 
-def run_stage(
-    name: str, campaign: Path, output: Path, *, quick: bool, seed: int, max_steps: int | None, resume: bool
-) -> int:
-    """Run one command and return its exit code."""
+def run_stage(name: str, campaign: Path, output: Path, *, resume: bool, **choices: Any) -> int:
+    """Run one command and return its exit code; `choices` are those of :func:`sysid.workflow.make_settings`."""
     screen, errors = _console(False), _console(True)
     with _termination_as_interrupt():
         try:
-            return _run(name, campaign, output, screen, errors, quick, seed, max_steps, resume)
+            return _run(name, campaign, output, screen, errors, resume, choices)
         except SysidError as error:
             errors.print(f"calibrate.py {name}: {error}", markup=False)
             return error.exit_code
@@ -55,16 +54,15 @@ def _keep_traceback(output: Path) -> str:
     return f" with the file {path}"
 
 
-def _run(name, campaign, output, screen, errors, quick, seed, max_steps, resume) -> int:
+def _run(name, campaign, output, screen, errors, resume, choices) -> int:
     from sysid.runtime import configure
     from sysid.workflow import Calibration, make_settings, recall
 
     configure()
-    chosen = {"quick": quick, "seed": seed}
-    if name in ("report", "export") and not quick and seed == 0:
+    if name in ("report", "export") and not choices["quick"] and choices["seed"] == 0 and choices.get("laws") is None:
         # These show what is there: without options they take those of the run that filled the folder.
-        chosen |= recall(output)
-    settings = make_settings(**chosen, max_steps=max_steps)
+        choices |= recall(output)
+    settings = make_settings(**choices)
     with StageProgress(errors) as progress:
         calibration = Calibration(campaign, output, settings, progress.update, resume=resume)
         if name in ("check", "drops", "fit", "sample", "predict"):

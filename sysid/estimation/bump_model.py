@@ -93,6 +93,7 @@ def bump_model(
     profiles: Mapping[str, RoadProfile],
     *,
     target_step_s: float = TARGET_STEP_S,
+    roads: EffectiveRoads | None = None,
 ) -> BumpModel:
     """Prepare all bump runs of a campaign for simulation.
 
@@ -102,6 +103,7 @@ def bump_model(
     parameters : global parameters.
     profiles : road profile of each bump by name.
     target_step_s : largest integration step [s]; the step divides every run's sample interval.
+    roads : what the wheels feel, None for the footprint maps over `profiles`.
 
     Raises
     ------
@@ -110,7 +112,7 @@ def bump_model(
     """
     layout = channel_layout(campaign.bump_runs)
     groups = group_runs(campaign, layout)
-    roads = EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles)
+    roads = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles)
     gain_sd = np.array([GAIN_SD[s.kind] for s in layout.sensors])
     arrays, group_lanes, shapes = [], [], []
     for group in groups:

@@ -13,7 +13,7 @@ from sysid.estimation.objective import simulate_runs
 from sysid.estimation.results import RunHistory
 
 if TYPE_CHECKING:
-    from sysid.estimation.least_squares import FitState
+    from sysid.estimation.problem import FitState
 
 
 def run_histories(campaign: Campaign, state: FitState, instrument: tuple[np.ndarray, ...]) -> tuple[RunHistory, ...]:

@@ -41,7 +41,7 @@ def search_motion(
     for position, group in enumerate(model.groups):
         for r, run in enumerate(group.runs):
             best = min(
-                (*_best_shift(group, r, signal[position][:, r], noise_sd[position][r]), k)
+                (*best_shift(group, r, signal[position][:, r], noise_sd[position][r]), k)
                 for k, signal in enumerate(signals)
             )
             speed[run] = nominal[run] * factors[best[2]]
@@ -49,7 +49,7 @@ def search_motion(
     return RunMotion(speed, start)
 
 
-def _best_shift(group: RunGroup, r: int, simulated: np.ndarray, noise: np.ndarray) -> tuple[float, float]:
+def best_shift(group: RunGroup, r: int, simulated: np.ndarray, noise: np.ndarray) -> tuple[float, float]:
     """Smallest misfit over all time shifts of the simulation (T, C), and that shift in samples."""
     mask = group.measured[:, r].astype(float)
     counts = mask.sum(axis=0)

@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.campaign.records import BumpRun
 from sysid.estimation.bump_model import (
     BumpModel,
     GroupArrays,
@@ -31,8 +32,6 @@ from sysid.vehicle_model.simulation import Motion
 #: One unit of the scaled local unknowns: relative speed change, and shift along the road [m].
 SPEED_UNIT = 0.01
 SHIFT_UNIT_M = 0.02
-#: Prior spread of the true speed about the nominal one.
-SPEED_SD = 0.03
 
 
 @dataclass(frozen=True)
@@ -41,6 +40,19 @@ class RunMotion:
 
     speed_m_s: np.ndarray
     start_s: np.ndarray
+
+
+@dataclass(frozen=True)
+class SpeedPrior:
+    """Nominal speed [m/s] and relative standard deviation about it, per run in the order of the campaign."""
+
+    speed_m_s: np.ndarray
+    relative_sd: np.ndarray
+
+
+def speed_prior(runs: Sequence[BumpRun]) -> SpeedPrior:
+    """Prior of the runs' speeds as the campaign declares them."""
+    return SpeedPrior(np.array([r.nominal_speed_m_s for r in runs]), np.array([r.speed_sd for r in runs]))
 
 
 @dataclass(frozen=True)
@@ -190,7 +202,7 @@ def compress(
     linearisations: Sequence[Linearisation],
     log_parameters: np.ndarray,
     motion: RunMotion,
-    nominal_speed_m_s: np.ndarray,
+    nominal: SpeedPrior,
 ) -> Compressed:
     """Assemble the compressed problem: data, sensor gains, global priors and the priors of the run speeds."""
     count = log_parameters.shape[0]
@@ -208,9 +220,9 @@ def compress(
     rows, targets = model.parameters.prior_rows()
     residuals.append(rows @ log_parameters - targets)
     jacobians.append(np.concatenate([rows, np.zeros((len(targets), width - count))], axis=1))
-    speed, nominal = motion.speed_m_s[order], nominal_speed_m_s[order]
-    residuals.append((speed / nominal - 1.0) / SPEED_SD)
+    speed, middle, sd = motion.speed_m_s[order], nominal.speed_m_s[order], nominal.relative_sd[order]
+    residuals.append((speed / middle - 1.0) / sd)
     wide = np.zeros((len(order), width))
-    wide[np.arange(len(order)), count + 2 * np.arange(len(order))] = SPEED_UNIT * speed / nominal / SPEED_SD
+    wide[np.arange(len(order)), count + 2 * np.arange(len(order))] = SPEED_UNIT * speed / middle / sd
     jacobians.append(wide)
     return Compressed(np.concatenate(residuals), np.concatenate(jacobians))

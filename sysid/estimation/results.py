@@ -69,6 +69,32 @@ class RunHistory:
 
 
 @dataclass(frozen=True)
+class LawTrial:
+    """One set of suspension laws that was fitted: `laws` by axle, number of `parameters`, `cost` (half the weighted sum
+    of squares with priors, same weights for all trials), `misfit` (residual over instrument noise) and `gain` in the
+    information criterion over the first trial.
+    """
+
+    laws: tuple[str, ...]
+    parameters: int
+    cost: float
+    misfit: float
+    gain: float
+
+
+@dataclass(frozen=True)
+class LawComparison(Tabular):
+    """Trials of suspension laws and the one that was `chosen`, by axle."""
+
+    trials: tuple[LawTrial, ...]
+    chosen: tuple[str, ...]
+
+    def summary(self) -> pd.DataFrame:
+        """One row per trial."""
+        return records_table(self.trials, ("laws", "parameters", "cost", "misfit", "gain"))
+
+
+@dataclass(frozen=True)
 class FitResult(Tabular):
     """The least-squares optimum: global parameters, covariance, residual statistics and diagnostics.
 
@@ -78,7 +104,7 @@ class FitResult(Tabular):
     deviations); `autocorrelation` (channels of all runs, lags) of the standardised residuals; `step_halving_error` the
     largest relative RMS change of any channel when the integration step is halved at the optimum;
     `scipy_max_difference_sd` the largest difference between the optimum found by SciPy's trust-region solver and this
-    one, in standard deviations.
+    one, in standard deviations; `law_comparison` what was tried where linear laws did not do, or None.
     """
 
     parameters: tuple[ParameterEstimate, ...]
@@ -100,6 +126,13 @@ class FitResult(Tabular):
     autocorrelation_lag_s: np.ndarray
     autocorrelation: np.ndarray
     warnings: tuple[str, ...] = ()
+    law_comparison: LawComparison | None = None
+
+    @property
+    def laws(self) -> tuple[str, ...]:
+        """Suspension law of every axle, front to rear."""
+        found = {p.axle: p.law for p in self.parameters if p.quantity == "damping"}
+        return tuple(found[axle] for axle in sorted(found, key=lambda a: -1 if a is None else a))
 
     @property
     def names(self) -> tuple[str, ...]:

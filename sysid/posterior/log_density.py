@@ -21,8 +21,8 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.bump_model import GroupArrays, GroupShape, group_residuals, group_road, simulate_group
-from sysid.estimation.least_squares import FitState
-from sysid.estimation.objective import SPEED_SD, SPEED_UNIT, linearise
+from sysid.estimation.objective import SPEED_UNIT, linearise, speed_prior
+from sysid.estimation.problem import FitState
 from sysid.vehicle_model.contact import RoadInput
 from sysid.vehicle_model.simulation import Motion
 
@@ -77,7 +77,7 @@ class LogDensity:
         self._rows, self._targets = state.model.parameters.prior_rows()
         self.rejected: list[np.ndarray] = []
         self.rejected_count = 0
-        nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
+        expected = speed_prior(campaign.bump_runs)
         count = self.centre.size
         self._inputs = []
         lin = linearise(state.model, state.weights, self.centre, state.motion)
@@ -86,10 +86,11 @@ class LogDensity:
             speed, start = state.motion.speed_m_s[runs], state.motion.start_s[runs]
             local = np.asarray(lin[position].residual_jacobian[..., count:])
             gain = np.asarray(lin[position].gain_jacobian[..., count:])
-            prior = np.array([SPEED_UNIT / SPEED_SD, 0.0]) * np.stack([speed / nominal[runs], speed], axis=1)
+            nominal, sd = expected.speed_m_s[runs], expected.relative_sd[runs]
+            prior = np.stack([SPEED_UNIT * speed / nominal / sd, np.zeros_like(speed)], axis=1)
             normal = np.einsum("trck,trcl->rkl", local, local) + np.einsum("rck,rcl->rkl", gain, gain)
             normal += np.einsum("rk,rl->rkl", prior, prior)
-            pull = ((speed / nominal[runs] - 1.0) / SPEED_SD)[:, None] * prior
+            pull = ((speed / nominal - 1.0) / sd)[:, None] * prior
             motion = Motion(jnp.asarray(speed)[:, None], jnp.asarray(start)[:, None])
             arrays, shape = state.model.arrays[position], state.model.shapes[position]
             road = jax.jit(group_road, static_argnames=("shape",))(

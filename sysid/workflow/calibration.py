@@ -20,9 +20,11 @@ from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.estimation.bump_model import bump_model
-from sysid.estimation.least_squares import FitState, fit_bump_runs
+from sysid.estimation.law_choice import fit_with_laws
 from sysid.estimation.parameters import ParameterSet, campaign_parameters
+from sysid.estimation.problem import FitState
 from sysid.estimation.results import FitResult
+from sysid.estimation.suspension_elements import law_elements
 from sysid.export.contents import Results, Status
 from sysid.export.files import write_text
 from sysid.export.inference_data import write_posterior
@@ -225,9 +227,7 @@ class Calibration:
             raise DataRejectedError(
                 "No bump run is left to fit: every log was rejected or none is listed; see `calibrate.py check`."
             )
-        fit, state = fit_bump_runs(
-            self.campaign, self._parameters(), self._profiles(), self.settings.fit, self._progress
-        )
+        fit, state = fit_with_laws(self.campaign, self.drops(), self._profiles(), self.settings.fit, self._progress)
         return fit, {
             "log_parameters": state.log_parameters,
             "motion": state.motion,
@@ -265,7 +265,8 @@ class Calibration:
         return predict(self.campaign, self._parameters(), self._profiles(), point, draws, seed=self.settings.seed)
 
     def _parameters(self) -> ParameterSet:
-        return campaign_parameters(self.campaign, self.drops())
+        laws = tuple(law_elements(law) for law in self.fit().laws)
+        return campaign_parameters(self.campaign, self.drops(), laws)
 
     def _profiles(self) -> dict[str, RoadProfile]:
         return {name: analysis.profile for name, analysis in self.scan().items()}

@@ -32,7 +32,7 @@ class Settings:
 
 def remember(folder: Path, settings: Settings) -> None:
     """Keep what the command line chose, so that a later report of the same folder need not be told again."""
-    text = json.dumps({"quick": settings.quick, "seed": settings.seed})
+    text = json.dumps({"quick": settings.quick, "seed": settings.seed, "laws": settings.fit.laws})
     write_text(folder / "stages" / "settings.json", text)
 
 
@@ -40,12 +40,14 @@ def recall(folder: Path) -> dict[str, Any]:
     """What :func:`remember` kept in an output folder; empty if nothing was kept or it cannot be read."""
     try:
         kept = json.loads((folder / "stages" / "settings.json").read_text(encoding="utf-8"))
-        return {"quick": bool(kept["quick"]), "seed": int(kept["seed"])}
+        return {"quick": bool(kept["quick"]), "seed": int(kept["seed"]), "laws": str(kept["laws"])}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 
 
-def make_settings(*, quick: bool = False, seed: int = 0, max_steps: int | None = None) -> Settings:
+def make_settings(
+    *, quick: bool = False, seed: int = 0, max_steps: int | None = None, laws: str | None = None
+) -> Settings:
     """Settings from what the command line offers."""
     settings = Settings(sampling=replace(SamplingOptions(), seed=seed))
     if quick:
@@ -54,6 +56,8 @@ def make_settings(*, quick: bool = False, seed: int = 0, max_steps: int | None =
             sampling=SamplingOptions(segment_steps=10, min_steps=10, max_steps=10, seed=seed, preview=True),
             quick=True,
         )
+    if laws is not None:
+        settings = replace(settings, fit=replace(settings.fit, laws=laws))
     if max_steps is not None:
         settings = replace(settings, sampling=replace(settings.sampling, max_steps=max_steps))
     return settings

@@ -27,7 +27,7 @@ def campaign(tmp_path: Path) -> Path:
 
 def check(campaign: Path, output: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
     """Exit code and error text of ``calibrate.py check``."""
-    code = run_stage("check", campaign, output, quick=False, seed=0, max_steps=None, resume=False)
+    code = run_stage("check", campaign, output, quick=False, seed=0, max_steps=None, laws=None, resume=False)
     return code, capsys.readouterr().err.strip()
 
 
@@ -130,7 +130,7 @@ def test_a_fault_is_one_sentence_with_its_exit_code(
 
 def test_a_rejected_channel_is_named_and_check_exits_with_3(campaign: Path, tmp_path: Path, capsys) -> None:
     wrong_unit(campaign)
-    code = run_stage("check", campaign, tmp_path / "out", quick=False, seed=0, max_steps=None, resume=False)
+    code = run_stage("check", campaign, tmp_path / "out", quick=False, seed=0, max_steps=None, laws=None, resume=False)
     assert code == 3
     assert "frame_axle_mm" in capsys.readouterr().out
 

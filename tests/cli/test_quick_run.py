@@ -33,7 +33,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if 'file = "bump_runs/' not in line or any(name in line for name in KEPT_RUNS)
     ]
     (folder / "campaign.toml").write_text("\n".join(lines), encoding="utf-8")
-    code = run_stage("run", folder, root / "out", quick=True, seed=3, max_steps=4, resume=False)
+    code = run_stage("run", folder, root / "out", quick=True, seed=3, max_steps=4, laws=None, resume=False)
     assert code == 0
     return root / "out"
 
@@ -84,7 +84,7 @@ def test_a_report_without_options_shows_the_run_that_filled_the_folder(
 ) -> None:
     campaign = finished.parent / "campaign"
     before = json.loads((finished / "result.json").read_text(encoding="utf-8"))
-    code = run_stage("report", campaign, finished, quick=False, seed=0, max_steps=None, resume=False)
+    code = run_stage("report", campaign, finished, quick=False, seed=0, max_steps=None, laws=None, resume=False)
     assert code == 0
     assert "least squares" not in capsys.readouterr().err
     after = json.loads((finished / "result.json").read_text(encoding="utf-8"))

@@ -7,9 +7,9 @@ import pytest
 from rigid_truck import SENSORS
 from synthetic_fit import CLIPPED, LOST, NOISE, NOMINAL_M_S, SAMPLES, SPEED_M_S, START_S, SyntheticFit, synthetic_fit
 
-from sysid.estimation.least_squares import _Problem
 from sysid.estimation.motion_search import search_motion
-from sysid.estimation.objective import RunMotion, compress, linearise, run_blocks, simulate_runs
+from sysid.estimation.objective import RunMotion, compress, linearise, run_blocks, simulate_runs, speed_prior
+from sysid.estimation.problem import Problem
 
 
 @pytest.fixture(scope="session")
@@ -94,7 +94,7 @@ def test_compressed_problem_has_the_squares_and_products_of_the_dense_one(fit):
     parameters = fit.truth + 0.02
     motion = RunMotion(state.motion.speed_m_s * 1.001, state.motion.start_s)
     lin = linearise(state.model, state.weights, parameters, motion)
-    small = compress(state.model, lin, parameters, motion, nominal)
+    small = compress(state.model, lin, parameters, motion, speed_prior(campaign.bump_runs))
     p = parameters.size
     residuals, jacobians = [], []
     for position, group in enumerate(state.model.groups):
@@ -130,7 +130,7 @@ def test_compressed_problem_has_the_squares_and_products_of_the_dense_one(fit):
 
 def test_local_columns_count_in_units_of_the_reference(fit):
     """Derivatives with respect to the solver's vector by differences, away from the reference motion."""
-    problem = _Problem(fit.state.model, fit.campaign, fit.state.motion, fit.state.weights)
+    problem = Problem(fit.state.model, fit.campaign, fit.state.motion, fit.state.weights)
     vector = np.concatenate([fit.truth, [2.0, -1.0, -1.5, 3.0]])
     residual, jacobian = problem.evaluate(vector)
     gradient = jacobian.T @ residual

@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 from synthetic_fit import NOMINAL_M_S, SyntheticFit, synthetic_fit
 
 from sysid.estimation.bump_model import group_residuals, group_road, simulate_group
-from sysid.estimation.objective import SHIFT_UNIT_M, SPEED_SD, SPEED_UNIT
+from sysid.estimation.objective import SHIFT_UNIT_M, SPEED_UNIT
 from sysid.posterior.log_density import LogDensity
 from sysid.vehicle_model.simulation import Motion
 
@@ -67,7 +67,7 @@ def log_marginal(fit: SyntheticFit, x: np.ndarray, widths: np.ndarray) -> float:
         shape=model.shapes[0],
     )
     nominal = np.array(NOMINAL_M_S)[runs][:, None]
-    total = np.asarray(total) + ((speed / nominal - 1.0) / SPEED_SD) ** 2
+    total = np.asarray(total) + ((speed / nominal - 1.0) / 0.03) ** 2
     prior = sum(((x[i] - np.log(p.prior_median)) / p.prior_sd) ** 2 for i, p in enumerate(fit.parameters.parameters))
     return float(logsumexp(-0.5 * total, axis=1).sum() - 0.5 * prior)
 

@@ -18,7 +18,7 @@ DATA = Path(__file__).parents[2] / "data"
 def document(tmp_path_factory: pytest.TempPathFactory) -> dict:
     """``result.json`` of a complete run."""
     output = tmp_path_factory.mktemp("run")
-    assert run_stage("run", DATA, output, quick=False, seed=0, max_steps=None, resume=False) == 0
+    assert run_stage("run", DATA, output, quick=False, seed=0, max_steps=None, laws=None, resume=False) == 0
     return json.loads((output / "result.json").read_text(encoding="utf-8"))
 
 

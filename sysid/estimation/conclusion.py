@@ -1,0 +1,280 @@
+"""From the least-squares optimum to its result: covariance, checks, histories and warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import least_squares as scipy_least_squares
+
+from sysid.campaign.records import Campaign
+from sysid.estimation import noise as noise_model
+from sysid.estimation.histories import run_histories
+from sysid.estimation.objective import (
+    SHIFT_UNIT_M,
+    SPEED_UNIT,
+    Compressed,
+    Linearisation,
+    RunMotion,
+    simulate_runs,
+)
+from sysid.estimation.problem import FitState, Optimum, Problem
+from sysid.estimation.results import FitResult, ParameterEstimate
+from sysid.estimation.sandwich import Adjustment, adjust, block_scores
+
+#: The data determine a parameter when they shrink its prior at least this much.
+IDENTIFIED_SHRINKAGE = 0.7
+_LAGS = 120
+
+Progress = Callable[[str, float], None]
+
+
+def residual_correlations(problem: Problem, linearisations: tuple[Linearisation, ...]) -> list[np.ndarray]:
+    """Autocorrelation (lags, R, C) of the residuals of every group."""
+    return [
+        noise_model.autocorrelation(group, np.asarray(lin.residual), min(_LAGS, group.samples // 4))
+        for group, lin in zip(problem.model.groups, linearisations, strict=True)
+    ]
+
+
+def conclude(
+    campaign: Campaign, optimum: Optimum, weight_rounds: int, *, cross_check: bool, report: Progress
+) -> tuple[FitResult, FitState]:
+    """Covariance, checks and histories at an optimum; with `cross_check` SciPy's solver looks for it as well."""
+    problem, vector, minimum = optimum.problem, optimum.vector, optimum.minimum
+    model = problem.model
+    report("covariance and checks", 0.9)
+    parameters, motion = problem.unpack(vector)
+    lin = problem.linearise(vector)
+    correlations = residual_correlations(problem, lin)
+    inflation = [noise_model.variance_inflation(c) for c in correlations]
+    weights = problem.weights
+
+    difference = float("nan")
+    if cross_check:
+        report("cross-check by SciPy's trust-region solver", 0.92)
+        difference = _scipy_difference(problem, vector, optimum.first)
+    compressed = problem.compressed(vector)
+    adjustment = _adjustment(campaign, problem, vector)
+    covariance = _covariance(problem, compressed, adjustment)
+    scaled = compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0)
+    singular = np.linalg.svd(scaled, compute_uv=False)
+
+    report("step-halving check", 0.96)
+    halving = _step_halving_error(problem, vector, lin)
+    estimates, runs = _estimates(campaign, problem, parameters, motion, covariance)
+    usable = [np.isfinite(n) for n in weights.noise_sd]
+    median_inflation = float(np.median(np.concatenate([v[u] for v, u in zip(inflation, usable, strict=True)])))
+    lags = min(c.shape[0] for c in correlations)
+    warnings = _warnings(estimates, minimum.converged, optimum.misfit, halving, difference)
+    state = FitState(model, parameters, motion, weights, adjustment.matrix)
+    fit = FitResult(
+        parameters=estimates,
+        run_parameters=runs,
+        covariance=covariance[: problem.count, : problem.count],
+        histories=_with_speed_sd(run_histories(campaign, state, optimum.instrument), runs),
+        converged=minimum.converged,
+        message=minimum.message,
+        iterations=minimum.iterations,
+        cost=minimum.cost,
+        residuals=int(sum(g.measured.sum() for g in model.groups)),
+        weight_rounds=weight_rounds,
+        condition_number=float(singular[0] / singular[-1]),
+        step_halving_error=halving,
+        scipy_max_difference_sd=difference,
+        variance_inflation=median_inflation,
+        model_error_inflation=float(np.sqrt(np.mean(adjustment.inflation))),
+        contact="footprint map of radial springs, power-law stiffening, forward force",
+        autocorrelation_lag_s=np.arange(lags) * model.groups[0].interval_s,
+        autocorrelation=np.concatenate(
+            [c[:lags].reshape(lags, -1)[:, u.ravel()].T for c, u in zip(correlations, usable, strict=True)]
+        ),
+        warnings=warnings,
+    )
+    return fit, state
+
+
+def _adjustment(campaign: Campaign, problem: Problem, vector: np.ndarray) -> Adjustment:
+    """Sandwich over blocks: one channel in all repeats of one case."""
+    count = problem.count
+    _, motion = problem.unpack(vector)
+    scores, keys = [], []
+    information = np.zeros((count, count))
+    for group, lin in zip(problem.model.groups, problem.linearise(vector), strict=True):
+        runs = list(group.runs)
+        prior = np.zeros((len(runs), 2, 2))
+        nominal, sd = problem.nominal.speed_m_s[runs], problem.nominal.relative_sd[runs]
+        prior[:, 0, 0] = (SPEED_UNIT * motion.speed_m_s[runs] / nominal / sd) ** 2
+        found, data = block_scores(
+            np.asarray(lin.residual),
+            np.asarray(lin.residual_jacobian),
+            np.asarray(lin.gain_residual),
+            np.asarray(lin.gain_jacobian),
+            prior,
+        )
+        information += data.sum(axis=0)
+        for r, run in enumerate(runs):
+            record = campaign.bump_runs[run]
+            case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
+            used = group.measured[:, r].any(axis=0)
+            scores += [found[r, c] for c in np.flatnonzero(used)]
+            keys += [(*case, int(c)) for c in np.flatnonzero(used)]
+    return adjust(np.array(scores), keys, information)
+
+
+def parameter_sd(optimum: Optimum) -> np.ndarray:
+    """Standard deviations (p,) of the log parameters from the curvature of the cost at the optimum alone."""
+    jacobian = optimum.problem.compressed(optimum.vector).jacobian
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian))[: optimum.problem.count]))
+
+
+def _covariance(problem: Problem, compressed: Compressed, adjustment: Adjustment) -> np.ndarray:
+    """Covariance of all unknowns: adjusted information of the globals, conditional information of the runs' own."""
+    count = problem.count
+    rows, _ = problem.model.parameters.prior_rows()
+    normal = compressed.jacobian.T @ compressed.jacobian
+    shared = np.linalg.inv(adjustment.information + rows.T @ rows)
+    local = np.linalg.inv(normal[count:, count:])
+    lever = local @ normal[count:, :count]
+    covariance = np.zeros_like(normal)
+    covariance[:count, :count] = shared
+    covariance[count:, :count] = -lever @ shared
+    covariance[:count, count:] = covariance[count:, :count].T
+    covariance[count:, count:] = local + lever @ shared @ lever.T
+    return covariance
+
+
+def _with_speed_sd(histories, run_parameters):
+    sd = {p.run: p.sd for p in run_parameters if p.quantity == "speed"}
+    return tuple(replace(h, speed_sd=sd[h.file]) for h in histories)
+
+
+def _scipy_difference(problem: Problem, optimum: np.ndarray, start: np.ndarray) -> float:
+    """Largest distance, in standard deviations, between the optimum and the one SciPy's solver finds.
+
+    The search starts a tenth of the way back to the start values, so it has to find the optimum by itself.
+    """
+    cache: dict[bytes, Compressed] = {}
+
+    def at(vector: np.ndarray) -> Compressed:
+        key = vector.tobytes()
+        if key not in cache:
+            cache.clear()
+            cache[key] = problem.compressed(vector)
+        return cache[key]
+
+    def residual(vector: np.ndarray) -> np.ndarray:
+        return at(vector).residual
+
+    def jacobian_at(vector: np.ndarray) -> np.ndarray:
+        return at(vector).jacobian
+
+    found = scipy_least_squares(
+        residual,
+        optimum + (start - optimum) / 10.0,
+        jac=jacobian_at,
+        method="trf",
+        x_scale="jac",
+        ftol=1e-7,
+        xtol=1e-7,
+        gtol=1e-7,
+        max_nfev=15,
+    )
+    jacobian = at(optimum).jacobian
+    sd = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    return float(np.max(np.abs(found.x - optimum) / sd))
+
+
+def _step_halving_error(problem: Problem, vector: np.ndarray, coarse: tuple[Linearisation, ...]) -> float:
+    """Largest relative RMS change of any simulated channel when the integration step is halved."""
+    parameters, motion = problem.unpack(vector)
+    fine = simulate_runs(problem.model.with_substeps(2), parameters, motion)
+    worst = 0.0
+    for lin, smooth in zip(coarse, fine, strict=True):
+        rough = np.asarray(lin.simulated)
+        size = np.sqrt((smooth**2).mean(axis=0))
+        error = np.sqrt(((rough - smooth) ** 2).mean(axis=0))
+        worst = max(worst, float(np.max(error / np.maximum(size, 1e-12))))
+    return worst
+
+
+def _estimates(campaign, problem: Problem, log_parameters, motion: RunMotion, covariance):
+    sd = np.sqrt(np.diag(covariance))
+    globals_ = tuple(
+        ParameterEstimate(
+            name=p.name,
+            quantity=p.quantity,
+            unit=p.unit,
+            axle=p.axle,
+            load_case=p.load_case,
+            run=None,
+            law=p.law,
+            transform="log",
+            value=float(np.exp(log_parameters[i])),
+            sd=float(np.exp(log_parameters[i]) * sd[i]),
+            start=p.start,
+            prior_median=p.prior_median,
+            prior_sd=p.prior_sd,
+            identified=bool(sd[i] < IDENTIFIED_SHRINKAGE * p.prior_sd),
+        )
+        for i, p in enumerate(problem.model.parameters.parameters)
+    )
+    local = []
+    for position, run in enumerate(problem.order):
+        record = campaign.bump_runs[run]
+        speed, start = float(motion.speed_m_s[run]), float(motion.start_s[run])
+        speed_sd, shift_sd = sd[problem.count + 2 * position : problem.count + 2 * position + 2]
+        nominal = record.nominal_speed_m_s
+        shared = ParameterEstimate(
+            name=f"speed[{record.log.file}]",
+            quantity="speed",
+            unit="m/s",
+            axle=None,
+            load_case=record.load_case,
+            run=record.log.file,
+            law="constant",
+            transform="none",
+            value=speed,
+            sd=float(speed_sd * SPEED_UNIT * speed),
+            start=nominal,
+            prior_median=nominal,
+            prior_sd=record.speed_sd * nominal,
+            identified=True,
+        )
+        local.append(shared)
+        local.append(
+            replace(
+                shared,
+                name=f"start[{record.log.file}]",
+                quantity="start",
+                unit="s",
+                value=start,
+                sd=float(shift_sd * SHIFT_UNIT_M / speed),
+                start=float(problem.reference.start_s[run]),
+                prior_median=float(problem.reference.start_s[run]),
+                prior_sd=float("inf"),
+            )
+        )
+    return globals_, tuple(local)
+
+
+def _warnings(estimates, converged: bool, misfit: float, halving: float, cross_check: float) -> tuple[str, ...]:
+    found = []
+    if not converged:
+        found.append("Least squares stopped at its limit of iterations; the values are not final.")
+    if misfit >= 1.3:
+        found.append(
+            f"Residuals are {misfit:.1f} times the instrument noise (median over channels): the model does not explain "
+            "everything the sensors saw, and intervals may be too narrow."
+        )
+    if halving > 1e-2:
+        found.append(f"Halving the integration step changes a channel by {halving:.1e} of its size.")
+    if np.isfinite(cross_check) and cross_check > 0.5:
+        found.append(
+            f"An independent solver ends {cross_check:.1f} standard deviations away; the optimum may not be unique."
+        )
+    weak = [p.name for p in estimates if not p.identified and p.quantity in ("stiffness", "damping")]
+    if weak:
+        found.append(f"The data say next to nothing about {', '.join(weak)}: these values come from their priors.")
+    return tuple(found)

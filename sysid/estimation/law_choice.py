@@ -1,0 +1,148 @@
+"""Which suspension laws the data support: linear ones against richer families, by an information criterion.
+
+Two sets of laws are compared under the same weights, those of the richer one:
+
+    gain = 2 (cost_poor - cost_rich) - (p_rich - p_poor) ln n
+
+with cost half the sum of squares with priors, and n the number of residuals over their variance inflation.  This is the
+difference of the Bayesian information criterion (G. Schwarz, Estimating the dimension of a model, Annals of Statistics
+6 (1978), doi:10.1214/aos/1176344136) with an effective sample size; a gain above 10 counts as decisive (R. E. Kass and
+A. E. Raftery, Bayes factors, JASA 90 (1995), doi:10.1080/01621459.1995.10476572).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.campaign.records import Axle, Campaign
+from sysid.estimation.conclusion import conclude
+from sysid.estimation.least_squares import FitOptions, optimise, optimum_under
+from sysid.estimation.parameters import campaign_parameters, declared_laws
+from sysid.estimation.problem import FitState, Optimum
+from sysid.estimation.results import FitResult, LawComparison, LawTrial
+from sysid.estimation.suspension_elements import ELEMENTS, law_name
+from sysid.road.results import RoadProfile
+from sysid.sdof.results import DropSummary
+
+#: Residual over instrument noise from which on linear laws are doubted.
+DOUBT = 1.3
+#: Gain in the criterion from which on a richer law is taken.
+DECISIVE = 10.0
+
+#: Elements worth trying on an axle without a declared law, by the kind of its suspension.
+CANDIDATES = {
+    "leaf": frozenset({"leaf_friction", "asymmetric_damper"}),
+    "air": frozenset({"gas_spring", "asymmetric_damper"}),
+    "other": frozenset({"leaf_friction", "asymmetric_damper"}),
+}
+
+Laws = tuple[frozenset[str], ...]
+Progress = Callable[[str, float], None]
+
+
+def fit_with_laws(
+    campaign: Campaign,
+    drops: DropSummary | None,
+    profiles: Mapping[str, RoadProfile],
+    options: FitOptions | None = None,
+    progress: Progress | None = None,
+) -> tuple[FitResult, FitState]:
+    """Least-squares calibration with declared suspension laws, or with the ones that the data support.
+
+    Linear laws come first.  Where they leave residuals of more than 1.3 times the instrument noise (or on request) the
+    richest candidate of every axle without a declared law is fitted; elements that the criterion does not miss are
+    taken away again, one family at a time.
+
+    Parameters
+    ----------
+    campaign : screened campaign (quality check applied).
+    drops, profiles : what the drops say, and the road profile of each bump.
+    options, progress : settings, and a callback (message, fraction done).
+
+    Raises
+    ------
+    CampaignError, DataRejectedError
+        As :func:`sysid.estimation.least_squares.fit_bump_runs`.
+    """
+    options = options or FitOptions()
+    report = progress or (lambda message, fraction: None)
+    declared = declared_laws(campaign)
+    chosen = optimise(campaign, campaign_parameters(campaign, drops, declared), profiles, options, report)
+    comparison = None
+    rich = richest_laws(campaign.vehicle.axles, declared)
+    asked = options.laws == "compare" or (options.laws == "auto" and chosen.misfit >= DOUBT)
+    if asked and rich != declared:
+
+        def fitted(laws: Laws, near: Optimum) -> Optimum:
+            return optimise(campaign, campaign_parameters(campaign, drops, laws), profiles, options, report, near=near)
+
+        chosen, comparison = _compare(campaign, declared, rich, chosen, fitted, options)
+    fit, state = conclude(campaign, chosen, options.weight_rounds, cross_check=options.cross_check, report=report)
+    return replace(fit, law_comparison=comparison), state
+
+
+def richest_laws(axles: Sequence[Axle], declared: Laws) -> Laws:
+    """The candidates of every axle without a declared law; the declared law of all others."""
+    return tuple(
+        law if axle.suspension_law is not None else CANDIDATES[axle.suspension]
+        for axle, law in zip(axles, declared, strict=True)
+    )
+
+
+def _compare(
+    campaign: Campaign,
+    poor_laws: Laws,
+    rich_laws: Laws,
+    poor: Optimum,
+    fitted: Callable[[Laws, Optimum], Optimum],
+    options: FitOptions,
+) -> tuple[Optimum, LawComparison]:
+    """The preferred laws' optimum and all trials; every gain is over the laws of the campaign file."""
+    rich = fitted(rich_laws, poor)
+    weights = rich.problem.weights
+    base = optimum_under(poor, weights, options)
+    size = effective_residuals(rich)
+
+    def gain_over(other: Optimum, optimum: Optimum) -> float:
+        extra = optimum.problem.count - other.problem.count
+        return float(2.0 * (other.minimum.cost - optimum.minimum.cost) - extra * np.log(size))
+
+    trials = [LawTrial(_names(poor_laws), base.problem.count, base.minimum.cost, poor.misfit, 0.0)]
+    best_laws, best = rich_laws, rich
+    trials.append(_trial(rich_laws, rich, gain_over(base, rich)))
+    for element in ELEMENTS:
+        without = tuple(
+            law if axle.suspension_law is not None else law - {element}
+            for axle, law in zip(campaign.vehicle.axles, best_laws, strict=True)
+        )
+        if without in (best_laws, poor_laws):
+            continue
+        candidate = optimum_under(fitted(without, best), weights, options)
+        trials.append(_trial(without, candidate, gain_over(base, candidate)))
+        if gain_over(candidate, best) < DECISIVE:
+            best_laws, best = without, candidate
+    if gain_over(base, best) < DECISIVE:
+        best_laws, best = poor_laws, poor
+    elif best is not rich:
+        # The trial ran under the rich laws' weights; the result stands on its own.
+        best = fitted(best_laws, best)
+    return best, LawComparison(tuple(trials), _names(best_laws))
+
+
+def effective_residuals(optimum: Optimum) -> float:
+    """Number of residuals over their variance inflation, summed over channels and runs."""
+    total = 0.0
+    for group, tempering in zip(optimum.problem.model.groups, optimum.problem.weights.tempering, strict=True):
+        total += float((group.measured.sum(axis=0) * tempering**2).sum())
+    return max(total, 2.0)
+
+
+def _names(laws: Laws) -> tuple[str, ...]:
+    return tuple(law_name(law) for law in laws)
+
+
+def _trial(laws: Laws, optimum: Optimum, gain: float) -> LawTrial:
+    return LawTrial(_names(laws), optimum.problem.count, optimum.minimum.cost, optimum.misfit, gain)
