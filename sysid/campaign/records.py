@@ -65,6 +65,7 @@ class Axle:
     hanger_lash_m: float | None = None
     load_dependent: bool = False
     inflation_pressure_Pa: float | None = None
+    tire_stiffness_pressure_Pa: float | None = None
     jounce_travel_m: float | None = None
     rebound_travel_m: float | None = None
     leaf: LeafDimensions | None = None

@@ -144,6 +144,7 @@ class AxleTable(Table):
     hanger_lash_m: Length | None = None
     load_dependent: StrictBool | None = None
     inflation_pressure_kPa: Positive | None = None
+    tire_stiffness_pressure_kPa: Positive | None = None
     jounce_travel_m: Length | None = None
     rebound_travel_m: Length | None = None
     leaf: LeafTable | None = None

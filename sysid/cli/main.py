@@ -38,6 +38,9 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--laws", default=None, type=click.Choice(["auto", "compare", "declared"]),
                      help="Suspension laws of axles without a declared one: richer ones where linear ones leave "
                           "residuals (auto), compared in any case, or as declared (default: auto)."),
+        click.option("--contact", default=None, type=click.Choice(["footprint", "cams", "point"]),
+                     help="Contact law of the tires: radial springs over the footprint, tandem elliptical cams, or a "
+                          "point follower (default: footprint)."),
         click.option("--resume", is_flag=True, help="Go on with what an interrupted run left in the output folder."),
     ]  # fmt: skip
     for decorate in reversed(decorators):

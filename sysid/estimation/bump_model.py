@@ -23,6 +23,7 @@ from sysid.campaign.records import AntiAliasFilter, Campaign
 from sysid.estimation.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters import ParameterSet
 from sysid.estimation.run_data import ChannelLayout, RunGroup, channel_layout, group_runs
+from sysid.road.contact_laws import ContactLaw
 from sysid.road.results import RoadProfile
 from sysid.vehicle_model.contact import EffectiveRoad, RoadInput, road_input
 from sysid.vehicle_model.filters import discretise
@@ -93,6 +94,7 @@ def bump_model(
     profiles: Mapping[str, RoadProfile],
     *,
     target_step_s: float = TARGET_STEP_S,
+    contact: ContactLaw = "footprint",
     roads: EffectiveRoads | None = None,
 ) -> BumpModel:
     """Prepare all bump runs of a campaign for simulation.
@@ -103,7 +105,8 @@ def bump_model(
     parameters : global parameters.
     profiles : road profile of each bump by name.
     target_step_s : largest integration step [s]; the step divides every run's sample interval.
-    roads : what the wheels feel, None for the footprint maps over `profiles`.
+    contact : contact law of all tires.
+    roads : what the wheels feel, None for the contact law over `profiles`.
 
     Raises
     ------
@@ -112,7 +115,7 @@ def bump_model(
     """
     layout = channel_layout(campaign.bump_runs)
     groups = group_runs(campaign, layout)
-    roads = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles)
+    roads = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact)
     gain_sd = np.array([GAIN_SD[s.kind] for s in layout.sensors])
     arrays, group_lanes, shapes = [], [], []
     for group in groups:

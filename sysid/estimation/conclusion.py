@@ -10,6 +10,7 @@ from scipy.optimize import least_squares as scipy_least_squares
 
 from sysid.campaign.records import Campaign
 from sysid.estimation import noise as noise_model
+from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.histories import run_histories
 from sysid.estimation.objective import (
     SHIFT_UNIT_M,
@@ -22,6 +23,7 @@ from sysid.estimation.objective import (
 from sysid.estimation.problem import FitState, Optimum, Problem
 from sysid.estimation.results import FitResult, ParameterEstimate
 from sysid.estimation.sandwich import Adjustment, adjust, block_scores
+from sysid.road.contact_laws import CONTACT_LAWS
 
 #: The data determine a parameter when they shrink its prior at least this much.
 IDENTIFIED_SHRINKAGE = 0.7
@@ -38,10 +40,8 @@ def residual_correlations(problem: Problem, linearisations: tuple[Linearisation,
     ]
 
 
-def conclude(
-    campaign: Campaign, optimum: Optimum, weight_rounds: int, *, cross_check: bool, report: Progress
-) -> tuple[FitResult, FitState]:
-    """Covariance, checks and histories at an optimum; with `cross_check` SciPy's solver looks for it as well."""
+def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: Progress) -> tuple[FitResult, FitState]:
+    """Covariance, checks and histories at an optimum; if `options` ask for it SciPy's solver looks for it as well."""
     problem, vector, minimum = optimum.problem, optimum.vector, optimum.minimum
     model = problem.model
     report("covariance and checks", 0.9)
@@ -52,7 +52,7 @@ def conclude(
     weights = problem.weights
 
     difference = float("nan")
-    if cross_check:
+    if options.cross_check:
         report("cross-check by SciPy's trust-region solver", 0.92)
         difference = _scipy_difference(problem, vector, optimum.first)
     compressed = problem.compressed(vector)
@@ -79,13 +79,13 @@ def conclude(
         iterations=minimum.iterations,
         cost=minimum.cost,
         residuals=int(sum(g.measured.sum() for g in model.groups)),
-        weight_rounds=weight_rounds,
+        weight_rounds=options.weight_rounds,
         condition_number=float(singular[0] / singular[-1]),
         step_halving_error=halving,
         scipy_max_difference_sd=difference,
         variance_inflation=median_inflation,
         model_error_inflation=float(np.sqrt(np.mean(adjustment.inflation))),
-        contact="footprint map of radial springs, power-law stiffening, forward force",
+        contact=CONTACT_LAWS[options.contact],
         autocorrelation_lag_s=np.arange(lags) * model.groups[0].interval_s,
         autocorrelation=np.concatenate(
             [c[:lags].reshape(lags, -1)[:, u.ravel()].T for c, u in zip(correlations, usable, strict=True)]

@@ -19,7 +19,8 @@ import numpy as np
 
 from sysid.campaign.records import Axle, Campaign
 from sysid.estimation.conclusion import conclude
-from sysid.estimation.least_squares import FitOptions, optimise, optimum_under
+from sysid.estimation.fit_options import FitOptions
+from sysid.estimation.least_squares import optimise, optimum_under
 from sysid.estimation.parameters import campaign_parameters, declared_laws
 from sysid.estimation.problem import FitState, Optimum
 from sysid.estimation.results import FitResult, LawComparison, LawTrial
@@ -80,7 +81,7 @@ def fit_with_laws(
             return optimise(campaign, campaign_parameters(campaign, drops, laws), profiles, options, report, near=near)
 
         chosen, comparison = _compare(campaign, declared, rich, chosen, fitted, options)
-    fit, state = conclude(campaign, chosen, options.weight_rounds, cross_check=options.cross_check, report=report)
+    fit, state = conclude(campaign, chosen, options, report)
     return replace(fit, law_comparison=comparison), state
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,8 +11,9 @@ import numpy as np
 from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation import noise as noise_model
-from sysid.estimation.bump_model import TARGET_STEP_S, BumpModel, bump_model
+from sysid.estimation.bump_model import BumpModel, bump_model
 from sysid.estimation.conclusion import conclude, residual_correlations
+from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.levenberg_marquardt import Minimum, minimise
 from sysid.estimation.motion_search import search_motion
 from sysid.estimation.objective import Linearisation, RunMotion, Weights
@@ -22,25 +23,6 @@ from sysid.estimation.results import FitResult
 from sysid.road.results import RoadProfile
 
 Progress = Callable[[str, float], None]
-
-
-@dataclass(frozen=True)
-class FitOptions:
-    """Settings of the least-squares stage.
-
-    `weight_rounds` re-estimations of the residual scales; `max_iterations` per round; `cross_check` repeats the last
-    round with SciPy's trust-region solver from the start values; `tolerance` relative change of the cost that ends it;
-    `target_step_s` the largest integration step [s]; `laws` says how the suspension laws of axles without a declared
-    one are found: ``auto`` compares richer laws where linear ones leave residuals, ``compare`` always, ``declared``
-    never (:mod:`sysid.estimation.law_choice`).
-    """
-
-    weight_rounds: int = 3
-    max_iterations: int = 40
-    cross_check: bool = True
-    tolerance: float = 1e-7
-    target_step_s: float = TARGET_STEP_S
-    laws: str = "auto"
 
 
 def fit_bump_runs(
@@ -71,7 +53,7 @@ def fit_bump_runs(
     options = options or FitOptions()
     report = progress or (lambda message, fraction: None)
     optimum = optimise(campaign, parameters, profiles, options, report)
-    return conclude(campaign, optimum, options.weight_rounds, cross_check=options.cross_check, report=report)
+    return conclude(campaign, optimum, options, report)
 
 
 def optimise(
@@ -90,7 +72,7 @@ def optimise(
     near : optimum of other laws on the same campaign to start from: its motions, weights and common parameters.
     """
     report("preparing the model", 0.0)
-    model = bump_model(campaign, parameters, profiles, target_step_s=options.target_step_s)
+    model = bump_model(campaign, parameters, profiles, target_step_s=options.target_step_s, contact=options.contact)
     if near is None:
         motion, instrument = _find_motion(campaign, model, parameters.start, report)
         return optimise_from(campaign, model, motion, instrument, parameters.start, options, report)

@@ -49,8 +49,10 @@ def search_motion(
     return RunMotion(speed, start)
 
 
-def best_shift(group: RunGroup, r: int, simulated: np.ndarray, noise: np.ndarray) -> tuple[float, float]:
-    """Smallest misfit over all time shifts of the simulation (T, C), and that shift in samples."""
+def best_shift(
+    group: RunGroup, r: int, simulated: np.ndarray, noise: np.ndarray, reach: tuple[float, float] | None = None
+) -> tuple[float, float]:
+    """Smallest misfit over all time shifts of the simulation (T, C), and that shift in samples; `reach` bounds it."""
     mask = group.measured[:, r].astype(float)
     counts = mask.sum(axis=0)
     rest = np.array([np.median(group.value[mask[:, c] > 0, r, c]) if counts[c] else 0.0 for c in range(mask.shape[1])])
@@ -67,6 +69,8 @@ def best_shift(group: RunGroup, r: int, simulated: np.ndarray, noise: np.ndarray
     lags = np.where(lags > length // 2, lags - length, lags)
     # At least half of the simulated response must lie inside the record.
     cost[np.abs(lags) > samples // 2] = np.inf
+    if reach is not None:
+        cost[(lags < reach[0]) | (lags > reach[1])] = np.inf
     k = int(np.argmin(cost))
     around = cost[[k - 1, k, (k + 1) % length]]
     curvature = around[0] - 2.0 * around[1] + around[2]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.campaign.records import Axle, Campaign, PriorOverride, Vehicle
+from sysid.campaign.records import Axle, Campaign, LeafDimensions, PriorOverride, Vehicle
 from sysid.errors import CampaignError
 from sysid.estimation.suspension_elements import ELEMENTS, LINEAR, law_elements, law_name, quantities
 from sysid.sdof.results import DropEstimate, DropSummary
@@ -114,6 +114,13 @@ TIRE_EXPONENT = (1.2, 0.08)
 AIR_LOAD_EXPONENT = 0.5
 AIR_LINK_SD = 0.5
 
+#: Young's modulus of spring steel [Pa], and the spread of the leaf formula about real packs: clamped length,
+#: full-length leaves and shackles.
+SPRING_STEEL_PA = 2.06e11
+LEAF_FORMULA_SD = 0.3
+#: Share of a tire's vertical stiffness that its structure keeps without pressure.
+TIRE_STRUCTURE_SHARE = 0.04
+
 METHOD_PREFERENCE = ("free_decay", "corrected", "paper")
 
 
@@ -188,7 +195,7 @@ def campaign_parameters(
         parameters.append(replace(_suspension_parameter(vehicle, i, "damping", drops, first), law=law_name(laws[i])))
     parameters += _element_parameters(campaign, laws)
     for i, axle in enumerate(vehicle.axles):
-        median, sd = _override(axle, "tire_stiffness", axle.tire_stiffness_N_per_m, TIRE_STIFFNESS_SD)
+        median, sd = _override(axle, "tire_stiffness", nominal_tire_stiffness(axle), TIRE_STIFFNESS_SD)
         parameters.append(Parameter(f"kt_{i + 1}", "tire_stiffness", "N/m", median, median, sd, axle=i))
     for i, axle in enumerate(vehicle.axles):
         median, sd = _override(axle, "tire_damping", max(axle.tire_damping_N_s_per_m, 500.0), TIRE_DAMPING_SD)
@@ -212,6 +219,30 @@ def _element_parameters(campaign: Campaign, laws: Sequence[frozenset[str]]) -> l
             law = law_name(laws[i])
             found.setdefault(name, Parameter(name, q.quantity, q.unit, median, median, q.sd, axle_index, law=law))
     return list(found.values())
+
+
+def leaf_pack_stiffness(leaf: LeafDimensions) -> float:
+    """Stiffness [N/m] of the leaf packs of both sides of an axle.
+
+    A pack of n leaves of width b and thickness t, span L between the eyes, loaded at its middle, is a beam of uniform
+    strength: k = 8 E n b t^3 / (3 L^3) (R. G. Budynas and J. K. Nisbett, Shigley's Mechanical Engineering Design,
+    leaf springs); two packs carry an axle.
+    """
+    return 2.0 * 8.0 * SPRING_STEEL_PA * leaf.leaves * leaf.width_m * leaf.thickness_m**3 / (3.0 * leaf.length_m**3)
+
+
+def nominal_tire_stiffness(axle: Axle) -> float:
+    """Declared tire stiffness [N/m], carried over to the pressure that the tire had.
+
+    k(p) = k(p_0) (s + (1 - s) p / p_0) with the structure's share s: affine in pressure, as measured on belted radial
+    tires (T. B. Rhyne, Development of a vertical stiffness relationship for belted radial tires, Tire Science and
+    Technology 33 (2005), doi:10.2346/1.2174340); unchanged unless both pressures are declared.
+    """
+    had, declared_at = axle.inflation_pressure_Pa, axle.tire_stiffness_pressure_Pa
+    if had is None or declared_at is None:
+        return axle.tire_stiffness_N_per_m
+    share = TIRE_STRUCTURE_SHARE
+    return axle.tire_stiffness_N_per_m * (share + (1.0 - share) * had / declared_at)
 
 
 def _air_growth(campaign: Campaign, axle: int, first: str, case: str) -> float:
@@ -256,8 +287,14 @@ def _suspension_parameter(
         shifts = np.clip(np.log(np.array(values) / generic[0]), -limit, limit)
         median, sd = generic[0] * float(np.exp(shifts).mean()), spread
     median *= len(on)
-    median, sd = _override(axle, quantity, median, sd)
-    return Parameter(f"{symbol}_{i + 1}", quantity, unit, median, median, sd, axle=i)
+    start = median
+    if quantity == "stiffness" and axle.leaf is not None:
+        median, sd = len(on) * leaf_pack_stiffness(axle.leaf), LEAF_FORMULA_SD
+        start = start if values else median
+    if quantity in axle.priors:
+        median, sd = _override(axle, quantity, median, sd)
+        start = median
+    return Parameter(f"{symbol}_{i + 1}", quantity, unit, start, median, sd, axle=i)
 
 
 def best_drop_estimates(drops: DropSummary | None, load_case: str) -> Mapping[int, DropEstimate]:

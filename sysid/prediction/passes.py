@@ -13,6 +13,7 @@ from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.estimation.lane_laws import lane_laws, law_inputs
 from sysid.estimation.parameters import ParameterSet
 from sysid.prediction.results import PassPrediction, Predictions
+from sysid.road.contact_laws import ContactLaw
 from sysid.road.results import RoadProfile
 from sysid.vehicle_model.contact import road_input
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
@@ -45,6 +46,7 @@ def predict_pass(
     log_parameters: np.ndarray,
     draws: np.ndarray | None,
     *,
+    contact: ContactLaw = "footprint",
     roads: EffectiveRoads | None = None,
 ) -> PassPrediction:
     """Tire forces of one pass, for the point estimate and for posterior draws.
@@ -57,7 +59,7 @@ def predict_pass(
     log_parameters : (p,) point estimate, used alone where `draws` is None.
     draws : (n, p) posterior draws of the log parameters, or None.
     """
-    roads = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles)
+    roads = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact)
     lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [Pass(request.load_case, request.bump)], [])
     laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
     road, speed = lanes.road, request.speed_m_s
@@ -132,12 +134,13 @@ def predict(
     log_parameters: np.ndarray,
     draws: np.ndarray | None,
     *,
+    contact: ContactLaw = "footprint",
     seed: int = 0,
 ) -> Predictions:
     """All passes that the campaign asks for; `draws` (n, p) in log space are thinned to a few hundred at random."""
     if draws is not None and draws.shape[0] > DRAWS:
         draws = draws[np.random.default_rng(seed).choice(draws.shape[0], DRAWS, replace=False)]
-    roads = EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles)
+    roads = EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact)
     passes = tuple(
         predict_pass(campaign, parameters, profiles, request, log_parameters, draws, roads=roads)
         for request in campaign.predictions

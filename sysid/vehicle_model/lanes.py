@@ -8,7 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from sysid.campaign.records import LoadCase, Vehicle
+from sysid.campaign.records import Axle, LoadCase, Vehicle
+from sysid.road.contact_laws import ContactLaw, cam_map, point_map
 from sysid.road.enveloping import FootprintMap, SpokeTable, footprint_map, spoke_table
 from sysid.road.results import RoadProfile
 from sysid.vehicle_model.assembly import assemble
@@ -39,9 +40,16 @@ class Lanes:
 
 
 class EffectiveRoads:
-    """Effective profiles of a vehicle over its bumps, tabulated once per wheel radius and load."""
+    """What the wheels of a vehicle feel of its bumps, by one contact law, tabulated once per wheel radius and load."""
 
-    def __init__(self, vehicle: Vehicle, load_cases: Mapping[str, LoadCase], profiles: Mapping[str, RoadProfile]):
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        load_cases: Mapping[str, LoadCase],
+        profiles: Mapping[str, RoadProfile],
+        contact: ContactLaw = "footprint",
+    ):
+        self._contact = contact
         self._vehicle = vehicle
         self._load_cases = dict(load_cases)
         self._profiles = dict(profiles)
@@ -55,15 +63,17 @@ class EffectiveRoads:
         first = next(iter(self._load_cases.values()))
         case = self._load_cases[load_case]
         gravity = self._vehicle.gravity_m_s2
-        return tuple(
-            footprint_map(
-                self._table(bump, axle.tire_radius_m),
-                case.axle_loads_kg[i] * gravity,
-                first.axle_loads_kg[i] * gravity,
-                axle.tire_stiffness_N_per_m,
-            )
-            for i, axle in enumerate(self._vehicle.axles)
-        )
+
+        def one(i: int, axle: Axle) -> FootprintMap:
+            load, reference = case.axle_loads_kg[i] * gravity, first.axle_loads_kg[i] * gravity
+            if self._contact == "point":
+                return point_map(self._profiles[bump])
+            if self._contact == "cams":
+                return cam_map(self._profiles[bump], axle.tire_radius_m, load / axle.tire_stiffness_N_per_m)
+            table = self._table(bump, axle.tire_radius_m)
+            return footprint_map(table, load, reference, axle.tire_stiffness_N_per_m)
+
+        return tuple(one(i, axle) for i, axle in enumerate(self._vehicle.axles))
 
     def maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
         """Footprint map of every axle in a load case over a bump."""

@@ -237,8 +237,14 @@ class Calibration:
 
     def _state(self) -> FitState:
         point = self._stage("fit", self._fit)[1]
-        step = self.settings.fit.target_step_s
-        model = bump_model(self.campaign, self._parameters(), self._profiles(), target_step_s=step)
+        options = self.settings.fit
+        model = bump_model(
+            self.campaign,
+            self._parameters(),
+            self._profiles(),
+            target_step_s=options.target_step_s,
+            contact=options.contact,
+        )
         return FitState(model, **point)
 
     def _sample(self) -> Posterior:
@@ -262,7 +268,15 @@ class Calibration:
         posterior: Posterior | None = self._known("sample")
         point = np.log([p.value for p in fit.parameters])
         draws = None if posterior is None else np.log(posterior.draws.reshape(-1, len(posterior.names)))
-        return predict(self.campaign, self._parameters(), self._profiles(), point, draws, seed=self.settings.seed)
+        return predict(
+            self.campaign,
+            self._parameters(),
+            self._profiles(),
+            point,
+            draws,
+            contact=self.settings.fit.contact,
+            seed=self.settings.seed,
+        )
 
     def _parameters(self) -> ParameterSet:
         laws = tuple(law_elements(law) for law in self.fit().laws)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from sysid.estimation.least_squares import FitOptions
+from sysid.estimation.fit_options import FitOptions
 from sysid.export.files import write_text
 from sysid.posterior.sampling import SamplingOptions
+from sysid.road.contact_laws import ContactLaw
 
 
 @dataclass(frozen=True)
@@ -32,21 +33,32 @@ class Settings:
 
 def remember(folder: Path, settings: Settings) -> None:
     """Keep what the command line chose, so that a later report of the same folder need not be told again."""
-    text = json.dumps({"quick": settings.quick, "seed": settings.seed, "laws": settings.fit.laws})
-    write_text(folder / "stages" / "settings.json", text)
+    chosen = {
+        "quick": settings.quick,
+        "seed": settings.seed,
+        "laws": settings.fit.laws,
+        "contact": settings.fit.contact,
+    }
+    write_text(folder / "stages" / "settings.json", json.dumps(chosen))
 
 
 def recall(folder: Path) -> dict[str, Any]:
     """What :func:`remember` kept in an output folder; empty if nothing was kept or it cannot be read."""
     try:
         kept = json.loads((folder / "stages" / "settings.json").read_text(encoding="utf-8"))
-        return {"quick": bool(kept["quick"]), "seed": int(kept["seed"]), "laws": str(kept["laws"])}
+        texts = {name: str(kept[name]) for name in ("laws", "contact")}
+        return {"quick": bool(kept["quick"]), "seed": int(kept["seed"]), **texts}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 
 
 def make_settings(
-    *, quick: bool = False, seed: int = 0, max_steps: int | None = None, laws: str | None = None
+    *,
+    quick: bool = False,
+    seed: int = 0,
+    max_steps: int | None = None,
+    laws: str | None = None,
+    contact: str | None = None,
 ) -> Settings:
     """Settings from what the command line offers."""
     settings = Settings(sampling=replace(SamplingOptions(), seed=seed))
@@ -58,6 +70,8 @@ def make_settings(
         )
     if laws is not None:
         settings = replace(settings, fit=replace(settings.fit, laws=laws))
+    if contact is not None:
+        settings = replace(settings, fit=replace(settings.fit, contact=cast(ContactLaw, contact)))
     if max_steps is not None:
         settings = replace(settings, sampling=replace(settings.sampling, max_steps=max_steps))
     return settings

@@ -10,9 +10,11 @@ from rigid_truck import SENSORS, bump, campaign, empty_run, true_log_parameters,
 
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.estimation.bump_model import bump_model
-from sysid.estimation.least_squares import FitOptions, FitState, fit_bump_runs
+from sysid.estimation.fit_options import FitOptions
+from sysid.estimation.least_squares import fit_bump_runs
 from sysid.estimation.objective import RunMotion, simulate_runs
 from sysid.estimation.parameters import ParameterSet, campaign_parameters
+from sysid.estimation.problem import FitState
 from sysid.estimation.results import FitResult
 from sysid.road.results import RoadProfile
 
