@@ -6,14 +6,19 @@ import os
 from pathlib import Path
 
 
-def cache_folder() -> Path:
-    """Folder for compiled functions, one per version of JAX; ``SYSID_CACHE_DIR`` overrides the user's cache folder."""
-    import jax
+def cache_root() -> Path:
+    """Folder for whatever is compiled; ``SYSID_CACHE_DIR`` overrides the user's cache folder."""
     from platformdirs import user_cache_path
 
     root = os.environ.get("SYSID_CACHE_DIR")
-    base = Path(root) if root else user_cache_path("sysid")
-    return base / f"jax-{jax.__version__}"
+    return Path(root) if root else user_cache_path("sysid")
+
+
+def cache_folder() -> Path:
+    """Folder for functions compiled by JAX, one per version of JAX."""
+    import jax
+
+    return cache_root() / f"jax-{jax.__version__}"
 
 
 def configure() -> None:

@@ -25,16 +25,12 @@ from sysid.estimation.parameters import ParameterSet
 from sysid.estimation.run_data import ChannelLayout, RunGroup, channel_layout, group_runs
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.results import RoadProfile
-from sysid.vehicle_model.contact import EffectiveRoad, RoadInput, road_input
-from sysid.vehicle_model.filters import discretise
+from sysid.vehicle_model import engine
+from sysid.vehicle_model.contact import EffectiveRoad, RoadInput
+from sysid.vehicle_model.engine import Timing, WheelRoad
+from sysid.vehicle_model.filters import FilterRecursion, discretise
 from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, Pass, make_lanes
-from sysid.vehicle_model.simulation import (
-    LaneMatrices,
-    Motion,
-    SensorLayout,
-    simulate_sensors,
-    stage_times,
-)
+from sysid.vehicle_model.simulation import LaneMatrices, Motion, SensorLayout
 
 #: Standard deviation of a sensor's gain about its calibration.
 GAIN_SD = {"suspension_deflection": 0.005, "axle_acceleration": 0.01, "body_acceleration": 0.01}
@@ -63,6 +59,21 @@ class GroupShape(NamedTuple):
     substeps: int
     samples: int
     filter: AntiAliasFilter | None
+
+    @property
+    def timing(self) -> Timing:
+        """Samples, their interval and integration steps per sample."""
+        return Timing(self.samples, self.interval_s, self.substeps)
+
+    @property
+    def sensors(self) -> SensorLayout:
+        """Which signals are observed."""
+        return SensorLayout(self.deflection_axles, self.acceleration_axles)
+
+    @property
+    def recursion(self) -> FilterRecursion | None:
+        """The anti-alias filter on the integration grid."""
+        return None if self.filter is None else discretise(self.filter, self.interval_s / self.substeps)
 
 
 @dataclass(frozen=True)
@@ -164,27 +175,26 @@ def bump_model(
 def group_road(
     road: EffectiveRoad, axle_x: jax.Array, speed: jax.Array, start_s: jax.Array, shape: GroupShape
 ) -> RoadInput:
-    """Road input of a group at every half step for speeds [m/s] and starts [s] (R, S)."""
-    times = stage_times(shape.samples, shape.interval_s, shape.substeps)[:, None, None, None]
-    return road_input(road, speed[:, None] * (times - start_s[:, None]) - axle_x)
+    """Road input of a group at every half step for speeds [m/s] and starts [s] (R, S), for the JAX engine."""
+    return engine.looked_up(road, axle_x, speed, start_s, shape.timing)
+
+
+def wheel_road(
+    arrays: GroupArrays, road: EffectiveRoad, speed: jax.Array, start_s: jax.Array, shape: GroupShape
+) -> WheelRoad:
+    """The road of a group at speeds [m/s] and starts [s] (R, 1), for the engine of this process."""
+    return engine.wheel_road(
+        arrays.matrices, road, arrays.axle_x, speed, start_s, shape.timing, linear=arrays.laws.linear
+    )
 
 
 def simulate_group(
-    arrays: GroupArrays, shape: GroupShape, log_parameters: jax.Array, motion: Motion, road: RoadInput
+    arrays: GroupArrays, shape: GroupShape, log_parameters: jax.Array, motion: Motion, road: WheelRoad
 ) -> jax.Array:
     """Filtered sensor signals (T, R, C, S) of one group for log parameters (p, S)."""
     suspension, tire = lane_laws(arrays.laws, log_parameters)
-    recursion = None if shape.filter is None else discretise(shape.filter, shape.interval_s / shape.substeps)
-    return simulate_sensors(
-        arrays.matrices,
-        suspension,
-        tire,
-        motion,
-        road,
-        SensorLayout(shape.deflection_axles, shape.acceleration_axles),
-        recursion,
-        interval_s=shape.interval_s,
-        substeps=shape.substeps,
+    return engine.simulate_sensors(
+        arrays.matrices, suspension, tire, motion, road, shape.sensors, shape.recursion, shape.timing
     )
 
 

@@ -23,10 +23,12 @@ from sysid.estimation.bump_model import (
     GroupArrays,
     GroupShape,
     group_residuals,
-    group_road,
     simulate_group,
+    wheel_road,
 )
-from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.estimation.native_residuals import native_linearisation
+from sysid.vehicle_model.contact import EffectiveRoad, RoadInput
+from sysid.vehicle_model.engine import WheelRoad
 from sysid.vehicle_model.simulation import Motion
 
 #: One unit of the scaled local unknowns: relative speed change, and shift along the road [m].
@@ -87,7 +89,6 @@ def _moved(speed: jax.Array, start: jax.Array, local: jax.Array) -> Motion:
     )
 
 
-@partial(jax.jit, static_argnames=("shape",))
 def linearise_group(
     arrays: GroupArrays,
     road: EffectiveRoad,
@@ -100,19 +101,39 @@ def linearise_group(
     shape: GroupShape,
 ) -> Linearisation:
     """Residuals of one group and their forward-mode derivatives at x (p,), speed and start (R,)."""
+    inputs = wheel_road(arrays, road, speed[:, None], start[:, None], shape)
+    return _linearise(arrays, inputs, noise_sd, tempering, log_parameters, speed, start, shape=shape)
+
+
+@partial(jax.jit, static_argnames=("shape",))
+def _linearise(
+    arrays: GroupArrays,
+    road: WheelRoad,
+    noise_sd: jax.Array,
+    tempering: jax.Array,
+    log_parameters: jax.Array,
+    speed: jax.Array,
+    start: jax.Array,
+    *,
+    shape: GroupShape,
+) -> Linearisation:
     count = log_parameters.shape[0]
     columns = count + 2
-    inputs = group_road(road, arrays.axle_x, speed[:, None], start[:, None], shape)
 
     def residuals(x: jax.Array, local: jax.Array):
         motion = _moved(speed[:, None], start[:, None], local)
-        simulated = simulate_group(arrays, shape, x, motion, inputs)
+        simulated = simulate_group(arrays, shape, x, motion, road)
         return (*group_residuals(arrays, noise_sd, tempering, simulated), simulated)
 
     x = jnp.broadcast_to(log_parameters[:, None], (count, columns))
     local = jnp.zeros((2, speed.shape[0], columns))
     x_tangent = jnp.eye(count, columns)
     local_tangent = jnp.broadcast_to(jnp.eye(columns)[count:, None, :], local.shape)
+    if not isinstance(road, RoadInput):
+        moved = partial(_moved, speed[:, None], start[:, None])
+        motion_tangent = jax.jvp(lambda u: moved(u)[2:], (local,), (local_tangent,))[1]
+        weights = (noise_sd, tempering)
+        return Linearisation(*native_linearisation(arrays, shape, road, weights, x, x_tangent, motion_tangent))
     primal, tangent = jax.jvp(residuals, (x, local), (x_tangent, local_tangent))
     return Linearisation(primal[0][..., 0], tangent[0], primal[1][..., 0], tangent[1], primal[2][..., 0])
 
@@ -143,10 +164,9 @@ def linearise(
 
 
 @partial(jax.jit, static_argnames=("shape",))
-def _group_signals(arrays, road, log_parameters, speed, start, *, shape: GroupShape) -> jax.Array:
-    inputs = group_road(road, arrays.axle_x, speed[:, None], start[:, None], shape)
+def _group_signals(arrays, road: WheelRoad, log_parameters, speed, start, *, shape: GroupShape) -> jax.Array:
     motion = Motion(speed[:, None], start[:, None])
-    return simulate_group(arrays, shape, log_parameters[:, None], motion, inputs)[..., 0]
+    return simulate_group(arrays, shape, log_parameters[:, None], motion, road)[..., 0]
 
 
 def simulate_runs(model: BumpModel, log_parameters: np.ndarray, motion: RunMotion) -> tuple[np.ndarray, ...]:
@@ -154,14 +174,10 @@ def simulate_runs(model: BumpModel, log_parameters: np.ndarray, motion: RunMotio
 
     def one(position: int) -> np.ndarray:
         runs = list(model.groups[position].runs)
-        signals = _group_signals(
-            model.arrays[position],
-            model.roads[position],
-            jnp.asarray(log_parameters),
-            jnp.asarray(motion.speed_m_s[runs]),
-            jnp.asarray(motion.start_s[runs]),
-            shape=model.shapes[position],
-        )
+        arrays, shape = model.arrays[position], model.shapes[position]
+        speed, start = jnp.asarray(motion.speed_m_s[runs]), jnp.asarray(motion.start_s[runs])
+        road = wheel_road(arrays, model.roads[position], speed[:, None], start[:, None], shape)
+        signals = _group_signals(arrays, road, jnp.asarray(log_parameters), speed, start, shape=shape)
         return np.asarray(jax.block_until_ready(signals))
 
     with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:

@@ -20,10 +20,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.bump_model import GroupArrays, GroupShape, group_residuals, group_road, simulate_group
+from sysid.estimation.bump_model import GroupArrays, GroupShape, group_residuals, simulate_group, wheel_road
+from sysid.estimation.native_residuals import native_misfits
 from sysid.estimation.objective import SPEED_UNIT, linearise, speed_prior
 from sysid.estimation.problem import FitState
 from sysid.vehicle_model.contact import RoadInput
+from sysid.vehicle_model.engine import LocalColumns, WheelRoad
 from sysid.vehicle_model.simulation import Motion
 
 #: What the likelihood is, for people.
@@ -36,7 +38,7 @@ LIKELIHOOD = (
 
 class _GroupInputs(NamedTuple):
     arrays: GroupArrays
-    road: RoadInput
+    road: WheelRoad
     motion: Motion
     noise_sd: np.ndarray
     tempering: np.ndarray
@@ -49,6 +51,10 @@ class _GroupInputs(NamedTuple):
 @partial(jax.jit, static_argnames=("shape",))
 def _group_misfit(inputs: _GroupInputs, log_parameters: jax.Array, *, shape: GroupShape) -> jax.Array:
     """Sum over runs of r'r - b' N^-1 b for every parameter set, (S,)."""
+    if not isinstance(inputs.road, RoadInput):
+        local = LocalColumns(inputs.local_columns, inputs.gain_columns, inputs.local_offset, inputs.local_factor)
+        weights = (inputs.noise_sd, inputs.tempering)
+        return native_misfits(inputs.arrays, shape, inputs.road, weights, log_parameters, local).sum(axis=0)
     simulated = simulate_group(inputs.arrays, shape, log_parameters, inputs.motion, inputs.road)
     residual, gain = group_residuals(inputs.arrays, inputs.noise_sd, inputs.tempering, simulated)
     squares = (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
@@ -93,9 +99,7 @@ class LogDensity:
             pull = ((speed / nominal - 1.0) / sd)[:, None] * prior
             motion = Motion(jnp.asarray(speed)[:, None], jnp.asarray(start)[:, None])
             arrays, shape = state.model.arrays[position], state.model.shapes[position]
-            road = jax.jit(group_road, static_argnames=("shape",))(
-                state.model.roads[position], arrays.axle_x, motion.speed, motion.start_s, shape=shape
-            )
+            road = wheel_road(arrays, state.model.roads[position], motion.speed, motion.start_s, shape)
             self._inputs.append(
                 _GroupInputs(
                     arrays,

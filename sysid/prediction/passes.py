@@ -15,9 +15,10 @@ from sysid.estimation.parameters import ParameterSet
 from sysid.prediction.results import PassPrediction, Predictions
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.results import RoadProfile
-from sysid.vehicle_model.contact import road_input
+from sysid.vehicle_model import engine
+from sysid.vehicle_model.engine import Timing, WheelRoad
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
-from sysid.vehicle_model.simulation import Motion, simulate_histories, stage_times
+from sysid.vehicle_model.simulation import Motion
 
 #: Output interval of predicted histories [s], and how long before and after the passage they reach.
 INTERVAL_S = 0.001
@@ -27,15 +28,10 @@ AFTER_S = 1.5
 DRAWS = 200
 
 
-@partial(jax.jit, static_argnames=("samples",))
-def _forces(matrices, laws, axle_x, road, log_parameters, speed, start, *, samples: int) -> jax.Array:
+@partial(jax.jit, static_argnames=("timing",))
+def _forces(matrices, laws, road: WheelRoad, log_parameters, motion: Motion, *, timing: Timing) -> jax.Array:
     suspension, tire = lane_laws(laws, log_parameters)
-    times = stage_times(samples, INTERVAL_S, 1)[:, None, None, None]
-    inputs = road_input(road, speed[:, None] * (times - start[:, None]) - axle_x)
-    histories = simulate_histories(
-        matrices, suspension, tire, Motion(speed, start), inputs, interval_s=INTERVAL_S, substeps=1
-    )
-    return histories.tire_force[:, 0]
+    return engine.simulate_histories(matrices, suspension, tire, motion, road, timing).tire_force[:, 0]
 
 
 def predict_pass(
@@ -68,18 +64,11 @@ def predict_pass(
     lead = np.ceil((BEFORE_S - road.first_station_m / speed) / INTERVAL_S) * INTERVAL_S
     samples = int(np.ceil((lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S) / INTERVAL_S))
     sets = log_parameters[:, None] if draws is None else draws.T
-    force = np.asarray(
-        _forces(
-            lanes.matrices,
-            laws,
-            lanes.axle_x,
-            road,
-            jnp.asarray(sets),
-            jnp.full((1, 1), speed),
-            jnp.full((1, 1), float(lead)),
-            samples=samples,
-        )
+    timing, motion = Timing(samples, INTERVAL_S, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
+    wheels = engine.wheel_road(
+        lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing, linear=laws.linear
     )
+    force = np.asarray(_forces(lanes.matrices, laws, wheels, jnp.asarray(sets), motion, timing=timing))
     static = lanes.matrices.static_load[0, :, 0]
     peaks = force.max(axis=0) / static[:, None]
     time = np.round(np.arange(samples) * INTERVAL_S - lead, 6)

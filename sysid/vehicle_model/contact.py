@@ -228,7 +228,7 @@ def road_input(road: EffectiveRoad, position_m: jax.Array) -> RoadInput:
         table = jnp.asarray(coefficients)
         # Six B-spline coefficients become the six coefficients of the polynomial in t on this cell.
         weights = jnp.stack([jnp.take_along_axis(table, cell + k, axis=2) for k in range(-2, 4)])
-        terms = jnp.tensordot(jnp.asarray(_CELL_POLYNOMIAL), weights, axes=1)
+        terms = jnp.tensordot(jnp.asarray(CELL_POLYNOMIAL), weights, axes=1)
         found = []
         for order in range(orders):
             factors = [math.perm(power, order) for power in range(order, 6)]
@@ -261,4 +261,5 @@ def _cell_polynomial() -> np.ndarray:
     return shift @ matrix
 
 
-_CELL_POLYNOMIAL = _cell_polynomial()
+#: Matrix (6, 6) from the B-spline coefficients around a cell to the powers of the position in it.
+CELL_POLYNOMIAL = _cell_polynomial()

@@ -43,6 +43,7 @@ from sysid.sdof.results import DropSummary
 from sysid.sdof.summary import analyse_drops
 from sysid.validation.agreement import validate
 from sysid.validation.results import Validation
+from sysid.vehicle_model.engine import engine_name
 from sysid.workflow import store
 from sysid.workflow.settings import Settings, remember
 
@@ -189,7 +190,8 @@ class Calibration:
             warnings=self._warnings(posterior),
             provenance={
                 "input_sha256": dict(self._raw.input_sha256),
-                "versions": versions(),
+                # Building an engine takes time: its name is known where one has been used.
+                "versions": versions() | ({} if fit is None else {"engine": engine_name()}),
                 "seed": self.settings.seed,
                 "settings": self.settings.as_dict(),
                 "timings": {name: round(seconds, 3) for name, seconds in self._timings.items()},

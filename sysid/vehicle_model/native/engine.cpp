@@ -1,0 +1,379 @@
+// Entry points of the native engine: XLA custom calls that run many passes side by side.
+//
+// A task is one run with one pack of parameter sets, or one run with one block of derivatives; tasks share nothing that
+// is written, so results do not depend on the number of threads.  Buffers come in the order of the enumerations below.
+
+#include <atomic>
+#include <string>
+#include <thread>
+
+#include "residuals.h"
+#include "xla/ffi/api/ffi.h"
+
+namespace ffi = xla::ffi;
+
+namespace sysid {
+namespace {
+
+using Buffer = ffi::Buffer<ffi::F64>;
+
+// Buffers that all entry points take first (R runs, na axles, nb body coordinates, nr body sensors, n stations).
+enum Common {
+  kPosition,         // (R, 2 na + nb, nb)
+  kRate,             // (R, 2 na + nb, nb)
+  kAcceleration,     // (R, nb, 2 na)
+  kInverseUnsprung,  // (R, na, 1)
+  kStaticLoad,       // (R, na, 1)
+  kBodyRows,         // (R, nr, nb)
+  kRise,             // (R, na, n)
+  kStretch,          // (4, R, na, n), or empty for a point follower
+  kDrag,             // (3, R, na, n), or empty
+  kGrid,             // (2,) first station and step [m]
+  kPolynomial,       // (6, 6)
+  kAxleX,            // (na, 1)
+  kMotion,           // (2, R) speed [m/s] and start [s]
+  kReferenceLoad,    // (R, na, 1)
+  kFilter,           // (poles, 10): decay, start, middle, weight, feed, each as real and imaginary part
+  kLaws,             // (6, R, na, S): k, c, u_0, u_ref, n, c_t
+  kCommon
+};
+// Then, for the linearisation with P unknowns,
+enum Tangents { kLawTangents = kCommon /* (6, R, na, P) */, kMotionTangents /* (2, R, P) */, kLinearisationData };
+// and for residuals, from `first` on, (T, R, C), (T, R, C), (T, R, C), (R, C), (R, C), (C,);
+enum Data { kValue, kMeasured, kCensored, kNoise, kTempering, kGain, kDataCount };
+// for the misfit also (T, R, C, 2), (R, C, 2), (R, 2), (R, 2, 2).
+enum Marginal { kAlong, kGainColumns, kLocalOffset, kLocalFactor };
+
+struct Settings {
+  int64_t samples, substeps;
+  double interval, growth;
+  ffi::Span<const int64_t> deflection_axles, acceleration_axles;
+};
+
+class Inputs {
+ public:
+  Inputs(ffi::RemainingArgs args, const Settings& settings) : args_(args) {
+    for (size_t k = 0; k < args.size(); ++k) {
+      const ffi::ErrorOr<Buffer> found = args.get<Buffer>(k);
+      if (!found.has_value()) {
+        problem = found.error().message();
+        return;
+      }
+      buffer_.push_back(*found);
+    }
+    const auto shape = buffer_[kLaws].dimensions();
+    runs = shape[1], axles = shape[2], sets = shape[3];
+    coordinates = buffer_[kPosition].dimensions()[2];
+    body_sensors = buffer_[kBodyRows].dimensions()[1];
+    stations = buffer_[kRise].dimensions()[2];
+    if (axles > kMaxAxles) problem = "too many axles for the native engine";
+    clock = {settings.samples, settings.substeps, settings.interval};
+    growth = settings.growth;
+    for (const int64_t i : settings.deflection_axles) channels.deflection.push_back(static_cast<int>(i));
+    for (const int64_t i : settings.acceleration_axles) channels.acceleration.push_back(static_cast<int>(i));
+    channels.body = static_cast<int>(body_sensors);
+    filter.direct = 0.0;
+    for (int64_t k = 0; k < buffer_[kFilter].dimensions()[0]; ++k) {
+      const double* p = data(kFilter) + 10 * k;
+      filter.pole.push_back({{p[0], p[1]}, {p[2], p[3]}, {p[4], p[5]}, {p[6], p[7]}});
+      filter.direct += p[6] * p[8] - p[7] * p[9];
+    }
+  }
+
+  const double* data(int which) const { return buffer_[which].typed_data(); }
+  ffi::Span<const int64_t> shape(int which) const { return buffer_[which].dimensions(); }
+
+  Run run(int64_t r) const {
+    const int64_t rows = 2 * axles + coordinates, each = axles * stations;
+    Run run;
+    run.axles = static_cast<int>(axles);
+    run.body_sensors = static_cast<int>(body_sensors);
+    run.position = data(kPosition) + r * rows * coordinates;
+    run.rate = data(kRate) + r * rows * coordinates;
+    run.acceleration = data(kAcceleration) + r * coordinates * 2 * axles;
+    run.inverse_unsprung = data(kInverseUnsprung) + r * axles;
+    run.static_load = data(kStaticLoad) + r * axles;
+    run.body_rows = data(kBodyRows) + r * body_sensors * coordinates;
+    run.axle_x = data(kAxleX);
+    const bool footprint = buffer_[kStretch].element_count() > 0;
+    run.road = {data(kRise) + r * each,
+                footprint ? data(kStretch) + r * each : nullptr,
+                footprint ? data(kDrag) + r * each : nullptr,
+                stations,
+                runs * each,
+                runs * each,
+                data(kGrid)[0],
+                data(kGrid)[1],
+                data(kPolynomial)};
+    run.speed = data(kMotion)[r];
+    run.start = data(kMotion)[runs + r];
+    run.growth = growth;
+    return run;
+  }
+
+  // Laws of run r for the sets from `first` on; lanes beyond the last set repeat it.
+  Laws<Pack> laws(int64_t r, int64_t first) const {
+    Laws<Pack> found;
+    found.axle.resize(axles);
+    for (int64_t i = 0; i < axles; ++i) {
+      Pack row[6];
+      for (int which = 0; which < 6; ++which)
+        for (int k = 0; k < kLanes; ++k) {
+          const int64_t set = first + k < sets ? first + k : sets - 1;
+          row[which][k] = data(kLaws)[((which * runs + r) * axles + i) * sets + set];
+        }
+      found.axle[i] = axle_law(row, r, i);
+    }
+    found.travel = {splat(data(kMotion)[r]), Pack{}, Pack{}};
+    return found;
+  }
+
+  // Laws of run r with the derivatives with respect to the unknowns from `first` on.
+  template <int T>
+  Laws<Jet<T>> jets(int64_t r, int64_t first) const {
+    const int64_t unknowns = shape(kLawTangents)[3];
+    const auto jet = [&](double value, const double* tangents) {
+      Jet<T> x{};
+      x.d[0][0] = value;
+      for (int64_t k = 1; k < T * kLanes && first + k - 1 < unknowns; ++k)
+        x.d[k / kLanes][k % kLanes] = tangents[first + k - 1];
+      return x;
+    };
+    Laws<Jet<T>> found;
+    found.axle.resize(axles);
+    for (int64_t i = 0; i < axles; ++i) {
+      Jet<T> row[6];
+      for (int64_t which = 0; which < 6; ++which) {
+        const int64_t at = (which * runs + r) * axles + i;
+        row[which] = jet(data(kLaws)[at], data(kLawTangents) + at * unknowns);
+      }
+      found.axle[i] = axle_law(row, r, i);
+    }
+    // Ahead of the looked-up road by d speed (t - start) - speed d start.
+    const double speed = data(kMotion)[r];
+    const Jet<T> faster = jet(0.0, data(kMotionTangents) + r * unknowns);
+    const Jet<T> later = jet(0.0, data(kMotionTangents) + (runs + r) * unknowns);
+    found.travel = {plus(faster, speed), faster, -speed * later};
+    return found;
+  }
+
+  Readings readings(int64_t r, int first) const {
+    const int64_t c = channels.count();
+    return {data(first + kValue) + r * c,  data(first + kMeasured) + r * c,  data(first + kCensored) + r * c,
+            data(first + kNoise) + r * c,  data(first + kTempering) + r * c, data(first + kGain),
+            clock.samples,                 runs * c};
+  }
+
+  int64_t runs, axles, sets, coordinates, body_sensors, stations;
+  double growth;
+  Channels channels;
+  Filter filter;
+  Clock clock;
+  std::string problem;
+
+ private:
+  template <class V>
+  AxleLaw<V> axle_law(const V (&row)[6], int64_t r, int64_t i) const {
+    return {row[0], row[1], row[2], reciprocal(row[3]), row[4], row[5], data(kReferenceLoad)[r * axles + i]};
+  }
+
+  ffi::RemainingArgs args_;
+  std::vector<Buffer> buffer_;
+};
+
+// Runs task(0) ... task(count - 1) on all cores.
+template <class Task>
+void share(int64_t count, Task&& task) {
+  std::atomic<int64_t> next{0};
+  const auto work = [&] {
+    for (int64_t k = next++; k < count; k = next++) task(k);
+  };
+  const int64_t cores = std::max<int64_t>(1, std::thread::hardware_concurrency());
+  std::vector<std::thread> others;
+  for (int64_t k = 1; k < std::min(cores, count); ++k) others.emplace_back(work);
+  work();
+  for (std::thread& other : others) other.join();
+}
+
+// Integrates with the number of body coordinates known to the compiler; false if it is not one of these.
+template <class V, class Sink>
+bool simulate(const Inputs& in, int64_t r, const Laws<V>& laws, Sink&& sink) {
+  const Run run = in.run(r);
+  const auto with = [&](auto coordinates) {
+    constexpr int nb = decltype(coordinates)::value;
+    if (in.filter.pole.empty())
+      integrate<V, nb, false>(run, laws, in.channels, in.filter, in.clock, sink);
+    else
+      integrate<V, nb, true>(run, laws, in.channels, in.filter, in.clock, sink);
+    return true;
+  };
+  switch (in.coordinates) {
+    case 3: return with(std::integral_constant<int, 3>());
+    case 4: return with(std::integral_constant<int, 4>());
+    case 5: return with(std::integral_constant<int, 5>());
+    case 6: return with(std::integral_constant<int, 6>());
+  }
+  return false;
+}
+
+ffi::Error finish(bool known) {
+  return known ? ffi::Error::Success() : ffi::Error::InvalidArgument("the native engine takes 3 to 6 body coordinates");
+}
+
+// Writes the lanes that belong to sets from `first` on to out[set].
+void store(const Pack& x, double* out, int64_t first, int64_t sets) {
+  const int64_t count = std::min<int64_t>(kLanes, sets - first);
+  for (int64_t k = 0; k < count; ++k) out[first + k] = x[k];
+}
+
+int64_t packs(int64_t sets) { return (sets + kLanes - 1) / kLanes; }
+
+// Signals (T, R, C, S).
+ffi::Error sensors(ffi::RemainingArgs args, ffi::RemainingRets rets, int64_t samples, int64_t substeps, double interval,
+                   double growth, ffi::Span<const int64_t> deflection_axles,
+                   ffi::Span<const int64_t> acceleration_axles) {
+  const Inputs in(args, {samples, substeps, interval, growth, deflection_axles, acceleration_axles});
+  if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
+  double* out = (*rets.get<Buffer>(0))->typed_data();
+  const int64_t channels = in.channels.count(), blocks = packs(in.sets);
+  std::atomic<bool> known{true};
+  share(in.runs * blocks, [&](int64_t task) {
+    const int64_t r = task / blocks, first = task % blocks * kLanes;
+    known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto&, const Pack*, const Pack* shown) {
+      for (int64_t c = 0; c < channels; ++c)
+        store(shown[c], out + ((t * in.runs + r) * channels + c) * in.sets, first, in.sets);
+    });
+  });
+  return finish(known);
+}
+
+// Unfiltered histories in the order of the fields of Histories, (T, R, na | nr | nb, S).
+ffi::Error histories(ffi::RemainingArgs args, ffi::RemainingRets rets, int64_t samples, int64_t substeps,
+                     double interval, double growth, ffi::Span<const int64_t> deflection_axles,
+                     ffi::Span<const int64_t> acceleration_axles) {
+  const Inputs in(args, {samples, substeps, interval, growth, deflection_axles, acceleration_axles});
+  if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
+  double* out[7];
+  for (int k = 0; k < 7; ++k) out[k] = (*rets.get<Buffer>(k))->typed_data();
+  const int64_t blocks = packs(in.sets), na = in.axles;
+  std::atomic<bool> known{true};
+  share(in.runs * blocks, [&](int64_t task) {
+    const int64_t r = task / blocks, first = task % blocks * kLanes;
+    known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto& now, const Pack* body, const Pack* shown) {
+      const auto put = [&](int field, int64_t width, int64_t k, const Pack& x) {
+        store(x, out[field] + ((t * in.runs + r) * width + k) * in.sets, first, in.sets);
+      };
+      for (int64_t i = 0; i < na; ++i) {
+        put(0, na, i, now.extension[i]);
+        put(1, na, i, now.axle[i]);
+        put(3, na, i, positive(now.unclipped[i]));
+        put(4, na, i, now.horizontal[i]);
+        put(5, na, i, -now.pull[i]);
+      }
+      for (int64_t k = 0; k < in.body_sensors; ++k) put(2, in.body_sensors, k, shown[k]);
+      for (int64_t k = 0; k < in.coordinates; ++k) put(6, in.coordinates, k, body[k]);
+    });
+  });
+  return finish(known);
+}
+
+// Misfit (R, S) of every run and set; the signals of a task never leave the cache.
+ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, int64_t samples, int64_t substeps, double interval,
+                   double growth, ffi::Span<const int64_t> deflection_axles,
+                   ffi::Span<const int64_t> acceleration_axles) {
+  const Inputs in(args, {samples, substeps, interval, growth, deflection_axles, acceleration_axles});
+  if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
+  double* out = (*rets.get<Buffer>(0))->typed_data();
+  const int64_t channels = in.channels.count(), blocks = packs(in.sets);
+  constexpr int local = kCommon + kDataCount;
+  std::atomic<bool> known{true};
+  share(in.runs * blocks, [&](int64_t task) {
+    const int64_t r = task / blocks, first = task % blocks * kLanes;
+    std::vector<Pack> signal(samples * channels);
+    known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto&, const Pack*, const Pack* shown) {
+      std::copy(shown, shown + channels, signal.begin() + t * channels);
+    });
+    const LocalColumns columns = {in.data(local + kAlong) + r * channels * 2,
+                                  in.data(local + kGainColumns) + r * channels * 2,
+                                  in.data(local + kLocalOffset) + r * 2,
+                                  in.data(local + kLocalFactor) + r * 4,
+                                  in.runs * channels * 2};
+    store(misfit(in.readings(r, kCommon), columns, signal.data(), static_cast<int>(channels)), out + r * in.sets, first,
+          in.sets);
+  });
+  return finish(known);
+}
+
+// One block of derivatives of one run: signals, residuals (T, R, C[, P]) and gain residuals (R, C[, P]).
+template <int T>
+bool linearise_block(const Inputs& in, int64_t r, int64_t first, double* const (&out)[5]) {
+  const int64_t channels = in.channels.count(), samples = in.clock.samples;
+  const int64_t unknowns = in.shape(kLawTangents)[3];
+  const int64_t last = std::min<int64_t>(unknowns, first + T * kLanes - 1);
+  std::vector<Jet<T>> signal(samples * channels);
+  const bool known =
+      simulate(in, r, in.jets<T>(r, first), [&](int64_t t, const auto&, const Jet<T>*, const Jet<T>* shown) {
+        std::copy(shown, shown + channels, signal.begin() + t * channels);
+      });
+  const Readings data = in.readings(r, kLinearisationData);
+  const auto put = [&](const Jet<T>& x, int64_t at, double* values, double* derivatives) {
+    if (first == 0) values[at] = x.d[0][0];
+    const double* lane = reinterpret_cast<const double*>(x.d) + 1;
+    for (int64_t k = first; k < last; ++k) derivatives[at * unknowns + k] = lane[k - first];
+  };
+  std::vector<SensorFit<Jet<T>>> fit;
+  for (int c = 0; c < channels; ++c) {
+    fit.push_back(fit_sensor(data, signal.data(), static_cast<int>(channels), c));
+    put(fit[c].gain_residual, r * channels + c, out[2], out[3]);
+  }
+  for (int64_t t = 0; t < samples; ++t)
+    for (int c = 0; c < channels; ++c) {
+      const int64_t at = (t * in.runs + r) * channels + c;
+      const Jet<T>& y = signal[t * channels + c];
+      put(residual(data, fit[c], y, t, c), at, out[0], out[1]);
+      if (first == 0) out[4][at] = y.d[0][0];
+    }
+  return known;
+}
+
+// Residuals, their derivatives, gain residuals, their derivatives, signals.
+ffi::Error linearise(ffi::RemainingArgs args, ffi::RemainingRets rets, int64_t samples, int64_t substeps,
+                     double interval, double growth, ffi::Span<const int64_t> deflection_axles,
+                     ffi::Span<const int64_t> acceleration_axles) {
+  const Inputs in(args, {samples, substeps, interval, growth, deflection_axles, acceleration_axles});
+  if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
+  double* out[5];
+  for (int k = 0; k < 5; ++k) out[k] = (*rets.get<Buffer>(k))->typed_data();
+  constexpr int narrow = 16 / kLanes, wide = 32 / kLanes;
+  const int64_t unknowns = in.shape(kLawTangents)[3], block = wide * kLanes - 1;
+  const int64_t blocks = (unknowns + block - 1) / block;
+  std::atomic<bool> known{true};
+  share(in.runs * blocks, [&](int64_t task) {
+    const int64_t r = task / blocks, first = task % blocks * block;
+    if (unknowns - first < narrow * kLanes)
+      known = linearise_block<narrow>(in, r, first, out);
+    else
+      known = linearise_block<wide>(in, r, first, out);
+  });
+  return finish(known);
+}
+
+auto bind() {
+  return ffi::Ffi::Bind()
+      .RemainingArgs()
+      .RemainingRets()
+      .Attr<int64_t>("samples")
+      .Attr<int64_t>("substeps")
+      .Attr<double>("interval")
+      .Attr<double>("growth")
+      .Attr<ffi::Span<const int64_t>>("deflection_axles")
+      .Attr<ffi::Span<const int64_t>>("acceleration_axles");
+}
+
+}  // namespace
+}  // namespace sysid
+
+XLA_FFI_DEFINE_HANDLER_SYMBOL(sysid_sensors, sysid::sensors, sysid::bind());
+XLA_FFI_DEFINE_HANDLER_SYMBOL(sysid_histories, sysid::histories, sysid::bind());
+XLA_FFI_DEFINE_HANDLER_SYMBOL(sysid_misfits, sysid::misfits, sysid::bind());
+XLA_FFI_DEFINE_HANDLER_SYMBOL(sysid_linearise, sysid::linearise, sysid::bind());

@@ -1,0 +1,103 @@
+// Residuals of one run: the equations of eliminate_sensors, group_residuals and _group_misfit.
+
+#pragma once
+
+#include "vehicle.h"
+
+namespace sysid {
+
+// Readings and weights of one run; rows of `value`, `measured` and `censored` are `stride` apart, C channels each.
+struct Readings {
+  const double *value, *measured, *censored;
+  const double *noise_sd, *tempering, *gain_sd;
+  int64_t samples, stride;
+};
+
+
+template <class V>
+struct SensorFit {
+  V offset, gain, gain_residual;
+  double scale;
+};
+
+inline Pack quotient(const Pack& a, const Pack& b) { return a / b; }
+// (a/b)' = (a' - (a/b) b') / b
+template <int T>
+inline Jet<T> quotient(const Jet<T>& a, const Jet<T>& b) {
+  const double inverse = 1.0 / b.d[0][0], ratio = a.d[0][0] * inverse;
+  return plus(inverse * (a - ratio * b), ratio);
+}
+
+// Offset and gain of channel c that minimise its weighted squares plus the gain's prior:
+//   gain = (S_yd / sigma^2 + 1 / s_g^2) / (S_yy / sigma^2 + 1 / s_g^2),   offset = mean(d) - gain mean(y).
+// `signal` holds the run's signals (samples, channels).
+template <class V>
+SensorFit<V> fit_sensor(const Readings& data, const V* signal, int channels, int c) {
+  double count = 0.0, sum_d = 0.0;
+  V sum_y = zero<V>();
+  for (int64_t t = 0; t < data.samples; ++t) {
+    const double mask = data.measured[t * data.stride + c];
+    count += mask;
+    sum_d += mask * data.value[t * data.stride + c];
+    sum_y += mask * signal[t * channels + c];
+  }
+  count = count < 1.0 ? 1.0 : count;
+  const V mean_y = (1.0 / count) * sum_y;
+  V s_yy = zero<V>(), s_yd = zero<V>();
+  for (int64_t t = 0; t < data.samples; ++t) {
+    const double mask = data.measured[t * data.stride + c];
+    const V centred = mask * (signal[t * channels + c] - mean_y);
+    s_yy += product(centred, centred);
+    s_yd += data.value[t * data.stride + c] * centred;
+  }
+  const double sigma = data.noise_sd[c] / data.tempering[c], spread = data.gain_sd[c];
+  const double weight = 1.0 / (sigma * sigma), prior = 1.0 / (spread * spread);
+  SensorFit<V> fit;
+  fit.gain = quotient(plus(weight * s_yd, prior), plus(weight * s_yy, prior));
+  fit.offset = plus(zero<V>() - product(fit.gain, mean_y), sum_d / count);
+  fit.gain_residual = std::isfinite(data.noise_sd[c]) ? (1.0 / spread) * plus(fit.gain, -1.0) : zero<V>();
+  fit.scale = data.tempering[c] / data.noise_sd[c];
+  return fit;
+}
+
+// (offset + gain y - d) / sigma; a clipped sample counts only where the simulation stays inside the range.
+template <class V>
+inline V residual(const Readings& data, const SensorFit<V>& fit, const V& y, int64_t t, int c) {
+  const int64_t at = t * data.stride + c;
+  const V difference = plus(fit.offset + product(fit.gain, y), -data.value[at]);
+  V counted = data.measured[at] * difference;
+  if (data.censored[at] != 0.0) counted += std::abs(data.censored[at]) * beyond(difference, data.censored[at]);
+  return fit.scale * counted;
+}
+
+// Columns along which a run's own unknowns move its residuals, and the whitening factor of their normal matrix.
+struct LocalColumns {
+  const double *along, *gain;  // (T, R, C, 2) with rows `stride` apart, (C, 2)
+  const double *offset, *factor;  // (2,), (2, 2)
+  int64_t stride;
+};
+
+// r'r - b' N^-1 b with b = J' r + prior: the squares of a run with its own unknowns marginalised.
+inline Pack misfit(const Readings& data, const LocalColumns& local, const Pack* signal, int channels) {
+  Pack squares{}, b[2] = {splat(local.offset[0]), splat(local.offset[1])};
+  for (int c = 0; c < channels; ++c) {
+    const SensorFit<Pack> fit = fit_sensor(data, signal, channels, c);
+    const Pack g = fit.gain_residual;
+    squares += g * g;
+    for (int k = 0; k < 2; ++k) b[k] += local.gain[2 * c + k] * g;
+    for (int64_t t = 0; t < data.samples; ++t) {
+      const Pack r = residual(data, fit, signal[t * channels + c], t, c);
+      const double* column = local.along + t * local.stride + 2 * c;
+      squares += r * r;
+      b[0] += column[0] * r;
+      b[1] += column[1] * r;
+    }
+  }
+  for (int k = 0; k < 2; ++k) {
+    const Pack whitened = local.factor[2 * k] * b[0] + local.factor[2 * k + 1] * b[1];
+    squares -= whitened * whitened;
+  }
+  return squares;
+}
+
+}  // namespace sysid

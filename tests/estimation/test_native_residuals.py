@@ -1,0 +1,149 @@
+"""Misfits and linearisations by the native engine against the JAX engine, with clipped and missing readings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import rigid_truck
+from rigid_truck import bump, campaign, empty_run, true_log_parameters
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.bump_model import BumpModel, bump_model
+from sysid.estimation.objective import Linearisation, RunMotion, Weights, linearise, linearise_group, simulate_runs
+from sysid.estimation.parameters import campaign_parameters
+from sysid.estimation.problem import FitState
+from sysid.posterior.log_density import LogDensity
+from sysid.vehicle_model.native import build
+
+pytestmark = pytest.mark.skipif(build.find_compiler() is None, reason="no C++ compiler on this machine")
+
+MOTION = RunMotion(np.array([6.1, 8.3]), np.array([0.44, 0.61]))
+
+
+@pytest.fixture
+def native(monkeypatch):
+    monkeypatch.setenv("SYSID_ENGINE", "native")
+
+
+@pytest.fixture(scope="module")
+def made() -> tuple[Campaign, FitState]:
+    """Two runs in two load cases near their own optimum: a clipped channel, a gap, a channel without readings."""
+    runs = [empty_run("a.csv", 6.0, samples=300), empty_run("b.csv", 8.5, load_case="laden", samples=280)]
+    data = campaign(runs, load_cases=(rigid_truck.EMPTY, rigid_truck.LADEN))
+    model = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
+    truth = true_log_parameters(model.parameters.names)
+    random = np.random.default_rng(7)
+    (y,) = simulate_runs(model, truth, MOTION)
+    value = y * (1 + 0.004 * random.normal(size=y.shape[1:])) + 0.02 * y.std(axis=0) * random.normal(size=y.shape)
+    measured, censored = np.ones_like(y), np.zeros_like(y)
+    value[:, 0, 3] *= 1.2  # so that the simulation stays inside the range at some of the clipped samples
+    limit = 0.6 * np.abs(y[:, 0, 3]).max()
+    censored[:, 0, 3] = np.sign(value[:, 0, 3]) * (np.abs(value[:, 0, 3]) > limit)
+    value[:, 0, 3] = np.clip(value[:, 0, 3], -limit, limit)
+    measured[:, 0, 3] -= np.abs(censored[:, 0, 3])
+    measured[100:140, 1, 5] = 0.0
+    measured[280:, model.groups[0].runs.index(1)] = 0.0
+    measured[:, 1, 7] = 0.0
+    value *= measured + np.abs(censored)
+    noise = 0.05 * y.std(axis=0)
+    noise[1, 7] = np.inf
+    arrays = model.arrays[0]._replace(value=value, measured=measured, censored=censored)
+    model = replace(model, arrays=(arrays,))
+    weights = Weights((noise,), (0.3 + 0.7 * random.random(noise.shape),))
+    assert (censored == 1).any()
+    assert (censored == -1).any()
+    return data, FitState(model, truth, MOTION, weights, np.eye(truth.size))
+
+
+def linearised(state: FitState, x: np.ndarray) -> Linearisation:
+    (found,) = linearise(state.model, state.weights, x, state.motion)
+    return Linearisation(*(np.asarray(v) for v in found))
+
+
+@pytest.fixture(scope="module")
+def linearisations(made) -> list[Linearisation]:
+    """By the native and by the JAX engine, a little off the truth."""
+    state = made[1]
+    found = []
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("native", "jax"):
+            patch.setenv("SYSID_ENGINE", name)
+            found.append(linearised(state, state.log_parameters + 0.05))
+    return found
+
+
+@pytest.mark.parametrize("field", Linearisation._fields)
+def test_linearisation(linearisations, field):
+    ours, theirs = (getattr(x, field) for x in linearisations)
+    assert ours.shape == theirs.shape
+    over_time = () if field.startswith("gain") else (0,)
+    size = np.abs(theirs).max(axis=over_time, keepdims=True) if over_time else np.abs(theirs).max()
+    tolerance = 1e-10 if field.endswith("jacobian") else 1e-12
+    # A parameter of another load case, or a channel without readings, moves nothing: exactly zero in both.
+    assert (np.abs(ours - theirs) <= tolerance * size).all()
+
+
+def test_clipped_samples_matter(linearisations, made):
+    """Otherwise the comparison above would say nothing about them: some count and some do not."""
+    censored = made[1].model.arrays[0].censored != 0
+    counted = linearisations[1].residual[censored] != 0.0
+    assert counted.any()
+    assert not counted.all()
+
+
+def test_many_parameters_need_several_passes(made, native):
+    """Thirty-one columns a pass: doubling the parameter vector with unused ones changes nothing."""
+    state = made[1]
+    model: BumpModel = state.model
+    x = np.concatenate([state.log_parameters, np.zeros(40)])
+    wide = linearise_group(
+        model.arrays[0],
+        model.roads[0],
+        state.weights.noise_sd[0],
+        state.weights.tempering[0],
+        jnp.asarray(x),
+        jnp.asarray(MOTION.speed_m_s[list(model.groups[0].runs)]),
+        jnp.asarray(MOTION.start_s[list(model.groups[0].runs)]),
+        shape=model.shapes[0],
+    )
+    plain = linearised(state, state.log_parameters)
+    count = state.log_parameters.size
+    jacobian = np.asarray(wide.residual_jacobian)
+    used = np.r_[0:count, x.size : x.size + 2]
+    np.testing.assert_allclose(
+        jacobian[..., used], plain.residual_jacobian, rtol=0, atol=1e-11 * np.abs(plain.residual_jacobian).max()
+    )
+    assert (np.delete(jacobian, used, axis=-1) == 0.0).all()
+
+
+def test_log_density(made, monkeypatch):
+    data, state = made
+    points = state.log_parameters + 0.03 * np.random.default_rng(11).normal(size=(9, state.log_parameters.size))
+    found = {}
+    for name in ("native", "jax"):
+        monkeypatch.setenv("SYSID_ENGINE", name)
+        found[name] = LogDensity(data, state)(points)
+    assert np.ptp(found["jax"]) > 100.0
+    np.testing.assert_allclose(found["native"], found["jax"], rtol=1e-12)
+
+
+def test_the_density_of_a_point_does_not_depend_on_its_batch(made, native):
+    data, state = made
+    points = state.log_parameters + 0.03 * np.random.default_rng(12).normal(size=(10, state.log_parameters.size))
+    density = LogDensity(data, state)
+    together = density(points)
+    np.testing.assert_array_equal([density(p)[0] for p in points], together)
+
+
+def test_infinite_and_undefined_points_are_rejected_alone(made, native):
+    data, state = made
+    points = np.tile(state.log_parameters, (10, 1))
+    points[1, 0], points[4, 2] = 800.0, np.nan
+    points[7, 0] += 14.0  # a spring far too stiff for the step
+    density = LogDensity(data, state)
+    found = density(points)
+    np.testing.assert_array_equal(np.isneginf(found), np.isin(np.arange(10), [1, 4, 7]))
+    assert np.unique(found[np.isfinite(found)]).size == 1

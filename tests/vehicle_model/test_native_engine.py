@@ -1,0 +1,245 @@
+"""The native engine against the JAX engine, and what happens where it cannot be had."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import rigid_truck
+import verification_case
+
+from sysid.campaign.records import AntiAliasFilter, LoadCase, Vehicle
+from sysid.errors import SysidError
+from sysid.vehicle_model import engine
+from sysid.vehicle_model.assembly import assemble
+from sysid.vehicle_model.contact import TireLaw, effective_road, tire_law
+from sysid.vehicle_model.engine import Timing
+from sysid.vehicle_model.filters import discretise
+from sysid.vehicle_model.native import build, kernel
+from sysid.vehicle_model.simulation import LaneMatrices, Motion, SensorLayout, lane_matrices
+from sysid.vehicle_model.suspension import SuspensionLaw
+
+needs_compiler = pytest.mark.skipif(build.find_compiler() is None, reason="no C++ compiler on this machine")
+
+SPEED_M_S, START_S = np.array([[7.0], [9.5]]), np.array([[0.31], [0.27]])
+#: The first bump throws every wheel into the air, the second none.
+HEIGHT_M = np.array([0.08, 0.01])[:, None, None]
+SETS = 11
+STIFFNESS, DAMPING = 4e5, 1.2e4
+
+
+class Case:
+    """Two runs of a vehicle, one per load case, over two bumps with footprint maps, for several parameter sets."""
+
+    def __init__(
+        self, vehicle: Vehicle, loads: list[LoadCase], *, footprint: bool, samples: int = 220, sets: int = SETS
+    ):
+        self.axle_x = np.array([a.x_m for a in vehicle.axles])[:, None]
+        matrices = [assemble(vehicle, case) for case in loads]
+        self.lanes: LaneMatrices = lane_matrices(matrices, [(0, 0.4), (len(vehicle.bodies) - 1, 9.0)])
+        axles = len(vehicle.axles)
+        station = np.round(np.arange(-1.0, 1.6, 0.01), 6)
+        shape = np.exp(-(((station - 0.3) / 0.17) ** 2))
+        slope = -2 * (station - 0.3) / 0.17**2 * shape
+        every = np.ones((2, axles, 1))
+        stretch = np.stack([every * a * shape for a in (0.2, 0.9, -7.0, 0.004)]) if footprint else None
+        drag = np.stack([every * a * slope for a in (-0.03, 0.2, 1.0)]) if footprint else None
+        self.road = effective_road(station, HEIGHT_M * every * shape, stretch, drag)
+        self.timing = Timing(samples, 0.005, 3)
+        self.layout = SensorLayout(tuple(range(axles)), (0, axles - 1))
+        self.random = np.random.default_rng(20240607)
+        factor = np.exp(0.15 * self.random.normal(size=(6, 2, axles, sets)))
+        tire = np.array([a.tire_stiffness_N_per_m for a in vehicle.axles])[:, None] * factor[2]
+        self.suspension = SuspensionLaw(jnp.asarray(STIFFNESS * factor[0]), jnp.asarray(DAMPING * factor[1]))
+        self.tire: TireLaw = tire_law(
+            jnp.asarray(tire), 3e3 * factor[3], 1.2 * factor[4, 0, 0], self.lanes.static_load, self.lanes.static_load
+        )
+
+    def only(self, sets: slice) -> tuple[SuspensionLaw, TireLaw]:
+        """Laws of some of the parameter sets."""
+        suspension, tire = jax.tree.map(
+            lambda x: x[..., sets] if getattr(x, "ndim", 0) and x.shape[-1] == SETS else x,
+            (self.suspension, self.tire._replace(growth=None)),
+        )
+        return suspension, tire._replace(growth=self.tire.growth)
+
+    def sensors(self, antialias: AntiAliasFilter | None, sets: slice = slice(None)) -> np.ndarray:
+        """Signals (T, R, C, S) by the engine of the process."""
+        step = self.timing.interval_s / self.timing.substeps
+        recursion = None if antialias is None else discretise(antialias, step)
+        wheels, motion = self._wheels()
+
+        @jax.jit
+        def run(suspension, tire, wheels):
+            tire = tire._replace(growth=self.tire.growth)
+            return engine.simulate_sensors(
+                self.lanes, suspension, tire, motion, wheels, self.layout, recursion, self.timing
+            )
+
+        suspension, tire = self.only(sets)
+        return np.asarray(run(suspension, tire._replace(growth=None), wheels))
+
+    def histories(self):
+        """Unfiltered histories by the engine of the process."""
+        wheels, motion = self._wheels()
+
+        @jax.jit
+        def run(wheels):
+            return engine.simulate_histories(self.lanes, self.suspension, self.tire, motion, wheels, self.timing)
+
+        return run(wheels)
+
+    def _wheels(self):
+        speed, start = jnp.asarray(SPEED_M_S), jnp.asarray(START_S)
+        wheels = engine.wheel_road(self.lanes, self.road, self.axle_x, speed, start, self.timing, linear=True)
+        return wheels, Motion(speed, start)
+
+
+def truck(**options) -> Case:
+    """Three axles on one body; empty and laden."""
+    return Case(rigid_truck.VEHICLE, [rigid_truck.EMPTY, rigid_truck.LADEN], **options)
+
+
+def tractor_and_trailer(**options) -> Case:
+    """Six axles on two bodies with a hinge above the wheels; unloaded and loaded."""
+    vehicle, loads = verification_case.vehicle_and_loads(heights=True)
+    return Case(vehicle, list(loads.values()), **options)
+
+
+def assert_same(ours: np.ndarray, theirs: np.ndarray, tolerance: float = 1e-12) -> None:
+    """Equal to a share of the largest value that any time and set of a channel shows."""
+    peak = np.abs(theirs).max(axis=(0, 3), keepdims=True)
+    assert (peak > 0.0).all()
+    assert (np.abs(ours - theirs) / peak).max() < tolerance
+
+
+@pytest.fixture
+def both(monkeypatch):
+    """Calls a function with the native engine and with the JAX engine."""
+
+    def call(function):
+        found = []
+        for name in ("native", "jax"):
+            monkeypatch.setenv("SYSID_ENGINE", name)
+            found.append(function())
+        return found
+
+    return call
+
+
+@needs_compiler
+@pytest.mark.parametrize("antialias", [rigid_truck.FILTER, AntiAliasFilter("bessel", 3, 80.0), None])
+def test_sensors_of_the_truck(both, antialias):
+    ours, theirs = both(lambda: truck(footprint=True).sensors(antialias))
+    assert ours.shape == (220, 2, 7, SETS)
+    assert_same(ours, theirs)
+
+
+@needs_compiler
+@pytest.mark.parametrize("footprint", [True, False], ids=["footprint", "point"])
+def test_histories_of_tractor_and_trailer(both, footprint):
+    ours, theirs = both(lambda: tractor_and_trailer(footprint=footprint, samples=540, sets=3).histories())
+    assert np.asarray(theirs.tire_force)[:, 0].min() == 0.0
+    assert np.asarray(theirs.tire_force)[:, 1].min() > 0.0
+    for name, mine, other in zip(theirs._fields, ours, theirs, strict=True):
+        if name == "horizontal_force" and not footprint:
+            np.testing.assert_array_equal(mine, other)
+        else:
+            assert_same(np.asarray(mine), np.asarray(other))
+
+
+@needs_compiler
+def test_a_set_does_not_depend_on_its_batch(monkeypatch):
+    """To the last bit: alone, in another place of another pack, and again."""
+    monkeypatch.setenv("SYSID_ENGINE", "native")
+    case = truck(footprint=True)
+    together = case.sensors(rigid_truck.FILTER)
+    np.testing.assert_array_equal(case.sensors(rigid_truck.FILTER), together)
+    for sets in (slice(9, 10), slice(2, 11)):
+        np.testing.assert_array_equal(case.sensors(rigid_truck.FILTER, sets), together[..., sets])
+
+
+@needs_compiler
+def test_a_set_that_is_not_finite_spoils_no_other(monkeypatch):
+    monkeypatch.setenv("SYSID_ENGINE", "native")
+    case = truck(footprint=True)
+    good = case.sensors(rigid_truck.FILTER)
+    case.suspension = case.suspension._replace(stiffness=case.suspension.stiffness.at[..., 4].set(np.nan))
+    case.tire = case.tire._replace(damping=jnp.asarray(case.tire.damping).at[..., 6].set(np.inf))
+    found = case.sensors(rigid_truck.FILTER)
+    finite = np.isfinite(found).all(axis=(0, 1, 2))
+    np.testing.assert_array_equal(finite, ~np.isin(np.arange(SETS), (4, 6)))
+    np.testing.assert_array_equal(found[..., finite], good[..., finite])
+
+
+@needs_compiler
+@needs_compiler
+def test_the_library_is_built_once(monkeypatch, tmp_path):
+    calls = []
+    monkeypatch.setenv("SYSID_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(build, "_compile", lambda compiler, made: (calls.append(compiler), made.write_bytes(b"")))
+    first = build.library()
+    assert build.library() == first
+    assert len(calls) == 1
+    assert [p.name for p in tmp_path.iterdir()] == [first.name]
+
+
+def fake_compiler(folder: Path) -> Path:
+    """A compiler that answers to --version and fails at everything else."""
+    path = folder / "broken-c++"
+    path.write_text('#!/bin/sh\n[ "$1" = --version ] && exit 0\necho "error: out of order" >&2\nexit 1\n')
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return path
+
+
+@pytest.fixture
+def unregistered(monkeypatch, tmp_path):
+    """A process that has not loaded the engine yet, with an empty cache folder."""
+    monkeypatch.setenv("SYSID_CACHE_DIR", str(tmp_path / "cache"))
+    caches = (engine._problem, kernel._registered)
+    for cache in caches:
+        cache.cache_clear()
+    yield tmp_path
+    for cache in caches:
+        cache.cache_clear()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the broken compiler is a shell script")
+def test_a_broken_compiler_means_the_jax_engine(monkeypatch, unregistered):
+    monkeypatch.setenv("CXX", str(fake_compiler(unregistered)))
+    monkeypatch.setenv("SYSID_ENGINE", "auto")
+    assert engine.engine_name() == "jax"
+    assert not isinstance(truck(footprint=True)._wheels()[0], kernel.Course)
+    monkeypatch.setenv("SYSID_ENGINE", "native")
+    with pytest.raises(SysidError, match="out of order"):
+        engine.engine_name()
+
+
+def test_no_compiler_means_the_jax_engine(monkeypatch, unregistered):
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    monkeypatch.setenv("SYSID_ENGINE", "auto")
+    assert engine.engine_name() == "jax"
+
+
+@needs_compiler
+def test_an_unwritable_cache_folder_means_the_jax_engine(monkeypatch, unregistered):
+    (unregistered / "cache").write_text("a file where the folder should be")
+    monkeypatch.setenv("SYSID_ENGINE", "auto")
+    assert engine.engine_name() == "jax"
+
+
+def test_jax_on_request(monkeypatch):
+    monkeypatch.setenv("SYSID_ENGINE", "jax")
+    assert engine.engine_name() == "jax"
+    assert not isinstance(truck(footprint=True)._wheels()[0], kernel.Course)
+
+
+def test_an_unknown_engine_is_refused(monkeypatch):
+    monkeypatch.setenv("SYSID_ENGINE", "fortran")
+    with pytest.raises(SysidError, match="auto, native or jax"):
+        engine.engine_name()
