@@ -17,6 +17,9 @@ from sysid.estimation.run_data import RunGroup
 #: Half width of the search in speed, and its step.
 SPEED_REACH = 0.06
 SPEED_STEP = 0.005
+#: Share of the simulated response's energy that a record must hold for a start to be considered: a run whose record
+#: ends while the first axle is over the bump is found, one whose response is shifted out of the record is not.
+SEEN_SHARE = 0.03
 
 
 def search_motion(
@@ -67,8 +70,9 @@ def best_shift(
     cost = ((energy - 2.0 * cross + (data**2).sum(axis=0)) * weight).sum(axis=1)
     lags = np.arange(length)
     lags = np.where(lags > length // 2, lags - length, lags)
-    # At least half of the simulated response must lie inside the record.
-    cost[np.abs(lags) > samples // 2] = np.inf
+    # A response that is shifted out of the record altogether contradicts nothing.
+    inside = (energy * weight).sum(axis=1)
+    cost[inside < SEEN_SHARE * inside.max()] = np.inf
     if reach is not None:
         cost[(lags < reach[0]) | (lags > reach[1])] = np.inf
     k = int(np.argmin(cost))

@@ -4,6 +4,7 @@ from sysid.vehicle_model.assembly import PlanarMatrices, assemble, coordinate_na
 from sysid.vehicle_model.contact import EffectiveRoad, RoadInput, TireLaw, effective_road, road_input, tire_law
 from sysid.vehicle_model.filters import FilterRecursion, discretise
 from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, Pass, make_lanes
+from sysid.vehicle_model.measured_road import measured_road
 from sysid.vehicle_model.modes import NaturalModes, natural_modes
 from sysid.vehicle_model.simulation import (
     Histories,
@@ -38,6 +39,7 @@ __all__ = [
     "effective_road",
     "lane_matrices",
     "make_lanes",
+    "measured_road",
     "natural_modes",
     "road_input",
     "simulate_histories",

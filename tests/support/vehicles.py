@@ -50,4 +50,6 @@ def example_vehicle(name: str) -> ExampleVehicle:
         tire_stiffness=np.array(behind["tire_stiffness_N_per_m"], float),
         tire_damping=np.array(behind["tire_damping_N_s_per_m"], float),
     )
-    return ExampleVehicle(text[: text.index("[behind]")], reader.vehicle, reader.load_cases, truth)
+    return ExampleVehicle(
+        text[text.index("[vehicle]\n") : text.index("\n[behind]") + 1], reader.vehicle, reader.load_cases, truth
+    )
