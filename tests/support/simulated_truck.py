@@ -40,14 +40,15 @@ def per_axle(values: np.ndarray) -> jax.Array:
 
 
 def simulated_truck(
-    step_s: float,
-    *,
-    law: SuspensionLaw | None = None,
-    filtered: bool = False,
-    speed_m_s: float = SPEED_M_S,
-    every_s: float = OUTPUT_S,
+    step_s: float, *, law: SuspensionLaw | None = None, filtered: bool = False, speed_m_s: float = SPEED_M_S
 ):
     """The package's own simulation of both bumps with steps of `step_s`; linear suspensions unless `law` is given."""
+    suspension = law or SuspensionLaw(per_axle(STIFFNESS), per_axle(DAMPING))
+    return truck_model(step_s, filtered=filtered)(suspension, speed_m_s)
+
+
+def truck_model(step_s: float, *, filtered: bool = False, every_s: float = OUTPUT_S, duration_s: float = DURATION_S):
+    """The simulation as a function of suspension law and speed [m/s]."""
     matrices = assemble(VEHICLE, EMPTY)
     lanes = lane_matrices([matrices] * 2, [(0, x) for x in POINTS_M])
     station = np.arange(-250, 300) * 0.01
@@ -57,12 +58,10 @@ def simulated_truck(
     slopes = np.tile(road(station, 1), (2, 3, 1)) * np.array(HEIGHTS_M)[:, None, None]
     drag = np.stack([-slopes, 3.0 * slopes, 0.0 * slopes])
     table = effective_road(station, rises, stretch, drag)
-    samples, substeps = round(DURATION_S / every_s), round(every_s / step_s)
-
-    suspension = law or SuspensionLaw(per_axle(STIFFNESS), per_axle(DAMPING))
+    samples, substeps = round(duration_s / every_s), round(every_s / step_s)
 
     @jax.jit
-    def run(speed):
+    def run(suspension, speed):
         tire = tire_law(
             per_axle(TIRE_STIFFNESS), per_axle(TIRE_DAMPING), EXPONENT, lanes.static_load, lanes.static_load
         )
@@ -76,4 +75,4 @@ def simulated_truck(
             return simulate_sensors(lanes, *laws, layout, discretise(FILTER, step_s), **options)
         return simulate_histories(lanes, *laws, **options)
 
-    return run(speed_m_s)
+    return run
