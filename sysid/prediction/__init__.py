@@ -1,6 +1,7 @@
-"""Wheel loads of passes nobody drove."""
+"""Wheel loads of passes nobody drove, and natural modes of the calibrated truck."""
 
+from sysid.prediction.modes import calibrated_modes
 from sysid.prediction.passes import predict, predict_pass
 from sysid.prediction.results import PassPrediction, Predictions
 
-__all__ = ["PassPrediction", "Predictions", "predict", "predict_pass"]
+__all__ = ["PassPrediction", "Predictions", "calibrated_modes", "predict", "predict_pass"]

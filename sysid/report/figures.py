@@ -17,7 +17,10 @@ from sysid.report.tables import without_dampers
 from sysid.sdof.results import DropAnalysis
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sysid.estimation.results import RunHistory
+    from sysid.vehicle_model.modes import NaturalModes
 
 _MOST_CORNER = 14
 _MOST_MARGINALS = 48
@@ -153,6 +156,19 @@ def history_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture],
         for h in results.fit.histories
     ]
     return shown, every
+
+
+def mode_pictures(modes: Sequence[NaturalModes], gallery: Gallery) -> list[Picture]:
+    """Mode shapes of the calibrated truck, a figure per load case."""
+    pictures = []
+    for m in modes:
+        caption = (
+            f"Mode shapes, {m.load_case.name}: the truck at rest in grey, displaced in colour, travelling to the left; "
+            "fore-aft motion is not drawn."
+        )
+        listed = ", ".join(f"{number(float(f))} Hz" for f in m.frequency_hz)
+        pictures.append(gallery.picture(plot.mode_shapes(m)[0, 0], caption, f"{caption} Frequencies: {listed}."))
+    return pictures
 
 
 def residual_picture(results: Results, gallery: Gallery) -> list[Picture]:

@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from sysid.export import Results, write_text
 from sysid.plot.comparison import Quantity
+from sysid.prediction.modes import calibrated_modes
 from sysid.report import agreement, figures, tables
 from sysid.report.numbers import MISSING, count, fixed, number, percent
 from sysid.report.verdict import ARTEFACT_RATIO, MISFIT, artefact_passes, undeclared_travel, verdict
@@ -58,6 +59,7 @@ def _content(results: Results) -> dict[str, Any]:
     history_shown, history_every = figures.history_pictures(results, gallery)
     channels = () if results.quality is None else results.quality.channels
     run_names = _run_names(results)
+    modes = () if results.fit is None else calibrated_modes(results.campaign, results.fit, results.posterior)
     return {
         "r": results,
         "verdict": verdict(results),
@@ -86,6 +88,8 @@ def _content(results: Results) -> dict[str, Any]:
         "run_parameters": None
         if results.fit is None
         else tables.parameters_table(results, results.fit.run_parameters, "Parameters of single runs"),
+        "modes": tables.modes_table(modes),
+        "mode_pictures": figures.mode_pictures(modes, gallery),
         "posterior_table": None if results.posterior is None else tables.posterior_table(results.posterior),
         "posterior_pictures": figures.posterior_pictures(results, gallery),
         "agreement": _agreement(results, run_names),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from sysid.campaign.findings import ChannelFinding
 from sysid.export import Results, prediction_files
-from sysid.plot import SOURCE_LABELS, SOURCES, AxleEstimates, suspension_estimates
+from sysid.plot import SOURCE_LABELS, SOURCES, AxleEstimates, label, suspension_estimates
 from sysid.plot.comparison import Quantity
 from sysid.report.numbers import MISSING, decimals, fixed, interval, number, percent, speed
 from sysid.sdof.results import DropAnalysis, DropEstimate, DropSummary
@@ -20,6 +20,7 @@ from sysid.sdof.results import DropAnalysis, DropEstimate, DropSummary
 if TYPE_CHECKING:
     from sysid.estimation.results import FitResult, ParameterEstimate
     from sysid.posterior.results import Posterior
+    from sysid.vehicle_model.modes import NaturalModes
 
 _DISPLAY_UNITS = {"N/m": (1e-3, "kN/m"), "N s/m": (1e-3, "kN s/m"), "N*s/m": (1e-3, "kN s/m"), "N": (1e-3, "kN")}
 
@@ -341,6 +342,24 @@ def vehicle_table(results: Results) -> Table:
         for i, a in enumerate(results.campaign.vehicle.axles)
     ]
     return table("Vehicle as declared in the campaign file", head, rows, text_columns=2)
+
+
+def modes_table(modes: Sequence[NaturalModes]) -> Table | None:
+    """Natural frequencies and damping ratios, one row per load case and mode; None without any."""
+    rows = [
+        [
+            m.load_case.name,
+            str(k + 1),
+            label(m.dominant[k]),
+            number(float(m.frequency_hz[k])),
+            percent(float(m.damping_ratio[k]), 3),
+            number(float(m.damped_frequency_hz[k])),
+        ]
+        for m in modes
+        for k in range(m.frequency_hz.size)
+    ]
+    head = ("load case", "mode", "moves most", "natural frequency [Hz]", "damping ratio ζ [%]", "damped frequency [Hz]")
+    return table("Natural modes of the calibrated truck", head, rows, text_columns=3) if rows else None
 
 
 def _plus_minus(value: float, sd: float) -> str:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from small_results import DECREMENT, PERIOD, decaying_drop, small_campaign, small_results
 
+from sysid.prediction.modes import calibrated_modes
 from sysid.report import agreement, tables
 from sysid.report.figures import Gallery, drop_pictures
 
@@ -87,3 +88,15 @@ def test_settings_are_flattened():
     assert tables.flat_settings({"a": {"b": 1, "c": {"d": True}}, "e": "f"}) == [
         ("a.b", "1"), ("a.c.d", "True"), ("e", "f"),
     ]  # fmt: skip
+
+
+def test_modes_stand_by_load_case_with_ratios_in_percent():
+    results = small_results()
+    modes = calibrated_modes(results.campaign, results.fit, None)
+    made = tables.modes_table(modes)
+    rows = cells(made)
+    assert [r[:2] for r in rows] == [[case, str(k)] for case in ("empty", "laden") for k in (1, 2, 3, 4)]
+    for row, frequency, ratio in zip(rows[:4], modes[0].frequency_hz, modes[0].damping_ratio, strict=True):
+        assert float(row[3]) == pytest.approx(frequency, rel=0.01)
+        assert float(row[4].rstrip("\u00a0%")) == pytest.approx(100 * ratio, rel=0.01)
+    assert tables.modes_table(()) is None

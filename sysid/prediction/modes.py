@@ -1,0 +1,58 @@
+"""Natural modes of the calibrated truck."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid.campaign.records import Campaign, LoadCase
+from sysid.errors import SysidError
+from sysid.estimation.results import FitResult
+from sysid.posterior.results import Posterior
+from sysid.vehicle_model.contact import SOFT_DAMPING
+from sysid.vehicle_model.modes import NaturalModes, natural_modes
+
+
+def calibrated_modes(campaign: Campaign, fit: FitResult, posterior: Posterior | None) -> tuple[NaturalModes, ...]:
+    """Modes in every load case whose suspension parameters are known; posterior medians, else least squares.
+
+    The tire counts with its tangent at the static load F of the load case, k_t (F / F_ref)^(1 - 1/n) of its law
+    F_ref (u / u_ref)^n, and with the damping c_t that it has there.  Friction and stops have no part in it.
+    """
+    medians = {} if posterior is None else {s.name: s.q50 for s in posterior.summaries}
+    values = {(p.quantity, p.axle, p.load_case): medians.get(p.name, p.value) for p in fit.parameters}
+    found = []
+    for case in campaign.load_cases.values():
+        try:
+            found.append(_modes(campaign, case, values))
+        except (KeyError, SysidError):
+            # A load case nobody drove has no stiffness of its own; values far off may not even stand.
+            continue
+    return tuple(found)
+
+
+def _modes(campaign: Campaign, case: LoadCase, values: dict[tuple[str, int | None, str | None], float]) -> NaturalModes:
+    vehicle = campaign.vehicle
+    first = next(iter(campaign.load_cases.values()))
+    exponent = values.get(("tire_exponent", None, None), 1.0)
+
+    def of_axle(quantity: str, axle: int, default: float | None = None) -> float:
+        for key in ((quantity, axle, case.name), (quantity, axle, None)):
+            if key in values:
+                return values[key]
+        if default is None:
+            raise KeyError(quantity)
+        return default
+
+    load = np.array(case.axle_loads_kg) / np.array(first.axle_loads_kg)
+    deflection = load ** (1.0 / exponent)
+    length = deflection * np.sqrt((1.0 + SOFT_DAMPING) / (deflection + SOFT_DAMPING))
+    tire = [of_axle("tire_stiffness", i, a.tire_stiffness_N_per_m) for i, a in enumerate(vehicle.axles)]
+    tire_damping = [of_axle("tire_damping", i, a.tire_damping_N_s_per_m) for i, a in enumerate(vehicle.axles)]
+    return natural_modes(
+        vehicle,
+        case,
+        np.array([of_axle("stiffness", i) for i in vehicle.suspension_axle]),
+        np.array([of_axle("damping", i) for i in vehicle.suspension_axle]),
+        np.array(tire) * load / deflection,
+        np.array(tire_damping) * length,
+    )
