@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from sysid.campaign.records import BumpRun, Campaign, Channel, LoadCase, PlankDrop, Vehicle
-from sysid.errors import DataRejectedError
+from sysid.errors import DataRejectedError, SysidError
 from sysid.estimation.bump_model import BumpModel, bump_model
 from sysid.estimation.conclusion import parameter_sd
 from sysid.estimation.fit_options import FitOptions
@@ -36,6 +36,8 @@ SPEED_M_S = 1.2
 SPEED_LOG_SD = 0.45
 _SPEEDS = np.geomspace(0.5, 3.5, 17)
 _FINER = np.array([0.94, 0.97, 1.03, 1.06])
+#: Residual over instrument noise from which on the estimates carry a note.
+DOUBT = 1.6
 #: How long after its largest deflection a record is fitted [s]: a truck that has come to rest says nothing more.
 _FIT_S = 2.5
 #: Where a wheel begins to feel the end of the plank [m], and how far the moment may be off [s].
@@ -93,6 +95,19 @@ def _rounded_table(height_m: float, radius_m: float) -> SpokeTable:
     return plank_table(height_m, radius_m)
 
 
+def with_model_estimates(
+    campaign: Campaign, drops: DropSummary, options: FitOptions, progress: Progress | None = None
+) -> DropSummary:
+    """The drop analysis with the full model's estimates beside the single-axle ones; a failure becomes a message."""
+    if not any(e.usable for e in drops.pooled):
+        return drops
+    try:
+        found = fit_drops(campaign, drops, options, progress)
+    except SysidError as error:
+        return replace(drops, messages=(*drops.messages, f"The drops were not fitted by the full model: {error}"))
+    return replace(drops, pooled=(*drops.pooled, *found))
+
+
 def fit_drops(
     campaign: Campaign,
     drops: DropSummary,
@@ -135,7 +150,9 @@ def fit_drops(
         for run, drop, speed, start in zip(runs, records, speeds, starts, strict=True):
             reach = (-speed * (start - 0.15), -speed * (start - LEAD_S + REST_S))
             roads.place(run.bump, _Lift(drop.axle, drop.plank_height_m, reach))
-        return bump_model(as_runs, parameters, {}, target_step_s=2.0 * options.target_step_s, roads=roads)
+        model = bump_model(as_runs, parameters, {}, target_step_s=2.0 * options.target_step_s, roads=roads)
+        # A drop's start is the moment of the axle under test, not of axle 1.
+        return replace(model, arrays=tuple(a._replace(axle_x=np.zeros_like(a.axle_x)) for a in model.arrays))
 
     released = {a.file: a.release_time_s + LEAD_S for a in drops.files}
     motion = _search(runs, np.array([released[d.log.file] for d in records]), parameters.start, model_at)
@@ -251,7 +268,9 @@ def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEsti
                 damped_period=float("nan"),
                 log_decrement=float("nan"),
                 usable=bool(optimum.minimum.converged),
-                note=f"all drops at once; residual {optimum.misfit:.1f} times the instrument noise",
+                note=""
+                if optimum.misfit < DOUBT
+                else f"the model leaves {optimum.misfit:.1f} times the instrument noise",
             )
         )
     return tuple(found)

@@ -77,8 +77,8 @@ def best_shift(
         cost[(lags < reach[0]) | (lags > reach[1])] = np.inf
     k = int(np.argmin(cost))
     around = cost[[k - 1, k, (k + 1) % length]]
-    curvature = around[0] - 2.0 * around[1] + around[2]
-    fine = 0.5 * (around[0] - around[2]) / curvature if np.isfinite(curvature) and curvature > 0 else 0.0
+    curvature = around[0] - 2.0 * around[1] + around[2] if np.isfinite(around).all() else 0.0
+    fine = 0.5 * (around[0] - around[2]) / curvature if curvature > 0 else 0.0
     fine = float(np.clip(fine, -0.5, 0.5))
     # The parabola's own minimum: between samples, so that a speed is not judged by where its start happens to fall.
     smallest = float(cost[k]) - (0.25 * float(around[0] - around[2]) * fine if fine else 0.0)

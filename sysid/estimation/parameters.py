@@ -121,7 +121,10 @@ LEAF_FORMULA_SD = 0.3
 #: Share of a tire's vertical stiffness that its structure keeps without pressure.
 TIRE_STRUCTURE_SHARE = 0.04
 
-METHOD_PREFERENCE = ("free_decay", "corrected", "paper")
+METHOD_PREFERENCE = ("model", "free_decay", "corrected", "paper")
+#: The full model leaves friction and tire law to doubt, but not the coupling of the axles.
+MODEL_STIFFNESS_SD = 0.2
+MODEL_DAMPING_SD = 0.4
 
 
 def declared_laws(campaign: Campaign) -> tuple[frozenset[str], ...]:
@@ -286,6 +289,8 @@ def _suspension_parameter(
         limit = 2.0 * generic[1]
         shifts = np.clip(np.log(np.array(values) / generic[0]), -limit, limit)
         median, sd = generic[0] * float(np.exp(shifts).mean()), spread
+        if all(every[j].method == "model" for j in on if j in every):
+            sd = MODEL_STIFFNESS_SD if quantity == "stiffness" else MODEL_DAMPING_SD
     median *= len(on)
     start = median
     if quantity == "stiffness" and axle.leaf is not None:
@@ -298,7 +303,7 @@ def _suspension_parameter(
 
 
 def best_drop_estimates(drops: DropSummary | None, load_case: str) -> Mapping[int, DropEstimate]:
-    """The pooled drop estimate of each axle to start from: free-decay fit, else corrected, else the paper's."""
+    """The pooled drop estimate of each axle to start from: full model, else free decay, corrected, the paper's."""
     chosen: dict[int, DropEstimate] = {}
     if drops is None:
         return chosen

@@ -8,6 +8,7 @@ import json
 import platform
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.estimation.bump_model import bump_model
+from sysid.estimation.drop_model import with_model_estimates
 from sysid.estimation.law_choice import fit_with_laws
 from sysid.estimation.parameters import ParameterSet, campaign_parameters
 from sysid.estimation.problem import FitState
@@ -111,7 +113,7 @@ class Calibration:
 
     def drops(self) -> DropSummary:
         """Stiffness and damping of every axle from its plank drops."""
-        return self._stage("drops", lambda: analyse_drops(self.campaign))
+        return self._stage("drops", self._drops)
 
     def scan(self) -> Mapping[str, ScanAnalysis]:
         """Road profile of every bump."""
@@ -223,6 +225,13 @@ class Calibration:
         return tuple(found)
 
     # ------------------------------------------------------------------ how stages work
+
+    def _drops(self) -> DropSummary:
+        summary = analyse_drops(self.campaign)
+        if not self.settings.drop_model or not self.campaign.plank_drops:
+            return summary
+        options = replace(self.settings.fit, weight_rounds=1)
+        return with_model_estimates(self.campaign, summary, options, self._progress)
 
     def _fit(self) -> tuple[FitResult, dict[str, Any]]:
         if not self.campaign.bump_runs:
@@ -345,7 +354,9 @@ class Calibration:
     def _fingerprint(self, name: str) -> str:
         """Hash of the inputs, the version and the settings that a stage depends on."""
         relevant: dict[str, Any] = {"inputs": dict(self._raw.input_sha256), "version": versions()["sysid"]}
-        if name in ("fit", "sample", "predict"):
+        if name == "drops":
+            relevant["drop_model"] = self.settings.drop_model
+        if name in ("drops", "fit", "sample", "predict"):
             relevant["fit"] = self.settings.as_dict()["fit"]
         if name in ("sample", "predict"):
             # How long to go on decides when a chain ends, not what it is.

@@ -15,11 +15,15 @@ from sysid.road.contact_laws import ContactLaw
 
 @dataclass(frozen=True)
 class Settings:
-    """Options of the stages; `quick` gives a preview with few iterations and a short chain, marked as such."""
+    """Options of the stages; `quick` gives a preview with few iterations and a short chain, marked as such.
+
+    `drop_model` says whether the plank drops are fitted by the full vehicle model too.
+    """
 
     fit: FitOptions = field(default_factory=FitOptions)
     sampling: SamplingOptions = field(default_factory=SamplingOptions)
     quick: bool = False
+    drop_model: bool = True
 
     @property
     def seed(self) -> int:
