@@ -183,9 +183,7 @@ def wheel_road(
     arrays: GroupArrays, road: EffectiveRoad, speed: jax.Array, start_s: jax.Array, shape: GroupShape
 ) -> WheelRoad:
     """The road of a group at speeds [m/s] and starts [s] (R, 1), for the engine of this process."""
-    return engine.wheel_road(
-        arrays.matrices, road, arrays.axle_x, speed, start_s, shape.timing, linear=arrays.laws.linear
-    )
+    return engine.wheel_road(arrays.matrices, road, arrays.axle_x, speed, start_s, shape.timing)
 
 
 def simulate_group(

@@ -54,11 +54,6 @@ class LawInputs(NamedTuple):
     reference_load: np.ndarray
     carried_load: np.ndarray
 
-    @property
-    def linear(self) -> bool:
-        """Whether all suspensions are linear springs and dampers."""
-        return not self.elements and all(curve is None for curve in self.curves)
-
 
 def stiffness_positions(parameters: ParameterSet, axles: int, load_cases: list[str]) -> np.ndarray:
     """Positions (R, na) of every lane's stiffness; `load_cases` names the load case of each lane."""

@@ -31,11 +31,9 @@ def native_misfits(
     weights : residual scale and tempering, each (R, C).
     log_parameters : (p, S).
     """
-    suspension, tire = lane_laws(arrays.laws, log_parameters)
     return kernel.misfits(
         arrays.matrices,
-        kernel.law_rows(suspension, tire),
-        tire,
+        kernel.laws(*lane_laws(arrays.laws, log_parameters)),
         course,
         shape.timing,
         shape.sensors,
@@ -63,16 +61,13 @@ def native_linearisation(
     """
 
     def rows(x: jax.Array) -> jax.Array:
-        return kernel.law_rows(*lane_laws(arrays.laws, x))
+        return kernel.laws(*lane_laws(arrays.laws, x)).rows
 
-    laws, tangents = jax.jvp(rows, (log_parameters,), (parameter_tangents,))
-    tire = lane_laws(arrays.laws, log_parameters[:, :1])[1]
     return kernel.linearise(
         arrays.matrices,
-        laws[..., :1],
-        tangents,
+        kernel.laws(*lane_laws(arrays.laws, log_parameters[:, :1])),
+        jax.jvp(rows, (log_parameters,), (parameter_tangents,))[1],
         jnp.stack(motion_tangents),
-        tire,
         course,
         shape.timing,
         shape.sensors,

@@ -65,9 +65,7 @@ def predict_pass(
     samples = int(np.ceil((lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S) / INTERVAL_S))
     sets = log_parameters[:, None] if draws is None else draws.T
     timing, motion = Timing(samples, INTERVAL_S, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
-    wheels = engine.wheel_road(
-        lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing, linear=laws.linear
-    )
+    wheels = engine.wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
     force = np.asarray(_forces(lanes.matrices, laws, wheels, jnp.asarray(sets), motion, timing=timing))
     static = lanes.matrices.static_load[0, :, 0]
     peaks = force.max(axis=0) / static[:, None]

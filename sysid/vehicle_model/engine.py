@@ -71,14 +71,9 @@ def wheel_road(
     speed: jax.Array,
     start_s: jax.Array,
     timing: Timing,
-    *,
-    linear: bool,
 ) -> WheelRoad:
-    """The road of R runs at speeds [m/s] and starts [s] (R, 1), as the engine of this process wants it.
-
-    The native engine knows linear suspensions only; `linear` says whether all are.
-    """
-    if linear and engine_name() == "native" and kernel.supports(lanes):
+    """The road of R runs at speeds [m/s] and starts [s] (R, 1), as the engine of this process wants it."""
+    if engine_name() == "native" and kernel.supports(lanes):
         return Course(road, axle_x, speed, start_s)
     return _looked_up(road, axle_x, speed, start_s, timing=timing)
 
@@ -108,8 +103,7 @@ def simulate_sensors(
 ) -> jax.Array:
     """Filtered sensor signals (T, R, C, S), see :func:`sysid.vehicle_model.simulation.simulate_sensors`."""
     if isinstance(road, Course):
-        laws = kernel.law_rows(suspension, tire)
-        return kernel.sensors(lanes, laws, tire, road, timing, layout, recursion)
+        return kernel.sensors(lanes, kernel.laws(suspension, tire), road, timing, layout, recursion)
     return simulation.simulate_sensors(
         lanes,
         suspension,
@@ -128,7 +122,7 @@ def simulate_histories(
 ) -> Histories:
     """Unfiltered histories, see :func:`sysid.vehicle_model.simulation.simulate_histories`."""
     if isinstance(road, Course):
-        return kernel.histories(lanes, kernel.law_rows(suspension, tire), tire, road, timing)
+        return kernel.histories(lanes, kernel.laws(suspension, tire), road, timing)
     return simulation.simulate_histories(
         lanes, suspension, tire, motion, road, interval_s=timing.interval_s, substeps=timing.substeps
     )

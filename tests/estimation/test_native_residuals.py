@@ -10,7 +10,7 @@ import pytest
 import rigid_truck
 from rigid_truck import bump, campaign, empty_run, true_log_parameters
 
-from sysid.campaign.records import Campaign
+from sysid.campaign.records import AxleGroup, Campaign, ForceTable
 from sysid.estimation.bump_model import BumpModel, bump_model
 from sysid.estimation.objective import Linearisation, RunMotion, Weights, linearise, linearise_group, simulate_runs
 from sysid.estimation.parameters import campaign_parameters
@@ -84,6 +84,48 @@ def test_linearisation(linearisations, field):
     tolerance = 1e-10 if field.endswith("jacobian") else 1e-12
     # A parameter of another load case, or a channel without readings, moves nothing: exactly zero in both.
     assert (np.abs(ours - theirs) <= tolerance * size).all()
+
+
+def test_linearisation_with_every_element_of_suspension_laws(monkeypatch):
+    """Friction, stops and an asymmetric damper in front; a gas spring; lash and tables behind, on a beam."""
+    spring = ForceTable((-0.1, -0.01, 0.01, 0.1), (-3.5e4, -3e3, 3e3, 4e4))
+    damper = ForceTable((-1.0, -0.2, 0.1, 1.0), (-8e3, -3e3, 2e3, 9e3))
+    first, second, third = rigid_truck.AXLES
+    axles = (
+        replace(
+            first,
+            suspension_law="leaf_friction + asymmetric_damper + bump_stops",
+            jounce_travel_m=0.02,
+            rebound_travel_m=0.025,
+        ),
+        replace(
+            second,
+            suspension_law="gas_spring + hanger_lash + spring_table + damper_table",
+            hanger_lash_m=0.01,
+            spring_table=spring,
+            damper_table=damper,
+        ),
+        third,
+    )
+    vehicle = replace(rigid_truck.VEHICLE, axles=axles, groups=(AxleGroup("bogie", (1, 2), 300.0, 90.0),))
+    load = replace(rigid_truck.EMPTY, sprung_mass_kg=(rigid_truck.EMPTY.sprung_mass_kg[0] - 300.0,))
+    data = campaign([empty_run("a.csv", 7.0, samples=220)], vehicle=vehicle, load_cases=(load,))
+    model = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
+    x = model.parameters.start
+    motion, found = RunMotion(np.array([7.1]), np.array([0.35])), []
+    for name in ("native", "jax"):
+        monkeypatch.setenv("SYSID_ENGINE", name)
+        (signals,) = simulate_runs(model, x + 0.02, motion)
+        arrays = model.arrays[0]._replace(value=signals)
+        weights = Weights((0.1 * signals.std(axis=0),), (np.ones(signals.shape[1:]),))
+        (one,) = linearise(replace(model, arrays=(arrays,)), weights, x, motion)
+        found.append([signals, *(np.asarray(v) for v in one)])
+    for ours, theirs in zip(*found, strict=True):
+        size = np.abs(theirs).max(axis=0, keepdims=True)
+        assert (np.abs(ours - theirs) <= 1e-10 * np.maximum(size, 1e-9 * size.max())).all()
+    jacobian = found[1][2]
+    used = np.abs(jacobian).max(axis=(0, 1, 2)) > 0.0
+    assert used.all(), [n for n, u in zip(model.parameters.names, used, strict=False) if not u]
 
 
 def test_clipped_samples_matter(linearisations, made):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -13,7 +14,7 @@ import pytest
 import rigid_truck
 import verification_case
 
-from sysid.campaign.records import AntiAliasFilter, LoadCase, Vehicle
+from sysid.campaign.records import AntiAliasFilter, AxleGroup, LoadCase, Vehicle
 from sysid.errors import SysidError
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.assembly import assemble
@@ -22,7 +23,7 @@ from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.filters import discretise
 from sysid.vehicle_model.native import build, kernel
 from sysid.vehicle_model.simulation import LaneMatrices, Motion, SensorLayout, lane_matrices
-from sysid.vehicle_model.suspension import SuspensionLaw
+from sysid.vehicle_model.suspension import Ramps, SuspensionLaw
 
 needs_compiler = pytest.mark.skipif(build.find_compiler() is None, reason="no C++ compiler on this machine")
 
@@ -96,7 +97,7 @@ class Case:
 
     def _wheels(self):
         speed, start = jnp.asarray(SPEED_M_S), jnp.asarray(START_S)
-        wheels = engine.wheel_road(self.lanes, self.road, self.axle_x, speed, start, self.timing, linear=True)
+        wheels = engine.wheel_road(self.lanes, self.road, self.axle_x, speed, start, self.timing)
         return wheels, Motion(speed, start)
 
 
@@ -153,11 +154,78 @@ def test_histories_of_tractor_and_trailer(both, footprint):
             assert_same(np.asarray(mine), np.asarray(other))
 
 
+def ramps(case: Case, at: tuple[float, ...], slope: float) -> Ramps:
+    """Ramps on both sides of rest, other ones on every axle and for every set."""
+    shape = case.suspension.stiffness.shape
+    place = np.array(at)[:, None, None, None] * np.exp(0.1 * case.random.normal(size=(len(at), *shape)))
+    steepness = slope * np.exp(0.1 * case.random.normal(size=place.shape))
+    return Ramps(*(jnp.asarray(x) for x in (place, steepness, np.sign(place))))
+
+
+def elements(case: Case) -> dict[str, dict]:
+    """Elements of suspension laws with values that one pass over the bumps exercises, other ones for every set."""
+
+    def varied(value: float) -> jax.Array:
+        return jnp.asarray(value * np.exp(0.2 * case.random.normal(size=case.suspension.stiffness.shape)))
+
+    return {
+        "gas spring": {"softening": varied(4.0)},
+        "saturating damper": {"saturation": varied(0.3), "tail": varied(0.2)},
+        "asymmetric damper": {"asymmetry": varied(2.5)},
+        "friction": {"friction": varied(2000.0), "slip": varied(1e-3)},
+        "spring corners": {"ramps": ramps(case, (0.012, 0.02, -0.015), 1e6)},
+        "damper corners": {"rate_ramps": ramps(case, (0.1, -0.2), 1e4)},
+    }
+
+
+@needs_compiler
+@pytest.mark.parametrize("element", [*elements(truck(footprint=False)), "all of them"])
+def test_every_element_of_suspension_laws(both, element):
+    def run() -> tuple[np.ndarray, np.ndarray]:
+        case = truck(footprint=True, samples=180)
+        linear, every = case.sensors(rigid_truck.FILTER), elements(case)
+        chosen = (
+            {k: v for fields in every.values() for k, v in fields.items()} if element not in every else every[element]
+        )
+        case.suspension = case.suspension._replace(**chosen)
+        return case.sensors(rigid_truck.FILTER), linear
+
+    (ours, linear), (theirs, _) = both(run)
+    assert_same(ours, theirs)
+    # On the high bump the element is at work.
+    assert (np.abs(ours - linear)[:, 0, :3].max(axis=(0, 2)) > 1e-4).all()
+
+
+@needs_compiler
+def test_axle_groups(both):
+    """A bogie on a beam, with friction, stops and an asymmetric damper."""
+    vehicle = replace(rigid_truck.VEHICLE, groups=(AxleGroup("bogie", (1, 2), 300.0, 90.0),))
+    loads = [replace(c, sprung_mass_kg=(c.sprung_mass_kg[0] - 300.0,)) for c in (rigid_truck.EMPTY, rigid_truck.LADEN)]
+
+    def run():
+        case = Case(vehicle, loads, footprint=True, samples=260, sets=3)
+        every = elements(case)
+        chosen = every["friction"] | every["spring corners"] | every["asymmetric damper"]
+        case.suspension = case.suspension._replace(**chosen)
+        return case.histories(), case.sensors(rigid_truck.FILTER)
+
+    (ours, our_sensors), (theirs, their_sensors) = both(run)
+    for name, mine, other in zip(theirs._fields, ours, theirs, strict=True):
+        mine, other = np.asarray(mine), np.asarray(other)
+        if name == "suspension_force":  # the group's stands at its first axle
+            np.testing.assert_array_equal(mine[:, :, 2], 0.0)
+            mine, other = mine[:, :, :2], other[:, :, :2]
+        assert_same(mine, other)
+    assert_same(our_sensors, their_sensors)
+
+
 @needs_compiler
 def test_a_set_does_not_depend_on_its_batch(monkeypatch):
     """To the last bit: alone, in another place of another pack, and again."""
     monkeypatch.setenv("SYSID_ENGINE", "native")
     case = truck(footprint=True)
+    every = elements(case)
+    case.suspension = case.suspension._replace(**every["friction"], **every["spring corners"], **every["gas spring"])
     together = case.sensors(rigid_truck.FILTER)
     np.testing.assert_array_equal(case.sensors(rigid_truck.FILTER), together)
     for sets in (slice(9, 10), slice(2, 11)):

@@ -14,7 +14,7 @@ from pathlib import Path
 from sysid.runtime import cache_root
 
 #: Files that make up the engine; the first is the one to compile.
-SOURCES = ("engine.cpp", "residuals.h", "vehicle.h", "pack.h")
+SOURCES = ("engine.cpp", "residuals.h", "vehicle.h", "suspension.h", "contact.h", "row.h", "pack.h")
 #: Optimisation for exactly this processor; -O3 keeps the rules of IEEE arithmetic.
 FLAGS = ("-std=c++17", "-O3", "-march=native", "-shared", "-fPIC", "-pthread", "-w")
 TIMEOUT_S = 300.0

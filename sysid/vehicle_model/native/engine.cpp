@@ -13,6 +13,27 @@
 namespace ffi = xla::ffi;
 
 namespace sysid {
+
+// Attributes of a call: timing, which elements suspensions have (bits: gas spring, saturating damper, asymmetric damper,
+// friction; numbers of ramps), and which axles are observed.
+struct Settings {
+  int64_t samples, substeps;
+  double interval;
+  int64_t elements, ramps, rate_ramps;
+  double growth;
+  ffi::Span<const int64_t> deflection_axles, acceleration_axles;
+};
+
+}  // namespace sysid
+
+XLA_FFI_REGISTER_STRUCT_ATTR_DECODING(sysid::Settings, StructMember<int64_t>("samples"),
+                                      StructMember<int64_t>("substeps"), StructMember<double>("interval"),
+                                      StructMember<int64_t>("elements"), StructMember<int64_t>("ramps"),
+                                      StructMember<int64_t>("rate_ramps"), StructMember<double>("growth"),
+                                      StructMember<Span<const int64_t>>("deflection_axles"),
+                                      StructMember<Span<const int64_t>>("acceleration_axles"));
+
+namespace sysid {
 namespace {
 
 using Buffer = ffi::Buffer<ffi::F64>;
@@ -34,21 +55,20 @@ enum Common {
   kMotion,           // (2, R) speed [m/s] and start [s]
   kReferenceLoad,    // (R, na, 1)
   kFilter,           // (poles, 10): decay, start, middle, weight, feed, each as real and imaginary part
-  kLaws,             // (6, R, na, S): k, c, u_0, u_ref, n, c_t
+  kWheel,            // (R, na, na) of LaneBeams, or empty without axle groups
+  kTirePush,         // (R, na, na)
+  kBeamPull,         // (R, na, na)
+  kCarries,          // (R, na, 1)
+  kSides,            // (J, R, na, S) sides of all ramps, those of the damper last
+  kLaws,             // (L, R, na, S) coefficients, in the order of `Inputs::read`
   kCommon
 };
 // Then, for the linearisation with P unknowns,
-enum Tangents { kLawTangents = kCommon /* (6, R, na, P) */, kMotionTangents /* (2, R, P) */, kLinearisationData };
+enum Tangents { kLawTangents = kCommon /* (L, R, na, P) */, kMotionTangents /* (2, R, P) */, kLinearisationData };
 // and for residuals, from `first` on, (T, R, C), (T, R, C), (T, R, C), (R, C), (R, C), (C,);
 enum Data { kValue, kMeasured, kCensored, kNoise, kTempering, kGain, kDataCount };
 // for the misfit also (T, R, C, 2), (R, C, 2), (R, 2), (R, 2, 2).
 enum Marginal { kAlong, kGainColumns, kLocalOffset, kLocalFactor };
-
-struct Settings {
-  int64_t samples, substeps;
-  double interval, growth;
-  ffi::Span<const int64_t> deflection_axles, acceleration_axles;
-};
 
 class Inputs {
  public:
@@ -69,6 +89,12 @@ class Inputs {
     if (axles > kMaxAxles) problem = "too many axles for the native engine";
     clock = {settings.samples, settings.substeps, settings.interval};
     growth = settings.growth;
+    elements.gas_spring = settings.elements & 1;
+    elements.saturating = settings.elements & 2;
+    elements.asymmetric = settings.elements & 4;
+    elements.friction = settings.elements & 8;
+    elements.ramps = static_cast<int>(settings.ramps);
+    elements.rate_ramps = static_cast<int>(settings.rate_ramps);
     for (const int64_t i : settings.deflection_axles) channels.deflection.push_back(static_cast<int>(i));
     for (const int64_t i : settings.acceleration_axles) channels.acceleration.push_back(static_cast<int>(i));
     channels.body = static_cast<int>(body_sensors);
@@ -95,6 +121,12 @@ class Inputs {
     run.static_load = data(kStaticLoad) + r * axles;
     run.body_rows = data(kBodyRows) + r * body_sensors * coordinates;
     run.axle_x = data(kAxleX);
+    if (buffer_[kWheel].element_count() > 0) {
+      const int64_t square = r * axles * axles;
+      run.beams = {data(kWheel) + square, data(kTirePush) + square, data(kBeamPull) + square,
+                   data(kCarries) + r * axles};
+    }
+    run.elements = elements;
     const bool footprint = buffer_[kStretch].element_count() > 0;
     run.road = {data(kRise) + r * each,
                 footprint ? data(kStretch) + r * each : nullptr,
@@ -113,19 +145,17 @@ class Inputs {
 
   // Laws of run r for the sets from `first` on; lanes beyond the last set repeat it.
   Laws<Pack> laws(int64_t r, int64_t first) const {
-    Laws<Pack> found;
-    found.axle.resize(axles);
-    for (int64_t i = 0; i < axles; ++i) {
-      Pack row[6];
-      for (int which = 0; which < 6; ++which)
-        for (int k = 0; k < kLanes; ++k) {
-          const int64_t set = first + k < sets ? first + k : sets - 1;
-          row[which][k] = data(kLaws)[((which * runs + r) * axles + i) * sets + set];
-        }
-      found.axle[i] = axle_law(row, r, i);
-    }
-    found.travel = {splat(data(kMotion)[r]), Pack{}, Pack{}};
-    return found;
+    const auto pack = [&](int which, int64_t row, int64_t i) {
+      Pack x;
+      for (int k = 0; k < kLanes; ++k) {
+        const int64_t set = first + k < sets ? first + k : sets - 1;
+        x[k] = data(which)[((row * runs + r) * axles + i) * sets + set];
+      }
+      return x;
+    };
+    return read<Pack>(
+        r, [&](int64_t row, int64_t i) { return pack(kLaws, row, i); },
+        [&](int64_t row, int64_t i) { return pack(kSides, row, i); }, splat(data(kMotion)[r]), Pack{}, Pack{});
   }
 
   // Laws of run r with the derivatives with respect to the unknowns from `first` on.
@@ -134,27 +164,23 @@ class Inputs {
     const int64_t unknowns = shape(kLawTangents)[3];
     const auto jet = [&](double value, const double* tangents) {
       Jet<T> x{};
-      x.d[0][0] = value;
+      x.value() = value;
       for (int64_t k = 1; k < T * kLanes && first + k - 1 < unknowns; ++k)
         x.d[k / kLanes][k % kLanes] = tangents[first + k - 1];
       return x;
     };
-    Laws<Jet<T>> found;
-    found.axle.resize(axles);
-    for (int64_t i = 0; i < axles; ++i) {
-      Jet<T> row[6];
-      for (int64_t which = 0; which < 6; ++which) {
-        const int64_t at = (which * runs + r) * axles + i;
-        row[which] = jet(data(kLaws)[at], data(kLawTangents) + at * unknowns);
-      }
-      found.axle[i] = axle_law(row, r, i);
-    }
     // Ahead of the looked-up road by d speed (t - start) - speed d start.
     const double speed = data(kMotion)[r];
     const Jet<T> faster = jet(0.0, data(kMotionTangents) + r * unknowns);
     const Jet<T> later = jet(0.0, data(kMotionTangents) + (runs + r) * unknowns);
-    found.travel = {plus(faster, speed), faster, -speed * later};
-    return found;
+    return read<Jet<T>>(
+        r,
+        [&](int64_t row, int64_t i) {
+          const int64_t at = (row * runs + r) * axles + i;
+          return jet(data(kLaws)[at], data(kLawTangents) + at * unknowns);
+        },
+        [&](int64_t row, int64_t i) { return data(kSides)[(row * runs + r) * axles + i]; }, speed + faster, faster,
+        -speed * later);
   }
 
   Readings readings(int64_t r, int first) const {
@@ -166,15 +192,58 @@ class Inputs {
 
   int64_t runs, axles, sets, coordinates, body_sensors, stations;
   double growth;
+  Elements elements;
   Channels channels;
   Filter filter;
   Clock clock;
   std::string problem;
 
  private:
-  template <class V>
-  AxleLaw<V> axle_law(const V (&row)[6], int64_t r, int64_t i) const {
-    return {row[0], row[1], row[2], reciprocal(row[3]), row[4], row[5], data(kReferenceLoad)[r * axles + i]};
+  // All laws of run r; coefficient(row, axle) and side(ramp, axle) give the rows of kLaws and kSides.
+  template <class V, class Coefficient, class Side>
+  Laws<V> read(int64_t r, Coefficient&& coefficient, Side&& side, const V& speed, const V& ahead_rate,
+               const V& ahead_start) const {
+    Laws<V> found;
+    found.speed = speed;
+    found.ahead_rate = ahead_rate;
+    found.ahead_start = ahead_start;
+    for (int64_t i = 0; i < axles; ++i) {
+      int64_t row = 0;
+      const auto next = [&] { return coefficient(row++, i); };
+      SuspensionLaw<V> law{};
+      TireLaw<V> tire;
+      law.stiffness = next();
+      law.damping = next();
+      tire.static_deflection = next();
+      tire.inverse_reference = reciprocal(next());
+      tire.exponent = next();
+      tire.damping = next();
+      tire.reference_load = data(kReferenceLoad)[r * axles + i];
+      if (elements.gas_spring) law.softening = next();
+      if (elements.saturating) {
+        law.saturation = next();
+        law.tail = next();
+        law.stated = damper_shape(law, constant_row<V>(Scalar<V>{} + kReferenceRate));
+      }
+      if (elements.asymmetric) {
+        const V q = next();
+        law.compression = 2.0 * reciprocal(1.0 + q);
+        law.rebound = q * law.compression;
+        law.corner = law.rebound - law.compression;
+      }
+      if (elements.friction) {
+        law.friction = next();
+        law.slip = next();
+      }
+      for (int j = 0; j < elements.ramps + elements.rate_ramps; ++j) {
+        std::vector<Ramp<V>>& ramps = j < elements.ramps ? law.ramps : law.rate_ramps;
+        const V at = next(), slope = next();
+        ramps.push_back({at, slope, side(j, i)});
+      }
+      found.suspension.push_back(law);
+      found.tire.push_back(tire);
+    }
+    return found;
   }
 
   ffi::RemainingArgs args_;
@@ -229,17 +298,15 @@ void store(const Pack& x, double* out, int64_t first, int64_t sets) {
 int64_t packs(int64_t sets) { return (sets + kLanes - 1) / kLanes; }
 
 // Signals (T, R, C, S).
-ffi::Error sensors(ffi::RemainingArgs args, ffi::RemainingRets rets, int64_t samples, int64_t substeps, double interval,
-                   double growth, ffi::Span<const int64_t> deflection_axles,
-                   ffi::Span<const int64_t> acceleration_axles) {
-  const Inputs in(args, {samples, substeps, interval, growth, deflection_axles, acceleration_axles});
+ffi::Error sensors(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings settings) {
+  const Inputs in(args, settings);
   if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
   double* out = (*rets.get<Buffer>(0))->typed_data();
   const int64_t channels = in.channels.count(), blocks = packs(in.sets);
   std::atomic<bool> known{true};
   share(in.runs * blocks, [&](int64_t task) {
     const int64_t r = task / blocks, first = task % blocks * kLanes;
-    known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto&, const Pack*, const Pack* shown) {
+    known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
       for (int64_t c = 0; c < channels; ++c)
         store(shown[c], out + ((t * in.runs + r) * channels + c) * in.sets, first, in.sets);
     });
@@ -247,11 +314,9 @@ ffi::Error sensors(ffi::RemainingArgs args, ffi::RemainingRets rets, int64_t sam
   return finish(known);
 }
 
-// Unfiltered histories in the order of the fields of Histories, (T, R, na | nr | nb, S).
-ffi::Error histories(ffi::RemainingArgs args, ffi::RemainingRets rets, int64_t samples, int64_t substeps,
-                     double interval, double growth, ffi::Span<const int64_t> deflection_axles,
-                     ffi::Span<const int64_t> acceleration_axles) {
-  const Inputs in(args, {samples, substeps, interval, growth, deflection_axles, acceleration_axles});
+// Unfiltered histories in the order of the fields of Histories, (T, R, na | nr | nb, S); all axles are observed.
+ffi::Error histories(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings settings) {
+  const Inputs in(args, settings);
   if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
   double* out[7];
   for (int k = 0; k < 7; ++k) out[k] = (*rets.get<Buffer>(k))->typed_data();
@@ -259,29 +324,27 @@ ffi::Error histories(ffi::RemainingArgs args, ffi::RemainingRets rets, int64_t s
   std::atomic<bool> known{true};
   share(in.runs * blocks, [&](int64_t task) {
     const int64_t r = task / blocks, first = task % blocks * kLanes;
-    known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto& now, const Pack* body, const Pack* shown) {
+    known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto& now, const auto& state, const Pack* shown) {
       const auto put = [&](int field, int64_t width, int64_t k, const Pack& x) {
         store(x, out[field] + ((t * in.runs + r) * width + k) * in.sets, first, in.sets);
       };
       for (int64_t i = 0; i < na; ++i) {
-        put(0, na, i, now.extension[i]);
-        put(1, na, i, now.axle[i]);
+        put(0, na, i, shown[i]);
+        put(1, na, i, shown[na + i]);
         put(3, na, i, positive(now.unclipped[i]));
         put(4, na, i, now.horizontal[i]);
         put(5, na, i, -now.pull[i]);
       }
-      for (int64_t k = 0; k < in.body_sensors; ++k) put(2, in.body_sensors, k, shown[k]);
-      for (int64_t k = 0; k < in.coordinates; ++k) put(6, in.coordinates, k, body[k]);
+      for (int64_t k = 0; k < in.body_sensors; ++k) put(2, in.body_sensors, k, shown[2 * na + k]);
+      for (int64_t k = 0; k < in.coordinates; ++k) put(6, in.coordinates, k, state.body[k]);
     });
   });
   return finish(known);
 }
 
 // Misfit (R, S) of every run and set; the signals of a task never leave the cache.
-ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, int64_t samples, int64_t substeps, double interval,
-                   double growth, ffi::Span<const int64_t> deflection_axles,
-                   ffi::Span<const int64_t> acceleration_axles) {
-  const Inputs in(args, {samples, substeps, interval, growth, deflection_axles, acceleration_axles});
+ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings settings) {
+  const Inputs in(args, settings);
   if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
   double* out = (*rets.get<Buffer>(0))->typed_data();
   const int64_t channels = in.channels.count(), blocks = packs(in.sets);
@@ -289,8 +352,8 @@ ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, int64_t sam
   std::atomic<bool> known{true};
   share(in.runs * blocks, [&](int64_t task) {
     const int64_t r = task / blocks, first = task % blocks * kLanes;
-    std::vector<Pack> signal(samples * channels);
-    known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto&, const Pack*, const Pack* shown) {
+    std::vector<Pack> signal(in.clock.samples * channels);
+    known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
       std::copy(shown, shown + channels, signal.begin() + t * channels);
     });
     const LocalColumns columns = {in.data(local + kAlong) + r * channels * 2,
@@ -312,12 +375,12 @@ bool linearise_block(const Inputs& in, int64_t r, int64_t first, double* const (
   const int64_t last = std::min<int64_t>(unknowns, first + T * kLanes - 1);
   std::vector<Jet<T>> signal(samples * channels);
   const bool known =
-      simulate(in, r, in.jets<T>(r, first), [&](int64_t t, const auto&, const Jet<T>*, const Jet<T>* shown) {
+      simulate(in, r, in.jets<T>(r, first), [&](int64_t t, const auto&, const auto&, const Jet<T>* shown) {
         std::copy(shown, shown + channels, signal.begin() + t * channels);
       });
   const Readings data = in.readings(r, kLinearisationData);
   const auto put = [&](const Jet<T>& x, int64_t at, double* values, double* derivatives) {
-    if (first == 0) values[at] = x.d[0][0];
+    if (first == 0) values[at] = value(x);
     const double* lane = reinterpret_cast<const double*>(x.d) + 1;
     for (int64_t k = first; k < last; ++k) derivatives[at * unknowns + k] = lane[k - first];
   };
@@ -331,16 +394,14 @@ bool linearise_block(const Inputs& in, int64_t r, int64_t first, double* const (
       const int64_t at = (t * in.runs + r) * channels + c;
       const Jet<T>& y = signal[t * channels + c];
       put(residual(data, fit[c], y, t, c), at, out[0], out[1]);
-      if (first == 0) out[4][at] = y.d[0][0];
+      if (first == 0) out[4][at] = value(y);
     }
   return known;
 }
 
 // Residuals, their derivatives, gain residuals, their derivatives, signals.
-ffi::Error linearise(ffi::RemainingArgs args, ffi::RemainingRets rets, int64_t samples, int64_t substeps,
-                     double interval, double growth, ffi::Span<const int64_t> deflection_axles,
-                     ffi::Span<const int64_t> acceleration_axles) {
-  const Inputs in(args, {samples, substeps, interval, growth, deflection_axles, acceleration_axles});
+ffi::Error linearise(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings settings) {
+  const Inputs in(args, settings);
   if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
   double* out[5];
   for (int k = 0; k < 5; ++k) out[k] = (*rets.get<Buffer>(k))->typed_data();
@@ -358,22 +419,15 @@ ffi::Error linearise(ffi::RemainingArgs args, ffi::RemainingRets rets, int64_t s
   return finish(known);
 }
 
-auto bind() {
-  return ffi::Ffi::Bind()
-      .RemainingArgs()
-      .RemainingRets()
-      .Attr<int64_t>("samples")
-      .Attr<int64_t>("substeps")
-      .Attr<double>("interval")
-      .Attr<double>("growth")
-      .Attr<ffi::Span<const int64_t>>("deflection_axles")
-      .Attr<ffi::Span<const int64_t>>("acceleration_axles");
-}
-
 }  // namespace
 }  // namespace sysid
 
-XLA_FFI_DEFINE_HANDLER_SYMBOL(sysid_sensors, sysid::sensors, sysid::bind());
-XLA_FFI_DEFINE_HANDLER_SYMBOL(sysid_histories, sysid::histories, sysid::bind());
-XLA_FFI_DEFINE_HANDLER_SYMBOL(sysid_misfits, sysid::misfits, sysid::bind());
-XLA_FFI_DEFINE_HANDLER_SYMBOL(sysid_linearise, sysid::linearise, sysid::bind());
+
+#define SYSID_ENTRY(name, function) \
+  XLA_FFI_DEFINE_HANDLER_SYMBOL(    \
+      name, function, ffi::Ffi::Bind().RemainingArgs().RemainingRets().Attrs<sysid::Settings>())
+
+SYSID_ENTRY(sysid_sensors, sysid::sensors);
+SYSID_ENTRY(sysid_histories, sysid::histories);
+SYSID_ENTRY(sysid_misfits, sysid::misfits);
+SYSID_ENTRY(sysid_linearise, sysid::linearise);

@@ -73,6 +73,22 @@ class LocalColumns(NamedTuple):
     factor: jax.Array
 
 
+class Laws(NamedTuple):
+    """Suspension and tire laws of R runs.
+
+    `rows` (L, R, na, S) coefficients: k, c, u_0, u_ref, n, c_t, then those of the elements that some axle has, then
+    place and slope of every ramp; `sides` (J, R, na, S) of the ramps; `reference_load` (R, na, 1) [N]; `growth` of
+    the tires' damping; `elements` bits of :mod:`engine.cpp`; `ramps` numbers of ramps of springs and dampers.
+    """
+
+    rows: jax.Array
+    sides: jax.Array
+    reference_load: jax.Array
+    growth: float
+    elements: int
+    ramps: tuple[int, int]
+
+
 _lock = threading.Lock()
 
 
@@ -104,28 +120,40 @@ def prepare() -> None:
 
 
 def supports(lanes: LaneMatrices) -> bool:
-    """Whether the kernel takes vehicles of this size, without axle groups."""
-    return lanes.beams is None and lanes.body_rows.shape[2] in COORDINATES and lanes.static_load.shape[1] <= MAX_AXLES
+    """Whether the kernel takes vehicles of this size."""
+    return lanes.body_rows.shape[2] in COORDINATES and lanes.static_load.shape[1] <= MAX_AXLES
 
 
-def law_rows(suspension: SuspensionLaw, tire: TireLaw) -> jax.Array:
-    """Coefficients of all laws, (6, R, na, S): k, c, u_0, u_ref, n, c_t."""
-    shape = suspension.stiffness.shape
-    rows = (
-        suspension.stiffness,
-        suspension.damping,
-        tire.static_deflection,
-        tire.reference_deflection,
-        tire.exponent,
-        tire.damping,
-    )
-    return jnp.stack([jnp.broadcast_to(jnp.asarray(r, jnp.float64), shape) for r in rows])
+def laws(suspension: SuspensionLaw, tire: TireLaw) -> Laws:
+    """Laws of all lanes as the kernel takes them; elements that no axle has are left out."""
+    law = suspension
+    shape = law.stiffness.shape
+
+    def rows(*values: jax.Array) -> list[jax.Array]:
+        return [jnp.broadcast_to(jnp.asarray(v, jnp.float64), shape) for v in values]
+
+    found = rows(law.stiffness, law.damping)
+    found += rows(tire.static_deflection, tire.reference_deflection, tire.exponent, tire.damping)
+    present = []
+    for element in ((law.softening,), (law.saturation, law.tail), (law.asymmetry,), (law.friction, law.slip)):
+        has = all(value is not None for value in element)
+        present.append(has)
+        found += rows(*element) if has else []
+    sides, counts = [], []
+    for ramps in (law.ramps, law.rate_ramps):
+        corners = [] if ramps is None else list(zip(*ramps, strict=True))
+        counts.append(len(corners))
+        for at, slope, side in corners:
+            found += rows(at, slope)
+            sides += rows(side)
+    elements = sum(1 << bit for bit, has in enumerate(present) if has)
+    stacked = jnp.stack(sides) if sides else jnp.zeros((0, *shape))
+    return Laws(jnp.stack(found), stacked, tire.reference_load, float(tire.growth), elements, (counts[0], counts[1]))
 
 
 def sensors(
     lanes: LaneMatrices,
-    laws: jax.Array,
-    tire: TireLaw,
+    laws: Laws,
     course: Course,
     timing: Timing,
     layout: SensorLayout,
@@ -133,25 +161,25 @@ def sensors(
 ) -> jax.Array:
     """Filtered signals (T, R, C, S); twin of :func:`sysid.vehicle_model.simulation.simulate_sensors`."""
     channels = len(layout.deflection_axles) + len(layout.acceleration_axles) + lanes.body_rows.shape[1]
-    shape = (timing.samples, laws.shape[1], channels, laws.shape[3])
-    buffers = _buffers(lanes, laws, tire, course, recursion)
-    return _call("sensors", [shape], buffers, tire, timing, layout)[0]
+    shape = (timing.samples, laws.rows.shape[1], channels, laws.rows.shape[3])
+    buffers = _buffers(lanes, laws, course, recursion)
+    return _call("sensors", [shape], buffers, laws, timing, layout)[0]
 
 
-def histories(lanes: LaneMatrices, laws: jax.Array, tire: TireLaw, course: Course, timing: Timing) -> Histories:
+def histories(lanes: LaneMatrices, laws: Laws, course: Course, timing: Timing) -> Histories:
     """Unfiltered histories; twin of :func:`sysid.vehicle_model.simulation.simulate_histories`."""
-    _, runs, axles, sets = laws.shape
+    _, runs, axles, sets = laws.rows.shape
     width = dict.fromkeys(Histories._fields, axles)
     width |= {"body_acceleration": lanes.body_rows.shape[1], "body": lanes.body_rows.shape[2]}
     shapes = [(timing.samples, runs, width[name], sets) for name in Histories._fields]
-    buffers = _buffers(lanes, laws, tire, course, None)
-    return Histories(*_call("histories", shapes, buffers, tire, timing, SensorLayout((), ())))
+    buffers = _buffers(lanes, laws, course, None)
+    every = tuple(range(axles))
+    return Histories(*_call("histories", shapes, buffers, laws, timing, SensorLayout(every, every)))
 
 
 def misfits(
     lanes: LaneMatrices,
-    laws: jax.Array,
-    tire: TireLaw,
+    laws: Laws,
     course: Course,
     timing: Timing,
     layout: SensorLayout,
@@ -160,16 +188,15 @@ def misfits(
     local: LocalColumns,
 ) -> jax.Array:
     """r'r - b' N^-1 b of every run and set (R, S), as in :mod:`sysid.posterior.log_density`."""
-    buffers = [*_buffers(lanes, laws, tire, course, recursion), *readings, *local]
-    return _call("misfits", [(laws.shape[1], laws.shape[3])], buffers, tire, timing, layout)[0]
+    buffers = [*_buffers(lanes, laws, course, recursion), *readings, *local]
+    return _call("misfits", [(laws.rows.shape[1], laws.rows.shape[3])], buffers, laws, timing, layout)[0]
 
 
 def linearise(
     lanes: LaneMatrices,
-    laws: jax.Array,
+    laws: Laws,
     law_tangents: jax.Array,
     motion_tangents: jax.Array,
-    tire: TireLaw,
     course: Course,
     timing: Timing,
     layout: SensorLayout,
@@ -180,7 +207,7 @@ def linearise(
 
     Parameters
     ----------
-    laws, law_tangents : (6, R, na, 1) and its derivatives (6, R, na, P).
+    laws, law_tangents : laws of one set, and derivatives (L, R, na, P) of their rows.
     motion_tangents : (2, R, P) derivatives of speed [m/s] and start [s].
 
     Returns
@@ -191,14 +218,14 @@ def linearise(
     samples, runs, channels = readings.value.shape
     unknowns = law_tangents.shape[-1]
     signal, gain = (samples, runs, channels), (runs, channels)
-    buffers = [*_buffers(lanes, laws, tire, course, recursion), law_tangents, motion_tangents, *readings]
+    buffers = [*_buffers(lanes, laws, course, recursion), law_tangents, motion_tangents, *readings]
     shapes = [signal, (*signal, unknowns), gain, (*gain, unknowns), signal]
-    return _call("linearise", shapes, buffers, tire, timing, layout)
+    return _call("linearise", shapes, buffers, laws, timing, layout)
 
 
-def _buffers(lanes, laws, tire, course: Course, recursion: FilterRecursion | None) -> list[jax.Array]:
+def _buffers(lanes: LaneMatrices, laws: Laws, course: Course, recursion: FilterRecursion | None) -> list[jax.Array]:
     road = course.road
-    runs = laws.shape[1]
+    runs = laws.rows.shape[1]
     poles = np.zeros((0, 10))
     if recursion is not None:
         parts = (recursion.decay, recursion.start, recursion.middle, recursion.weight, recursion.feed)
@@ -218,13 +245,15 @@ def _buffers(lanes, laws, tire, course: Course, recursion: FilterRecursion | Non
         CELL_POLYNOMIAL,
         course.axle_x,
         jnp.stack([jnp.broadcast_to(x, (runs, 1))[:, 0] for x in (course.speed, course.start_s)]),
-        jnp.broadcast_to(tire.reference_load, (runs, laws.shape[2], 1)),
+        jnp.broadcast_to(laws.reference_load, (runs, laws.rows.shape[2], 1)),
         poles,
-        laws,
+        *((nothing,) * 4 if lanes.beams is None else lanes.beams),
+        laws.sides,
+        laws.rows,
     ]
 
 
-def _call(entry: str, shapes, buffers, tire: TireLaw, timing: Timing, layout: SensorLayout) -> list[jax.Array]:
+def _call(entry: str, shapes, buffers, laws: Laws, timing: Timing, layout: SensorLayout) -> list[jax.Array]:
     results = [jax.ShapeDtypeStruct(shape, jnp.float64) for shape in shapes]
     call = jax.ffi.ffi_call(f"{_registered()}_{entry}", results)
     found = call(
@@ -232,7 +261,10 @@ def _call(entry: str, shapes, buffers, tire: TireLaw, timing: Timing, layout: Se
         samples=np.int64(timing.samples),
         substeps=np.int64(timing.substeps),
         interval=np.float64(timing.interval_s),
-        growth=np.float64(tire.growth),
+        growth=np.float64(laws.growth),
+        elements=np.int64(laws.elements),
+        ramps=np.int64(laws.ramps[0]),
+        rate_ramps=np.int64(laws.ramps[1]),
         deflection_axles=np.array(layout.deflection_axles, np.int64),
         acceleration_axles=np.array(layout.acceleration_axles, np.int64),
     )

@@ -20,12 +20,11 @@ struct SensorFit {
   double scale;
 };
 
-inline Pack quotient(const Pack& a, const Pack& b) { return a / b; }
-// (a/b)' = (a' - (a/b) b') / b
+// x where it lies beyond zero on the side opposite to `side`, else 0.
+inline Pack beyond(const Pack& x, double side) { return select(side * x < 0.0, x, Pack{}); }
 template <int T>
-inline Jet<T> quotient(const Jet<T>& a, const Jet<T>& b) {
-  const double inverse = 1.0 / b.d[0][0], ratio = a.d[0][0] * inverse;
-  return plus(inverse * (a - ratio * b), ratio);
+inline Jet<T> beyond(const Jet<T>& x, double side) {
+  return side * value(x) < 0.0 ? x : Jet<T>{};
 }
 
 // Offset and gain of channel c that minimise its weighted squares plus the gain's prior:
@@ -34,7 +33,7 @@ inline Jet<T> quotient(const Jet<T>& a, const Jet<T>& b) {
 template <class V>
 SensorFit<V> fit_sensor(const Readings& data, const V* signal, int channels, int c) {
   double count = 0.0, sum_d = 0.0;
-  V sum_y = zero<V>();
+  V sum_y{};
   for (int64_t t = 0; t < data.samples; ++t) {
     const double mask = data.measured[t * data.stride + c];
     count += mask;
@@ -43,19 +42,19 @@ SensorFit<V> fit_sensor(const Readings& data, const V* signal, int channels, int
   }
   count = count < 1.0 ? 1.0 : count;
   const V mean_y = (1.0 / count) * sum_y;
-  V s_yy = zero<V>(), s_yd = zero<V>();
+  V s_yy{}, s_yd{};
   for (int64_t t = 0; t < data.samples; ++t) {
     const double mask = data.measured[t * data.stride + c];
     const V centred = mask * (signal[t * channels + c] - mean_y);
-    s_yy += product(centred, centred);
+    s_yy += centred * centred;
     s_yd += data.value[t * data.stride + c] * centred;
   }
   const double sigma = data.noise_sd[c] / data.tempering[c], spread = data.gain_sd[c];
   const double weight = 1.0 / (sigma * sigma), prior = 1.0 / (spread * spread);
   SensorFit<V> fit;
-  fit.gain = quotient(plus(weight * s_yd, prior), plus(weight * s_yy, prior));
-  fit.offset = plus(zero<V>() - product(fit.gain, mean_y), sum_d / count);
-  fit.gain_residual = std::isfinite(data.noise_sd[c]) ? (1.0 / spread) * plus(fit.gain, -1.0) : zero<V>();
+  fit.gain = (prior + weight * s_yd) / (prior + weight * s_yy);
+  fit.offset = sum_d / count + -(fit.gain * mean_y);
+  fit.gain_residual = std::isfinite(data.noise_sd[c]) ? (1.0 / spread) * (-1.0 + fit.gain) : V{};
   fit.scale = data.tempering[c] / data.noise_sd[c];
   return fit;
 }
@@ -64,7 +63,7 @@ SensorFit<V> fit_sensor(const Readings& data, const V* signal, int channels, int
 template <class V>
 inline V residual(const Readings& data, const SensorFit<V>& fit, const V& y, int64_t t, int c) {
   const int64_t at = t * data.stride + c;
-  const V difference = plus(fit.offset + product(fit.gain, y), -data.value[at]);
+  const V difference = -data.value[at] + (fit.offset + fit.gain * y);
   V counted = data.measured[at] * difference;
   if (data.censored[at] != 0.0) counted += std::abs(data.censored[at]) * beyond(difference, data.censored[at]);
   return fit.scale * counted;

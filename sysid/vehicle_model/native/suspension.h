@@ -1,0 +1,155 @@
+// Suspension laws: the equations of sysid/vehicle_model/suspension.py, one axle at a time.
+
+#pragma once
+
+#include <vector>
+
+#include "contact.h"
+
+namespace sysid {
+
+constexpr double kReferenceRate = 0.5;  // [m/s], at which a nonlinear damper's coefficient is stated
+constexpr double kShortest = 0.05;      // share of its static length below which a gas spring is not compressed
+
+// side * slope * max(0, side (x - at)) of a piecewise linear curve.
+template <class V>
+struct Ramp {
+  V at, slope;
+  Scalar<V> side;
+};
+
+// Which elements a group of runs has: what none of its axles needs is not computed.
+struct Elements {
+  bool gas_spring = false, saturating = false, asymmetric = false, friction = false;
+  int ramps = 0, rate_ramps = 0;
+  bool corners() const { return asymmetric || ramps > 0 || rate_ramps > 0; }
+  bool linear() const { return !gas_spring && !saturating && !friction && !corners(); }
+};
+
+// pull = S(e) + D(v) + F_c phi, positive when it pulls body and axle together; e extension from rest, v its rate.
+template <class V>
+struct SuspensionLaw {
+  V stiffness, damping;                // k [N/m], c [N s/m]
+  V softening;                         // 1/l [1/m]
+  V saturation, tail, stated;          // v_s [m/s], r, and what the damper's shape is at the reference rate
+  V rebound, compression, corner;      // 2 q / (1 + q), 2 / (1 + q), and their difference
+  V friction, slip;                    // F_c [N], z_s [m]
+  std::vector<Ramp<V>> ramps, rate_ramps;
+};
+
+template <class V>
+inline V ramp_force(const std::vector<Ramp<V>>& ramps, const V& x) {
+  V sum{};
+  for (const Ramp<V>& ramp : ramps) sum += ramp.side * (ramp.slope * positive(ramp.side * (x - ramp.at)));
+  return sum;
+}
+
+// S = k e / max(1 + e / l, 0.05): the isothermal law of a gas spring.
+template <class V>
+inline V spring_force(const Elements& has, const SuspensionLaw<V>& law, const V& extension) {
+  V force = law.stiffness * extension;
+  if (has.gas_spring) {
+    const V length = 1.0 + extension * law.softening;
+    const V shortest = constant_row<V>(kShortest - Scalar<V>{});
+    force = force / select(value(length) < kShortest, shortest, length);
+  }
+  if (has.ramps > 0) force += ramp_force(law.ramps, extension);
+  return force;
+}
+
+// r + (1 - r) / sqrt(1 + (v / v_s)^2)
+template <class V>
+inline V damper_shape(const SuspensionLaw<V>& law, const V& rate) {
+  const V relative = rate / law.saturation;
+  return law.tail + (1.0 + -law.tail) / square_root(1.0 + relative * relative);
+}
+
+// c v, or c v times the damper's shape over what that is at the reference rate.
+template <class V>
+inline V symmetric_damper(const Elements& has, const SuspensionLaw<V>& law, const V& rate) {
+  const V force = law.damping * rate;
+  return has.saturating ? force * damper_shape(law, rate) / law.stated : force;
+}
+
+template <class V>
+inline V damper_force(const Elements& has, const SuspensionLaw<V>& law, const V& rate) {
+  V force = symmetric_damper(has, law, rate);
+  if (has.asymmetric) force = force * select(value(rate) >= 0.0, law.rebound, law.compression);
+  if (has.rate_ramps > 0) force += ramp_force(law.rate_ramps, rate);
+  return force;
+}
+
+// phi after the extension changes in one direction (Dahl): s + (phi - s) exp(-|change| / z_s), s = sgn(change).
+template <class V>
+inline V slide(const SuspensionLaw<V>& law, const V& phi, const V& change) {
+  const Scalar<V> sign = select(value(change) == 0.0, Scalar<V>{}, sign_of(value(change)));
+  const V direction = constant_row<V>(sign);
+  return direction + (phi - direction) * exponential(-(absolute(change) / law.slip));
+}
+
+// phi at a stage `tau` into the step, from the parabola through the step's start (extension e0, rate v0) and the
+// stage's extension e: where it turns in between the element slides to the turning point and back.
+template <class V>
+inline V slip_at_stage(const SuspensionLaw<V>& law, const V& phi, const V& e0, const V& v0, double tau, const V& e) {
+  const V reach = tau * v0, bend = e - e0 - reach;
+  const auto turns = value(v0) * (value(reach) + 2.0 * value(bend)) < 0.0;
+  const V one = constant_row<V>(Scalar<V>{} + 1.0);
+  const V turned = e0 - select(turns, reach * reach, V{}) / (4.0 * select(turns, bend, one));
+  return slide(law, slide(law, phi, turned - e0), e - turned);
+}
+
+// Root in [0, 1] of the rate v0 + b s + a s^2 of the cubic between both ends of a step of unit length.
+template <class S>
+inline S turning_point(S change, S v0, S v1) {
+  const S a = 3.0 * (v0 + v1) - 6.0 * change, b = 6.0 * change - 4.0 * v0 - 2.0 * v1;
+  const S half = -0.5 * (b + sign_of(b) * square_root(positive(b * b - 4.0 * a * v0)));
+  const S none = S{} - 1.0;
+  const S first = select(a != 0.0, half / a, none), second = select(half != 0.0, v0 / half, none);
+  return at_most_one(positive(select((second >= 0.0) & (second <= 1.0), second, first)));
+}
+
+// phi at the end of a step, through the turning point of the cubic between extension and rate at both ends; the rate
+// vanishes there, so the exact derivative needs no derivative of its place.
+template <class V>
+inline V slip_after_step(const SuspensionLaw<V>& law, const V& phi, const V& e0, const V& v0, const V& e1, const V& v1,
+                         double h) {
+  const auto turns = value(v0) * value(v1) < 0.0;
+  const V change = e1 - e0;
+  const Scalar<V> s = turning_point(value(change), h * value(v0), h * value(v1)), rest = 1.0 - s;
+  const V cubic = e0 + s * ((h * rest * rest) * v0 + s * ((3.0 - 2.0 * s) * change - (h * rest) * v1));
+  const V turned = select(turns, cubic, e0);
+  return slide(law, slide(law, phi, turned - e0), e1 - turned);
+}
+
+// What the stages miss of the pull at the corners of its law: mean force and first moment over the step.
+template <class V>
+inline bool missed_at_corners(const Elements& has, const SuspensionLaw<V>& law, const V (&extension)[4],
+                              const V (&rate)[4], V& impulse, V& moment) {
+  bool found = false;
+  impulse = moment = V{};
+  const auto add = [&](const V (&p)[4], const V& factor) {
+    V mean, first;
+    if (!missed_by_stages(p[0], p[1], p[2], p[3], mean, first)) return;
+    impulse += factor * mean;
+    moment += factor * first;
+    found = true;
+  };
+  const auto each = [&](const std::vector<Ramp<V>>& ramps, const V (&x)[4]) {
+    for (const Ramp<V>& ramp : ramps) {
+      V p[4];
+      for (int k = 0; k < 4; ++k) p[k] = ramp.side * (x[k] - ramp.at);
+      add(p, ramp.side * ramp.slope);
+    }
+  };
+  each(law.ramps, extension);
+  each(law.rate_ramps, rate);
+  if (has.asymmetric) {
+    // D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): only the second part has a corner.
+    V p[4];
+    for (int k = 0; k < 4; ++k) p[k] = symmetric_damper(has, law, rate[k]);
+    add(p, law.corner);
+  }
+  return found;
+}
+
+}  // namespace sysid
