@@ -187,7 +187,7 @@ def simulate_runs(model: BumpModel, log_parameters: np.ndarray, motion: RunMotio
 class Compressed(NamedTuple):
     """Residual vector (m,) and Jacobian (m, p + 2 runs) with the squares and products of the full problem.
 
-    The residuals of each run are replaced by the triangular factor R of [J r] = Q R: R carries the same r'r, J'r and
+    The residuals of each run are replaced by a square factor F with F'F = [J r]'[J r]: it carries the same r'r, J'r and
     J'J, so Gauss-Newton and Levenberg-Marquardt steps are unchanged.  Run-local columns follow the global ones:
     speed and start of the first run of the first group, and so on.
     """
@@ -213,6 +213,20 @@ def run_blocks(linearisation: Linearisation) -> list[np.ndarray]:
     return blocks
 
 
+def square_factor(block: np.ndarray) -> np.ndarray:
+    """F (n, n) with F'F = B'B for a tall block B (m, n), columns of zeros allowed.
+
+    From the eigenvalues of the normal matrix with columns scaled to unit length: for thousands of rows and tens of
+    columns a small part of the time of an orthogonal factorisation, and exact enough for scaled condition numbers far
+    below 1e8.
+    """
+    normal = block.T @ block
+    length = np.sqrt(np.diag(normal))
+    scale = np.where(length > 0.0, length, 1.0)
+    values, vectors = np.linalg.eigh(normal / scale[:, None] / scale)
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * scale)
+
+
 def compress(
     model: BumpModel,
     linearisations: Sequence[Linearisation],
@@ -227,7 +241,7 @@ def compress(
     blocks = [block for lin in linearisations for block in run_blocks(lin)]
     residuals, jacobians = [], []
     for position, block in enumerate(blocks):
-        factor: np.ndarray = np.asarray(np.linalg.qr(block, mode="r"))
+        factor = square_factor(block)
         wide = np.zeros((factor.shape[0], width))
         wide[:, :count] = factor[:, :count]
         wide[:, count + 2 * position : count + 2 * position + 2] = factor[:, count : count + 2]
