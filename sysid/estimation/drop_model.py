@@ -127,7 +127,7 @@ def fit_drops(
 
     Returns
     -------
-    Estimates with method ``model``, one per axle and load case of its stiffness; standard deviations include what the
+    Estimates with method ``model``, one per axle (of a group at its first axle) and load case of its stiffness; standard deviations include what the
     model does not explain (residual over instrument noise) but no more.
 
     Raises
@@ -252,7 +252,10 @@ def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEsti
     parameters = optimum.problem.model.parameters
     sd = parameter_sd(optimum) * max(1.0, optimum.misfit)
     found = []
-    for axle, load_case in sorted({(d.axle, d.load_case) for d in records}, key=lambda key: (key[1], key[0])):
+    # Drops of a group's axles say the same about its one suspension.
+    owner = parameters.suspension_axle
+    dropped = {(owner[d.axle] if owner else d.axle, d.load_case) for d in records}
+    for axle, load_case in sorted(dropped, key=lambda key: (key[1], key[0])):
         k, c = parameters.index("stiffness", axle, load_case), parameters.index("damping", axle, load_case)
         stiffness, damping = np.exp(optimum.vector[[k, c]])
         found.append(

@@ -17,14 +17,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.campaign.records import Axle, Campaign
+from sysid.campaign.records import Axle, Campaign, Vehicle
 from sysid.estimation.conclusion import conclude
 from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.least_squares import optimise, optimum_under
 from sysid.estimation.parameters import campaign_parameters, declared_laws
 from sysid.estimation.problem import FitState, Optimum
 from sysid.estimation.results import FitResult, LawComparison, LawTrial
-from sysid.estimation.suspension_elements import ELEMENTS, law_name
+from sysid.estimation.suspension_elements import ELEMENTS, law_elements, law_name
 from sysid.road.results import RoadProfile
 from sysid.sdof.results import DropSummary
 
@@ -83,6 +83,13 @@ def fit_with_laws(
         chosen, comparison = _compare(campaign, declared, rich, chosen, fitted, options)
     fit, state = conclude(campaign, chosen, options, report)
     return replace(fit, law_comparison=comparison), state
+
+
+def laws_of_axles(vehicle: Vehicle, laws: Sequence[str]) -> Laws:
+    """Law of every axle from the laws of a fit's suspensions, front to rear; a group of axles has one suspension."""
+    owner = vehicle.suspension_axle
+    law_of = dict(zip(sorted(set(owner)), laws, strict=True))
+    return tuple(law_elements(law_of[i]) for i in owner)
 
 
 def richest_laws(axles: Sequence[Axle], declared: Laws) -> Laws:

@@ -130,7 +130,7 @@ class FitResult(Tabular):
 
     @property
     def laws(self) -> tuple[str, ...]:
-        """Suspension law of every axle, front to rear."""
+        """Suspension law of every axle (of a group one, in the place of its first axle), front to rear."""
         found = {p.axle: p.law for p in self.parameters if p.quantity == "damping"}
         return tuple(found[axle] for axle in sorted(found, key=lambda a: -1 if a is None else a))
 

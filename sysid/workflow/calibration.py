@@ -22,11 +22,10 @@ from sysid.campaign.records import Campaign
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.estimation.bump_model import bump_model
 from sysid.estimation.drop_model import with_model_estimates
-from sysid.estimation.law_choice import fit_with_laws
+from sysid.estimation.law_choice import fit_with_laws, laws_of_axles
 from sysid.estimation.parameters import ParameterSet, campaign_parameters
 from sysid.estimation.problem import FitState
 from sysid.estimation.results import FitResult
-from sysid.estimation.suspension_elements import law_elements
 from sysid.export.contents import Results, Status
 from sysid.export.files import write_text
 from sysid.export.inference_data import write_posterior
@@ -290,7 +289,7 @@ class Calibration:
         )
 
     def _parameters(self) -> ParameterSet:
-        laws = tuple(law_elements(law) for law in self.fit().laws)
+        laws = laws_of_axles(self.campaign.vehicle, self.fit().laws)
         return campaign_parameters(self.campaign, self.drops(), laws)
 
     def _profiles(self) -> dict[str, RoadProfile]:

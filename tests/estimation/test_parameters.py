@@ -11,6 +11,7 @@ from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, campaign, empty_run
 from sysid.campaign.records import AxleGroup, PredictionRequest, PriorOverride
 from sysid.errors import CampaignError
 from sysid.estimation.lane_laws import stiffness_positions
+from sysid.estimation.law_choice import laws_of_axles
 from sysid.estimation.parameters import Parameter, ParameterSet, PriorLink, best_drop_estimates, campaign_parameters
 from sysid.sdof.results import DropEstimate, DropSummary
 
@@ -163,6 +164,10 @@ def test_an_axle_group_has_one_suspension_named_after_its_first_axle():
     assert by_name["c_2"].start == pytest.approx(2 * 9e3)
     generic = {p.name: p.start for p in campaign_parameters(data, None).parameters}
     assert generic["k_2[empty]"] == pytest.approx(2 * 3.5e5)
+    # The laws that a fit reports, one per suspension, are those of all axles again.
+    laws = (frozenset({"leaf_friction"}), frozenset({"gas_spring"}), frozenset({"gas_spring"}))
+    names = [p.law for p in campaign_parameters(data, drops, laws).parameters if p.quantity == "damping"]
+    assert laws_of_axles(grouped, names) == laws
     # Every axle of the group finds the group's suspension, and its own tire.
     np.testing.assert_array_equal(stiffness_positions(found, 3, ["empty", "laden"]), [[0, 1, 1], [0, 2, 2]])
     assert [found.index("damping", i) for i in range(3)] == [3, 4, 4]
