@@ -127,8 +127,8 @@ def fit_drops(
 
     Returns
     -------
-    Estimates with method ``model``, one per axle (of a group at its first axle) and load case of its stiffness; standard deviations include what the
-    model does not explain (residual over instrument noise) but no more.
+    Estimates with method ``model``, one per axle (of a group at its first axle) and load case of its stiffness;
+    standard deviations include what the model does not explain (residual over instrument noise) but no more.
 
     Raises
     ------

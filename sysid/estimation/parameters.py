@@ -271,7 +271,8 @@ def _suspension_parameter(
 ) -> Parameter:
     """k or c of one suspension: the user's prior first, then drops, then the generic range of its suspension type.
 
-    Drops and generic values are per axle: the suspension of a group is as stiff as those of its axles together.
+    Generic values and single-axle evaluations of drops are per axle: the suspension of a group is as stiff as those of
+    its axles together.  The full model's estimate and a leaf pack's dimensions are the group's own.
     """
     axle, on = vehicle.axles[i], _carried_by(vehicle, i)
     if quantity == "stiffness":
@@ -281,7 +282,10 @@ def _suspension_parameter(
         symbol, unit, spread = "c", "N s/m", DROP_DAMPING_SD
         generic = GENERIC_DAMPING
     every = best_drop_estimates(drops, load_case)
-    values = [getattr(every[j], quantity) for j in on if j in every]
+    by_model = i in every and every[i].method == "model"
+    values = [
+        getattr(every[j], quantity) / (len(on) if by_model else 1) for j in ([i] if by_model else on) if j in every
+    ]
     if not values:
         median, sd = generic
     else:
@@ -289,12 +293,12 @@ def _suspension_parameter(
         limit = 2.0 * generic[1]
         shifts = np.clip(np.log(np.array(values) / generic[0]), -limit, limit)
         median, sd = generic[0] * float(np.exp(shifts).mean()), spread
-        if all(every[j].method == "model" for j in on if j in every):
+        if by_model:
             sd = MODEL_STIFFNESS_SD if quantity == "stiffness" else MODEL_DAMPING_SD
     median *= len(on)
     start = median
     if quantity == "stiffness" and axle.leaf is not None:
-        median, sd = len(on) * leaf_pack_stiffness(axle.leaf), LEAF_FORMULA_SD
+        median, sd = leaf_pack_stiffness(axle.leaf), LEAF_FORMULA_SD
         start = start if values else median
     if quantity in axle.priors:
         median, sd = _override(axle, quantity, median, sd)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, campaign, empty_run
 
-from sysid.campaign.records import AxleGroup, PredictionRequest, PriorOverride
+from sysid.campaign.records import AxleGroup, LeafDimensions, PredictionRequest, PriorOverride
 from sysid.errors import CampaignError
 from sysid.estimation.lane_laws import stiffness_positions
 from sysid.estimation.law_choice import laws_of_axles
@@ -162,6 +162,15 @@ def test_an_axle_group_has_one_suspension_named_after_its_first_axle():
     carried = [sum(c.axle_loads_kg[1:]) - 980.0 - 760.0 - 300.0 for c in cases]
     assert found.links[0].mean == pytest.approx(0.5 * np.log(carried[1] / carried[0]))
     assert by_name["c_2"].start == pytest.approx(2 * 9e3)
+    # The full model has one estimate for the group, and a leaf pack is the group's.
+    model = summary(estimate(1, "paper", 4e5), estimate(2, "paper", 3e5), estimate(1, "model", 6.6e5))
+    assert campaign_parameters(data, model).parameters[1].start == pytest.approx(6.6e5)
+    pack = LeafDimensions(10, 0.08, 0.013, 1.2)
+    axles = tuple(replace(a, suspension="leaf", leaf=pack, load_dependent=False) for a in grouped.axles)
+    for vehicle in (replace(grouped, axles=axles, groups=()), replace(grouped, axles=axles)):
+        case = (EMPTY,) if not vehicle.groups else cases
+        leaf = campaign_parameters(campaign([empty_run("a", 5.0)], load_cases=case, vehicle=vehicle), None)
+        assert leaf.parameters[1].prior_median == pytest.approx(leaf.parameters[0].prior_median)
     generic = {p.name: p.start for p in campaign_parameters(data, None).parameters}
     assert generic["k_2[empty]"] == pytest.approx(2 * 3.5e5)
     # The laws that a fit reports, one per suspension, are those of all axles again.
