@@ -4,6 +4,7 @@
 // is written, so results do not depend on the number of threads.  Buffers come in the order of the enumerations below.
 
 #include <atomic>
+#include <memory>
 #include <string>
 #include <thread>
 
@@ -173,7 +174,7 @@ class Inputs {
     const double speed = data(kMotion)[r];
     const Jet<T> faster = jet(0.0, data(kMotionTangents) + r * unknowns);
     const Jet<T> later = jet(0.0, data(kMotionTangents) + (runs + r) * unknowns);
-    return read<Jet<T>>(
+    Laws<Jet<T>> found = read<Jet<T>>(
         r,
         [&](int64_t row, int64_t i) {
           const int64_t at = (row * runs + r) * axles + i;
@@ -181,6 +182,22 @@ class Inputs {
         },
         [&](int64_t row, int64_t i) { return data(kSides)[(row * runs + r) * axles + i]; }, speed + faster, faster,
         -speed * later);
+    for (int64_t begin = 0; begin < axles; begin += kLanes) {
+      TireLaw<Pack> tires{};
+      Pack load{};
+      for (int64_t k = 0; k < kLanes; ++k) {
+        // Lanes beyond the last axle repeat it.
+        const TireLaw<Jet<T>>& one = found.tire[std::min(begin + k, axles - 1)];
+        tires.static_deflection[k] = value(one.static_deflection);
+        tires.inverse_reference[k] = value(one.inverse_reference);
+        tires.exponent[k] = value(one.exponent);
+        tires.damping[k] = value(one.damping);
+        load[k] = one.reference_load;
+      }
+      found.across.push_back(tires);
+      found.reference_load.push_back(load);
+    }
+    return found;
   }
 
   Readings readings(int64_t r, int first) const {
@@ -352,16 +369,16 @@ ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings se
   std::atomic<bool> known{true};
   share(in.runs * blocks, [&](int64_t task) {
     const int64_t r = task / blocks, first = task % blocks * kLanes;
-    std::vector<Pack> signal(in.clock.samples * channels);
+    const std::unique_ptr<Pack[]> signal(new Pack[in.clock.samples * channels]);  // (C, T)
     known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
-      std::copy(shown, shown + channels, signal.begin() + t * channels);
+      for (int64_t c = 0; c < channels; ++c) signal[c * in.clock.samples + t] = shown[c];
     });
     const LocalColumns columns = {in.data(local + kAlong) + r * channels * 2,
                                   in.data(local + kGainColumns) + r * channels * 2,
                                   in.data(local + kLocalOffset) + r * 2,
                                   in.data(local + kLocalFactor) + r * 4,
                                   in.runs * channels * 2};
-    store(misfit(in.readings(r, kCommon), columns, signal.data(), static_cast<int>(channels)), out + r * in.sets, first,
+    store(misfit(in.readings(r, kCommon), columns, signal.get(), static_cast<int>(channels)), out + r * in.sets, first,
           in.sets);
   });
   return finish(known);
@@ -373,10 +390,10 @@ bool linearise_block(const Inputs& in, int64_t r, int64_t first, double* const (
   const int64_t channels = in.channels.count(), samples = in.clock.samples;
   const int64_t unknowns = in.shape(kLawTangents)[3];
   const int64_t last = std::min<int64_t>(unknowns, first + T * kLanes - 1);
-  std::vector<Jet<T>> signal(samples * channels);
+  const std::unique_ptr<Jet<T>[]> signal(new Jet<T>[samples * channels]);  // (C, T)
   const bool known =
       simulate(in, r, in.jets<T>(r, first), [&](int64_t t, const auto&, const auto&, const Jet<T>* shown) {
-        std::copy(shown, shown + channels, signal.begin() + t * channels);
+        for (int64_t c = 0; c < channels; ++c) signal[c * samples + t] = shown[c];
       });
   const Readings data = in.readings(r, kLinearisationData);
   const auto put = [&](const Jet<T>& x, int64_t at, double* values, double* derivatives) {
@@ -386,13 +403,13 @@ bool linearise_block(const Inputs& in, int64_t r, int64_t first, double* const (
   };
   std::vector<SensorFit<Jet<T>>> fit;
   for (int c = 0; c < channels; ++c) {
-    fit.push_back(fit_sensor(data, signal.data(), static_cast<int>(channels), c));
+    fit.push_back(fit_sensor(data, &signal[c * samples], c));
     put(fit[c].gain_residual, r * channels + c, out[2], out[3]);
   }
   for (int64_t t = 0; t < samples; ++t)
     for (int c = 0; c < channels; ++c) {
       const int64_t at = (t * in.runs + r) * channels + c;
-      const Jet<T>& y = signal[t * channels + c];
+      const Jet<T>& y = signal[c * samples + t];
       put(residual(data, fit[c], y, t, c), at, out[0], out[1]);
       if (first == 0) out[4][at] = value(y);
     }

@@ -29,23 +29,23 @@ inline Jet<T> beyond(const Jet<T>& x, double side) {
 
 // Offset and gain of channel c that minimise its weighted squares plus the gain's prior:
 //   gain = (S_yd / sigma^2 + 1 / s_g^2) / (S_yy / sigma^2 + 1 / s_g^2),   offset = mean(d) - gain mean(y).
-// `signal` holds the run's signals (samples, channels).
+// `signal` holds its signal (samples,).
 template <class V>
-SensorFit<V> fit_sensor(const Readings& data, const V* signal, int channels, int c) {
+SensorFit<V> fit_sensor(const Readings& data, const V* signal, int c) {
   double count = 0.0, sum_d = 0.0;
   V sum_y{};
   for (int64_t t = 0; t < data.samples; ++t) {
     const double mask = data.measured[t * data.stride + c];
     count += mask;
     sum_d += mask * data.value[t * data.stride + c];
-    sum_y += mask * signal[t * channels + c];
+    sum_y += mask * signal[t];
   }
   count = count < 1.0 ? 1.0 : count;
   const V mean_y = (1.0 / count) * sum_y;
   V s_yy{}, s_yd{};
   for (int64_t t = 0; t < data.samples; ++t) {
     const double mask = data.measured[t * data.stride + c];
-    const V centred = mask * (signal[t * channels + c] - mean_y);
+    const V centred = mask * (signal[t] - mean_y);
     s_yy += centred * centred;
     s_yd += data.value[t * data.stride + c] * centred;
   }
@@ -76,16 +76,17 @@ struct LocalColumns {
   int64_t stride;
 };
 
-// r'r - b' N^-1 b with b = J' r + prior: the squares of a run with its own unknowns marginalised.
-inline Pack misfit(const Readings& data, const LocalColumns& local, const Pack* signal, int channels) {
+// r'r - b' N^-1 b with b = J' r + prior: the squares of a run with its own unknowns marginalised; signals (C, T).
+inline Pack misfit(const Readings& data, const LocalColumns& local, const Pack* signals, int channels) {
   Pack squares{}, b[2] = {splat(local.offset[0]), splat(local.offset[1])};
   for (int c = 0; c < channels; ++c) {
-    const SensorFit<Pack> fit = fit_sensor(data, signal, channels, c);
+    const Pack* signal = signals + c * data.samples;
+    const SensorFit<Pack> fit = fit_sensor(data, signal, c);
     const Pack g = fit.gain_residual;
     squares += g * g;
     for (int k = 0; k < 2; ++k) b[k] += local.gain[2 * c + k] * g;
     for (int64_t t = 0; t < data.samples; ++t) {
-      const Pack r = residual(data, fit, signal[t * channels + c], t, c);
+      const Pack r = residual(data, fit, signal[t], t, c);
       const double* column = local.along + t * local.stride + 2 * c;
       squares += r * r;
       b[0] += column[0] * r;

@@ -15,6 +15,13 @@ namespace sysid {
 template <int T>
 struct Jet {
   Pack d[T];
+  Jet() = default;
+  // Copied pack by pack: through registers, not by a call of memmove.
+  Jet(const Jet& other) { *this = other; }
+  Jet& operator=(const Jet& other) {
+    for (int t = 0; t < T; ++t) d[t] = other.d[t];
+    return *this;
+  }
   double& value() { return reinterpret_cast<double*>(d)[0]; }
   double value() const { return d[0][0]; }
 };
@@ -78,6 +85,13 @@ template <int T>
 inline Jet<T>& operator+=(Jet<T>& a, const Jet<T>& b) {
   for (int t = 0; t < T; ++t) a.d[t] += b.d[t];
   return a;
+}
+// sum += a x, where many a are zero: worth a look for a jet.
+inline void accumulate(Pack& sum, double a, const Pack& x) { sum += a * x; }
+template <int T>
+inline void accumulate(Jet<T>& sum, double a, const Jet<T>& x) {
+  if (a == 0.0) return;
+  for (int t = 0; t < T; ++t) sum.d[t] += a * x.d[t];
 }
 template <int T>
 inline Jet<T> operator+(double c, const Jet<T>& x) {

@@ -40,6 +40,8 @@ struct Laws {
   std::vector<SuspensionLaw<V>> suspension;
   std::vector<TireLaw<V>> tire;
   V speed, ahead_rate, ahead_start;
+  std::vector<TireLaw<Pack>> across;  // for jets: values of the tires' coefficients, lanes are axles
+  std::vector<Pack> reference_load;   // [N], lanes are axles
 };
 
 // Positions and rates of body and unsprung coordinates, and friction states.
@@ -70,7 +72,7 @@ inline void transform(const double* matrix, int n, const V* x, V* y) {
   for (int i = 0; i < n; ++i) {
     V sum{};
     for (int k = 0; k < n; ++k)
-      if (matrix[i * n + k] != 0.0) sum += matrix[i * n + k] * x[k];
+      if (matrix[i * n + k] != 0.0) accumulate(sum, matrix[i * n + k], x[k]);
     y[i] = sum;
   }
 }
@@ -117,17 +119,11 @@ void contacts(const Run& run, const Laws<Jet<T>>& laws, const RoadPoint* road, d
   using Outer = Local<kForceInputs>;
   for (int first = 0; first < run.axles; first += kLanes) {
     const int count = run.axles - first < kLanes ? run.axles - first : kLanes;
-    Pack rest = splat(1.0), advance{}, speed{}, rise{}, rise_rate{}, inverse = splat(1.0), exponent = splat(1.0),
-         damping{}, load{};
+    const TireLaw<Pack>& tires = laws.across[first / kLanes];
+    Pack advance{}, speed{}, rise{}, rise_rate{};
     bool flat = true;
     for (int k = 0; k < count; ++k) {
       const int i = first + k;
-      const TireLaw<Jet<T>>& law = laws.tire[i];
-      rest[k] = value(law.static_deflection);
-      inverse[k] = value(law.inverse_reference);
-      exponent[k] = value(law.exponent);
-      damping[k] = value(law.damping);
-      load[k] = law.reference_load;
       rise[k] = value(wheel.rise[i]);
       rise_rate[k] = value(wheel.rise_rate[i]);
       if (road[i].flat) continue;
@@ -137,7 +133,7 @@ void contacts(const Run& run, const Laws<Jet<T>>& laws, const RoadPoint* road, d
     }
     Squash<Inner> now;
     if (flat) {
-      now.deflection = variable<kInputs>(rest, kRest) - variable<kInputs>(rise, kRise);
+      now.deflection = variable<kInputs>(tires.static_deflection, kRest) - variable<kInputs>(rise, kRise);
       now.rate = -variable<kInputs>(rise_rate, kRiseRate);
     } else {
       Pack order[kOrders][kMapRows] = {};
@@ -157,37 +153,35 @@ void contacts(const Run& run, const Laws<Jet<T>>& laws, const RoadPoint* road, d
         for (int which = 0; which < 4; ++which) rows.stretch[which][n] = row(n, 1 + which);
         for (int which = 0; which < 3; ++which) rows.drag[which][n] = row(n, 5 + which);
       }
-      now = squash(rows, variable<kInputs>(rest, kRest), variable<kInputs>(advance, kAdvance),
+      now = squash(rows, variable<kInputs>(tires.static_deflection, kRest), variable<kInputs>(advance, kAdvance),
                    variable<kInputs>(speed, kSpeed), variable<kInputs>(rise, kRise),
                    variable<kInputs>(rise_rate, kRiseRate));
     }
     const Outer force = tire_force(variable<kForceInputs>(now.deflection.v, kDeflection),
-                                   variable<kForceInputs>(now.rate.v, kRate), variable<kForceInputs>(inverse, kInverse),
-                                   variable<kForceInputs>(exponent, kExponent),
-                                   variable<kForceInputs>(damping, kDamping), load, run.growth);
+                                   variable<kForceInputs>(now.rate.v, kRate),
+                                   variable<kForceInputs>(tires.inverse_reference, kInverse),
+                                   variable<kForceInputs>(tires.exponent, kExponent),
+                                   variable<kForceInputs>(tires.damping, kDamping),
+                                   laws.reference_load[first / kLanes], run.growth);
     Pack by[kInputs];
     for (int n = 0; n < kInputs; ++n)
       by[n] = force.d[kDeflection] * now.deflection.d[n] + force.d[kRate] * now.rate.d[n];
     for (int k = 0; k < count; ++k) {
       const int i = first + k;
       const TireLaw<Jet<T>>& law = laws.tire[i];
-      Jet<T>& out = unclipped[i];
-      for (int t = 0; t < T; ++t)
-        out.d[t] = by[kRest][k] * law.static_deflection.d[t] + force.d[kInverse][k] * law.inverse_reference.d[t] +
-                   force.d[kExponent][k] * law.exponent.d[t] + force.d[kDamping][k] * law.damping.d[t] +
-                   by[kRise][k] * wheel.rise[i].d[t] + by[kRiseRate][k] * wheel.rise_rate[i].d[t];
+      Jet<T> slopes = by[kRise][k] * wheel.rise[i] + by[kRiseRate][k] * wheel.rise_rate[i] +
+                      by[kRest][k] * law.static_deflection + force.d[kInverse][k] * law.inverse_reference +
+                      force.d[kExponent][k] * law.exponent + force.d[kDamping][k] * law.damping;
       if (!road[i].flat) {
         const Jet<T> ahead = (time - run.start) * laws.ahead_rate + laws.ahead_start;
+        slopes += by[kAdvance][k] * wheel.advance[i] + by[kSpeed][k] * wheel.speed[i] + by[kAhead][k] * ahead;
         const Inner& h = now.drag;
-        for (int t = 0; t < T; ++t) {
-          out.d[t] += by[kAdvance][k] * wheel.advance[i].d[t] + by[kSpeed][k] * wheel.speed[i].d[t] +
-                      by[kAhead][k] * ahead.d[t];
-          drag[i].d[t] = h.d[kRest][k] * law.static_deflection.d[t] + h.d[kAdvance][k] * wheel.advance[i].d[t] +
-                         h.d[kRise][k] * wheel.rise[i].d[t] + h.d[kAhead][k] * ahead.d[t];
-        }
+        drag[i] = h.d[kAdvance][k] * wheel.advance[i] + h.d[kRise][k] * wheel.rise[i] + h.d[kAhead][k] * ahead +
+                  h.d[kRest][k] * law.static_deflection;
         drag[i].value() = h.v[k];
       }
-      out.value() = force.v[k];
+      slopes.value() = force.v[k];
+      unclipped[i] = slopes;
     }
   }
 }
@@ -221,15 +215,20 @@ void forces(const Run& run, const Laws<V>& laws, const RoadPoint* road, double t
   }
   for (int i = 0; i < na; ++i) {
     const double *up = run.position + i * NB, *up_rate = run.rate + i * NB;
-    V above = up[0] * state.body[0] - state.axle[i], above_rate = up_rate[0] * state.body_rate[0] - state.axle_rate[i];
-    for (int j = 1; j < NB; ++j) above += up[j] * state.body[j], above_rate += up_rate[j] * state.body_rate[j];
+    V above = -state.axle[i], above_rate = -state.axle_rate[i];
+    for (int j = 0; j < NB; ++j) {
+      accumulate(above, up[j], state.body[j]);
+      accumulate(above_rate, up_rate[j], state.body_rate[j]);
+    }
     out.extension[i] = above;
     out.rate[i] = above_rate;
     if (road[i].flat) continue;
     const double *along = run.position + (na + i) * NB, *along_rate = run.rate + (na + i) * NB;
-    V advance = along[0] * state.body[0], speed = laws.speed;
-    for (int j = 1; j < NB; ++j) advance += along[j] * state.body[j];
-    for (int j = 0; j < NB; ++j) speed += along_rate[j] * state.body_rate[j];
+    V advance{}, speed = laws.speed;
+    for (int j = 0; j < NB; ++j) {
+      accumulate(advance, along[j], state.body[j]);
+      accumulate(speed, along_rate[j], state.body_rate[j]);
+    }
     wheel.advance[i] = advance;
     wheel.speed[i] = speed;
   }
@@ -237,9 +236,11 @@ void forces(const Run& run, const Laws<V>& laws, const RoadPoint* road, double t
   V body[NB];
   for (int j = 0; j < NB; ++j) {
     const double *tilt = run.position + (2 * na + j) * NB, *hold = run.rate + (2 * na + j) * NB;
-    body[j] = tilt[0] * state.body[0];
-    for (int l = 1; l < NB; ++l) body[j] += tilt[l] * state.body[l];
-    for (int l = 0; l < NB; ++l) body[j] += hold[l] * state.body_rate[l];
+    body[j] = V{};
+    for (int l = 0; l < NB; ++l) {
+      accumulate(body[j], tilt[l], state.body[l]);
+      accumulate(body[j], hold[l], state.body_rate[l]);
+    }
   }
   for (int i = 0; i < na; ++i) {
     const SuspensionLaw<V>& law = laws.suspension[i];
@@ -260,12 +261,12 @@ void forces(const Run& run, const Laws<V>& laws, const RoadPoint* road, double t
     out.pull[i] = pull;
     out.axle[i] = -run.static_load[i] + vertical;
     if (!beams) out.axle[i] = run.inverse_unsprung[i] * (out.axle[i] + pull);
-    for (int j = 0; j < NB; ++j) body[j] += run.acceleration[j * 2 * na + i] * pull;
+    for (int j = 0; j < NB; ++j) accumulate(body[j], run.acceleration[j * 2 * na + i], pull);
     if (road[i].flat) {
       out.horizontal[i] = V{};
     } else {
       out.horizontal[i] = drag[i] * vertical;
-      for (int j = 0; j < NB; ++j) body[j] += run.acceleration[j * 2 * na + na + i] * out.horizontal[i];
+      for (int j = 0; j < NB; ++j) accumulate(body[j], run.acceleration[j * 2 * na + na + i], out.horizontal[i]);
     }
   }
   for (int j = 0; j < NB; ++j) out.body[j] = body[j];
@@ -351,8 +352,8 @@ void observe(const Run& run, const Channels& channels, const V* extension, const
   for (const int i : channels.acceleration) *signal++ = axle[i];
   for (int k = 0; k < channels.body; ++k) {
     const double* row = run.body_rows + k * NB;
-    V sum = row[0] * body[0];
-    for (int j = 1; j < NB; ++j) sum += row[j] * body[j];
+    V sum{};
+    for (int j = 0; j < NB; ++j) accumulate(sum, row[j], body[j]);
     *signal++ = sum;
   }
 }
