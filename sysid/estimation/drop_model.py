@@ -22,8 +22,8 @@ from sysid.estimation.motion_search import best_shift
 from sysid.estimation.objective import RunMotion, simulate_runs
 from sysid.estimation.parameters import campaign_parameters
 from sysid.estimation.problem import Optimum
-from sysid.road.enveloping import FootprintMap, SpokeTable
-from sysid.road.plank import plank_map, plank_table
+from sysid.road.enveloping import FootprintMap, footprint_map
+from sysid.road.plank import lifted_onto_plank, plank_table
 from sysid.sdof.results import DropEstimate, DropSummary
 from sysid.sdof.smoothing import high_frequency_noise
 from sysid.vehicle_model.lanes import EffectiveRoads
@@ -34,8 +34,8 @@ REST_S = 1.2
 #: Speed of a drop without a declared one: 0.5 to 3 m/s is the 95 % range of a lognormal about this median.
 SPEED_M_S = 1.2
 SPEED_LOG_SD = 0.45
-_SPEEDS = np.geomspace(0.5, 3.5, 17)
-_FINER = np.array([0.94, 0.97, 1.03, 1.06])
+_SPEEDS = np.geomspace(0.5, 3.5, 10)
+_FINER = np.array([0.86, 0.93, 1.07, 1.15])
 #: Residual over instrument noise from which on the estimates carry a note.
 DOUBT = 1.6
 #: How long after its largest deflection a record is fitted [s]: a truck that has come to rest says nothing more.
@@ -62,7 +62,18 @@ class PlankRoads(EffectiveRoads):
     def __init__(self, vehicle: Vehicle, load_cases: dict[str, LoadCase]):
         super().__init__(vehicle, load_cases, {})
         self._lifts: dict[str, _Lift] = {}
-        self._end = lru_cache(maxsize=None)(_rounded_table)
+        self._table = lru_cache(maxsize=None)(plank_table)
+        self._end = lru_cache(maxsize=None)(self._make_end)
+
+    def _make_end(self, load_case: str, number: int, height_m: float) -> FootprintMap:
+        axle, gravity = self._vehicle.axles[number], self._vehicle.gravity_m_s2
+        first = next(iter(self._load_cases.values()))
+        return footprint_map(
+            self._table(height_m, axle.tire_radius_m),
+            self._load_cases[load_case].axle_loads_kg[number] * gravity,
+            first.axle_loads_kg[number] * gravity,
+            axle.tire_stiffness_N_per_m,
+        )
 
     def place(self, name: str, lift: _Lift) -> None:
         """Say what the road of a drop is."""
@@ -71,16 +82,7 @@ class PlankRoads(EffectiveRoads):
     def maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
         """Footprint map of every axle in a load case for one drop."""
         lift = self._lifts[bump]
-        vehicle, cases = self._vehicle, self._load_cases
-        axle, gravity = vehicle.axles[lift.axle], vehicle.gravity_m_s2
-        first = next(iter(cases.values()))
-        under = plank_map(
-            self._end(round(lift.height_m, 6), axle.tire_radius_m),
-            cases[load_case].axle_loads_kg[lift.axle] * gravity,
-            first.axle_loads_kg[lift.axle] * gravity,
-            axle.tire_stiffness_N_per_m,
-            raised_m=lift.raised_m,
-        )
+        under = lifted_onto_plank(self._end(load_case, lift.axle, round(lift.height_m, 6)), lift.raised_m)
         flat = replace(
             under,
             rise_m=np.zeros_like(under.rise_m),
@@ -88,11 +90,7 @@ class PlankRoads(EffectiveRoads):
             drag=np.zeros_like(under.drag),
             lift_m=np.zeros_like(under.lift_m),
         )
-        return tuple(under if i == lift.axle else flat for i in range(len(vehicle.axles)))
-
-
-def _rounded_table(height_m: float, radius_m: float) -> SpokeTable:
-    return plank_table(height_m, radius_m)
+        return tuple(under if i == lift.axle else flat for i in range(len(self._vehicle.axles)))
 
 
 def with_model_estimates(

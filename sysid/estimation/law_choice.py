@@ -35,9 +35,9 @@ DECISIVE = 10.0
 
 #: Elements worth trying on an axle without a declared law, by the kind of its suspension.
 CANDIDATES = {
-    "leaf": frozenset({"leaf_friction", "asymmetric_damper"}),
-    "air": frozenset({"gas_spring", "asymmetric_damper"}),
-    "other": frozenset({"leaf_friction", "asymmetric_damper"}),
+    "leaf": frozenset({"friction", "asymmetric_damper"}),
+    "air": frozenset({"friction", "gas_spring", "asymmetric_damper"}),
+    "other": frozenset({"friction", "asymmetric_damper"}),
 }
 
 Laws = tuple[frozenset[str], ...]

@@ -1,7 +1,7 @@
 """Elements that a suspension law is made of, and the parameters with which each enters the calibration.
 
 A law is written in the campaign file as ``linear`` or as elements joined by ``+``, for example
-``leaf_friction + asymmetric_damper``; spring and viscous damper are always there.
+``friction + asymmetric_damper``; spring and viscous damper are always there.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ ELEMENTS = {
     element.name: element
     for element in (
         Element(
-            "leaf_friction",
-            "Coulomb friction between leaves (Dahl)",
+            "friction",
+            "Coulomb friction between leaves or in bushings (Dahl)",
             (
                 ElementQuantity(
                     "friction",

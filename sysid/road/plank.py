@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid.road.enveloping import FootprintMap, SpokeTable, footprint_map, spoke_table
+from sysid.road.enveloping import FootprintMap, SpokeTable, spoke_table
 from sysid.road.results import RoadProfile
 
 #: Length over which the plank's end falls off: the tread spans a gap of this size, so its exact shape is not felt.
@@ -43,14 +43,7 @@ def plank_table(height_m: float, radius_m: float) -> SpokeTable:
     )
 
 
-def plank_map(
-    table: SpokeTable,
-    load_N: float,
-    reference_load_N: float,
-    stiffness_N_per_m: float,
-    *,
-    raised_m: tuple[float, float],
-) -> FootprintMap:
+def lifted_onto_plank(end: FootprintMap, raised_m: tuple[float, float]) -> FootprintMap:
     """Footprint map of a wheel that is lifted onto a plank slowly, rests on it and rolls off its end.
 
     A simulation starts from rest on the flat road; the wheel is therefore first raised to the plank over a stretch of
@@ -58,11 +51,9 @@ def plank_map(
 
     Parameters
     ----------
-    table : of :func:`plank_table`.
-    load_N, reference_load_N, stiffness_N_per_m : as in :func:`sysid.road.enveloping.footprint_map`.
+    end : map around the end of the plank, :func:`sysid.road.enveloping.footprint_map` of :func:`plank_table`.
     raised_m : where the wheel begins to rise and where it has risen [m], both negative.
     """
-    end = footprint_map(table, load_N, reference_load_N, stiffness_N_per_m)
     step = float(end.station_m[1] - end.station_m[0])
     first = round((raised_m[0] - 0.1) / step)
     station = np.arange(first, round(end.station_m[-1] / step) + 1) * step

@@ -229,7 +229,7 @@ class Calibration:
         summary = analyse_drops(self.campaign)
         if not self.settings.drop_model or not self.campaign.plank_drops:
             return summary
-        options = replace(self.settings.fit, weight_rounds=1)
+        options = replace(self.settings.fit, weight_rounds=1, tolerance=1e-4)
         return with_model_estimates(self.campaign, summary, options, self._progress)
 
     def _fit(self) -> tuple[FitResult, dict[str, Any]]:

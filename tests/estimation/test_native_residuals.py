@@ -94,7 +94,7 @@ def test_linearisation_with_every_element_of_suspension_laws(monkeypatch):
     axles = (
         replace(
             first,
-            suspension_law="leaf_friction + asymmetric_damper + bump_stops",
+            suspension_law="friction + asymmetric_damper + bump_stops",
             jounce_travel_m=0.02,
             rebound_travel_m=0.025,
         ),

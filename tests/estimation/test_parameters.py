@@ -174,7 +174,7 @@ def test_an_axle_group_has_one_suspension_named_after_its_first_axle():
     generic = {p.name: p.start for p in campaign_parameters(data, None).parameters}
     assert generic["k_2[empty]"] == pytest.approx(2 * 3.5e5)
     # The laws that a fit reports, one per suspension, are those of all axles again.
-    laws = (frozenset({"leaf_friction"}), frozenset({"gas_spring"}), frozenset({"gas_spring"}))
+    laws = (frozenset({"friction"}), frozenset({"gas_spring"}), frozenset({"gas_spring"}))
     names = [p.law for p in campaign_parameters(data, drops, laws).parameters if p.quantity == "damping"]
     assert laws_of_axles(grouped, names) == laws
     # Every axle of the group finds the group's suspension, and its own tire.

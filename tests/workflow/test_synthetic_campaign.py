@@ -71,11 +71,11 @@ def test_same_seed_same_truck():
 @pytest.mark.parametrize("name", NAMES)
 def test_every_vehicle_makes_a_campaign_file(name):
     example = example_vehicle(name)
-    physics = Physics(vehicle=name, suspension_law="leaf_friction + asymmetric_damper")
+    physics = Physics(vehicle=name, suspension_law="friction + asymmetric_damper")
     tables = tomllib.loads(campaign_text(example, physics, [], []))
     tables["scan"] = {"bump": tables["scan"]}
     read = CampaignFile.model_validate(tables)
-    assert {a.suspension_law for a in read.vehicle.axle} == {"leaf_friction + asymmetric_damper"}
+    assert {a.suspension_law for a in read.vehicle.axle} == {"friction + asymmetric_damper"}
     truth = true_vehicle(example, physics, np.random.default_rng(1))
     assert "F_1" in truth.values
     # Ordinary vehicles: bodies between 1 and 5 Hz, nothing overdamped.
