@@ -1,0 +1,77 @@
+"""Plank drops fitted by the full model, against the shipped campaign's truth (made by another engine)."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sysid.campaign import check_quality, read_campaign
+from sysid.errors import DataRejectedError
+from sysid.estimation.drop_model import fit_drops, with_model_estimates
+from sysid.estimation.fit_options import FitOptions
+from sysid.road import read_point_cloud
+from sysid.sdof.summary import analyse_drops
+
+DATA = Path(__file__).parents[2] / "data"
+FILES = ("axle1_drop2.csv", "axle3_drop3.csv", "axle5_drop1.csv")
+OPTIONS = FitOptions(weight_rounds=1, tolerance=1e-4)
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    whole, _ = check_quality(read_campaign(DATA, point_cloud_reader=read_point_cloud))
+    return replace(whole, plank_drops=tuple(d for d in whole.plank_drops if d.log.file.endswith(FILES)))
+
+
+@pytest.fixture(scope="module")
+def analysed(campaign):
+    return analyse_drops(campaign)
+
+
+@pytest.fixture(scope="module")
+def found(campaign, analysed):
+    return {e.axle: e for e in fit_drops(campaign, analysed, OPTIONS)}
+
+
+def errors(estimates) -> dict[int, tuple[float, float]]:
+    """Relative errors of k and c by axle."""
+    axles = tomllib.loads((DATA / "truth.toml").read_text(encoding="utf-8"))["axle"]
+    return {
+        e.axle: (
+            e.stiffness / axles[e.axle]["suspension_stiffness_N_per_m"] - 1.0,
+            e.damping / axles[e.axle]["suspension_damping_N_s_per_m"] - 1.0,
+        )
+        for e in estimates
+    }
+
+
+def test_one_drop_per_axle_is_enough_for_stiffness_and_damping(found):
+    assert sorted(found) == [0, 2, 4]
+    for k, c in errors(found.values()).values():
+        assert abs(k) < 0.05
+        assert abs(c) < 0.12
+
+
+def test_closer_to_the_truth_than_the_paper(found, analysed):
+    """Median over the axles, for stiffness and for damping."""
+    paper = errors(e for e in analysed.pooled if e.method == "paper")
+    for part in (0, 1):
+        ours = np.median([abs(e[part]) for e in errors(found.values()).values()])
+        assert ours < 0.5 * np.median([abs(e[part]) for e in paper.values()])
+
+
+def test_estimates_stand_beside_the_single_axle_ones(campaign, analysed, found, monkeypatch):
+    monkeypatch.setattr("sysid.estimation.drop_model.fit_drops", lambda *arguments: tuple(found.values()))
+    summary = with_model_estimates(campaign, analysed, OPTIONS)
+    assert [e.method for e in summary.pooled if e.axle == 2] == ["paper", "corrected", "free_decay", "model"]
+
+
+def test_drops_without_dampers_are_not_fitted(campaign, analysed):
+    bare = replace(campaign, plank_drops=tuple(replace(d, dampers=False) for d in campaign.plank_drops))
+    with pytest.raises(DataRejectedError, match="dampers"):
+        fit_drops(bare, analysed, OPTIONS)
+    assert "dampers" in with_model_estimates(bare, analysed, OPTIONS).messages[-1]

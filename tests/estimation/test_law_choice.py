@@ -1,0 +1,67 @@
+"""Suspension laws: richer ones are taken where the truck has them, and are not where it is linear."""
+
+from __future__ import annotations
+
+import tomllib
+
+import pytest
+from synthetic_campaign import Physics, write_campaign
+
+from sysid.campaign import check_quality, read_campaign
+from sysid.estimation.fit_options import FitOptions
+from sysid.estimation.law_choice import DECISIVE, fit_with_laws
+from sysid.road import analyse_scan, read_point_cloud
+from sysid.sdof.summary import analyse_drops
+
+SMALL = Physics(speeds_km_h=(9.0, 22.0), drops_per_axle=1, scan_points=8000, seed=3, element_spread=0.2)
+OPTIONS = FitOptions(weight_rounds=2, cross_check=False, tolerance=1e-5, target_step_s=0.0025)
+
+
+def fitted(folder, physics: Physics, choice: str):
+    """Fit of a campaign whose file says nothing about suspension laws, and its truth."""
+    write_campaign(folder, physics)
+    file = folder / "campaign.toml"
+    lines = [line for line in file.read_text().splitlines() if not line.startswith("suspension_law")]
+    file.write_text("\n".join(lines))
+    campaign, _ = check_quality(read_campaign(folder, point_cloud_reader=read_point_cloud))
+    profiles = {name: analyse_scan(scan).profile for name, scan in campaign.scans.items()}
+    options = FitOptions(**{**OPTIONS.__dict__, "laws": choice})
+    fit, _ = fit_with_laws(campaign, analyse_drops(campaign), profiles, options)
+    return fit, tomllib.loads((folder / "truth.toml").read_text(encoding="utf-8"))["parameters"]
+
+
+@pytest.fixture(scope="module")
+def worn(tmp_path_factory):
+    law = "friction + asymmetric_damper"
+    return fitted(tmp_path_factory.mktemp("worn"), Physics(**{**SMALL.__dict__, "suspension_law": law}), "auto")
+
+
+def test_friction_and_asymmetric_dampers_are_preferred_by_enough(worn):
+    fit, _ = worn
+    assert fit.laws == ("friction + asymmetric_damper",) * 3
+    trials = {t.laws: t for t in fit.law_comparison.trials}
+    best, linear = trials[fit.laws], trials[("linear",) * 3]
+    assert best.gain > 100 * DECISIVE
+    assert linear.misfit > 1.3 > best.misfit
+    # Every trial that lacks one of the two is behind by enough.
+    poorer = [t for t in trials.values() if not all("friction" in law and "damper" in law for law in t.laws)]
+    assert len(poorer) >= 3
+    assert best.gain - max(t.gain for t in poorer) > DECISIVE
+
+
+def test_the_preferred_law_finds_stiffness_and_secant_damping(worn):
+    fit, truth = worn
+    for p in fit.parameters:
+        if p.quantity == "stiffness":
+            assert p.value == pytest.approx(truth[p.name], rel=0.05)
+        if p.quantity == "damping":  # the secant at 0.5 m/s
+            assert p.value == pytest.approx(truth[p.name], rel=0.12)
+
+
+def test_a_linear_truck_stays_linear(tmp_path):
+    fit, truth = fitted(tmp_path, SMALL, "compare")
+    assert fit.laws == ("linear",) * 3
+    assert max(t.gain for t in fit.law_comparison.trials) < DECISIVE
+    for p in fit.parameters:
+        if p.quantity in ("stiffness", "damping"):
+            assert p.value == pytest.approx(truth[p.name], rel=0.03)
