@@ -171,6 +171,7 @@ class _Inputs:
                     repeat=entry.repeat,
                     log=self._log(entry.file, key, sensors),
                     bump=self._bump(entry.bump, key, scans),
+                    speed_held=entry.speed_held,
                 )
             )
         return tuple(runs)

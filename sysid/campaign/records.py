@@ -13,6 +13,8 @@ from typing import Literal
 
 import numpy as np
 
+#: What holds the speed: a driver or servo at once, a tow at constant speed, a cruise control slowly, or nothing.
+SpeedHeld = Literal["servo", "towed", "cruise", "free"]
 SensorKind = Literal["suspension_deflection", "axle_acceleration", "body_acceleration"]
 
 
@@ -233,7 +235,8 @@ class PlankDrop:
 class BumpRun:
     """One pass over a bump at a nominal speed [m/s]; `bump` names the scan it belongs to.
 
-    `speed_sd` is the relative standard deviation of the true speed about the nominal one.
+    `speed_sd` is the relative standard deviation of the true speed about the nominal one; `speed_held` says what keeps
+    the speed over the bump.
     """
 
     case: str
@@ -243,6 +246,7 @@ class BumpRun:
     log: Log
     bump: str = "bump"
     speed_sd: float = 0.03
+    speed_held: SpeedHeld = "servo"
 
 
 @dataclass(frozen=True)

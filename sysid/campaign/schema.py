@@ -277,6 +277,7 @@ class BumpRunTable(Table):
     nominal_speed_km_h: SpeedKmH
     repeat: Annotated[int, Field(strict=True, ge=1, le=10_000)] = 1
     bump: Name | None = None
+    speed_held: Literal["servo", "towed", "cruise", "free"] = "servo"
 
 
 class PredictionTable(Table):

@@ -72,8 +72,21 @@ def show_drops(screen: Console, calibration, summary) -> None:
         screen.print(message, markup=False)
 
 
+def _show_laws(screen: Console, fit) -> None:
+    comparison = fit.law_comparison
+    if comparison is None:
+        return
+    table = _table("Suspension laws tried", ("laws", "parameters", "residual / noise", "gain", "chosen"))
+    for t in comparison.trials:
+        laws = t.laws[0] if len(set(t.laws)) == 1 else "; ".join(f"{i + 1}: {law}" for i, law in enumerate(t.laws))
+        chosen = "yes" if t.laws == comparison.chosen else ""
+        table.add_row(escape(laws), str(t.parameters), f"{t.misfit:.2f}", f"{t.gain:.4g}", chosen)
+    screen.print(table)
+
+
 def show_fit(screen: Console, calibration, fit) -> None:
     """Least-squares values of all parameters."""
+    _show_laws(screen, fit)
     table = _table("Least squares", ("parameter", "value", "unit", "start", "known from the data"))
     for p in fit.parameters:
         scale, unit = (1e3, f"k{p.unit}") if p.unit in ("N/m", "N s/m") else (1.0, p.unit)

@@ -135,7 +135,7 @@ def bump_model(
             campaign.vehicle,
             campaign.load_cases,
             roads,
-            [Pass(r.load_case, r.bump) for r in runs],
+            [Pass(r.load_case, r.bump, r.speed_held) for r in runs],
             layout.body_points,
         )
         substeps = max(1, int(np.ceil(group.interval_s / target_step_s - 1e-9)))

@@ -20,7 +20,7 @@ import numpy as np
 from sysid.campaign.records import Axle, Campaign, Vehicle
 from sysid.estimation.conclusion import conclude
 from sysid.estimation.fit_options import FitOptions
-from sysid.estimation.least_squares import optimise, optimum_under
+from sysid.estimation.least_squares import optimise, optimum_under, reweighted
 from sysid.estimation.parameters import campaign_parameters, declared_laws
 from sysid.estimation.problem import FitState, Optimum
 from sysid.estimation.results import FitResult, LawComparison, LawTrial
@@ -77,8 +77,10 @@ def fit_with_laws(
     asked = options.laws == "compare" or (options.laws == "auto" and chosen.misfit >= DOUBT)
     if asked and rich != declared:
 
-        def fitted(laws: Laws, near: Optimum) -> Optimum:
-            return optimise(campaign, campaign_parameters(campaign, drops, laws), profiles, options, report, near=near)
+        def fitted(laws: Laws, near: Optimum, *, trial: bool = False) -> Optimum:
+            # A trial keeps the weights of its neighbour, under which it is compared.
+            how = replace(options, weight_rounds=0, tolerance=max(options.tolerance, 1e-6)) if trial else options
+            return optimise(campaign, campaign_parameters(campaign, drops, laws), profiles, how, report, near=near)
 
         chosen, comparison = _compare(campaign, declared, rich, chosen, fitted, options)
     fit, state = conclude(campaign, chosen, options, report)
@@ -105,7 +107,7 @@ def _compare(
     poor_laws: Laws,
     rich_laws: Laws,
     poor: Optimum,
-    fitted: Callable[[Laws, Optimum], Optimum],
+    fitted: Callable[..., Optimum],
     options: FitOptions,
 ) -> tuple[Optimum, LawComparison]:
     """The preferred laws' optimum and all trials; every gain is over the laws of the campaign file."""
@@ -128,7 +130,7 @@ def _compare(
         )
         if without in (best_laws, poor_laws):
             continue
-        candidate = optimum_under(fitted(without, best), weights, options)
+        candidate = fitted(without, best, trial=True)
         trials.append(_trial(without, candidate, gain_over(base, candidate)))
         if gain_over(candidate, best) < DECISIVE:
             best_laws, best = without, candidate
@@ -153,4 +155,7 @@ def _names(laws: Laws) -> tuple[str, ...]:
 
 
 def _trial(laws: Laws, optimum: Optimum, gain: float) -> LawTrial:
-    return LawTrial(_names(laws), optimum.problem.count, optimum.minimum.cost, optimum.misfit, gain)
+    problem = optimum.problem
+    own = reweighted(problem, problem.linearise(optimum.vector))
+    misfit = replace(optimum, problem=problem.with_weights(own)).misfit
+    return LawTrial(_names(laws), problem.count, optimum.minimum.cost, misfit, gain)

@@ -119,7 +119,7 @@ def optimise_from(
         vector = minimum.point
         iterations += minimum.iterations
         if not last:
-            problem.weights = _new_weights(problem, problem.linearise(vector))
+            problem.weights = reweighted(problem, problem.linearise(vector))
     assert minimum is not None
     return Optimum(problem, vector, first, replace(minimum, iterations=iterations), instrument)
 
@@ -172,7 +172,7 @@ def _first_scale(model: BumpModel, instrument: tuple[np.ndarray, ...]) -> tuple[
     return tuple(scales)
 
 
-def _new_weights(problem: Problem, linearisations: tuple[Linearisation, ...]) -> Weights:
+def reweighted(problem: Problem, linearisations: tuple[Linearisation, ...]) -> Weights:
     """Residual scales, and tempering by the residuals' variance inflation, from the residuals of a round."""
     scales = []
     for group, lin, noise, temper in zip(

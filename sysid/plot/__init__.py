@@ -3,6 +3,7 @@
 from sysid.plot.comparison import SOURCE_LABELS, SOURCES, AxleEstimates, Estimate, comparison, suspension_estimates
 from sysid.plot.drops import drop, drops
 from sysid.plot.histories import autocorrelation, channel_grid, overlay, suspension_histories
+from sysid.plot.loops import suspension_loop, suspension_loop_pair
 from sysid.plot.modes import mode_shape, mode_shapes
 from sysid.plot.posterior import (
     corner,
@@ -49,6 +50,8 @@ __all__ = [
     "shared_legend",
     "suspension_estimates",
     "suspension_histories",
+    "suspension_loop",
+    "suspension_loop_pair",
     "svg_element",
     "trace",
     "traces",

@@ -10,8 +10,10 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 
 from sysid import plot
+from sysid.estimation.suspension_elements import LINEAR
 from sysid.export import Results
 from sysid.plot.comparison import Quantity
+from sysid.prediction.loops import AMPLITUDE_M, FREQUENCY_HZ, suspension_loops
 from sysid.report.numbers import count, number, speed
 from sysid.report.tables import without_dampers
 from sysid.sdof.results import DropAnalysis
@@ -168,6 +170,22 @@ def mode_pictures(modes: Sequence[NaturalModes], gallery: Gallery) -> list[Pictu
         )
         listed = ", ".join(f"{number(float(f))} Hz" for f in m.frequency_hz)
         pictures.append(gallery.picture(plot.mode_shapes(m)[0, 0], caption, f"{caption} Frequencies: {listed}."))
+    return pictures
+
+
+def loop_pictures(results: Results, gallery: Gallery) -> list[Picture]:
+    """Force-displacement and force-rate curves, for every load case that was driven, where a law is not linear."""
+    if results.fit is None or set(results.fit.laws) == {LINEAR}:
+        return []
+    pictures = []
+    for case in dict.fromkeys(h.load_case for h in results.fit.histories):
+        loops = suspension_loops(results.campaign, results.drops, results.fit, case)
+        caption = (
+            f"Suspension force against extension and against its rate, {case}: one cycle of "
+            f"{1e3 * AMPLITUDE_M:g} mm at {FREQUENCY_HZ:g} Hz with the least-squares laws; positive pulls axle and "
+            "body together, the static load is left out."
+        )
+        pictures.append(gallery.picture(plot.suspension_loop_pair(loops)[0, 0], caption))
     return pictures
 
 

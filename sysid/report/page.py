@@ -88,6 +88,8 @@ def _content(results: Results) -> dict[str, Any]:
         "run_parameters": None
         if results.fit is None
         else tables.parameters_table(results, results.fit.run_parameters, "Parameters of single runs"),
+        "laws": tables.law_table(results),
+        "loop_pictures": figures.loop_pictures(results, gallery),
         "modes": tables.modes_table(modes),
         "mode_pictures": figures.mode_pictures(modes, gallery),
         "posterior_table": None if results.posterior is None else tables.posterior_table(results.posterior),

@@ -344,6 +344,21 @@ def vehicle_table(results: Results) -> Table:
     return table("Vehicle as declared in the campaign file", head, rows, text_columns=2)
 
 
+def law_table(results: Results) -> Table | None:
+    """Suspension laws that were tried, with what each gained; None where none was."""
+    comparison = None if results.fit is None else results.fit.law_comparison
+    if comparison is None:
+        return None
+    rows = []
+    for t in comparison.trials:
+        names = [f"axle {i + 1}: {law}" for i, law in enumerate(t.laws)]
+        laws = t.laws[0] if len(set(t.laws)) == 1 else "; ".join(names)
+        chosen = "yes" if t.laws == comparison.chosen else ""
+        rows.append([laws, str(t.parameters), number(t.misfit, 2), number(t.gain), chosen])
+    head = ("suspension laws", "parameters", "residual / noise", "gain in the criterion", "chosen")
+    return table("Suspension laws tried; a gain of more than 10 decides", head, rows, text_columns=1)
+
+
 def modes_table(modes: Sequence[NaturalModes]) -> Table | None:
     """Natural frequencies and damping ratios, one row per load case and mode; None without any."""
     rows = [

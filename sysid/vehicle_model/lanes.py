@@ -8,21 +8,26 @@ from functools import lru_cache
 
 import numpy as np
 
-from sysid.campaign.records import Axle, LoadCase, Vehicle
+from sysid.campaign.records import Axle, LoadCase, SpeedHeld, Vehicle
 from sysid.road.contact_laws import ContactLaw, cam_map, point_map
 from sysid.road.enveloping import FootprintMap, SpokeTable, footprint_map, spoke_table
 from sysid.road.results import RoadProfile
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import EffectiveRoad, effective_road
-from sysid.vehicle_model.simulation import LaneMatrices, lane_matrices
+from sysid.vehicle_model.simulation import SPEED_HOLD_S, LaneMatrices, lane_matrices
+
+#: Time constants [s] with which a driver, a servo or a winch at constant speed, a cruise control, or nothing at all
+#: holds the speed over the bump.
+HOLD_S: dict[SpeedHeld, float] = {"servo": SPEED_HOLD_S, "towed": SPEED_HOLD_S, "cruise": 1.0, "free": float("inf")}
 
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass over a bump: load case and bump by name."""
+    """One pass over a bump: load case and bump by name, and how the speed is held."""
 
     load_case: str
     bump: str
+    speed_held: SpeedHeld = "servo"
 
 
 @dataclass(frozen=True)
@@ -111,7 +116,9 @@ def make_lanes(
     first = next(iter(load_cases.values()))
     matrices = {name: assemble(vehicle, load_cases[name]) for name in {p.load_case for p in passes}}
     return Lanes(
-        matrices=lane_matrices([matrices[p.load_case] for p in passes], body_points),
+        matrices=lane_matrices(
+            [matrices[p.load_case] for p in passes], body_points, [HOLD_S[p.speed_held] for p in passes]
+        ),
         road=roads.stacked(passes),
         axle_x=np.array([a.x_m for a in vehicle.axles])[:, None],
         reference_load=np.tile(np.array(first.axle_loads_kg)[:, None] * vehicle.gravity_m_s2, (len(passes), 1, 1)),

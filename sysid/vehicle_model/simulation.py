@@ -9,6 +9,7 @@ Everything that does not depend on the state is computed before the loop.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -30,7 +31,7 @@ from sysid.vehicle_model.suspension import (
     suspension_force,
 )
 
-#: The driving force holds the nominal speed like F = (chain mass / SPEED_HOLD_S) (v_ref - v).
+#: The driving force holds the nominal speed like F = (chain mass / T) (v_ref - v); T unless a run says otherwise.
 SPEED_HOLD_S = 0.05
 
 
@@ -69,12 +70,18 @@ class LaneMatrices(NamedTuple):
     beams: LaneBeams | None = None
 
 
-def lane_matrices(matrices: list[PlanarMatrices], body_sensors: list[tuple[int, float]]) -> LaneMatrices:
-    """Stack the matrices of R runs, with one row per body accelerometer given as (body, x_m)."""
+def lane_matrices(
+    matrices: list[PlanarMatrices], body_sensors: list[tuple[int, float]], hold_s: Sequence[float] | None = None
+) -> LaneMatrices:
+    """Stack the matrices of R runs, with one row per body accelerometer given as (body, x_m).
+
+    `hold_s` is the time constant T [s] with which each run's driving force holds the speed, infinite for none; None
+    takes :data:`SPEED_HOLD_S` for all.
+    """
     position, rate, acceleration, rows = [], [], [], []
-    for m in matrices:
+    for m, hold_time in zip(matrices, hold_s or [SPEED_HOLD_S] * len(matrices), strict=True):
         inverse = np.linalg.inv(m.mass)
-        hold = m.drive.T @ ((m.chain_mass / SPEED_HOLD_S)[:, None] * m.drive)
+        hold = m.drive.T @ ((m.chain_mass / hold_time)[:, None] * m.drive)
         position.append(np.concatenate([m.attachment, m.travel, -inverse @ m.tilt]))
         rate.append(np.concatenate([m.attachment, m.travel, -inverse @ hold]))
         acceleration.append(inverse @ np.concatenate([-m.attachment.T, m.travel.T], axis=1))

@@ -1,0 +1,109 @@
+"""Force against displacement and rate of the calibrated suspensions, as a test rig would record them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import jax.numpy as jnp
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.lane_laws import lane_laws, law_inputs
+from sysid.estimation.law_choice import laws_of_axles
+from sysid.estimation.parameters import campaign_parameters
+from sysid.estimation.results import FitResult
+from sysid.sdof.results import DropSummary
+from sysid.tabular import Tabular
+from sysid.vehicle_model.assembly import assemble
+from sysid.vehicle_model.contact import effective_road
+from sysid.vehicle_model.lanes import Lanes
+from sysid.vehicle_model.simulation import lane_matrices
+from sysid.vehicle_model.suspension import slip_after_step, suspension_force
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Harmonic motion of the rig.
+AMPLITUDE_M = 0.03
+FREQUENCY_HZ = 2.0
+_STEPS = 400
+
+
+@dataclass(frozen=True)
+class SuspensionLoops(Tabular):
+    """One cycle of harmonic motion of every suspension in one load case.
+
+    `extension_m`, `rate_m_s` (n,) from static rest; `force_N` (suspensions, n) on the body less its static part,
+    positive when it pulls axle and body together; `axles` their axle indices and `laws` their laws.
+    """
+
+    load_case: str
+    extension_m: np.ndarray
+    rate_m_s: np.ndarray
+    force_N: np.ndarray
+    axles: tuple[int, ...]
+    laws: tuple[str, ...]
+
+    def summary(self) -> pd.DataFrame:
+        """Extension [m], rate [m/s] and the force of each axle [N], one row per instant."""
+        import pandas as pd
+
+        forces = {f"force_{axle + 1}_N": f for axle, f in zip(self.axles, self.force_N, strict=True)}
+        return pd.DataFrame({"extension_m": self.extension_m, "rate_m_s": self.rate_m_s, **forces})
+
+
+def suspension_loops(
+    campaign: Campaign,
+    drops: DropSummary | None,
+    fit: FitResult,
+    load_case: str,
+    *,
+    amplitude_m: float = AMPLITUDE_M,
+    frequency_hz: float = FREQUENCY_HZ,
+) -> SuspensionLoops:
+    """Second cycle of e = A sin(2 pi f t) of every suspension with the least-squares laws, friction settled.
+
+    Parameters
+    ----------
+    drops : the drop analysis that the fit started from, or None.
+    amplitude_m, frequency_hz : A and f.
+
+    Raises
+    ------
+    KeyError
+        If the load case has no stiffness of its own because nobody drove in it.
+    """
+    parameters = campaign_parameters(campaign, drops, laws_of_axles(campaign.vehicle, fit.laws))
+    vehicle = campaign.vehicle
+    first = next(iter(campaign.load_cases.values()))
+    reference = np.array(first.axle_loads_kg)[None, :, None] * vehicle.gravity_m_s2
+    matrices = lane_matrices([assemble(vehicle, campaign.load_cases[load_case])], [])
+    station = np.arange(-20.0, 20.0) * 0.1
+    flat = effective_road(station, np.zeros((1, len(vehicle.axles), station.size)))
+    lanes = Lanes(matrices, flat, np.array([a.x_m for a in vehicle.axles])[:, None], reference)
+    values = jnp.log(jnp.array([p.value for p in fit.parameters]))[:, None]
+    law, _ = lane_laws(law_inputs(vehicle, parameters, lanes, [load_case]), values)
+    time = np.arange(2 * _STEPS + 1) / (_STEPS * frequency_hz)
+    turn = 2.0 * np.pi * frequency_hz
+    extension, rate = amplitude_m * np.sin(turn * time), amplitude_m * turn * np.cos(turn * time)
+    shape = law.stiffness.shape
+    slip = None if law.friction is None else jnp.zeros(shape)
+    forces = []
+    for k, (e, v) in enumerate(zip(extension, rate, strict=True)):
+        now = jnp.full(shape, e), jnp.full(shape, v)
+        if slip is not None and k:
+            before = jnp.full(shape, extension[k - 1]), jnp.full(shape, rate[k - 1])
+            slip = slip_after_step(law, slip, before, now, float(time[1]))
+        if k >= _STEPS:
+            forces.append(np.asarray(suspension_force(law, *now, slip))[0, :, 0])
+    # Suspensions of grouped axles stand at the first axle of their group.
+    own = sorted(set(vehicle.suspension_axle))
+    return SuspensionLoops(
+        load_case,
+        extension[_STEPS:],
+        rate[_STEPS:],
+        np.array(forces).T,
+        tuple(own),
+        fit.laws,
+    )
