@@ -1,11 +1,19 @@
-"""Files for other programs: `result.json`, `parameters.csv`, `predictions/*.csv` and `posterior.nc`."""
+"""Files for other programs: result.json, parameters.csv, validation.csv, predictions/*.csv and posterior.nc."""
 
 from sysid.export.contents import Results
 from sysid.export.files import write_atomically, write_text
 from sysid.export.inference_data import posterior_tree, write_posterior
 from sysid.export.naming import prediction_files
 from sysid.export.result_json import result_document, result_schema, write_result
-from sysid.export.tables import escape_cell, parameters_csv, prediction_csv, write_parameters, write_predictions
+from sysid.export.tables import (
+    escape_cell,
+    parameters_csv,
+    prediction_csv,
+    validation_csv,
+    write_parameters,
+    write_predictions,
+    write_validation,
+)
 
 __all__ = [
     "Results",
@@ -16,10 +24,12 @@ __all__ = [
     "prediction_files",
     "result_document",
     "result_schema",
+    "validation_csv",
     "write_atomically",
     "write_parameters",
     "write_posterior",
     "write_predictions",
     "write_result",
     "write_text",
+    "write_validation",
 ]

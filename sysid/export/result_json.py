@@ -127,8 +127,10 @@ def _agreement(row: ChannelAgreement) -> dict[str, Any]:
         "run": row.run,
         "channel": row.column,
         "nrmse": _number(row.nrmse),
-        "iso18571": None,
-        "sprague_geers": None,
+        "iso18571": _number(row.iso18571),
+        "sprague_geers": None
+        if not math.isfinite(row.sprague_geers_magnitude)
+        else {"magnitude": float(row.sprague_geers_magnitude), "phase": float(row.sprague_geers_phase)},
     }
 
 

@@ -1,10 +1,11 @@
-"""Tables for spreadsheets and other programs: `parameters.csv` and `predictions/*.csv`."""
+"""Tables for spreadsheets and other programs: `parameters.csv`, `validation.csv` and `predictions/*.csv`."""
 
 from __future__ import annotations
 
 import csv
 import io
 import math
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,9 +15,11 @@ import pandas as pd
 from sysid.export.contents import Results
 from sysid.export.files import write_text
 from sysid.export.naming import prediction_files
+from sysid.validation.results import ChannelAgreement
 
 if TYPE_CHECKING:
     from sysid.prediction.results import PassPrediction
+    from sysid.validation.results import Validation
 
 PARAMETER_COLUMNS = (
     "name",
@@ -83,6 +86,33 @@ _SUMMARY_KEYS = ("mean", "sd", "q05", "q50", "q95", "ess", "rhat")
 def write_parameters(results: Results, path: Path) -> None:
     """Write `parameters.csv` to `path`, complete or not at all."""
     write_text(path, parameters_csv(results))
+
+
+def validation_csv(validation: Validation) -> str:
+    """The text of `validation.csv`: agreement of every channel of every run, SI units, empty where not known.
+
+    The last column names the limits that a channel does not keep.
+    """
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    names = [f.name for f in fields(ChannelAgreement)]
+    writer.writerow([*names, "outside_limits"])
+    for row in validation.channels:
+        values = (_validation_cell(name, getattr(row, name)) for name in names)
+        writer.writerow([*values, " ".join(validation.limits.exceeded(row))])
+    return stream.getvalue()
+
+
+def _validation_cell(name: str, value: str | int | float | None) -> str | int:
+    if name == "axle":
+        return "" if value is None else int(value) + 1
+    return escape_cell(value) if isinstance(value, str) else value if isinstance(value, int) else _cell(value)
+
+
+def write_validation(results: Results, path: Path) -> None:
+    """Write `validation.csv` to `path`, complete or not at all; nothing where no run has been fitted."""
+    if results.validation is not None:
+        write_text(path, validation_csv(results.validation))
 
 
 def prediction_csv(prediction: PassPrediction) -> str:

@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from sysid.report.numbers import fixed, percent
+from sysid.report.numbers import MISSING, fixed, percent
 from sysid.report.tables import Cell, Table, table
 from sysid.report.verdict import is_misfit
 
@@ -40,6 +40,46 @@ def summary_table(validation: Validation, run_names: dict[str, str]) -> Table:
     return table("Agreement per run and kind of channel", head, rows)
 
 
+def ratings_table(validation: Validation) -> Table:
+    """One row per kind of channel over all runs: medians, and the worst of what has a limit."""
+    limits = validation.limits
+    rows: list[list[Cell]] = []
+    for kind in dict.fromkeys(row.kind for row in validation.channels):
+        members = [m for m in validation.channels if m.kind == kind]
+        frequency = [abs(m.simulated_frequency_hz - m.measured_frequency_hz) for m in members]
+        outside = sum(bool(limits.exceeded(m)) for m in members)
+        rows.append(
+            [
+                Cell(_KINDS.get(kind, kind)),
+                _spread([m.iso18571 for m in members], min, lambda v: fixed(v, 2)),
+                _spread([abs(m.sprague_geers_magnitude) for m in members], max, percent),
+                _spread([m.sprague_geers_phase for m in members], max, percent),
+                _spread([abs(m.peak_error) for m in members], max, percent),
+                _spread([1e3 * abs(m.peak_time_error_s) for m in members], max, lambda v: fixed(v, 0)),
+                _spread([m.fit_percent for m in members], min, lambda v: fixed(v, 1)),
+                _spread(frequency, max, lambda v: fixed(v, 2)),
+                Cell(f"{outside} of {len(members)}"),
+            ]
+        )
+    head = (
+        "channels",
+        f"ISO/TS 18571 rating R (limit {limits.iso18571:g})",
+        f"Sprague-Geers magnitude (limit {limits.sprague_geers_magnitude:.0%})",
+        f"Sprague-Geers phase (limit {limits.sprague_geers_phase:.0%})",
+        f"peak error (limit {limits.peak_error:.0%})",
+        "instant of the peak [ms]",
+        "fit [%]",
+        "dominant frequency off by [Hz]",
+        "outside a limit",
+    )
+    return table("Ratings over all runs: median (worst)", head, rows)
+
+
+def _spread(values: list[float], worst: Callable[[list[float]], float], text: Callable[[float], str]) -> Cell:
+    finite = [v for v in values if math.isfinite(v)]
+    return Cell(f"{text(statistics.median(finite))} ({text(worst(finite))})" if finite else MISSING)
+
+
 def matrix_table(
     validation: Validation, run_names: dict[str, str], caption: str, cell: Callable[[ChannelAgreement], str]
 ) -> Table:
@@ -57,6 +97,11 @@ def matrix_table(
 def nrmse_cell(row: ChannelAgreement) -> str:
     """NRMSE in percent."""
     return percent(row.nrmse)
+
+
+def rating_cell(row: ChannelAgreement) -> str:
+    """Objective rating of ISO/TS 18571."""
+    return fixed(row.iso18571, 3)
 
 
 def noise_cell(row: ChannelAgreement) -> str:

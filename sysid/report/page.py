@@ -114,9 +114,13 @@ def _agreement(results: Results, run_names: dict[str, str]) -> list[tables.Table
         return []
     return [
         agreement.summary_table(validation, run_names),
+        agreement.ratings_table(validation),
         agreement.matrix_table(validation, run_names, "NRMSE per channel and run", agreement.nrmse_cell),
         agreement.matrix_table(
             validation, run_names, "Residual over instrument noise per channel and run [-]", agreement.noise_cell
+        ),
+        agreement.matrix_table(
+            validation, run_names, "ISO/TS 18571 rating per channel and run [-]", agreement.rating_cell
         ),
     ]
 

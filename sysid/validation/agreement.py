@@ -5,48 +5,56 @@ from __future__ import annotations
 import numpy as np
 
 from sysid.estimation.results import FitResult, RunHistory
-from sysid.validation.results import ChannelAgreement, Validation
+from sysid.validation.metrics import dominant_frequency, filled_in, fit_percent, nrmse, peak_error, sprague_geers
+from sysid.validation.objective_rating import objective_ratings
+from sysid.validation.results import ChannelAgreement, Validation, ValidationLimits
+
+#: Above this share of missing or clipped samples a channel gets no objective rating: interpolation would rate itself.
+_MOST_MISSING = 0.05
 
 
-def nrmse(measured: np.ndarray, simulated: np.ndarray) -> float:
-    """Normalised error RMS(simulated - measured) / (max - min of measured) over finite samples; NaN without any.
-
-    Parameters
-    ----------
-    measured, simulated : (n,) in one unit; NaN where missing.
-    """
-    both = np.isfinite(measured) & np.isfinite(simulated)
-    if not both.any():
-        return float("nan")
-    span = float(np.ptp(measured[both]))
-    if span == 0.0:
-        return float("nan")
-    return float(np.sqrt(np.mean((simulated[both] - measured[both]) ** 2))) / span
-
-
-def validate(fit: FitResult) -> Validation:
-    """Agreement of every channel of every fitted run."""
-    return Validation(tuple(row for history in fit.histories for row in _run(history)))
+def validate(fit: FitResult, limits: ValidationLimits | None = None) -> Validation:
+    """Agreement of every channel of every fitted run, with the limits that it is held against."""
+    rows = tuple(row for history in fit.histories for row in _run(history))
+    return Validation(rows, limits or ValidationLimits())
 
 
 def _run(history: RunHistory) -> list[ChannelAgreement]:
+    plain = np.where(history.censored == 0, history.measured, np.nan)
+    lost = np.mean(~np.isfinite(plain), axis=1)
+    rated = [c for c in range(len(history.columns)) if lost[c] <= _MOST_MISSING]
+    filled = np.array([filled_in(plain[c]) for c in rated]).reshape(len(rated), -1)
+    ratings = dict(zip(rated, objective_ratings(filled, history.simulated[rated]), strict=True))
     rows = []
     for c, column in enumerate(history.columns):
-        plain = np.where(history.censored[c] == 0, history.measured[c], np.nan)
-        samples = int(np.isfinite(plain).sum())
+        measured, simulated = plain[c], history.simulated[c]
+        samples = int(np.isfinite(measured).sum())
         if samples == 0:
             continue
-        residual = plain - history.simulated[c]
-        scale = float(np.sqrt(np.nanmean(residual**2)))
+        rating = ratings.get(c)
+        magnitude, phase = sprague_geers(measured, simulated)
+        # The peak of a clipped channel is not known, only that it lies above the limit.
+        clipped = bool(np.any(history.censored[c]))
+        peak, when = (np.nan, np.nan) if clipped else peak_error(history.time_s, measured, simulated)
+        interval = float(history.time_s[1] - history.time_s[0]) if len(history.time_s) > 1 else np.nan
         rows.append(
             ChannelAgreement(
                 run=history.file,
                 column=column,
                 kind=history.kinds[c],
                 axle=history.axles[c],
-                nrmse=nrmse(plain, history.simulated[c]),
-                residual_over_noise=scale / float(history.instrument_noise_sd[c]),
+                nrmse=nrmse(measured, simulated),
+                residual_over_noise=float(np.sqrt(np.nanmean((measured - simulated) ** 2)))
+                / float(history.instrument_noise_sd[c]),
                 samples=samples,
+                fit_percent=fit_percent(measured, simulated),
+                peak_error=peak,
+                peak_time_error_s=when,
+                measured_frequency_hz=dominant_frequency(measured, interval),
+                simulated_frequency_hz=dominant_frequency(simulated, interval),
+                sprague_geers_magnitude=magnitude,
+                sprague_geers_phase=phase,
+                iso18571=np.nan if rating is None else rating.overall,
             )
         )
     return rows

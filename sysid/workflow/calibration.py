@@ -30,7 +30,7 @@ from sysid.export.contents import Results, Status
 from sysid.export.files import write_text
 from sysid.export.inference_data import write_posterior
 from sysid.export.result_json import write_result
-from sysid.export.tables import write_parameters, write_predictions
+from sysid.export.tables import write_parameters, write_predictions, write_validation
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
 from sysid.posterior.results import Posterior
 from sysid.posterior.sampling import sample_posterior
@@ -95,6 +95,7 @@ class Calibration:
         self._results: dict[str, Any] = {}
         self._nested: list[float] = []
         self._screened: Campaign | None = None
+        self._validated: tuple[FitResult, Validation] | None = None
         self._make_output()
         self._timings: dict[str, float] = self._read_timings()
 
@@ -133,7 +134,11 @@ class Calibration:
 
     def validate(self) -> Validation:
         """Agreement of simulated and measured histories of the fitted runs."""
-        return validate(self.fit())
+        fit = self.fit()
+        # The rating takes seconds and is asked for by report and export alike.
+        if self._validated is None or self._validated[0] is not fit:
+            self._validated = fit, validate(fit, self.settings.validation)
+        return self._validated[1]
 
     def report(self) -> Path:
         """Write report.html from the stages that have run."""
@@ -149,7 +154,8 @@ class Calibration:
         written = [self.output / "result.json"]
         if results.fit is not None:
             write_parameters(results, self.output / "parameters.csv")
-            written.append(self.output / "parameters.csv")
+            write_validation(results, self.output / "validation.csv")
+            written += [self.output / "parameters.csv", self.output / "validation.csv"]
         if results.predictions is not None:
             written += write_predictions(results, self.output)
         if results.posterior is not None:
@@ -186,7 +192,7 @@ class Calibration:
             fit=fit,
             posterior=posterior,
             predictions=found["predict"],
-            validation=None if fit is None else validate(fit),
+            validation=None if fit is None else self.validate(),
             status=self._status(fit, posterior),
             warnings=self._warnings(posterior),
             provenance={

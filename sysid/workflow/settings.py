@@ -11,19 +11,22 @@ from sysid.estimation.fit_options import FitOptions
 from sysid.export.files import write_text
 from sysid.posterior.sampling import SamplingOptions
 from sysid.road.contact_laws import ContactLaw
+from sysid.validation.results import ValidationLimits
 
 
 @dataclass(frozen=True)
 class Settings:
     """Options of the stages; `quick` gives a preview with few iterations and a short chain, marked as such.
 
-    `drop_model` says whether the plank drops are fitted by the full vehicle model too.
+    `drop_model` says whether the plank drops are fitted by the full vehicle model too; `validation` holds the limits
+    that an acceptable channel keeps.
     """
 
     fit: FitOptions = field(default_factory=FitOptions)
     sampling: SamplingOptions = field(default_factory=SamplingOptions)
     quick: bool = False
     drop_model: bool = True
+    validation: ValidationLimits = field(default_factory=ValidationLimits)
 
     @property
     def seed(self) -> int:

@@ -57,6 +57,17 @@ def test_every_key_of_the_published_example_is_there():
     }  # fmt: skip
 
 
+def test_ratings_are_written_and_unknown_ones_are_null():
+    results = small_results()
+    first = result_document(results)["validation"][1]
+    assert first["iso18571"] == pytest.approx(0.85)
+    assert first["sprague_geers"] == {"magnitude": -0.03, "phase": 0.04}
+    blank = replace(results.validation.channels[0], iso18571=math.nan, sprague_geers_magnitude=math.nan)
+    unknown = result_document(replace(results, validation=replace(results.validation, channels=(blank,))))["validation"]
+    assert unknown[0]["iso18571"] is None
+    assert unknown[0]["sprague_geers"] is None
+
+
 def test_axles_count_from_one_and_units_are_si():
     document = result_document(small_results())
     by_name = {p["name"]: p for p in document["parameters"]}

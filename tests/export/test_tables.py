@@ -14,10 +14,12 @@ from sysid.export import (
     parameters_csv,
     prediction_csv,
     prediction_files,
+    validation_csv,
     write_atomically,
     write_parameters,
     write_predictions,
     write_text,
+    write_validation,
 )
 
 
@@ -118,3 +120,23 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path):
         write_atomically(target, fails)
     assert target.read_text() == "old\n"
     assert os.listdir(target.parent) == ["x.csv"]
+
+
+def test_agreement_comes_back_with_pandas(tmp_path):
+    results = small_results()
+    write_validation(results, tmp_path / "validation.csv")
+    table = pd.read_csv(tmp_path / "validation.csv", keep_default_na=False, na_values=[""])
+    rows = results.validation.channels
+    assert table["axle"].tolist() == [row.axle + 1 for row in rows]
+    for name in ("nrmse", "fit_percent", "peak_error", "iso18571", "sprague_geers_phase"):
+        assert table[name].tolist() == [getattr(row, name) for row in rows]
+    # The acceleration's rating of 0.75 is below the limit of 0.80, of both deflections above it.
+    assert table["outside_limits"].fillna("").tolist() == ["", "", "iso18571"] * 2
+    write_validation(campaign_only(), tmp_path / "none.csv")
+    assert not (tmp_path / "none.csv").exists()
+
+
+def test_text_of_the_agreement_is_no_formula():
+    words = Words.all("=1+1")
+    table = pd.read_csv(io.StringIO(validation_csv(small_results(words).validation)), dtype=str)
+    assert all(text.startswith("'=") for name in ("run", "column") for text in table[name])

@@ -9,6 +9,7 @@ from small_results import DECREMENT, PERIOD, decaying_drop, small_campaign, smal
 from sysid.prediction.modes import calibrated_modes
 from sysid.report import agreement, tables
 from sysid.report.figures import Gallery, drop_pictures
+from sysid.validation import ChannelAgreement, Validation
 
 
 def cells(table):
@@ -73,6 +74,17 @@ def test_peak_wheel_load_is_ratio_times_static_load():
     assert [c.text for c in rear] == ["axle 2", "29.4", "3.60", "106", "yes"]
     assert [c.interval for c in rear[2:4]] == ["[3.40, 3.80]", "[100, 112]"]
     assert "predictions/empty_48kmh.csv" in made.caption
+
+
+def test_ratings_are_summed_up_per_kind():
+    rows = [[c.text for c in row] for row in agreement.ratings_table(small_results().validation).rows]
+    # Ratings 0.95 and 0.85 of the two deflections in either run, 0.75 of the acceleration, which is below the limit.
+    assert rows[0][:2] == ["deflection", "0.90 (0.85)"]
+    assert rows[1][1:3] == ["0.75 (0.75)", "6.0\u00a0% (6.0\u00a0%)"]
+    assert rows[0][5:] == ["5 (5)", "89.5 (89.0)", "0.10 (0.10)", "0 of 4"]
+    assert rows[1][-1] == "2 of 2"
+    blank = Validation((ChannelAgreement("r", "c", "other", None, math.nan, math.nan, 0),))
+    assert [c.text for c in agreement.ratings_table(blank).rows[0]] == ["other", *["\u2014"] * 7, "0 of 1"]
 
 
 def test_agreement_is_summed_up_per_run_and_kind():

@@ -293,7 +293,23 @@ def _predictions(w: Words) -> Predictions:
 def _validation(w: Words) -> Validation:
     return Validation(
         tuple(
-            ChannelAgreement(w.run_file.format(run), s.column, s.kind, s.axle, 0.02 * (i + 1), 1.0 + 0.2 * i, 400)
+            ChannelAgreement(
+                w.run_file.format(run),
+                s.column,
+                s.kind,
+                s.axle,
+                0.02 * (i + 1),
+                1.0 + 0.2 * i,
+                400,
+                90.0 - i,
+                0.1 * (i - 1),
+                0.005,
+                1.4,
+                1.5,
+                -0.03 * i,
+                0.04,
+                0.95 - 0.1 * i,
+            )
             for run in (1, 2)
             for i, s in enumerate(_sensors(w))
         )

@@ -1,0 +1,176 @@
+"""Objective rating of ISO/TS 18571: corridor, phase, magnitude and slope of two time histories on common samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import correlate
+
+# Parameters of the standard.
+_INNER, _OUTER, _CORRIDOR_POWER = 0.05, 0.5, 2
+_LARGEST_SHIFT = 0.2
+_WARPING_WINDOW, _LARGEST_MAGNITUDE_ERROR = 0.1, 0.5
+_SLOPE_AVERAGE, _LARGEST_SLOPE_ERROR = 9, 2.0
+_WEIGHTS = (0.4, 0.2, 0.2, 0.2)
+#: Fewer samples than two averages of the slope are not rated.
+_FEWEST = 2 * _SLOPE_AVERAGE
+
+
+@dataclass(frozen=True)
+class ObjectiveRating:
+    """Scores between 0 and 1; `overall` is 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope."""
+
+    corridor: float
+    phase: float
+    magnitude: float
+    slope: float
+
+    @property
+    def overall(self) -> float:
+        """The rating R: above 0.94 excellent, above 0.80 good, above 0.58 fair, else poor."""
+        return float(np.dot(_WEIGHTS, (self.corridor, self.phase, self.magnitude, self.slope)))
+
+
+def objective_ratings(measured: np.ndarray, simulated: np.ndarray) -> tuple[ObjectiveRating | None, ...]:
+    """Ratings of many pairs of histories of one record.
+
+    The standard asks for 10 kHz, meant for crash signals of 0.2 s; here the samples are taken as they are.  Phase is
+    the shift of up to 20 % of the record with the largest correlation, at equal ones the smallest shift, the simulated
+    history earlier before later.  Magnitude and slope compare the shifted histories, magnitude after dynamic time
+    warping within 10 % of the record.  A pair is None where a value is not finite, the measured history is constant or
+    there are fewer than 18 samples.
+
+    Parameters
+    ----------
+    measured, simulated : (pairs, n) on common, uniform samples; each pair in one unit.
+
+    References
+    ----------
+    ISO/TS 18571, Road vehicles - Objective rating metric for non-ambiguous signals.
+    """
+    rated = [
+        i
+        for i, (m, s) in enumerate(zip(measured, simulated, strict=True))
+        if m.size >= _FEWEST and np.all(np.isfinite(m)) and np.all(np.isfinite(s)) and np.ptp(m) > 0.0
+    ]
+    shifted = {i: _aligned(measured[i], simulated[i]) for i in rated}
+    errors = dict(zip(rated, _warped_errors([shifted[i][:2] for i in rated]), strict=True))
+    found: list[ObjectiveRating | None] = [None] * len(measured)
+    for i in rated:
+        reference, comparison, shift = shifted[i]
+        found[i] = ObjectiveRating(
+            _corridor(measured[i], simulated[i]),
+            max(0.0, 1.0 - shift / (measured[i].size * _LARGEST_SHIFT)),
+            max(0.0, 1.0 - errors[i] / _LARGEST_MAGNITUDE_ERROR),
+            _slope(reference, comparison),
+        )
+    return tuple(found)
+
+
+def _corridor(measured: np.ndarray, simulated: np.ndarray) -> float:
+    relative = np.abs(simulated - measured) / np.max(np.abs(measured))
+    return float(np.mean(np.clip((_OUTER - relative) / (_OUTER - _INNER), 0.0, 1.0) ** _CORRIDOR_POWER))
+
+
+def _aligned(measured: np.ndarray, simulated: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """The overlap of both histories after the best shift, and the size of the shift in samples."""
+    most = int(np.floor(measured.size * _LARGEST_SHIFT))
+    earlier = _correlations(measured, simulated, most)
+    later = _correlations(simulated, measured, most)
+    # In the order of the standard, so that the first maximum wins: no shift, 1 earlier, 1 later, 2 earlier, ...
+    best = int(np.argmax(np.concatenate([earlier[:1], np.column_stack([earlier[1:], later[1:]]).ravel()])))
+    shift = (best + 1) // 2
+    if shift == 0:
+        return measured, simulated, 0
+    if best % 2:
+        return measured[:-shift], simulated[shift:], shift
+    return measured[shift:], simulated[:-shift], shift
+
+
+def _correlations(front: np.ndarray, back: np.ndarray, most: int) -> np.ndarray:
+    """Correlation coefficient of front[: n - m] and back[m:] for m from 0 to `most`."""
+    n = front.size
+    x, y = front - front.mean(), back - back.mean()
+    count = n - np.arange(most + 1)
+    sum_x, sum_xx = (np.cumsum(v)[count - 1] for v in (x, x * x))
+    sum_y, sum_yy = (np.cumsum(v[::-1])[count - 1] for v in (y, y * y))
+    product = correlate(y, x, mode="full", method="fft")[n - 1 : n + most]
+    variance = (sum_xx - sum_x**2 / count) * (sum_yy - sum_y**2 / count)
+    usable = variance > 0.0
+    return np.where(usable, (product - sum_x * sum_y / count) / np.sqrt(np.where(usable, variance, 1.0)), -1.0)
+
+
+def _slope(measured: np.ndarray, simulated: np.ndarray) -> float:
+    reference, comparison = _averaged_slope(measured), _averaged_slope(simulated)
+    size = float(np.sum(np.abs(reference)))
+    if size == 0.0:
+        return float(not np.any(comparison))
+    return max(0.0, 1.0 - float(np.sum(np.abs(comparison - reference))) / size / _LARGEST_SLOPE_ERROR)
+
+
+def _averaged_slope(values: np.ndarray) -> np.ndarray:
+    """Central differences averaged over nine samples, over 1, 3, 5 and 7 at the ends; per sample interval."""
+    slope = np.gradient(values)
+    averaged = uniform_filter1d(slope, _SLOPE_AVERAGE, mode="nearest")
+    for i in range(_SLOPE_AVERAGE // 2):
+        averaged[i], averaged[-1 - i] = np.mean(slope[: 2 * i + 1]), np.mean(slope[-1 - 2 * i :])
+    return averaged
+
+
+def _warped_errors(pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """Sum |s - m| over sum |m| along the cheapest warping path of every pair (measured, simulated).
+
+    The path minimises the sum of (s - m)^2 from first to last samples within the window.  Cells (i simulated, j
+    measured) are visited by diagonals i + j = d, all pairs at once, and every cell carries both sums of its own path,
+    so no path is traced back; at equal costs the simulated history advances alone before the measured one, and that
+    before both.
+    """
+    if not pairs:
+        return np.zeros(0)
+    length = np.array([m.size for m, _ in pairs])
+    radius = np.ceil(_WARPING_WINDOW * length)[:, None]
+    most = int(length.max())
+    # Column k of a diagonal is the cell with i - j = 2 k - width + (d odd).
+    width = 2 * int(np.ceil(radius.max() / 2.0))
+    s, m = _laid_out(pairs, most, width)
+    offset = 2 * np.arange(width + 1) - width
+    outside = [np.where(np.abs(offset + odd) < radius, 0.0, np.inf) for odd in (0, 1)]
+    # Three diagonals in turn; one more column on either side for neighbours outside the window.
+    cost = np.full((3, len(pairs), width + 3), np.inf)
+    difference, size = np.zeros((2, 3, len(pairs), width + 3))
+    found = np.zeros(len(pairs))
+    for d in range(2 * most - 1):
+        odd = d % 2
+        first_i, first_j = (d + odd - width) // 2, (d - odd + width) // 2
+        simulated = s[:, first_i + width : first_i + 2 * width + 1]
+        measured = m[:, most - 1 - first_j + width : most - first_j + 2 * width]
+        here, last, before = d % 3, (d - 1) % 3, (d - 2) % 3
+        left, right, middle = slice(odd, odd + width + 1), slice(odd + 1, odd + width + 2), slice(1, width + 2)
+        step = np.abs(simulated - measured)
+        if d == 0:
+            cost[here][:, middle] = np.where(offset == 0, step**2, np.inf)
+            difference[here][:, middle], size[here][:, middle] = step, np.abs(measured)
+        else:
+            alone, waiting, both = cost[last][:, left], cost[last][:, right], cost[before][:, middle]
+            later, joint = waiting < alone, both < np.minimum(alone, waiting)
+            least = np.minimum(np.minimum(alone, waiting), both)
+            cost[here][:, middle] = least + step**2 + outside[odd]
+            for total, increment in ((difference, step), (size, np.abs(measured))):
+                carried = np.where(later, total[last][:, right], total[last][:, left])
+                total[here][:, middle] = np.where(joint, total[before][:, middle], carried) + increment
+        for row in np.flatnonzero(d == 2 * (length - 1)):
+            error, scale = (float(total[here, row, width // 2 + 1]) for total in (difference, size))
+            found[row] = error / scale if scale > 0.0 else (np.inf if error > 0.0 else 0.0)
+    return found
+
+
+def _laid_out(pairs: list[tuple[np.ndarray, np.ndarray]], most: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Simulated histories forward, measured ones backward, between infinities that no path crosses."""
+    s = np.full((len(pairs), most + 2 * width), np.inf)
+    m = np.full_like(s, -np.inf)
+    for row, (measured, simulated) in enumerate(pairs):
+        s[row, width : width + simulated.size] = simulated
+        m[row, width + most - measured.size : width + most] = measured[::-1]
+    return s, m
