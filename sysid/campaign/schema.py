@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictBool, StrictStr, model_validator
 
 from sysid.campaign.units import unit_names
@@ -100,6 +101,9 @@ def _check_curve(positions: list[float], forces: list[float], what: str, name: s
         raise ValueError(f"has a force_N that falls with {what}; positive force pulls axle and body together")
     if not positions[0] < 0.0 < positions[-1]:
         raise ValueError(f"does not reach to both sides of {what} = 0, static rest; extend the {name}")
+    at_rest = float(np.interp(0.0, positions, forces))
+    if abs(at_rest) > 1e-3 * max(abs(f) for f in forces):
+        raise ValueError(f"gives {at_rest:g} N at {what} = 0; subtract the force at static rest from force_N")
 
 
 class SpringTable(Table):

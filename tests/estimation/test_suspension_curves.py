@@ -1,0 +1,92 @@
+"""Declared curves become ramps: tables against interpolation, stops and lash against their definition."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from rigid_truck import AXLES
+
+from sysid.campaign.records import ForceTable, LeafDimensions
+from sysid.estimation.parameters import leaf_pack_stiffness, nominal_tire_stiffness
+from sysid.estimation.suspension_curves import lash_ramps, stop_ramps, suspension_curves, table_ramps
+from sysid.vehicle_model.suspension import SuspensionLaw, damper_force, spring_force
+
+EXTENSION = (-0.08, -0.05, -0.02, 0.03, 0.07)
+FORCE_N = (-90e3, -40e3, -9e3, 13.5e3, 20e3)
+RATE = (-1.0, -0.3, 0.0, 0.2, 1.0)
+DAMPING_N = (-6e3, -3e3, 0.0, 5e3, 12e3)
+SPRING = replace(AXLES[0], spring_table=ForceTable(EXTENSION, FORCE_N), damper_table=ForceTable(RATE, DAMPING_N))
+TABLES = frozenset({"spring_table", "damper_table"})
+LOADS = np.array([[20e3], [28e3]])  # the second lane carries 8 kN more than the first load case
+
+
+@pytest.fixture(scope="module")
+def curves():
+    return suspension_curves([SPRING], [TABLES], LOADS, np.array([[20e3], [20e3]]))
+
+
+def column(value: float) -> jnp.ndarray:
+    return jnp.full((2, 1, 1), value)
+
+
+def test_a_spring_table_is_interpolated_and_scaled(curves):
+    """k is the slope at rest of the first load case; twice that slope is twice the table."""
+    slope = (FORCE_N[3] - FORCE_N[2]) / (EXTENSION[3] - EXTENSION[2])
+    for factor in (1.0, 2.0):
+        k = column(factor * slope)
+        law = SuspensionLaw(k * curves.spring.share, column(0.0), ramps=table_ramps(curves.spring, k))
+        for e in np.linspace(-0.05, 0.06, 23):
+            force = np.asarray(spring_force(law, column(e)))[:, 0, 0]
+            assert force[0] == pytest.approx(factor * np.interp(e, EXTENSION, FORCE_N), abs=1e-6)
+
+
+def test_a_heavier_load_rests_further_down_the_table(curves):
+    rest = np.interp(-8e3, FORCE_N, EXTENSION)
+    slope = (FORCE_N[3] - FORCE_N[2]) / (EXTENSION[3] - EXTENSION[2])
+    k = column(slope)
+    law = SuspensionLaw(k * curves.spring.share, column(0.0), ramps=table_ramps(curves.spring, k))
+    for e in (-0.05, -0.01, 0.0, 0.02, 0.06):
+        expected = np.interp(rest + e, EXTENSION, FORCE_N) + 8e3
+        assert np.asarray(spring_force(law, column(e)))[1, 0, 0] == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_damper_table_is_scaled_to_its_secant_at_half_a_metre_per_second(curves):
+    secant = (np.interp(0.5, RATE, DAMPING_N) - np.interp(-0.5, RATE, DAMPING_N)) / 1.0
+    c = column(1.5 * secant)
+    law = SuspensionLaw(column(0.0), c * curves.damper.share, rate_ramps=table_ramps(curves.damper, c))
+    for v in np.linspace(-0.9, 0.9, 19):
+        force = float(damper_force(law, column(v))[0, 0, 0])
+        assert force == pytest.approx(1.5 * np.interp(v, RATE, DAMPING_N), abs=1e-6)
+
+
+def test_stops_act_beyond_the_declared_travel_alone():
+    axle = replace(AXLES[0], rebound_travel_m=0.06, jounce_travel_m=0.09)
+    found = suspension_curves([axle], [frozenset({"bump_stops"})], LOADS, LOADS)
+    law = SuspensionLaw(column(0.0), column(0.0), ramps=stop_ramps(found.stops, column(2e6)))
+    for e, force in ((-0.10, -2e4), (-0.09, 0.0), (0.0, 0.0), (0.06, 0.0), (0.065, 1e4)):
+        assert float(spring_force(law, column(e))[0, 0, 0]) == pytest.approx(force, abs=1e-6)
+
+
+def test_a_slack_hanger_carries_nothing_until_it_has_moved():
+    """The spring pulls with its static load from k e = P on, through the lash, and goes on behind it."""
+    k, load, lash = 5e5, 2e4, 0.012
+    ramps = lash_ramps(np.full((2, 1, 1), lash), column(k), np.full((2, 1, 1), load))
+    law = SuspensionLaw(column(k), column(0.0), ramps=ramps)
+    for e, force in ((-0.01, -5e3), (0.04, load), (0.045, load), (0.052, load), (0.062, load + 5e3)):
+        assert float(spring_force(law, column(e))[0, 0, 0]) == pytest.approx(force, abs=1e-6)
+
+
+def test_leaf_formula_of_a_single_leaf_is_a_simple_beam():
+    """One leaf of uniform strength bends 3/2 as much as the uniform beam of 48 E I / L^3."""
+    leaf = LeafDimensions(1, 0.09, 0.015, 1.4)
+    beam = 48.0 * 2.06e11 * (0.09 * 0.015**3 / 12.0) / 1.4**3
+    assert leaf_pack_stiffness(leaf) == pytest.approx(2.0 * beam * 2.0 / 3.0)
+
+
+def test_tire_stiffness_follows_the_pressure_where_both_are_declared():
+    axle = replace(AXLES[0], inflation_pressure_Pa=6e5, tire_stiffness_pressure_Pa=8e5)
+    assert nominal_tire_stiffness(axle) == pytest.approx(AXLES[0].tire_stiffness_N_per_m * (0.04 + 0.96 * 0.75))
+    assert nominal_tire_stiffness(replace(axle, tire_stiffness_pressure_Pa=None)) == axle.tire_stiffness_N_per_m
