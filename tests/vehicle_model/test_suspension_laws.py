@@ -77,3 +77,38 @@ def test_every_channel_against_dop853_at_the_default_step(case):
             for q in CHANNELS
         }
         assert max(errors.values()) < 1e-4, (name, lane, errors)
+
+
+def test_friction_slides_in_closed_form_and_turns():
+    """From rest over 1 mm and back 0.4 mm: 1 - e^-1, then -1 + (2 - e^-1) e^-0.4 for the slip length of 1 mm."""
+    law = LINEAR._replace(friction=per_axle(FRICTION), slip=per_axle(np.full(3, SLIP_M)))
+    x = per_axle(np.zeros(3))
+    away = slip_after_step(law, x, (x, x + 1.0), (x + 1e-3, x + 1.0), 1e-3)
+    assert np.asarray(away) == pytest.approx(1.0 - np.exp(-1.0), rel=1e-12)
+    back = slip_after_step(law, away, (x + 1e-3, x - 1.0), (x + 6e-4, x - 1.0), 4e-4)
+    assert np.asarray(back) == pytest.approx(-1.0 + (2.0 - np.exp(-1.0)) * np.exp(-0.4), rel=1e-12)
+    # One step that turns half way: e = x + v t - v t^2 / h, up to v h / 4 and back to where it was.
+    h, v = 1e-3, 2.0
+    turned = slip_after_step(law, x, (x, x + v), (x, x - v), h)
+    rise = v * h / 4.0 / SLIP_M
+    expected = -1.0 + (2.0 - np.exp(-rise)) * np.exp(-rise)
+    assert np.asarray(turned) == pytest.approx(expected, rel=1e-12)
+
+
+def test_spring_and_damper_forces_are_those_of_the_hand_written_laws():
+    e, v = per_axle(np.array([0.01, -0.03, 0.02])), per_axle(np.array([0.3, -0.7, 0.05]))
+    for force, law in LAWS.values():
+        if law.friction is not None:
+            continue
+        ours = np.asarray(spring_force(law, e) + damper_force(law, v))[0, :, 0]
+        assert ours == pytest.approx(force(np.asarray(e)[0, :, 0], np.asarray(v)[0, :, 0], 0.0), rel=1e-12)
+
+
+def test_laws_have_finite_slopes_at_rest():
+    for _, law in LAWS.values():
+        zero = per_axle(np.zeros(3))
+
+        def total(e, law=law):
+            return (spring_force(law, e) + damper_force(law, e)).sum()
+
+        assert np.isfinite(np.asarray(jax.grad(total)(zero))).all()
