@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hand_written_truck import DURATION_S, FINE_S, HEIGHTS_M, OUTPUT_S, Truck, r
 from rigid_truck import DAMPING, STIFFNESS
 from simulated_truck import per_axle, simulated_truck
 
-from sysid.vehicle_model.suspension import Ramps, SuspensionLaw
+from sysid.vehicle_model.suspension import Ramps, SuspensionLaw, damper_force, slip_after_step, spring_force
 
 FRICTION = np.array([1500.0, 900.0, 3000.0])
 SLIP_M = 1e-3
