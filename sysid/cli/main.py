@@ -41,6 +41,8 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--contact", default=None, type=click.Choice(["footprint", "cams", "point"]),
                      help="Contact law of the tires: radial springs over the footprint, tandem elliptical cams, or a "
                           "point follower (default: footprint)."),
+        click.option("--contact-spread", is_flag=True,
+                     help="Repeat the fit with the other contact laws and show how far the results move."),
         click.option("--resume", is_flag=True, help="Go on with what an interrupted run left in the output folder."),
     ]  # fmt: skip
     for decorate in reversed(decorators):

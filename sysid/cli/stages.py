@@ -59,7 +59,7 @@ def _run(name, campaign, output, screen, errors, resume, choices) -> int:
     from sysid.workflow import Calibration, make_settings, recall
 
     configure()
-    if name in ("report", "export") and not any(choices.get(option) for option in ("quick", "seed", "laws", "contact")):
+    if name in ("report", "export") and not any(value for option, value in choices.items() if option != "max_steps"):
         # These show what is there: without options they take those of the run that filled the folder.
         choices |= recall(output)
     settings = make_settings(**choices)

@@ -16,7 +16,8 @@ class FitOptions:
     round with SciPy's trust-region solver from the start values; `tolerance` relative change of the cost that ends it;
     `target_step_s` the largest integration step [s]; `laws` says how the suspension laws of axles without a declared
     one are found: ``auto`` compares richer laws where linear ones leave residuals, ``compare`` always, ``declared``
-    never (:mod:`sysid.estimation.law_choice`); `contact` is the tires' contact law (:mod:`sysid.road.contact_laws`).
+    never (:mod:`sysid.estimation.law_choice`); `contact` is the tires' contact law
+    (:mod:`sysid.road.contact_laws`); `contact_spread` repeats the fit with the other contact laws.
     """
 
     weight_rounds: int = 3
@@ -26,3 +27,4 @@ class FitOptions:
     target_step_s: float = TARGET_STEP_S
     laws: str = "auto"
     contact: ContactLaw = "footprint"
+    contact_spread: bool = False

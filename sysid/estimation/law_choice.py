@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
@@ -23,8 +24,9 @@ from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.least_squares import optimise, optimum_under, reweighted
 from sysid.estimation.parameters import campaign_parameters, declared_laws
 from sysid.estimation.problem import FitState, Optimum
-from sysid.estimation.results import FitResult, LawComparison, LawTrial
+from sysid.estimation.results import ContactTrial, FitResult, LawComparison, LawTrial
 from sysid.estimation.suspension_elements import ELEMENTS, law_elements, law_name
+from sysid.road.contact_laws import ContactLaw
 from sysid.road.results import RoadProfile
 from sysid.sdof.results import DropSummary
 
@@ -84,7 +86,37 @@ def fit_with_laws(
 
         chosen, comparison = _compare(campaign, declared, rich, chosen, fitted, options)
     fit, state = conclude(campaign, chosen, options, report)
-    return replace(fit, law_comparison=comparison), state
+    trials = contact_trials(campaign, chosen, profiles, options, report) if options.contact_spread else ()
+    return replace(fit, law_comparison=comparison, contact_trials=trials), state
+
+
+def contact_trials(
+    campaign: Campaign,
+    optimum: Optimum,
+    profiles: Mapping[str, RoadProfile],
+    options: FitOptions,
+    progress: Progress | None = None,
+) -> tuple[ContactTrial, ...]:
+    """The fit repeated with every contact law: how much of the result hangs on the model of the tire's contact.
+
+    Parameters
+    ----------
+    optimum : of the contact law in `options`, whose suspension laws and parameters are kept; it stands first.
+    profiles, options, progress : as :func:`fit_with_laws`.
+    """
+    report = progress or (lambda message, fraction: None)
+    parameters = optimum.problem.model.parameters
+
+    def trial(contact: str, found: Optimum) -> ContactTrial:
+        values = np.exp(found.vector[: found.problem.count])
+        return ContactTrial(contact, found.misfit, tuple(float(v) for v in values))
+
+    trials = [trial(options.contact, optimum)]
+    for contact in get_args(ContactLaw):
+        if contact != options.contact:
+            how = replace(options, contact=contact)
+            trials.append(trial(contact, optimise(campaign, parameters, profiles, how, report, near=optimum)))
+    return tuple(trials)
 
 
 def laws_of_axles(vehicle: Vehicle, laws: Sequence[str]) -> Laws:

@@ -95,6 +95,17 @@ class LawComparison(Tabular):
 
 
 @dataclass(frozen=True)
+class ContactTrial:
+    """The fit repeated with another contact law: `misfit` residual over instrument noise, `values` in the order of the
+    result's parameters.
+    """
+
+    contact: str
+    misfit: float
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class FitResult(Tabular):
     """The least-squares optimum: global parameters, covariance, residual statistics and diagnostics.
 
@@ -104,7 +115,8 @@ class FitResult(Tabular):
     deviations); `autocorrelation` (channels of all runs, lags) of the standardised residuals; `step_halving_error` the
     largest relative RMS change of any channel when the integration step is halved at the optimum;
     `scipy_max_difference_sd` the largest difference between the optimum found by SciPy's trust-region solver and this
-    one, in standard deviations; `law_comparison` what was tried where linear laws did not do, or None.
+    one, in standard deviations; `law_comparison` what was tried where linear laws did not do, or None;
+    `contact_trials` the fit with every contact law where that was asked for, the result's own first.
     """
 
     parameters: tuple[ParameterEstimate, ...]
@@ -127,6 +139,7 @@ class FitResult(Tabular):
     autocorrelation: np.ndarray
     warnings: tuple[str, ...] = ()
     law_comparison: LawComparison | None = None
+    contact_trials: tuple[ContactTrial, ...] = ()
 
     @property
     def laws(self) -> tuple[str, ...]:

@@ -89,6 +89,7 @@ def _content(results: Results) -> dict[str, Any]:
         if results.fit is None
         else tables.parameters_table(results, results.fit.run_parameters, "Parameters of single runs"),
         "laws": tables.law_table(results),
+        "contacts": tables.contact_table(results),
         "loop_pictures": figures.loop_pictures(results, gallery),
         "modes": tables.modes_table(modes),
         "mode_pictures": figures.mode_pictures(modes, gallery),

@@ -359,6 +359,20 @@ def law_table(results: Results) -> Table | None:
     return table("Suspension laws tried; a gain of more than 10 decides", head, rows, text_columns=1)
 
 
+def contact_table(results: Results) -> Table | None:
+    """Stiffness and damping by contact law of the tires; None where the fit was not repeated with others."""
+    fit = results.fit
+    if fit is None or not fit.contact_trials:
+        return None
+    shown = [(i, p) for i, p in enumerate(fit.parameters) if p.quantity in ("stiffness", "damping")]
+    rows: list[list[str]] = [["residual / noise", "", *(number(t.misfit, 2) for t in fit.contact_trials)]]
+    for i, p in shown:
+        unit = "kN/m" if p.quantity == "stiffness" else "kN s/m"
+        rows.append([p.name, unit, *(number(t.values[i] / 1e3, 4) for t in fit.contact_trials)])
+    head = ("parameter", "unit", *(t.contact for t in fit.contact_trials))
+    return table("The same fit with other contact laws of the tires", head, rows, text_columns=2)
+
+
 def modes_table(modes: Sequence[NaturalModes]) -> Table | None:
     """Natural frequencies and damping ratios, one row per load case and mode; None without any."""
     rows = [

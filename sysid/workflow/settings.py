@@ -38,23 +38,21 @@ class Settings:
         return asdict(self)
 
 
+#: Choices of the command line that a later report of the same folder takes over.
+_KEPT = {"quick": bool, "seed": int, "laws": str, "contact": str, "contact_spread": bool}
+
+
 def remember(folder: Path, settings: Settings) -> None:
     """Keep what the command line chose, so that a later report of the same folder need not be told again."""
-    chosen = {
-        "quick": settings.quick,
-        "seed": settings.seed,
-        "laws": settings.fit.laws,
-        "contact": settings.fit.contact,
-    }
-    write_text(folder / "stages" / "settings.json", json.dumps(chosen))
+    known = {**asdict(settings.fit), "quick": settings.quick, "seed": settings.seed}
+    write_text(folder / "stages" / "settings.json", json.dumps({name: known[name] for name in _KEPT}))
 
 
 def recall(folder: Path) -> dict[str, Any]:
     """What :func:`remember` kept in an output folder; empty if nothing was kept or it cannot be read."""
     try:
         kept = json.loads((folder / "stages" / "settings.json").read_text(encoding="utf-8"))
-        texts = {name: str(kept[name]) for name in ("laws", "contact")}
-        return {"quick": bool(kept["quick"]), "seed": int(kept["seed"]), **texts}
+        return {name: kind(kept[name]) for name, kind in _KEPT.items()}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 
@@ -66,6 +64,7 @@ def make_settings(
     max_steps: int | None = None,
     laws: str | None = None,
     contact: str | None = None,
+    contact_spread: bool = False,
 ) -> Settings:
     """Settings from what the command line offers."""
     settings = Settings(sampling=replace(SamplingOptions(), seed=seed))
@@ -77,6 +76,8 @@ def make_settings(
         )
     if laws is not None:
         settings = replace(settings, fit=replace(settings.fit, laws=laws))
+    if contact_spread:
+        settings = replace(settings, fit=replace(settings.fit, contact_spread=True))
     if contact is not None:
         settings = replace(settings, fit=replace(settings.fit, contact=cast(ContactLaw, contact)))
     if max_steps is not None:
