@@ -23,7 +23,7 @@ from sysid.estimation.objective import RunMotion, simulate_runs
 from sysid.estimation.parameters import campaign_parameters
 from sysid.estimation.problem import Optimum
 from sysid.road.enveloping import FootprintMap, footprint_map
-from sysid.road.plank import lifted_onto_plank, plank_table
+from sysid.road.plank_road import lifted_onto_plank, plank_table
 from sysid.sdof.results import DropEstimate, DropSummary
 from sysid.sdof.smoothing import high_frequency_noise
 from sysid.vehicle_model.lanes import EffectiveRoads

@@ -20,7 +20,7 @@ def case() -> tuple[GroupArrays, np.ndarray, np.ndarray]:
     noise = random.uniform(0.05, 0.2, (RUNS, CHANNELS))
     value = 0.7 + 1.01 * simulated[..., 0] + noise * random.normal(size=(SAMPLES, RUNS, CHANNELS))
     measured = (random.random((SAMPLES, RUNS, CHANNELS)) > 0.2).astype(float)
-    arrays = GroupArrays(None, None, None, None, value * measured, measured, np.zeros_like(value), GAIN_SD)
+    arrays = GroupArrays(None, None, None, value * measured, measured, np.zeros_like(value), GAIN_SD)
     return arrays, noise, simulated
 
 
@@ -82,7 +82,7 @@ def test_clipped_samples_count_only_where_the_simulation_stays_inside_the_range(
     side = (signal[..., 0] >= 2.0).astype(float) - (signal[..., 0] <= -2.0)
     assert (side == 1).sum() > 20
     assert (side == -1).sum() > 20
-    arrays = GroupArrays(None, None, None, None, value, (side == 0).astype(float), side, GAIN_SD)
+    arrays = GroupArrays(None, None, None, value, (side == 0).astype(float), side, GAIN_SD)
     exact, _ = group_residuals(arrays, noise, np.ones_like(noise), jnp.asarray(signal))
     np.testing.assert_allclose(exact, 0.0, atol=1e-8)
     # A simulation that is too small everywhere misses the range at the clipped samples.

@@ -8,7 +8,7 @@ import pytest
 from sysid.road import contact_laws
 from sysid.road.contact_laws import cam_map, point_map
 from sysid.road.enveloping import footprint_map
-from sysid.road.plank import lifted_onto_plank, plank_end, plank_table
+from sysid.road.plank_road import lifted_onto_plank, plank_end, plank_table
 from sysid.road.results import RoadProfile
 
 R = 0.5
