@@ -98,8 +98,29 @@ class AxleGroup:
 
 
 @dataclass(frozen=True)
+class MassTolerances:
+    """How far mass properties may be from the declared ones: standard deviations of the logarithm of a factor on them.
+
+    `unsprung_mass` of every axle and beam, `pitch_inertia` and `cg_height` of every body, `hitch_height` of every
+    hinge; 0 takes the declared values as exact.
+    """
+
+    unsprung_mass: float = 0.03
+    pitch_inertia: float = 0.05
+    cg_height: float = 0.03
+    hitch_height: float = 0.03
+
+
+#: Declared mass properties are exact.
+EXACT_MASSES = MassTolerances(0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
 class Vehicle:
-    """The vehicle of the campaign: bodies and axles front to rear, and the gravity that turns masses into weights."""
+    """The vehicle of the campaign: bodies and axles front to rear, and the gravity that turns masses into weights.
+
+    `tolerances` say how far its mass properties, and those of the load cases, may be from the declared ones.
+    """
 
     name: str
     bodies: tuple[Body, ...]
@@ -107,6 +128,7 @@ class Vehicle:
     gravity_m_s2: float = 9.81
     wheelbase_m: float | None = None
     groups: tuple[AxleGroup, ...] = ()
+    tolerances: MassTolerances = MassTolerances()
 
     @property
     def suspension_axle(self) -> tuple[int, ...]:

@@ -164,12 +164,25 @@ class GroupTable(Table):
     pitch_inertia_kg_m2: NotNegative
 
 
+Tolerance = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=0.5)]
+
+
+class TolerancesTable(Table):
+    """tolerances = {...}: relative standard deviations of declared mass properties, 0 for exact ones."""
+
+    unsprung_mass: Tolerance = 0.03
+    pitch_inertia: Tolerance = 0.05
+    cg_height: Tolerance = 0.03
+    hitch_height: Tolerance = 0.03
+
+
 class VehicleTable(Table):
     """[vehicle]: bodies and axles, front to rear."""
 
     name: Name
     wheelbase_m: Length | None = None
     gravity_m_s2: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=9.0, le=10.0)] = 9.81
+    tolerances: TolerancesTable = TolerancesTable()
     body: Annotated[list[BodyTable], Field(min_length=1, max_length=20)]
     axle: Annotated[list[AxleTable], Field(min_length=1, max_length=40)]
     group: Annotated[list[GroupTable], Field(max_length=40)] = []

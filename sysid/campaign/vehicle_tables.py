@@ -8,7 +8,17 @@ from itertools import pairwise
 
 from sysid.campaign import schema as s
 from sysid.campaign.groups import check_groups
-from sysid.campaign.records import Axle, AxleGroup, Body, ForceTable, LeafDimensions, LoadCase, PriorOverride, Vehicle
+from sysid.campaign.records import (
+    Axle,
+    AxleGroup,
+    Body,
+    ForceTable,
+    LeafDimensions,
+    LoadCase,
+    MassTolerances,
+    PriorOverride,
+    Vehicle,
+)
 from sysid.campaign.units import pressure_pa
 from sysid.campaign.wording import finish, nearest, shorten
 from sysid.errors import CampaignError
@@ -53,6 +63,7 @@ class VehicleReader:
             gravity_m_s2=table.gravity_m_s2,
             wheelbase_m=table.wheelbase_m,
             groups=tuple(self._group(g, i) for i, g in enumerate(table.group)),
+            tolerances=MassTolerances(**table.tolerances.model_dump()),
         )
         check_groups(self.vehicle, label)
 

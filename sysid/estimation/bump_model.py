@@ -23,13 +23,14 @@ from sysid.campaign.records import AntiAliasFilter, Campaign
 from sysid.estimation.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters import ParameterSet
 from sysid.estimation.run_data import ChannelLayout, RunGroup, channel_layout, group_runs
+from sysid.estimation.uncertain_masses import UncertainMasses, uncertain_masses
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.results import RoadProfile
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.contact import EffectiveRoad, RoadInput
 from sysid.vehicle_model.engine import Timing, WheelRoad
 from sysid.vehicle_model.filters import FilterRecursion, discretise
-from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, Pass, make_lanes
+from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, Pass, make_lanes, pass_matrices
 from sysid.vehicle_model.simulation import LaneMatrices, Motion, SensorLayout
 
 #: Standard deviation of a sensor's gain about its calibration.
@@ -78,7 +79,10 @@ class GroupShape(NamedTuple):
 
 @dataclass(frozen=True)
 class BumpModel:
-    """All bump runs of a campaign as compiled-ready groups, with the parameters that drive them."""
+    """All bump runs of a campaign as compiled-ready groups, with the parameters that drive them.
+
+    `passes` of every group; `masses` says which mass properties are uncertain.
+    """
 
     parameters: ParameterSet
     layout: ChannelLayout
@@ -87,6 +91,8 @@ class BumpModel:
     roads: tuple[EffectiveRoad, ...]
     lanes: tuple[Lanes, ...]
     shapes: tuple[GroupShape, ...]
+    passes: tuple[tuple[Pass, ...], ...]
+    masses: UncertainMasses
 
     @property
     def run_count(self) -> int:
@@ -97,6 +103,18 @@ class BumpModel:
         """The same model with every sample interval cut into `factor` times as many steps."""
         shapes = tuple(s._replace(substeps=s.substeps * factor) for s in self.shapes)
         return replace(self, shapes=shapes)
+
+    def with_masses(self, log_masses: np.ndarray) -> BumpModel:
+        """The same model, its matrices assembled again with mass properties times exp(`log_masses`), (m,)."""
+        vehicle, load_cases = self.masses.applied(log_masses)
+        arrays, group_lanes = [], []
+        for old, lanes, passes in zip(self.arrays, self.lanes, self.passes, strict=True):
+            matrices = pass_matrices(vehicle, load_cases, passes, self.layout.body_points)
+            lanes = replace(lanes, matrices=matrices)
+            laws = law_inputs(vehicle, self.parameters, lanes, [p.load_case for p in passes])
+            arrays.append(old._replace(matrices=matrices, laws=laws))
+            group_lanes.append(lanes)
+        return replace(self, arrays=tuple(arrays), lanes=tuple(group_lanes))
 
 
 def bump_model(
@@ -128,16 +146,12 @@ def bump_model(
     groups = group_runs(campaign, layout)
     roads = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact)
     gain_sd = np.array([GAIN_SD[s.kind] for s in layout.sensors])
-    arrays, group_lanes, shapes = [], [], []
+    arrays, group_lanes, shapes, group_passes = [], [], [], []
     for group in groups:
         runs = [campaign.bump_runs[i] for i in group.runs]
-        lanes = make_lanes(
-            campaign.vehicle,
-            campaign.load_cases,
-            roads,
-            [Pass(r.load_case, r.bump, r.speed_held) for r in runs],
-            layout.body_points,
-        )
+        passes = tuple(Pass(r.load_case, r.bump, r.speed_held) for r in runs)
+        lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, passes, layout.body_points)
+        group_passes.append(passes)
         substeps = max(1, int(np.ceil(group.interval_s / target_step_s - 1e-9)))
         shapes.append(
             GroupShape(
@@ -169,6 +183,8 @@ def bump_model(
         tuple(lanes.road for lanes in group_lanes),
         tuple(group_lanes),
         tuple(shapes),
+        tuple(group_passes),
+        uncertain_masses(campaign),
     )
 
 

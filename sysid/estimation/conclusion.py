@@ -12,6 +12,7 @@ from sysid.campaign.records import Campaign
 from sysid.estimation import noise as noise_model
 from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.histories import run_histories
+from sysid.estimation.mass_effect import MassEffect, mass_columns, mass_effect, with_columns
 from sysid.estimation.objective import (
     SHIFT_UNIT_M,
     SPEED_UNIT,
@@ -21,12 +22,15 @@ from sysid.estimation.objective import (
     simulate_runs,
 )
 from sysid.estimation.problem import FitState, Optimum, Problem
-from sysid.estimation.results import FitResult, ParameterEstimate
+from sysid.estimation.results import FitResult, MassCheck, ParameterEstimate
 from sysid.estimation.sandwich import Adjustment, adjust, block_scores
+from sysid.estimation.uncertain_masses import MassResponse, mass_response
 from sysid.road.contact_laws import CONTACT_LAWS
 
 #: The data determine a parameter when they shrink its prior at least this much.
 IDENTIFIED_SHRINKAGE = 0.7
+#: Where the data ask for a mass this many tolerances off, somebody should look at it.
+DOUBTFUL_MASS_SD = 2.0
 _LAGS = 120
 
 Progress = Callable[[str, float], None]
@@ -56,7 +60,7 @@ def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: 
         report("cross-check by SciPy's trust-region solver", 0.92)
         difference = _scipy_difference(problem, vector, optimum.first)
     compressed = problem.compressed(vector)
-    adjustment = _adjustment(campaign, problem, vector)
+    adjustment, effect = _adjustment(campaign, problem, vector)
     covariance = _covariance(problem, compressed, adjustment)
     scaled = compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0)
     singular = np.linalg.svd(scaled, compute_uv=False)
@@ -68,11 +72,14 @@ def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: 
     median_inflation = float(np.median(np.concatenate([v[u] for v, u in zip(inflation, usable, strict=True)])))
     lags = min(c.shape[0] for c in correlations)
     warnings = _warnings(estimates, minimum.converged, optimum.misfit, halving, difference)
-    state = FitState(model, parameters, motion, weights, adjustment.matrix)
+    shared = covariance[: problem.count, : problem.count]
+    masses = _mass_response(problem, parameters, effect, adjustment)
+    checks = _mass_checks(problem, effect)
+    state = FitState(model, parameters, motion, weights, adjustment.matrix, masses)
     fit = FitResult(
         parameters=estimates,
         run_parameters=runs,
-        covariance=covariance[: problem.count, : problem.count],
+        covariance=shared,
         histories=_with_speed_sd(run_histories(campaign, state, optimum.instrument), runs),
         converged=minimum.converged,
         message=minimum.message,
@@ -90,18 +97,20 @@ def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: 
         autocorrelation=np.concatenate(
             [c[:lags].reshape(lags, -1)[:, u.ravel()].T for c, u in zip(correlations, usable, strict=True)]
         ),
-        warnings=warnings,
+        warnings=(*warnings, *_mass_warnings(checks)),
+        masses=checks,
     )
     return fit, state
 
 
-def _adjustment(campaign: Campaign, problem: Problem, vector: np.ndarray) -> Adjustment:
-    """Sandwich over blocks: one channel in all repeats of one case."""
-    count = problem.count
-    _, motion = problem.unpack(vector)
+def _adjustment(campaign: Campaign, problem: Problem, vector: np.ndarray) -> tuple[Adjustment, MassEffect]:
+    """Sandwich over blocks: one channel in all repeats of one case, and over the tolerances of declared masses."""
+    parameters, motion = problem.unpack(vector)
+    columns = mass_columns(problem.model, problem.weights, parameters, motion)
     scores, keys = [], []
-    information = np.zeros((count, count))
-    for group, lin in zip(problem.model.groups, problem.linearise(vector), strict=True):
+    count, shared = problem.count, problem.count + len(problem.model.masses.factors)
+    information = np.zeros((shared, shared))
+    for group, lin in zip(problem.model.groups, with_columns(problem.linearise(vector), columns), strict=True):
         runs = list(group.runs)
         prior = np.zeros((len(runs), 2, 2))
         nominal, sd = problem.nominal.speed_m_s[runs], problem.nominal.relative_sd[runs]
@@ -120,7 +129,37 @@ def _adjustment(campaign: Campaign, problem: Problem, vector: np.ndarray) -> Adj
             used = group.measured[:, r].any(axis=0)
             scores += [found[r, c] for c in np.flatnonzero(used)]
             keys += [(*case, int(c)) for c in np.flatnonzero(used)]
-    return adjust(np.array(scores), keys, information)
+    rows, _ = problem.model.parameters.prior_rows()
+    effect = mass_effect(information, np.sum(scores, axis=0), rows.T @ rows, problem.model.masses.sd)
+    found = np.array(scores)[:, :count]
+    return adjust(found, keys, information[:count, :count], effect.scatter), effect
+
+
+def _mass_response(
+    problem: Problem, parameters: np.ndarray, effect: MassEffect, adjustment: Adjustment
+) -> MassResponse | None:
+    if not problem.model.masses.factors:
+        return None
+    return mass_response(parameters, effect.by_data, problem.model.masses.sd, adjustment.information)
+
+
+def _mass_checks(problem: Problem, effect: MassEffect) -> tuple[MassCheck, ...]:
+    return tuple(
+        MassCheck(f.name, f.quantity, f.words, f.sd, float(np.exp(asked)))
+        for f, asked in zip(problem.model.masses.factors, effect.asked, strict=True)
+    )
+
+
+def _mass_warnings(checks: tuple[MassCheck, ...]) -> tuple[str, ...]:
+    found = []
+    for check in checks:
+        if abs(np.log(check.asked)) > DOUBTFUL_MASS_SD * check.tolerance:
+            percent, side = 100.0 * abs(check.asked - 1.0), "above" if check.asked > 1.0 else "below"
+            found.append(
+                f"The data ask for a value about {percent:.0f} % {side} the declared one: {check.words}, declared "
+                f"within {100.0 * check.tolerance:g} %. Check it in campaign.toml, or widen its tolerance."
+            )
+    return tuple(found)
 
 
 def parameter_sd(optimum: Optimum) -> np.ndarray:

@@ -22,14 +22,16 @@ from sysid.estimation.objective import (
     run_order,
     speed_prior,
 )
+from sysid.estimation.uncertain_masses import MassResponse
 
 
 @dataclass(frozen=True)
 class FitState:
     """What the posterior needs from a fit.
 
-    The model, the optimum (p,), the run motions, the weights, and the `adjustment` (p, p) by which the likelihood is
-    flattened (:mod:`sysid.estimation.sandwich`).
+    The model, the optimum (p,), the run motions, the weights, the `adjustment` (p, p) by which the likelihood is
+    flattened (:mod:`sysid.estimation.sandwich`), and how the uncertain masses go with the parameters, None for exact
+    ones.
     """
 
     model: BumpModel
@@ -37,6 +39,7 @@ class FitState:
     motion: RunMotion
     weights: Weights
     adjustment: np.ndarray
+    masses: MassResponse | None = None
 
 
 class Problem:

@@ -106,17 +106,32 @@ class ContactTrial:
 
 
 @dataclass(frozen=True)
+class MassCheck:
+    """One declared mass property: `words` say which, `tolerance` is the standard deviation of the logarithm of a factor
+    on it, and `asked` the factor that the data would take for it if it were estimated with all other unknowns.
+    """
+
+    name: str
+    quantity: str
+    words: str
+    tolerance: float
+    asked: float
+
+
+@dataclass(frozen=True)
 class FitResult(Tabular):
     """The least-squares optimum: global parameters, covariance, residual statistics and diagnostics.
 
     `covariance` (p, p) of the global parameters in the estimation space (logarithms where `transform` says so),
-    run-local parameters marginalised, inflated for residual autocorrelation and for model error (a sandwich over blocks
-    of residuals, :mod:`sysid.estimation.sandwich`; `model_error_inflation` is its root mean square factor on standard
-    deviations); `autocorrelation` (channels of all runs, lags) of the standardised residuals; `step_halving_error` the
-    largest relative RMS change of any channel when the integration step is halved at the optimum;
-    `scipy_max_difference_sd` the largest difference between the optimum found by SciPy's trust-region solver and this
-    one, in standard deviations; `law_comparison` what was tried where linear laws did not do, or None;
-    `contact_trials` the fit with every contact law where that was asked for, the result's own first.
+    run-local parameters marginalised, inflated for residual autocorrelation, for the tolerances of declared masses
+    and for model error (a sandwich over blocks of residuals, :mod:`sysid.estimation.sandwich`;
+    `model_error_inflation` is its root mean square factor on standard deviations); `autocorrelation` (channels of
+    all runs, lags) of the standardised residuals; `step_halving_error` the largest relative RMS change of any
+    channel when the integration step is halved at the optimum; `scipy_max_difference_sd` the largest difference
+    between the optimum found by SciPy's trust-region solver and this one, in standard deviations; `law_comparison`
+    what was tried where linear laws did not do, or None; `contact_trials` the fit with every contact law where that was
+    asked for, the result's own first; `masses` what the data say about declared masses, whose tolerances `covariance`
+    holds.
     """
 
     parameters: tuple[ParameterEstimate, ...]
@@ -140,6 +155,7 @@ class FitResult(Tabular):
     warnings: tuple[str, ...] = ()
     law_comparison: LawComparison | None = None
     contact_trials: tuple[ContactTrial, ...] = ()
+    masses: tuple[MassCheck, ...] = ()
 
     @property
     def laws(self) -> tuple[str, ...]:

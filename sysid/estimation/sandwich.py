@@ -6,6 +6,9 @@ exceeds H.  The likelihood is then flattened so that its curvature becomes H G^-
 theta_hat + C (theta - theta_hat) with C' H C = H G^-1 H (the curvature adjustment of M. Ribatet, D. Cooley and A. C.
 Davison, Bayesian inference from composite likelihoods, Statistica Sinica 22 (2012), doi:10.5705/ss.2009.248).
 Directions in which G falls short of H keep H, so nothing becomes more certain than independent noise allows.
+
+Wrong values of declared masses move all scores alike, so blocks cannot show them.  Their tolerances Sigma come in as
+known scatter: scores change by H_xm d when the log masses are d off, so that G gains H_xm Sigma H_mx.
 """
 
 from __future__ import annotations
@@ -20,8 +23,8 @@ import numpy as np
 class Adjustment:
     """Result of the sandwich for p global parameters.
 
-    `matrix` C (p, p); `information` (p, p) adjusted data information C' H C; `inflation` (p,) eigenvalues of H^-1 G,
-    at least 1; `blocks` number of blocks.
+    `matrix` C (p, p); `information` (p, p) adjusted data information C' H C; `inflation` (p,) eigenvalues of H^-1 G of
+    the blocks, at least 1; `blocks` number of blocks.
     """
 
     matrix: np.ndarray
@@ -62,7 +65,12 @@ def block_scores(
 
 
 def adjust(
-    scores: np.ndarray, keys: Sequence[Hashable], information: np.ndarray, *, never_sharper: bool = True
+    scores: np.ndarray,
+    keys: Sequence[Hashable],
+    information: np.ndarray,
+    known_scatter: np.ndarray | None = None,
+    *,
+    never_sharper: bool = True,
 ) -> Adjustment:
     """Curvature adjustment from block scores.
 
@@ -70,6 +78,7 @@ def adjust(
     ----------
     scores : (n, p) scores; those with equal `keys` belong to one block and are summed.
     information : (p, p) data information H.
+    known_scatter : (p, p) what the scores scatter by beyond what the blocks show, None for nothing.
     never_sharper : keep H where the scores scatter less than it says.
     """
     order = {key: i for i, key in enumerate(dict.fromkeys(keys))}
@@ -83,6 +92,10 @@ def adjust(
     white = np.linalg.solve(factor, (sums / scale).T)
     values, vectors = np.linalg.eigh(white @ white.T * len(order) / max(len(order) - 1, 1))
     inflation = np.maximum(values, 1.0) if never_sharper else np.maximum(values, 1e-12)
-    root = vectors @ np.diag(inflation**-0.5) @ vectors.T
+    total = inflation
+    if known_scatter is not None:
+        known = np.linalg.solve(factor, np.linalg.solve(factor, known_scatter / np.outer(scale, scale)).T)
+        total, vectors = np.linalg.eigh((vectors * inflation) @ vectors.T + 0.5 * (known + known.T))
+    root = vectors @ np.diag(total**-0.5) @ vectors.T
     matrix = np.linalg.solve(factor.T, root @ factor.T) * (scale[None, :] / scale[:, None])
     return Adjustment(matrix, matrix.T @ information @ matrix, inflation, len(order))

@@ -5,9 +5,9 @@ their Gaussian priors leaves, per run,
 
     -1/2 (r'r - b' N^-1 b),   b = J_eta' r + prior,   N = J_eta' J_eta + prior precision,
 
-so the sampler sees global parameters only.  Residuals are tempered by their variance inflation, the likelihood is
-flattened around the optimum for model error (:mod:`sysid.estimation.sandwich`), and the Gaussian priors of the log
-parameters are added; sensor offsets and gains are eliminated inside the residuals.
+so the sampler sees global parameters only. Residuals are tempered by their variance inflation, the likelihood is
+flattened around the optimum for model error and tolerances of masses (:mod:`sysid.estimation.sandwich`), and the
+Gaussian priors of the log parameters are added; sensor offsets and gains are eliminated inside the residuals.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ from sysid.vehicle_model.simulation import Motion
 
 #: What the likelihood is, for people.
 LIKELIHOOD = (
-    "Gaussian residuals; scale per run and channel from the least-squares residuals; residuals correlated in time are "
-    "tempered by their variance inflation; the likelihood is flattened for model error by a sandwich over blocks of "
-    "channel and case (curvature adjustment); run speed and start marginalised, sensor offset and gain eliminated"
+    "Gaussian residuals; scale per run and channel from the least-squares residuals; residuals correlated in time "
+    "are tempered by their variance inflation; the likelihood is flattened for model error and for the tolerances "
+    "of declared masses by a sandwich over blocks of channel and case (curvature adjustment); run speed and start "
+    "marginalised, sensor offset and gain eliminated"
 )
 
 

@@ -12,6 +12,8 @@ import numpy as np
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.estimation.lane_laws import lane_laws, law_inputs
 from sysid.estimation.parameters import ParameterSet
+from sysid.estimation.uncertain_masses import MassResponse, uncertain_masses
+from sysid.prediction.mass_lanes import forces_of_draws
 from sysid.prediction.results import PassPrediction, Predictions
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.results import RoadProfile
@@ -44,6 +46,7 @@ def predict_pass(
     *,
     contact: ContactLaw = "footprint",
     roads: EffectiveRoads | None = None,
+    log_factors: np.ndarray | None = None,
 ) -> PassPrediction:
     """Tire forces of one pass, for the point estimate and for posterior draws.
 
@@ -54,19 +57,25 @@ def predict_pass(
     ----------
     log_parameters : (p,) point estimate, used alone where `draws` is None.
     draws : (n, p) posterior draws of the log parameters, or None.
+    log_factors : (n, m) log factors on masses that belong to the draws, None for declared masses.
     """
     roads = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact)
-    lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [Pass(request.load_case, request.bump)], [])
-    laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
+    wanted = Pass(request.load_case, request.bump)
+    lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
     road, speed = lanes.road, request.speed_m_s
     last = road.first_station_m + road.step_m * road.rise.shape[-1]
     # The record starts half a second before axle 1 touches the bump and its time is zero over the start of the bump.
     lead = np.ceil((BEFORE_S - road.first_station_m / speed) / INTERVAL_S) * INTERVAL_S
     samples = int(np.ceil((lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S) / INTERVAL_S))
-    sets = log_parameters[:, None] if draws is None else draws.T
     timing, motion = Timing(samples, INTERVAL_S, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
-    wheels = engine.wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
-    force = np.asarray(_forces(lanes.matrices, laws, wheels, jnp.asarray(sets), motion, timing=timing))
+    if draws is not None and log_factors is not None:
+        masses = uncertain_masses(campaign)
+        force = forces_of_draws(lanes, parameters, masses, wanted, draws, log_factors, motion, timing)
+    else:
+        sets = log_parameters[:, None] if draws is None else draws.T
+        laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
+        wheels = engine.wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
+        force = np.asarray(_forces(lanes.matrices, laws, wheels, jnp.asarray(sets), motion, timing=timing))
     static = lanes.matrices.static_load[0, :, 0]
     peaks = force.max(axis=0) / static[:, None]
     time = np.round(np.arange(samples) * INTERVAL_S - lead, 6)
@@ -123,13 +132,19 @@ def predict(
     *,
     contact: ContactLaw = "footprint",
     seed: int = 0,
+    masses: MassResponse | None = None,
 ) -> Predictions:
-    """All passes that the campaign asks for; `draws` (n, p) in log space are thinned to a few hundred at random."""
+    """All passes that the campaign asks for; `draws` (n, p) in log space are thinned to a few hundred at random.
+
+    Every draw gets masses of its own, drawn as `masses` says that they go with the parameters; None for declared ones.
+    """
+    random = np.random.default_rng(seed)
     if draws is not None and draws.shape[0] > DRAWS:
-        draws = draws[np.random.default_rng(seed).choice(draws.shape[0], DRAWS, replace=False)]
+        draws = draws[random.choice(draws.shape[0], DRAWS, replace=False)]
+    factors = None if draws is None or masses is None else masses.draws(draws, random)
     roads = EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact)
     passes = tuple(
-        predict_pass(campaign, parameters, profiles, request, log_parameters, draws, roads=roads)
+        predict_pass(campaign, parameters, profiles, request, log_parameters, draws, roads=roads, log_factors=factors)
         for request in campaign.predictions
     )
     return Predictions(passes, "least squares" if draws is None else "posterior")

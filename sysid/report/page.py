@@ -85,6 +85,7 @@ def _content(results: Results) -> dict[str, Any]:
         "global_parameters": None
         if results.fit is None
         else tables.parameters_table(results, results.fit.parameters, "Parameters of vehicle and tires"),
+        "masses": None if results.fit is None else tables.masses_table(results.fit),
         "run_parameters": None
         if results.fit is None
         else tables.parameters_table(results, results.fit.run_parameters, "Parameters of single runs"),

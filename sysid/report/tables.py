@@ -54,6 +54,17 @@ def table(
     return Table(caption, columns, cells, tuple(i >= text_columns for i in range(len(columns))), classes)
 
 
+def masses_table(fit: FitResult) -> Table | None:
+    """Declared mass properties with their tolerances and what the data would ask for; None where all are exact."""
+    if not fit.masses:
+        return None
+    rows = [
+        [m.words, f"\N{PLUS-MINUS SIGN} {100.0 * m.tolerance:g} %", f"{100.0 * (m.asked - 1.0):+.1f} %"]
+        for m in fit.masses
+    ]
+    return table("Declared masses", ["property", "tolerance", "the data ask for"], rows)
+
+
 def axle_name(results: Results, axle: int, load_case: str | None = None) -> Cell:
     """Heading of a row: the axle's number, and below it its name and load case."""
     name = results.campaign.vehicle.axles[axle].name

@@ -105,6 +105,17 @@ class EffectiveRoads:
         return effective_road(np.arange(first, last + 1) * step, stack("rise_m"), stretch, drag)
 
 
+def pass_matrices(
+    vehicle: Vehicle,
+    load_cases: Mapping[str, LoadCase],
+    passes: Sequence[Pass],
+    body_points: list[tuple[int, float]],
+) -> LaneMatrices:
+    """Matrices of several passes, with body accelerometers at (body, x_m) `body_points`."""
+    matrices = {name: assemble(vehicle, load_cases[name]) for name in {p.load_case for p in passes}}
+    return lane_matrices([matrices[p.load_case] for p in passes], body_points, [HOLD_S[p.speed_held] for p in passes])
+
+
 def make_lanes(
     vehicle: Vehicle,
     load_cases: Mapping[str, LoadCase],
@@ -114,11 +125,8 @@ def make_lanes(
 ) -> Lanes:
     """Lanes of several passes, with body accelerometers at (body, x_m) `body_points`."""
     first = next(iter(load_cases.values()))
-    matrices = {name: assemble(vehicle, load_cases[name]) for name in {p.load_case for p in passes}}
     return Lanes(
-        matrices=lane_matrices(
-            [matrices[p.load_case] for p in passes], body_points, [HOLD_S[p.speed_held] for p in passes]
-        ),
+        matrices=pass_matrices(vehicle, load_cases, passes, body_points),
         road=roads.stacked(passes),
         axle_x=np.array([a.x_m for a in vehicle.axles])[:, None],
         reference_load=np.tile(np.array(first.axle_loads_kg)[:, None] * vehicle.gravity_m_s2, (len(passes), 1, 1)),

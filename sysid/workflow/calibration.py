@@ -249,6 +249,7 @@ class Calibration:
             "motion": state.motion,
             "weights": state.weights,
             "adjustment": state.adjustment,
+            "masses": state.masses,
         }
 
     def _state(self) -> FitState:
@@ -292,6 +293,7 @@ class Calibration:
             draws,
             contact=self.settings.fit.contact,
             seed=self.settings.seed,
+            masses=self._stage("fit", self._fit)[1]["masses"],
         )
 
     def _parameters(self) -> ParameterSet:

@@ -17,7 +17,7 @@ import numpy as np
 
 from sysid.campaign import findings
 from sysid.errors import CampaignError
-from sysid.estimation import objective
+from sysid.estimation import objective, uncertain_masses
 from sysid.estimation import results as estimation_results
 from sysid.export.files import write_atomically
 from sysid.posterior import results as posterior_results
@@ -40,7 +40,7 @@ _CLASSES = {
     for module in _MODULES
     for name, value in vars(module).items()
     if isinstance(value, type) and dataclasses.is_dataclass(value)
-} | {"RunMotion": objective.RunMotion, "Weights": objective.Weights}
+} | {"RunMotion": objective.RunMotion, "Weights": objective.Weights, "MassResponse": uncertain_masses.MassResponse}
 
 
 def save(path: Path, result: Any, fingerprint: str) -> None:

@@ -138,7 +138,7 @@ def recorded(monkeypatch) -> list[np.ndarray | None]:
     """The draws that reach each pass, without simulating it."""
     seen: list[np.ndarray | None] = []
 
-    def stand_in(campaign, parameters, profiles, request, log_parameters, draws, *, roads=None):
+    def stand_in(campaign, parameters, profiles, request, log_parameters, draws, *, roads=None, log_factors=None):
         seen.append(draws)
         return request
 

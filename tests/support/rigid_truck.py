@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.campaign.records import (
+    EXACT_MASSES,
     Acquisition,
     AntiAliasFilter,
     Axle,
@@ -29,7 +30,7 @@ AXLES = (
     Axle("drive", 0, 4.2, 980.0, 2.9e6, 3400.0, 0.50, "air", load_dependent=True),
     Axle("tag", 0, 5.55, 760.0, 2.7e6, 3000.0, 0.50, "air", load_dependent=True),
 )
-VEHICLE = Vehicle("three-axle truck", (Body("truck"),), AXLES)
+VEHICLE = Vehicle("three-axle truck", (Body("truck"),), AXLES, tolerances=EXACT_MASSES)
 EMPTY = LoadCase("empty", (4100.0, 3300.0, 2860.0), (8000.0,), (25000.0,), (1.15,))
 LADEN = LoadCase("laden", (5400.0, 8600.0, 8260.0), (20000.0,), (46000.0,), (1.55,))
 FILTER = AntiAliasFilter("butterworth", 4, 60.0)

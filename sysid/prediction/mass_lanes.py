@@ -1,0 +1,94 @@
+"""Tire forces of one pass for many draws of parameters and masses: every draw is a lane with matrices of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from sysid.estimation.lane_laws import LawInputs, lane_laws, law_inputs
+from sysid.estimation.parameters import ParameterSet
+from sysid.estimation.uncertain_masses import UncertainMasses
+from sysid.vehicle_model import engine
+from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
+from sysid.vehicle_model.engine import Timing, WheelRoad
+from sysid.vehicle_model.lanes import Lanes, Pass, pass_matrices
+from sysid.vehicle_model.simulation import Motion
+from sysid.vehicle_model.suspension import SuspensionLaw
+
+#: Lanes that are simulated side by side.
+TOGETHER = 20
+
+
+def forces_of_draws(
+    lanes: Lanes,
+    parameters: ParameterSet,
+    masses: UncertainMasses,
+    driven: Pass,
+    log_parameters: np.ndarray,
+    log_factors: np.ndarray,
+    motion: Motion,
+    timing: Timing,
+) -> np.ndarray:
+    """Vertical tire forces (T, na, n) [N] of n draws.
+
+    Parameters
+    ----------
+    lanes : the pass `driven` with declared masses, one lane.
+    log_parameters, log_factors : (n, p) parameters and (n, m) factors on masses.
+    motion : speed [m/s] and start [s] (1, 1).
+    """
+    count = log_parameters.shape[0]
+    found = []
+    for first in range(0, count, TOGETHER):
+        # The last chunk repeats its last draw: one size is compiled once.
+        chosen = np.minimum(np.arange(first, first + TOGETHER), count - 1)
+        matrices, laws = [], []
+        for factors in log_factors[chosen]:
+            vehicle, cases = masses.applied(factors)
+            own = replace(lanes, matrices=pass_matrices(vehicle, cases, [driven], []))
+            matrices.append(own.matrices)
+            laws.append(law_inputs(vehicle, parameters, own, [driven.load_case]))
+        stacked = jax.tree.map(lambda *parts: np.concatenate(parts), *matrices)
+        inputs = jax.tree.map(lambda *parts: np.stack(parts), *laws)
+        every = Motion(*(jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s)))
+        road = engine.wheel_road(stacked, _tiled(lanes.road), lanes.axle_x, every.speed, every.start_s, timing)
+        sets = jnp.asarray(log_parameters[chosen, :, None])
+        found.append(np.asarray(_forces(stacked, inputs, road, sets, every, timing=timing))[..., 0])
+    return np.moveaxis(np.concatenate(found, axis=1)[:, :count], 1, 2)
+
+
+def _tiled(road: EffectiveRoad) -> EffectiveRoad:
+    """The road of one lane under all lanes of a chunk."""
+
+    def tiled(table: np.ndarray | None) -> np.ndarray | None:
+        return None if table is None else np.repeat(table, TOGETHER, axis=-3)
+
+    return road._replace(
+        rise=np.repeat(road.rise, TOGETHER, axis=-3), stretch=tiled(road.stretch), drag=tiled(road.drag)
+    )
+
+
+@partial(jax.jit, static_argnames=("timing",))
+def _forces(matrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, motion: Motion, *, timing: Timing):
+    suspension, tire = _laws(inputs, sets)
+    return engine.simulate_histories(matrices, suspension, tire, motion, road, timing).tire_force
+
+
+def _laws(inputs: LawInputs, sets: jax.Array) -> tuple[SuspensionLaw, TireLaw]:
+    """Laws with one lane per draw from inputs stacked along the draws and parameters (n, p, 1)."""
+
+    def one(own: LawInputs, x: jax.Array):
+        suspension, tire = lane_laws(own, x)
+        lane = suspension.stiffness.shape
+        return suspension, tuple(jnp.broadcast_to(v, lane) for v in tire[:-1])
+
+    def as_lanes(x: jax.Array) -> jax.Array:
+        # (n, [ramps,] 1, axles, 1) becomes ([ramps,] n, axles, 1).
+        return jnp.moveaxis(x[..., 0, :, :], 0, -3)
+
+    suspension, tire = jax.tree.map(as_lanes, jax.vmap(one)(inputs, sets))
+    return suspension, TireLaw(*tire)
