@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long lint format clean
+.PHONY: run quick test test-long bench lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -17,6 +17,11 @@ test: lint
 
 test-long: $(VENV)/.installed
 	$(BIN)/python -m pytest -m long
+
+# Other solvers beside ours: they are installed for this alone.
+bench: $(VENV)/.installed
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[bench]"
+	$(BIN)/python -m benchmarks --output build/benchmarks --document docs/benchmarks.md
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

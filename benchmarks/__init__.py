@@ -1,0 +1,1 @@
+"""Speed of `sysid` beside other solvers and beside its own kernel without Python: ``python -m benchmarks --help``."""

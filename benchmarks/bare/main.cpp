@@ -1,0 +1,98 @@
+// The native engine's likelihood without Python and XLA: the limit of what a caller can reach.
+//
+//   bare FILE...
+//
+// Each FILE is one call of the engine's entry point `misfits`.  A line "FILE-NUMBER REPEATS" on standard input computes
+// it so many times; the answer is a line "wall seconds, processor seconds, sum of the misfits".
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <fstream>
+#include <iostream>
+#include <sstream>
+
+#include "engine.cpp"
+
+namespace {
+
+struct Call {
+  std::vector<xla::ffi::Array> buffers;
+  std::vector<xla::ffi::Array> result;
+  std::vector<int64_t> deflection_axles, acceleration_axles;
+  sysid::Settings settings;
+};
+
+template <class T>
+std::vector<T> read(std::ifstream& in) {
+  int64_t count = 0;
+  in.read(reinterpret_cast<char*>(&count), sizeof count);
+  std::vector<T> values(count);
+  in.read(reinterpret_cast<char*>(values.data()), count * sizeof(T));
+  return values;
+}
+
+// Integers, reals, both lists of axles, then shape and values of every buffer (see bare_kernel.py).
+Call load(const char* path) {
+  std::ifstream in(path, std::ios::binary);
+  Call call;
+  const auto integers = read<int64_t>(in);
+  const auto reals = read<double>(in);
+  call.deflection_axles = read<int64_t>(in);
+  call.acceleration_axles = read<int64_t>(in);
+  sysid::Settings& s = call.settings;
+  s.samples = integers[0], s.substeps = integers[1], s.elements = integers[2];
+  s.ramps = integers[3], s.rate_ramps = integers[4];
+  s.interval = reals[0], s.growth = reals[1];
+  for (int64_t k = 0; k < integers[5]; ++k) {
+    xla::ffi::Array array;
+    array.shape = read<int64_t>(in);
+    array.values = read<double>(in);
+    call.buffers.push_back(array);
+  }
+  xla::ffi::Array out;
+  const auto& laws = call.buffers[sysid::kLaws].shape;
+  out.shape = {laws[1], laws[3]};
+  out.values.resize(laws[1] * laws[3]);
+  call.result.push_back(out);
+  if (!in) std::cerr << "incomplete file " << path << "\n";
+  return call;
+}
+
+double processor_seconds() {
+  timespec now;
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+}  // namespace
+
+int main(int count, char** names) {
+  std::vector<Call> calls;
+  for (int k = 1; k < count; ++k) calls.push_back(load(names[k]));
+  for (Call& call : calls) {
+    call.settings.deflection_axles = call.deflection_axles;
+    call.settings.acceleration_axles = call.acceleration_axles;
+  }
+  std::string line;
+  while (std::getline(std::cin, line)) {
+    size_t which = 0;
+    int repeats = 0;
+    std::istringstream(line) >> which >> repeats;
+    if (which >= calls.size()) return 1;
+    Call& call = calls[which];
+    const double processor = processor_seconds();
+    const auto start = std::chrono::steady_clock::now();
+    for (int k = 0; k < repeats; ++k) {
+      const auto error = sysid::misfits(xla::ffi::RemainingArgs(&call.buffers), xla::ffi::RemainingRets(&call.result),
+                                        call.settings);
+      if (!error.message().empty()) return 1;
+    }
+    const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    double sum = 0.0;
+    for (const double x : call.result[0].values) sum += x;
+    std::printf("%.9e %.9e %.17e\n", wall, processor_seconds() - processor, sum);
+    std::fflush(stdout);
+  }
+}

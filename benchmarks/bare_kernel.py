@@ -1,0 +1,93 @@
+"""The native engine's own sources compiled into a program without Python and XLA: the limit of the native path."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+
+from benchmarks.rounds import Sample
+from benchmarks.work import Work
+from sysid.estimation.lane_laws import lane_laws
+from sysid.posterior.log_density import LogDensity
+from sysid.vehicle_model.native import build, kernel
+
+_HERE = Path(__file__).parent / "bare"
+
+
+def compile_program(folder: Path) -> Path:
+    """Compile the program with the compiler and the flags of the engine.
+
+    Raises
+    ------
+    BuildError
+        If there is no compiler or it fails.
+    """
+    compiler = build.find_compiler()
+    if compiler is None:
+        raise build.BuildError("no C++ compiler was found")
+    program = folder / "bare_kernel"
+    flags = [flag for flag in build.FLAGS if flag not in ("-shared", "-fPIC")]
+    include = ["-I", str(_HERE), "-I", str(Path(build.__file__).parent)]
+    done = subprocess.run(
+        [compiler, *flags, *include, str(_HERE / "main.cpp"), "-o", str(program)],
+        capture_output=True,
+        text=True,
+        timeout=build.TIMEOUT_S,
+        check=False,
+    )
+    if done.returncode != 0:
+        raise build.BuildError(f"the bare kernel does not compile: {done.stderr.splitlines()[:1]}")
+    return program
+
+
+class BareKernel:
+    """A running program that holds the likelihoods of one group of runs for several batches."""
+
+    def __init__(self, program: Path, folder: Path, work: Work, density: LogDensity, batches: list[np.ndarray]):
+        files = [folder / f"call{k}.bin" for k in range(len(batches))]
+        for file, sets in zip(files, batches, strict=True):
+            write_call(file, work, density, sets)
+        self._process = subprocess.Popen(
+            [str(program), *map(str, files)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+
+    def measure(self, batch: int, repeats: int = 1) -> tuple[Sample, float]:
+        """Time of one likelihood of a batch, and the sum of its misfits."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(f"{batch} {repeats}\n")
+        self._process.stdin.flush()
+        wall, processor, misfit = map(float, self._process.stdout.readline().split())
+        return Sample(wall / repeats, processor / repeats), misfit
+
+    def close(self) -> None:
+        """End the program."""
+        self._process.communicate()
+
+
+def write_call(file: Path, work: Work, density: LogDensity, sets: np.ndarray) -> None:
+    """One call of the entry point `misfits` for parameter sets (n, p), in the form that ``main.cpp`` reads."""
+    (inputs,) = density._inputs
+    arrays, shape = inputs.arrays, work.model.shapes[0]
+    laws = kernel.laws(*lane_laws(arrays.laws, jnp.asarray(sets.T)))
+    local = (inputs.local_columns, inputs.gain_columns, inputs.local_offset, inputs.local_factor)
+    readings = (arrays.value, arrays.measured, arrays.censored, inputs.noise_sd, inputs.tempering, arrays.gain_sd)
+    every = [*kernel._buffers(arrays.matrices, laws, inputs.road, shape.recursion), *readings, *local]
+    with file.open("wb") as out:
+
+        def put(values: object, kind: str) -> None:
+            flat = np.ascontiguousarray(values, kind).ravel()
+            out.write(struct.pack("q", flat.size))
+            out.write(flat.tobytes())
+
+        put([shape.samples, shape.substeps, laws.elements, *laws.ramps, len(every)], "i8")
+        put([shape.interval_s, laws.growth], "f8")
+        put(shape.deflection_axles, "i8")
+        put(shape.acceleration_axles, "i8")
+        for buffer in every:
+            put(np.shape(buffer), "i8")
+            put(buffer, "f8")
