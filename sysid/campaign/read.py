@@ -15,6 +15,7 @@ from sysid.campaign.records import (
     Acquisition,
     AntiAliasFilter,
     BumpRun,
+    BumpShape,
     Campaign,
     Log,
     PlankDrop,
@@ -180,11 +181,13 @@ class _Inputs:
         result = []
         for i, entry in enumerate(self.tables.tests.prediction):
             key = f"tests.prediction[{i + 1}]"
+            shape = None if entry.shape is None else _shape(entry.shape)
             result.append(
                 PredictionRequest(
                     self._load_case(entry.load_case, key),
                     speed_m_s(entry.speed_km_h),
-                    self._bump(entry.bump, key, scans),
+                    self._bump(entry.bump, key, scans) if shape is None else shape.label,
+                    shape,
                 )
             )
         return tuple(result)
@@ -221,6 +224,11 @@ class _Inputs:
                 f"{' or '.join(repr(shorten(n)) for n in list(scans)[:5])}."
             )
         return next(iter(scans))
+
+
+def _shape(table: s.ShapeTable) -> BumpShape:
+    points = tuple(table.station_m), tuple(table.heights_m)
+    return BumpShape(table.name, table.height_m, table.length_m, table.top_m, *points)
 
 
 def _sensor(

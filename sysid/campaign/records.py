@@ -15,6 +15,8 @@ import numpy as np
 
 #: What holds the speed: a driver or servo at once, a tow at constant speed, a cruise control slowly, or nothing.
 SpeedHeld = Literal["servo", "towed", "cruise", "free"]
+#: Bumps that are known by name.
+ShapeName = Literal["watts", "sinusoidal", "half_sine", "parabolic", "trapezoid", "points"]
 SensorKind = Literal["suspension_deflection", "axle_acceleration", "body_acceleration"]
 
 
@@ -282,12 +284,36 @@ class Scan:
 
 
 @dataclass(frozen=True)
+class BumpShape:
+    """A bump by name and size: `height_m`, `length_m` over all, `top_m` the flat top of a trapezoid (None: a third).
+
+    A shape named ``points`` has none of these but the heights of its stations along the road.
+    """
+
+    name: ShapeName
+    height_m: float | None = None
+    length_m: float | None = None
+    top_m: float | None = None
+    station_m: tuple[float, ...] = ()
+    heights_m: tuple[float, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """Name and size in words."""
+        if self.height_m is None or self.length_m is None:
+            return f"{self.name}, {len(self.station_m)} stations"
+        top = "" if self.top_m is None else f", top {self.top_m:g} m"
+        return f"{self.name} {1e3 * self.height_m:g} mm x {self.length_m:g} m{top}"
+
+
+@dataclass(frozen=True)
 class PredictionRequest:
-    """A pass nobody drove: load case, speed [m/s] and bump."""
+    """A pass nobody drove: load case, speed [m/s] and bump, a scanned one by name or any other by its `shape`."""
 
     load_case: str
     speed_m_s: float
     bump: str = "bump"
+    shape: BumpShape | None = None
 
 
 @dataclass(frozen=True)

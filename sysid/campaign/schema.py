@@ -297,12 +297,47 @@ class BumpRunTable(Table):
     speed_held: Literal["servo", "towed", "cruise", "free"] = "servo"
 
 
+class ShapeTable(Table):
+    """shape = {...}: a bump by name and size, or by points along the road."""
+
+    name: Literal["watts", "sinusoidal", "half_sine", "parabolic", "trapezoid", "points"]
+    height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.001, le=1.0)] | None = None
+    length_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.01, le=100.0)] | None = None
+    top_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=100.0)] | None = None
+    station_m: Annotated[list[Position], Field(max_length=100_000)] = []
+    heights_m: Annotated[list[Position], Field(max_length=100_000)] = []
+
+    @model_validator(mode="after")
+    def _size_of_shape(self) -> ShapeTable:
+        sized = self.height_m is not None and self.length_m is not None
+        if self.name == "points":
+            if self.height_m is not None or self.length_m is not None or len(self.station_m) < 3:
+                raise ValueError("is given by points; give station_m and heights_m, three or more, and no other size")
+            if len(self.station_m) != len(self.heights_m):
+                raise ValueError(
+                    f"has {len(self.station_m)} values in station_m and {len(self.heights_m)} in heights_m; "
+                    "give equally many"
+                )
+        elif not sized or self.station_m or self.heights_m:
+            raise ValueError(f"is a {self.name} bump; give its height_m and length_m, and no points")
+        if self.top_m is not None and self.name != "trapezoid":
+            raise ValueError(f"is a {self.name} bump; only a trapezoid has a top_m, leave it out")
+        return self
+
+
 class PredictionTable(Table):
     """One entry of tests.prediction."""
 
     load_case: Name
     speed_km_h: SpeedKmH
     bump: Name | None = None
+    shape: ShapeTable | None = None
+
+    @model_validator(mode="after")
+    def _one_bump(self) -> PredictionTable:
+        if self.bump is not None and self.shape is not None:
+            raise ValueError("has both bump and shape; a pass crosses one of them")
+        return self
 
 
 class TestsTable(Table):

@@ -55,12 +55,28 @@ def cli() -> None:
     """Entry point of all stages."""
 
 
-def _stage(name: str, text: str) -> None:
+_PASS_OPTIONS = (
+    click.option("--speed", "speeds", multiple=True, type=click.FloatRange(0.0, 300.0, min_open=True),
+                 help="Predict this speed [km/h] instead of the passes of the campaign; may be repeated."),
+    click.option("--load-case", default=None, help="Load case of --speed (default: the first)."),
+    click.option("--bump", default=None, help="Scanned bump of --speed (default: the first)."),
+    click.option("--shape", default=None, help="Another bump by its shape, with --height and --length.",
+                 type=click.Choice(["watts", "sinusoidal", "half_sine", "parabolic", "trapezoid"])),
+    click.option("--height", default=None, help="Height of the shape [m].", type=click.FloatRange(0.001, 1.0)),
+    click.option("--length", default=None, help="Length of the shape [m].", type=click.FloatRange(0.01, 100.0)),
+    click.option("--top", default=None, help="Flat top of a trapezoid [m] (default: a third of its length).",
+                 type=click.FloatRange(0.0, 100.0)),
+)  # fmt: skip
+
+
+def _stage(name: str, text: str, more: tuple[Callable[..., Any], ...] = ()) -> None:
     def command(campaign: Path, output: Path, resume: bool, **choices: Any) -> None:
         from sysid.cli.stages import run_stage
 
         sys.exit(run_stage(name, campaign, output, resume=resume, **choices))
 
+    for decorate in reversed(more):
+        command = decorate(command)
     cli.command(name, help=text)(_options(command))
 
 
@@ -68,7 +84,7 @@ _stage("check", "Quality of every log and channel: rate, gaps, clipping, wrong u
 _stage("drops", "Stiffness and damping of every axle from its plank drops, equations (1)-(3) and corrections.")
 _stage("fit", "Least-squares calibration of the vehicle model against all bump runs.")
 _stage("sample", "Posterior of all parameters by emcee, continued until it has converged.")
-_stage("predict", "Dynamic wheel loads of the passes that the campaign asks for.")
+_stage("predict", "Dynamic wheel loads of the passes that the campaign asks for, or of others.", _PASS_OPTIONS)
 _stage("report", "Write report.html from the stages that have run.")
 _stage("export", "Write result.json, parameters.csv, predictions and posterior.nc from the stages that have run.")
 _stage("run", "All stages in order.")

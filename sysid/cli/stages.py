@@ -12,6 +12,7 @@ from typing import Any
 from rich.console import Console
 
 from sysid.cli import tables
+from sysid.cli.passes import OPTIONS, requested_passes
 from sysid.cli.progress import StageProgress
 from sysid.errors import DataRejectedError, NotConvergedError, SysidError
 
@@ -59,13 +60,25 @@ def _run(name, campaign, output, screen, errors, resume, choices) -> int:
     from sysid.workflow import Calibration, make_settings, recall
 
     configure()
-    if name in ("report", "export") and not any(value for option, value in choices.items() if option != "max_steps"):
+    asked = {option: choices.pop(option, None) for option in OPTIONS}
+    passes_only = any(value not in (None, ()) for value in asked.values())
+    chosen = any(choices.get(option) for option in ("quick", "seed", "laws", "contact", "contact_spread"))
+    if (name in ("report", "export") or passes_only) and not chosen:
         # These show what is there: without options they take those of the run that filled the folder.
         choices |= recall(output)
     settings = make_settings(**choices)
+    result: Any
+    written: tuple[Path, ...] = ()
     with StageProgress(errors) as progress:
         calibration = Calibration(campaign, output, settings, progress.update, resume=resume)
-        if name in ("check", "drops", "fit", "sample", "predict"):
+        if passes_only:
+            from sysid.export.tables import write_passes
+
+            requests = requested_passes(calibration.campaign, asked)
+            progress.stage(name)
+            result = calibration.predict_passes(requests)
+            written = write_passes(result, output)
+        elif name in ("check", "drops", "fit", "sample", "predict"):
             if not resume:
                 calibration.redo(name)
             progress.stage(name)
@@ -82,6 +95,8 @@ def _run(name, campaign, output, screen, errors, resume, choices) -> int:
             result = calibration.run()
     show = getattr(tables, f"show_{name}")
     show(screen, calibration, result)
+    for path in written:
+        screen.print(str(path), markup=False)
     return _exit_code(name, calibration)
 
 

@@ -127,8 +127,10 @@ def show_predict(screen: Console, calibration, predictions) -> None:
     axles = calibration.campaign.vehicle.axles
     for p in predictions.passes:
         table = _table(
-            f"{escape(p.load_case)}, {3.6 * p.speed_m_s:.4g} km/h: peak dynamic load ratio",
-            ("axle", "median", "90 % interval", "leaves the road"),
+            f"{escape(p.load_case)}, {3.6 * p.speed_m_s:.4g} km/h"
+            + (f", {escape(p.shape)}" if p.shape else "")
+            + ": peak dynamic load ratio",
+            ("axle", "median", "90 % interval", "load coefficient", "off the road ms"),
         )
         for i, axle in enumerate(axles):
             low, high = p.peak_ratio_q05, p.peak_ratio_q95
@@ -136,7 +138,8 @@ def show_predict(screen: Console, calibration, predictions) -> None:
                 f"{i + 1} {escape(axle.name)}",
                 f"{p.peak_ratio_q50[i]:.3f}",
                 "-" if low is None or high is None else f"{low[i]:.3f} to {high[i]:.3f}",
-                "yes" if p.lift_off[i] else "no",
+                "-" if p.load_coefficient is None else f"{p.load_coefficient.q50[i]:.3f}",
+                "-" if p.lift_off_s is None else f"{1e3 * p.lift_off_s.q50[i]:.0f}",
             )
         screen.print(table)
         for warning in p.warnings:

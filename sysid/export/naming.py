@@ -41,5 +41,8 @@ def speed_km_h(speed_m_s: float) -> float:
 
 def prediction_files(passes: Iterable[PassPrediction]) -> tuple[str, ...]:
     """File of every predicted pass relative to the output folder, like ``predictions/unloaded_48kmh.csv``."""
-    stems = (f"{file_stem(p.load_case)}_{speed_km_h(p.speed_m_s):g}kmh" for p in passes)
+    stems = (
+        f"{file_stem(p.load_case)}_{speed_km_h(p.speed_m_s):g}kmh" + (f"_{file_stem(p.shape)}" if p.shape else "")
+        for p in passes
+    )
     return tuple(f"predictions/{stem}.csv" for stem in distinct(stems))

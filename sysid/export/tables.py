@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,11 +15,11 @@ import pandas as pd
 
 from sysid.export.contents import Results
 from sysid.export.files import write_text
-from sysid.export.naming import prediction_files
+from sysid.export.naming import prediction_files, speed_km_h
 from sysid.validation.results import ChannelAgreement
 
 if TYPE_CHECKING:
-    from sysid.prediction.results import PassPrediction
+    from sysid.prediction.results import PassPrediction, Predictions, Quantiles
     from sysid.validation.results import Validation
 
 PARAMETER_COLUMNS = (
@@ -116,32 +117,94 @@ def write_validation(results: Results, path: Path) -> None:
 
 
 def prediction_csv(prediction: PassPrediction) -> str:
-    """The text of one `predictions/*.csv`: time [s] and the quantiles of each axle's vertical tire force [N].
+    """The text of one `predictions/*.csv`: time [s], quantiles of each axle's vertical tire and suspension force [N].
 
     Before sampling the columns of the 5 % and 95 % quantiles are empty.
     """
     # Rounded to 1 us and 0.01 N: far below what the model knows, and a file half the size.
     columns = {"time_s": np.round(prediction.time_s, 6)}
-    for axle in range(len(prediction.static_load_N)):
-        for key, force in (
-            ("q05", prediction.tire_force_q05_N),
-            ("q50", prediction.tire_force_q50_N),
-            ("q95", prediction.tire_force_q95_N),
-        ):
-            values = np.full(len(prediction.time_s), np.nan) if force is None else np.round(force[axle], 2)
-            columns[f"tire_force{axle + 1}_N_{key}"] = values
+    p, s = prediction, prediction.suspension_force_N
+    forces = {"tire_force": (p.tire_force_q05_N, p.tire_force_q50_N, p.tire_force_q95_N)}
+    if s is not None:
+        forces["suspension_force"] = (s.q05, s.q50, s.q95)
+    for name, bands in forces.items():
+        for axle in range(len(p.static_load_N)):
+            for key, force in zip(("q05", "q50", "q95"), bands, strict=True):
+                values = np.full(len(p.time_s), np.nan) if force is None else np.round(force[axle], 2)
+                columns[f"{name}{axle + 1}_N_{key}"] = values
     return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
 
 
+def pass_measures_csv(predictions: Predictions) -> str:
+    """The text of `predictions/peaks.csv`: a row per pass, axle and measure with its quantiles."""
+    rows = []
+    passes = predictions.passes
+    for p, file in zip(passes, prediction_files(passes), strict=True):
+        for axle in range(len(p.static_load_N)):
+            head = [escape_cell(p.load_case), speed_km_h(p.speed_m_s), escape_cell(p.shape), axle + 1]
+            for name, values in _measures(p):
+                if values is not None:
+                    rows.append([*head, name, *_bands(values, axle), file])
+    return _csv(("load_case", "speed_km_h", "shape", "axle", "measure", "q05", "q50", "q95", "file"), rows)
+
+
+def speed_sweeps_csv(predictions: Predictions) -> str:
+    """The text of `predictions/against_speed.csv`: a row per load case, speed and axle with quantiles."""
+    rows = [
+        [
+            escape_cell(s.load_case),
+            escape_cell(s.bump),
+            speed_km_h(speed),
+            axle + 1,
+            *_bands(s.peak_ratio, (i, axle)),
+            *_bands(s.load_coefficient, (i, axle)),
+            "true" if s.extrapolated[i] else "false",
+        ]
+        for s in predictions.sweeps
+        for i, speed in enumerate(s.speed_m_s)
+        for axle in range(s.peak_ratio.q50.shape[1])
+    ]
+    names = [f"{name}_{q}" for name in ("peak_dynamic_load_ratio", "load_coefficient") for q in ("q05", "q50", "q95")]
+    return _csv(("load_case", "bump", "speed_km_h", "axle", *names, "extrapolated"), rows)
+
+
+def _measures(p: PassPrediction) -> tuple[tuple[str, Quantiles | None], ...]:
+    names = ("load_coefficient", "lift_off_s", "jounce_m", "rebound_m", "impulse_ratio")
+    return (("peak_dynamic_load_ratio", p.peak_ratio), *((name, getattr(p, name)) for name in names))
+
+
+def _bands(values: Quantiles, index: int | tuple[int, int]) -> list[str]:
+    return [_cell(None if q is None else float(q[index])) for q in (values.q05, values.q50, values.q95)]
+
+
+def _csv(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return stream.getvalue()
+
+
+def write_passes(predictions: Predictions, folder: Path) -> tuple[Path, ...]:
+    """Write the histories of passes that belong to no results below the output `folder` and return their paths."""
+    paths = tuple(Path(folder) / name for name in prediction_files(predictions.passes))
+    for prediction, path in zip(predictions.passes, paths, strict=True):
+        write_text(path, prediction_csv(prediction))
+    return paths
+
+
 def write_predictions(results: Results, folder: Path) -> tuple[Path, ...]:
-    """Write one file per predicted pass below the output `folder` and return their paths."""
+    """Write one file per predicted pass and the tables of all below the output `folder` and return their paths."""
     if results.predictions is None:
         return ()
     passes = results.predictions.passes
-    paths = tuple(Path(folder) / name for name in prediction_files(passes))
-    for prediction, path in zip(passes, paths, strict=True):
-        write_text(path, prediction_csv(prediction))
-    return paths
+    texts = dict(zip(prediction_files(passes), map(prediction_csv, passes), strict=True))
+    texts["predictions/peaks.csv"] = pass_measures_csv(results.predictions)
+    if results.predictions.sweeps:
+        texts["predictions/against_speed.csv"] = speed_sweeps_csv(results.predictions)
+    for name, text in texts.items():
+        write_text(Path(folder) / name, text)
+    return tuple(Path(folder) / name for name in texts)
 
 
 def _cell(value: float | None) -> str:

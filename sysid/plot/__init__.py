@@ -15,7 +15,7 @@ from sysid.plot.posterior import (
     trace,
     traces,
 )
-from sysid.plot.predictions import load_ratio, load_ratios
+from sysid.plot.predictions import load_ratio, load_ratio_against_speed, load_ratios, suspension_force
 from sysid.plot.road import profile, scan
 from sysid.plot.style import axle_color, figure, figure_of, label, shared_legend
 from sysid.plot.svg import svg_element
@@ -38,6 +38,7 @@ __all__ = [
     "figure_of",
     "label",
     "load_ratio",
+    "load_ratio_against_speed",
     "load_ratios",
     "marginal",
     "marginals",
@@ -49,6 +50,7 @@ __all__ = [
     "scan",
     "shared_legend",
     "suspension_estimates",
+    "suspension_force",
     "suspension_histories",
     "suspension_loop",
     "suspension_loop_pair",

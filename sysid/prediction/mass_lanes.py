@@ -1,4 +1,4 @@
-"""Tire forces of one pass for many draws of parameters and masses: every draw is a lane with matrices of its own."""
+"""Histories of one pass for many draws of parameters and masses: every draw is a lane with matrices of its own."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from sysid.vehicle_model.suspension import SuspensionLaw
 TOGETHER = 20
 
 
-def forces_of_draws(
+def histories_of_draws(
     lanes: Lanes,
     parameters: ParameterSet,
     masses: UncertainMasses,
@@ -32,8 +32,10 @@ def forces_of_draws(
     log_factors: np.ndarray,
     motion: Motion,
     timing: Timing,
-) -> np.ndarray:
-    """Vertical tire forces (T, na, n) [N] of n draws.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Tire forces and suspension forces, static load included, [N] and suspension deflections [m] of n draws.
+
+    Each is an array (T, na, n).
 
     Parameters
     ----------
@@ -57,8 +59,10 @@ def forces_of_draws(
         every = Motion(*(jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s)))
         road = engine.wheel_road(stacked, _tiled(lanes.road), lanes.axle_x, every.speed, every.start_s, timing)
         sets = jnp.asarray(log_parameters[chosen, :, None])
-        found.append(np.asarray(_forces(stacked, inputs, road, sets, every, timing=timing))[..., 0])
-    return np.moveaxis(np.concatenate(found, axis=1)[:, :count], 1, 2)
+        tire, suspension, deflection = _histories(stacked, inputs, road, sets, every, timing=timing)
+        found.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, deflection)])
+    tire, suspension, deflection = (np.concatenate(parts, axis=1)[:, :count] for parts in zip(*found, strict=True))
+    return np.moveaxis(tire, 1, 2), np.moveaxis(suspension, 1, 2), np.moveaxis(deflection, 1, 2)
 
 
 def _tiled(road: EffectiveRoad) -> EffectiveRoad:
@@ -73,9 +77,10 @@ def _tiled(road: EffectiveRoad) -> EffectiveRoad:
 
 
 @partial(jax.jit, static_argnames=("timing",))
-def _forces(matrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, motion: Motion, *, timing: Timing):
+def _histories(matrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, motion: Motion, *, timing: Timing):
     suspension, tire = _laws(inputs, sets)
-    return engine.simulate_histories(matrices, suspension, tire, motion, road, timing).tire_force
+    found = engine.simulate_histories(matrices, suspension, tire, motion, road, timing)
+    return found.tire_force, found.suspension_force, found.deflection
 
 
 def _laws(inputs: LawInputs, sets: jax.Array) -> tuple[SuspensionLaw, TireLaw]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import jax
@@ -13,9 +14,12 @@ from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.estimation.lane_laws import lane_laws, law_inputs
 from sysid.estimation.parameters import ParameterSet
 from sysid.estimation.uncertain_masses import MassResponse, uncertain_masses
-from sysid.prediction.mass_lanes import forces_of_draws
-from sysid.prediction.results import PassPrediction, Predictions
+from sysid.prediction.mass_lanes import histories_of_draws
+from sysid.prediction.measures import impulse_ratio, lift_off_time, load_coefficient, quantiles
+from sysid.prediction.remarks import driven_speeds, remarks
+from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.road.contact_laws import ContactLaw
+from sysid.road.named_shapes import named_shape
 from sysid.road.results import RoadProfile
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.engine import Timing, WheelRoad
@@ -26,14 +30,72 @@ from sysid.vehicle_model.simulation import Motion
 INTERVAL_S = 0.001
 BEFORE_S = 0.5
 AFTER_S = 1.5
-#: Number of posterior draws behind the bands.
+#: Number of posterior draws behind the bands, and behind those of the ratio against speed.
 DRAWS = 200
+SWEEP_DRAWS = 50
+#: Speeds [km/h] of the ratio against speed.
+SWEEP_KM_H = (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0, 32.0, 36.0, 42.0, 48.0, 54.0, 60.0)
+
+Progress = Callable[[str, float], None]
 
 
 @partial(jax.jit, static_argnames=("timing",))
-def _forces(matrices, laws, road: WheelRoad, log_parameters, motion: Motion, *, timing: Timing) -> jax.Array:
+def _histories(matrices, laws, road: WheelRoad, log_parameters, motion: Motion, *, timing: Timing) -> tuple:
     suspension, tire = lane_laws(laws, log_parameters)
-    return engine.simulate_histories(matrices, suspension, tire, motion, road, timing).tire_force[:, 0]
+    found = engine.simulate_histories(matrices, suspension, tire, motion, road, timing)
+    return found.tire_force[:, 0], found.suspension_force[:, 0], found.deflection[:, 0]
+
+
+@dataclass(frozen=True)
+class _Pass:
+    """Histories (T, axles, S) of one pass, its static loads (axles,), and when each axle rings, (T, axles)."""
+
+    time_s: np.ndarray
+    tire_N: np.ndarray
+    suspension_N: np.ndarray
+    deflection_m: np.ndarray
+    static_N: np.ndarray
+    passing: np.ndarray
+
+
+def _simulate(
+    campaign: Campaign,
+    parameters: ParameterSet,
+    roads: EffectiveRoads,
+    request: PredictionRequest,
+    sets: np.ndarray,
+    log_factors: np.ndarray | None = None,
+) -> _Pass:
+    """`sets` (p, S) log parameters; `log_factors` (S, m) on masses, None for declared masses."""
+    wanted = Pass(request.load_case, request.bump)
+    lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
+    road, speed = lanes.road, request.speed_m_s
+    last = road.first_station_m + road.step_m * road.rise.shape[-1]
+    # The record starts half a second before axle 1 touches the bump and its time is zero over the start of the bump.
+    lead = np.ceil((BEFORE_S - road.first_station_m / speed) / INTERVAL_S) * INTERVAL_S
+    samples = int(np.ceil((lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S) / INTERVAL_S))
+    timing, motion = Timing(samples, INTERVAL_S, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
+    if log_factors is None:
+        laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
+        wheels = engine.wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
+        found = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), motion, timing=timing)
+        tire, suspension, deflection = (np.asarray(h) for h in found)
+        suspension = suspension + lanes.matrices.carried_load[0]
+    else:
+        masses = uncertain_masses(campaign)
+        tire, suspension, deflection = histories_of_draws(
+            lanes, parameters, masses, wanted, sets.T, log_factors, motion, timing
+        )
+    time = np.round(np.arange(samples) * INTERVAL_S - lead, 6)
+    x = lanes.axle_x[:, 0]
+    return _Pass(
+        time,
+        tire,
+        suspension,
+        deflection,
+        lanes.matrices.static_load[0, :, 0],
+        (time[:, None] >= (road.first_station_m + x) / speed) & (time[:, None] <= (last + x) / speed + AFTER_S),
+    )
 
 
 def predict_pass(
@@ -48,7 +110,7 @@ def predict_pass(
     roads: EffectiveRoads | None = None,
     log_factors: np.ndarray | None = None,
 ) -> PassPrediction:
-    """Tire forces of one pass, for the point estimate and for posterior draws.
+    """Wheel loads of one pass, for the point estimate and for posterior draws.
 
     The peak dynamic load ratio of a draw is the maximum over the pass of the unfiltered vertical tire force over the
     static axle load; quantiles are taken over draws, pointwise in time for the bands.
@@ -59,68 +121,85 @@ def predict_pass(
     draws : (n, p) posterior draws of the log parameters, or None.
     log_factors : (n, m) log factors on masses that belong to the draws, None for declared masses.
     """
-    roads = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact)
-    wanted = Pass(request.load_case, request.bump)
-    lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
-    road, speed = lanes.road, request.speed_m_s
-    last = road.first_station_m + road.step_m * road.rise.shape[-1]
-    # The record starts half a second before axle 1 touches the bump and its time is zero over the start of the bump.
-    lead = np.ceil((BEFORE_S - road.first_station_m / speed) / INTERVAL_S) * INTERVAL_S
-    samples = int(np.ceil((lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S) / INTERVAL_S))
-    timing, motion = Timing(samples, INTERVAL_S, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
-    if draws is not None and log_factors is not None:
-        masses = uncertain_masses(campaign)
-        force = forces_of_draws(lanes, parameters, masses, wanted, draws, log_factors, motion, timing)
-    else:
-        sets = log_parameters[:, None] if draws is None else draws.T
-        laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
-        wheels = engine.wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
-        force = np.asarray(_forces(lanes.matrices, laws, wheels, jnp.asarray(sets), motion, timing=timing))
-    static = lanes.matrices.static_load[0, :, 0]
-    peaks = force.max(axis=0) / static[:, None]
-    time = np.round(np.arange(samples) * INTERVAL_S - lead, 6)
-    bands = _quantiles(force) if draws is not None else None
-    ratios = _quantiles(peaks) if draws is not None else None
-    middle = bands[1] if bands is not None else force[..., 0]
-    driven = [r.nominal_speed_m_s for r in campaign.bump_runs if r.load_case == request.load_case]
+    roads = roads or effective_roads(campaign, profiles, [request], contact)
+    sets = log_parameters[:, None] if draws is None else draws.T
+    p = _simulate(campaign, parameters, roads, request, sets, log_factors)
+    force = quantiles(p.tire_N)
+    ratio = quantiles(p.tire_N.max(axis=0) / p.static_N[:, None])
+    jounce, rebound = quantiles((-p.deflection_m).max(axis=0)), quantiles(p.deflection_m.max(axis=0))
+    together = float(np.median(p.tire_N.sum(axis=1).mean(axis=0))) / float(p.static_N.sum())
     return PassPrediction(
         load_case=request.load_case,
-        speed_m_s=speed,
-        time_s=time,
-        tire_force_q05_N=None if bands is None else bands[0].T,
-        tire_force_q50_N=middle.T,
-        tire_force_q95_N=None if bands is None else bands[2].T,
-        static_load_N=static,
-        peak_ratio_q05=None if ratios is None else ratios[0],
-        peak_ratio_q50=peaks[:, 0] if ratios is None else ratios[1],
-        peak_ratio_q95=None if ratios is None else ratios[2],
-        lift_off=(force.min(axis=0) <= 0.0).mean(axis=1) >= 0.5,
-        warnings=_warnings(campaign, request, driven, middle, static),
+        speed_m_s=request.speed_m_s,
+        time_s=p.time_s,
+        tire_force_q05_N=_transposed(force.q05),
+        tire_force_q50_N=force.q50.T,
+        tire_force_q95_N=_transposed(force.q95),
+        static_load_N=p.static_N,
+        peak_ratio_q05=ratio.q05,
+        peak_ratio_q50=ratio.q50,
+        peak_ratio_q95=ratio.q95,
+        lift_off=(p.tire_N.min(axis=0) <= 0.0).mean(axis=1) >= 0.5,
+        warnings=remarks(campaign, request, ratio.q50, (jounce, rebound), together),
+        suspension_force_N=Quantiles(*(_transposed(q) for q in vars(quantiles(p.suspension_N)).values())),
+        load_coefficient=quantiles(load_coefficient(p.tire_N, p.static_N, p.passing)),
+        lift_off_s=quantiles(lift_off_time(p.tire_N, INTERVAL_S)),
+        jounce_m=jounce,
+        rebound_m=rebound,
+        impulse_ratio=quantiles(impulse_ratio(p.tire_N, p.static_N)),
+        shape="" if request.shape is None else request.shape.label,
     )
 
 
-def _quantiles(values: np.ndarray) -> np.ndarray:
-    return np.quantile(values, [0.05, 0.5, 0.95], axis=-1)
+def _transposed(values: np.ndarray | None) -> np.ndarray | None:
+    return None if values is None else values.T
 
 
-def _warnings(campaign: Campaign, request: PredictionRequest, driven: list[float], force, static) -> tuple[str, ...]:
-    found = []
-    name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
-    if not driven:
-        found.append(f"{name}: no run was driven in this load case; the prediction is an extrapolation.")
-    elif request.speed_m_s > 1.05 * max(driven):
-        found.append(
-            f"{name}: faster than any run of this load case ({3.6 * max(driven):g} km/h); the prediction is an "
-            "extrapolation."
-        )
-    travel = [a.jounce_travel_m is not None and a.rebound_travel_m is not None for a in campaign.vehicle.axles]
-    peak = force.max(axis=0) / static
-    if not all(travel) and np.any(peak > 3.0):
-        found.append(
-            f"{name}: load ratios above 3 come from a model without bump stops, and no suspension travel is declared "
-            "in campaign.toml to judge whether the stops would be reached; do not use them as wheel loads."
-        )
-    return tuple(found)
+def speed_sweep(
+    campaign: Campaign,
+    parameters: ParameterSet,
+    load_case: str,
+    bump: str,
+    roads: EffectiveRoads,
+    sets: np.ndarray,
+    speeds_m_s: Sequence[float],
+    progress: Progress = lambda message, fraction: None,
+    log_factors: np.ndarray | None = None,
+) -> SpeedSweep:
+    """Peak load ratio and dynamic load coefficient of one load case over a bump against speed.
+
+    Parameters
+    ----------
+    sets : (p, S) log parameters, one column the point estimate or several draws.
+    speeds_m_s : (m,) [m/s].
+    log_factors : (S, n) log factors on masses that belong to the sets, None for declared masses.
+    """
+    peaks, coefficients = [], []
+    for i, speed in enumerate(speeds_m_s):
+        progress(f"ratio against speed, {load_case}", i / len(speeds_m_s))
+        p = _simulate(campaign, parameters, roads, PredictionRequest(load_case, speed, bump), sets, log_factors)
+        peaks.append(p.tire_N.max(axis=0) / p.static_N[:, None])
+        coefficients.append(load_coefficient(p.tire_N, p.static_N, p.passing))
+    driven = driven_speeds(campaign, load_case)
+    return SpeedSweep(
+        load_case,
+        bump,
+        np.asarray(speeds_m_s, dtype=np.float64),
+        quantiles(np.array(peaks)),
+        quantiles(np.array(coefficients)),
+        (min(driven), max(driven)) if driven else None,
+    )
+
+
+def effective_roads(
+    campaign: Campaign,
+    profiles: Mapping[str, RoadProfile],
+    requests: Sequence[PredictionRequest],
+    contact: ContactLaw = "footprint",
+) -> EffectiveRoads:
+    """Roads of the scanned bumps and of those that the requests name."""
+    shapes = {r.bump: named_shape(r.shape) for r in requests if r.shape is not None}
+    return EffectiveRoads(campaign.vehicle, campaign.load_cases, {**profiles, **shapes}, contact)
 
 
 def predict(
@@ -133,18 +212,28 @@ def predict(
     contact: ContactLaw = "footprint",
     seed: int = 0,
     masses: MassResponse | None = None,
+    sweep_km_h: Sequence[float] = SWEEP_KM_H,
+    progress: Progress = lambda message, fraction: None,
 ) -> Predictions:
-    """All passes that the campaign asks for; `draws` (n, p) in log space are thinned to a few hundred at random.
+    """All passes that the campaign asks for, and the load ratio against speed in their load cases.
 
+    `draws` (n, p) in log space are thinned to a few hundred at random, for the ratio against speed to a few tens.
     Every draw gets masses of its own, drawn as `masses` says that they go with the parameters; None for declared ones.
     """
     random = np.random.default_rng(seed)
     if draws is not None and draws.shape[0] > DRAWS:
         draws = draws[random.choice(draws.shape[0], DRAWS, replace=False)]
     factors = None if draws is None or masses is None else masses.draws(draws, random)
-    roads = EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact)
+    roads = effective_roads(campaign, profiles, campaign.predictions, contact)
     passes = tuple(
         predict_pass(campaign, parameters, profiles, request, log_parameters, draws, roads=roads, log_factors=factors)
         for request in campaign.predictions
     )
-    return Predictions(passes, "least squares" if draws is None else "posterior")
+    sets = log_parameters[:, None] if draws is None else draws[:SWEEP_DRAWS].T
+    few = None if factors is None else factors[:SWEEP_DRAWS]
+    pairs = dict.fromkeys((r.load_case, r.bump) for r in campaign.predictions if r.shape is None)
+    speeds = [v / 3.6 for v in sweep_km_h]
+    sweeps = tuple(
+        speed_sweep(campaign, parameters, case, bump, roads, sets, speeds, progress, few) for case, bump in pairs if speeds
+    )
+    return Predictions(passes, "least squares" if draws is None else "posterior", sweeps)

@@ -13,6 +13,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+#: Faster than the fastest run by more than this factor is an extrapolation.
+FASTER = 1.05
+
+
+@dataclass(frozen=True)
+class Quantiles:
+    """5 %, 50 % and 95 % quantiles over draws; before sampling `q50` is the least-squares value, the others None."""
+
+    q05: np.ndarray | None
+    q50: np.ndarray
+    q95: np.ndarray | None
+
+
 @dataclass(frozen=True)
 class PassPrediction:
     """Wheel loads of one pass with posterior bands.
@@ -21,6 +34,12 @@ class PassPrediction:
     vertical force, pointwise quantiles (q05/q95 None before sampling); `static_load_N` (axles,); `peak_ratio_*`
     (axles,) quantiles of the peak dynamic load ratio per draw (q05/q95 None before sampling); `lift_off` (axles,) bool,
     True where the wheels leave the road in at least half of the draws.
+
+    `suspension_force_N` (axles, n) of spring, damper and friction together on the body, positive in compression, with
+    the static load (of an axle group at its first axle); (axles,): `load_coefficient` RMS of force less static load
+    over static load, from the axle's first contact to the end of its ringing; `lift_off_s` time off the ground;
+    `jounce_m`, `rebound_m` largest compression and extension from rest; `impulse_ratio` mean force over the pass over
+    static load.  `shape` names a bump that no run crossed, empty for a scanned one.
     """
 
     load_case: str
@@ -35,14 +54,51 @@ class PassPrediction:
     peak_ratio_q95: np.ndarray | None
     lift_off: np.ndarray
     warnings: tuple[str, ...] = ()
+    suspension_force_N: Quantiles | None = None
+    load_coefficient: Quantiles | None = None
+    lift_off_s: Quantiles | None = None
+    jounce_m: Quantiles | None = None
+    rebound_m: Quantiles | None = None
+    impulse_ratio: Quantiles | None = None
+    shape: str = ""
+
+    @property
+    def peak_ratio(self) -> Quantiles:
+        """Quantiles of the peak dynamic load ratio, (axles,)."""
+        return Quantiles(self.peak_ratio_q05, self.peak_ratio_q50, self.peak_ratio_q95)
+
+
+@dataclass(frozen=True)
+class SpeedSweep:
+    """Peak dynamic load ratio and dynamic load coefficient of one load case against speed, (speeds, axles).
+
+    `driven_m_s` are the lowest and the highest nominal speed of the runs in this load case, None without any.
+    """
+
+    load_case: str
+    bump: str
+    speed_m_s: np.ndarray
+    peak_ratio: Quantiles
+    load_coefficient: Quantiles
+    driven_m_s: tuple[float, float] | None
+
+    @property
+    def extrapolated(self) -> np.ndarray:
+        """Speeds (m,) at which no run of the load case was as fast, bool."""
+        fastest = 0.0 if self.driven_m_s is None else FASTER * self.driven_m_s[1]
+        return np.asarray(self.speed_m_s > fastest)
 
 
 @dataclass(frozen=True)
 class Predictions(Tabular):
-    """All predicted passes of a campaign; `source` is ``posterior`` or ``least squares``."""
+    """All predicted passes of a campaign; `source` is ``posterior`` or ``least squares``.
+
+    `sweeps` hold the load ratio against speed, one per load case that is predicted.
+    """
 
     passes: tuple[PassPrediction, ...]
     source: str
+    sweeps: tuple[SpeedSweep, ...] = ()
 
     def summary(self) -> pd.DataFrame:
         """Peak dynamic load ratio of every axle and pass."""
@@ -61,6 +117,8 @@ class Predictions(Tabular):
                         "peak_ratio_q50": p.peak_ratio_q50[i],
                         "peak_ratio_q95": None if p.peak_ratio_q95 is None else p.peak_ratio_q95[i],
                         "lift_off": bool(p.lift_off[i]),
+                        "load_coefficient_q50": None if p.load_coefficient is None else p.load_coefficient.q50[i],
+                        "lift_off_s_q50": None if p.lift_off_s is None else p.lift_off_s.q50[i],
                     }
                 )
         return pd.DataFrame(rows)

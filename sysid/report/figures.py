@@ -245,3 +245,35 @@ def prediction_pictures(results: Results, gallery: Gallery) -> list[Picture]:
         peaks = ", ".join(f"axle {i + 1} {number(float(r))}" for i, r in enumerate(p.peak_ratio_q50))
         pictures.append(gallery.picture(plot.load_ratios(p)[0, 0], caption, f"{caption} Peak ratios: {peaks}."))
     return pictures
+
+
+def sweep_pictures(results: Results, gallery: Gallery) -> list[Picture]:
+    """Peak load ratio against speed, a figure per load case."""
+    if results.predictions is None:
+        return []
+    pictures = []
+    for s in results.predictions.sweeps:
+        caption = (
+            f"{s.load_case}: peak dynamic load ratio against speed, with 90 % bands where the posterior has been "
+            "sampled. Grey: faster than any run of this load case, an extrapolation."
+        )
+        fastest = ", ".join(f"axle {i + 1} {number(float(r))}" for i, r in enumerate(s.peak_ratio.q50[-1]))
+        words = f"{caption} At {speed(float(s.speed_m_s[-1]))} km/h: {fastest}."
+        pictures.append(gallery.picture(plot.load_ratio_against_speed(s), caption, words, width="half"))
+    return pictures
+
+
+def suspension_pictures(results: Results, gallery: Gallery) -> list[Picture]:
+    """Suspension force of the first axle in every predicted pass, as in Figure 9b of the paper."""
+    if results.predictions is None:
+        return []
+    return [
+        gallery.picture(
+            plot.suspension_force(p, 0),
+            f"{p.load_case}, {speed(p.speed_m_s)} km/h: force of spring, damper and friction of axle 1 on the body, as "
+            "in Figure 9b of the paper.",
+            width="half",
+        )
+        for p in results.predictions.passes
+        if p.suspension_force_N is not None
+    ]

@@ -175,6 +175,26 @@ def _cautions(results: Results) -> list[str]:
             f"Peak wheel-load ratios of {ARTEFACT_RATIO:g} and more ({listing(artefacts)}) are artefacts: the model "
             "has no bump stops because the campaign file declares no jounce_travel_m and rebound_travel_m."
         )
+    if exceeded := exceeded_travel(results):
+        found.append(
+            f"Predicted suspension travel is larger than declared ({listing(exceeded)}): the wheel-load ratios there "
+            "leave out the stops, unless the axle's law has bump_stops."
+        )
+    return found
+
+
+def exceeded_travel(results: Results) -> list[str]:
+    """Pass and axle of every predicted travel, upper end of its interval, beyond the declared one."""
+    found = []
+    for p in () if results.predictions is None else results.predictions.passes:
+        for i, axle in enumerate(results.campaign.vehicle.axles):
+            pairs = ((p.jounce_m, axle.jounce_travel_m), (p.rebound_m, axle.rebound_travel_m))
+            for travel, declared in pairs:
+                if travel is None or declared is None:
+                    continue
+                if float((travel.q50 if travel.q95 is None else travel.q95)[i]) > declared:
+                    found.append(f"{_pass_name(p)}, axle {i + 1}")
+                    break
     return found
 
 
@@ -193,7 +213,7 @@ def artefact_passes(results: Results) -> list[str]:
 
 
 def _pass_name(p: PassPrediction) -> str:
-    return f"{p.load_case} {speed(p.speed_m_s)}\u00a0km/h"
+    return f"{p.load_case} {speed(p.speed_m_s)}\u00a0km/h" + (f" over {p.shape}" if p.shape else "")
 
 
 def undeclared_travel(results: Results) -> list[int]:

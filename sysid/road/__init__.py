@@ -1,6 +1,7 @@
 """Road side of the toolkit: point cloud, road plane, smooth bump profile, analytic bump shapes, what a tire feels."""
 
 from sysid.road.enveloping import SPOKE_EXPONENT, SpokeTable, effective_profile, spoke_table, static_deflection
+from sysid.road.named_shapes import named_shape
 from sysid.road.point_cloud import read_point_cloud, read_point_cloud_counted
 from sysid.road.results import RoadProfile, ScanAnalysis
 from sysid.road.scan import ScanOptions, analyse_scan
@@ -25,6 +26,7 @@ __all__ = [
     "effective_profile",
     "half_sine",
     "make_profile",
+    "named_shape",
     "parabolic",
     "plank",
     "profile_from_points",

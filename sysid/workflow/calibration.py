@@ -7,7 +7,7 @@ import importlib.metadata
 import json
 import platform
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ import numpy as np
 from sysid.campaign.findings import QualityReport
 from sysid.campaign.quality import check_quality
 from sysid.campaign.read import read_campaign
-from sysid.campaign.records import Campaign
+from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.estimation.bump_model import bump_model
 from sysid.estimation.drop_model import with_model_estimates
@@ -34,7 +34,7 @@ from sysid.export.tables import write_parameters, write_predictions, write_valid
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
 from sysid.posterior.results import Posterior
 from sysid.posterior.sampling import sample_posterior
-from sysid.prediction.passes import predict
+from sysid.prediction.passes import SWEEP_KM_H, predict
 from sysid.prediction.results import Predictions
 from sysid.road.point_cloud import read_point_cloud
 from sysid.road.results import RoadProfile, ScanAnalysis
@@ -280,13 +280,22 @@ class Calibration:
             progress=self._progress,
         )
 
-    def _predict(self) -> Predictions:
+    def predict_passes(self, requests: Sequence[PredictionRequest]) -> Predictions:
+        """Wheel loads of other passes than those of the campaign file, from the posterior if there is one.
+
+        They are no part of the results; :func:`sysid.export.write_predictions` writes them.
+        """
+        return self._predict(tuple(requests), sweep_km_h=())
+
+    def _predict(
+        self, requests: tuple[PredictionRequest, ...] | None = None, sweep_km_h: Sequence[float] = SWEEP_KM_H
+    ) -> Predictions:
         fit = self.fit()
         posterior: Posterior | None = self._known("sample")
         point = np.log([p.value for p in fit.parameters])
         draws = None if posterior is None else np.log(posterior.draws.reshape(-1, len(posterior.names)))
         return predict(
-            self.campaign,
+            self.campaign if requests is None else replace(self.campaign, predictions=requests),
             self._parameters(),
             self._profiles(),
             point,
@@ -294,6 +303,8 @@ class Calibration:
             contact=self.settings.fit.contact,
             seed=self.settings.seed,
             masses=self._stage("fit", self._fit)[1]["masses"],
+            sweep_km_h=() if self.settings.quick else sweep_km_h,
+            progress=self._progress,
         )
 
     def _parameters(self) -> ParameterSet:
@@ -365,6 +376,9 @@ class Calibration:
             relevant["drop_model"] = self.settings.drop_model
         if name in ("drops", "fit", "sample", "predict"):
             relevant["fit"] = self.settings.as_dict()["fit"]
+        if name == "predict":
+            # Results of before know no suspension forces and no ratio against speed.
+            relevant["content"] = 2
         if name in ("sample", "predict"):
             # How long to go on decides when a chain ends, not what it is.
             limits = ("max_steps", "min_steps", "rhat_limit", "min_effective")

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sysid.campaign import read_campaign
+from sysid.campaign import BumpShape, read_campaign
 from sysid.campaign.toml_errors import validate
 from sysid.campaign.units import angle_rad, pressure_pa, si_factor, speed_m_s
 from sysid.errors import CampaignError, DataRejectedError, SysidError
@@ -151,6 +151,38 @@ def test_several_scans(small):
     one_sentence(error)
     with pytest.raises(CampaignError, match="did you mean 'long'"):
         read_campaign(small(one, ("nominal_speed_km_h = 36", 'nominal_speed_km_h = 36, bump = "longg"')))
+
+
+def with_prediction(text: str) -> tuple[str, str]:
+    return "[tests]", f"[tests]\nprediction = [{{ load_case = 'empty', speed_km_h = 48, {text} }}]"
+
+
+def test_a_prediction_over_a_named_shape(small):
+    change = with_prediction("shape = { name = 'trapezoid', height_m = 0.1, length_m = 6.0, top_m = 2.0 }")
+    (request,) = read_campaign(small(change)).predictions
+    assert request.shape == BumpShape("trapezoid", 0.1, 6.0, 2.0)
+    assert request.bump == request.shape.label
+    points = with_prediction("shape = { name = 'points', station_m = [0, 1, 2], heights_m = [0, 0.1, 0] }")
+    (request,) = read_campaign(small(points)).predictions
+    assert request.shape == BumpShape("points", station_m=(0.0, 1.0, 2.0), heights_m=(0.0, 0.1, 0.0))
+
+
+SHAPE_FAULTS = [
+    ("bump = 'bump', shape = { name = 'watts', height_m = 0.1, length_m = 3.7 }", "both bump and shape"),
+    ("shape = { name = 'watts', height_m = 0.1 }", "give its height_m and length_m"),
+    ("shape = { name = 'wats', height_m = 0.1, length_m = 3.7 }", "did you mean 'watts'"),
+    ("shape = { name = 'watts', height_m = 0.1, length_m = 3.7, top_m = 1.0 }", "only a trapezoid"),
+    ("shape = { name = 'points', station_m = [0, 1, 2], heights_m = [0, 0.1] }", "equally many"),
+    ("shape = { name = 'points', station_m = [0, 1], heights_m = [0, 0.1] }", "three or more"),
+    ("shape = { name = 'watts', height_m = 'high', length_m = 3.7 }", "expected a number"),
+]
+
+
+@pytest.mark.parametrize(("text", "said"), SHAPE_FAULTS)
+def test_a_faulty_shape_ends_in_one_sentence(small, text, said):
+    with pytest.raises(CampaignError, match=said) as error:
+        read_campaign(small(with_prediction(text)))
+    assert "tests.prediction[1]" in one_sentence(error)
 
 
 FAULTS = [

@@ -75,14 +75,48 @@ def test_ordinary_text_is_left_alone():
 
 def test_predictions_come_back_with_pandas(tmp_path):
     results = small_results()
-    (path,) = write_predictions(results, tmp_path)
-    assert path == tmp_path / "predictions" / "empty_48kmh.csv"
+    paths = write_predictions(results, tmp_path)
+    names = ["empty_48kmh.csv", "peaks.csv", "against_speed.csv"]
+    assert list(paths) == [tmp_path / "predictions" / name for name in names]
+    path = paths[0]
     table = pd.read_csv(path)
     p = results.predictions.passes[0]
-    assert list(table.columns) == ["time_s"] + [f"tire_force{i}_N_{q}" for i in (1, 2) for q in ("q05", "q50", "q95")]
+    assert list(table.columns) == [
+        "time_s",
+        *(
+            f"{force}{i}_N_{q}"
+            for force in ("tire_force", "suspension_force")
+            for i in (1, 2)
+            for q in ("q05", "q50", "q95")
+        ),
+    ]
+    np.testing.assert_allclose(table["suspension_force2_N_q05"], p.suspension_force_N.q05[1], atol=0.0051)
     np.testing.assert_allclose(table["time_s"], p.time_s, atol=1e-9)
     np.testing.assert_allclose(table["tire_force2_N_q95"], p.tire_force_q95_N[1], atol=0.0051)
     np.testing.assert_allclose(table["tire_force1_N_q05"], p.tire_force_q05_N[0], atol=0.0051)
+
+
+def test_peaks_and_ratio_against_speed_come_back_with_pandas(tmp_path):
+    results = small_results()
+    _, peaks, against = write_predictions(results, tmp_path)
+    table = pd.read_csv(peaks).set_index(["axle", "measure"])
+    assert table.loc[(2, "peak_dynamic_load_ratio"), ["q05", "q50", "q95"]].tolist() == [3.4, 3.6, 3.8]
+    assert table.loc[(2, "lift_off_s"), "q50"] == 0.012
+    assert table.loc[(1, "jounce_m"), "q50"] == 0.05
+    assert set(table["file"]) == {"predictions/empty_48kmh.csv"}
+    sweep = results.predictions.sweeps[0]
+    table = pd.read_csv(against)
+    assert table["speed_km_h"].tolist() == [10, 10, 25, 25, 60, 60]
+    # Driven up to 30 km/h.
+    assert table["extrapolated"].tolist() == [False] * 4 + [True] * 2
+    np.testing.assert_allclose(table["peak_dynamic_load_ratio_q95"], sweep.peak_ratio.q95.ravel(), rtol=1e-12)
+    np.testing.assert_allclose(table["load_coefficient_q50"], sweep.load_coefficient.q50.ravel(), rtol=1e-12)
+
+
+def test_a_pass_over_another_bump_has_it_in_its_file_name():
+    one = small_results().predictions.passes[0]
+    names = prediction_files([one, replace(one, shape="watts 100 mm x 3.7 m")])
+    assert names == ("predictions/empty_48kmh.csv", "predictions/empty_48kmh_watts_100_mm_x_3_7_m.csv")
 
 
 def test_bands_are_empty_before_sampling(tmp_path):

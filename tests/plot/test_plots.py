@@ -206,3 +206,19 @@ def test_hostile_names_reach_the_figure_as_plain_text():
     history = hostile.fit.histories[0]
     svg = plot.svg_element(plot.channel_grid(history)[0, 0].figure, "h", "x")
     assert "$\\frac{1}$▯&lt;b&gt;" in svg
+
+
+def test_suspension_force_and_ratio_against_speed_show_their_numbers():
+    predictions = small_results().predictions
+    one, sweep = predictions.passes[0], predictions.sweeps[0]
+    ax = plot.suspension_force(one, 1)
+    assert max(line.get_ydata().max() for line in ax.lines[:1]) == pytest.approx(
+        one.suspension_force_N.q50[1].max() / 1e3, rel=1e-3
+    )
+    ax = plot.load_ratio_against_speed(sweep)
+    np.testing.assert_allclose(ax.lines[1].get_ydata(), sweep.peak_ratio.q50[:, 1])
+    np.testing.assert_allclose(ax.lines[1].get_xdata(), [10.0, 25.0, 60.0])
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert labels == ["not driven", "axle 1", "axle 2"]
+    with pytest.raises(ValueError, match="no suspension forces"):
+        plot.suspension_force(before_sampling().predictions.passes[0], 0)

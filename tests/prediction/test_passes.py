@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, bump, campaign, empty_run, true_log_parameters
 
-from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.campaign.records import BumpShape, Campaign, PredictionRequest
 from sysid.estimation.parameters import campaign_parameters
 from sysid.prediction import passes
-from sysid.prediction.passes import predict, predict_pass
-from sysid.prediction.results import PassPrediction
+from sysid.prediction.measures import load_coefficient
+from sysid.prediction.passes import predict, predict_pass, speed_sweep
+from sysid.prediction.remarks import remarks
+from sysid.prediction.results import PassPrediction, Quantiles
+from sysid.road.shapes import raised_cosine
 from sysid.vehicle_model.lanes import EffectiveRoads
 
 SPEED_M_S = 10.0
@@ -149,32 +152,114 @@ def recorded(monkeypatch) -> list[np.ndarray | None]:
 def test_all_requests_are_predicted_from_a_seeded_selection_of_draws(data, parameters, truth, recorded):
     two = replace(data, predictions=(REQUEST, PredictionRequest("empty", 12.0)))
     many = truth + np.arange(1000.0)[:, None]
-    found = predict(two, parameters, {"bump": PROFILE}, truth, many, seed=4)
+    found = predict(two, parameters, {"bump": PROFILE}, truth, many, seed=4, sweep_km_h=())
     assert found.source == "posterior"
     assert found.passes == two.predictions
     assert recorded[0].shape == (passes.DRAWS, truth.size)
     np.testing.assert_array_equal(recorded[0], recorded[1])
     assert len({float(d[0]) for d in recorded[0]}) == passes.DRAWS
-    predict(two, parameters, {"bump": PROFILE}, truth, many, seed=4)
+    predict(two, parameters, {"bump": PROFILE}, truth, many, seed=4, sweep_km_h=())
     np.testing.assert_array_equal(recorded[0], recorded[2])
-    predict(two, parameters, {"bump": PROFILE}, truth, many, seed=5)
+    predict(two, parameters, {"bump": PROFILE}, truth, many, seed=5, sweep_km_h=())
     assert not np.array_equal(recorded[0], recorded[4])
 
 
 def test_without_a_posterior_the_source_is_least_squares(data, parameters, truth, recorded):
-    assert predict(data, parameters, {"bump": PROFILE}, truth, None).source == "least squares"
+    assert predict(data, parameters, {"bump": PROFILE}, truth, None, sweep_km_h=()).source == "least squares"
     assert recorded == [None]
 
 
 def test_extrapolation_is_said():
     runs = campaign([empty_run("a.csv", 9.0)], load_cases=(EMPTY, LADEN))
-    static, quiet = np.array([1.0, 1.0]), np.ones((5, 2))
-    slow = passes._warnings(runs, PredictionRequest("empty", 9.2), [9.0], quiet, static)
-    fast = passes._warnings(runs, PredictionRequest("empty", 12.0), [9.0], quiet, static)
-    other = passes._warnings(runs, PredictionRequest("laden", 9.0), [], quiet, static)
+    calm = (Quantiles(None, np.zeros(3), None),) * 2
+    quiet = np.ones(3)
+    slow = remarks(runs, PredictionRequest("empty", 9.2), quiet, calm, 1.0)
+    fast = remarks(runs, PredictionRequest("empty", 12.0), quiet, calm, 1.0)
+    other = remarks(runs, PredictionRequest("laden", 9.0), quiet, calm, 1.0)
     assert slow == ()
     assert "faster than any run" in fast[0]
     assert "43.2 km/h" in fast[0]
     assert "no run was driven in this load case" in other[0]
-    high = passes._warnings(runs, PredictionRequest("empty", 9.0), [9.0], 4.0 * quiet, static)
+    high = remarks(runs, PredictionRequest("empty", 9.0), 4.0 * quiet, calm, 1.0)
     assert "stops" in high[0]
+    (shaped,) = remarks(runs, PredictionRequest("empty", 9.0, "x", BumpShape("watts", 0.1, 3.7)), quiet, calm, 1.0)
+    assert "no run crossed this bump" in shaped
+    (heavy,) = remarks(runs, PredictionRequest("empty", 9.0), quiet, calm, 1.02)
+    assert "1.020 times the weight" in heavy
+
+
+def test_travel_beyond_the_declared_one_is_said():
+    axles = (replace(AXLES[0], jounce_travel_m=0.08, rebound_travel_m=0.06), *AXLES[1:])
+    runs = campaign([empty_run("a.csv", 9.0)], vehicle=replace(VEHICLE, axles=axles))
+    request = PredictionRequest("empty", 9.0)
+    jounce = Quantiles(np.full(3, 0.06), np.full(3, 0.07), np.full(3, 0.085))
+    rebound = Quantiles(None, np.full(3, 0.05), None)
+    (said,) = remarks(runs, request, np.ones(3), (jounce, rebound), 1.0)
+    # The upper end of the band counts: 85 mm against 80; the other axles declare nothing.
+    assert "axle 1 compresses by up to 85 mm" in said
+    assert "jounce_travel_m of 80 mm" in said
+    # A ratio above 3 on the axle with stops is judged by its travel alone, on the others it cannot be judged.
+    assert len(remarks(runs, request, np.array([4.0, 1.0, 1.0]), (rebound, rebound), 1.0)) == 0
+    assert len(remarks(runs, request, np.array([1.0, 4.0, 1.0]), (rebound, rebound), 1.0)) == 1
+
+
+def test_measures_of_a_pass_come_from_its_histories(single, banded):
+    """Recomputed from the forces: time off the ground, mean over static load; the point estimate has no band."""
+    force = single.tire_force_q50_N
+    assert single.lift_off_s.q05 is None
+    np.testing.assert_allclose(single.lift_off_s.q50, np.sum(force <= 0.0, axis=1) * 1e-3, rtol=1e-12)
+    np.testing.assert_allclose(single.impulse_ratio.q50, force.mean(axis=1) / STATIC_N, rtol=1e-12)
+    relative = force / STATIC_N[:, None] - 1.0
+    moving = np.abs(relative) > 1e-9
+    for i in range(3):
+        # From first contact to the end of the record of the last axle; the others stop 1.5 s after they have left.
+        begin = np.flatnonzero(moving[i])[0]
+        about = np.sqrt(np.mean(relative[i, begin:] ** 2))
+        assert single.load_coefficient.q50[i] == pytest.approx(about, rel=0.15)
+    assert np.all(banded.load_coefficient.q05 <= banded.load_coefficient.q95)
+
+
+def test_impulse_of_every_wheel_is_its_static_load(single):
+    """A truck at rest before and after leaves no momentum in the road."""
+    np.testing.assert_allclose(single.impulse_ratio.q50, 1.0, atol=0.02)
+
+
+def test_suspension_carries_the_sprung_weight_at_rest_and_balances_the_axle(single):
+    """At rest the tire force is suspension force and axle weight; the travel keeps inside what the force says."""
+    at_rest = single.suspension_force_N.q50[:, 0]
+    weight = np.array([a.unsprung_mass_kg for a in AXLES]) * VEHICLE.gravity_m_s2
+    np.testing.assert_allclose(at_rest + weight, STATIC_N, rtol=1e-9)
+    assert (single.suspension_force_N.q50.max(axis=1) > 1.05 * at_rest).all()
+    assert (single.jounce_m.q50 > 0.005).all()
+    assert (single.rebound_m.q50 > 0.0).all()
+
+
+def test_load_coefficient_of_a_sine_is_its_amplitude_over_root_two():
+    time = np.arange(1000) * 1e-3
+    force = 100.0 * (1.0 + 0.3 * np.sin(2.0 * np.pi * 5.0 * time))[:, None, None] * np.ones((1, 2, 1))
+    passing = np.ones((1000, 2), bool)
+    passing[500:, 1] = False
+    force[500:, 1] = 1e5
+    found = load_coefficient(force, np.array([100.0, 100.0]), passing)
+    np.testing.assert_allclose(found[:, 0], 0.3 / np.sqrt(2.0), rtol=1e-9)
+
+
+def test_ratio_against_speed_is_that_of_single_passes(data, parameters, truth, single):
+    roads = EffectiveRoads(VEHICLE, data.load_cases, {"bump": PROFILE})
+    found = speed_sweep(data, parameters, "empty", "bump", roads, truth[:, None], [SPEED_M_S])
+    np.testing.assert_allclose(found.peak_ratio.q50[0], single.peak_ratio_q50, rtol=1e-12)
+    np.testing.assert_allclose(found.load_coefficient.q50[0], single.load_coefficient.q50, rtol=1e-12)
+    assert found.driven_m_s == (9.0, 9.0)
+    assert found.extrapolated.tolist() == [True]
+    assert replace(found, driven_m_s=(5.0, 9.6)).extrapolated.tolist() == [False]
+
+
+def test_another_bump_by_its_shape_is_the_profile_itself(data, parameters, truth):
+    """A named shape gives what its profile gives as a scanned bump."""
+    shape = BumpShape("sinusoidal", 0.05, 0.8)
+    named = predict_pass(data, parameters, {}, PredictionRequest("empty", 10.0, shape.label, shape), truth, None)
+    profiles = {"bump": raised_cosine(0.05, 0.8)}
+    scanned = predict_pass(data, parameters, profiles, PredictionRequest("empty", 10.0), truth, None)
+    np.testing.assert_allclose(named.tire_force_q50_N, scanned.tire_force_q50_N, rtol=1e-12)
+    assert named.shape == "sinusoidal 50 mm x 0.8 m"
+    assert scanned.shape == ""

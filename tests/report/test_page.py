@@ -154,8 +154,8 @@ def test_page_is_accessible(full):
 def test_figures_are_not_empty(full_text):
     figures = re.findall(r"<svg.*?</svg>", full_text, re.DOTALL)
     # Two comparisons, drops (overview and two axles), profile, scan, histories (one and two runs), residuals, modes of
-    # two load cases, marginals, correlation, pairs, traces, one pass.
-    assert len(figures) == 18
+    # two load cases, marginals, correlation, pairs, traces, one pass, its suspension force, ratio against speed.
+    assert len(figures) == 20
     assert all(figure.count("<path") + figure.count("<use") > 10 for figure in figures)
     assert len(full_text) < 1_500_000
 

@@ -71,9 +71,19 @@ def test_peak_wheel_load_is_ratio_times_static_load():
     (made,) = tables.prediction_tables(small_results())
     rear = made.rows[1]
     # 3.6 x 29.43 kN.
-    assert [c.text for c in rear] == ["axle 2", "29.4", "3.60", "106", "yes"]
+    assert [c.text for c in rear] == [
+        "axle 2", "29.4", "3.60", "106", "0.40", "yes", "12", "60", "40", "0.999",
+    ]  # fmt: skip
+    assert [c.note for c in rear[7:9]] == ["none declared"] * 2
+    assert rear[6].interval == "[11, 13]"
     assert [c.interval for c in rear[2:4]] == ["[3.40, 3.80]", "[100, 112]"]
     assert "predictions/empty_48kmh.csv" in made.caption
+
+
+def test_ratio_against_speed_is_a_table_with_bands():
+    (made,) = tables.sweep_tables(small_results())
+    assert cells(made)[0] == ["10", "1.28", "1.56"]
+    assert made.rows[2][1].interval == "[2.40, 2.93]"
 
 
 def test_ratings_are_summed_up_per_kind():

@@ -8,7 +8,7 @@ from small_results import Words, before_sampling, campaign_only, small_campaign,
 
 from sysid.report.figures import representative_run
 from sysid.report.numbers import decimals, fixed, interval, listing, number, percent
-from sysid.report.verdict import verdict
+from sysid.report.verdict import exceeded_travel, verdict
 
 
 def blameless():
@@ -76,6 +76,18 @@ def test_wheel_loads_are_said_and_artefacts_called_so():
     assert "48 km/h (empty)" in said
     assert "3.60 times the static one, on axle 2 (90 % interval [3.40, 3.80]): an artefact" in said
     assert "artefact" not in " ".join(verdict(blameless()).what)
+
+
+def test_travel_beyond_the_declared_one_is_a_caution():
+    results = blameless()
+    axles = tuple(replace(a, jounce_travel_m=0.056) for a in results.campaign.vehicle.axles)
+    vehicle = replace(results.campaign.vehicle, axles=axles)
+    results = replace(results, campaign=replace(results.campaign, vehicle=vehicle))
+    # Upper ends 1.1 x 50 and 1.1 x 60 mm against 56 mm: only the rear axle.
+    assert exceeded_travel(results) == ["empty 48\u00a0km/h, axle 2"]
+    v = verdict(results)
+    assert v.answer == "Yes, with care"
+    assert "larger than declared" in v.use[0]
 
 
 def test_synthetic_campaigns_are_called_so():

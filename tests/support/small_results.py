@@ -26,7 +26,7 @@ from sysid.campaign.records import (
 from sysid.estimation.results import FitResult, ParameterEstimate, RunHistory
 from sysid.export import Results
 from sysid.posterior.results import Posterior, PosteriorSummary
-from sysid.prediction.results import PassPrediction, Predictions
+from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.road.results import RoadProfile, ScanAnalysis
 from sysid.sdof.results import DecayReading, DropAnalysis, DropEstimate, DropSummary
 from sysid.validation.results import ChannelAgreement, Validation
@@ -286,8 +286,21 @@ def _predictions(w: Words) -> Predictions:
     one = PassPrediction(
         w.empty, 48.0 / 3.6, time, 0.95 * middle, middle, 1.05 * middle, static, np.array([1.7, 3.4]),
         np.array([1.8, 3.6]), np.array([1.9, 3.8]), np.array([False, True]), (w.message,),
+        Quantiles(0.8 * middle, 0.9 * middle, middle), _measure(0.3, 0.4), _measure(0.0, 0.012), _measure(0.05, 0.06),
+        _measure(0.03, 0.04), _measure(1.0, 0.999),
     )  # fmt: skip
-    return Predictions((one,), "posterior")
+    speed = np.array([10.0, 25.0, 60.0]) / 3.6
+    ratio = 1.0 + speed[:, None] * np.array([0.1, 0.2])
+    sweep = SpeedSweep(
+        w.empty, w.bump, speed, Quantiles(0.9 * ratio, ratio, 1.1 * ratio),
+        Quantiles(0.2 * ratio, 0.3 * ratio, 0.4 * ratio), (20.0 / 3.6, 30.0 / 3.6),
+    )  # fmt: skip
+    return Predictions((one,), "posterior", (sweep,))
+
+
+def _measure(front: float, rear: float) -> Quantiles:
+    middle = np.array([front, rear])
+    return Quantiles(0.9 * middle, middle, 1.1 * middle)
 
 
 def _validation(w: Words) -> Validation:

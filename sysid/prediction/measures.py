@@ -1,0 +1,46 @@
+"""Numbers that sum up the wheel loads of a pass."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid.prediction.results import Quantiles
+
+
+def quantiles(values: np.ndarray) -> Quantiles:
+    """Quantiles over draws, the last axis; a single column is a point estimate without a band."""
+    if values.shape[-1] == 1:
+        return Quantiles(None, values[..., 0], None)
+    low, middle, high = np.quantile(values, [0.05, 0.5, 0.95], axis=-1)
+    return Quantiles(low, middle, high)
+
+
+def load_coefficient(force_N: np.ndarray, static_N: np.ndarray, passing: np.ndarray) -> np.ndarray:
+    """Dynamic load coefficient of each axle and draw: RMS of force less static load, over the static load (axles, S).
+
+    Parameters
+    ----------
+    force_N : (T, axles, S) vertical tire forces [N].
+    static_N : (axles,) [N].
+    passing : (T, axles) bool, the samples that count.
+
+    References
+    ----------
+    D. Cebon, Handbook of Vehicle-Road Interaction (1999), there over a stretch of road.
+    """
+    square = np.where(passing[..., None], (force_N / static_N[:, None] - 1.0) ** 2, 0.0)
+    return np.asarray(np.sqrt(square.sum(axis=0) / passing.sum(axis=0)[:, None]))
+
+
+def lift_off_time(force_N: np.ndarray, interval_s: float) -> np.ndarray:
+    """Time off the ground of each axle and draw [s], (axles, S), of forces (T, axles, S)."""
+    return np.asarray((force_N <= 0.0).sum(axis=0) * interval_s)
+
+
+def impulse_ratio(force_N: np.ndarray, static_N: np.ndarray) -> np.ndarray:
+    """Mean of the force over the pass over the static load, (axles, S): 1 where a pass leaves no momentum behind.
+
+    A truck that is at rest before and after has received its weight times the time.  Single wheels of a statically
+    indeterminate truck depart from 1 while one of them stands higher than its neighbours.
+    """
+    return np.asarray(force_N.mean(axis=0) / static_N[:, None])
