@@ -224,19 +224,26 @@ def test_impulse_of_every_wheel_is_its_static_load(single):
     np.testing.assert_allclose(single.impulse_ratio.q50, 1.0, atol=0.02)
 
 
-def test_suspension_carries_the_sprung_weight_at_rest_and_balances_the_axle(single):
-    """At rest the tire force is suspension force and axle weight; the travel keeps inside what the force says."""
+def test_suspension_and_axle_weight_balance_the_tire(single):
+    """At rest exactly, in motion as far as the axle's inertia goes."""
     at_rest = single.suspension_force_N.q50[:, 0]
     weight = np.array([a.unsprung_mass_kg for a in AXLES]) * VEHICLE.gravity_m_s2
     np.testing.assert_allclose(at_rest + weight, STATIC_N, rtol=1e-9)
-    # Where the extension turns only the spring pulls: the force reaches k times the travel, upward in compression.
-    force = single.suspension_force_N.q50
-    assert (single.jounce_m.q50 > 1.1 * single.rebound_m.q50).any()
+    # Averaged over half a second the axle's own inertia is small: the suspension carries what the tire carries more.
+    window = np.ones(500) / 500
     for i in range(3):
-        passed = [at_rest[i] + STIFFNESS[i] * x for x in (single.jounce_m.q50[i], -single.rebound_m.q50[i])]
-        assert force[i].max() >= passed[0] - 20.0
-        assert force[i].min() <= passed[1] + 20.0
-        assert np.min(np.abs(force[i] - passed[0])) < 0.02 * at_rest[i]
+        tire = np.convolve(single.tire_force_q50_N[i] - STATIC_N[i], window, "valid")
+        suspension = np.convolve(single.suspension_force_N.q50[i] - at_rest[i], window, "valid")
+        assert np.corrcoef(tire, suspension)[0, 1] > 0.6
+
+
+def test_travel_is_within_what_the_suspension_force_says(single):
+    """Where the extension turns only the spring pulls: the force reaches k times the travel either way."""
+    force = single.suspension_force_N.q50 - single.suspension_force_N.q50[:, :1]
+    assert (force.max(axis=1) >= STIFFNESS * single.jounce_m.q50 - 20.0).all()
+    assert (force.min(axis=1) <= -STIFFNESS * single.rebound_m.q50 + 20.0).all()
+    assert (single.jounce_m.q50 > 0.01).all()
+    assert (single.rebound_m.q50 > 0.01).all()
 
 
 def test_load_coefficient_of_a_sine_is_its_amplitude_over_root_two():
