@@ -234,6 +234,8 @@ def predict(
     pairs = dict.fromkeys((r.load_case, r.bump) for r in campaign.predictions if r.shape is None)
     speeds = [v / 3.6 for v in sweep_km_h]
     sweeps = tuple(
-        speed_sweep(campaign, parameters, case, bump, roads, sets, speeds, progress, few) for case, bump in pairs if speeds
+        speed_sweep(campaign, parameters, case, bump, roads, sets, speeds, progress, few)
+        for case, bump in pairs
+        if speeds
     )
     return Predictions(passes, "least squares" if draws is None else "posterior", sweeps)
