@@ -12,6 +12,7 @@ from sysid.campaign.records import Campaign
 from sysid.estimation import noise as noise_model
 from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.histories import run_histories
+from sysid.estimation.levenberg_marquardt import Minimum
 from sysid.estimation.mass_effect import MassEffect, mass_columns, mass_effect, with_columns
 from sysid.estimation.objective import (
     SHIFT_UNIT_M,
@@ -71,7 +72,7 @@ def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: 
     usable = [np.isfinite(n) for n in weights.noise_sd]
     median_inflation = float(np.median(np.concatenate([v[u] for v, u in zip(inflation, usable, strict=True)])))
     lags = min(c.shape[0] for c in correlations)
-    warnings = _warnings(estimates, minimum.converged, optimum.misfit, halving, difference)
+    warnings = _warnings(estimates, minimum, optimum.misfit, halving, difference)
     shared = covariance[: problem.count, : problem.count]
     masses = _mass_response(problem, parameters, effect, adjustment)
     checks = _mass_checks(problem, effect)
@@ -298,10 +299,10 @@ def _estimates(campaign, problem: Problem, log_parameters, motion: RunMotion, co
     return globals_, tuple(local)
 
 
-def _warnings(estimates, converged: bool, misfit: float, halving: float, cross_check: float) -> tuple[str, ...]:
+def _warnings(estimates, minimum: Minimum, misfit: float, halving: float, cross_check: float) -> tuple[str, ...]:
     found = []
-    if not converged:
-        found.append("Least squares stopped at its limit of iterations; the values are not final.")
+    if not minimum.converged:
+        found.append(f"Least squares has not converged ({minimum.message}); the values are not final.")
     if misfit >= 1.3:
         found.append(
             f"Residuals are {misfit:.1f} times the instrument noise (median over channels): the model does not explain "

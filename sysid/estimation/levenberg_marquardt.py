@@ -22,6 +22,8 @@ from sysid.errors import SysidError
 _PATIENCE = 20
 #: Share of the predicted fall of the cost above which the damping is relaxed.
 _GOOD_STEP = 0.75
+#: A point is a minimum where the linear model promises no larger fall than this fraction of the cost.
+_NEGLIGIBLE_FALL = 1e-5
 
 Evaluation = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -43,6 +45,22 @@ class Minimum:
     message: str
 
 
+def promised_fall(residual: np.ndarray, jacobian: np.ndarray) -> float:
+    """Fall of the cost r'r / 2 that a full Gauss-Newton step promises: half the square of r projected on J's columns.
+
+    It vanishes with the gradient J'r and, unlike it, has the unit of the cost whatever the scales of the unknowns.
+
+    Parameters
+    ----------
+    residual : (m,) r; jacobian : (m, p) J.
+    """
+    norms = np.linalg.norm(jacobian, axis=0)
+    scaled = jacobian / np.where(norms > 0.0, norms, 1.0)
+    step = np.linalg.lstsq(scaled, residual, rcond=None)[0]
+    shift = scaled @ step
+    return 0.5 * float(shift @ shift)
+
+
 def _affine(y: jax.Array, args: _Affine) -> tuple[jax.Array, None]:
     return args.residual + args.jacobian @ (y - args.point), None
 
@@ -57,6 +75,9 @@ def minimise(
     on_iteration: Callable[[int, float], None] | None = None,
 ) -> Minimum:
     """Minimise r(y)'r(y) / 2 by Levenberg-Marquardt.
+
+    However the search ends, it has converged only where the Gauss-Newton step at its last point promises a negligible
+    further fall of the cost (:func:`promised_fall`): trials may also fail because derivatives and residuals disagree.
 
     Parameters
     ----------
@@ -95,7 +116,16 @@ def minimise(
         state = eqx.tree_at(lambda s: s.search_state.step_size, state, jnp.asarray(reach / pull))
     step = eqx.filter_jit(lambda y, a, s: solver.step(_affine, y, a, {}, s, frozenset()))
 
+    def ended(iteration: int, why: str) -> Minimum:
+        fall = promised_fall(*here)
+        # Below the rounding of the first cost a perfect fit promises falls of the size of its own cost.
+        converged = fall <= _NEGLIGIBLE_FALL * max(best, relative_tolerance**2 * first)
+        if not converged:
+            why += f", but a fall by {100.0 * fall / best:.2g} % is still promised"
+        return Minimum(np.asarray(point) * scale, best, converged, iteration, why)
+
     best, rejections = np.inf, 0
+    here, first = (residual, jacobian), 0.5 * float(residual @ residual)
     for iteration in range(1, max_iterations + 1):
         if iteration > 1:
             trial = np.asarray(state.y_eval) * scale
@@ -107,6 +137,8 @@ def minimise(
             args = _Affine(state.y_eval, jnp.asarray(residual), jnp.asarray(jacobian * scale))
         cost = 0.5 * float(residual @ residual)
         point, state, _ = step(point, args, state)
+        if np.array_equal(np.asarray(point), np.asarray(args.point)):
+            here = residual, jacobian
         gain = best - cost
         rejections = 0 if gain > 0.0 else rejections + 1
         best = min(best, cost)
@@ -114,9 +146,9 @@ def minimise(
             on_iteration(iteration, best)
         proposed = np.abs(np.asarray(state.y_eval) - np.asarray(point))
         if 0.0 <= gain <= relative_tolerance * best:
-            return Minimum(np.asarray(point) * scale, best, True, iteration, "the cost no longer falls")
+            return ended(iteration, "the cost no longer falls")
         if np.all(proposed <= step_tolerance * (np.abs(np.asarray(point)) + step_tolerance)):
-            return Minimum(np.asarray(point) * scale, best, True, iteration, "the step has become negligible")
+            return ended(iteration, "the step has become negligible")
         if rejections >= _PATIENCE:
-            return Minimum(np.asarray(point) * scale, best, True, iteration, "no smaller cost is found nearby")
+            return ended(iteration, "no smaller cost is found nearby")
     return Minimum(np.asarray(point) * scale, best, False, max_iterations, "the limit of iterations was reached")

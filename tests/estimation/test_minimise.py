@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sysid.errors import SysidError
-from sysid.estimation.levenberg_marquardt import minimise
+from sysid.estimation.levenberg_marquardt import minimise, promised_fall
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "nist_strd"
 
@@ -105,3 +105,37 @@ def test_progress_is_reported():
     assert [i for i, _ in seen] == list(range(1, len(seen) + 1))
     assert [c for _, c in seen] == sorted((c for _, c in seen), reverse=True)
     assert seen[0][1] == pytest.approx(6.5)
+
+
+def test_failed_trials_alone_are_no_convergence():
+    """Derivatives of the wrong sign: every trial goes uphill and is rejected, but the slope has not vanished."""
+
+    def evaluate(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.append(point - 1.0, 1.0), -np.eye(3, 2)
+
+    found = minimise(evaluate, np.array([3.0, -2.0]))
+    assert not found.converged
+    np.testing.assert_array_equal(found.point, [3.0, -2.0])
+    # Half of 2^2 + 3^2 of a cost of half of 2^2 + 3^2 + 1^2.
+    assert "93 %" in found.message
+
+
+def test_failed_trials_at_a_minimum_are_convergence():
+    """A cost with a kink at its minimum: no smaller cost is found, and none is promised."""
+
+    def evaluate(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.array([np.sqrt(2.0 * (5.0 + np.abs(point[0] - 1.0)))]), np.array([[0.0]])
+
+    found = minimise(evaluate, np.array([1.0]))
+    assert found.converged
+
+
+def test_the_promised_fall_is_that_of_a_straight_line_through_four_points():
+    """Least squares through (0, 0), (1, 2), (2, 1), (3, 3): slope 0.8, intercept 0.3, remaining squares 1.8 of 14."""
+    x, y = np.arange(4.0), np.array([0.0, 2.0, 1.0, 3.0])
+    design = np.stack([np.ones(4), x], axis=1)
+    assert promised_fall(-y, 1e6 * design) == pytest.approx(0.5 * (14.0 - 1.8))
+    left = 0.3 + 0.8 * x - y
+    assert promised_fall(left, design) == pytest.approx(0.0, abs=1e-20)
+    # A column of zeros promises nothing.
+    assert promised_fall(-y, np.stack([np.ones(4), x, 0.0 * x], axis=1)) == pytest.approx(0.5 * (14.0 - 1.8))
