@@ -127,7 +127,7 @@ inline Squash<T> squash(const RoadRows<Q>& road, const T& u0, const T& advance, 
   const T da = moved_slope(road.stretch[0], advance), db = moved_slope(road.stretch[1], advance),
           dc = moved_slope(road.stretch[2], advance);
   const T lowest = moved(road.stretch[3], advance) - u0;
-  const Mask touching = value(below) > value(lowest);
+  const auto touching = value(below) > value(lowest);
   const T w = select(touching, below, lowest);
   const T w_rate = select(touching, below_rate, speed * moved_slope(road.stretch[3], advance));
   Squash<T> found;
@@ -213,7 +213,7 @@ bool missed_by_stages(const Jet<T>& p1, const Jet<T>& p2, const Jet<T>& p3, cons
   clipped_integrals(variable<3>(start, 0), variable<3>(half, 1), variable<3>(end, 2), whole, weighted);
   const auto chain = [&](const Local<3>& x) {
     Jet<T> y = x.d[0][0] * p1 + x.d[1][0] * middle + x.d[2][0] * p4;
-    y.value() = x.v[0];
+    y.set_value(x.v[0]);
     return y;
   };
   const Jet<T> f1 = positive(p1), f2 = positive(p2), f3 = positive(p3), f4 = positive(p4);

@@ -165,7 +165,7 @@ class Inputs {
     const int64_t unknowns = shape(kLawTangents)[3];
     const auto jet = [&](double value, const double* tangents) {
       Jet<T> x{};
-      x.value() = value;
+      x.set_value(value);
       for (int64_t k = 1; k < T * kLanes && first + k - 1 < unknowns; ++k)
         x.d[k / kLanes][k % kLanes] = tangents[first + k - 1];
       return x;

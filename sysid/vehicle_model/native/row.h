@@ -22,7 +22,7 @@ struct Jet {
     for (int t = 0; t < T; ++t) d[t] = other.d[t];
     return *this;
   }
-  double& value() { return reinterpret_cast<double*>(d)[0]; }
+  void set_value(double x) { d[0][0] = x; }  // in a register: a store to one lane would stall the load of all
   double value() const { return d[0][0]; }
 };
 
@@ -120,7 +120,7 @@ inline Jet<T> operator/(const Jet<T>& a, const Jet<T>& b) {
 template <int T>
 inline Jet<T> chained(const Jet<T>& x, double value, double slope) {
   Jet<T> y = slope * x;
-  y.value() = value;
+  y.set_value(value);
   return y;
 }
 
@@ -163,7 +163,7 @@ inline Pack constant_row<Pack>(Pack x) {
 template <class V>
 inline V constant_row(Scalar<V> x) {
   V y{};
-  y.value() = x;
+  y.set_value(x);
   return y;
 }
 

@@ -108,79 +108,83 @@ inline void contacts(const Run& run, const Laws<Pack>& laws, const RoadPoint* ro
   }
 }
 
-// The same for jets: lanes are axles while the partial derivatives of every tire's force are taken; then the chain rule
-// goes along each row of derivatives.
+// Inputs of a contact; a row of partial derivatives has one lane for each, behind the lane of the value.
+enum { kRest = 1, kAdvance, kSpeed, kRise, kRiseRate, kAhead };
+using Partials = Jet<8 / kLanes>;
+
+inline Partials partials(double value, int input, double slope) {
+  Partials x{};
+  x.d[input / kLanes][input % kLanes] = slope;
+  x.d[0][0] = value;
+  return x;
+}
+inline double slope(const Partials& x, int input) { return x.d[input / kLanes][input % kLanes]; }
+
+// Rows of the road; looked up `ahead` further on, the value moves with the next derivative.
+inline RoadRows<Partials> ahead_rows(const RoadPoint& point) {
+  const MapRow* order = point.order;
+  const auto row = [&](int n, int which) { return partials(order[n][which], kAhead, order[n + 1][which]); };
+  RoadRows<Partials> rows;
+  rows.rise = row(0, 0), rows.slope = row(1, 0), rows.second = row(2, 0), rows.third = row(3, 0);
+  for (int n = 0; n < 3; ++n) {
+    for (int which = 0; which < 4; ++which) rows.stretch[which][n] = row(n, 1 + which);
+    for (int which = 0; which < 3; ++which) rows.drag[which][n] = row(n, 5 + which);
+  }
+  return rows;
+}
+
+// The same for jets: first the partial derivatives of the squash of each wheel that is not on flat road, then those of
+// all tires' forces with axles as lanes, then the chain rule along each row of derivatives.
 template <int T>
 void contacts(const Run& run, const Laws<Jet<T>>& laws, const RoadPoint* road, double time, const Wheels<Jet<T>>& wheel,
               Jet<T>* unclipped, Jet<T>* drag) {
-  enum { kRest, kAdvance, kSpeed, kRise, kRiseRate, kAhead, kInputs };
   enum { kDeflection, kRate, kInverse, kExponent, kDamping, kForceInputs };
-  using Inner = Local<kInputs>;
   using Outer = Local<kForceInputs>;
+  Squash<Partials> squashed[kLanes];
   for (int first = 0; first < run.axles; first += kLanes) {
     const int count = run.axles - first < kLanes ? run.axles - first : kLanes;
     const TireLaw<Pack>& tires = laws.across[first / kLanes];
-    Pack advance{}, speed{}, rise{}, rise_rate{};
-    bool flat = true;
+    Pack deflection = tires.static_deflection, rate{};
     for (int k = 0; k < count; ++k) {
       const int i = first + k;
-      rise[k] = value(wheel.rise[i]);
-      rise_rate[k] = value(wheel.rise_rate[i]);
-      if (road[i].flat) continue;
-      flat = false;
-      advance[k] = value(wheel.advance[i]);
-      speed[k] = value(wheel.speed[i]);
-    }
-    Squash<Inner> now;
-    if (flat) {
-      now.deflection = variable<kInputs>(tires.static_deflection, kRest) - variable<kInputs>(rise, kRise);
-      now.rate = -variable<kInputs>(rise_rate, kRiseRate);
-    } else {
-      Pack order[kOrders][kMapRows] = {};
-      for (int k = 0; k < count; ++k)
-        if (!road[first + k].flat)
-          for (int n = 0; n < kOrders; ++n)
-            for (int row = 0; row < kMapRows; ++row) order[n][row][k] = road[first + k].order[n][row];
-      // Looked up `ahead` further on: the value moves with the next derivative.
-      const auto row = [&](int n, int which) {
-        Inner x = constant<kInputs>(order[n][which]);
-        x.d[kAhead] = order[n + 1][which];
-        return x;
-      };
-      RoadRows<Inner> rows;
-      rows.rise = row(0, 0), rows.slope = row(1, 0), rows.second = row(2, 0), rows.third = row(3, 0);
-      for (int n = 0; n < 3; ++n) {
-        for (int which = 0; which < 4; ++which) rows.stretch[which][n] = row(n, 1 + which);
-        for (int which = 0; which < 3; ++which) rows.drag[which][n] = row(n, 5 + which);
+      const double rise = value(wheel.rise[i]), rise_rate = value(wheel.rise_rate[i]);
+      if (road[i].flat) {
+        deflection[k] -= rise;
+        rate[k] = -rise_rate;
+        continue;
       }
-      now = squash(rows, variable<kInputs>(tires.static_deflection, kRest), variable<kInputs>(advance, kAdvance),
-                   variable<kInputs>(speed, kSpeed), variable<kInputs>(rise, kRise),
-                   variable<kInputs>(rise_rate, kRiseRate));
+      squashed[k] = squash(ahead_rows(road[i]), partials(tires.static_deflection[k], kRest, 1.0),
+                           partials(value(wheel.advance[i]), kAdvance, 1.0),
+                           partials(value(wheel.speed[i]), kSpeed, 1.0), partials(rise, kRise, 1.0),
+                           partials(rise_rate, kRiseRate, 1.0));
+      deflection[k] = value(squashed[k].deflection);
+      rate[k] = value(squashed[k].rate);
     }
-    const Outer force = tire_force(variable<kForceInputs>(now.deflection.v, kDeflection),
-                                   variable<kForceInputs>(now.rate.v, kRate),
+    const Outer force = tire_force(variable<kForceInputs>(deflection, kDeflection), variable<kForceInputs>(rate, kRate),
                                    variable<kForceInputs>(tires.inverse_reference, kInverse),
                                    variable<kForceInputs>(tires.exponent, kExponent),
                                    variable<kForceInputs>(tires.damping, kDamping),
                                    laws.reference_load[first / kLanes], run.growth);
-    Pack by[kInputs];
-    for (int n = 0; n < kInputs; ++n)
-      by[n] = force.d[kDeflection] * now.deflection.d[n] + force.d[kRate] * now.rate.d[n];
     for (int k = 0; k < count; ++k) {
       const int i = first + k;
       const TireLaw<Jet<T>>& law = laws.tire[i];
-      Jet<T> slopes = by[kRise][k] * wheel.rise[i] + by[kRiseRate][k] * wheel.rise_rate[i] +
-                      by[kRest][k] * law.static_deflection + force.d[kInverse][k] * law.inverse_reference +
-                      force.d[kExponent][k] * law.exponent + force.d[kDamping][k] * law.damping;
-      if (!road[i].flat) {
+      const double by_deflection = force.d[kDeflection][k], by_rate = force.d[kRate][k];
+      Jet<T> slopes = force.d[kInverse][k] * law.inverse_reference + force.d[kExponent][k] * law.exponent +
+                      force.d[kDamping][k] * law.damping;
+      if (road[i].flat) {
+        slopes += by_deflection * (law.static_deflection - wheel.rise[i]) - by_rate * wheel.rise_rate[i];
+      } else {
         const Jet<T> ahead = (time - run.start) * laws.ahead_rate + laws.ahead_start;
-        slopes += by[kAdvance][k] * wheel.advance[i] + by[kSpeed][k] * wheel.speed[i] + by[kAhead][k] * ahead;
-        const Inner& h = now.drag;
-        drag[i] = h.d[kAdvance][k] * wheel.advance[i] + h.d[kRise][k] * wheel.rise[i] + h.d[kAhead][k] * ahead +
-                  h.d[kRest][k] * law.static_deflection;
-        drag[i].value() = h.v[k];
+        const Partials by = by_deflection * squashed[k].deflection + by_rate * squashed[k].rate;
+        slopes += slope(by, kRest) * law.static_deflection + slope(by, kAdvance) * wheel.advance[i] +
+                  slope(by, kSpeed) * wheel.speed[i] + slope(by, kRise) * wheel.rise[i] +
+                  slope(by, kRiseRate) * wheel.rise_rate[i] + slope(by, kAhead) * ahead;
+        const Partials& h = squashed[k].drag;
+        drag[i] = slope(h, kRest) * law.static_deflection + slope(h, kAdvance) * wheel.advance[i] +
+                  slope(h, kRise) * wheel.rise[i] + slope(h, kAhead) * ahead;
+        drag[i].set_value(value(h));
       }
-      slopes.value() = force.v[k];
+      slopes.set_value(force.v[k]);
       unclipped[i] = slopes;
     }
   }
