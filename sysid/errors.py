@@ -24,6 +24,10 @@ class DataRejectedError(SysidError):
     exit_code = 3
 
 
+class OutputError(DataRejectedError):
+    """The output folder cannot be written: full, read-only, or another process writes to it (exit code 3)."""
+
+
 class NotConvergedError(SysidError):
     """The estimation stopped before it converged; results were written and marked so (exit code 4)."""
 

@@ -15,7 +15,8 @@ ROOT = Path(sysid.__file__).resolve().parent
 
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
-    {"errors", "runtime", "tabular"},
+    {"errors"},
+    {"folder_lock", "runtime", "tabular"},
     {"campaign"},
     {"sdof", "road"},
     {"vehicle_model"},

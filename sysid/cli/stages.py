@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 import traceback
 from collections.abc import Iterator
@@ -14,9 +15,12 @@ from rich.console import Console
 from sysid.cli import tables
 from sysid.cli.passes import OPTIONS, requested_passes
 from sysid.cli.progress import StageProgress
-from sysid.errors import DataRejectedError, NotConvergedError, SysidError
+from sysid.errors import DataRejectedError, NotConvergedError, OutputError, SysidError
+from sysid.folder_lock import cannot_write
 
 INTERRUPTED = 130
+#: Errors of the system that say no more than that nothing can be written here.
+_NO_WRITING = (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT)
 
 
 def run_stage(name: str, campaign: Path, output: Path, *, resume: bool, **choices: Any) -> int:
@@ -35,14 +39,23 @@ def run_stage(name: str, campaign: Path, output: Path, *, resume: bool, **choice
                 markup=False,
             )
             return INTERRUPTED
+        except OSError as error:
+            if error.errno not in _NO_WRITING:
+                return _unexpected(name, output, error, errors)
+            errors.print(f"calibrate.py {name}: {cannot_write(output, error)}", markup=False)
+            return OutputError.exit_code
         except Exception as error:
-            kept = _keep_traceback(output)
-            errors.print(
-                f"calibrate.py {name}: an unexpected error stopped the run ({type(error).__name__}: {error}). What is "
-                f"done is kept in {output}; please report it{kept}.",
-                markup=False,
-            )
-            return SysidError.exit_code
+            return _unexpected(name, output, error, errors)
+
+
+def _unexpected(name: str, output: Path, error: Exception, errors: Console) -> int:
+    kept = _keep_traceback(output)
+    errors.print(
+        f"calibrate.py {name}: an unexpected error stopped the run ({type(error).__name__}: {error}). What is "
+        f"done is kept in {output}; please report it{kept}.",
+        markup=False,
+    )
+    return SysidError.exit_code
 
 
 def _keep_traceback(output: Path) -> str:
@@ -70,7 +83,11 @@ def _run(name, campaign, output, screen, errors, resume, choices) -> int:
     result: Any
     written: tuple[Path, ...] = ()
     with StageProgress(errors) as progress:
-        calibration = Calibration(campaign, output, settings, progress.update, resume=resume)
+
+        def notice(text: str) -> None:
+            errors.print(f"calibrate.py {name}: {text}", markup=False)
+
+        calibration = Calibration(campaign, output, settings, progress.update, resume=resume, notice=notice)
         if passes_only:
             from sysid.export.tables import write_passes
 

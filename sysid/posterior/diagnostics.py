@@ -10,6 +10,13 @@ from arviz_stats.base import array_stats
 
 from sysid.posterior.results import PosteriorSummary
 
+#: Draws of one ensemble that R-hat looks at; a longer chain is thinned evenly.
+_RANKED = 50_000
+#: Standstills shorter than this many steps are never remarked on.
+_SHORT_STANDSTILL = 30
+#: A standstill is remarked on if fewer than this many of its length are expected by chance in the whole run.
+_CHANCE = 1e-3
+
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -34,8 +41,10 @@ def diagnose(draws: np.ndarray) -> Diagnosis:
     kept = draws[:, burn_in:]
     tau = _autocorrelation_time(kept)
     ess = ensembles * walkers * kept.shape[1] / tau
-    flat = kept.reshape(ensembles, -1, count)
-    rhat = np.array([float(array_stats.rhat(flat[..., i], chain_axis=0, draw_axis=1)) for i in range(count)])
+    # Ranks of millions of draws take seconds and say no more than those of some ten thousand.
+    thin = -(-walkers * kept.shape[1] // _RANKED)
+    ranked = [kept[:, ::thin, :, i].reshape(ensembles, -1) for i in range(count)]
+    rhat = np.array([float(array_stats.rhat(chains, chain_axis=0, draw_axis=1)) for chains in ranked])
     return Diagnosis(burn_in, tau, ess, rhat)
 
 
@@ -44,6 +53,26 @@ def _autocorrelation_time(draws: np.ndarray) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
         times = [emcee.autocorr.integrated_time(chain, c=5, tol=0, quiet=True) for chain in draws]
     return np.maximum(np.nan_to_num(np.mean(times, axis=0), nan=float(draws.shape[1])), 1.0)
+
+
+def standstills(draws: np.ndarray, burn_in: int) -> np.ndarray:
+    """Longest standstill [steps] of every walker (E, W) that lasts into the kept steps; 0 where chance explains it.
+
+    With the median share a of moves over all walkers, n steps without a move are expected about E W steps (1 - a/2)^n
+    times; half of the median leaves room for walkers in the tails.
+    """
+    moved = draws[:, 1:, :, 0] != draws[:, :-1, :, 0]
+    ensembles, steps, walkers = moved.shape
+    if steps == 0:
+        return np.zeros((ensembles, walkers), int)
+    share = 0.5 * float(np.median(moved.mean(axis=1)))
+    still, longest = np.zeros((ensembles, walkers), int), np.zeros((ensembles, walkers), int)
+    for step in range(steps):
+        still = np.where(moved[:, step], 0, still + 1)
+        if step + 1 >= burn_in:
+            longest = np.maximum(longest, still)
+    by_chance = np.log(_CHANCE / (ensembles * walkers * steps)) / np.log1p(-share) if share > 0.0 else 0.0
+    return np.where(longest > max(by_chance, _SHORT_STANDSTILL), longest, 0)
 
 
 def summarise(names: tuple[str, ...], natural_draws: np.ndarray, diagnosis: Diagnosis) -> tuple[PosteriorSummary, ...]:

@@ -33,7 +33,8 @@ class Posterior(Tabular):
 
     `draws` (ensembles, steps, walkers, parameters); `log_probability` (ensembles, steps, walkers);
     `autocorrelation_time` (parameters,) in steps; `acceptance` (ensembles,).  `converged` is the verdict over
-    independent ensembles (R-hat and effective draws of every parameter), `message` says it in words.
+    independent ensembles (R-hat and effective draws of every parameter), `message` says it in words.  `rejected` counts
+    proposals without a finite simulation.
     """
 
     names: tuple[str, ...]
@@ -49,6 +50,8 @@ class Posterior(Tabular):
     likelihood: str
     message: str
     seed: int
+    warnings: tuple[str, ...] = ()
+    rejected: int = 0
 
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""

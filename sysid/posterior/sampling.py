@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import emcee
 import numpy as np
 
-from sysid.errors import DataRejectedError
-from sysid.posterior.checkpoint import Checkpoint, Segment
-from sysid.posterior.diagnostics import Diagnosis, diagnose, summarise
+from sysid.posterior.checkpoint import Checkpoint, Resumed, read_chain
+from sysid.posterior.diagnostics import Diagnosis, diagnose, standstills, summarise
+from sysid.posterior.ensembles import Density, Ensemble, advance, first, restored
+from sysid.posterior.history import History
 from sysid.posterior.moves import posterior_moves
 from sysid.posterior.results import Posterior
 
 Progress = Callable[[str, float], None]
-Density = Callable[[np.ndarray], np.ndarray]
+Notice = Callable[[str], None]
+
+#: Segments after which convergence is judged at every second one only, after twice as many at every fourth, and so on:
+#: judging takes a time that grows with the chain.
+_DENSE_SEGMENTS = 50
+#: Share of proposals without a finite density above which the user is warned.
+_MANY_REJECTED = 0.01
 
 
 @dataclass(frozen=True)
@@ -54,67 +60,67 @@ def sample_posterior(
     fingerprint: dict[str, str] | None = None,
     resume: bool = False,
     progress: Progress | None = None,
+    notice: Notice | None = None,
 ) -> Posterior:
     """Sample a posterior known near its Laplace approximation.
 
     Parameters
     ----------
-    density : vectorised log-density, (n, p) -> (n,), of log parameters.
+    density : vectorised log-density, (n, p) -> (n,), of log parameters; values that are not finite count as zero
+        density and are counted.
     names : (p,) names; draws are returned in natural units.
     centre, covariance : Laplace approximation (p,), (p, p) in log space.
-    folder, fingerprint, resume : where segments are kept, what ties them to data and settings, and whether to go on.
+    folder, fingerprint, resume : where the chain is kept, what ties it to data and settings, and whether to go on.
+    progress, notice : callbacks for progress (message, fraction), and for what the user should know about a checkpoint.
 
     Raises
     ------
     DataRejectedError
         If no start point with a finite density is found, naming the parameter that leaves its domain.
+    CampaignError
+        If the chain to go on with belongs to other data or settings.
+    OutputError
+        If the folder cannot be written or another process writes to it.
     """
     options = options or SamplingOptions()
     report = progress or (lambda message, fraction: None)
-    count = len(names)
-    walkers = 2 * int(np.ceil(max(options.walkers_per_parameter * count, 2 * count + 2) / 2))
-    moves = posterior_moves(centre, covariance)
-    identity = _identity(options, centre, covariance, fingerprint or {})
-    checkpoint = None if folder is None else Checkpoint(folder, identity)
-    segments = [] if checkpoint is None else checkpoint.open(resume=resume)
-    seeds = np.random.SeedSequence(options.seed).spawn(options.ensembles)
-    samplers = [
-        emcee.EnsembleSampler(walkers, count, density, moves=moves, vectorize=True) for _ in range(options.ensembles)
-    ]
-    if segments:
-        states = [_restore(segments[-1], e) for e in range(options.ensembles)]
-    else:
-        states = [_start(density, names, centre, covariance, walkers, options, seed) for seed in seeds]
-
-    # A chain that had already converged when it is resumed must not grow.
-    diagnosis = diagnose(np.concatenate([s.draws for s in segments], axis=1)) if segments else None
-    done = sum(s.draws.shape[1] for s in segments)
-    while not _finished(diagnosis, done, options):
-        report(_words(diagnosis, done), _fraction(diagnosis, done, options))
-        # Two ensembles at a time: one compiled likelihood keeps one core busy.
-        with ThreadPoolExecutor(max_workers=2) as pool:
-            results = list(pool.map(_advance, samplers, states, [options.segment_steps] * len(samplers)))
-        states = [state for state, _, _, _ in results]
-        segment = Segment(
-            np.stack([draws for _, draws, _, _ in results]),
-            np.stack([logs for _, _, logs, _ in results]),
-            np.stack([accepted for _, _, _, accepted in results]),
-            np.stack([s.random_state[1] for s in states]),
-            np.array([[s.random_state[2], s.random_state[3], s.random_state[4]] for s in states], float),
-        )
-        if checkpoint is not None:
-            checkpoint.append(len(segments), segment)
-        segments.append(segment)
-        done += options.segment_steps
-        diagnosis = diagnose(np.concatenate([s.draws for s in segments], axis=1))
-    draws = np.concatenate([s.draws for s in segments], axis=1)
-    logs = np.concatenate([s.log_probability for s in segments], axis=1)
-    accepted = np.sum([s.accepted for s in segments], axis=0)
-    diagnosis = diagnosis or diagnose(draws)
-    return _posterior(names, draws, logs, accepted, diagnosis, likelihood, options)
+    identity = chain_identity(options, centre, covariance, fingerprint or {})
+    with nullcontext() if folder is None else Checkpoint(folder, identity) as checkpoint:
+        found = Resumed([], None, "") if checkpoint is None else checkpoint.open(resume=resume)
+        if found.note and notice is not None:
+            notice(found.note)
+        history = History(found.segments)
+        ensembles = _ensembles(density, names, centre, covariance, options, found)
+        # A chain that had already converged when it is resumed must not grow.
+        diagnosis = diagnose(history.draws) if _due(history.steps, options) else None
+        while not _finished(diagnosis, history.steps, options):
+            report(_words(diagnosis, history.steps), _fraction(diagnosis, history.steps, options))
+            segment = advance(ensembles, options.segment_steps)
+            if checkpoint is not None:
+                checkpoint.append(segment)
+            history.append(segment)
+            diagnosis = diagnose(history.draws) if _due(history.steps, options) else diagnosis
+    return _posterior(names, history, diagnosis or diagnose(history.draws), likelihood, options)
 
 
-def _identity(options: SamplingOptions, centre, covariance, fingerprint: dict[str, str]) -> dict[str, str]:
+def posterior_so_far(
+    folder: Path, identity: dict[str, str], names: tuple[str, ...], likelihood: str, options: SamplingOptions
+) -> Posterior | None:
+    """What a chain that is still written, or was stopped, holds; None if there is none of these data and settings.
+
+    It is never called converged: the sampling stage alone decides that.
+    """
+    found = read_chain(folder)
+    if found is None or found[0] != identity:
+        return None
+    history = History(found[1])
+    return _posterior(names, history, diagnose(history.draws), likelihood, options, finished=False)
+
+
+def chain_identity(
+    options: SamplingOptions, centre: np.ndarray, covariance: np.ndarray, fingerprint: dict[str, str]
+) -> dict[str, str]:
+    """What a chain depends on, by name: files, settings, and the Laplace approximation."""
     settings = {k: str(v) for k, v in asdict(options).items() if k not in ("max_steps", "min_effective", "rhat_limit")}
     # The proposals depend on the covariance as well as on the optimum.
     content = np.concatenate([np.ravel(centre), np.ravel(covariance)]).astype(float)
@@ -122,39 +128,32 @@ def _identity(options: SamplingOptions, centre, covariance, fingerprint: dict[st
     return {**fingerprint, **{f"setting {k}": v for k, v in settings.items()}, "least-squares optimum": digest}
 
 
-def _start(density, names, centre, covariance, walkers, options, seed) -> emcee.State:
-    """Walkers drawn from the inflated Laplace covariance, redrawn where the density is not finite."""
-    generator = np.random.default_rng(seed)
-    factor = np.linalg.cholesky(covariance) * np.sqrt(options.start_inflation)
-    points = np.empty((0, centre.size))
-    for _ in range(20):
-        trial = centre + generator.standard_normal((walkers, centre.size)) @ factor.T
-        points = np.concatenate([points, trial[np.isfinite(density(trial))]])
-        if points.shape[0] >= walkers:
-            break
+def _ensembles(
+    density: Density,
+    names: tuple[str, ...],
+    centre: np.ndarray,
+    covariance: np.ndarray,
+    options: SamplingOptions,
+    found: Resumed,
+) -> list[Ensemble]:
+    if found.ending is not None:
+        states = [restored(found.ending, e) for e in range(options.ensembles)]
     else:
-        widest = names[int(np.argmax(np.diag(covariance)))]
-        raise DataRejectedError(
-            f"The posterior has no finite density around the least-squares optimum; parameter {widest} is the least "
-            "certain one: give it a prior in campaign.toml or leave out runs that the fit does not explain."
-        )
-    points = points[:walkers]
-    random = np.random.RandomState(np.random.MT19937(seed.spawn(1)[0]))
-    return emcee.State(points, log_prob=density(points), random_state=random.get_state())
+        count = len(names)
+        walkers = 2 * int(np.ceil(max(options.walkers_per_parameter * count, 2 * count + 2) / 2))
+        spread = covariance * options.start_inflation
+        seeds = np.random.SeedSequence(options.seed).spawn(options.ensembles)
+        states = [first(density, names, centre, spread, walkers, seed) for seed in seeds]
+    return [Ensemble(density, posterior_moves(centre, covariance), state) for state in states]
 
 
-def _restore(segment: Segment, ensemble: int) -> emcee.State:
-    position, has_gauss, cached = segment.random_positions[ensemble]
-    random = ("MT19937", segment.random_keys[ensemble], int(position), int(has_gauss), float(cached))
-    return emcee.State(segment.draws[ensemble, -1], log_prob=segment.log_probability[ensemble, -1], random_state=random)
-
-
-def _advance(sampler: emcee.EnsembleSampler, state: emcee.State, steps: int):
-    sampler.reset()
-    last = sampler.run_mcmc(state, steps, skip_initial_state_check=True)
-    draws, logs = sampler.get_chain().copy(), sampler.get_log_prob().copy()
-    end = emcee.State(last.coords, log_prob=last.log_prob, random_state=last.random_state)
-    return end, draws, logs, sampler.backend.accepted.copy()
+def _due(done: int, options: SamplingOptions) -> bool:
+    """Whether convergence is judged after so many steps: it must not depend on where a run was interrupted."""
+    segments = done // options.segment_steps
+    stride = 1
+    while segments >= 2 * stride * _DENSE_SEGMENTS:
+        stride *= 2
+    return segments > 0 and segments % stride == 0
 
 
 def _converged(diagnosis: Diagnosis, options: SamplingOptions) -> bool:
@@ -182,15 +181,29 @@ def _fraction(diagnosis: Diagnosis | None, done: int, options: SamplingOptions) 
     return min(done / max(needed, 1.0), 0.99)
 
 
-def _posterior(names, draws, logs, accepted, diagnosis, likelihood, options) -> Posterior:
+def _posterior(
+    names: tuple[str, ...],
+    history: History,
+    diagnosis: Diagnosis,
+    likelihood: str,
+    options: SamplingOptions,
+    *,
+    finished: bool = True,
+) -> Posterior:
+    draws, steps = history.draws, history.steps
     kept = np.exp(draws[:, diagnosis.burn_in :])
-    converged = _converged(diagnosis, options) and not options.preview
+    converged = finished and _converged(diagnosis, options) and not options.preview
     worst = int(np.argmax(diagnosis.rhat))
+    proposals, rejected = history.accepted.size * steps, int(history.rejected.sum())
     figures = (
-        f"{draws.shape[0]} ensembles of {draws.shape[2]} walkers, {draws.shape[1]} steps: R-hat at most "
+        f"{draws.shape[0]} ensembles of {draws.shape[2]} walkers, {steps} steps: R-hat at most "
         f"{diagnosis.rhat[worst]:.3f} ({names[worst]}), at least {diagnosis.ess.min():.0f} effective draws"
     )
-    if options.preview:
+    if rejected:
+        figures += f", {rejected} of {proposals} proposals without a finite simulation"
+    if not finished:
+        message = f"Sampling has not finished. {figures} so far; go on with calibrate.py sample --resume."
+    elif options.preview:
         message = f"Preview with a short chain, not for use. {figures}."
     elif converged:
         message = f"Converged. {figures}."
@@ -199,15 +212,35 @@ def _posterior(names, draws, logs, accepted, diagnosis, likelihood, options) -> 
     return Posterior(
         names=names,
         draws=kept,
-        log_probability=logs[:, diagnosis.burn_in :],
+        log_probability=history.log_probability[:, diagnosis.burn_in :].copy(),
         burn_in=diagnosis.burn_in,
         thin=1,
         autocorrelation_time=diagnosis.autocorrelation_time,
-        acceptance=accepted.mean(axis=1) / draws.shape[1],
+        acceptance=history.accepted.mean(axis=1) / steps,
         summaries=summarise(names, kept.reshape(-1, len(names)), diagnosis),
         converged=converged,
         preview=options.preview,
         likelihood=likelihood,
         message=message,
         seed=options.seed,
+        warnings=_warnings(history, diagnosis, rejected / proposals),
+        rejected=rejected,
     )
+
+
+def _warnings(history: History, diagnosis: Diagnosis, rejected_share: float) -> tuple[str, ...]:
+    found = []
+    if rejected_share > _MANY_REJECTED:
+        found.append(
+            f"{100 * rejected_share:.0f} % of the parameter sets that the sampler proposed have no finite simulation: "
+            "the posterior reaches to where the vehicle model fails; give the widest parameters priors."
+        )
+    stuck = standstills(history.draws, diagnosis.burn_in)
+    if stuck.any():
+        ensemble, walker = np.unravel_index(int(stuck.argmax()), stuck.shape)
+        found.append(
+            f"{np.count_nonzero(stuck)} of {stuck.size} walkers are stuck: walker {walker + 1} of ensemble "
+            f"{ensemble + 1} did not move for {stuck.max()} steps while the others did; the posterior may have a "
+            "second mode there: do not trust its intervals before another --seed gives the same."
+        )
+    return tuple(found)

@@ -31,9 +31,10 @@ from sysid.export.files import write_text
 from sysid.export.inference_data import write_posterior
 from sysid.export.result_json import write_result
 from sysid.export.tables import write_parameters, write_predictions, write_validation
+from sysid.folder_lock import FolderLock, cannot_write
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
 from sysid.posterior.results import Posterior
-from sysid.posterior.sampling import sample_posterior
+from sysid.posterior.sampling import chain_identity, posterior_so_far, sample_posterior
 from sysid.prediction.passes import SWEEP_KM_H, predict
 from sysid.prediction.results import Predictions
 from sysid.road.point_cloud import read_point_cloud
@@ -53,6 +54,7 @@ STAGES = ("check", "drops", "scan", "fit", "sample", "predict")
 SUCCESS_MARKER = "SUCCESS"
 
 Progress = Callable[[str, float], None]
+Notice = Callable[[str], None]
 
 
 class Calibration:
@@ -67,6 +69,7 @@ class Calibration:
     output : folder for everything that is written; made if it does not exist.
     settings : options of the stages.
     progress : callback (message, fraction of the running stage).
+    notice : callback for what the user should know about a stored chain.
     resume : continue an interrupted chain, and keep stages whose inputs have not changed even in :meth:`run`.
 
     Raises
@@ -74,7 +77,9 @@ class Calibration:
     CampaignError
         If the campaign file is wrong.
     DataRejectedError
-        If a log cannot be read, or the output folder cannot be written.
+        If a log cannot be read.
+    OutputError
+        If the output folder cannot be written, or another process computes a stage in it.
     """
 
     def __init__(
@@ -85,12 +90,15 @@ class Calibration:
         progress: Progress | None = None,
         *,
         resume: bool = False,
+        notice: Notice | None = None,
     ):
         configure()
         self.settings = settings or Settings()
         self.output = Path(output)
         self._progress = progress or (lambda message, fraction: None)
+        self._notice = notice
         self._resume = resume
+        self._lock = FolderLock(self.output)
         self._raw = read_campaign(campaign, point_cloud_reader=read_point_cloud)
         self._results: dict[str, Any] = {}
         self._nested: list[float] = []
@@ -144,13 +152,18 @@ class Calibration:
         """Write report.html from the stages that have run."""
         from sysid.report.page import write_report
 
-        path = self.output / "report.html"
-        self._timed("report", lambda: write_report(self.results(), path))
+        path, results = self.output / "report.html", self.results()
+        self._timed("report", lambda: self._write(lambda: write_report(results, path)))
         return path
 
     def export(self) -> list[Path]:
         """Write result.json, parameters.csv, predictions/*.csv and posterior.nc from the stages that have run."""
         results = self.results()
+        written: list[Path] = []
+        self._write(lambda: written.extend(self._exported(results)))
+        return written
+
+    def _exported(self, results: Results) -> list[Path]:
         written = [self.output / "result.json"]
         if results.fit is not None:
             write_parameters(results, self.output / "parameters.csv")
@@ -166,6 +179,10 @@ class Calibration:
 
     def run(self) -> Results:
         """All stages in order, then exports, report and the success marker, which is written last."""
+        with self._lock:
+            return self._run()
+
+    def _run(self) -> Results:
         (self.output / SUCCESS_MARKER).unlink(missing_ok=True)
         if not self._resume:
             self._forget(STAGES)
@@ -184,6 +201,8 @@ class Calibration:
         found = {name: self._known(name) for name in STAGES}
         fit = found["fit"][0] if found["fit"] is not None else None
         posterior: Posterior | None = found["sample"]
+        if posterior is None and found["fit"] is not None:
+            posterior = self._sampled_so_far(*found["fit"])
         return Results(
             campaign=self.campaign,
             quality=found["check"],
@@ -221,12 +240,15 @@ class Calibration:
                 for f in quality.channels
                 if f.verdict == "rejected"
             ]
+        unfinished = posterior is not None and self._known("sample") is None
         if self.settings.quick:
             found.append("Preview: few iterations and a short chain; run without --quick before using any number.")
         elif posterior is None:
             found.append("The posterior has not been sampled: there are no credible intervals yet.")
-        elif not posterior.converged:
-            found.append(posterior.message)
+        if posterior is not None:
+            if unfinished or not (posterior.converged or self.settings.quick):
+                found.append(posterior.message)
+            found += posterior.warnings
         return tuple(found)
 
     # ------------------------------------------------------------------ how stages work
@@ -275,10 +297,24 @@ class Calibration:
             LIKELIHOOD,
             self.settings.sampling,
             folder=self.output / "chain",
-            fingerprint={f"file {name}": digest for name, digest in self._raw.input_sha256.items()},
+            fingerprint=self._chain_inputs(),
             resume=self._resume,
             progress=self._progress,
+            notice=self._notice,
         )
+
+    def _sampled_so_far(self, fit: FitResult, point: dict[str, Any]) -> Posterior | None:
+        """Draws of a chain that another process is still adding to, or that was stopped."""
+        options = self.settings.sampling
+        identity = chain_identity(options, point["log_parameters"], fit.covariance, self._chain_inputs())
+        return posterior_so_far(self.output / "chain", identity, fit.names, LIKELIHOOD, options)
+
+    def _chain_inputs(self) -> dict[str, str]:
+        """What the draws depend on besides the settings: files, engine and versions."""
+        files = {f"file {name}": digest for name, digest in self._raw.input_sha256.items()}
+        found = versions()
+        used = {f"version of {name}": found[name] for name in ("sysid", "numpy", "jaxlib", "emcee")}
+        return {**files, **used, "engine": engine_name()}
 
     def predict_passes(self, requests: Sequence[PredictionRequest]) -> Predictions:
         """Wheel loads of other passes than those of the campaign file, from the posterior if there is one.
@@ -326,17 +362,19 @@ class Calibration:
         known = self._known(name)
         if known is not None:
             return known
-        result = self._timed(name, compute)
-        self._forget(STAGES[STAGES.index(name) + 1 :])
-        (self.output / SUCCESS_MARKER).unlink(missing_ok=True)
-        self._results[name] = result
-        self._write(lambda: remember(self.output, self.settings))
-        self._write(lambda: store.save(self._path(name), result, self._fingerprint(name)))
+        with self._lock:
+            result = self._timed(name, compute)
+            self._forget(STAGES[STAGES.index(name) + 1 :])
+            self._write(partial((self.output / SUCCESS_MARKER).unlink, missing_ok=True))
+            self._results[name] = result
+            self._write(lambda: remember(self.output, self.settings))
+            self._write(lambda: store.save(self._path(name), result, self._fingerprint(name)))
         return result
 
     def redo(self, name: str) -> None:
         """Forget a stage and all that follow, so that it runs again."""
-        self._forget(STAGES[STAGES.index(name) :])
+        with self._lock:
+            self._forget(STAGES[STAGES.index(name) :])
 
     def _known(self, name: str) -> Any | None:
         if name not in self._results:
@@ -395,10 +433,7 @@ class Calibration:
         try:
             action()
         except OSError as error:
-            raise DataRejectedError(
-                f"The output folder {self.output.name}/ cannot be written ({error.strerror}); free some space or "
-                "choose another folder with --output."
-            ) from error
+            raise cannot_write(self.output, error) from error
 
     def _read_timings(self) -> dict[str, float]:
         path = self.output / "stages" / "timings.json"

@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import jsonschema
@@ -90,3 +93,46 @@ def test_a_report_without_options_shows_the_run_that_filled_the_folder(
     after = json.loads((finished / "result.json").read_text(encoding="utf-8"))
     assert after["status"] == "preview"
     assert after["parameters"] == before["parameters"]
+
+
+@pytest.fixture
+def sampling(finished: Path, tmp_path: Path) -> Iterator[Path]:
+    """Output folder in which another process is sampling: there is a chain, no result of it, and the lock is taken."""
+    output = tmp_path / "out"
+    shutil.copytree(finished, output)
+    for name in ("stages/sample.npz", "stages/predict.npz", "posterior.nc", "report.html"):
+        (output / name).unlink()
+    code = (
+        "import sys, time; from pathlib import Path; from sysid.folder_lock import FolderLock\n"
+        "with FolderLock(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(600)"
+    )
+    with subprocess.Popen([sys.executable, "-c", code, str(output)], stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None
+        holder.stdout.readline()
+        yield output
+        holder.kill()
+
+
+@pytest.mark.parametrize(("stage", "file"), [("report", "report.html"), ("export", "posterior.nc")])
+def test_a_running_chain_can_be_looked_at(finished: Path, sampling: Path, stage: str, file: str) -> None:
+    campaign = finished.parent / "campaign"
+    before = json.loads((finished / "result.json").read_text(encoding="utf-8"))
+    code = run_stage(stage, campaign, sampling, quick=False, seed=0, max_steps=None, laws=None, resume=False)
+    assert code == 0
+    document = json.loads((sampling / "result.json").read_text(encoding="utf-8"))
+    assert [p["posterior"] for p in document["parameters"]] == [p["posterior"] for p in before["parameters"]]
+    assert any("Sampling has not finished" in warning for warning in document["warnings"])
+    assert (sampling / file).is_file()
+
+
+@pytest.mark.parametrize("stage", ["check", "sample", "run"])
+def test_a_second_writer_is_refused_in_one_sentence(
+    finished: Path, sampling: Path, stage: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = {p: p.read_bytes() for p in sampling.rglob("*") if p.is_file()}
+    code = run_stage(
+        stage, finished.parent / "campaign", sampling, quick=True, seed=3, max_steps=4, laws=None, resume=False
+    )
+    assert code == 3
+    assert "Another process is writing to out/" in capsys.readouterr().err
+    assert {p: p.read_bytes() for p in sampling.rglob("*") if p.is_file()} == kept

@@ -1,0 +1,57 @@
+"""One writer per folder: a lock of the operating system, which a killed process does not leave behind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+
+from sysid.errors import OutputError
+
+LOCK_NAME = ".lock"
+
+
+class FolderLock:
+    """Exclusive right to write to a folder; entering it again within the same object is free.
+
+    Readers need no lock: every file in such a folder is replaced at once or only appended to.
+
+    Raises
+    ------
+    OutputError
+        On entering, if another process holds the right, or the folder cannot be written.
+    """
+
+    def __init__(self, folder: Path):
+        # The reader of a report need not load it.
+        from filelock import FileLock
+
+        self._folder = Path(folder)
+        self._lock = FileLock(self._folder / LOCK_NAME, timeout=0, thread_local=False)
+
+    def __enter__(self) -> FolderLock:
+        from filelock import Timeout
+
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            self._lock.acquire()
+        except Timeout as error:
+            raise OutputError(
+                f"Another process is writing to {self._folder.name}/; wait until it has ended, or choose another "
+                "folder with --output."
+            ) from error
+        except OSError as error:
+            raise cannot_write(self._folder, error) from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._lock.release()
+
+
+def cannot_write(folder: Path, error: OSError, kept: str = "") -> OutputError:
+    """What to tell a user whose folder cannot be written; `kept` says what is safe."""
+    reason = error.strerror or str(error)
+    return OutputError(
+        f"{folder.name}/ cannot be written ({reason}){kept}; free some space or choose another folder with --output."
+    )

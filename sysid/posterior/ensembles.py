@@ -1,0 +1,111 @@
+"""Independent emcee ensembles: where they start, how they advance, and how they go on from a checkpoint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import emcee
+import numpy as np
+
+from sysid.errors import DataRejectedError
+from sysid.posterior.chain_files import Ending, Segment
+
+Density = Callable[[np.ndarray], np.ndarray]
+
+#: Rounds of drawing start points before the density is called nowhere finite.
+_START_ROUNDS = 20
+
+
+class FiniteDensity:
+    """A log-density whose values that are not finite are minus infinity, and counted."""
+
+    def __init__(self, density: Density):
+        self._density = density
+        self.rejected = 0
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Log-densities (n,) of points (n, p)."""
+        values = np.asarray(self._density(points), float)
+        bad = ~np.isfinite(values)
+        self.rejected += int(bad.sum())
+        return np.where(bad, -np.inf, values)
+
+
+class Ensemble:
+    """One emcee ensemble and the state that it is in."""
+
+    def __init__(self, density: Density, moves: list, state: emcee.State):
+        walkers, dimension = state.coords.shape
+        self._density = FiniteDensity(density)
+        self._sampler = emcee.EnsembleSampler(walkers, dimension, self._density, moves=moves, vectorize=True)
+        self._state = state
+
+    def advance(self, steps: int) -> tuple[np.ndarray, ...]:
+        """Take steps: the members of a :class:`Segment` of this ensemble."""
+        self._sampler.reset()
+        self._density.rejected = 0
+        last = self._sampler.run_mcmc(self._state, steps, skip_initial_state_check=True)
+        self._state = emcee.State(last.coords, log_prob=last.log_prob, random_state=last.random_state)
+        _, key, place, has_gauss, cached = last.random_state
+        return (
+            self._sampler.get_chain().copy(),
+            self._sampler.get_log_prob().copy(),
+            self._sampler.backend.accepted.copy(),
+            np.array(self._density.rejected),
+            np.asarray(key),
+            np.array([place, has_gauss, cached], float),
+        )
+
+
+def advance(ensembles: Sequence[Ensemble], steps: int) -> Segment:
+    """All ensembles by a stretch of steps; two at a time, for one compiled likelihood keeps one core busy."""
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        results = list(pool.map(lambda ensemble: ensemble.advance(steps), ensembles))
+    return Segment(*(np.stack(members) for members in zip(*results, strict=True)))
+
+
+def restored(ending: Ending, ensemble: int) -> emcee.State:
+    """State of an ensemble at the end of a stretch."""
+    place, has_gauss, cached = ending.random_places[ensemble]
+    random = ("MT19937", np.array(ending.random_keys[ensemble]), int(place), int(has_gauss), float(cached))
+    return emcee.State(
+        np.array(ending.positions[ensemble]),
+        log_prob=np.array(ending.log_probability[ensemble]),
+        random_state=random,
+    )
+
+
+def first(
+    density: Density,
+    names: Sequence[str],
+    centre: np.ndarray,
+    covariance: np.ndarray,
+    walkers: int,
+    seed: np.random.SeedSequence,
+) -> emcee.State:
+    """Walkers drawn from a Gaussian, redrawn where the density is not finite.
+
+    Raises
+    ------
+    DataRejectedError
+        If the density is finite nowhere, naming the least certain parameter.
+    """
+    generator = np.random.default_rng(seed)
+    factor = np.linalg.cholesky(covariance)
+    finite = FiniteDensity(density)
+    points = np.empty((0, centre.size))
+    for _ in range(_START_ROUNDS):
+        trial = centre + generator.standard_normal((walkers, centre.size)) @ factor.T
+        points = np.concatenate([points, trial[np.isfinite(finite(trial))]])
+        if points.shape[0] >= walkers:
+            break
+    else:
+        widest = names[int(np.argmax(np.diag(covariance)))]
+        raise DataRejectedError(
+            f"The posterior has no finite density around the least-squares optimum; parameter {widest} is the least "
+            "certain one: give it a prior in campaign.toml or leave out runs that the fit does not explain."
+        )
+    points = points[:walkers]
+    random = np.random.RandomState(np.random.MT19937(seed.spawn(1)[0]))
+    return emcee.State(points, log_prob=finite(points), random_state=random.get_state())
