@@ -86,7 +86,10 @@ _stage("fit", "Least-squares calibration of the vehicle model against all bump r
 _stage("sample", "Posterior of all parameters by emcee, continued until it has converged.")
 _stage("predict", "Dynamic wheel loads of the passes that the campaign asks for, or of others.", _PASS_OPTIONS)
 _stage("report", "Write report.html from the stages that have run.")
-_stage("export", "Write result.json, parameters.csv, predictions and posterior.nc from the stages that have run.")
+_stage(
+    "export",
+    "Write result.json, tables, posterior.nc and files for LS-DYNA, Chrono and bridge codes from finished stages.",
+)
 _stage("run", "All stages in order.")
 
 

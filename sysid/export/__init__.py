@@ -1,8 +1,10 @@
-"""Files for other programs: result.json, parameters.csv, validation.csv, predictions/*.csv and posterior.nc."""
+"""Files for other programs: result.json, parameters.csv, validation.csv, predictions/*.csv, posterior.nc; models."""
 
+from sysid.export.chrono import chrono_merged
 from sysid.export.contents import Results
 from sysid.export.files import write_atomically, write_text
 from sysid.export.inference_data import posterior_tree, write_posterior
+from sysid.export.models import model_texts, moving_force_texts, write_models
 from sysid.export.naming import prediction_files
 from sysid.export.result_json import result_document, result_schema, write_result
 from sysid.export.tables import (
@@ -17,7 +19,10 @@ from sysid.export.tables import (
 
 __all__ = [
     "Results",
+    "chrono_merged",
     "escape_cell",
+    "model_texts",
+    "moving_force_texts",
     "parameters_csv",
     "posterior_tree",
     "prediction_csv",
@@ -26,6 +31,7 @@ __all__ = [
     "result_schema",
     "validation_csv",
     "write_atomically",
+    "write_models",
     "write_parameters",
     "write_posterior",
     "write_predictions",

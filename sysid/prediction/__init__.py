@@ -1,15 +1,20 @@
 """Wheel loads of passes nobody drove, and natural modes of the calibrated truck."""
 
+from sysid.prediction.calibrated import calibrated_vehicle
+from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
 from sysid.prediction.modes import calibrated_modes
 from sysid.prediction.passes import predict, predict_pass, speed_sweep
 from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
 
 __all__ = [
+    "CalibratedSuspension",
+    "CalibratedVehicle",
     "PassPrediction",
     "Predictions",
     "Quantiles",
     "SpeedSweep",
     "calibrated_modes",
+    "calibrated_vehicle",
     "predict",
     "predict_pass",
     "speed_sweep",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,10 +17,10 @@ from sysid.estimation.results import FitResult
 from sysid.sdof.results import DropSummary
 from sysid.tabular import Tabular
 from sysid.vehicle_model.assembly import assemble
-from sysid.vehicle_model.contact import effective_road
+from sysid.vehicle_model.contact import TireLaw, effective_road
 from sysid.vehicle_model.lanes import Lanes
 from sysid.vehicle_model.simulation import lane_matrices
-from sysid.vehicle_model.suspension import slip_after_step, suspension_force
+from sysid.vehicle_model.suspension import SuspensionLaw, slip_after_step, suspension_force
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,6 +54,34 @@ class SuspensionLoops(Tabular):
         return pd.DataFrame({"extension_m": self.extension_m, "rate_m_s": self.rate_m_s, **forces})
 
 
+def calibrated_laws(
+    campaign: Campaign, drops: DropSummary | None, fit: FitResult, load_case: str, values: Mapping[str, float]
+) -> tuple[SuspensionLaw, TireLaw, np.ndarray]:
+    """Laws of all suspensions and tires in a load case, arrays (1, axles, 1), and the loads carried (axles,) [N].
+
+    Parameters
+    ----------
+    drops : the drop analysis that the fit started from, or None.
+    values : parameter values by name in place of the least-squares ones.
+
+    Raises
+    ------
+    KeyError
+        If the load case has no stiffness of its own because nobody drove in it.
+    """
+    parameters = campaign_parameters(campaign, drops, laws_of_axles(campaign.vehicle, fit.laws))
+    vehicle = campaign.vehicle
+    first = next(iter(campaign.load_cases.values()))
+    reference = np.array(first.axle_loads_kg)[None, :, None] * vehicle.gravity_m_s2
+    matrices = lane_matrices([assemble(vehicle, campaign.load_cases[load_case])], [])
+    station = np.arange(-20.0, 20.0) * 0.1
+    flat = effective_road(station, np.zeros((1, len(vehicle.axles), station.size)))
+    lanes = Lanes(matrices, flat, np.array([a.x_m for a in vehicle.axles])[:, None], reference)
+    logs = jnp.log(jnp.array([values.get(p.name, p.value) for p in fit.parameters]))[:, None]
+    law, tire = lane_laws(law_inputs(vehicle, parameters, lanes, [load_case]), logs)
+    return law, tire, np.asarray(matrices.carried_load[0, :, 0])
+
+
 def suspension_loops(
     campaign: Campaign,
     drops: DropSummary | None,
@@ -74,16 +103,8 @@ def suspension_loops(
     KeyError
         If the load case has no stiffness of its own because nobody drove in it.
     """
-    parameters = campaign_parameters(campaign, drops, laws_of_axles(campaign.vehicle, fit.laws))
     vehicle = campaign.vehicle
-    first = next(iter(campaign.load_cases.values()))
-    reference = np.array(first.axle_loads_kg)[None, :, None] * vehicle.gravity_m_s2
-    matrices = lane_matrices([assemble(vehicle, campaign.load_cases[load_case])], [])
-    station = np.arange(-20.0, 20.0) * 0.1
-    flat = effective_road(station, np.zeros((1, len(vehicle.axles), station.size)))
-    lanes = Lanes(matrices, flat, np.array([a.x_m for a in vehicle.axles])[:, None], reference)
-    values = jnp.log(jnp.array([p.value for p in fit.parameters]))[:, None]
-    law, _ = lane_laws(law_inputs(vehicle, parameters, lanes, [load_case]), values)
+    law, _, _ = calibrated_laws(campaign, drops, fit, load_case, {})
     time = np.arange(2 * _STEPS + 1) / (_STEPS * frequency_hz)
     turn = 2.0 * np.pi * frequency_hz
     extension, rate = amplitude_m * np.sin(turn * time), amplitude_m * turn * np.cos(turn * time)

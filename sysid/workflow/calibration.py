@@ -29,12 +29,15 @@ from sysid.estimation.results import FitResult
 from sysid.export.contents import Results, Status
 from sysid.export.files import write_text
 from sysid.export.inference_data import write_posterior
+from sysid.export.models import write_models
 from sysid.export.result_json import write_result
 from sysid.export.tables import write_parameters, write_predictions, write_validation
 from sysid.folder_lock import FolderLock, cannot_write
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
 from sysid.posterior.results import Posterior
 from sysid.posterior.sampling import chain_identity, posterior_so_far, sample_posterior
+from sysid.prediction.calibrated import calibrated_vehicle
+from sysid.prediction.calibrated_elements import CalibratedVehicle
 from sysid.prediction.passes import SWEEP_KM_H, predict
 from sysid.prediction.results import Predictions
 from sysid.road.point_cloud import read_point_cloud
@@ -148,6 +151,20 @@ class Calibration:
             self._validated = fit, validate(fit, self.settings.validation)
         return self._validated[1]
 
+    def vehicles(self) -> tuple[CalibratedVehicle, ...]:
+        """The calibrated vehicle of every load case that the data speak of, at the posterior medians if there are any.
+
+        A load case that nobody drove has none where stiffness belongs to a load case.
+        """
+        drops, fit, posterior = self.drops(), self.fit(), self._known("sample")
+        found = []
+        for name in self.campaign.load_cases:
+            try:
+                found.append(calibrated_vehicle(self.campaign, drops, fit, posterior, name))
+            except KeyError:
+                continue
+        return tuple(found)
+
     def report(self) -> Path:
         """Write report.html from the stages that have run."""
         from sysid.report.page import write_report
@@ -157,7 +174,7 @@ class Calibration:
         return path
 
     def export(self) -> list[Path]:
-        """Write result.json, parameters.csv, predictions/*.csv and posterior.nc from the stages that have run."""
+        """Write result.json, tables, posterior.nc and files for other programs from the stages that have run."""
         results = self.results()
         written: list[Path] = []
         self._write(lambda: written.extend(self._exported(results)))
@@ -169,6 +186,7 @@ class Calibration:
             write_parameters(results, self.output / "parameters.csv")
             write_validation(results, self.output / "validation.csv")
             written += [self.output / "parameters.csv", self.output / "validation.csv"]
+            written += write_models(results.campaign, self.vehicles(), results.predictions, self.output)
         if results.predictions is not None:
             written += write_predictions(results, self.output)
         if results.posterior is not None:

@@ -1,0 +1,109 @@
+"""Tables for bridge programs: the vehicle for vehicle-bridge interaction codes, moving forces for all others."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from sysid.campaign.statics import static_equilibrium
+from sysid.export.tables import escape_cell
+
+if TYPE_CHECKING:
+    from sysid.campaign.records import Campaign
+    from sysid.prediction.calibrated_elements import CalibratedVehicle
+    from sysid.prediction.results import PassPrediction
+
+VEHICLE_COLUMNS = (
+    "kind",
+    "number",
+    "name",
+    "body",
+    "x_m",
+    "hitch_x_m",
+    "static_load_N",
+    "mass_kg",
+    "pitch_inertia_kg_m2",
+    "cg_height_m",
+    "suspension_stiffness_N_per_m",
+    "suspension_damping_N_s_per_m",
+    "suspension_friction_N",
+    "tire_stiffness_N_per_m",
+    "tire_damping_N_s_per_m",
+)
+
+
+def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle) -> str:
+    """The vehicle of a load case: rows of bodies, groups and axles in SI units, cells empty where nothing belongs.
+
+    A body has its mass, its pitch inertia about its centre of gravity, which stands at `x_m` behind axle 1, and the
+    hinge to the body in front.  An axle has its unsprung mass, static road load, and suspension and tire values:
+    stiffness is the tangent at rest, damping the secant at 0.5 m/s.  In an axle group the group's row holds the
+    suspension, and its beam's mass and inertia.
+    """
+    case, truck = campaign.load_cases[vehicle.load_case], campaign.vehicle
+    statics = static_equilibrium(truck, case)
+    suspension = {s.axle: s for s in vehicle.suspensions}
+    grouped = {i for group in truck.groups for i in group.axles}
+    rows: list[dict[str, object]] = []
+    for b, body in enumerate(truck.bodies):
+        rows.append(
+            {"kind": "body", "number": b + 1, "name": escape_cell(body.name), "body": b + 1,
+             "x_m": _number(statics.cg_x_m[b]), "hitch_x_m": _number(body.hitch_x_m),
+             "mass_kg": _number(case.sprung_mass_kg[b]), "pitch_inertia_kg_m2": _number(case.pitch_inertia_kg_m2[b]),
+             "cg_height_m": _number(case.cg_height_m[b])}
+        )  # fmt: skip
+
+    def spring_cells(axle: int) -> dict[str, object]:
+        s = suspension[axle]
+        return {
+            "suspension_stiffness_N_per_m": _number(s.stiffness_N_per_m),
+            "suspension_damping_N_s_per_m": _number(s.damping_N_s_per_m),
+            "suspension_friction_N": _number(s.friction_N),
+        }
+
+    for g, group in enumerate(truck.groups):
+        first = group.axles[0]
+        rows.append(
+            {"kind": "group", "number": g + 1, "name": escape_cell(group.name), "body": truck.axles[first].body + 1,
+             "x_m": _number(truck.suspension_x_m[first]), "mass_kg": _number(group.mass_kg),
+             "pitch_inertia_kg_m2": _number(group.pitch_inertia_kg_m2), **spring_cells(first)}
+        )  # fmt: skip
+    for i, axle in enumerate(truck.axles):
+        rows.append(
+            {"kind": "axle", "number": i + 1, "name": escape_cell(axle.name), "body": axle.body + 1,
+             "x_m": _number(axle.x_m), "static_load_N": _number(case.axle_loads_kg[i] * truck.gravity_m_s2),
+             "mass_kg": _number(axle.unsprung_mass_kg), **({} if i in grouped else spring_cells(i)),
+             "tire_stiffness_N_per_m": _number(vehicle.tire_stiffness_N_per_m[i]),
+             "tire_damping_N_s_per_m": _number(vehicle.tire_damping_N_s_per_m[i])}
+        )  # fmt: skip
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, VEHICLE_COLUMNS, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return stream.getvalue()
+
+
+def moving_forces_csv(campaign: Campaign, prediction: PassPrediction) -> str:
+    """Moving forces of a pass: time [s], per axle its station [m] and vertical force on the road [N] with bands.
+
+    Axle i stands at v t - x_i from the start of the bump in the direction of travel; the force is that of all its
+    tires, downward, static load included; quantiles are pointwise, those of 5 % and 95 % empty before sampling.
+    """
+    p = prediction
+    columns = {"time_s": np.round(p.time_s, 6)}
+    for i, axle in enumerate(campaign.vehicle.axles):
+        columns[f"station{i + 1}_m"] = np.round(p.speed_m_s * p.time_s - axle.x_m, 6)
+        for key, force in (("q05", p.tire_force_q05_N), ("q50", p.tire_force_q50_N), ("q95", p.tire_force_q95_N)):
+            columns[f"force{i + 1}_N_{key}"] = (
+                np.full(len(p.time_s), np.nan) if force is None else np.round(force[i], 2)
+            )
+    return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None or not math.isfinite(value) else repr(float(value))

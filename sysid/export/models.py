@@ -1,0 +1,62 @@
+"""Files with the calibrated vehicle and the predicted loads for other programs, one folder per load case."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sysid.export.bridge import moving_forces_csv, vehicle_csv
+from sysid.export.chrono import chrono_suspension, chrono_text, chrono_tire
+from sysid.export.files import write_text
+from sysid.export.lsdyna import lsdyna_text
+from sysid.export.naming import distinct, file_stem, prediction_files
+
+if TYPE_CHECKING:
+    from sysid.campaign.records import Campaign
+    from sysid.prediction.calibrated_elements import CalibratedVehicle
+    from sysid.prediction.results import Predictions
+
+
+def model_texts(campaign: Campaign, vehicles: Iterable[CalibratedVehicle]) -> dict[str, str]:
+    """Texts by file name below the output folder: LS-DYNA, Chrono::Vehicle and vehicle-bridge interaction."""
+    vehicles = tuple(vehicles)
+    folders = distinct(file_stem(v.load_case) for v in vehicles)
+    texts = {}
+    for vehicle, name in zip(vehicles, folders, strict=True):
+        folder = f"models/{name}"
+        texts[f"{folder}/lsdyna.k"] = lsdyna_text(vehicle)
+        texts[f"{folder}/vehicle.csv"] = vehicle_csv(campaign, vehicle)
+        for s in vehicle.suspensions:
+            texts[f"{folder}/chrono_suspension{s.axle + 1}.json"] = chrono_text(chrono_suspension(vehicle, s))
+        for i in range(len(campaign.vehicle.axles)):
+            texts[f"{folder}/chrono_tire{i + 1}.json"] = chrono_text(chrono_tire(vehicle, i))
+    return texts
+
+
+def moving_force_texts(campaign: Campaign, predictions: Predictions) -> dict[str, str]:
+    """Texts by file name below the output folder, one per predicted pass."""
+    names = prediction_files(predictions.passes)
+    return {
+        name.replace("predictions/", "moving_forces/", 1): moving_forces_csv(campaign, p)
+        for name, p in zip(names, predictions.passes, strict=True)
+    }
+
+
+def write_models(
+    campaign: Campaign, vehicles: Iterable[CalibratedVehicle], predictions: Predictions | None, folder: Path
+) -> tuple[Path, ...]:
+    """Write all files for other programs below the output `folder`, each complete or not at all; their paths.
+
+    Parameters
+    ----------
+    vehicles : calibrated vehicle of every load case (:func:`sysid.prediction.calibrated_vehicle`).
+    predictions : predicted passes, None for none.
+    """
+    texts = model_texts(campaign, vehicles)
+    if predictions is not None:
+        texts |= moving_force_texts(campaign, predictions)
+    paths = tuple(Path(folder) / name for name in texts)
+    for path, text in zip(paths, texts.values(), strict=True):
+        write_text(path, text)
+    return paths

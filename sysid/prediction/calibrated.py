@@ -1,0 +1,97 @@
+"""What the calibration says about every suspension and tire in one load case."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.results import FitResult
+from sysid.posterior.results import Posterior
+from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
+from sysid.prediction.loops import calibrated_laws
+from sysid.sdof.results import DropSummary
+from sysid.vehicle_model.contact import SOFT_DAMPING, TireLaw
+from sysid.vehicle_model.suspension import (
+    REFERENCE_RATE_M_S,
+    Ramps,
+    SuspensionLaw,
+    damper_force,
+    spring_force,
+)
+
+#: Range and steps of the curves: extension [m] and rate [m/s].
+_EXTENSION_M = np.linspace(-0.2, 0.2, 81)
+_RATE_M_S = np.linspace(-3.0, 3.0, 121)
+#: Extension on either side of rest that gives the tangent [m].
+_SMALL_M = 1e-6
+
+
+def calibrated_vehicle(
+    campaign: Campaign, drops: DropSummary | None, fit: FitResult, posterior: Posterior | None, load_case: str
+) -> CalibratedVehicle:
+    """Laws of a load case at the posterior medians, at the least-squares values before sampling.
+
+    Raises
+    ------
+    KeyError
+        If the load case has no stiffness of its own because nobody drove in it.
+    """
+    medians = {} if posterior is None else {s.name: s.q50 for s in posterior.summaries}
+    law, tire, carried = calibrated_laws(campaign, drops, fit, load_case, medians)
+    own = sorted(set(campaign.vehicle.suspension_axle))
+    suspensions = tuple(
+        _suspension(law, i, campaign.vehicle.axles[i].name, name, float(carried[i]))
+        for i, name in zip(own, fit.laws, strict=True)
+    )
+    stiffness, damping = tire_tangents(tire)
+    source = "least squares" if posterior is None else "posterior median"
+    return CalibratedVehicle(load_case, source, suspensions, stiffness, damping)
+
+
+def _suspension(law: SuspensionLaw, axle: int, name: str, words: str, static_load: float) -> CalibratedSuspension:
+    def on_axle(function, values: np.ndarray) -> np.ndarray:
+        """Force over a row of extensions or rates of this axle."""
+        rows = np.broadcast_to(values, (*law.stiffness.shape[:2], len(values)))
+        return np.asarray(function(law, jnp.asarray(rows)))[0, axle]
+
+    extension, rate = _grid(_EXTENSION_M, law.ramps, axle), _grid(_RATE_M_S, law.rate_ramps, axle)
+    low, high = on_axle(spring_force, np.array([-_SMALL_M, _SMALL_M]))
+    back, forth = on_axle(damper_force, np.array([-REFERENCE_RATE_M_S, REFERENCE_RATE_M_S]))
+    return CalibratedSuspension(
+        axle=axle,
+        name=name,
+        law=words,
+        static_load_N=static_load,
+        stiffness_N_per_m=float(high - low) / (2.0 * _SMALL_M),
+        damping_N_s_per_m=float(forth - back) / (2.0 * REFERENCE_RATE_M_S),
+        extension_m=extension,
+        spring_force_N=on_axle(spring_force, extension),
+        rate_m_s=rate,
+        damper_force_N=on_axle(damper_force, rate),
+        friction_N=0.0 if law.friction is None else float(law.friction[0, axle, 0]),
+    )
+
+
+def _grid(base: np.ndarray, ramps: Ramps | None, axle: int) -> np.ndarray:
+    """The points of a curve with the corners of its law, which interpolation would round off."""
+    if ramps is None:
+        return base
+    corners = np.broadcast_to(np.asarray(ramps.at), np.shape(ramps.slope))[:, 0, axle, 0]
+    inside = corners[(corners > base[0]) & (corners < base[-1])]
+    return np.unique(np.concatenate([base, inside]))
+
+
+def tire_tangents(tire: TireLaw) -> tuple[np.ndarray, np.ndarray]:
+    """Tangent stiffness [N/m] and damping [N s/m] of the first lane's tires (axles,) at their static load.
+
+    With x = u_0 / u_ref they are n F_ref / u_ref x^(n - 1) and c x sqrt((1 + s) / (x + s)), s the softening below a
+    tenth of the reference deflection; the damping is c where the law does not let it grow.
+    """
+    shape = np.shape(tire.static_deflection)
+    x = np.asarray(tire.static_deflection / tire.reference_deflection)[0, :, 0]
+    secant = np.asarray(tire.reference_load / tire.reference_deflection)[0, :, 0]
+    exponent = np.broadcast_to(np.asarray(tire.exponent), shape)[0, :, 0]
+    damping = np.broadcast_to(np.asarray(tire.damping), shape)[0, :, 0]
+    length = x * np.sqrt((1.0 + SOFT_DAMPING) / (x + SOFT_DAMPING))
+    return exponent * secant * x ** (exponent - 1.0), damping * (1.0 + tire.growth * (length - 1.0))
