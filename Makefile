@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long bench lint format clean
+.PHONY: run quick test test-long test-browser bench lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -17,6 +17,11 @@ test: lint
 
 test-long: $(VENV)/.installed
 	$(BIN)/python -m pytest -m long
+
+# The report in headless Chromium: accessibility (axe-core), console, network, interaction. Needs node and chromium.
+test-browser: $(VENV)/.installed
+	cd tests/report/browser && npm install --silent --no-audit --no-fund
+	$(BIN)/python -m pytest -m browser tests/report
 
 # Other solvers beside ours: they are installed for this alone.
 bench: $(VENV)/.installed

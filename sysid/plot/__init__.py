@@ -2,7 +2,7 @@
 
 from sysid.plot.comparison import SOURCE_LABELS, SOURCES, AxleEstimates, Estimate, comparison, suspension_estimates
 from sysid.plot.drops import drop, drops
-from sysid.plot.histories import autocorrelation, channel_grid, overlay, suspension_histories
+from sysid.plot.histories import autocorrelation, channel_grid, channel_title, overlay, suspension_histories
 from sysid.plot.loops import suspension_loop, suspension_loop_pair
 from sysid.plot.modes import mode_shape, mode_shapes
 from sysid.plot.posterior import (
@@ -28,6 +28,7 @@ __all__ = [
     "autocorrelation",
     "axle_color",
     "channel_grid",
+    "channel_title",
     "comparison",
     "corner",
     "correlation",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from matplotlib.axes import Axes
 
-from sysid.plot.style import INK, axes_or_new, axle_color, label, styled
+from sysid.plot.style import INK, Z90, axes_or_new, axle_color, label, styled
 from sysid.sdof.results import DropEstimate, DropSummary
 
 if TYPE_CHECKING:
@@ -36,7 +36,6 @@ _MARKERS: dict[Source, str] = {
     "fitted": "D",
     "posterior": "o",
 }
-_Z90 = 1.6448536269514722
 
 
 @dataclass(frozen=True)
@@ -117,15 +116,15 @@ def suspension_estimates(
 def _from_drop(e: DropEstimate, quantity: Quantity) -> Estimate:
     value, sd = (e.stiffness, e.stiffness_sd) if quantity == "stiffness" else (e.damping, e.damping_sd)
     kind = "90 % interval of repeats and tolerances"
-    return Estimate(e.method, value, value - _Z90 * sd, value + _Z90 * sd, kind, e.usable, True, e.note)
+    return Estimate(e.method, value, value - Z90 * sd, value + Z90 * sd, kind, e.usable, True, e.note)
 
 
 def _from_fit(p: ParameterEstimate) -> Estimate:
     if p.transform == "log" and p.value > 0.0:
-        factor = math.exp(_Z90 * p.sd / p.value) if math.isfinite(p.sd) else math.nan
+        factor = math.exp(Z90 * p.sd / p.value) if math.isfinite(p.sd) else math.nan
         low, high = p.value / factor, p.value * factor
     else:
-        low, high = p.value - _Z90 * p.sd, p.value + _Z90 * p.sd
+        low, high = p.value - Z90 * p.sd, p.value + Z90 * p.sd
     return Estimate("fitted", p.value, low, high, "90 % confidence interval", identified=p.identified)
 
 

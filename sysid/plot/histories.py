@@ -12,6 +12,7 @@ from sysid.plot.style import (
     MEASURED,
     MUTED,
     WARNING,
+    Z90,
     axes_grid,
     axes_or_new,
     axle_color,
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 _KIND = {
     "suspension_deflection": "suspension deflection",
-    "axle_acceleration": "axle acceleration",
+    "axle_acceleration": "acceleration",
     "body_acceleration": "body acceleration",
 }
 
@@ -37,7 +38,7 @@ def channel_title(history: RunHistory, row: int) -> str:
     """What a channel shows, in words: kind, axle (counting from 1) where it has one, and the column of the log."""
     axle = history.axles[row]
     kind = _KIND.get(history.kinds[row], history.kinds[row])
-    place = "" if axle is None else f"axle {axle + 1} "
+    place = "" if axle is None else f"axle {axle + 1}, "
     return f"{place}{kind} ({history.columns[row]})"
 
 
@@ -52,8 +53,9 @@ def overlay(
 ) -> Axes:
     """One channel of one run: measured and simulated on `ax`, measured minus simulated on `residual_ax` if given.
 
-    With `ax` None a figure with both is made.  Clipped samples, whose true value lies beyond the reading, are marked.
-    Raises KeyError if the run has no such column.
+    With `ax` None a figure with both is made.  The band about zero holds 90 % of the scatter that the fit assigns to
+    the channel: +- 1.645 times its residual scale.  Clipped samples, whose true value lies beyond the
+    reading, are marked.  Raises KeyError if the run has no such column.
     """
     if column not in history.columns:
         raise KeyError(f"run {history.file} has no column {column}; it has {', '.join(history.columns)}")
@@ -71,7 +73,8 @@ def overlay(
     if clipped.any():
         ax.plot(history.time_s[clipped], measured[clipped], "x", ms=4, color=WARNING, ls="", label="clipped")
     ax.set_title(label(channel_title(history, row), 60))
-    ax.set_ylabel(f"[{unit}]")
+    quantity = _KIND.get(history.kinds[row], history.kinds[row]).split()[-1]
+    ax.set_ylabel(label(f"{quantity} [{unit}]", 30) if legend else f"[{unit}]")
     if legend:
         ax.legend(loc="upper right", ncols=3)
     if residual_ax is None:
@@ -80,6 +83,9 @@ def overlay(
         residual = np.where(clipped, np.nan, measured - simulated)
         residual_ax.plot(*thin(history.time_s, residual, most=most_points), color=MUTED, lw=0.8)
         residual_ax.axhline(0.0, color=INK, lw=0.6)
+        reach = Z90 * float(display(np.asarray(history.noise_sd[row]), history.si_units[row])[0])
+        if np.isfinite(reach):
+            residual_ax.axhspan(-reach, reach, color=color, alpha=0.2, lw=0)
         residual_ax.set_ylabel("meas. −\nsim.")
         residual_ax.set_xlabel("time [s]")
     return ax

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator, NullLocator
 
 from sysid.plot.style import INK, axes_grid, axes_or_new, axle_color, display, label, shared_legend, styled
 
@@ -71,27 +72,29 @@ def corner(posterior: Posterior, names: tuple[str, ...], fit: FitResult | None =
     for r, (y, y_label, color) in enumerate(columns):
         for c, (x, x_label, _) in enumerate(columns):
             ax = grid[r, c]
-            ax.tick_params(labelsize=6, length=2)
             ax.grid(False)
             if c > r:
                 ax.set_axis_off()
                 continue
+            # Ticks that no label goes with cost most of the drawing time.
+            if r < count - 1:
+                ax.xaxis.set_major_locator(NullLocator())
+            if c > 0 or r == 0:
+                ax.yaxis.set_major_locator(NullLocator())
             if c == r:
                 density, edges = np.histogram(x, bins=25)
                 ax.stairs(density, edges, fill=True, color=color, alpha=0.5)
-                ax.set_yticks([])
             else:
                 step = max(1, len(x) // _MOST_POINTS)
                 ax.plot(x[::step], y[::step], ",", color=INK, alpha=0.35, rasterized=True)
-                ax.locator_params(nbins=3)
             if r == count - 1:
                 ax.set_xlabel(x_label, fontsize=7)
-            else:
-                ax.set_xticklabels([])
+                ax.xaxis.set_major_locator(MaxNLocator(3))
+                ax.tick_params(axis="x", labelsize=6, length=2)
             if c == 0 and r > 0:
                 ax.set_ylabel(y_label, fontsize=7)
-            elif c != r:
-                ax.set_yticklabels([])
+                ax.yaxis.set_major_locator(MaxNLocator(3))
+                ax.tick_params(axis="y", labelsize=6, length=2)
     return grid
 
 

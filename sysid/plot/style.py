@@ -20,6 +20,9 @@ R = TypeVar("R")
 # Left, right, bottom, top, between columns, between rows [in].
 Margins = tuple[float, float, float, float, float, float]
 
+#: Half width of a 90 % interval of the normal distribution [standard deviations].
+Z90 = 1.6448536269514722
+
 INK = "#1f2933"
 MUTED = "#616e7c"
 FAINT = "#cbd2d9"

@@ -21,7 +21,7 @@ from sysid.sdof.results import DropAnalysis
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sysid.estimation.results import RunHistory
+    from sysid.estimation.results import FitResult, RunHistory
     from sysid.vehicle_model.modes import NaturalModes
 
 _MOST_CORNER = 14
@@ -137,8 +137,14 @@ def run_words(history: RunHistory) -> str:
     return f"{history.case}, driven at {speed(history.speed_m_s)} km/h ({history.file})"
 
 
-def history_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture], list[tuple[str, Picture]]]:
-    """Figures 7 and 8 for the representative run, and a grid of all channels for every run."""
+def fit_words(fit: FitResult) -> str:
+    """How the least squares ended, in a sentence."""
+    how = "Least squares converged" if fit.converged else "Least squares did not converge"
+    return f"{how} after {count(fit.iterations, 'iteration')}: {fit.message.rstrip('.')}."
+
+
+def history_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture], list[Picture]]:
+    """Figures 7 and 8 of the paper for the representative run, and all its channels; the page draws the other runs."""
     if results.fit is None:
         return [], []
     shown = []
@@ -150,13 +156,13 @@ def history_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture],
             names = " and ".join(f"axle {a + 1}" for a in chosen)
             caption = (
                 f"Measured against simulated, as in Figures 7 and 8 of the paper: suspension deflection and axle "
-                f"acceleration of {names}; {run_words(history)}. Below each history: measured minus simulated."
+                f"acceleration of {names}; {run_words(history)}. Below each history: measured minus simulated, and the "
+                f"band of 90 % of the scatter that the fit assigns to the channel."
             )
             shown.append(gallery.picture(grid[0, 0], caption))
-    every = [
-        (run_words(h), gallery.picture(plot.channel_grid(h)[0, 0], f"All channels of {run_words(h)}."))
-        for h in results.fit.histories
-    ]
+    every = []
+    if history is not None:
+        every.append(gallery.picture(plot.channel_grid(history)[0, 0], f"All channels of {run_words(history)}."))
     return shown, every
 
 

@@ -1,8 +1,9 @@
-"""Numbers as people read them: three or four significant digits, one rounding for a value and its interval."""
+"""Numbers as people read them, one rounding for a value and its interval; text without invisible characters."""
 
 from __future__ import annotations
 
 import math
+import unicodedata
 
 MISSING = "\u2014"
 
@@ -64,6 +65,11 @@ def listing(items: list[str], most: int = 6) -> str:
     if len(items) > most:
         return ", ".join(items[:most]) + f" and {len(items) - most} more"
     return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)
+
+
+def plain_text(text: str) -> str:
+    """`text` without control, direction-override and other invisible characters, line breaks and tabs kept."""
+    return "".join(c for c in text if c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cf", "Cs", "Co"))
 
 
 def _minus(text: str) -> str:

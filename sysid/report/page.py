@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import unicodedata
+import itertools
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -16,8 +16,8 @@ from markupsafe import Markup
 from sysid.export import Results, write_text
 from sysid.plot.comparison import Quantity
 from sysid.prediction.modes import calibrated_modes
-from sysid.report import agreement, figures, tables
-from sysid.report.numbers import MISSING, count, fixed, number, percent
+from sysid.report import agreement, answer, explorer, figures, tables
+from sysid.report.numbers import MISSING, count, fixed, number, percent, plain_text
 from sysid.report.verdict import ARTEFACT_RATIO, MISFIT, artefact_passes, undeclared_travel, verdict
 
 _QUANTITIES: tuple[Quantity, ...] = ("stiffness", "damping")
@@ -65,6 +65,13 @@ def _content(results: Results) -> dict[str, Any]:
         "verdict": verdict(results),
         "preview": results.status == "preview",
         "estimates": [t for q in _QUANTITIES if (t := tables.estimates_table(results, q)) is not None],
+        "answer_table": answer.answer_table(results),
+        "axle_loads": answer.axle_load_table(results),
+        "runs_data": explorer.runs_data(results),
+        "passes_data": explorer.passes_data(results),
+        # One counter for the whole page, drawn from in the order of the page.
+        "figure_numbers": itertools.count(1),
+        "fit_words": "" if results.fit is None else figures.fit_words(results.fit),
         "comparison": figures.comparison_pictures(results, gallery),
         "vehicle": tables.vehicle_table(results),
         "channels": channels,
@@ -144,7 +151,7 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "fixed": fixed, "percent": percent, "count": count}
+    environment.filters |= {"number": number, "fixed": fixed, "percent": percent, "count": count, "next": next}
     return environment
 
 
@@ -154,7 +161,7 @@ def _finalize(value: Any) -> Any:
         return MISSING
     if isinstance(value, Markup) or not isinstance(value, str):
         return value
-    return "".join(c for c in value if c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cf", "Cs", "Co"))
+    return plain_text(value)
 
 
 def _asset(name: str) -> str:

@@ -256,7 +256,6 @@ def posterior_table(p: Posterior) -> Table:
         ("acceptance [-]", f"{number(min(acceptance), 2)} to {number(max(acceptance), 2)}", "0.2 to 0.5"),
         ("worst R-hat [-]", fixed(rhat, 3), "below 1.01"),
         ("fewest effective draws", number(ess), "above 400"),
-        ("likelihood", p.likelihood, ""),
         ("seed", str(p.seed), ""),
     ]
     return table("Diagnostics of the sampling", ("quantity", "value", "what a converged run shows"), rows, 3)

@@ -69,7 +69,7 @@ def test_history_shows_measured_simulated_and_their_difference(results):
     np.testing.assert_allclose(lower.get_lines()[0].get_ydata(), np.cos(40.0 * history.time_s), atol=1e-9)
     assert "[mm]" in upper.get_ylabel()
     assert "m/s²" in grid[0, 1].get_ylabel()
-    assert any("no axle acceleration" in text.get_text() for text in grid[2, 1].texts)
+    assert any("no acceleration recorded" in text.get_text() for text in grid[2, 1].texts)
 
 
 def test_clipped_samples_are_marked_and_left_out_of_the_residual(results):

@@ -7,7 +7,7 @@ import pytest
 from small_results import DECREMENT, PERIOD, decaying_drop, small_campaign, small_results
 
 from sysid.prediction.modes import calibrated_modes
-from sysid.report import agreement, tables
+from sysid.report import agreement, answer, tables
 from sysid.report.figures import Gallery, drop_pictures
 from sysid.validation import ChannelAgreement, Validation
 
@@ -122,3 +122,30 @@ def test_modes_stand_by_load_case_with_ratios_in_percent():
         assert float(row[3]) == pytest.approx(frequency, rel=0.01)
         assert float(row[4].rstrip("\u00a0%")) == pytest.approx(100 * ratio, rel=0.01)
     assert tables.modes_table(()) is None
+
+
+def test_answer_has_one_row_per_axle_and_load_case_with_the_best_value():
+    results = small_results()
+    made = answer.answer_table(results)
+    names = [(row[0].text, row[0].note) for row in made.rows]
+    assert names == [("axle 1", "front axle"), ("axle 2", "rear axle, empty"), ("axle 2", "rear axle, laden")]
+    found = {s.name: s for s in results.posterior.summaries}
+    k, c = made.rows[2][1:]
+    assert k.text == f"{found['k_2[laden]'].q50 / 1e3:.0f}"
+    low, high = (getattr(found["k_2[laden]"], q) / 1e3 for q in ("q05", "q95"))
+    assert k.interval == f"[{low:.0f}, {high:.0f}]"
+    # Damping is shared by the load cases and stands in both rows.
+    assert c == made.rows[1][2]
+    assert "90 % credible interval" in made.caption
+    first = answer.answer_table(small_results(fit=None, posterior=None))
+    assert [row[1].text for row in first.rows] == ["380"]
+    assert "repeats and tolerances" in first.caption
+    assert answer.answer_table(small_results(drops=None, fit=None, posterior=None)) is None
+
+
+def test_axle_loads_of_the_model_at_rest_stand_beside_the_scales():
+    made = answer.axle_load_table(small_results())
+    # 39,240 N and 29,430 N over 9.81 m/s2.
+    assert cells(made) == [["axle 1", "4,000", "4,000"], ["axle 2", "3,000", "3,000"], ["total", "7,000", "7,000"]]
+    assert made.head[1:] == ("empty: scales [kg]", "empty: model at rest [kg]")
+    assert answer.axle_load_table(small_results(predictions=None)) is None

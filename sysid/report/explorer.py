@@ -1,0 +1,105 @@
+"""Numbers behind the interactive figures: every channel of every run, every axle of every predicted pass.
+
+The page draws them itself; without a script it falls back on its static figures.  Samples are stored as 16-bit
+integers in base64, 1/32000 of the largest value of a channel apart, which no screen can tell from the original.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from markupsafe import Markup
+
+from sysid.export import Results
+from sysid.plot import axle_color, channel_title
+from sysid.plot.style import INK, Z90, display
+from sysid.report.numbers import plain_text, speed
+
+if TYPE_CHECKING:
+    from sysid.estimation.results import RunHistory
+    from sysid.prediction.results import PassPrediction
+
+#: Code of a missing sample.
+MISSING_CODE = -32768
+_FULL_SCALE = 32000
+
+
+def runs_data(results: Results) -> Markup | None:
+    """All channels of all fitted runs as JSON for a data block of the page; None without a fit."""
+    if results.fit is None or not results.fit.histories:
+        return None
+    return _json([_run(history) for history in results.fit.histories])
+
+
+def passes_data(results: Results) -> Markup | None:
+    """Load ratio of all axles of all predicted passes as JSON for a data block of the page; None without any."""
+    if results.predictions is None or not results.predictions.passes:
+        return None
+    return _json([_pass(prediction) for prediction in results.predictions.passes])
+
+
+def _run(history: RunHistory) -> dict[str, Any]:
+    words = f"{history.case}, driven at {speed(history.speed_m_s)} km/h ({history.file})"
+    channels = []
+    for row in range(len(history.columns)):
+        measured, unit = display(history.measured[row], history.si_units[row])
+        simulated, _ = display(history.simulated[row], history.si_units[row])
+        scatter, _ = display(np.asarray(history.noise_sd[row]), history.si_units[row])
+        if not np.isfinite(measured).any():
+            continue
+        scale = _scale(measured, simulated)
+        axle = history.axles[row]
+        channels.append(
+            {
+                "name": plain_text(channel_title(history, row)),
+                "unit": unit,
+                "color": INK if axle is None else axle_color(axle),
+                "scale": scale,
+                "measured": _packed(measured, scale),
+                "middle": _packed(simulated, scale),
+                "scatter": Z90 * float(scatter) if math.isfinite(float(scatter)) else 0.0,
+                "clipped": np.flatnonzero(history.censored[row]).tolist(),
+            }
+        )
+    return {"name": plain_text(words), **_time(history.time_s), "channels": channels}
+
+
+def _pass(p: PassPrediction) -> dict[str, Any]:
+    over = f" over {p.shape}" if p.shape else ""
+    channels = []
+    for axle, static in enumerate(p.static_load_N):
+        curves = {"middle": p.tire_force_q50_N[axle] / static}
+        if p.tire_force_q05_N is not None and p.tire_force_q95_N is not None:
+            curves |= {"low": p.tire_force_q05_N[axle] / static, "high": p.tire_force_q95_N[axle] / static}
+        scale = _scale(*curves.values())
+        channels.append(
+            {"name": f"axle {axle + 1}", "unit": "-", "color": axle_color(axle), "scale": scale}
+            | {name: _packed(values, scale) for name, values in curves.items()}
+        )
+    name = plain_text(f"{p.load_case}, {speed(p.speed_m_s)} km/h{over}")
+    return {"name": name, **_time(p.time_s), "channels": channels}
+
+
+def _time(time_s: np.ndarray) -> dict[str, float]:
+    step = float(time_s[1] - time_s[0]) if len(time_s) > 1 else 1.0
+    return {"start": float(time_s[0]) if len(time_s) else 0.0, "step": step}
+
+
+def _scale(*curves: np.ndarray) -> float:
+    largest = max((float(np.nanmax(np.abs(c))) for c in curves if np.isfinite(c).any()), default=1.0)
+    return largest / _FULL_SCALE or 1.0
+
+
+def _packed(values: np.ndarray, scale: float) -> str:
+    codes = np.where(np.isfinite(values), np.round(np.nan_to_num(values) / scale), MISSING_CODE).astype("<i2")
+    return base64.b64encode(codes.tobytes()).decode("ascii")
+
+
+def _json(content: list[dict[str, Any]]) -> Markup:
+    # Inside a script element only "<" could end it early; ASCII output leaves no other special character.
+    text = json.dumps(content, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
