@@ -69,6 +69,13 @@ _PASS_OPTIONS = (
 )  # fmt: skip
 
 
+_ADVICE_OPTIONS = (
+    click.option("--candidate-speed", "candidate_speeds", multiple=True,
+                 type=click.FloatRange(0.0, 300.0, min_open=True),
+                 help="Speed [km/h] of further runs to judge; may be repeated (default: 8, 16, 24, 32)."),
+)  # fmt: skip
+
+
 def _stage(name: str, text: str, more: tuple[Callable[..., Any], ...] = ()) -> None:
     def command(campaign: Path, output: Path, resume: bool, **choices: Any) -> None:
         from sysid.cli.stages import run_stage
@@ -83,6 +90,7 @@ def _stage(name: str, text: str, more: tuple[Callable[..., Any], ...] = ()) -> N
 _stage("check", "Quality of every log and channel: rate, gaps, clipping, wrong units, flipped signs.")
 _stage("drops", "Stiffness and damping of every axle from its plank drops, equations (1)-(3) and corrections.")
 _stage("fit", "Least-squares calibration of the vehicle model against all bump runs.")
+_stage("advise", "What to measure next: further runs and sensors ranked by what they would bring.", _ADVICE_OPTIONS)
 _stage("sample", "Posterior of all parameters by emcee, continued until it has converged.")
 _stage("predict", "Dynamic wheel loads of the passes that the campaign asks for, or of others.", _PASS_OPTIONS)
 _stage("report", "Write report.html from the stages that have run.")

@@ -9,6 +9,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+#: What stands in place of a number that only repeats its prior.
+NOT_DETERMINED = "not determined"
+
 
 def _table(title: str, columns: Sequence[str]) -> Table:
     table = Table(title=title, title_justify="left", header_style="bold", box=None, pad_edge=False)
@@ -85,34 +88,57 @@ def _show_laws(screen: Console, fit) -> None:
 
 
 def show_fit(screen: Console, calibration, fit) -> None:
-    """Least-squares values of all parameters."""
+    """Least-squares values of all parameters beside their priors, and what the data determine."""
     _show_laws(screen, fit)
-    table = _table("Least squares", ("parameter", "value", "unit", "start", "known from the data"))
+    columns = ("parameter", "value", "unit", "prior", "sd / prior sd", "known from the data")
+    table = _table("Least squares", columns)
     for p in fit.parameters:
-        scale, unit = (1e3, f"k{p.unit}") if p.unit in ("N/m", "N s/m") else (1.0, p.unit)
+        scale, unit = _shown_unit(p.unit)
         table.add_row(
             escape(p.name),
-            _value(p.value, p.sd, scale),
+            _value(p.value, p.sd, scale) if p.identified else NOT_DETERMINED,
             unit,
-            f"{p.start / scale:.4g}",
+            f"{p.prior_median / scale:.4g} ± {100.0 * p.prior_sd:.2g} %",
+            f"{p.sd / p.value / p.prior_sd:.2f}",
             "yes" if p.identified else "no",
         )
     screen.print(table)
     screen.print(f"{fit.iterations} iterations, {fit.residuals} residuals: {fit.message}.", markup=False)
+    show_determined(screen, fit)
     for warning in fit.warnings:
-        screen.print(warning, markup=False)
+        if fit.identifiability is None or warning not in fit.identifiability.statements:
+            screen.print(warning, markup=False)
+
+
+def show_determined(screen: Console, fit) -> None:
+    """What the data determine, in words."""
+    found = fit.identifiability
+    if found is None:
+        return
+    screen.print(
+        f"The data determine {found.determined} of {len(found.names)} combinations of the parameters better than the "
+        "priors do.",
+        markup=False,
+    )
+    for statement in found.statements:
+        screen.print(statement, markup=False)
+    if found.warnings:
+        screen.print("Which run or sensor would help: calibrate.py advise.", markup=False)
+
+
+def _shown_unit(unit: str) -> tuple[float, str]:
+    return (1e3, f"k{unit}") if unit in ("N/m", "N s/m") else (1.0, unit)
 
 
 def show_sample(screen: Console, calibration, posterior) -> None:
-    """Posterior medians with 90 % credible intervals."""
+    """Posterior medians with 90 % credible intervals; those that repeat the prior are named as such."""
     table = _table("Posterior", ("parameter", "median", "90 % credible interval", "unit", "effective draws", "R-hat"))
-    units = {p.name: p.unit for p in calibration.fit().parameters}
+    parameters = {p.name: p for p in calibration.fit().parameters}
     for s in posterior.summaries:
-        unit = units[s.name]
-        scale, shown = (1e3, f"k{unit}") if unit in ("N/m", "N s/m") else (1.0, unit)
+        scale, shown = _shown_unit(parameters[s.name].unit)
         table.add_row(
             escape(s.name),
-            f"{s.q50 / scale:.4g}",
+            f"{s.q50 / scale:.4g}" if parameters[s.name].identified else NOT_DETERMINED,
             f"{s.q05 / scale:.4g} to {s.q95 / scale:.4g}",
             shown,
             f"{s.ess:.0f}",
@@ -144,6 +170,25 @@ def show_predict(screen: Console, calibration, predictions) -> None:
         screen.print(table)
         for warning in p.warnings:
             screen.print(warning, markup=False)
+
+
+def show_advise(screen: Console, calibration, advice) -> None:
+    """What every further run and sensor would bring, then the best of them in words."""
+    show_determined(screen, calibration.fit())
+    peak = "-" if advice.peak is None else f"peak ratio, {escape(advice.peak.label)}"
+    columns = ("one further run", "worst of k and c", "median of k and c", peak)
+    table = _table("Standard deviations after one further run", columns)
+    for p in (advice.now, *advice.runs, *advice.sensors):
+        name, worst = advice.worst(p)
+        table.add_row(
+            escape(p.label),
+            f"{100.0 * worst:.2g} % ({escape(name)})",
+            f"{100.0 * advice.median(p):.2g} %",
+            f"{p.peak_sd:.2g}" if np.isfinite(p.peak_sd) else "-",
+        )
+    screen.print(table)
+    for statement in advice.statements:
+        screen.print(statement, markup=False)
 
 
 def show_report(screen: Console, calibration, path) -> None:

@@ -12,8 +12,10 @@ from sysid.campaign.records import Campaign
 from sysid.estimation import noise as noise_model
 from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.histories import run_histories
+from sysid.estimation.identifiability import IDENTIFIED_SHRINKAGE, Identifiability, assess
+from sysid.estimation.information import adjusted_information
 from sysid.estimation.levenberg_marquardt import Minimum
-from sysid.estimation.mass_effect import MassEffect, mass_columns, mass_effect, with_columns
+from sysid.estimation.mass_effect import MassEffect
 from sysid.estimation.objective import (
     SHIFT_UNIT_M,
     SPEED_UNIT,
@@ -24,12 +26,10 @@ from sysid.estimation.objective import (
 )
 from sysid.estimation.problem import FitState, Optimum, Problem
 from sysid.estimation.results import FitResult, MassCheck, ParameterEstimate
-from sysid.estimation.sandwich import Adjustment, adjust, block_scores
+from sysid.estimation.sandwich import Adjustment
 from sysid.estimation.uncertain_masses import MassResponse, mass_response
 from sysid.road.contact_laws import CONTACT_LAWS
 
-#: The data determine a parameter when they shrink its prior at least this much.
-IDENTIFIED_SHRINKAGE = 0.7
 #: Where the data ask for a mass this many tolerances off, somebody should look at it.
 DOUBTFUL_MASS_SD = 2.0
 _LAGS = 120
@@ -61,7 +61,7 @@ def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: 
         report("cross-check by SciPy's trust-region solver", 0.92)
         difference = _scipy_difference(problem, vector, optimum.first)
     compressed = problem.compressed(vector)
-    adjustment, effect = _adjustment(campaign, problem, vector)
+    adjustment, effect, information = adjusted_information(campaign, problem, vector)
     covariance = _covariance(problem, compressed, adjustment)
     scaled = compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0)
     singular = np.linalg.svd(scaled, compute_uv=False)
@@ -72,8 +72,9 @@ def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: 
     usable = [np.isfinite(n) for n in weights.noise_sd]
     median_inflation = float(np.median(np.concatenate([v[u] for v, u in zip(inflation, usable, strict=True)])))
     lags = min(c.shape[0] for c in correlations)
-    warnings = _warnings(estimates, minimum, optimum.misfit, halving, difference)
     shared = covariance[: problem.count, : problem.count]
+    determined = assess(estimates, shared, information)
+    warnings = _warnings(minimum, optimum.misfit, halving, difference, determined)
     masses = _mass_response(problem, parameters, effect, adjustment)
     checks = _mass_checks(problem, effect)
     state = FitState(model, parameters, motion, weights, adjustment.matrix, masses)
@@ -100,40 +101,9 @@ def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: 
         ),
         warnings=(*warnings, *_mass_warnings(checks)),
         masses=checks,
+        identifiability=determined,
     )
     return fit, state
-
-
-def _adjustment(campaign: Campaign, problem: Problem, vector: np.ndarray) -> tuple[Adjustment, MassEffect]:
-    """Sandwich over blocks: one channel in all repeats of one case, and over the tolerances of declared masses."""
-    parameters, motion = problem.unpack(vector)
-    columns = mass_columns(problem.model, problem.weights, parameters, motion)
-    scores, keys = [], []
-    count, shared = problem.count, problem.count + len(problem.model.masses.factors)
-    information = np.zeros((shared, shared))
-    for group, lin in zip(problem.model.groups, with_columns(problem.linearise(vector), columns), strict=True):
-        runs = list(group.runs)
-        prior = np.zeros((len(runs), 2, 2))
-        nominal, sd = problem.nominal.speed_m_s[runs], problem.nominal.relative_sd[runs]
-        prior[:, 0, 0] = (SPEED_UNIT * motion.speed_m_s[runs] / nominal / sd) ** 2
-        found, data = block_scores(
-            np.asarray(lin.residual),
-            np.asarray(lin.residual_jacobian),
-            np.asarray(lin.gain_residual),
-            np.asarray(lin.gain_jacobian),
-            prior,
-        )
-        information += data.sum(axis=0)
-        for r, run in enumerate(runs):
-            record = campaign.bump_runs[run]
-            case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
-            used = group.measured[:, r].any(axis=0)
-            scores += [found[r, c] for c in np.flatnonzero(used)]
-            keys += [(*case, int(c)) for c in np.flatnonzero(used)]
-    rows, _ = problem.model.parameters.prior_rows()
-    effect = mass_effect(information, np.sum(scores, axis=0), rows.T @ rows, problem.model.masses.sd)
-    found = np.array(scores)[:, :count]
-    return adjust(found, keys, information[:count, :count], effect.scatter), effect
 
 
 def _mass_response(
@@ -299,7 +269,9 @@ def _estimates(campaign, problem: Problem, log_parameters, motion: RunMotion, co
     return globals_, tuple(local)
 
 
-def _warnings(estimates, minimum: Minimum, misfit: float, halving: float, cross_check: float) -> tuple[str, ...]:
+def _warnings(
+    minimum: Minimum, misfit: float, halving: float, cross_check: float, determined: Identifiability
+) -> tuple[str, ...]:
     found = []
     if not minimum.converged:
         found.append(f"Least squares has not converged ({minimum.message}); the values are not final.")
@@ -314,7 +286,5 @@ def _warnings(estimates, minimum: Minimum, misfit: float, halving: float, cross_
         found.append(
             f"An independent solver ends {cross_check:.1f} standard deviations away; the optimum may not be unique."
         )
-    weak = [p.name for p in estimates if not p.identified and p.quantity in ("stiffness", "damping")]
-    if weak:
-        found.append(f"The data say next to nothing about {', '.join(weak)}: these values come from their priors.")
+    found += determined.warnings
     return tuple(found)

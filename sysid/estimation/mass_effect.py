@@ -106,9 +106,19 @@ def mass_effect(information: np.ndarray, score: np.ndarray, prior: np.ndarray, s
     cross = information[:count, count:]
     sensitivity = -np.linalg.solve(information[:count, :count] + prior, cross)
     left = information[count:, count:] + np.diag(sd**-2.0) + cross.T @ sensitivity
+    by_data = shift_by_masses(information, count)
+    return MassEffect(sensitivity, by_data, (cross * sd**2) @ cross.T, -np.linalg.solve(left, score[count:]))
+
+
+def shift_by_masses(information: np.ndarray, count: int) -> np.ndarray:
+    """K = -H_xx^-1 H_xm (p, m): how far the optimum of the data alone moves per log mass factor.
+
+    Parameters
+    ----------
+    information : (p + m, p + m) data information H; `count` p.
+    """
     # Scaled, so that a parameter without data stays where it is.
     scale = np.sqrt(np.diag(information)[:count])
     scale = np.where(scale > 0.0, scale, 1.0)
     scaled = information[:count, :count] / np.outer(scale, scale) + 1e-10 * np.eye(count)
-    by_data = -np.linalg.solve(scaled, cross / scale[:, None]) / scale[:, None]
-    return MassEffect(sensitivity, by_data, (cross * sd**2) @ cross.T, -np.linalg.solve(left, score[count:]))
+    return -np.linalg.solve(scaled, information[:count, count:] / scale[:, None]) / scale[:, None]

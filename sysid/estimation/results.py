@@ -12,6 +12,8 @@ from sysid.tabular import Tabular, records_table
 if TYPE_CHECKING:
     import pandas as pd
 
+    from sysid.estimation.identifiability import Identifiability
+
 
 @dataclass(frozen=True)
 class ParameterEstimate:
@@ -131,7 +133,7 @@ class FitResult(Tabular):
     between the optimum found by SciPy's trust-region solver and this one, in standard deviations; `law_comparison`
     what was tried where linear laws did not do, or None; `contact_trials` the fit with every contact law where that was
     asked for, the result's own first; `masses` what the data say about declared masses, whose tolerances `covariance`
-    holds.
+    holds; `identifiability` what the data determine (:mod:`sysid.estimation.identifiability`).
     """
 
     parameters: tuple[ParameterEstimate, ...]
@@ -156,6 +158,7 @@ class FitResult(Tabular):
     law_comparison: LawComparison | None = None
     contact_trials: tuple[ContactTrial, ...] = ()
     masses: tuple[MassCheck, ...] = ()
+    identifiability: Identifiability | None = None
 
     @property
     def laws(self) -> tuple[str, ...]:

@@ -56,12 +56,28 @@ def block_scores(
     normal = np.einsum("trck,trcl->rkl", jacobian, jacobian, optimize=True)
     normal += np.einsum("rck,rcl->rkl", gain_jacobian, gain_jacobian)
     count = normal.shape[-1] - 2
+    eliminate = _own_response(normal, local_prior)
+    information = normal[:, :count, :count] - normal[:, :count, count:] @ eliminate
+    return scores[..., :count] - scores[..., count:] @ eliminate, information
+
+
+def without_own_unknowns(normal: np.ndarray, local_prior: np.ndarray) -> np.ndarray:
+    """Information (R, p, p) of runs whose last two unknowns are their own, from normal matrices (R, p + 2, p + 2).
+
+    Parameters
+    ----------
+    local_prior : (R, 2, 2) prior precision of the run's own unknowns.
+    """
+    count = normal.shape[-1] - 2
+    return np.asarray(normal[:, :count, :count] - normal[:, :count, count:] @ _own_response(normal, local_prior))
+
+
+def _own_response(normal: np.ndarray, local_prior: np.ndarray) -> np.ndarray:
+    count = normal.shape[-1] - 2
     local = normal[:, count:, count:] + local_prior
     # A run whose data say nothing about its own unknowns must not divide by zero.
     local += 1e-12 * np.trace(local, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-    eliminate = np.linalg.solve(local, normal[:, count:, :count])
-    information = normal[:, :count, :count] - normal[:, :count, count:] @ eliminate
-    return scores[..., :count] - scores[..., count:] @ eliminate, information
+    return np.asarray(np.linalg.solve(local, normal[:, count:, :count]))
 
 
 def adjust(

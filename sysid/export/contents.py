@@ -15,6 +15,7 @@ from sysid.sdof.results import DropSummary
 if TYPE_CHECKING:
     from sysid.estimation.results import FitResult
     from sysid.posterior.results import Posterior
+    from sysid.prediction.advice_results import Advice
     from sysid.prediction.results import Predictions
     from sysid.validation.results import Validation
 
@@ -40,6 +41,7 @@ class Results:
     posterior: Posterior | None = None
     predictions: Predictions | None = None
     validation: Validation | None = None
+    advice: Advice | None = None
     status: Status = "not_converged"
     warnings: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)

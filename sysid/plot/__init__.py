@@ -3,6 +3,7 @@
 from sysid.plot.comparison import SOURCE_LABELS, SOURCES, AxleEstimates, Estimate, comparison, suspension_estimates
 from sysid.plot.drops import drop, drops
 from sysid.plot.histories import autocorrelation, channel_grid, channel_title, overlay, suspension_histories
+from sysid.plot.knowledge import prior_against_posterior
 from sysid.plot.loops import suspension_loop, suspension_loop_pair
 from sysid.plot.modes import mode_shape, mode_shapes
 from sysid.plot.posterior import (
@@ -47,6 +48,7 @@ __all__ = [
     "mode_shapes",
     "overlay",
     "posterior_correlation",
+    "prior_against_posterior",
     "profile",
     "scan",
     "shared_legend",

@@ -151,6 +151,18 @@ def predict_pass(
     )
 
 
+def peak_ratios(
+    campaign: Campaign,
+    parameters: ParameterSet,
+    roads: EffectiveRoads,
+    request: PredictionRequest,
+    sets: np.ndarray,
+) -> np.ndarray:
+    """Peak dynamic load ratio (n, axles) of one pass for every set (n, p) of log parameters."""
+    p = _simulate(campaign, parameters, roads, request, sets.T)
+    return np.asarray((p.tire_N.max(axis=0) / p.static_N[:, None]).T)
+
+
 def _transposed(values: np.ndarray | None) -> np.ndarray | None:
     return None if values is None else values.T
 

@@ -238,6 +238,17 @@ def _suspension_names(results: Results) -> tuple[str, ...]:
     return names[:_MOST_CORNER]
 
 
+def shrinkage_pictures(results: Results, gallery: Gallery) -> list[Picture]:
+    """Prior against result of every parameter."""
+    if results.fit is None:
+        return []
+    caption = (
+        "Every parameter over its prior median, 90 % intervals: grey the prior, coloured by axle what is known after "
+        "the data. A cross marks what the data do not determine."
+    )
+    return [gallery.picture(plot.prior_against_posterior(results.fit, results.posterior), caption)]
+
+
 def prediction_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     """Load ratio against time of every predicted pass, as in Figure 9a of the paper."""
     if results.predictions is None:

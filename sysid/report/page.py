@@ -16,7 +16,7 @@ from markupsafe import Markup
 from sysid.export import Results, write_text
 from sysid.plot.comparison import Quantity
 from sysid.prediction.modes import calibrated_modes
-from sysid.report import agreement, answer, explorer, figures, tables
+from sysid.report import agreement, answer, explorer, figures, knowledge, tables
 from sysid.report.numbers import MISSING, count, fixed, number, percent, plain_text
 from sysid.report.verdict import ARTEFACT_RATIO, MISFIT, artefact_passes, undeclared_travel, verdict
 
@@ -96,6 +96,9 @@ def _content(results: Results) -> dict[str, Any]:
         "run_parameters": None
         if results.fit is None
         else tables.parameters_table(results, results.fit.run_parameters, "Parameters of single runs"),
+        "shrinkage": knowledge.shrinkage_table(results),
+        "shrinkage_pictures": figures.shrinkage_pictures(results, gallery),
+        "advice": knowledge.advice_table(results),
         "laws": tables.law_table(results),
         "contacts": tables.contact_table(results),
         "loop_pictures": figures.loop_pictures(results, gallery),

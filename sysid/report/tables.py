@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from sysid.prediction.results import Quantiles
     from sysid.vehicle_model.modes import NaturalModes
 
+#: What stands in place of a number that only repeats its prior.
+NOT_DETERMINED = "not determined"
+
 _DISPLAY_UNITS = {"N/m": (1e-3, "kN/m"), "N s/m": (1e-3, "kN s/m"), "N*s/m": (1e-3, "kN s/m"), "N": (1e-3, "kN")}
 
 
@@ -98,8 +101,9 @@ def _estimate_cell(row: AxleEstimates, source: Any) -> Cell:
         return Cell(MISSING, note="not readable")
     value, low, high = e.value / 1e3, e.low / 1e3, e.high / 1e3
     places = decimals(value, (high - low) / 2.0)
-    note = "prior only" if not e.identified else "caution, see plank drops" if e.note else ""
-    return Cell(fixed(value, places), interval(low, high, places), note)
+    if not e.identified:
+        return Cell(NOT_DETERMINED, interval(low, high, places), "prior only")
+    return Cell(fixed(value, places), interval(low, high, places), "caution, see plank drops" if e.note else "")
 
 
 def pooled_drops_table(results: Results, drops: DropSummary) -> Table:
@@ -201,10 +205,13 @@ def parameters_table(results: Results, estimates: Iterable[ParameterEstimate], c
                 p.law,
                 unit,
                 number(p.prior_median * factor),
-                f"{fixed(value, places)} ± {number(sd, 2)}",
+                f"{fixed(value, places)} ± {number(sd, 2)}" if p.identified else NOT_DETERMINED,
                 MISSING
                 if s is None
-                else Cell(fixed(s.q50 * factor, places), interval(s.q05 * factor, s.q95 * factor, places)),
+                else Cell(
+                    fixed(s.q50 * factor, places) if p.identified else NOT_DETERMINED,
+                    interval(s.q05 * factor, s.q95 * factor, places),
+                ),
                 MISSING if s is None else number(s.ess),
                 MISSING if s is None else fixed(s.rhat, 3),
             ]

@@ -98,7 +98,10 @@ def _what(results: Results) -> list[str]:
     sentences = []
     for quantity, name, unit in _QUANTITIES:
         rows = suspension_estimates(quantity, results.drops, results.fit, results.posterior)
-        best = [e for e in (row.best for row in rows) if e is not None]
+        every = [e for e in (row.best for row in rows) if e is not None]
+        best = [e for e in every if e.identified]
+        if every and not best:
+            sentences.append(f"{name} is not determined by these data on any axle.")
         if not best:
             continue
         values = [e.value / 1e3 for e in best]
@@ -110,6 +113,8 @@ def _what(results: Results) -> list[str]:
             # The interval of the drops leaves out the error of the method: no word of knowing there.
             verb = "read to within" if results.fit is None else "each known to"
             text += f", {verb} {' to '.join(ends)} ({listing(kinds)})"
+        if len(best) < len(every):
+            text += f"; of {count(len(every), 'value')} {len(every) - len(best)} cannot be told from these data"
         sentences.append(text + ".")
     if not sentences:
         return ["No stiffness or damping has been estimated yet."]

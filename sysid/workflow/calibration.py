@@ -38,6 +38,8 @@ from sysid.posterior.results import Posterior
 from sysid.posterior.sampling import chain_identity, posterior_so_far, sample_posterior
 from sysid.prediction.calibrated import calibrated_vehicle
 from sysid.prediction.calibrated_elements import CalibratedVehicle
+from sysid.prediction.advice import CANDIDATE_KM_H, advise
+from sysid.prediction.advice_results import Advice
 from sysid.prediction.passes import SWEEP_KM_H, predict
 from sysid.prediction.results import Predictions
 from sysid.road.point_cloud import read_point_cloud
@@ -53,7 +55,9 @@ from sysid.workflow import store
 from sysid.workflow.settings import Settings, remember
 
 #: Stages in order; a result depends on those before it.
-STAGES = ("check", "drops", "scan", "fit", "sample", "predict")
+STAGES = ("check", "drops", "scan", "fit", "advise", "sample", "predict")
+#: Stages on whose results no other depends.
+ENDS = ("advise",)
 SUCCESS_MARKER = "SUCCESS"
 
 Progress = Callable[[str, float], None]
@@ -135,6 +139,10 @@ class Calibration:
         result: FitResult = self._stage("fit", self._fit)[0]
         return result
 
+    def advise(self, speeds_km_h: Sequence[float] = CANDIDATE_KM_H) -> Advice:
+        """What one further run at each speed, or one with one more sensor, would bring for k, c and a wheel load."""
+        return self._stage("advise", lambda: self._advise(speeds_km_h))
+
     def sample(self) -> Posterior:
         """Posterior of the parameters."""
         return self._stage("sample", self._sample)
@@ -206,6 +214,8 @@ class Calibration:
             self._forget(STAGES)
         for stage in (self.check, self.drops, self.scan, self.fit, self.sample, self.predict):
             stage()
+        if not self.settings.quick:
+            self.advise()
         self.report()
         self.export()
         results = self.results()
@@ -229,6 +239,7 @@ class Calibration:
             fit=fit,
             posterior=posterior,
             predictions=found["predict"],
+            advice=found["advise"],
             validation=None if fit is None else self.validate(),
             status=self._status(fit, posterior),
             warnings=self._warnings(posterior),
@@ -303,6 +314,20 @@ class Calibration:
             contact=options.contact,
         )
         return FitState(model, **point)
+
+    def _advise(self, speeds_km_h: Sequence[float]) -> Advice:
+        determined, state = self.fit().identifiability, self._state()
+        assert determined is not None
+        return advise(
+            self.campaign,
+            state,
+            determined,
+            self._profiles(),
+            contact=self.settings.fit.contact,
+            target_step_s=self.settings.fit.target_step_s,
+            speeds_km_h=speeds_km_h,
+            progress=self._progress,
+        )
 
     def _sample(self) -> Posterior:
         fit, state = self.fit(), self._state()
@@ -382,8 +407,9 @@ class Calibration:
             return known
         with self._lock:
             result = self._timed(name, compute)
-            self._forget(STAGES[STAGES.index(name) + 1 :])
-            self._write(partial((self.output / SUCCESS_MARKER).unlink, missing_ok=True))
+            if name not in ENDS:
+                self._forget(STAGES[STAGES.index(name) + 1 :])
+                self._write(partial((self.output / SUCCESS_MARKER).unlink, missing_ok=True))
             self._results[name] = result
             self._write(lambda: remember(self.output, self.settings))
             self._write(lambda: store.save(self._path(name), result, self._fingerprint(name)))
@@ -392,7 +418,7 @@ class Calibration:
     def redo(self, name: str) -> None:
         """Forget a stage and all that follow, so that it runs again."""
         with self._lock:
-            self._forget(STAGES[STAGES.index(name) :])
+            self._forget((name,) if name in ENDS else STAGES[STAGES.index(name) :])
 
     def _known(self, name: str) -> Any | None:
         if name not in self._results:
@@ -430,8 +456,11 @@ class Calibration:
         relevant: dict[str, Any] = {"inputs": dict(self._raw.input_sha256), "version": versions()["sysid"]}
         if name == "drops":
             relevant["drop_model"] = self.settings.drop_model
-        if name in ("drops", "fit", "sample", "predict"):
+        if name in ("drops", "fit", "advise", "sample", "predict"):
             relevant["fit"] = self.settings.as_dict()["fit"]
+        if name in ("fit", "advise"):
+            # Results of before do not say what the data determine.
+            relevant["content"] = 2
         if name == "predict":
             # Results of before know no suspension forces and no ratio against speed.
             relevant["content"] = 2

@@ -17,10 +17,11 @@ import numpy as np
 
 from sysid.campaign import findings
 from sysid.errors import CampaignError
-from sysid.estimation import objective, uncertain_masses
+from sysid.estimation import identifiability, information, objective, uncertain_masses
 from sysid.estimation import results as estimation_results
 from sysid.export.files import write_atomically
 from sysid.posterior import results as posterior_results
+from sysid.prediction import advice_results
 from sysid.prediction import results as prediction_results
 from sysid.road import results as road_results
 from sysid.sdof import results as sdof_results
@@ -31,8 +32,10 @@ _MODULES = (
     sdof_results,
     road_results,
     estimation_results,
+    identifiability,
     posterior_results,
     prediction_results,
+    advice_results,
     validation_results,
 )
 _CLASSES = {
@@ -40,7 +43,12 @@ _CLASSES = {
     for module in _MODULES
     for name, value in vars(module).items()
     if isinstance(value, type) and dataclasses.is_dataclass(value)
-} | {"RunMotion": objective.RunMotion, "Weights": objective.Weights, "MassResponse": uncertain_masses.MassResponse}
+} | {
+    "RunMotion": objective.RunMotion,
+    "Weights": objective.Weights,
+    "MassResponse": uncertain_masses.MassResponse,
+    "DataInformation": information.DataInformation,
+}
 
 
 def save(path: Path, result: Any, fingerprint: str) -> None:

@@ -12,8 +12,8 @@ from synthetic_fit import synthetic_campaign
 
 from sysid.campaign.records import AxleGroup, MassTolerances
 from sysid.estimation.bump_model import bump_model
-from sysid.estimation.conclusion import _adjustment
 from sysid.estimation.fit_options import FitOptions
+from sysid.estimation.information import adjusted_information
 from sysid.estimation.least_squares import fit_bump_runs
 from sysid.estimation.mass_effect import mass_effect
 from sysid.estimation.objective import RunMotion, simulate_runs
@@ -151,7 +151,7 @@ def test_the_optimum_moves_as_the_covariance_says(fits):
     np.testing.assert_allclose([p.value for p in plain.parameters], [p.value for p in exact.parameters], rtol=1e-9)
     change = np.log([p.value for p in moved.parameters]) - np.log([p.value for p in plain.parameters])
     problem = Problem(state.model, data, state.motion, state.weights)
-    _, effect = _adjustment(data, problem, np.concatenate([state.log_parameters, np.zeros(4)]))
+    _, effect, _ = adjusted_information(data, problem, np.concatenate([state.log_parameters, np.zeros(4)]))
     names = list(plain.names)
     for name in ("c_2", "kt_2", "ct_2"):
         k = names.index(name)

@@ -1,0 +1,90 @@
+"""What the data say about parameters and masses, and what more data would add to it.
+
+The information H of parameters and mass factors (runs' own speeds and starts eliminated) is kept apart from what makes
+the covariance honest: the flattening C_0 for model error and the tolerances Sigma of masses.  With more data of
+information D, H' = H + D,
+
+    A = C_0' H'_xx C_0,    K = -H'_xx^-1 H'_xm,    covariance = ((A^-1 + K Sigma K')^-1 + P)^-1,
+
+P the prior precision: noise and model error average out as they did before, wrong masses stay wrong.  With D = 0 this
+is the covariance of the fit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.mass_effect import MassEffect, mass_columns, mass_effect, shift_by_masses, with_columns
+from sysid.estimation.objective import SPEED_UNIT
+from sysid.estimation.problem import Problem
+from sysid.estimation.sandwich import Adjustment, adjust, block_scores
+
+
+@dataclass(frozen=True)
+class DataInformation:
+    """Information of the data of a fit about p log parameters and m log mass factors.
+
+    `matrix` H (p + m, p + m); `flattening` C_0 (p, p); `prior` P (p, p) prior precision of the parameters; `mass_sd`
+    (m,) tolerances.
+    """
+
+    matrix: np.ndarray
+    flattening: np.ndarray
+    prior: np.ndarray
+    mass_sd: np.ndarray
+
+    def precision(self, more: np.ndarray | None = None) -> np.ndarray:
+        """Precision (p, p) of the parameters by the data alone; `more` (p + m, p + m) is the information of others."""
+        matrix = self.matrix if more is None else self.matrix + more
+        count = self.prior.shape[0]
+        own = self.flattening.T @ matrix[:count, :count] @ self.flattening
+        if self.mass_sd.size:
+            moved = shift_by_masses(matrix, count)
+            carried = own @ moved
+            # (A^-1 + K Sigma K')^-1 by the Woodbury identity, which needs no inverse of A.
+            own = own - carried @ np.linalg.solve(np.diag(self.mass_sd**-2.0) + moved.T @ carried, carried.T)
+        return np.asarray(0.5 * (own + own.T))
+
+    def covariance(self, more: np.ndarray | None = None) -> np.ndarray:
+        """Covariance (p, p) of the log parameters, priors included; `more` as in :meth:`precision`."""
+        return np.linalg.inv(self.precision(more) + self.prior)
+
+
+def adjusted_information(
+    campaign: Campaign, problem: Problem, vector: np.ndarray
+) -> tuple[Adjustment, MassEffect, DataInformation]:
+    """Sandwich over blocks (one channel in all repeats of one case) and over tolerances of masses, and its parts."""
+    parameters, motion = problem.unpack(vector)
+    columns = mass_columns(problem.model, problem.weights, parameters, motion)
+    scores, keys = [], []
+    count, shared = problem.count, problem.count + len(problem.model.masses.factors)
+    information = np.zeros((shared, shared))
+    for group, lin in zip(problem.model.groups, with_columns(problem.linearise(vector), columns), strict=True):
+        runs = list(group.runs)
+        prior = np.zeros((len(runs), 2, 2))
+        nominal, sd = problem.nominal.speed_m_s[runs], problem.nominal.relative_sd[runs]
+        prior[:, 0, 0] = (SPEED_UNIT * motion.speed_m_s[runs] / nominal / sd) ** 2
+        found, data = block_scores(
+            np.asarray(lin.residual),
+            np.asarray(lin.residual_jacobian),
+            np.asarray(lin.gain_residual),
+            np.asarray(lin.gain_jacobian),
+            prior,
+        )
+        information += data.sum(axis=0)
+        for r, run in enumerate(runs):
+            record = campaign.bump_runs[run]
+            case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
+            used = group.measured[:, r].any(axis=0)
+            scores += [found[r, c] for c in np.flatnonzero(used)]
+            keys += [(*case, int(c)) for c in np.flatnonzero(used)]
+    rows, _ = problem.model.parameters.prior_rows()
+    prior_precision, mass_sd = rows.T @ rows, problem.model.masses.sd
+    effect = mass_effect(information, np.sum(scores, axis=0), prior_precision, mass_sd)
+    own, data = np.array(scores)[:, :count], information[:count, :count]
+    adjustment = adjust(own, keys, data, effect.scatter)
+    blocks = adjust(own, keys, data).matrix
+    return adjustment, effect, DataInformation(information, blocks, prior_precision, mass_sd)

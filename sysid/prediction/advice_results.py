@@ -1,0 +1,101 @@
+"""Results of the advice: how well parameters would be known after runs that nobody has driven yet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.tabular import Tabular
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """What would be known after one further run: `load_case`, `bump`, `speed_m_s`, and the `sensor` added for it.
+
+    `sd` (p,) standard deviations of the log parameters; `peak_sd` standard deviation of the predicted peak dynamic load
+    ratio, NaN without a prediction.  Of what is known now `load_case` and `bump` are empty and the speed is NaN.
+    """
+
+    load_case: str
+    bump: str
+    speed_m_s: float
+    sensor: str
+    sd: np.ndarray
+    peak_sd: float
+
+    @property
+    def label(self) -> str:
+        """The run and the added sensor in words."""
+        if not self.load_case:
+            return "as it is"
+        run = f"{3.6 * self.speed_m_s:.4g} km/h, {self.load_case}"
+        return f"{run}, with {self.sensor}" if self.sensor else run
+
+
+@dataclass(frozen=True)
+class PeakTarget:
+    """The predicted peak that advice looks at: `axle` index, pass, and the `ratio` at the optimum."""
+
+    axle: int
+    load_case: str
+    speed_m_s: float
+    ratio: float
+
+    @property
+    def label(self) -> str:
+        """The pass and the axle in words."""
+        return f"axle {self.axle + 1}, {self.load_case}, {3.6 * self.speed_m_s:.4g} km/h"
+
+
+@dataclass(frozen=True)
+class Advice(Tabular):
+    """What the next run and the next sensor would bring.
+
+    `names` (p,) of the parameters; `targets` names of those that count, every k and c; `now` what is known; `runs`
+    after one further run each with the sensors at hand; `sensors` after one further run with one more sensor, each with
+    the run that suits it best; `peak` the predicted peak, None without a prediction; `statements` in words.
+    """
+
+    names: tuple[str, ...]
+    targets: tuple[str, ...]
+    now: Prospect
+    runs: tuple[Prospect, ...]
+    sensors: tuple[Prospect, ...]
+    peak: PeakTarget | None
+    statements: tuple[str, ...]
+
+    def worst(self, prospect: Prospect) -> tuple[str, float]:
+        """Name and relative standard deviation of the k or c that would be known worst."""
+        sd = {name: float(prospect.sd[self.names.index(name)]) for name in self.targets}
+        name = max(sd, key=lambda n: sd[n])
+        return name, sd[name]
+
+    def median(self, prospect: Prospect) -> float:
+        """Median relative standard deviation of all k and c."""
+        return float(np.median([prospect.sd[self.names.index(name)] for name in self.targets]))
+
+    def summary(self) -> pd.DataFrame:
+        """One row per prospect: what is known now, after every run, with every sensor."""
+        import pandas as pd
+
+        rows = []
+        for p in (self.now, *self.runs, *self.sensors):
+            name, worst = self.worst(p)
+            rows.append(
+                {
+                    "load_case": p.load_case,
+                    "bump": p.bump,
+                    "speed_m_s": p.speed_m_s,
+                    "sensor": p.sensor,
+                    "worst": name,
+                    "worst_sd": worst,
+                    "median_sd": self.median(p),
+                    "peak_ratio_sd": p.peak_sd,
+                }
+            )
+        return pd.DataFrame(rows)
