@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 IDENTIFIED_SHRINKAGE = 0.7
 #: Correlation from which on two parameters are hard to tell apart.
 CORRELATED = 0.9
+#: Relative standard deviation from which on a stiffness or damping is known only roughly.
+ROUGH = 0.1
 #: Element of the projector on undetermined combinations from which on two parameters belong to one of them.
 _LINKED = 0.2
 #: Coefficients of a combination that differ by less than this factor count as equal.
@@ -128,7 +130,7 @@ def assess(
         singular[::-1],
         groups,
         pairs,
-        (*group_statements(groups), *pair_statements(by_name, groups, pairs)),
+        (*group_statements(groups), *rough_statements(estimates, groups), *pair_statements(by_name, groups, pairs)),
         information,
     )
 
@@ -202,7 +204,7 @@ def group_statements(groups: Sequence[UndeterminedGroup]) -> tuple[str, ...]:
     found = []
     alone = [name for g in groups if g.known == 0 for name in g.names]
     if alone:
-        found.append(f"The data do not determine {listed(alone)}: what is known about it is its prior.")
+        found.append(f"The data do not determine {listed(alone)}: nothing is known there beyond the prior.")
     for g in groups:
         if g.kind in ("sum", "ratio"):
             found.append(
@@ -213,6 +215,14 @@ def group_statements(groups: Sequence[UndeterminedGroup]) -> tuple[str, ...]:
             what = "one combination" if g.known == 1 else f"{g.known} combinations"
             found.append(f"Of {listed(g.names)} these sensors and runs determine only {what}, not one by one.")
     return tuple(found)
+
+
+def rough_statements(estimates: Sequence[ParameterEstimate], groups: Sequence[UndeterminedGroup]) -> tuple[str, ...]:
+    """A sentence about stiffness and damping that are determined, but only roughly."""
+    said = {name for g in groups for name in g.names}
+    rough = [p for p in estimates if p.quantity in ("stiffness", "damping") and p.sd >= ROUGH * p.value]
+    named = [f"{p.name} (\N{PLUS-MINUS SIGN} {100.0 * p.sd / p.value:.2g} %)" for p in rough if p.name not in said]
+    return (f"Known only roughly: {listed(named)}.",) if named else ()
 
 
 def pair_statements(

@@ -85,8 +85,9 @@ def advise(
     best = tuple(min(row, key=bare.median) for row in with_sensors)
     every = [p for row in with_sensors for p in row]
     statements = (
-        *_run_statements(bare),
+        _worst_statement(bare),
         *_mass_statements(bare, information, state),
+        *_run_statements(bare),
         *_sensor_statements(bare, every),
         *_remedies(bare, determined, every),
     )
@@ -139,17 +140,19 @@ def _percent(sd: float) -> str:
     return f"{100.0 * sd:.2g} %"
 
 
-def _run_statements(advice: Advice) -> list[str]:
+def _worst_statement(advice: Advice) -> str:
     name, sd = advice.worst(advice.now)
-    found = []
     best = min(advice.runs, key=lambda p: advice.worst(p)[1])
     then, left = advice.worst(best)
     start = f"Of k and c, {name} is known worst, to {_percent(sd)}"
     if left < (1.0 - WORTH) * sd:
         other = "" if then == name else f", then {then}"
-        found.append(f"{start}; a further run at {best.label} would bring the worst to {_percent(left)}{other}.")
-    else:
-        found.append(f"{start}; no single further run with these sensors would lower that by a twentieth.")
+        return f"{start}; a further run at {best.label} would bring the worst to {_percent(left)}{other}."
+    return f"{start}; no single further run with these sensors would lower that by a twentieth."
+
+
+def _run_statements(advice: Advice) -> list[str]:
+    found = []
     middle = min(advice.runs, key=advice.median)
     if advice.median(middle) < (1.0 - WORTH) * advice.median(advice.now):
         found.append(
@@ -182,8 +185,9 @@ def _mass_statements(advice: Advice, information: DataInformation, state: FitSta
         return []
     alone = [left(np.arange(every.size) == k) for k in range(every.size)]
     k = int(np.argmin(alone))
+    share = "most" if left(every) < 0.5 * sd else "part"
     return [
-        f"Tolerances of declared masses are part of it: with all of them exact {name} would be known to "
+        f"Tolerances of declared masses are {share} of it: with all of them exact {name} would be known to "
         f"{_percent(left(every))}, with only the {state.model.masses.factors[k].words} exact to {_percent(alone[k])}."
     ]
 

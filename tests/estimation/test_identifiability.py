@@ -53,7 +53,7 @@ def test_a_parameter_without_data_is_named():
     found = judged(np.diag([50.0, 40.0, 30.0, 0.0]))
     assert found.determined == 3
     assert found.singular_values[-1] == 0.0
-    assert found.statements == ("The data do not determine c_1: what is known about it is its prior.",)
+    assert found.statements == ("The data do not determine c_1: nothing is known there beyond the prior.",)
 
 
 def test_two_springs_of_which_only_the_sum_acts():
