@@ -16,6 +16,7 @@ from sysid.sdof.results import DropEstimate
 if TYPE_CHECKING:
     from sysid.estimation.results import ParameterEstimate
     from sysid.posterior.results import PosteriorSummary
+    from sysid.prediction.advice_results import Prospect
     from sysid.prediction.results import PassPrediction
     from sysid.validation.results import ChannelAgreement
 
@@ -44,6 +45,8 @@ def result_document(results: Results) -> dict[str, Any]:
         "parameters": _parameters(results),
         "validation": [] if results.validation is None else [_agreement(row) for row in results.validation.channels],
         "predictions": _predictions(results),
+        "identifiability": _identifiability(results),
+        "advice": _advice(results),
     }
 
 
@@ -119,6 +122,53 @@ def _parameter(estimate: ParameterEstimate, summary: PosteriorSummary | None) ->
         "posterior": None
         if summary is None
         else {key: _number(getattr(summary, key)) for key in ("mean", "sd", "q05", "q50", "q95", "ess", "rhat")},
+        "prior": None
+        if estimate.transform != "log"
+        else {"median": _number(estimate.prior_median), "log_sd": _number(estimate.prior_sd)},
+    }
+
+
+def _identifiability(results: Results) -> dict[str, Any] | None:
+    found = None if results.fit is None else results.fit.identifiability
+    if found is None:
+        return None
+    return {
+        "determined": found.determined,
+        "combinations": len(found.names),
+        "singular_values": [_number(v) for v in found.singular_values],
+        "open": [
+            {"parameters": list(g.names), "known": g.known, "kind": g.kind, "relative_sd": _number(g.relative_sd)}
+            for g in found.groups
+        ],
+        "correlated": [{"parameters": [p.first, p.second], "correlation": p.correlation} for p in found.pairs],
+        "statements": list(found.statements),
+    }
+
+
+def _advice(results: Results) -> dict[str, Any] | None:
+    advice = results.advice
+    if advice is None:
+        return None
+
+    def row(p: Prospect) -> dict[str, Any]:
+        name, worst = advice.worst(p)
+        return {
+            "load_case": p.load_case or None,
+            "bump": p.bump or None,
+            "speed_km_h": speed_km_h(p.speed_m_s) if p.load_case else None,
+            "sensor": p.sensor or None,
+            "worst": name,
+            "worst_relative_sd": worst,
+            "median_relative_sd": advice.median(p),
+            "peak_ratio_sd": _number(p.peak_sd),
+        }
+
+    return {
+        "now": row(advice.now),
+        "runs": [row(p) for p in advice.runs],
+        "sensors": [row(p) for p in advice.sensors],
+        "peak": None if advice.peak is None else advice.peak.label,
+        "statements": list(advice.statements),
     }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from sysid.export import Results
 from sysid.plot import AxleEstimates, Estimate, suspension_estimates
 from sysid.report.numbers import MISSING, decimals, fixed, interval, listing
-from sysid.report.tables import Cell, Table, axle_name, table
+from sysid.report.tables import NOT_DETERMINED, Cell, Table, axle_name, table
 
 if TYPE_CHECKING:
     from sysid.campaign.records import LoadCase
@@ -54,7 +54,9 @@ def _cell(e: Estimate | None) -> Cell:
         return Cell(MISSING)
     value, low, high = e.value / 1e3, e.low / 1e3, e.high / 1e3
     places = decimals(value, (high - low) / 2.0)
-    return Cell(fixed(value, places), interval(low, high, places), "" if e.identified else "prior only")
+    if not e.identified:
+        return Cell(NOT_DETERMINED, interval(low, high, places), "prior only")
+    return Cell(fixed(value, places), interval(low, high, places))
 
 
 def axle_load_table(results: Results) -> Table | None:

@@ -36,10 +36,10 @@ from sysid.folder_lock import FolderLock, cannot_write
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
 from sysid.posterior.results import Posterior
 from sysid.posterior.sampling import chain_identity, posterior_so_far, sample_posterior
-from sysid.prediction.calibrated import calibrated_vehicle
-from sysid.prediction.calibrated_elements import CalibratedVehicle
 from sysid.prediction.advice import CANDIDATE_KM_H, advise
 from sysid.prediction.advice_results import Advice
+from sysid.prediction.calibrated import calibrated_vehicle
+from sysid.prediction.calibrated_elements import CalibratedVehicle
 from sysid.prediction.passes import SWEEP_KM_H, predict
 from sysid.prediction.results import Predictions
 from sysid.road.point_cloud import read_point_cloud

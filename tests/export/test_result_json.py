@@ -39,7 +39,7 @@ def test_schema_refuses_what_the_contract_does_not_name(validator):
 
 def test_every_key_of_the_published_example_is_there():
     document = result_document(small_results())
-    assert list(document) == [
+    assert list(document)[:12] == [
         "schema", "campaign", "status", "seed", "inputs", "likelihood", "warnings", "timings", "drops", "parameters",
         "validation", "predictions",
     ]  # fmt: skip
@@ -49,12 +49,36 @@ def test_every_key_of_the_published_example_is_there():
     }  # fmt: skip
     assert set(document["parameters"][0]) == {
         "name", "axle", "quantity", "load_case", "run", "law", "unit", "identified", "least_squares", "posterior",
+        "prior",
     }  # fmt: skip
     assert set(document["parameters"][0]["posterior"]) == {"mean", "sd", "q05", "q50", "q95", "ess", "rhat"}
     assert set(document["validation"][0]) == {"run", "channel", "nrmse", "iso18571", "sprague_geers"}
     assert set(document["predictions"][0]) == {
         "load_case", "speed_km_h", "axle", "peak_dynamic_load_ratio", "lift_off", "file",
     }  # fmt: skip
+
+
+def test_files_of_before_the_additions_still_fit_the_schema():
+    document = result_document(small_results())
+    for key in ("identifiability", "advice"):
+        del document[key]
+    for p in document["parameters"]:
+        del p["prior"]
+    jsonschema.Draft202012Validator(result_schema()).validate(document)
+
+
+def test_what_the_data_determine_and_what_would_help():
+    document = result_document(small_results())
+    assert document["identifiability"]["determined"] == document["identifiability"]["combinations"] == 6
+    assert document["identifiability"]["open"] == []
+    assert document["parameters"][0]["prior"] == {"median": pytest.approx(1.2 * 4.2e5), "log_sd": 0.4}
+    (run,), (sensor,) = document["advice"]["runs"], document["advice"]["sensors"]
+    assert document["advice"]["now"]["worst_relative_sd"] == pytest.approx(0.05)
+    assert (run["sensor"], run["worst_relative_sd"]) == (None, pytest.approx(0.025))
+    assert (sensor["sensor"], sensor["peak_ratio_sd"]) == ("LVDT at axle 2", 0.05)
+    before = result_document(campaign_only())
+    assert before["identifiability"] is None
+    assert before["advice"] is None
 
 
 def test_ratings_are_written_and_unknown_ones_are_null():

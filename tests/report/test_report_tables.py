@@ -7,7 +7,7 @@ import pytest
 from small_results import DECREMENT, PERIOD, decaying_drop, small_campaign, small_results
 
 from sysid.prediction.modes import calibrated_modes
-from sysid.report import agreement, answer, tables
+from sysid.report import agreement, answer, knowledge, tables
 from sysid.report.figures import Gallery, drop_pictures
 from sysid.validation import ChannelAgreement, Validation
 
@@ -149,3 +149,37 @@ def test_axle_loads_of_the_model_at_rest_stand_beside_the_scales():
     assert cells(made) == [["axle 1", "4,000", "4,000"], ["axle 2", "3,000", "3,000"], ["total", "7,000", "7,000"]]
     assert made.head[1:] == ("empty: scales [kg]", "empty: model at rest [kg]")
     assert answer.axle_load_table(small_results(predictions=None)) is None
+
+
+def test_priors_stand_beside_results_with_what_is_left_of_their_spread():
+    results = small_results(posterior=None)
+    made = knowledge.shrinkage_table(results)
+    rows = {row[0].text: row for row in made.rows}
+    # Median 1.2 x 11 kN s/m, log sd 0.4: 13.2 exp(+-1.645 x 0.4); sd 0.04 of 0.4; ln(1 / 1.2) / 0.4.
+    assert [c.text for c in rows["c_1"]] == ["c_1", "kN s/m", "13.2", "11.0", "0.10", "\N{MINUS SIGN}0.5"]
+    assert rows["c_1"][2].interval == "[6.8, 25.5]"
+    assert rows["kt_1"][3].text == "not determined"
+    posterior = knowledge.shrinkage_table(small_results())
+    assert posterior.head[3].startswith("posterior")
+    # The draws' spread is that of the covariance.
+    assert float(posterior.rows[3][4].text) == pytest.approx(0.04 / 0.4, abs=0.015)
+    assert knowledge.shrinkage_table(small_results(fit=None)) is None
+
+
+def test_advice_is_a_row_per_run_and_per_sensor():
+    made = knowledge.advice_table(small_results())
+    assert [row[0].text for row in made.rows] == ["as it is", "20 km/h, laden", "20 km/h, laden, with LVDT at axle 2"]
+    assert cells(made)[1][1:] == ["2.5\xa0% (c_2)", "1.0\xa0%", "0.10"]
+    assert knowledge.advice_table(small_results(advice=None)) is None
+
+
+def test_what_the_data_do_not_determine_is_no_number():
+    fit = small_results().fit
+    parameters = tuple(replace(p, identified=False) if p.name == "k_1" else p for p in fit.parameters)
+    results = small_results(fit=replace(fit, parameters=parameters))
+    row = tables.estimates_table(results, "stiffness").rows[0]
+    assert [c.text for c in row[3:]] == ["not determined", "not determined"]
+    assert {c.note for c in row[3:]} == {"prior only"}
+    shown = {r[0].text: r for r in tables.parameters_table(results, parameters, "").rows}
+    assert shown["k_1"][5].text == shown["k_1"][6].text == "not determined"
+    assert "not determined" not in [c.text for c in shown["c_1"]]

@@ -23,9 +23,12 @@ from sysid.campaign.records import (
     Sensor,
     Vehicle,
 )
+from sysid.estimation.identifiability import assess
+from sysid.estimation.information import DataInformation
 from sysid.estimation.results import FitResult, ParameterEstimate, RunHistory
 from sysid.export import Results
 from sysid.posterior.results import Posterior, PosteriorSummary
+from sysid.prediction.advice_results import Advice, PeakTarget, Prospect
 from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.road.results import RoadProfile, ScanAnalysis
 from sysid.sdof.results import DecayReading, DropAnalysis, DropEstimate, DropSummary
@@ -77,6 +80,7 @@ def small_results(words: Words = Words(), **changes: object) -> Results:
         "posterior": _posterior(fit),
         "predictions": _predictions(w),
         "validation": _validation(w),
+        "advice": small_advice(fit, w),
         "status": "converged",
         "warnings": (w.message,),
         "provenance": {
@@ -221,11 +225,14 @@ def small_fit(w: Words = Words(), **changes: object) -> FitResult:
     )
     relative = np.array([p.sd / p.value for p in parameters])
     correlation = np.full((6, 6), 0.3) + 0.7 * np.eye(6)
+    covariance, prior = correlation * np.outer(relative, relative), np.eye(6) / 0.4**2
+    information = DataInformation(np.linalg.inv(covariance) - prior, np.eye(6), prior, np.zeros(0))
     lag = np.arange(20) * 0.005
     fields: dict[str, object] = {
         "parameters": parameters,
         "run_parameters": runs,
-        "covariance": correlation * np.outer(relative, relative),
+        "covariance": covariance,
+        "identifiability": assess(parameters, covariance, information),
         "histories": tuple(_history(w, i) for i in (1, 2)),
         "converged": True,
         "message": "the cost changes by less than 1e-10",
@@ -301,6 +308,16 @@ def _predictions(w: Words) -> Predictions:
 def _measure(front: float, rear: float) -> Quantiles:
     middle = np.array([front, rear])
     return Quantiles(0.9 * middle, middle, 1.1 * middle)
+
+
+def small_advice(fit: FitResult, w: Words = Words()) -> Advice:
+    """One further run halves all standard deviations, with one more sensor it quarters them."""
+    sd = np.array([p.sd / p.value for p in fit.parameters])
+    now = Prospect("", "", math.nan, "", sd, 0.2)
+    run = Prospect(w.laden, w.bump, 20.0 / 3.6, "", sd / 2.0, 0.1)
+    sensor = Prospect(w.laden, w.bump, 20.0 / 3.6, "LVDT at axle 2", sd / 4.0, 0.05)
+    targets = fit.names[:-1]
+    return Advice(fit.names, targets, now, (run,), (sensor,), PeakTarget(1, w.empty, 48.0 / 3.6, 3.6), (w.message,))
 
 
 def _validation(w: Words) -> Validation:
