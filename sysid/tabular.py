@@ -18,8 +18,36 @@ class Tabular(ABC):
     def summary(self) -> pd.DataFrame:
         """Table of the main numbers in SI units, axles counted from 1."""
 
+    def to_pandas(self) -> pd.DataFrame:
+        """Everything that fits into one table, in SI units: more than the summary where there is more."""
+        return self.summary()
+
     def _repr_html_(self) -> str:
         return self.summary().to_html(float_format="{:.5g}".format, na_rep="", index=False)
+
+
+def distinct(names: Iterable[str]) -> tuple[str, ...]:
+    """`names` with ``_2``, ``_3``, ... appended to repetitions."""
+    taken: set[str] = set()
+    result = []
+    for name in names:
+        candidate, count = name, 1
+        while candidate in taken:
+            count += 1
+            candidate = f"{name}_{count}"
+        taken.add(candidate)
+        result.append(candidate)
+    return tuple(result)
+
+
+def band_columns(name: str, bands: Iterable[Any], values: int) -> dict[str, Any]:
+    """Columns ``name_q05``, ``name_q50``, ``name_q95`` of `values` numbers each; NaN where a quantile is not known."""
+    import numpy as np
+
+    return {
+        f"{name}_{key}": np.full(values, np.nan) if band is None else np.asarray(band)
+        for key, band in zip(("q05", "q50", "q95"), bands, strict=True)
+    }
 
 
 def records_table(records: Iterable[Any], columns: tuple[str, ...]) -> pd.DataFrame:

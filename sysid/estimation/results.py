@@ -11,6 +11,22 @@ from sysid.tabular import Tabular, records_table
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
+
+
+_PARAMETER_COLUMNS = (
+    "name",
+    "axle",
+    "quantity",
+    "load_case",
+    "unit",
+    "value",
+    "sd",
+    "start",
+    "prior_median",
+    "prior_sd",
+    "identified",
+)
 
     from sysid.estimation.identifiability import Identifiability
 
@@ -42,7 +58,7 @@ class ParameterEstimate:
 
 
 @dataclass(frozen=True)
-class RunHistory:
+class RunHistory(Tabular):
     """Measured against simulated histories of one run at the least-squares optimum.
 
     `time_s` (n,); per channel rows: `measured` and `simulated` (channels, n) in SI with the estimated sensor offset and
@@ -68,6 +84,35 @@ class RunHistory:
     instrument_noise_sd: np.ndarray
     offset: np.ndarray
     gain: np.ndarray
+
+    def summary(self) -> pd.DataFrame:
+        """One row per channel: residual and instrument noise, sensor offset and gain."""
+        import pandas as pd
+
+        names = ("noise_sd", "instrument_noise_sd", "offset", "gain")
+        axles = pd.array([None if a is None else a + 1 for a in self.axles], dtype="Int64")
+        head = {"column": self.columns, "kind": self.kinds, "axle": axles, "unit": self.si_units}
+        return pd.DataFrame({**head, **{name: getattr(self, name) for name in names}})
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Time [s], and per channel ``..._measured`` and ``..._simulated`` in SI units, one row per sample."""
+        import pandas as pd
+
+        columns = {"time_s": self.time_s}
+        for name, measured, simulated in zip(self.columns, self.measured, self.simulated, strict=True):
+            columns |= {f"{name}_measured": measured, f"{name}_simulated": simulated}
+        return pd.DataFrame(columns)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Variables ``measured``, ``simulated`` and ``censored`` over ``channel`` and ``time_s``."""
+        import xarray as xr
+
+        names = ("measured", "simulated", "censored")
+        return xr.Dataset(
+            {name: (("channel", "time_s"), getattr(self, name)) for name in names},
+            {"channel": list(self.columns), "time_s": self.time_s, "unit": ("channel", list(self.si_units))},
+            {"file": self.file, "case": self.case, "load_case": self.load_case, "speed_m_s": self.speed_m_s},
+        )
 
 
 @dataclass(frozen=True)
@@ -173,19 +218,8 @@ class FitResult(Tabular):
 
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""
-        return records_table(
-            self.parameters,
-            (
-                "name",
-                "axle",
-                "quantity",
-                "load_case",
-                "unit",
-                "value",
-                "sd",
-                "start",
-                "prior_median",
-                "prior_sd",
-                "identified",
-            ),
-        )
+        return records_table(self.parameters, _PARAMETER_COLUMNS)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Global parameters and those of every run."""
+        return records_table((*self.parameters, *self.run_parameters), ("run", "law", *_PARAMETER_COLUMNS))

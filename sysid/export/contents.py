@@ -10,9 +10,12 @@ from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import Campaign
 from sysid.road.results import ScanAnalysis
 from sysid.sdof.results import DropSummary
+from sysid.tabular import Tabular
 
 # For annotations only: at run time these packages would load JAX, which exports and report do without.
 if TYPE_CHECKING:
+    import pandas as pd
+
     from sysid.estimation.results import FitResult
     from sysid.posterior.results import Posterior
     from sysid.prediction.advice_results import Advice
@@ -24,7 +27,7 @@ STATUSES: tuple[Status, ...] = ("converged", "not_converged", "preview")
 
 
 @dataclass(frozen=True)
-class Results:
+class Results(Tabular):
     """Results of all stages that have run; a stage that has not run yet is None (no scans: an empty mapping).
 
     `scans` maps the name of a bump to its analysis.  `provenance` may hold ``input_sha256`` (file -> hash),
@@ -49,6 +52,16 @@ class Results:
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
             raise ValueError(f"status is {self.status!r}; expected one of {', '.join(STATUSES)}")
+
+    def summary(self) -> pd.DataFrame:
+        """One row per parameter: least squares and posterior, the columns of parameters.csv."""
+        import io
+
+        import pandas as pd
+
+        from sysid.export.tables import parameters_csv
+
+        return pd.read_csv(io.StringIO(parameters_csv(self)))
 
     @property
     def all_warnings(self) -> tuple[str, ...]:

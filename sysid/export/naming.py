@@ -7,6 +7,8 @@ import unicodedata
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from sysid.tabular import distinct
+
 if TYPE_CHECKING:
     from sysid.prediction.results import PassPrediction
 
@@ -18,20 +20,6 @@ def file_stem(text: str) -> str:
     """`text` with all but letters a-z, digits, ``-``, ``_`` replaced by ``_``; never empty, at most 60 characters."""
     plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode().lower()
     return re.sub(r"[^a-z0-9_-]+", "_", plain).strip("_-")[:_LONGEST_NAME] or "pass"
-
-
-def distinct(names: Iterable[str]) -> tuple[str, ...]:
-    """`names` with ``_2``, ``_3``, ... appended to repetitions."""
-    taken: set[str] = set()
-    result = []
-    for name in names:
-        candidate, count = name, 1
-        while candidate in taken:
-            count += 1
-            candidate = f"{name}_{count}"
-        taken.add(candidate)
-        result.append(candidate)
-    return tuple(result)
 
 
 def speed_km_h(speed_m_s: float) -> float:

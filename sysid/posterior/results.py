@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from sysid.tabular import Tabular, records_table
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -56,3 +57,25 @@ class Posterior(Tabular):
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""
         return records_table(self.summaries, ("name", "mean", "sd", "q05", "q50", "q95", "ess", "rhat"))
+
+    def to_pandas(self) -> pd.DataFrame:
+        """All draws: `ensemble`, `step` and `walker` counted from 0, and one column per parameter in its unit."""
+        import pandas as pd
+
+        ensembles, steps, walkers, count = self.draws.shape
+        places = pd.MultiIndex.from_product(
+            [range(ensembles), range(steps), range(walkers)], names=["ensemble", "step", "walker"]
+        )
+        return pd.DataFrame(self.draws.reshape(-1, count), places, list(self.names)).reset_index()
+
+    def to_xarray(self) -> xr.Dataset:
+        """All draws, one variable per parameter in its unit, with dimensions ``chain`` (ensemble) and ``draw``."""
+        from sysid.posterior.inference_data import posterior_dataset
+
+        return posterior_dataset(self)
+
+    def to_arviz(self) -> Any:
+        """All draws for ArviZ: ``InferenceData`` before its version 1, an xarray ``DataTree`` for later ones."""
+        from sysid.posterior.inference_data import arviz_data
+
+        return arviz_data(self)

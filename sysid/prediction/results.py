@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sysid.tabular import Tabular
+from sysid.tabular import Tabular, band_columns
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
 
 #: Faster than the fastest run by more than this factor is an extrapolation.
@@ -27,7 +28,7 @@ class Quantiles:
 
 
 @dataclass(frozen=True)
-class PassPrediction:
+class PassPrediction(Tabular):
     """Wheel loads of one pass with posterior bands.
 
     `time_s` (n,) zero when the centre of axle 1 passes the start of the bump; `tire_force_*_N` (axles, n) total
@@ -67,9 +68,47 @@ class PassPrediction:
         """Quantiles of the peak dynamic load ratio, (axles,)."""
         return Quantiles(self.peak_ratio_q05, self.peak_ratio_q50, self.peak_ratio_q95)
 
+    @property
+    def tire_force_N(self) -> Quantiles:
+        """Pointwise quantiles of the total vertical tire force, (axles, n) [N]."""
+        return Quantiles(self.tire_force_q05_N, self.tire_force_q50_N, self.tire_force_q95_N)
+
+    def summary(self) -> pd.DataFrame:
+        """Peak dynamic load ratio of every axle."""
+        return Predictions((self,), "").summary()
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Time [s] and per axle the vertical tire force and the suspension force [N] with their quantiles."""
+        import pandas as pd
+
+        forces = {"tire_force": self.tire_force_N, "suspension_force": self.suspension_force_N}
+        columns = {"time_s": self.time_s}
+        for name, bands in forces.items():
+            if bands is None:
+                continue
+            for axle in range(len(self.static_load_N)):
+                own = (None if b is None else b[axle] for b in (bands.q05, bands.q50, bands.q95))
+                columns |= band_columns(f"{name}{axle + 1}_N", own, len(self.time_s))
+        return pd.DataFrame(columns)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Vertical tire force and static load [N] over ``quantile``, ``axle`` (from 1) and ``time_s``."""
+        import xarray as xr
+
+        force = self.tire_force_N
+        bands = {q: v for q, v in ((0.05, force.q05), (0.5, force.q50), (0.95, force.q95)) if v is not None}
+        return xr.Dataset(
+            {
+                "tire_force_N": (("quantile", "axle", "time_s"), np.array(list(bands.values()))),
+                "static_load_N": ("axle", self.static_load_N),
+            },
+            {"quantile": list(bands), "axle": np.arange(len(self.static_load_N)) + 1, "time_s": self.time_s},
+            {"load_case": self.load_case, "speed_m_s": self.speed_m_s, "shape": self.shape},
+        )
+
 
 @dataclass(frozen=True)
-class SpeedSweep:
+class SpeedSweep(Tabular):
     """Peak dynamic load ratio and dynamic load coefficient of one load case against speed, (speeds, axles).
 
     `driven_m_s` are the lowest and the highest nominal speed of the runs in this load case, None without any.
@@ -87,6 +126,23 @@ class SpeedSweep:
         """Speeds (m,) at which no run of the load case was as fast, bool."""
         fastest = 0.0 if self.driven_m_s is None else FASTER * self.driven_m_s[1]
         return np.asarray(self.speed_m_s > fastest)
+
+    def summary(self) -> pd.DataFrame:
+        """One row per speed and axle."""
+        import pandas as pd
+
+        speeds, axles = self.peak_ratio.q50.shape
+        columns = {
+            "load_case": self.load_case,
+            "bump": self.bump,
+            "speed_m_s": np.repeat(self.speed_m_s, axles),
+            "axle": np.tile(np.arange(axles) + 1, speeds),
+        }
+        for name in ("peak_ratio", "load_coefficient"):
+            bands = getattr(self, name)
+            flat = (None if b is None else b.ravel() for b in (bands.q05, bands.q50, bands.q95))
+            columns |= band_columns(name, flat, speeds * axles)
+        return pd.DataFrame(columns | {"extrapolated": np.repeat(self.extrapolated, axles)})
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.tabular import Tabular
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
 
 @dataclass(frozen=True)
-class RoadProfile:
+class RoadProfile(Tabular):
     """Smooth profile of one bump along the direction of travel, zero road outside.
 
     `station_m` (n,) uniformly spaced, starting before the bump at 0; `height_m` (n,) above the fitted road plane, zero
@@ -23,9 +30,26 @@ class RoadProfile:
     start_m: float
     length_m: float
 
+    def summary(self) -> pd.DataFrame:
+        """One row: name, largest height, length above 1 mm and largest standard error [m]."""
+        import pandas as pd
+
+        heights = {"height_m": float(self.height_m.max()), "length_m": self.length_m}
+        return pd.DataFrame([{"bump": self.name, **heights, "height_sd_m": float(self.height_sd_m.max())}])
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Station, height and its standard error [m], one row per station."""
+        import pandas as pd
+
+        return pd.DataFrame({"station_m": self.station_m, "height_m": self.height_m, "height_sd_m": self.height_sd_m})
+
+    def to_xarray(self) -> xr.Dataset:
+        """Height and its standard error [m] over ``station_m``."""
+        return self.to_pandas().set_index("station_m").to_xarray().assign_attrs(bump=self.name)
+
 
 @dataclass(frozen=True)
-class ScanAnalysis:
+class ScanAnalysis(Tabular):
     """How a point cloud became a profile: plane, outliers, the wheel-track strip and the profile itself.
 
     `grade` and `camber` are slopes along and across the direction of travel; `strip_station_m`, `strip_height_m` (m,)
@@ -47,3 +71,16 @@ class ScanAnalysis:
     cloud_across_m: np.ndarray
     cloud_height_m: np.ndarray
     messages: tuple[str, ...] = ()
+
+    def summary(self) -> pd.DataFrame:
+        """One row: the profile's numbers, slopes of the road, points, outliers and noise of the scan."""
+        row = {name: getattr(self, name) for name in ("grade", "camber", "points", "outliers", "noise_rms_m")}
+        return self.profile.summary().assign(**row)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The profile, one row per station."""
+        return self.profile.to_pandas()
+
+    def to_xarray(self) -> xr.Dataset:
+        """The profile over its stations."""
+        return self.profile.to_xarray()

@@ -15,6 +15,21 @@ if TYPE_CHECKING:
 DropMethod = Literal["paper", "corrected", "free_decay", "model"]
 
 
+_COLUMNS = (
+    "axle",
+    "load_case",
+    "method",
+    "stiffness",
+    "stiffness_sd",
+    "damping",
+    "damping_sd",
+    "damped_period",
+    "log_decrement",
+    "usable",
+    "note",
+)
+
+
 @dataclass(frozen=True)
 class DecayReading:
     """What peak-picking reads off one decay record (SI units, times from the start of the record).
@@ -68,7 +83,7 @@ class DropEstimate:
 
 
 @dataclass(frozen=True)
-class DropAnalysis:
+class DropAnalysis(Tabular):
     """Everything about one plank-drop file: the trace, the picked peaks, the free-decay model and the estimates.
 
     `time_s`, `deflection_m` (n,) as measured; `filtered_m` (n,) with wheel hop kept out, as used for picking;
@@ -92,6 +107,17 @@ class DropAnalysis:
     frequency_hz: float
     damping_ratio_directive: float
 
+    def summary(self) -> pd.DataFrame:
+        """One row per method, in SI units."""
+        return records_table(self.estimates, ("file", *_COLUMNS))
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Time [s], and deflection as measured, filtered and by the free-decay model [m], one row per sample."""
+        import pandas as pd
+
+        names = ("time_s", "deflection_m", "filtered_m", "free_decay_m")
+        return pd.DataFrame({name: getattr(self, name) for name in names})
+
 
 @dataclass(frozen=True)
 class DropSummary(Tabular):
@@ -103,19 +129,9 @@ class DropSummary(Tabular):
 
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""
-        return records_table(
-            self.pooled,
-            (
-                "axle",
-                "load_case",
-                "method",
-                "stiffness",
-                "stiffness_sd",
-                "damping",
-                "damping_sd",
-                "damped_period",
-                "log_decrement",
-                "usable",
-                "note",
-            ),
-        )
+        return records_table(self.pooled, _COLUMNS)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Estimates of every file and pooled ones, where `file` is empty."""
+        estimates = [e for analysis in self.files for e in analysis.estimates]
+        return records_table([*estimates, *self.pooled], ("file", *_COLUMNS))

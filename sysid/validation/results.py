@@ -76,6 +76,10 @@ class Validation(Tabular):
         """Channels that do not keep every limit."""
         return tuple(row for row in self.channels if self.limits.exceeded(row))
 
+    def to_pandas(self) -> pd.DataFrame:
+        """The summary and the names of the limits that a channel does not keep."""
+        return self.summary().assign(outside_limits=[" ".join(self.limits.exceeded(row)) for row in self.channels])
+
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""
         return records_table(

@@ -24,6 +24,8 @@ def test_summary_of_the_file_equals_result_json(tmp_path):
         assert (low, middle, high) == pytest.approx((summary["q05"], summary["q50"], summary["q95"]), rel=1e-12)
     assert draws["k_1"].attrs["units"] == "N/m"
     assert draws["c_1"].attrs["units"] == "N s/m"
+    assert draws["k_1"].attrs["rhat"] == stated["k_1"]["rhat"]
+    assert draws["k_1"].attrs["effective_draws"] == stated["k_1"]["ess"]
     assert draws.attrs["status"] == "converged"
     assert draws.attrs["inference_library"] == "emcee"
 
@@ -33,9 +35,10 @@ def test_draws_and_log_probabilities_keep_their_places(tmp_path):
     write_posterior(results, tmp_path / "posterior.nc")
     with xr.open_datatree(tmp_path / "posterior.nc", engine="h5netcdf") as tree:
         draws, stats = tree["posterior"].to_dataset().load(), tree["sample_stats"].to_dataset().load()
-    # Draw 8 s + w of a chain is walker w at step s.
-    assert draws["k_1"].values[1, 8 * 3 + 5] == results.posterior.draws[1, 3, 5, 0]
-    assert stats["lp"].values[1, 8 * 3 + 5] == results.posterior.log_probability[1, 3, 5]
+    # 50 steps of 8 walkers: walker 5 begins its first half at 5 x 25, its second at 8 x 25 + 5 x 25.
+    for step, place in ((3, 5 * 25 + 3), (24, 5 * 25 + 24), (25, 8 * 25 + 5 * 25), (49, 8 * 25 + 5 * 25 + 24)):
+        assert draws["k_1"].values[1, place] == results.posterior.draws[1, step, 5, 0]
+        assert stats["lp"].values[1, place] == results.posterior.log_probability[1, step, 5]
     assert np.array_equal(draws["chain"], [0, 1])
     assert np.array_equal(draws["draw"], np.arange(400))
 

@@ -1,0 +1,85 @@
+"""The draws in the layout of ArviZ: groups ``posterior`` and ``sample_stats``, dimensions ``chain`` and ``draw``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sysid.posterior.results import Posterior
+from sysid.tabular import distinct
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def draw_order(steps: int, walkers: int) -> np.ndarray:
+    """Which draw of an ensemble, step * walkers + walker, stands where in a chain (steps * walkers,).
+
+    The first half of a chain holds the first half of the steps, walker after walker, the second half the rest.  So
+    neighbouring draws are successive steps of a walker, whose correlation an effective sample size has to see, and
+    split R-hat compares early with late steps.
+    """
+    place = np.arange(steps * walkers)
+    late = place >= place.size // 2
+    return np.lexsort((place // walkers, place % walkers, late))
+
+
+def variable_names(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Variable names for parameter `names`: distinct, not empty, without the ``/`` that HDF5 takes for a group."""
+    return distinct(name.replace("/", "|").replace("\0", " ").strip().strip(".") or "parameter" for name in names)
+
+
+def posterior_dataset(posterior: Posterior, about: Mapping[str, Mapping[str, Any]] | None = None) -> xr.Dataset:
+    """One variable per parameter, (chain, draw) in its natural unit; a chain is one independent ensemble.
+
+    Parameters
+    ----------
+    about : more attributes of the variables by parameter name.
+    """
+    # xarray takes half a second to import; stages that export no draws need not wait for it.
+    import xarray as xr
+
+    flat = _ordered(posterior, posterior.draws)
+    summaries = {s.name: s for s in posterior.summaries}
+    variables = {}
+    for index, (variable, name) in enumerate(zip(variable_names(posterior.names), posterior.names, strict=True)):
+        attrs: dict[str, Any] = {"parameter": name, **(about or {}).get(name, {})}
+        if name in summaries:
+            attrs |= {"effective_draws": summaries[name].ess, "rhat": summaries[name].rhat}
+        variables[variable] = xr.Variable(("chain", "draw"), np.ascontiguousarray(flat[:, :, index]), attrs)
+    return xr.Dataset(variables, _coordinates(posterior), {"sample_dims": ["chain", "draw"]})
+
+
+def sample_stats(posterior: Posterior) -> xr.Dataset:
+    """Variable ``lp``, the log-probability up to a constant, (chain, draw)."""
+    import xarray as xr
+
+    lp = _ordered(posterior, posterior.log_probability)
+    return xr.Dataset({"lp": xr.Variable(("chain", "draw"), lp)}, _coordinates(posterior))
+
+
+def arviz_data(posterior: Posterior) -> Any:
+    """What the installed ArviZ works with; without ArviZ the tree that its versions from 1 on work with."""
+    import xarray as xr
+
+    groups = {"posterior": posterior_dataset(posterior), "sample_stats": sample_stats(posterior)}
+    try:
+        import arviz
+    except ImportError:
+        return xr.DataTree.from_dict(groups)
+    # From version 1 on the name stands for xarray's tree.
+    own = getattr(arviz, "InferenceData", xr.DataTree)
+    return xr.DataTree.from_dict(groups) if own is xr.DataTree else own(**groups)
+
+
+def _ordered(posterior: Posterior, values: np.ndarray) -> np.ndarray:
+    ensembles, steps, walkers = values.shape[:3]
+    flat = values.reshape(ensembles, steps * walkers, *values.shape[3:])
+    return np.asarray(flat[:, draw_order(steps, walkers)])
+
+
+def _coordinates(posterior: Posterior) -> dict[str, np.ndarray]:
+    ensembles, steps, walkers = posterior.log_probability.shape
+    return {"chain": np.arange(ensembles), "draw": np.arange(steps * walkers)}
