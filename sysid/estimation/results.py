@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from sysid.estimation.identifiability import Identifiability
+
 
 _PARAMETER_COLUMNS = (
     "name",
@@ -27,8 +29,6 @@ _PARAMETER_COLUMNS = (
     "prior_sd",
     "identified",
 )
-
-    from sysid.estimation.identifiability import Identifiability
 
 
 @dataclass(frozen=True)
