@@ -17,9 +17,9 @@ from sysid.plot.posterior import (
     traces,
 )
 from sysid.plot.predictions import load_ratio, load_ratio_against_speed, load_ratios, suspension_force
-from sysid.plot.road import profile, scan
+from sysid.plot.road import effective_profile, profile, scan
 from sysid.plot.style import axle_color, figure, figure_of, label, shared_legend
-from sysid.plot.svg import svg_element
+from sysid.plot.svg import svg_element, svg_file
 
 __all__ = [
     "SOURCES",
@@ -36,6 +36,7 @@ __all__ = [
     "covariance_correlation",
     "drop",
     "drops",
+    "effective_profile",
     "figure",
     "figure_of",
     "label",
@@ -58,6 +59,7 @@ __all__ = [
     "suspension_loop",
     "suspension_loop_pair",
     "svg_element",
+    "svg_file",
     "trace",
     "traces",
 ]

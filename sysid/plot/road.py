@@ -1,11 +1,14 @@
-"""Figures of the laser scan: the cloud from above and the profile with its band."""
+"""Figures of the laser scan: the cloud from above, the profile with its band, and what the tires feel of it."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 
 from sysid.plot.style import FAINT, INK, MUTED, axes_or_new, axle_color, styled, thin
-from sysid.road.results import ScanAnalysis
+from sysid.road.effective import AxleRoad
+from sysid.road.results import RoadProfile, ScanAnalysis
 
 
 @styled
@@ -65,6 +68,22 @@ def profile(analysis: ScanAnalysis, ax: Axes | None = None) -> Axes:
         ax.set_xlim(float(p.station_m[0]) - 0.3, float(p.station_m[-1]) + 0.3)
     ax.set_xlabel("station [m]")
     ax.set_ylabel("height above the road [mm]")
+    ax.legend(loc="upper right")
+    return ax
+
+
+@styled
+def effective_profile(profile: RoadProfile, roads: Sequence[AxleRoad], ax: Axes | None = None) -> Axes:
+    """The bump as it lies on the road, and as the wheel centre of every axle in `roads` feels it."""
+    ax = axes_or_new(ax)
+    station, height = thin(profile.station_m - profile.start_m, profile.height_m, most=800)
+    ax.fill_between(station, 0.0, height * 1e3, color=FAINT, lw=0, label="profile")
+    for road in roads:
+        ax.plot(road.station_m, road.rise_m * 1e3, color=axle_color(road.axle), label=f"axle {road.axle + 1}")
+    for road in roads[:1]:
+        ax.set_xlim(float(road.station_m[0]), float(road.station_m[-1]))
+    ax.set_xlabel("station from the start of the bump [m]")
+    ax.set_ylabel("rise of the wheel centre [mm]")
     ax.legend(loc="upper right")
     return ax
 

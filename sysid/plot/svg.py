@@ -50,6 +50,14 @@ def svg_element(figure: Figure, prefix: str, description: str) -> str:
     return ET.tostring(root, encoding="unicode")
 
 
+def svg_file(figure: Figure) -> str:
+    """The figure as the text of an SVG file of its own, the same each time."""
+    stream = io.StringIO()
+    with mpl.rc_context(SETTINGS):
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+    return stream.getvalue()
+
+
 def _linked(root: ET.Element) -> set[str]:
     """Identifiers that something inside the drawing refers to."""
     found = set()

@@ -16,11 +16,13 @@ from sysid.plot.comparison import Quantity
 from sysid.prediction.loops import AMPLITUDE_M, FREQUENCY_HZ, suspension_loops
 from sysid.report.numbers import count, number, speed
 from sysid.report.tables import without_dampers
+from sysid.road import AxleRoad, effective_profiles
 from sysid.sdof.results import DropAnalysis
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sysid.campaign.records import LoadCase
     from sysid.estimation.results import FitResult, RunHistory
     from sysid.vehicle_model.modes import NaturalModes
 
@@ -64,16 +66,26 @@ def comparison_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     return pictures
 
 
+def _drop_groups(results: Results) -> dict[tuple[int, str], list[DropAnalysis]]:
+    groups: dict[tuple[int, str], list[DropAnalysis]] = {}
+    for analysis in () if results.drops is None else results.drops.files:
+        groups.setdefault((analysis.axle, analysis.load_case), []).append(analysis)
+    return groups
+
+
+def representative_drops(results: Results) -> list[DropAnalysis]:
+    """One drop per axle and load case, front to rear: the first usable one that was made with dampers."""
+    bare, groups = without_dampers(results), _drop_groups(results)
+    return [min(files, key=lambda a: (a.file in bare, not a.reading.usable)) for _, files in sorted(groups.items())]
+
+
 def drop_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture], list[Picture]]:
     """One drop per axle and load case for the page, and all drops, a figure per axle, for the fold."""
     if results.drops is None or not results.drops.files:
         return [], []
-    groups: dict[tuple[int, str], list[DropAnalysis]] = {}
-    for analysis in results.drops.files:
-        groups.setdefault((analysis.axle, analysis.load_case), []).append(analysis)
+    groups = _drop_groups(results)
     several = len({load_case for _, load_case in groups}) > 1
-    bare = without_dampers(results)
-    first = [min(files, key=lambda a: (a.file in bare, not a.reading.usable)) for _, files in sorted(groups.items())]
+    first = representative_drops(results)
     titles = [f"axle {a.axle + 1}" + (f", {plot.label(a.load_case, 20)}" if several else "") for a in first]
     overview = plot.drops(first, titles)[0, 0]
     caption = (
@@ -103,6 +115,20 @@ def _drop_words(analysis: DropAnalysis) -> str:
     )
 
 
+def first_load_case(results: Results) -> LoadCase:
+    """The load case at which the tires are declared."""
+    return next(iter(results.campaign.load_cases.values()))
+
+
+def axle_roads(results: Results, scan: str) -> tuple[AxleRoad, ...] | None:
+    """What every axle feels of a scanned bump in the first load case; None where there is no bump to feel."""
+    profile = results.scans[scan].profile
+    if not np.any(profile.height_m > 0.0):
+        return None
+    case = first_load_case(results)
+    return effective_profiles(results.campaign.vehicle, case, case, profile)
+
+
 def scan_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     """Profile and cloud of every scan."""
     pictures = []
@@ -113,6 +139,12 @@ def scan_pictures(results: Results, gallery: Gallery) -> list[Picture]:
         pictures.append(gallery.picture(plot.profile(analysis), caption, width="half"))
         caption = f"Scan of {name} from above; between the dashed lines lie the points used for the profile."
         pictures.append(gallery.picture(plot.scan(analysis), caption, width="half"))
+        if (roads := axle_roads(results, name)) is not None:
+            caption = (
+                f"Effective profile of {name}: how far the wheel centre of each axle must rise to keep its tires at "
+                f"their static load ({first_load_case(results).name}), tires as radial springs."
+            )
+            pictures.append(gallery.picture(plot.effective_profile(p, roads), caption, width="half"))
     return pictures
 
 

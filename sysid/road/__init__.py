@@ -1,5 +1,6 @@
 """Road side of the toolkit: point cloud, road plane, smooth bump profile, analytic bump shapes, what a tire feels."""
 
+from sysid.road.effective import AxleRoad, effective_profiles
 from sysid.road.enveloping import SPOKE_EXPONENT, SpokeTable, effective_profile, spoke_table, static_deflection
 from sysid.road.named_shapes import named_shape
 from sysid.road.point_cloud import read_point_cloud, read_point_cloud_counted
@@ -18,12 +19,14 @@ from sysid.road.shapes import (
 
 __all__ = [
     "SPOKE_EXPONENT",
+    "AxleRoad",
     "RoadProfile",
     "ScanAnalysis",
     "ScanOptions",
     "SpokeTable",
     "analyse_scan",
     "effective_profile",
+    "effective_profiles",
     "half_sine",
     "make_profile",
     "named_shape",

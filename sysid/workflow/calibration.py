@@ -174,11 +174,12 @@ class Calibration:
         return tuple(found)
 
     def report(self) -> Path:
-        """Write report.html from the stages that have run."""
-        from sysid.report.page import write_report
+        """Write report.html from the stages that have run, and figures/: the paper's figures of this campaign."""
+        from sysid.report import write_paper_figures, write_report
 
         path, results = self.output / "report.html", self.results()
         self._timed("report", lambda: self._write(lambda: write_report(results, path)))
+        self._timed("figures", lambda: self._write(lambda: write_paper_figures(results, self.output / "figures")))
         return path
 
     def export(self) -> list[Path]:

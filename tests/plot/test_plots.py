@@ -1,5 +1,6 @@
 """Figures show the numbers they are given and leave matplotlib as it was."""
 
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import matplotlib as mpl
@@ -13,6 +14,7 @@ from small_results import DECREMENT, PERIOD, Z90, Words, before_sampling, decayi
 from sysid import plot
 from sysid.plot.posterior import _prior_density
 from sysid.plot.style import label, thin
+from sysid.road import AxleRoad
 
 
 @pytest.fixture(scope="module")
@@ -129,6 +131,26 @@ def test_outliers_of_the_scanner_do_not_squeeze_the_bump(results):
     assert -30.0 < low < 0.0
     assert 80.0 < high < 110.0
     assert plot.scan(wild).collections[0].get_clim() == pytest.approx((low, high))
+
+
+def test_effective_profiles_start_at_the_bump_and_keep_the_colour_of_the_axle(results):
+    profile = results.scans["bump"].profile
+    roads = (AxleRoad(1, np.array([-0.5, 0.0, 0.5]), np.array([0.0, 0.02, 0.0])),)
+    ax = plot.effective_profile(profile, roads)
+    (line,) = ax.get_lines()
+    np.testing.assert_allclose(line.get_xydata(), [[-0.5, 0.0], [0.0, 20.0], [0.5, 0.0]])
+    assert to_hex(line.get_color()) == plot.axle_color(1)
+    corners = ax.collections[0].get_paths()[0].vertices
+    # The half-sine squared of height 80 mm, its start moved to zero.
+    assert corners[:, 1].max() == pytest.approx(80.0, rel=1e-3)
+    assert corners[np.argmax(corners[:, 1]), 0] == pytest.approx(1.5 - profile.start_m, abs=0.011)
+
+
+def test_a_figure_as_a_file_is_a_drawing_of_its_own(results):
+    root = ET.fromstring(plot.svg_file(plot.load_ratio(results.predictions.passes[0], 0).figure))
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    texts = {e.text for e in root.iter("{http://www.w3.org/2000/svg}text")}
+    assert "dynamic / static load [-]" in texts
 
 
 def test_load_ratio_is_force_over_static_load(results):

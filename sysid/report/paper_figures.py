@@ -1,0 +1,81 @@
+"""Counterparts of Table 1 and of Figures 5 to 9 of the paper, each as a file of its own."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from matplotlib.axes import Axes
+
+from sysid import plot
+from sysid.export import Results, write_text
+from sysid.export.tables import escape_cell
+from sysid.report.answer import axle_load_table
+from sysid.report.figures import axle_roads, representative_drops, representative_run, run_words
+from sysid.report.numbers import speed
+
+if TYPE_CHECKING:
+    from sysid.prediction.results import PassPrediction
+
+
+def write_paper_figures(results: Results, folder: Path) -> list[Path]:
+    """Write what the finished stages can show of the paper's tables and figures to `folder`, as SVG and CSV.
+
+    Source: Kwasniewski et al., Dynamic interaction between heavy vehicles and speed bumps; the file names carry the
+    paper's numbers.  Figures 1 to 4 and 6a, 6b of the paper show parts of its finite element model and have none here.
+    """
+    texts: dict[str, str] = {}
+    if (table := axle_load_table(results)) is not None:
+        stream = io.StringIO()
+        rows = [[cell.text.replace(",", "") for cell in row] for row in table.rows]
+        csv.writer(stream, lineterminator="\n").writerows([[escape_cell(text) for text in table.head], *rows])
+        texts["table_1_axle_loads.csv"] = stream.getvalue()
+    figures: dict[str, Axes] = {}
+    for name in list(results.scans)[:1]:
+        figures["figure_5_bump.svg"] = _bump(results, name)
+    if drops := representative_drops(results):
+        figures["figure_6c_plank_drops.svg"] = plot.drops(drops, [f"axle {a.axle + 1}" for a in drops])[0, 0]
+    if (history := representative_run(results)) is not None:
+        axles = sorted({a for a in history.axles if a is not None})
+        for number, axle in (("7_first", axles[:1]), ("8_last", axles[-1:])):
+            if axle:
+                grid = plot.suspension_histories(history, (axle[0],))
+                plot.figure_of(grid[0, 0]).suptitle(plot.label(run_words(history), 100), fontsize="medium")
+                figures[f"figure_{number}_axle.svg"] = grid[0, 0]
+    if results.predictions is not None and results.predictions.passes:
+        passes = results.predictions.passes
+        figures["figure_9a_load_ratio.svg"] = _first_axle(passes, "load")
+        forces = tuple(p for p in passes if p.suspension_force_N is not None)
+        if forces:
+            figures["figure_9b_suspension_force.svg"] = _first_axle(forces, "force")
+    texts |= {name: plot.svg_file(plot.figure_of(ax)) for name, ax in figures.items()}
+    for name, text in texts.items():
+        write_text(folder / name, text)
+    return [folder / name for name in texts]
+
+
+def _bump(results: Results, name: str) -> Axes:
+    """Cloud, smooth profile and what the tires feel of it: Figures 5a, 5b and, for the mesh of 5c, its effect."""
+    figure = plot.figure(6.4, 8.4)
+    axes = figure.subplots(3, 1)
+    analysis = results.scans[name]
+    plot.scan(analysis, axes[0])
+    plot.profile(analysis, axes[1])
+    if (roads := axle_roads(results, name)) is not None:
+        plot.effective_profile(analysis.profile, roads, axes[2])
+    return axes[0]
+
+
+def _first_axle(passes: tuple[PassPrediction, ...], kind: str) -> Axes:
+    """Load ratio or suspension force of axle 1, one below the other for all passes."""
+    axes = plot.figure(6.4, 2.6 * len(passes)).subplots(len(passes), 1, squeeze=False)[:, 0]
+    for p, ax in zip(passes, axes, strict=True):
+        if kind == "load":
+            plot.load_ratio(p, 0, ax)
+        else:
+            plot.suspension_force(p, 0, ax)
+        ax.set_title(plot.label(f"axle 1, {p.load_case}, {speed(p.speed_m_s)} km/h", 60))
+        ax.legend(loc="upper right")
+    return axes[0]
