@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from conftest import HOSTILE
+from hostile_text import HOSTILE
 from small_results import Words, before_sampling, campaign_only, small_results
 
 from sysid.report import render_report, write_report

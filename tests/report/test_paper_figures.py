@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from conftest import HOSTILE
+from hostile_text import HOSTILE
 from small_results import Words, campaign_only, small_results
 
 from sysid.campaign.records import LoadCase
