@@ -3,7 +3,7 @@
 from sysid.plot.comparison import SOURCE_LABELS, SOURCES, AxleEstimates, Estimate, comparison, suspension_estimates
 from sysid.plot.drops import drop, drops
 from sysid.plot.histories import autocorrelation, channel_grid, channel_title, overlay, suspension_histories
-from sysid.plot.knowledge import prior_against_posterior
+from sysid.plot.knowledge import likelihood_profile, prior_against_posterior
 from sysid.plot.loops import suspension_loop, suspension_loop_pair
 from sysid.plot.modes import mode_shape, mode_shapes
 from sysid.plot.posterior import (
@@ -40,6 +40,7 @@ __all__ = [
     "figure",
     "figure_of",
     "label",
+    "likelihood_profile",
     "load_ratio",
     "load_ratio_against_speed",
     "load_ratios",

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
 from matplotlib.axes import Axes
 
-from sysid.plot.style import MUTED, axes_or_new, axle_color, label, styled
+from sysid.plot.style import INK, MUTED, axes_or_new, axle_color, display, label, styled
 
 if TYPE_CHECKING:
+    from sysid.estimation.profiles import ProfileLikelihood
     from sysid.estimation.results import FitResult
     from sysid.posterior.results import Posterior
 
@@ -45,4 +47,26 @@ def prior_against_posterior(fit: FitResult, posterior: Posterior | None = None, 
     ax.set_xticks(shown, [f"{t:g}" for t in shown])
     ax.set_xticks([], minor=True)
     ax.set_xlabel("value over prior median [-]")
+    return ax
+
+
+@styled
+def likelihood_profile(profile: ProfileLikelihood, ax: Axes | None = None) -> Axes:
+    """Adjusted deviance of one parameter over its value, beside the parabola of the covariance, with 90 % intervals."""
+    ax = axes_or_new(ax, 3.65, 2.4)
+    values, unit = display(profile.value, profile.unit)
+    factor = values[0] / profile.value[0]
+    width = math.log(profile.covariance_interval[1] / profile.best) / _Z90
+    fine = np.linspace(math.log(profile.value[0]), math.log(profile.value[-1]), 200)
+    ax.plot(factor * np.exp(fine), ((fine - math.log(profile.best)) / width) ** 2, color=MUTED, ls="--", lw=1.0,
+            label="covariance")  # fmt: skip
+    ax.plot(values, profile.adjusted, "o-", color=INK, ms=3.0, lw=1.2, label="profile")
+    ax.axhline(_Z90**2, color=MUTED, lw=0.8, ls=":")
+    for end in profile.interval:
+        if math.isfinite(end):
+            ax.plot([factor * end], [_Z90**2], "|", color=INK, ms=9)
+    ax.set_ylim(bottom=0.0)
+    ax.set_xlabel(f"{label(profile.name, 24)} [{unit}]")
+    ax.set_ylabel("deviance [-]")
+    ax.legend(loc="upper center")
     return ax
