@@ -18,6 +18,7 @@ from sysid.campaign.records import (
     BumpShape,
     Campaign,
     Log,
+    NamedPrior,
     PlankDrop,
     PredictionRequest,
     Scan,
@@ -90,6 +91,7 @@ def read_campaign(path: str | Path, *, point_cloud_reader: PointCloudReader | No
         predictions=reader.predictions(scans),
         input_sha256=reader.hashes,
         messages=reader.messages(),
+        priors={name: NamedPrior(*table.lognormal()) for name, table in tables.priors.items()},
     )
 
 

@@ -39,6 +39,15 @@ class PriorOverride:
 
 
 @dataclass(frozen=True)
+class NamedPrior:
+    """A user's own lognormal prior of the parameter of that name: `median` in `unit`, multiplicative `log_sd`."""
+
+    median: float
+    log_sd: float
+    unit: str
+
+
+@dataclass(frozen=True)
 class ForceTable:
     """Piecewise linear curve: suspension force [N] against extension from static rest [m] or its rate [m/s]."""
 
@@ -322,7 +331,7 @@ class Campaign:
 
     `load_cases` keeps the order of the file (the first is the reference of drops and tire stiffness);
     `input_sha256` maps every input file, relative to `folder`, to its hash; `messages` are sentences about the campaign
-    as a whole.
+    as a whole; `priors` are the user's own by the name of the parameter.
     """
 
     title: str
@@ -338,3 +347,4 @@ class Campaign:
     predictions: tuple[PredictionRequest, ...]
     input_sha256: Mapping[str, str]
     messages: tuple[str, ...] = ()
+    priors: Mapping[str, NamedPrior] = field(default_factory=dict)

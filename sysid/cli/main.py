@@ -75,6 +75,11 @@ _ADVICE_OPTIONS = (
                  help="Speed [km/h] of further runs to judge; may be repeated (default: 8, 16, 24, 32)."),
 )  # fmt: skip
 
+_PROFILE_OPTIONS = (
+    click.option("--parameter", "profiled", multiple=True, required=True,
+                 help="Parameter by its name in the fit, for example k_3; may be repeated."),
+)  # fmt: skip
+
 
 def _stage(name: str, text: str, more: tuple[Callable[..., Any], ...] = ()) -> None:
     def command(campaign: Path, output: Path, resume: bool, **choices: Any) -> None:
@@ -91,6 +96,7 @@ _stage("check", "Quality of every log and channel: rate, gaps, clipping, wrong u
 _stage("drops", "Stiffness and damping of every axle from its plank drops, equations (1)-(3) and corrections.")
 _stage("fit", "Least-squares calibration of the vehicle model against all bump runs.")
 _stage("advise", "What to measure next: further runs and sensors ranked by what they would bring.", _ADVICE_OPTIONS)
+_stage("profile", "Profile of the deviance of chosen parameters, all others optimised anew.", _PROFILE_OPTIONS)
 _stage("sample", "Posterior of all parameters by emcee, continued until it has converged.")
 _stage("predict", "Dynamic wheel loads of the passes that the campaign asks for, or of others.", _PASS_OPTIONS)
 _stage("report", "Write report.html from the stages that have run.")

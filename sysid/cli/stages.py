@@ -74,10 +74,10 @@ def _run(name, campaign, output, screen, errors, resume, choices) -> int:
 
     configure()
     asked = {option: choices.pop(option, None) for option in OPTIONS}
-    speeds = choices.pop("candidate_speeds", ())
+    speeds, profiled = choices.pop("candidate_speeds", ()), choices.pop("profiled", ())
     passes_only = any(value not in (None, ()) for value in asked.values())
     chosen = any(choices.get(option) for option in ("quick", "seed", "laws", "contact", "contact_spread"))
-    if (name in ("report", "export", "advise") or passes_only) and not chosen:
+    if (name in ("report", "export", "advise", "profile") or passes_only) and not chosen:
         # These show what is there: without options they take those of the run that filled the folder.
         choices |= recall(output)
     settings = make_settings(**choices)
@@ -100,6 +100,10 @@ def _run(name, campaign, output, screen, errors, resume, choices) -> int:
             calibration.redo(name)
             progress.stage(name)
             result = calibration.advise(*([speeds] if speeds else []))
+            calibration.export()
+        elif name == "profile":
+            progress.stage(name)
+            result = calibration.profile(profiled)
             calibration.export()
         elif name in ("check", "drops", "fit", "sample", "predict"):
             if not resume:

@@ -191,6 +191,24 @@ def show_advise(screen: Console, calibration, advice) -> None:
         screen.print(statement, markup=False)
 
 
+def show_profile(screen: Console, calibration, profiles) -> None:
+    """Deviance over value of every profiled parameter, and both intervals."""
+    for p in profiles:
+        scale, unit = _shown_unit(p.unit)
+        table = _table(f"Profile of {escape(p.name)}", ("value", "unit", "deviance", "adjusted", "converged"))
+        rows = zip(p.value, p.deviance, p.adjusted, p.converged, strict=True)
+        for value, deviance, adjusted, converged in rows:
+            table.add_row(
+                f"{value / scale:.5g}", unit, f"{deviance:.4g}", f"{adjusted:.3f}", "yes" if converged else "no"
+            )
+        screen.print(table)
+        both = (("likelihood ratio", p.interval), ("covariance", p.covariance_interval))
+        for what, ends in both:
+            low, high = (f"{end / scale:.5g}" if np.isfinite(end) else "open" for end in ends)
+            screen.print(f"90 % interval by {what}: {low} to {high} {unit}", markup=False)
+        screen.print(p.message, markup=False)
+
+
 def show_report(screen: Console, calibration, path) -> None:
     """Where the report is."""
     screen.print(f"Report: {path}", markup=False)

@@ -22,6 +22,7 @@ from sysid.campaign.records import Axle, Campaign, Vehicle
 from sysid.estimation.conclusion import conclude
 from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.least_squares import optimise, optimum_under, reweighted
+from sysid.estimation.named_priors import check_named_priors
 from sysid.estimation.parameters import campaign_parameters, declared_laws
 from sysid.estimation.problem import FitState, Optimum
 from sysid.estimation.results import ContactTrial, FitResult, LawComparison, LawTrial
@@ -132,6 +133,22 @@ def richest_laws(axles: Sequence[Axle], declared: Laws) -> Laws:
         law if axle.suspension_law is not None else CANDIDATES[axle.suspension]
         for axle, law in zip(axles, declared, strict=True)
     )
+
+
+def check_priors(campaign: Campaign) -> None:
+    """Refuse priors of parameters that neither the declared laws nor the richest candidates have.
+
+    Raises
+    ------
+    CampaignError
+        As :func:`sysid.estimation.named_priors.check_named_priors`.
+    """
+    if not campaign.priors:
+        return
+    declared = declared_laws(campaign)
+    rich = richest_laws(campaign.vehicle.axles, declared)
+    sets = [campaign_parameters(campaign, None, laws) for laws in (declared, rich)]
+    check_named_priors(campaign, [p for found in sets for p in found.parameters])
 
 
 def _compare(

@@ -13,6 +13,7 @@ import numpy as np
 
 from sysid.campaign.records import Axle, Campaign, LeafDimensions, PriorOverride, Vehicle
 from sysid.errors import CampaignError
+from sysid.estimation.named_priors import with_named_priors
 from sysid.estimation.suspension_elements import ELEMENTS, LINEAR, law_elements, law_name, quantities
 from sysid.sdof.results import DropEstimate, DropSummary
 
@@ -205,7 +206,7 @@ def campaign_parameters(
         parameters.append(Parameter(f"ct_{i + 1}", "tire_damping", "N s/m", median, median, sd, axle=i))
     median, sd = TIRE_EXPONENT
     parameters.append(Parameter("tire_exponent", "tire_exponent", "1", median, median, sd))
-    return ParameterSet(tuple(parameters), tuple(links), vehicle.suspension_axle)
+    return ParameterSet(*with_named_priors(parameters, links, campaign.priors), vehicle.suspension_axle)
 
 
 def _element_parameters(campaign: Campaign, laws: Sequence[frozenset[str]]) -> list[Parameter]:

@@ -16,6 +16,7 @@ from sysid.tabular import Tabular
 if TYPE_CHECKING:
     import pandas as pd
 
+    from sysid.estimation.profiles import ProfileLikelihood
     from sysid.estimation.results import FitResult
     from sysid.posterior.results import Posterior
     from sysid.prediction.advice_results import Advice
@@ -45,6 +46,7 @@ class Results(Tabular):
     predictions: Predictions | None = None
     validation: Validation | None = None
     advice: Advice | None = None
+    profiles: tuple[ProfileLikelihood, ...] = ()
     status: Status = "not_converged"
     warnings: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)

@@ -15,10 +15,12 @@ import pandas as pd
 
 from sysid.export.contents import Results
 from sysid.export.files import write_text
-from sysid.export.naming import prediction_files, speed_km_h
+from sysid.export.naming import file_stem, prediction_files, speed_km_h
+from sysid.tabular import distinct
 from sysid.validation.results import ChannelAgreement
 
 if TYPE_CHECKING:
+    from sysid.estimation.profiles import ProfileLikelihood
     from sysid.prediction.results import PassPrediction, Predictions, Quantiles
     from sysid.validation.results import Validation
 
@@ -108,6 +110,23 @@ def _validation_cell(name: str, value: str | int | float | None) -> str | int:
     if name == "axle":
         return "" if value is None else int(value) + 1
     return escape_cell(value) if isinstance(value, str) else value if isinstance(value, int) else _cell(value)
+
+
+def profile_csv(profile: ProfileLikelihood) -> str:
+    """The text of a file of `profiles/`: value in SI units, deviance of independent noise and after adjustment."""
+    return profile.summary().to_csv(index=False, lineterminator="\n")
+
+
+def write_profiles(profiles: Sequence[ProfileLikelihood], folder: Path) -> list[Path]:
+    """Write `profiles/NAME.csv` for every profile, names made safe for files."""
+    written = []
+    stems = distinct(file_stem(profile.name) for profile in profiles)
+    for profile, stem in zip(profiles, stems, strict=True):
+        path = folder / "profiles" / f"{stem}.csv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, profile_csv(profile))
+        written.append(path)
+    return written
 
 
 def write_validation(results: Results, path: Path) -> None:

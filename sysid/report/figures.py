@@ -281,6 +281,19 @@ def shrinkage_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     return [gallery.picture(plot.prior_against_posterior(results.fit, results.posterior), caption)]
 
 
+def profile_pictures(results: Results, gallery: Gallery) -> list[Picture]:
+    """Profiles that have been asked for."""
+    return [
+        gallery.picture(
+            plot.likelihood_profile(p),
+            f"Profile of {p.name}: deviance with all other parameters at their best, and the parabola of the "
+            f"covariance; they cross the dotted line at the ends of the 90 % intervals. {p.message}",
+            width="half",
+        )
+        for p in results.profiles
+    ]
+
+
 def prediction_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     """Load ratio against time of every predicted pass, as in Figure 9a of the paper."""
     if results.predictions is None:

@@ -98,6 +98,7 @@ def _content(results: Results) -> dict[str, Any]:
         else tables.parameters_table(results, results.fit.run_parameters, "Parameters of single runs"),
         "shrinkage": knowledge.shrinkage_table(results),
         "shrinkage_pictures": figures.shrinkage_pictures(results, gallery),
+        "profile_pictures": figures.profile_pictures(results, gallery),
         "advice": knowledge.advice_table(results),
         "laws": tables.law_table(results),
         "contacts": tables.contact_table(results),

@@ -19,19 +19,21 @@ from sysid.campaign.findings import QualityReport
 from sysid.campaign.quality import check_quality
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.campaign.wording import finish, nearest
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.estimation.bump_model import bump_model
 from sysid.estimation.drop_model import with_model_estimates
-from sysid.estimation.law_choice import fit_with_laws, laws_of_axles
+from sysid.estimation.law_choice import check_priors, fit_with_laws, laws_of_axles
 from sysid.estimation.parameters import ParameterSet, campaign_parameters
-from sysid.estimation.problem import FitState
+from sysid.estimation.problem import FitState, Problem
+from sysid.estimation.profiles import ProfileLikelihood, profile_parameter
 from sysid.estimation.results import FitResult
 from sysid.export.contents import Results, Status
 from sysid.export.files import write_text
 from sysid.export.inference_data import write_posterior
 from sysid.export.models import write_models
 from sysid.export.result_json import write_result
-from sysid.export.tables import write_parameters, write_predictions, write_validation
+from sysid.export.tables import write_parameters, write_predictions, write_profiles, write_validation
 from sysid.folder_lock import FolderLock, cannot_write
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
 from sysid.posterior.results import Posterior
@@ -55,9 +57,9 @@ from sysid.workflow import store
 from sysid.workflow.settings import Settings, remember
 
 #: Stages in order; a result depends on those before it.
-STAGES = ("check", "drops", "scan", "fit", "advise", "sample", "predict")
+STAGES = ("check", "drops", "scan", "fit", "advise", "profile", "sample", "predict")
 #: Stages on whose results no other depends.
-ENDS = ("advise",)
+ENDS = ("advise", "profile")
 SUCCESS_MARKER = "SUCCESS"
 
 Progress = Callable[[str, float], None]
@@ -107,6 +109,7 @@ class Calibration:
         self._resume = resume
         self._lock = FolderLock(self.output)
         self._raw = read_campaign(campaign, point_cloud_reader=read_point_cloud)
+        check_priors(self._raw)
         self._results: dict[str, Any] = {}
         self._nested: list[float] = []
         self._screened: Campaign | None = None
@@ -142,6 +145,27 @@ class Calibration:
     def advise(self, speeds_km_h: Sequence[float] = CANDIDATE_KM_H) -> Advice:
         """What one further run at each speed, or one with one more sensor, would bring for k, c and a wheel load."""
         return self._stage("advise", lambda: self._advise(speeds_km_h))
+
+    def profile(self, names: Sequence[str]) -> tuple[ProfileLikelihood, ...]:
+        """Profiles of the deviance of named parameters, ``k_3`` in every load case; those of earlier calls are kept.
+
+        Raises
+        ------
+        CampaignError
+            If the fit has no such parameter.
+        """
+        found: dict[str, ProfileLikelihood] = dict(self._known("profile") or {})
+        chosen: list[str] = []
+        for name in names:
+            # k_3 stands for the stiffness of axle 3 in every load case.
+            chosen += [n for n in self.fit().names if n == name or n.startswith(f"{name}[")]
+            if not any(n == name or n.startswith(f"{name}[") for n in chosen):
+                raise CampaignError(finish(f"The fit has no parameter '{name}'; {nearest(name, self.fit().names)}"))
+        wanted = [name for name in dict.fromkeys(chosen) if name not in found]
+        if wanted:
+            self.redo("profile")
+            found = self._stage("profile", lambda: found | self._profiled(wanted))
+        return tuple(found[name] for name in dict.fromkeys(chosen))
 
     def sample(self) -> Posterior:
         """Posterior of the parameters."""
@@ -196,6 +220,7 @@ class Calibration:
             write_validation(results, self.output / "validation.csv")
             written += [self.output / "parameters.csv", self.output / "validation.csv"]
             written += write_models(results.campaign, self.vehicles(), results.predictions, self.output)
+        written += write_profiles(results.profiles, self.output)
         if results.predictions is not None:
             written += write_predictions(results, self.output)
         if results.posterior is not None:
@@ -241,6 +266,7 @@ class Calibration:
             posterior=posterior,
             predictions=found["predict"],
             advice=found["advise"],
+            profiles=tuple((found["profile"] or {}).values()),
             validation=None if fit is None else self.validate(),
             status=self._status(fit, posterior),
             warnings=self._warnings(posterior),
@@ -329,6 +355,11 @@ class Calibration:
             speeds_km_h=speeds_km_h,
             progress=self._progress,
         )
+
+    def _profiled(self, names: Sequence[str]) -> dict[str, ProfileLikelihood]:
+        fit, state = self.fit(), self._state()
+        problem = Problem(state.model, self.campaign, state.motion, state.weights)
+        return {name: profile_parameter(problem, state, fit, name, progress=self._progress) for name in names}
 
     def _sample(self) -> Posterior:
         fit, state = self.fit(), self._state()
@@ -457,9 +488,9 @@ class Calibration:
         relevant: dict[str, Any] = {"inputs": dict(self._raw.input_sha256), "version": versions()["sysid"]}
         if name == "drops":
             relevant["drop_model"] = self.settings.drop_model
-        if name in ("drops", "fit", "advise", "sample", "predict"):
+        if name in ("drops", "fit", "advise", "profile", "sample", "predict"):
             relevant["fit"] = self.settings.as_dict()["fit"]
-        if name in ("fit", "advise"):
+        if name in ("fit", "advise", "profile"):
             # Results of before do not say what the data determine.
             relevant["content"] = 2
         if name == "predict":

@@ -17,7 +17,7 @@ import numpy as np
 
 from sysid.campaign import findings
 from sysid.errors import CampaignError
-from sysid.estimation import identifiability, information, objective, uncertain_masses
+from sysid.estimation import identifiability, information, objective, profiles, uncertain_masses
 from sysid.estimation import results as estimation_results
 from sysid.export.files import write_atomically
 from sysid.posterior import results as posterior_results
@@ -33,6 +33,7 @@ _MODULES = (
     road_results,
     estimation_results,
     identifiability,
+    profiles,
     posterior_results,
     prediction_results,
     advice_results,

@@ -328,3 +328,32 @@ def test_wrong_tables_never_end_in_a_traceback(small_text, table, value):
     data[table] = value
     with contextlib.suppress(CampaignError):
         validate(data, "campaign.toml")
+
+
+def test_priors_by_name_as_median_or_interval(small, small_text):
+    lines = ["k_1 = { median_N_per_m = 9e5, log_sd = 0.3 }", '"k_2[empty]" = { interval90_N_per_m = [4e5, 9e5] }']
+    lines.append("tire_exponent = { median = 1.2, log_sd = 0.05 }")
+    priors = read_campaign(small(toml="\n".join([small_text, "[priors]", *lines]))).priors
+    assert (priors["k_1"].median, priors["k_1"].log_sd, priors["k_1"].unit) == (9e5, 0.3, "N/m")
+    # 5 % and 95 % of a lognormal with median 600,000: ln(9 / 4) / 2 = 1.645 sd.
+    assert priors["k_2[empty]"].median == pytest.approx(6e5)
+    assert priors["k_2[empty]"].log_sd == pytest.approx(0.4054651 / 1.6448536)
+    assert priors["tire_exponent"].unit == "1"
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ("{ median_N_per_m = 9e5 }", "without log_sd"),
+        ("{ log_sd = 0.3 }", "either a median with log_sd or a 90 % interval"),
+        ("{ interval90_N_per_m = [9e5, 4e5] }", "lower end first"),
+        ("{ interval90_N_per_m = [4e5, 9e5], log_sd = 0.2 }", "how wide"),
+        ("{ median_N_per_m = -9e5, log_sd = 0.3 }", "greater than 0"),
+        ("{ median_N_per_mm = 9e5, log_sd = 0.3 }", "did you mean 'median_N_per_m'"),
+    ],
+)
+def test_a_prior_that_says_too_little_or_too_much(small, small_text, entry, said):
+    with pytest.raises(CampaignError) as error:
+        read_campaign(small(toml=f"{small_text}\n[priors]\nk_1 = {entry}\n"))
+    assert said in one_sentence(error)
+    assert "priors" in str(error.value)

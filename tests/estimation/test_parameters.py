@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, campaign, empty_run
 
-from sysid.campaign.records import AxleGroup, LeafDimensions, PredictionRequest, PriorOverride
+from sysid.campaign.records import AxleGroup, LeafDimensions, NamedPrior, PredictionRequest, PriorOverride
 from sysid.errors import CampaignError
 from sysid.estimation.lane_laws import stiffness_positions
-from sysid.estimation.law_choice import laws_of_axles
+from sysid.estimation.law_choice import check_priors, laws_of_axles
 from sysid.estimation.parameters import Parameter, ParameterSet, PriorLink, best_drop_estimates, campaign_parameters
 from sysid.sdof.results import DropEstimate, DropSummary
 
@@ -181,3 +181,64 @@ def test_an_axle_group_has_one_suspension_named_after_its_first_axle():
     np.testing.assert_array_equal(stiffness_positions(found, 3, ["empty", "laden"]), [[0, 1, 1], [0, 2, 2]])
     assert [found.index("damping", i) for i in range(3)] == [3, 4, 4]
     assert [found.index("tire_stiffness", i) for i in range(3)] == [5, 6, 7]
+
+
+def with_priors(vehicle=VEHICLE, **priors: NamedPrior):
+    data = campaign(BOTH, load_cases=(EMPTY, LADEN), vehicle=vehicle)
+    return replace(
+        data, priors={name.replace("__", "[") + ("]" if "__" in name else ""): p for name, p in priors.items()}
+    )
+
+
+def test_a_named_prior_replaces_every_other():
+    found = campaign_parameters(with_priors(c_1=NamedPrior(2.2e4, 0.1, "N s/m")), summary(estimate(0, "paper", 5e5)))
+    p = found.parameters[found.index("damping", 0)]
+    assert (p.start, p.prior_median, p.prior_sd) == (2.2e4, 2.2e4, 0.1)
+    rows, targets = found.prior_rows()
+    at = found.index("damping", 0)
+    (row,) = np.flatnonzero(rows[:, at])
+    assert rows[row, at] == pytest.approx(10.0)
+    assert targets[row] == pytest.approx(10.0 * np.log(2.2e4))
+
+
+def test_what_is_linked_to_a_named_prior_follows_it():
+    found = campaign_parameters(with_priors(k_2__empty=NamedPrior(3e5, 0.2, "N/m")), None)
+    (link,) = [link for link in found.links if link.second == "k_2[laden]"]
+    second = found.parameters[2]
+    assert second.prior_median == pytest.approx(3e5 * np.exp(link.mean))
+    assert second.prior_sd == pytest.approx(np.hypot(0.2, link.sd))
+    # The marginal prior that these rows mean, by inverting their precision.
+    rows, targets = found.prior_rows()
+    covariance = np.linalg.inv(rows.T @ rows)
+    assert np.sqrt(covariance[2, 2]) == pytest.approx(second.prior_sd)
+    assert (covariance @ rows.T @ targets)[2] == pytest.approx(np.log(second.prior_median))
+
+
+def test_a_named_prior_of_a_linked_parameter_cuts_the_link():
+    found = campaign_parameters(with_priors(k_2__laden=NamedPrior(9e5, 0.1, "N/m")), None)
+    assert [link.second for link in found.links] == ["k_3[laden]"]
+    rows, _ = found.prior_rows()
+    assert np.linalg.inv(rows.T @ rows)[2, 2] == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize(
+    ("priors", "said"),
+    [
+        ({"k_7": NamedPrior(9e5, 0.1, "N/m")}, "[priors] k_7 is not a parameter of this vehicle; did you mean"),
+        ({"k_2": NamedPrior(9e5, 0.1, "N/m")}, "give k_2[empty] and k_2[laden]."),
+        ({"c_1": NamedPrior(9e3, 0.1, "N/m")}, "is given in N/m, but its unit is N s/m; give median_N_s_per_m or"),
+        ({"tire_exponent": NamedPrior(1.2, 0.1, "N/m")}, "its unit is 1; give median or interval90."),
+    ],
+)
+def test_a_named_prior_that_fits_nothing_is_refused(priors, said):
+    with pytest.raises(CampaignError) as error:
+        check_priors(with_priors(**priors))
+    assert said in str(error.value)
+
+
+def test_named_priors_of_laws_that_may_be_tried_are_welcome():
+    check_priors(with_priors(F_1=NamedPrior(800.0, 0.5, "N")))
+    axles = (replace(AXLES[0], priors={"damping": PriorOverride(1e4, 0.3)}), *AXLES[1:])
+    twice = with_priors(replace(VEHICLE, axles=axles), c_1=NamedPrior(1e4, 0.1, "N s/m"))
+    with pytest.raises(CampaignError, match="given twice"):
+        check_priors(twice)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from small_results import Words, before_sampling, campaign_only, small_results
+from small_results import Words, before_sampling, campaign_only, small_profile, small_results
 
 from sysid.export import (
     escape_cell,
@@ -21,6 +21,7 @@ from sysid.export import (
     write_text,
     write_validation,
 )
+from sysid.export.tables import write_profiles
 
 
 def test_parameters_come_back_with_pandas(tmp_path):
@@ -174,3 +175,12 @@ def test_text_of_the_agreement_is_no_formula():
     words = Words.all("=1+1")
     table = pd.read_csv(io.StringIO(validation_csv(small_results(words).validation)), dtype=str)
     assert all(text.startswith("'=") for name in ("run", "column") for text in table[name])
+
+
+def test_profiles_are_a_file_each(tmp_path):
+    written = write_profiles((small_profile("k_2[laden]"), small_profile("k_1")), tmp_path)
+    assert [p.name for p in written] == ["k_2_laden.csv", "k_1.csv"]
+    table = pd.read_csv(written[1])
+    assert list(table.columns) == ["value", "deviance", "adjusted", "converged"]
+    assert table["value"][4] == pytest.approx(4e5)
+    assert table["adjusted"].to_list() == pytest.approx([9, 5.0625, 2.25, 0.5625, 0, 0.5625, 2.25, 5.0625, 9])

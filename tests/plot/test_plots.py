@@ -9,7 +9,17 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from scipy import stats
-from small_results import DECREMENT, PERIOD, Z90, Words, before_sampling, decaying_drop, small_fit, small_results
+from small_results import (
+    DECREMENT,
+    PERIOD,
+    Z90,
+    Words,
+    before_sampling,
+    decaying_drop,
+    small_fit,
+    small_profile,
+    small_results,
+)
 
 from sysid import plot
 from sysid.plot.posterior import _prior_density
@@ -39,12 +49,14 @@ def draws_of(results):
         "correlation": lambda ax=None: plot.correlation(plot.posterior_correlation(posterior), posterior.names, ax),
         "load_ratio": lambda ax=None: plot.load_ratio(one, 1, ax),
         "comparison": lambda ax=None: plot.comparison(rows, "stiffness", ax),
+        "priors": lambda ax=None: plot.prior_against_posterior(fit, posterior, ax),
+        "likelihood_profile": lambda ax=None: plot.likelihood_profile(small_profile(), ax),
     }
 
 
 FIGURES = (
     "drop", "scan", "profile", "overlay", "autocorrelation", "marginal", "trace", "correlation", "load_ratio",
-    "comparison",
+    "comparison", "priors", "likelihood_profile",
 )  # fmt: skip
 
 
@@ -59,6 +71,20 @@ def test_figures_use_the_axes_they_get_and_touch_nothing_global(results, name):
     assert own.has_data()
     assert any(a.get_xlabel() for a in own.figure.axes) or name == "correlation"
     assert dict(mpl.rcParams) == before
+
+
+def test_priors_and_results_are_drawn_over_the_prior_median(results):
+    lines = plot.prior_against_posterior(results.fit).lines
+    prior, known = lines[0].get_xdata(), lines[1].get_xdata()
+    assert prior == pytest.approx(np.exp(np.array([-1.0, 1.0]) * Z90 * 0.4))
+    # k_1: its prior median is 1.2 times its value, known to 1 %.
+    assert known == pytest.approx(np.exp(np.array([-1.0, 1.0]) * Z90 * 0.01) / 1.2)
+
+
+def test_a_parabolic_profile_lies_on_that_of_the_covariance():
+    parabola, profile, _ = plot.likelihood_profile(small_profile()).lines[:3]
+    expected = np.interp(profile.get_xdata(), parabola.get_xdata(), parabola.get_ydata())
+    assert profile.get_ydata() == pytest.approx(expected, abs=0.01)
 
 
 def test_history_shows_measured_simulated_and_their_difference(results):

@@ -25,6 +25,7 @@ from sysid.campaign.records import (
 )
 from sysid.estimation.identifiability import assess
 from sysid.estimation.information import DataInformation
+from sysid.estimation.profiles import ProfileLikelihood
 from sysid.estimation.results import FitResult, ParameterEstimate, RunHistory
 from sysid.export import Results
 from sysid.posterior.results import Posterior, PosteriorSummary
@@ -318,6 +319,17 @@ def small_advice(fit: FitResult, w: Words = Words()) -> Advice:
     sensor = Prospect(w.laden, w.bump, 20.0 / 3.6, "LVDT at axle 2", sd / 4.0, 0.05)
     targets = fit.names[:-1]
     return Advice(fit.names, targets, now, (run,), (sensor,), PeakTarget(1, w.empty, 48.0 / 3.6, 3.6), (w.message,))
+
+
+def small_profile(name: str = "k_1") -> ProfileLikelihood:
+    """A parabola in the logarithm with a standard deviation of 10 % that independent noise takes for 5 %."""
+    steps = np.linspace(-3.0, 3.0, 9)
+    interval = (4e5 * math.exp(-0.1 * Z90), 4e5 * math.exp(0.1 * Z90))
+    value, deviance = 4e5 * np.exp(0.1 * steps), steps**2
+    return ProfileLikelihood(
+        name, "N/m", 4e5, value, 4.0 * deviance, deviance, 4.0, np.ones(9, bool), interval, interval,
+        f"The profile of {name} is a parabola.",
+    )  # fmt: skip
 
 
 def _validation(w: Words) -> Validation:
