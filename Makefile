@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long test-browser bench lint format clean
+.PHONY: run quick test test-long test-browser docs bench lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -22,6 +22,11 @@ test-long: $(VENV)/.installed
 test-browser: $(VENV)/.installed
 	cd tests/report/browser && npm install --silent --no-audit --no-fund
 	$(BIN)/python -m pytest -m browser tests/report
+
+# The documentation as a site in build/site; warnings are errors.
+docs: $(VENV)/.installed
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[docs]"
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # Other solvers beside ours: they are installed for this alone.
 bench: $(VENV)/.installed

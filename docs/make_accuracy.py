@@ -29,7 +29,7 @@ MISSING = "–"
 
 INTRODUCTION = """\
 Written by `python docs/make_accuracy.py OUTPUT` from the results of `calibrate.py run` and `data/truth.toml`; not
-edited by hand. The campaign is **synthetic** ([data/README.md](../data/README.md)): its histories come from another,
+edited by hand. The campaign is **synthetic** (`data/README.md`): its histories come from another,
 more detailed model, so errors of the model's form are in these figures. Masses, inertias and heights in its campaign
 file are exact, so errors of those are not. One campaign says little about others.""".splitlines()
 

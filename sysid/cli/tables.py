@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -27,11 +28,18 @@ def _value(number: float, sd: float, scale: float) -> str:
 
 
 def show_check(screen: Console, calibration, report) -> None:
-    """One line per log and channel, then the findings in words."""
+    """One line per log for its good channels and one per other channel, the findings in words, and the sum."""
     table = _table(
         "Data quality", ("log", "channel", "Hz", "jitter ms", "missing", "clipped", "rest", "noise", "verdict")
     )
+    good = Counter(f.file for f in report.channels if f.verdict == "good")
+    said: set[str] = set()
     for f in report.channels:
+        if good[f.file] and f.file not in said:
+            said.add(f.file)
+            table.add_row(escape(f.file), f"{good[f.file]} channels", f"{f.rate_hz:.1f}", *[""] * 5, "good")
+        if f.verdict == "good":
+            continue
         scale, unit = (1e-3, "mm") if f.si_unit == "m" else (9.80665, "g")
 
         def level(value: float | None, digits: str, scale: float = scale, unit: str = unit) -> str:
@@ -54,6 +62,11 @@ def show_check(screen: Console, calibration, report) -> None:
             screen.print(f"{f.file}, {f.column}: {message}", markup=False)
     for message in report.messages:
         screen.print(message, markup=False)
+    verdicts = Counter(f.verdict for f in report.channels)
+    screen.print(
+        f"{len(report.channels)} channel records: {verdicts['good']} good, {verdicts['usable']} usable with findings, "
+        f"{verdicts['rejected']} rejected. Every channel with its noise stands in the report."
+    )
 
 
 def show_drops(screen: Console, calibration, summary) -> None:
