@@ -239,6 +239,9 @@ def show_run(screen: Console, calibration, results) -> None:
         show_sample(screen, calibration, results.posterior)
     if results.predictions is not None:
         show_predict(screen, calibration, results.predictions)
+    # Those of the passes stand below their tables already.
+    said = {w for p in results.predictions.passes for w in p.warnings} if results.predictions is not None else set()
     for warning in results.all_warnings:
-        screen.print(f"Note: {warning}", markup=False)
+        if warning not in said:
+            screen.print(f"Note: {warning}", markup=False)
     screen.print(f"Status: {results.status}. Report: {calibration.output / 'report.html'}", markup=False)
