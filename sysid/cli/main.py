@@ -81,6 +81,13 @@ _PROFILE_OPTIONS = (
 )  # fmt: skip
 
 
+_LEAVE_OUT_OPTIONS = (
+    click.option("--leave-out", "left_out", multiple=True, metavar="RUN",
+                 help="Predict this run (its file) by a fit of all others; may be repeated."),
+    click.option("--leave-one-out", is_flag=True, help="Predict every run, each by a fit of all others."),
+)  # fmt: skip
+
+
 def _stage(name: str, text: str, more: tuple[Callable[..., Any], ...] = ()) -> None:
     def command(campaign: Path, output: Path, resume: bool, **choices: Any) -> None:
         from sysid.cli.stages import run_stage
@@ -95,6 +102,9 @@ def _stage(name: str, text: str, more: tuple[Callable[..., Any], ...] = ()) -> N
 _stage("check", "Quality of every log and channel: rate, gaps, clipping, wrong units, flipped signs.")
 _stage("drops", "Stiffness and damping of every axle from its plank drops, equations (1)-(3) and corrections.")
 _stage("fit", "Least-squares calibration of the vehicle model against all bump runs.")
+_stage(
+    "validate", "Agreement with the measured histories; of runs that no fit has seen, on request.", _LEAVE_OUT_OPTIONS
+)
 _stage("advise", "What to measure next: further runs and sensors ranked by what they would bring.", _ADVICE_OPTIONS)
 _stage("profile", "Profile of the deviance of chosen parameters, all others optimised anew.", _PROFILE_OPTIONS)
 _stage("sample", "Posterior of all parameters by emcee, continued until it has converged.")

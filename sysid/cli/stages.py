@@ -75,9 +75,10 @@ def _run(name, campaign, output, screen, errors, resume, choices) -> int:
     configure()
     asked = {option: choices.pop(option, None) for option in OPTIONS}
     speeds, profiled = choices.pop("candidate_speeds", ()), choices.pop("profiled", ())
+    left_out, all_out = choices.pop("left_out", ()), choices.pop("leave_one_out", False)
     passes_only = any(value not in (None, ()) for value in asked.values())
     chosen = any(choices.get(option) for option in ("quick", "seed", "laws", "contact", "contact_spread"))
-    if (name in ("report", "export", "advise", "profile") or passes_only) and not chosen:
+    if (name in ("report", "export", "advise", "profile", "validate") or passes_only) and not chosen:
         # These show what is there: without options they take those of the run that filled the folder.
         choices |= recall(output)
     settings = make_settings(**choices)
@@ -104,6 +105,12 @@ def _run(name, campaign, output, screen, errors, resume, choices) -> int:
         elif name == "profile":
             progress.stage(name)
             result = calibration.profile(profiled)
+            calibration.export()
+        elif name == "validate":
+            progress.stage(name)
+            result = (
+                calibration.leave_out(() if all_out else left_out) if left_out or all_out else calibration.validate()
+            )
             calibration.export()
         elif name in ("check", "drops", "fit", "sample", "predict"):
             if not resume:

@@ -143,6 +143,34 @@ def _shown_unit(unit: str) -> tuple[float, str]:
     return (1e3, f"k{unit}") if unit in ("N/m", "N s/m") else (1.0, unit)
 
 
+def show_validate(screen: Console, calibration, validation) -> None:
+    """Medians over the channels of every run, with the run in the fit and without it."""
+    left = {} if validation.left_out is None else {run.run: run for run in validation.left_out.runs}
+    head = ("run", "residual / noise", "NRMSE", "R")
+    table = _table(
+        "Agreement, medians over channels", head + (tuple(f"without it: {h}" for h in head[1:]) if left else ())
+    )
+    for run in dict.fromkeys(row.run for row in validation.channels):
+        cells = _medians([row for row in validation.channels if row.run == run])
+        if left:
+            cells += _medians(left[run].channels) if run in left else ("-",) * 3
+        table.add_row(escape(run), *cells)
+    screen.print(table)
+    outside = len(validation.outside)
+    screen.print(f"{outside} of {len(validation.channels)} fitted channels are outside a limit.", markup=False)
+    for run in left.values():
+        if not run.converged:
+            screen.print(f"The fit without {run.run} did not end at a minimum.", markup=False)
+
+
+def _medians(rows: Sequence) -> tuple[str, ...]:
+    shown = []
+    for name, digits in (("residual_over_noise", ".2f"), ("nrmse", ".2%"), ("iso18571", ".3f")):
+        finite = [v for v in (getattr(row, name) for row in rows) if np.isfinite(v)]
+        shown.append(f"{np.median(finite):{digits}}" if finite else "-")
+    return tuple(shown)
+
+
 def show_sample(screen: Console, calibration, posterior) -> None:
     """Posterior medians with 90 % credible intervals; those that repeat the prior are named as such."""
     table = _table("Posterior", ("parameter", "median", "90 % credible interval", "unit", "effective draws", "R-hat"))

@@ -150,7 +150,12 @@ def _find_motion(
     report("searching speeds and starts", 0.02)
     motion = search_motion(model, campaign, start, quiet)
     _check_motion(campaign, model, motion)
-    return motion, tuple(
+    return motion, instrument_noise(model, motion)
+
+
+def instrument_noise(model: BumpModel, motion: RunMotion) -> tuple[np.ndarray, ...]:
+    """Instrument noise (R, C) per group [SI], from the records before their runs meet the bump."""
+    return tuple(
         noise_model.instrument_noise(g, noise_model.quiet_time(model, g, motion.start_s, motion.speed_m_s))
         for g in model.groups
     )

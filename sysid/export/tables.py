@@ -100,13 +100,15 @@ def validation_csv(validation: Validation) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     names = [f.name for f in fields(ChannelAgreement)]
     writer.writerow([*names, "outside_limits"])
-    for row in validation.channels:
+    for row in (*validation.channels, *validation.out_of_sample):
         values = (_validation_cell(name, getattr(row, name)) for name in names)
         writer.writerow([*values, " ".join(validation.limits.exceeded(row))])
     return stream.getvalue()
 
 
 def _validation_cell(name: str, value: str | int | float | None) -> str | int:
+    if isinstance(value, bool):
+        return "true" if value else "false"
     if name == "axle":
         return "" if value is None else int(value) + 1
     return escape_cell(value) if isinstance(value, str) else value if isinstance(value, int) else _cell(value)

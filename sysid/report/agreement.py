@@ -12,7 +12,7 @@ from sysid.report.tables import Cell, Table, table
 from sysid.report.verdict import is_misfit
 
 if TYPE_CHECKING:
-    from sysid.validation.results import ChannelAgreement, Validation
+    from sysid.validation.results import ChannelAgreement, LeftOut, Validation
 
 _KINDS = {
     "suspension_deflection": "deflection",
@@ -73,6 +73,24 @@ def ratings_table(validation: Validation) -> Table:
         "outside a limit",
     )
     return table("Ratings over all runs: median (worst)", head, rows)
+
+
+def left_out_table(left_out: LeftOut, run_names: dict[str, str]) -> Table:
+    """One row per run that was predicted by a fit without it: medians over its channels, in and out of sample."""
+    rows: list[list[Cell]] = []
+    for left in left_out.runs:
+        fitted = [c for c in left_out.in_sample if c.run == left.run]
+        cells = [Cell(run_names.get(left.run, left.run))]
+        for name, text in (("residual_over_noise", _ratio), ("nrmse", percent), ("iso18571", lambda v: fixed(v, 2))):
+            for members in (fitted, left.channels):
+                cells.append(Cell(text(_median([getattr(m, name) for m in members]))))
+        most = max(range(len(left_out.names)), key=lambda i: abs(left.shift_sd[i]))
+        cells.append(Cell(f"{left_out.names[most]} by {left.shift_sd[most]:+.1f} sd"))
+        rows.append(cells)
+    head = ["run"]
+    for name in ("residual / noise [-]", "NRMSE", "ISO/TS 18571 rating R"):
+        head += [f"{name}: fitted", f"{name}: out of sample"]
+    return table("Runs predicted by a fit of all others, medians over channels", [*head, "parameter moved most"], rows)
 
 
 def _spread(values: list[float], worst: Callable[[list[float]], float], text: Callable[[float], str]) -> Cell:

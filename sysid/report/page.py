@@ -108,6 +108,7 @@ def _content(results: Results) -> dict[str, Any]:
         "posterior_table": None if results.posterior is None else tables.posterior_table(results.posterior),
         "posterior_pictures": figures.posterior_pictures(results, gallery),
         "agreement": _agreement(results, run_names),
+        "left_out": _left_out(results, run_names),
         "prediction_tables": tables.prediction_tables(results),
         "prediction_pictures": figures.prediction_pictures(results, gallery),
         "suspension_pictures": figures.suspension_pictures(results, gallery),
@@ -139,6 +140,11 @@ def _agreement(results: Results, run_names: dict[str, str]) -> list[tables.Table
             validation, run_names, "ISO/TS 18571 rating per channel and run [-]", agreement.rating_cell
         ),
     ]
+
+
+def _left_out(results: Results, run_names: dict[str, str]) -> tables.Table | None:
+    left_out = None if results.validation is None else results.validation.left_out
+    return None if left_out is None else agreement.left_out_table(left_out, run_names)
 
 
 def _run_names(results: Results) -> dict[str, str]:

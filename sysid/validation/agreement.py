@@ -15,11 +15,12 @@ _MOST_MISSING = 0.05
 
 def validate(fit: FitResult, limits: ValidationLimits | None = None) -> Validation:
     """Agreement of every channel of every fitted run, with the limits that it is held against."""
-    rows = tuple(row for history in fit.histories for row in _run(history))
+    rows = tuple(row for history in fit.histories for row in history_agreement(history))
     return Validation(rows, limits or ValidationLimits())
 
 
-def _run(history: RunHistory) -> list[ChannelAgreement]:
+def history_agreement(history: RunHistory, out_of_sample: bool = False) -> list[ChannelAgreement]:
+    """Agreement of every channel of one run that has a reading; `out_of_sample` marks a run that no fit has seen."""
     plain = np.where(history.censored == 0, history.measured, np.nan)
     lost = np.mean(~np.isfinite(plain), axis=1)
     rated = [c for c in range(len(history.columns)) if lost[c] <= _MOST_MISSING]
@@ -55,6 +56,7 @@ def _run(history: RunHistory) -> list[ChannelAgreement]:
                 sprague_geers_magnitude=magnitude,
                 sprague_geers_phase=phase,
                 iso18571=np.nan if rating is None else rating.overall,
+                out_of_sample=out_of_sample,
             )
         )
     return rows

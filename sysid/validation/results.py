@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+import statistics
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from sysid.tabular import Tabular, records_table
 
@@ -23,6 +27,7 @@ class ChannelAgreement:
     - `measured_frequency_hz`, `simulated_frequency_hz`: frequency with the largest amplitude.
     - `sprague_geers_magnitude`, `sprague_geers_phase` [-], zero at best.
     - `iso18571` is the overall objective rating R, one at best.
+    - `out_of_sample` is True where the simulation comes from a fit without this run.
     """
 
     run: str
@@ -40,6 +45,7 @@ class ChannelAgreement:
     sprague_geers_magnitude: float = math.nan
     sprague_geers_phase: float = math.nan
     iso18571: float = math.nan
+    out_of_sample: bool = False
 
 
 @dataclass(frozen=True)
@@ -65,11 +71,76 @@ class ValidationLimits:
 
 
 @dataclass(frozen=True)
+class LeftOutRun:
+    """A run predicted by a fit of all other runs.
+
+    `values` (p,) of the global parameters without it; `shift_sd` (p,) by how many standard deviations of the fit of all
+    runs they moved; `converged` whether that fit ended at a minimum; `speed_m_s`, `start_s` of the run itself, found
+    from its record; `channels` their agreement, out of sample.
+    """
+
+    run: str
+    values: np.ndarray
+    shift_sd: np.ndarray
+    converged: bool
+    speed_m_s: float
+    start_s: float
+    channels: tuple[ChannelAgreement, ...]
+
+
+@dataclass(frozen=True)
+class LeftOut(Tabular):
+    """Runs predicted without having been fitted; `names` of the global parameters, `in_sample` the fit of all runs."""
+
+    names: tuple[str, ...]
+    runs: tuple[LeftOutRun, ...]
+    in_sample: tuple[ChannelAgreement, ...]
+
+    def summary(self) -> pd.DataFrame:
+        """One row per run: medians over its channels with and without the run in the fit, and the largest shift."""
+        import pandas as pd
+
+        rows = []
+        for left in self.runs:
+            fitted = [c for c in self.in_sample if c.run == left.run]
+            most = int(np.argmax(np.abs(left.shift_sd)))
+            rows.append(
+                {
+                    "run": left.run,
+                    "residual_over_noise": _median(fitted, "residual_over_noise"),
+                    "residual_over_noise_out_of_sample": _median(left.channels, "residual_over_noise"),
+                    "nrmse": _median(fitted, "nrmse"),
+                    "nrmse_out_of_sample": _median(left.channels, "nrmse"),
+                    "iso18571": _median(fitted, "iso18571"),
+                    "iso18571_out_of_sample": _median(left.channels, "iso18571"),
+                    "moved_most": self.names[most],
+                    "shift_sd": float(left.shift_sd[most]),
+                    "converged": left.converged,
+                }
+            )
+        return pd.DataFrame(rows)
+
+
+def _median(rows: Sequence[ChannelAgreement], name: str) -> float:
+    finite = [v for v in (getattr(row, name) for row in rows) if math.isfinite(v)]
+    return statistics.median(finite) if finite else math.nan
+
+
+@dataclass(frozen=True)
 class Validation(Tabular):
-    """Agreement of every channel of every run, and the limits it is held against."""
+    """Agreement of every channel of every fitted run, and the limits it is held against.
+
+    `left_out` holds runs that were predicted by a fit without them, None where that was not asked for.
+    """
 
     channels: tuple[ChannelAgreement, ...]
     limits: ValidationLimits = ValidationLimits()
+    left_out: LeftOut | None = None
+
+    @property
+    def out_of_sample(self) -> tuple[ChannelAgreement, ...]:
+        """Channels of runs that were predicted by a fit without them."""
+        return () if self.left_out is None else tuple(c for run in self.left_out.runs for c in run.channels)
 
     @property
     def outside(self) -> tuple[ChannelAgreement, ...]:
@@ -78,12 +149,13 @@ class Validation(Tabular):
 
     def to_pandas(self) -> pd.DataFrame:
         """The summary and the names of the limits that a channel does not keep."""
-        return self.summary().assign(outside_limits=[" ".join(self.limits.exceeded(row)) for row in self.channels])
+        rows = (*self.channels, *self.out_of_sample)
+        return self.summary().assign(outside_limits=[" ".join(self.limits.exceeded(row)) for row in rows])
 
     def summary(self) -> pd.DataFrame:
-        """One row per entry, in SI units."""
+        """One row per channel and run, in SI units; runs predicted by a fit without them follow, marked so."""
         return records_table(
-            self.channels,
+            (*self.channels, *self.out_of_sample),
             (
                 "run",
                 "column",
@@ -100,5 +172,6 @@ class Validation(Tabular):
                 "sprague_geers_magnitude",
                 "sprague_geers_phase",
                 "iso18571",
+                "out_of_sample",
             ),
         )

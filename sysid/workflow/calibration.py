@@ -51,7 +51,8 @@ from sysid.runtime import configure
 from sysid.sdof.results import DropSummary
 from sysid.sdof.summary import analyse_drops
 from sysid.validation.agreement import validate
-from sysid.validation.results import Validation
+from sysid.validation.leave_out import chosen_runs, leave_out
+from sysid.validation.results import LeftOut, LeftOutRun, Validation
 from sysid.vehicle_model.engine import engine_name
 from sysid.workflow import store
 from sysid.workflow.settings import Settings, remember
@@ -176,12 +177,31 @@ class Calibration:
         return self._stage("predict", self._predict)
 
     def validate(self) -> Validation:
-        """Agreement of simulated and measured histories of the fitted runs."""
+        """Agreement of simulated and measured histories of the fitted runs, and of runs left out so far."""
         fit = self.fit()
         # The rating takes seconds and is asked for by report and export alike.
         if self._validated is None or self._validated[0] is not fit:
             self._validated = fit, validate(fit, self.settings.validation)
-        return self._validated[1]
+        found = self._validated[1]
+        left: tuple[LeftOutRun, ...] = self._known("left_out") or ()
+        return replace(found, left_out=LeftOut(fit.names, left, found.channels)) if left else found
+
+    def leave_out(self, runs: Sequence[str] = ()) -> Validation:
+        """Predict `runs` (all for none named), each by a fit of all other runs; what is done already is kept.
+
+        The fits take the suspension laws and the drops of the fit of all runs.
+        """
+        chosen = chosen_runs(self.campaign, runs)
+        fit, state, profiles = self.fit(), self._state(), self._profiles()
+        done = {left.run: left for left in self._known("left_out") or ()}
+        todo = [run for run in chosen if run not in done]
+        options, report = self.settings.fit, self._progress
+        for left in leave_out(self.campaign, fit, state, profiles, todo, options, report):
+            done[left.run] = left
+            kept = tuple(done[r.log.file] for r in self.campaign.bump_runs if r.log.file in done)
+            with self._lock:
+                self._keep("left_out", kept)
+        return self.validate()
 
     def vehicles(self) -> tuple[CalibratedVehicle, ...]:
         """The calibrated vehicle of every load case that the data speak of, at the posterior medians if there are any.
@@ -442,10 +462,13 @@ class Calibration:
             if name not in ENDS:
                 self._forget(STAGES[STAGES.index(name) + 1 :])
                 self._write(partial((self.output / SUCCESS_MARKER).unlink, missing_ok=True))
-            self._results[name] = result
-            self._write(lambda: remember(self.output, self.settings))
-            self._write(lambda: store.save(self._path(name), result, self._fingerprint(name)))
+            self._keep(name, result)
         return result
+
+    def _keep(self, name: str, result: Any) -> None:
+        self._results[name] = result
+        self._write(lambda: remember(self.output, self.settings))
+        self._write(lambda: store.save(self._path(name), result, self._fingerprint(name)))
 
     def redo(self, name: str) -> None:
         """Forget a stage and all that follow, so that it runs again."""
@@ -461,7 +484,7 @@ class Calibration:
         return self._results[name]
 
     def _forget(self, names: tuple[str, ...]) -> None:
-        for name in names:
+        for name in (*names, *(("left_out",) if "fit" in names else ())):
             self._results.pop(name, None)
             self._write(partial(self._path(name).unlink, missing_ok=True))
 
@@ -488,7 +511,7 @@ class Calibration:
         relevant: dict[str, Any] = {"inputs": dict(self._raw.input_sha256), "version": versions()["sysid"]}
         if name == "drops":
             relevant["drop_model"] = self.settings.drop_model
-        if name in ("drops", "fit", "advise", "profile", "sample", "predict"):
+        if name in ("drops", "fit", "left_out", "advise", "profile", "sample", "predict"):
             relevant["fit"] = self.settings.as_dict()["fit"]
         if name in ("fit", "advise", "profile"):
             # Results of before do not say what the data determine.

@@ -1,0 +1,90 @@
+"""How well the model predicts runs that it has not been fitted to, one at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.errors import CampaignError
+from sysid.estimation.fit_options import FitOptions
+from sysid.estimation.left_out import fit_without
+from sysid.estimation.problem import FitState
+from sysid.estimation.results import FitResult, RunHistory
+from sysid.road.results import RoadProfile
+from sysid.validation.agreement import history_agreement
+from sysid.validation.results import LeftOutRun
+
+Progress = Callable[[str, float], None]
+
+
+def leave_out(
+    campaign: Campaign,
+    fit: FitResult,
+    state: FitState,
+    profiles: Mapping[str, RoadProfile],
+    runs: Sequence[str],
+    options: FitOptions,
+    progress: Progress | None = None,
+) -> Iterator[LeftOutRun]:
+    """Fit the campaign without each of `runs` in turn and compare its prediction with the record.
+
+    The global parameters do not see the run; its speed, its start and its sensors' offsets and gains are its own.
+
+    Parameters
+    ----------
+    campaign, fit, state, profiles : screened campaign with all runs, its fit and its bumps.
+    runs : files of the runs (:func:`chosen_runs`).
+    """
+    report = progress or (lambda message, fraction: None)
+    files = [r.log.file for r in campaign.bump_runs]
+    sd = np.sqrt(np.diag(fit.covariance))
+    for number, name in enumerate(runs):
+        share = number / len(runs)
+
+        def within(message: str, fraction: float, name: str = name, share: float = share) -> None:
+            report(f"without {name}, {message}", share + fraction / len(runs))
+
+        found = fit_without(campaign, state, profiles, files.index(name), options, within)
+        history = _in_the_same_noise(found.history, fit)
+        yield LeftOutRun(
+            run=name,
+            values=np.exp(found.log_parameters),
+            shift_sd=(found.log_parameters - state.log_parameters) / sd,
+            converged=found.converged,
+            speed_m_s=history.speed_m_s,
+            start_s=history.start_s,
+            channels=tuple(history_agreement(history, out_of_sample=True)),
+        )
+
+
+def _in_the_same_noise(history: RunHistory, fit: FitResult) -> RunHistory:
+    """The history with the instrument noise that its run has in the fit of all runs, so that the two compare."""
+    fitted = next(h for h in fit.histories if h.file == history.file)
+    noise = dict(zip(fitted.columns, fitted.instrument_noise_sd, strict=True))
+    return replace(history, instrument_noise_sd=np.array([noise[column] for column in history.columns]))
+
+
+def chosen_runs(campaign: Campaign, names: Sequence[str]) -> tuple[str, ...]:
+    """Files of the named bump runs, all of them for none; a name is the file or its last part without extension.
+
+    Raises
+    ------
+    CampaignError
+        If a name fits no run or several, or the campaign has one run only.
+    """
+    files = [r.log.file for r in campaign.bump_runs]
+    if len(files) < 2:
+        raise CampaignError(
+            "A run can be left out only where another one is left to fit; the campaign has fewer than two."
+        )
+    found = []
+    for name in names:
+        fitting = [f for f in files if name == f or name in (f.rsplit("/")[-1], f.rsplit("/")[-1].rsplit(".", 1)[0])]
+        if len(fitting) != 1:
+            several = "fits several runs" if fitting else "is none of the runs that can be used"
+            raise CampaignError(f"--leave-out {name} {several}; give one of {', '.join(files)}.")
+        found += fitting
+    return tuple(dict.fromkeys(found or files))

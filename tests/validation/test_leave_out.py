@@ -1,0 +1,131 @@
+"""Runs predicted without a fit to them: noise remains under the right model, more than in sample under a wrong one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rigid_truck import SENSORS, bump, campaign, empty_run, true_log_parameters, with_values
+from synthetic_fit import NOISE
+
+from sysid.errors import CampaignError
+from sysid.estimation.bump_model import bump_model
+from sysid.estimation.fit_options import FitOptions
+from sysid.estimation.least_squares import fit_bump_runs
+from sysid.estimation.objective import RunMotion, simulate_runs
+from sysid.estimation.parameters import campaign_parameters
+from sysid.export.tables import validation_csv
+from sysid.report.agreement import left_out_table
+from sysid.validation import validate
+from sysid.validation.leave_out import chosen_runs, leave_out
+from sysid.validation.results import LeftOut
+from sysid.workflow import store
+
+FILES = ("runs/slow.csv", "runs/middle.csv", "runs/fast.csv")
+SPEED = np.array([5.6, 7.3, 9.1])
+START = np.array([0.5, 0.44, 0.6])
+PROFILES = {"bump": bump(height_m=0.04)}
+
+
+def measured_campaign():
+    """Three runs made with the model: noise, and an offset and a gain error of every channel."""
+    runs = [empty_run(f, v * 1.01, samples=360) for f, v in zip(FILES, SPEED, strict=True)]
+    blank = campaign(runs)
+    parameters = campaign_parameters(blank, None)
+    model = bump_model(blank, parameters, PROFILES)
+    (signals,) = simulate_runs(model, true_log_parameters(parameters.names), RunMotion(SPEED, START))
+    random = np.random.default_rng(11)
+    scale = np.array([NOISE[s.kind] for s in SENSORS])
+    filled = []
+    for r, run in enumerate(runs):
+        clean = signals[:, model.groups[0].runs.index(r)] * (1 + 0.003 * random.normal(size=8))
+        values = clean + scale * (3.0 * random.normal(size=8) + random.normal(size=clean.shape))
+        filled.append(with_values(run, values))
+    return replace(blank, bump_runs=tuple(filled)), parameters
+
+
+@pytest.fixture(scope="module", params=["footprint", "point"])
+def left(request):
+    data, parameters = measured_campaign()
+    options = FitOptions(weight_rounds=1, cross_check=False, contact=request.param)
+    fit, state = fit_bump_runs(data, parameters, PROFILES, options)
+    found = tuple(leave_out(data, fit, state, PROFILES, FILES, options))
+    return request.param, fit, LeftOut(fit.names, found, validate(fit).channels)
+
+
+def mean_square(rows, fit):
+    """Mean square residual over the noise that was put in; what the result takes for noise is an estimate."""
+    estimated = {(h.file, c): sd for h in fit.histories for c, sd in zip(h.columns, h.instrument_noise_sd, strict=True)}
+    return float(
+        np.mean([(row.residual_over_noise * estimated[row.run, row.column] / NOISE[row.kind]) ** 2 for row in rows])
+    )
+
+
+def test_out_of_sample_residuals(left):
+    contact, fit, result = left
+    within = mean_square(result.in_sample, fit)
+    beyond = mean_square([c for run in result.runs for c in run.channels], fit)
+    if contact == "footprint":
+        # 24 histories of 360 samples: the mean square of the noise is known to about two per cent.
+        assert within == pytest.approx(1.0, abs=0.05)
+        assert beyond == pytest.approx(1.0, abs=0.05)
+    else:
+        assert within > 1.5
+        assert beyond > 1.02 * within
+    assert beyond > within
+    assert all(run.converged for run in result.runs)
+
+
+def test_speed_and_start_are_the_runs_own(left):
+    contact, _, result = left
+    if contact == "footprint":
+        np.testing.assert_allclose([run.speed_m_s for run in result.runs], SPEED, rtol=4e-3)
+        np.testing.assert_allclose([run.start_s for run in result.runs], START, atol=4e-3)
+
+
+def test_parameters_move_by_what_a_third_of_the_data_may_move_them(left):
+    contact, fit, result = left
+    for run in result.runs:
+        values = np.array([p.value for p in fit.parameters])
+        sd = np.sqrt(np.diag(fit.covariance))
+        np.testing.assert_allclose(run.values, values * np.exp(run.shift_sd * sd), rtol=1e-6)
+        assert np.abs(run.shift_sd).max() > 0.05
+        if contact == "footprint":
+            # Without one run of three the variance grows by about a half: a shift has a standard deviation of 0.7.
+            assert np.sqrt(np.mean(run.shift_sd**2)) < 1.5
+
+
+def test_marked_in_table_csv_and_report(left):
+    _, fit, result = left
+    validation = replace(validate(fit), left_out=result)
+    table = validation.summary()
+    assert table["out_of_sample"].sum() == 24
+    assert len(table) == 48
+    assert len(validation.to_pandas()) == 48
+    lines = validation_csv(validation).splitlines()
+    place = lines[0].split(",").index("out_of_sample")
+    assert [line.split(",")[place] for line in lines[1:]] == ["false"] * 24 + ["true"] * 24
+    summary = result.summary()
+    assert list(summary["run"]) == list(FILES)
+    assert "out of sample" in str(left_out_table(result, {}))
+
+
+def test_left_out_runs_are_kept_between_calls(left, tmp_path):
+    _, _, result = left
+    store.save(tmp_path / "left.npz", result.runs, "x")
+    back = store.load(tmp_path / "left.npz", "x")
+    assert back[2].channels == result.runs[2].channels
+    np.testing.assert_array_equal(back[1].values, result.runs[1].values)
+
+
+def test_runs_by_file_or_name():
+    data = campaign([empty_run(f, 6.0) for f in FILES])
+    assert chosen_runs(data, ()) == FILES
+    assert chosen_runs(data, ["fast", "runs/slow.csv", "fast.csv"]) == (FILES[2], FILES[0])
+    with pytest.raises(CampaignError, match=r"none of the runs.*runs/middle\.csv"):
+        chosen_runs(data, ["nothing"])
+    with pytest.raises(CampaignError, match="several"):
+        chosen_runs(campaign([empty_run(f, 6.0) for f in ("a/x.csv", "b/x.csv")]), ["x"])
+    with pytest.raises(CampaignError, match="fewer than two"):
+        chosen_runs(campaign([empty_run("a.csv", 6.0)]), ["a"])
