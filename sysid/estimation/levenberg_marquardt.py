@@ -7,7 +7,7 @@ Jacobian at y_0 are those of the true residuals, which is all that a Levenberg-M
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -97,13 +97,43 @@ def minimise(
         raise SysidError(
             "Least squares needs 64-bit floats; call jax.config.update('jax_enable_x64', True) before the first use."
         )
-    residual, jacobian = evaluate(np.asarray(start, float))
+    start = np.asarray(start, float)
+    here = residual, jacobian = evaluate(start)
     if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
         raise SysidError("The simulation is not finite at the start values; check masses, stiffnesses and time steps.")
     # Scaling by the columns of the first Jacobian makes the damping act alike on all unknowns.
     norms = np.linalg.norm(jacobian, axis=0)
-    scale = 1.0 / np.where(norms > 0.0, norms, 1.0)
+    by_columns = 1.0 / np.where(norms > 0.0, norms, 1.0)
+    report = on_iteration or (lambda iteration, cost: None)
+    tolerances = relative_tolerance, step_tolerance
+    found = _search(evaluate, start, here, by_columns, tolerances, max_iterations, report)
+    done = found.iterations
+    if found.converged or done >= max_iterations:
+        return found
+    # An unknown that matters only away from the start was hardly damped: once more, with steps in shares of the start.
+    by_start = np.where(start != 0.0, np.abs(start), 1.0)
+    again = _search(
+        evaluate, start, here, by_start, tolerances, max_iterations - done, lambda i, cost: report(done + i, cost)
+    )
+    better = again if again.converged or again.cost < found.cost else found
+    return replace(better, iterations=done + again.iterations)
 
+
+def _search(
+    evaluate: Evaluation,
+    start: np.ndarray,
+    at_start: tuple[np.ndarray, np.ndarray],
+    scale: np.ndarray,
+    tolerances: tuple[float, float],
+    max_iterations: int,
+    on_iteration: Callable[[int, float], None],
+) -> Minimum:
+    """One search, with unknowns in units of `scale` (p,), from residuals and Jacobian `at_start`.
+
+    `tolerances` are that of the cost and that of steps.
+    """
+    relative_tolerance, step_tolerance = tolerances
+    residual, jacobian = at_start
     solver: optx.LevenbergMarquardt = optx.LevenbergMarquardt(rtol=relative_tolerance, atol=relative_tolerance)
     solver = eqx.tree_at(lambda s: s.search, solver, optx.ClassicalTrustRegion(high_cutoff=_GOOD_STEP))
     point = jnp.asarray(start / scale)
@@ -142,8 +172,7 @@ def minimise(
         gain = best - cost
         rejections = 0 if gain > 0.0 else rejections + 1
         best = min(best, cost)
-        if on_iteration is not None:
-            on_iteration(iteration, best)
+        on_iteration(iteration, best)
         proposed = np.abs(np.asarray(state.y_eval) - np.asarray(point))
         if 0.0 <= gain <= relative_tolerance * best:
             return ended(iteration, "the cost no longer falls")
