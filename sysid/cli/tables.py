@@ -219,7 +219,7 @@ def show_advise(screen: Console, calibration, advice) -> None:
     peak = "-" if advice.peak is None else f"peak ratio, {escape(advice.peak.label)}"
     columns = ("one further run", "worst of k and c", "median of k and c", peak)
     table = _table("Standard deviations after one further run", columns)
-    for p in (advice.now, *advice.runs, *advice.sensors):
+    for p in advice.rows:
         name, worst = advice.worst(p)
         table.add_row(
             escape(p.label),

@@ -161,12 +161,14 @@ def _advice(results: Results) -> dict[str, Any] | None:
             "worst_relative_sd": worst,
             "median_relative_sd": advice.median(p),
             "peak_ratio_sd": _number(p.peak_sd),
+            "exact": p.exact or None,
         }
 
     return {
         "now": row(advice.now),
         "runs": [row(p) for p in advice.runs],
         "sensors": [row(p) for p in advice.sensors],
+        "masses": [row(p) for p in advice.masses],
         "peak": None if advice.peak is None else advice.peak.label,
         "statements": list(advice.statements),
     }

@@ -20,7 +20,7 @@ from sysid.estimation.further_runs import (
     recording_sensors,
     run_information,
 )
-from sysid.estimation.identifiability import Identifiability, is_tire, listed
+from sysid.estimation.identifiability import ROUGH, Identifiability, is_tire, listed
 from sysid.estimation.information import DataInformation
 from sysid.estimation.problem import FitState
 from sysid.prediction.advice_results import Advice, PeakTarget, Prospect
@@ -34,6 +34,8 @@ CANDIDATE_KM_H = (8.0, 16.0, 24.0, 32.0)
 _STEP = 0.005
 #: A further run that lowers a standard deviation by less than this share is not worth naming.
 WORTH = 0.05
+#: Mass properties shown, those that would bring most.
+MASSES_SHOWN = 3
 #: Tolerance of a mass that counts as known.
 _EXACT = 1e-8
 
@@ -84,14 +86,15 @@ def advise(
     bare = Advice(determined.names, targets, now, runs, (), target, ())
     best = tuple(min(row, key=bare.median) for row in with_sensors)
     every = [p for row in with_sensors for p in row]
+    masses = exact_masses(bare, information, [f.words for f in state.model.masses.factors], gradient)
     statements = (
         _worst_statement(bare),
-        *_mass_statements(bare, information, state),
+        *_mass_statements(bare, information, masses),
         *_run_statements(bare),
         *_sensor_statements(bare, every),
         *_remedies(bare, determined, every),
     )
-    return Advice(determined.names, targets, now, runs, best, target, statements)
+    return Advice(determined.names, targets, now, runs, best, target, statements, masses)
 
 
 def candidate_runs(campaign: Campaign, speeds_km_h: Sequence[float]) -> tuple[RunKind, ...]:
@@ -169,26 +172,39 @@ def _run_statements(advice: Advice) -> list[str]:
     return found
 
 
-def _mass_statements(advice: Advice, information: DataInformation, state: FitState) -> list[str]:
+def exact_masses(
+    advice: Advice, information: DataInformation, words: Sequence[str], gradient: np.ndarray | None
+) -> tuple[Prospect, ...]:
+    """What would be known without a further run if one declared mass property were exact, best first.
+
+    Parameters
+    ----------
+    words : which property each tolerance of `information` belongs to.
+    gradient : (p,) of the predicted peak, or None.
+    """
+    found = []
+    for k, name in enumerate(words):
+        known = np.where(np.arange(len(words)) == k, _EXACT, information.mass_sd)
+        one = _prospect(replace(information, mass_sd=known), gradient, None, None, "")
+        found.append(replace(one, exact=name))
+    return tuple(sorted(found, key=lambda p: advice.worst(p)[1])[:MASSES_SHOWN])
+
+
+def _mass_statements(advice: Advice, information: DataInformation, masses: Sequence[Prospect]) -> list[str]:
     """Which declared mass property limits what is known, where exact masses would lower the worst of k and c much."""
-    if not information.mass_sd.size:
+    if not masses:
         return []
     name, sd = advice.worst(advice.now)
     at = advice.names.index(name)
-
-    def left(known: np.ndarray) -> float:
-        exact = replace(information, mass_sd=np.where(known, _EXACT, information.mass_sd))
-        return float(np.sqrt(exact.covariance()[at, at]))
-
-    every = np.ones(information.mass_sd.size, bool)
-    if left(every) > (1.0 - 4.0 * WORTH) * sd:
+    every = replace(information, mass_sd=np.full_like(information.mass_sd, _EXACT))
+    left = float(np.sqrt(every.covariance()[at, at]))
+    if left > (1.0 - 4.0 * WORTH) * sd:
         return []
-    alone = [left(np.arange(every.size) == k) for k in range(every.size)]
-    k = int(np.argmin(alone))
-    share = "most" if left(every) < 0.5 * sd else "part"
+    best = min(masses, key=lambda p: p.sd[at])
+    share = "most" if left < 0.5 * sd else "part"
     return [
         f"Tolerances of declared masses are {share} of it: with all of them exact {name} would be known to "
-        f"{_percent(left(every))}, with only the {state.model.masses.factors[k].words} exact to {_percent(alone[k])}."
+        f"{_percent(left)}, with only the {best.exact} exact to {_percent(float(best.sd[at]))}."
     ]
 
 
@@ -207,12 +223,14 @@ def _sensor_statements(advice: Advice, every: Sequence[Prospect]) -> list[str]:
 
 
 def _remedies(advice: Advice, determined: Identifiability, every: Sequence[Prospect]) -> list[str]:
-    """For every group of suspension parameters that the data leave open: the sensor and the run that tell most."""
+    """The sensor and the run that tell most about suspension parameters that are open or known only roughly."""
     found = []
-    for group in determined.groups:
-        if all(is_tire(name) for name in group.names):
-            continue
-        at = [advice.names.index(name) for name in group.names]
+    weak = [g.names for g in determined.groups if not all(is_tire(name) for name in g.names)]
+    said = {name for names in weak for name in names}
+    rough = dict(zip(determined.names, determined.sd >= ROUGH, strict=True))
+    weak += [(name,) for name in advice.targets if rough[name] and name not in said]
+    for names in weak:
+        at = [advice.names.index(name) for name in names]
 
         def left(p: Prospect, at: list[int] = at) -> float:
             return float(p.sd[at].max())
@@ -225,7 +243,7 @@ def _remedies(advice: Advice, determined: Identifiability, every: Sequence[Prosp
                 continue
             what = f"{word} {best.sensor} and drive {_without(best)}" if best.sensor else f"{word} {best.label}"
             ways.append(f"{what} (to {_percent(left(best))})")
-        text = f"{listed(group.names)}, now known to {_percent(now)} at worst: "
+        text = f"{listed(names)}, now known to {_percent(now)}{' at worst' if len(names) > 1 else ''}: "
         found.append(text + (", or ".join(ways) if ways else "no single further run or sensor helps") + ".")
     return found
 

@@ -19,6 +19,7 @@ class Prospect:
 
     `sd` (p,) standard deviations of the log parameters; `peak_sd` standard deviation of the predicted peak dynamic load
     ratio, NaN without a prediction.  Of what is known now `load_case` and `bump` are empty and the speed is NaN.
+    `exact` names a declared mass property that is taken as exact then.
     """
 
     load_case: str
@@ -27,12 +28,13 @@ class Prospect:
     sensor: str
     sd: np.ndarray
     peak_sd: float
+    exact: str = ""
 
     @property
     def label(self) -> str:
-        """The run and the added sensor in words."""
+        """The run and the added sensor, or what is exact, in words."""
         if not self.load_case:
-            return "as it is"
+            return f"none, but exact {self.exact}" if self.exact else "none"
         run = f"{3.6 * self.speed_m_s:.4g} km/h, {self.load_case}"
         return f"{run}, with {self.sensor}" if self.sensor else run
 
@@ -58,7 +60,8 @@ class Advice(Tabular):
 
     `names` (p,) of the parameters; `targets` names of those that count, every k and c; `now` what is known; `runs`
     after one further run each with the sensors at hand; `sensors` after one further run with one more sensor, each with
-    the run that suits it best; `peak` the predicted peak, None without a prediction; `statements` in words.
+    the run that suits it best; `peak` the predicted peak, None without a prediction; `statements` in words; `masses`
+    with no further run but one declared mass property measured exactly, those first that bring most.
     """
 
     names: tuple[str, ...]
@@ -68,6 +71,12 @@ class Advice(Tabular):
     sensors: tuple[Prospect, ...]
     peak: PeakTarget | None
     statements: tuple[str, ...]
+    masses: tuple[Prospect, ...] = ()
+
+    @property
+    def rows(self) -> tuple[Prospect, ...]:
+        """Everything that is compared, what is known now first."""
+        return (self.now, *self.runs, *self.sensors, *self.masses)
 
     def worst(self, prospect: Prospect) -> tuple[str, float]:
         """Name and relative standard deviation of the k or c that would be known worst."""
@@ -84,7 +93,7 @@ class Advice(Tabular):
         import pandas as pd
 
         rows = []
-        for p in (self.now, *self.runs, *self.sensors):
+        for p in self.rows:
             name, worst = self.worst(p)
             rows.append(
                 {
@@ -92,6 +101,7 @@ class Advice(Tabular):
                     "bump": p.bump,
                     "speed_m_s": p.speed_m_s,
                     "sensor": p.sensor,
+                    "exact": p.exact,
                     "worst": name,
                     "worst_sd": worst,
                     "median_sd": self.median(p),

@@ -70,14 +70,13 @@ def advice_table(results: Results) -> Table | None:
     advice = results.advice
     if advice is None:
         return None
-    base = advice.now
 
     def cells(p: Prospect) -> list[str]:
         name, worst = advice.worst(p)
         peak = MISSING if advice.peak is None else number(p.peak_sd, 2)
         return [p.label, f"{percent(worst)} ({name})", percent(advice.median(p)), peak]
 
-    rows = [cells(p) for p in (base, *advice.runs, *advice.sensors)]
+    rows = [cells(p) for p in advice.rows]
     peak = "sd of a predicted peak ratio" if advice.peak is None else f"sd of the peak ratio, {advice.peak.label}"
     head = ("one further run", "worst sd of k and c", "median sd of k and c", peak)
     return table("What one further run would bring", head, rows)

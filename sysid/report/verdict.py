@@ -250,6 +250,10 @@ def _todo(results: Results) -> list[str]:
         )
     if unidentified := _unidentified(results):
         steps.append(f"Add runs at another speed or load to identify {listing(unidentified)}.")
+    if results.advice is not None and results.advice.statements:
+        steps.append(" ".join(results.advice.statements[:2]))
+    elif unidentified:
+        steps.append("Run the stage 'advise': it says which run and which sensor would tell most.")
     if results.predictions is not None and undeclared_travel(results):
         steps.append("Declare jounce_travel_m and rebound_travel_m of every axle before using high wheel-load ratios.")
     if results.fit is not None and results.predictions is None and results.campaign.predictions:

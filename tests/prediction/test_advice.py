@@ -127,6 +127,7 @@ def test_without_the_deflection_sensor_of_an_axle_its_parameters_are_named():
     at = [left.names.index(n) for n in ("k_2", "c_2")]
     assert (lvdt.sd[at] < 0.95 * same.sd[at]).all()
     assert len(advice.summary()) == 1 + len(advice.runs) + len(advice.sensors)
+    assert any("c_2" in s and "add an" in s and "drive" in s for s in advice.statements)
 
 
 def test_what_is_left_open_gets_a_remedy():
@@ -142,6 +143,11 @@ def test_wrong_masses_are_named_where_they_limit():
     _, advice = advised(1.0, tolerances=MassTolerances())
     (sentence,) = [s for s in advice.statements if "Tolerances of declared masses are most of it" in s]
     assert "exact" in sentence
+    # Every property alone helps, and none more than all together.
+    assert [p.exact != "" for p in advice.masses] == [True] * 3
+    assert all((p.sd <= advice.now.sd * (1.0 + 1e-9)).all() for p in advice.masses)
+    assert advice.masses[0].exact in sentence
+    assert advice.summary()["exact"].iloc[-3] == advice.masses[0].exact
 
 
 def test_sensors_that_are_missing():

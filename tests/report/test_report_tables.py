@@ -168,7 +168,7 @@ def test_priors_stand_beside_results_with_what_is_left_of_their_spread():
 
 def test_advice_is_a_row_per_run_and_per_sensor():
     made = knowledge.advice_table(small_results())
-    assert [row[0].text for row in made.rows] == ["as it is", "20 km/h, laden", "20 km/h, laden, with LVDT at axle 2"]
+    assert [row[0].text for row in made.rows] == ["none", "20 km/h, laden", "20 km/h, laden, with LVDT at axle 2"]
     assert cells(made)[1][1:] == ["2.5\xa0% (c_2)", "1.0\xa0%", "0.10"]
     assert knowledge.advice_table(small_results(advice=None)) is None
 
