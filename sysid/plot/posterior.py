@@ -54,7 +54,8 @@ def marginals(
         ax.set_axis_off()
     for ax, name in zip(grid.flat, names, strict=False):
         marginal(posterior, name, fit, ax)
-        ax.locator_params(axis="x", nbins=4)
+        # Labels at the very ends would run into those of the neighbour.
+        ax.locator_params(axis="x", nbins=4, prune="both")
     shared_legend(grid[0, 0].figure)
     return grid
 

@@ -64,9 +64,9 @@ def ratings_table(validation: Validation) -> Table:
     head = (
         "channels",
         f"ISO/TS 18571 rating R (limit {limits.iso18571:g})",
-        f"Sprague-Geers magnitude (limit {limits.sprague_geers_magnitude:.0%})",
-        f"Sprague-Geers phase (limit {limits.sprague_geers_phase:.0%})",
-        f"peak error (limit {limits.peak_error:.0%})",
+        f"Sprague-Geers magnitude (limit {percent(limits.sprague_geers_magnitude)})",
+        f"Sprague-Geers phase (limit {percent(limits.sprague_geers_phase)})",
+        f"peak error (limit {percent(limits.peak_error)})",
         "instant of the peak [ms]",
         "fit [%]",
         "dominant frequency off by [Hz]",

@@ -148,7 +148,7 @@ def _left_out(results: Results, run_names: dict[str, str]) -> tables.Table | Non
 
 
 def _run_names(results: Results) -> dict[str, str]:
-    return {r.log.file: f"{r.case}, run {r.repeat}" for r in results.campaign.bump_runs}
+    return {r.log.file: f"{r.case}, run\u00a0{r.repeat}" for r in results.campaign.bump_runs}
 
 
 @cache
