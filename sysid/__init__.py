@@ -1,7 +1,13 @@
 """Suspension stiffness and damping of heavy vehicles from plank drops and speed-bump runs.
 
 The packages follow the flow of the data: campaign, sdof and road, vehicle_model, estimation, posterior, prediction and
-validation, plot, export, report, workflow.  The names below are loaded when they are first used.
+validation, plot, export, report, workflow.  The names below are loaded when they are first used; notebooks in
+`examples/` show them at work.
+
+- A whole calibration: `Calibration` with `make_settings`; every stage is a method and returns a frozen result.
+- Single steps: `read_campaign`, `check_quality`, `analyse_drops`, `read_point_cloud`, `analyse_scan`,
+  `effective_profiles`, `natural_modes`, `calibrated_modes`.
+- Results have `summary()`, `to_pandas()` and, where they hold arrays, `to_xarray()`; figures are in `sysid.plot`.
 """
 
 from __future__ import annotations
@@ -10,10 +16,13 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from sysid import plot
     from sysid.campaign import Campaign, check_quality, read_campaign
     from sysid.errors import CampaignError, DataRejectedError, NotConvergedError, SysidError
-    from sysid.road import analyse_scan, read_point_cloud
+    from sysid.prediction import calibrated_modes
+    from sysid.road import analyse_scan, effective_profiles, read_point_cloud
     from sysid.sdof import analyse_drops
+    from sysid.vehicle_model import natural_modes
     from sysid.workflow import Calibration, Settings, make_settings
 
 _HOMES = {
@@ -26,8 +35,11 @@ _HOMES = {
     "SysidError": "sysid.errors",
     "analyse_drops": "sysid.sdof",
     "analyse_scan": "sysid.road",
+    "calibrated_modes": "sysid.prediction",
     "check_quality": "sysid.campaign",
+    "effective_profiles": "sysid.road",
     "make_settings": "sysid.workflow",
+    "natural_modes": "sysid.vehicle_model",
     "read_campaign": "sysid.campaign",
     "read_point_cloud": "sysid.road",
 }
@@ -42,14 +54,21 @@ __all__ = [
     "SysidError",
     "analyse_drops",
     "analyse_scan",
+    "calibrated_modes",
     "check_quality",
+    "effective_profiles",
     "make_settings",
+    "natural_modes",
+    "plot",
     "read_campaign",
     "read_point_cloud",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    """Load a public name, or the package of figures, when it is first used."""
+    if name == "plot":
+        return importlib.import_module("sysid.plot")
     if name in _HOMES:
         return getattr(importlib.import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'sysid' has no attribute {name!r}")

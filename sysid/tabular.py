@@ -14,6 +14,14 @@ if TYPE_CHECKING:
 class Tabular(ABC):
     """A result with a table of its main numbers."""
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Keep dataclasses from printing all their arrays: they take a `__repr__` that is there."""
+        super().__init_subclass__(**kwargs)
+        cls.__repr__ = Tabular.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}\n{self.summary().to_string(max_rows=12, line_width=120, index=False)}"
+
     @abstractmethod
     def summary(self) -> pd.DataFrame:
         """Table of the main numbers in SI units, axles counted from 1."""

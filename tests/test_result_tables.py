@@ -48,6 +48,14 @@ def test_every_result_is_a_table(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_a_result_prints_as_its_table(name):
+    text = repr(every_result()[name])
+    assert text.startswith(f"{type(every_result()[name]).__name__}\n")
+    assert "array(" not in text
+    assert text.count("\n") < 60
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_no_name_of_the_user_becomes_markup(name):
     html = every_result(Words.all(HOSTILE))[name]._repr_html_()
     assert "<script" not in html

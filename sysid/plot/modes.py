@@ -43,7 +43,7 @@ def mode_shape(modes: NaturalModes, mode: int, ax: Axes | None = None) -> Axes:
     ax.axhline(0.0, color=MUTED, lw=0.7)
     ax.set_title(
         f"mode {mode + 1}: {modes.frequency_hz[mode]:.3g} Hz, ζ {modes.damping_ratio[mode]:.2g}, "
-        f"{label(modes.dominant[mode], 24)}"
+        f"{label(modes.dominant[mode], 20)}"
     )
     ax.set_aspect("equal")
     ax.set_xlim(left, right)

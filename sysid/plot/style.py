@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from functools import cache, wraps
 from itertools import pairwise
@@ -95,6 +96,16 @@ def styled(function: Callable[P, R]) -> Callable[P, R]:
     return inside
 
 
+class ShownFigure(Figure):
+    """A figure that a notebook shows where it ends a cell; pyplot does not know of it."""
+
+    def _repr_png_(self) -> bytes:
+        stream = io.BytesIO()
+        with mpl.rc_context(SETTINGS):
+            self.savefig(stream, format="png")
+        return stream.getvalue()
+
+
 @styled
 def figure(width_in: float = 6.4, height_in: float = 3.2, margins_in: Margins | None = None) -> Figure:
     """An empty figure on an Agg canvas that no global state knows of; sizes in inches.
@@ -102,7 +113,7 @@ def figure(width_in: float = 6.4, height_in: float = 3.2, margins_in: Margins | 
     `margins_in` (left, right, bottom, top, between columns, between rows) places the axes without measuring labels:
     on a grid of many axes the automatic layout takes longer than the drawing.
     """
-    result = Figure(figsize=(width_in, height_in), layout="constrained" if margins_in is None else None)
+    result = ShownFigure(figsize=(width_in, height_in), layout="constrained" if margins_in is None else None)
     if margins_in is not None:
         left, right, bottom, top, _, _ = margins_in
         result.subplots_adjust(left / width_in, bottom / height_in, 1.0 - right / width_in, 1.0 - top / height_in)
@@ -121,9 +132,10 @@ def axes_grid(rows: int, columns: int, cell_in: tuple[float, float], margins_in:
     return fig.subplots(rows, columns, squeeze=False, gridspec_kw=grid_spec, **kwargs)
 
 
-def figure_of(ax: Axes) -> Figure:
-    """The figure that `ax` belongs to; ValueError if it was removed from its figure."""
-    root = ax.get_figure(root=True)
+def figure_of(ax: Axes | np.ndarray) -> Figure:
+    """The figure that `ax`, or an array of axes, belongs to; ValueError if it was removed from its figure."""
+    first = ax.flat[0] if isinstance(ax, np.ndarray) else ax
+    root = first.get_figure(root=True)
     if root is None:
         raise ValueError("these axes belong to no figure any more; draw into new ones")
     return root

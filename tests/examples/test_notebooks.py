@@ -1,0 +1,60 @@
+"""The notebooks run from top to bottom on the shipped campaign, in their order, and show figures."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+ROOT = Path(__file__).resolve().parents[2]
+NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
+#: Figures that a notebook shows at least.
+FIGURES = {"1": 1, "2": 5, "3": 4, "4": 3, "5": 1}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A copy of the folder of notebooks beside the data, so that results are written elsewhere."""
+    root = tmp_path_factory.mktemp("notebooks")
+    (root / "examples").mkdir()
+    shutil.copytree(ROOT / "data", root / "data")
+    return root / "examples"
+
+
+def test_there_are_notebooks():
+    assert [n.name[0] for n in NOTEBOOKS] == list(FIGURES)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_outputs_are_not_kept(path):
+    for cell in nbformat.read(path, 4).cells:
+        assert not cell.get("outputs")
+        assert cell.get("execution_count") is None
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_only_public_names(path):
+    code = "\n".join(c.source for c in nbformat.read(path, 4).cells if c.cell_type == "code")
+    assert not re.search(r"\._[a-z]", code)
+    assert set(re.findall(r"^(?:from|import) (sysid[\w.]*)", code, re.MULTILINE)) == {"sysid"}
+
+
+# Jupyter's own packages warn about one another.
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_notebook_runs(path, folder, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])))
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    notebook = nbformat.read(path, 4)
+    NotebookClient(
+        notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
+    ).execute()
+    outputs = [o for c in notebook.cells if c.cell_type == "code" for o in c.outputs]
+    pictures = [o for o in outputs if "image/png" in o.get("data", {})]
+    assert len(pictures) >= FIGURES[path.name[0]]
+    assert [o.get("text") for o in outputs if o.output_type == "stream" and o.get("name") == "stderr"] == []
