@@ -79,7 +79,7 @@ def read_log(path: Path, name: str, sensors: Sequence[Sensor], sample_interval_s
         )
     messages += [
         f"{name}: the column '{shorten(column)}' is missing{near_names(column, layout.names)}; the sensor is left out "
-        "of this log."
+        "there."
         for column in missing
     ]
     channels = [_channel(s, time, columns[s.column][keep]) for s in sensors if s.column in columns]

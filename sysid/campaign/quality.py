@@ -13,7 +13,7 @@ from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop, Vehicle
 from sysid.campaign.suspects import Suspicion, suspicions
 from sysid.campaign.units import si_factor
-from sysid.campaign.wording import shorten
+from sysid.campaign.wording import say_once, shorten
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,6 +60,7 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
     """
     findings: list[ChannelFinding] = []
     messages: list[str] = list(campaign.messages)
+    of_logs: list[tuple[str, str]] = []
     drops: list[PlankDrop] = []
     runs: list[BumpRun] = []
     tests: tuple[PlankDrop | BumpRun, ...] = (*campaign.plank_drops, *campaign.bump_runs)
@@ -67,14 +68,14 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
         speed = test.nominal_speed_m_s if isinstance(test, BumpRun) else None
         log, found, said = _check_log(test.log, campaign.vehicle, speed)
         findings += found
-        messages += said
+        of_logs += [(log.file, message) for message in said]
         if not log.channels:
-            messages.append(f"{log.file}: no channel can be used; the log is left out.")
+            of_logs.append((log.file, f"{log.file}: no channel can be used; the log is left out."))
         elif isinstance(test, BumpRun):
             runs.append(replace(test, log=log))
         else:
             drops.append(replace(test, log=log))
-    messages += _rejections(findings)
+    messages += [*say_once(of_logs), *_rejections(findings)]
     cleaned = replace(campaign, plank_drops=tuple(drops), bump_runs=tuple(runs))
     return cleaned, QualityReport(tuple(findings), tuple(messages))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 def shorten(text: object, limit: int = 60) -> str:
@@ -28,3 +28,16 @@ def finish(sentence: str) -> str:
     """The sentence with a full stop, or a question mark if it ends in a suggestion."""
     last = sentence.rsplit("; ", 1)[-1]
     return sentence + ("?" if last.startswith("did you mean") else ".")
+
+
+def say_once(messages: Sequence[tuple[str, str]]) -> list[str]:
+    """Sentences about files, pairs (file, "file: sentence"); one that more than two files share is said once."""
+    files: dict[str, list[str]] = {}
+    for file, message in messages:
+        files.setdefault(message.removeprefix(f"{file}: "), []).append(file)
+    said: dict[str, None] = {}
+    for file, message in messages:
+        sentence = message.removeprefix(f"{file}: ")
+        shared = files[sentence]
+        said[message if len(shared) <= 2 else f"{len(shared)} logs ({shared[0]} and others): {sentence}"] = None
+    return list(said)

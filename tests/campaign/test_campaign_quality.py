@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from sysid.campaign import Campaign, Channel, Log, check_quality, quality_table, read_campaign
 from sysid.campaign.defects import clip_levels
+from sysid.campaign.wording import say_once
 
 RUN = "bump_runs/case1_unloaded_16kmh_run1.csv"
 SLOW_LOADED_RUN = "bump_runs/case4_loaded_8kmh_run1.csv"
@@ -380,3 +381,14 @@ def test_no_record_ends_in_a_traceback(source, seed, samples, shape, step):
     cleaned, report = check_quality(strange)
     assert len(report.channels) == 18
     assert sum(f.verdict != "rejected" for f in report.channels) == sum(len(r.log.channels) for r in cleaned.bump_runs)
+
+
+def test_what_many_logs_share_is_said_once():
+    same = [(f"r{i}.csv", f"r{i}.csv: the column 'a' is missing; the sensor is left out there.") for i in range(4)]
+    own = [("r1.csv", "r1.csv: 3 rows are missing."), ("r2.csv", "r2.csv: 3 rows are missing.")]
+    assert say_once([same[0], *own, *same[1:]]) == [
+        "4 logs (r0.csv and others): the column 'a' is missing; the sensor is left out there.",
+        "r1.csv: 3 rows are missing.",
+        "r2.csv: 3 rows are missing.",
+    ]
+    assert say_once([]) == []
