@@ -34,6 +34,8 @@ VEHICLE_COLUMNS = (
     "suspension_friction_N",
     "tire_stiffness_N_per_m",
     "tire_damping_N_s_per_m",
+    "load_case",
+    "source",
 )
 
 
@@ -84,7 +86,8 @@ def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle) -> str:
     stream = io.StringIO()
     writer = csv.DictWriter(stream, VEHICLE_COLUMNS, restval="", lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    about = {"load_case": escape_cell(case.name), "source": vehicle.source}
+    writer.writerows(row | about for row in rows)
     return stream.getvalue()
 
 

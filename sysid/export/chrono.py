@@ -14,6 +14,19 @@ from sysid.errors import CampaignError
 if TYPE_CHECKING:
     from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
 
+#: Keys by which Chrono tells the kinds of spring-dampers apart: those of the template must not stay.
+_DECIDING = (
+    "Spring Coefficient",
+    "Spring Curve Data",
+    "Damping Coefficient",
+    "Damping Curve Data",
+    "Degressivity Compression",
+    "Degressivity Expansion",
+    "Deformation",
+    "Map Data",
+    "Preload",
+)
+
 
 def chrono_suspension(vehicle: CalibratedVehicle, s: CalibratedSuspension) -> dict[str, Any]:
     """Objects ``Spring`` and ``Shock`` of one suspension, values of one side, as a JSON merge patch (RFC 7396).
@@ -25,17 +38,15 @@ def chrono_suspension(vehicle: CalibratedVehicle, s: CalibratedSuspension) -> di
     spring: dict[str, Any] = {"Preload": s.static_load_N / 2.0}
     shock: dict[str, Any]
     if s.linear:
-        spring |= {"Spring Coefficient": s.stiffness_N_per_m / 2.0, "Spring Curve Data": None}
-        shock = {"Damping Coefficient": s.damping_N_s_per_m / 2.0, "Damping Curve Data": None}
+        spring |= {"Spring Coefficient": s.stiffness_N_per_m / 2.0}
+        shock = {"Damping Coefficient": s.damping_N_s_per_m / 2.0}
     else:
         rate, force = s.damper_with_friction()
-        curve = np.column_stack([s.extension_m, s.spring_force_N / 2.0]).tolist()
-        spring |= {"Spring Coefficient": None, "Spring Curve Data": curve}
-        shock = {"Damping Coefficient": None, "Damping Curve Data": np.column_stack([rate, force / 2.0]).tolist()}
-    # They would turn the element into another one.
-    gone = dict.fromkeys(("Map Data", "Deformation", "Degressivity Compression", "Degressivity Expansion"))
+        spring |= {"Spring Curve Data": np.column_stack([s.extension_m, s.spring_force_N / 2.0]).tolist()}
+        shock = {"Damping Curve Data": np.column_stack([rate, force / 2.0]).tolist()}
+    gone = dict.fromkeys(_DECIDING)
     about = f"axle {s.axle + 1} {s.name}, load case {vehicle.load_case}, {vehicle.source}, law {s.law}; one side, SI"
-    return {"Comment": about, "Spring": gone | {"Damping Coefficient": None} | spring, "Shock": gone | shock}
+    return {"Comment": about, "Spring": gone | spring, "Shock": gone | shock}
 
 
 def chrono_tire(vehicle: CalibratedVehicle, axle: int) -> dict[str, Any]:

@@ -117,7 +117,8 @@ TEMPLATE = {
     "Spring": {"Location Chassis": [-0.08, 0.56, 0.5], "Location Axle": [-0.08, 0.56, 0.1],
                "Spring Coefficient": 1.0, "Damping Coefficient": 7.0, "Free Length": 9.0},
     "Shock": {"Location Chassis": [0.0, 0.5, 0.5], "Location Axle": [0.0, 0.5, 0.1],
-              "Damping Curve Data": [[-1.0, -1.0], [1.0, 1.0]]},
+              "Damping Curve Data": [[-1.0, -1.0], [1.0, 1.0]], "Spring Coefficient": 5.0, "Free Length": 0.1,
+              "Map Data": [[0.0, 1.0]]},
     "Axle": {"Inertia": 0.4},
 }  # fmt: skip
 
@@ -153,6 +154,7 @@ def test_chrono_elements_give_the_forces_of_the_law(axle):
         else:
             expected = 21000.0 - spring(e) - damper(v) - FRICTION * np.sign(v)
         assert both == pytest.approx(expected, rel=1e-9)
+    assert not {"Map Data", "Preload"} & set(merged["Shock"])
     assert TEMPLATE["Spring"]["Damping Coefficient"] == 7.0
 
 
@@ -189,6 +191,7 @@ def test_vehicle_table_is_in_balance():
     assert [float(r["tire_damping_N_s_per_m"]) for r in axles] == [2.9e3, 5.1e3]
     assert axles[0]["hitch_x_m"] == ""
     assert {r["body"] for r in rows} == {"1"}
+    assert {(r["load_case"], r["source"]) for r in rows} == {("empty", "posterior median")}
 
 
 def test_all_files_are_written_and_hold_the_predicted_forces(tmp_path):
