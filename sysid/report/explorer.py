@@ -26,28 +26,39 @@ if TYPE_CHECKING:
 #: Code of a missing sample.
 MISSING_CODE = -32768
 _FULL_SCALE = 32000
+#: Most samples of all curves together, 2.7 bytes each; longer campaigns are thinned evenly.
+MOST_SAMPLES = 800_000
 
 
 def runs_data(results: Results) -> Markup | None:
     """All channels of all fitted runs as JSON for a data block of the page; None without a fit."""
     if results.fit is None or not results.fit.histories:
         return None
-    return _json([_run(history) for history in results.fit.histories])
+    histories = results.fit.histories
+    every = _every(sum(2 * h.measured.size for h in histories))
+    return _json([_run(history, every) for history in histories])
 
 
 def passes_data(results: Results) -> Markup | None:
     """Load ratio of all axles of all predicted passes as JSON for a data block of the page; None without any."""
     if results.predictions is None or not results.predictions.passes:
         return None
-    return _json([_pass(prediction) for prediction in results.predictions.passes])
+    passes = results.predictions.passes
+    every = _every(sum(3 * p.tire_force_q50_N.size for p in passes))
+    return _json([_pass(p, every) for p in passes])
 
 
-def _run(history: RunHistory) -> dict[str, Any]:
+def _every(samples: int) -> int:
+    """How many samples stand for one in the page."""
+    return max(1, math.ceil(samples / MOST_SAMPLES))
+
+
+def _run(history: RunHistory, every: int) -> dict[str, Any]:
     words = f"{history.case}, driven at {speed(history.speed_m_s)} km/h ({history.file})"
     channels = []
     for row in range(len(history.columns)):
-        measured, unit = display(history.measured[row], history.si_units[row])
-        simulated, _ = display(history.simulated[row], history.si_units[row])
+        measured, unit = display(history.measured[row, ::every], history.si_units[row])
+        simulated, _ = display(history.simulated[row, ::every], history.si_units[row])
         scatter, _ = display(np.asarray(history.noise_sd[row]), history.si_units[row])
         if not np.isfinite(measured).any():
             continue
@@ -62,31 +73,32 @@ def _run(history: RunHistory) -> dict[str, Any]:
                 "measured": _packed(measured, scale),
                 "middle": _packed(simulated, scale),
                 "scatter": Z90 * float(scatter) if math.isfinite(float(scatter)) else 0.0,
-                "clipped": np.flatnonzero(history.censored[row]).tolist(),
+                "clipped": np.flatnonzero(history.censored[row, ::every]).tolist(),
             }
         )
-    return {"name": plain_text(words), **_time(history.time_s), "channels": channels}
+    return {"name": plain_text(words), **_time(history.time_s, every), "channels": channels}
 
 
-def _pass(p: PassPrediction) -> dict[str, Any]:
+def _pass(p: PassPrediction, every: int) -> dict[str, Any]:
     over = f" over {p.shape}" if p.shape else ""
     channels = []
     for axle, static in enumerate(p.static_load_N):
-        curves = {"middle": p.tire_force_q50_N[axle] / static}
+        curves = {"middle": p.tire_force_q50_N[axle, ::every] / static}
         if p.tire_force_q05_N is not None and p.tire_force_q95_N is not None:
-            curves |= {"low": p.tire_force_q05_N[axle] / static, "high": p.tire_force_q95_N[axle] / static}
+            curves |= {"low": p.tire_force_q05_N[axle, ::every] / static}
+            curves |= {"high": p.tire_force_q95_N[axle, ::every] / static}
         scale = _scale(*curves.values())
         channels.append(
             {"name": f"axle {axle + 1}", "unit": "-", "color": axle_color(axle), "scale": scale}
             | {name: _packed(values, scale) for name, values in curves.items()}
         )
     name = plain_text(f"{p.load_case}, {speed(p.speed_m_s)} km/h{over}")
-    return {"name": name, **_time(p.time_s), "channels": channels}
+    return {"name": name, **_time(p.time_s, every), "channels": channels}
 
 
-def _time(time_s: np.ndarray) -> dict[str, float]:
+def _time(time_s: np.ndarray, every: int) -> dict[str, float]:
     step = float(time_s[1] - time_s[0]) if len(time_s) > 1 else 1.0
-    return {"start": float(time_s[0]) if len(time_s) else 0.0, "step": step}
+    return {"start": float(time_s[0]) if len(time_s) else 0.0, "step": every * step, "every": every}
 
 
 def _scale(*curves: np.ndarray) -> float:

@@ -120,6 +120,16 @@ def test_without_results_there_are_no_data():
     assert explorer.passes_data(campaign_only()) is None
 
 
+def test_a_long_campaign_is_thinned_to_what_a_page_can_hold(monkeypatch):
+    # Two runs of three channels of 400 samples, measured and simulated: 4,800; every fifth is kept.
+    monkeypatch.setattr(explorer, "MOST_SAMPLES", 1000)
+    run = json.loads(explorer.runs_data(small_results()))[0]
+    assert (run["every"], run["step"]) == (5, pytest.approx(0.025))
+    channel = run["channels"][2]
+    assert len(decoded(channel["middle"], channel["scale"])) == 80
+    assert channel["clipped"] == [10]
+
+
 def decoded(text, scale):
     codes = np.frombuffer(base64.b64decode(text), dtype="<i2")
     return np.where(codes == -32768, np.nan, codes * scale)

@@ -152,9 +152,9 @@
       var cursor = element(svg, "path", { stroke: INK, "stroke-dasharray": "3 3", visibility: "hidden" });
       slider.max = String(count - 1);
       state = { run: run, channel: channel, curve: curve, difference: difference, cursor: cursor, x: upper.x, left: left, inner: inner, height: difference ? 355 : 250, width: width, count: count };
-      output.textContent = difference
+      output.textContent = (run.every > 1 ? "One of " + run.every + " samples is shown. " : "") + (difference
         ? "Grey: measured. Coloured: simulated. Band below: 90 % of the scatter that the fit assigns to this channel." + (channel.clipped && channel.clipped.length ? " Dots: clipped readings." : "")
-        : "Line: median" + (curve.low ? "; band: pointwise 90 % credible interval." : " (least squares, no band yet).");
+        : "Line: median" + (curve.low ? "; band: pointwise 90 % credible interval." : " (least squares, no band yet)."));
     }
 
     function show(index) {
