@@ -22,8 +22,9 @@ from sysid.errors import SysidError
 _PATIENCE = 20
 #: Share of the predicted fall of the cost above which the damping is relaxed.
 _GOOD_STEP = 0.75
-#: A point is a minimum where the linear model promises no larger fall than this fraction of the cost.
-_NEGLIGIBLE_FALL = 1e-5
+#: A point is a minimum where the linear model promises no larger fall than this fraction of the cost, or than so many
+#: times the fall that ends the search.
+_NEGLIGIBLE_FALL, _TOLERANCES = 1e-5, 10.0
 
 Evaluation = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -149,7 +150,8 @@ def _search(
     def ended(iteration: int, why: str) -> Minimum:
         fall = promised_fall(*here)
         # Below the rounding of the first cost a perfect fit promises falls of the size of its own cost.
-        converged = fall <= _NEGLIGIBLE_FALL * max(best, relative_tolerance**2 * first)
+        negligible = max(_NEGLIGIBLE_FALL, _TOLERANCES * relative_tolerance)
+        converged = fall <= negligible * max(best, relative_tolerance**2 * first)
         if not converged:
             why += f", but a fall by {100.0 * fall / best:.2g} % is still promised"
         return Minimum(np.asarray(point) * scale, best, converged, iteration, why)

@@ -113,3 +113,18 @@ def test_without_64_bit_floats_the_search_stops_in_one_sentence():
     assert done.stdout.strip() == (
         "Least squares needs 64-bit floats; call jax.config.update('jax_enable_x64', True) before the first use."
     )
+
+
+def test_a_coarse_search_may_promise_as_much_as_its_tolerance_lets_go():
+    """exp(-y) creeps to zero over a floor of cost 1/2; a search that stops at falls of 1 % has converged as asked."""
+
+    def evaluate(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        slope = np.exp(-point[0])
+        return np.array([1.0, slope]), np.array([[0.0], [-slope]])
+
+    coarse = minimise(evaluate, np.array([0.0]), relative_tolerance=1e-2)
+    residual, jacobian = evaluate(coarse.point)
+    # The Gauss-Newton step promises all of exp(-2 y) / 2, far above the floor of 1e-5 of the cost.
+    assert promised_fall(residual, jacobian) == pytest.approx(0.5 * np.exp(-2.0 * coarse.point[0]))
+    assert promised_fall(residual, jacobian) > 1e-4 * coarse.cost
+    assert coarse.converged
