@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from keyword_reader import read_deck
 
 from sysid.cli.stages import run_stage
 from sysid.export import result_schema
@@ -136,3 +137,38 @@ def test_a_second_writer_is_refused_in_one_sentence(
     assert code == 3
     assert "Another process is writing to out/" in capsys.readouterr().err
     assert {p: p.read_bytes() for p in sampling.rglob("*") if p.is_file()} == kept
+
+
+def test_files_for_other_programs_hold_the_posterior_medians(finished: Path) -> None:
+    document = json.loads((finished / "result.json").read_text(encoding="utf-8"))
+    median = {p["name"]: p["posterior"]["q50"] for p in document["parameters"] if p["posterior"]}
+    for case in ("unloaded", "loaded"):
+        deck = read_deck((finished / f"models/{case}/lsdyna.k").read_text(encoding="ascii"))
+        assert any(f"load case {case}, posterior median" in line for line in deck.comments)
+        for name, identifier in (("k_1", 9011), ("c_1", 9012), (f"k_2[{case}]", 9021), ("k_6", 9061), ("c_6", 9062)):
+            assert float(deck.materials[identifier][1][0]) == pytest.approx(median[name], rel=1e-6)
+        axle = json.loads((finished / f"models/{case}/chrono_suspension6.json").read_text(encoding="utf-8"))
+        assert 2.0 * axle["Spring"]["Spring Coefficient"] == pytest.approx(median["k_6"], rel=1e-6)
+        table = pd.read_csv(finished / f"models/{case}/vehicle.csv")
+        assert set(table["source"]) == {"posterior median"}
+    # The tire tangent of the first load case is the parameter itself.
+    first = pd.read_csv(finished / "models/unloaded/vehicle.csv").query("kind == 'axle'")
+    assert first["tire_stiffness_N_per_m"].iloc[5] == pytest.approx(median["kt_6"], rel=1e-6)
+    assert len(list((finished / "moving_forces").iterdir())) == 2
+
+
+def test_a_run_left_out_is_marked_in_table_and_report(finished: Path, tmp_path: Path, capsys) -> None:
+    folder, copy = finished.parent / "campaign", tmp_path / "out"
+    shutil.copytree(finished, copy)
+    choices = {"quick": False, "seed": 0, "max_steps": None, "laws": None, "resume": False}
+    assert run_stage("validate", folder, copy, left_out=(KEPT_RUNS[0],), **choices) == 0
+    assert "without it" in capsys.readouterr().out
+    table = pd.read_csv(copy / "validation.csv")
+    beyond = table[table["out_of_sample"]]
+    assert set(beyond["run"]) == {f"bump_runs/{KEPT_RUNS[0]}.csv"}
+    # One loaded run alone says little of the unloaded truck: worse than fitted, yet the same motion.
+    fitted = table[~table["out_of_sample"] & (table["run"] == beyond["run"].iloc[0])]
+    assert beyond["residual_over_noise"].median() > fitted["residual_over_noise"].median()
+    assert beyond["nrmse"].median() < 0.2
+    assert run_stage("report", folder, copy, **choices) == 0
+    assert "has not seen them" in (copy / "report.html").read_text(encoding="utf-8")
