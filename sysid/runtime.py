@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from sysid.errors import SysidError
+
 
 def cache_root() -> Path:
     """Folder for whatever is compiled; ``SYSID_CACHE_DIR`` overrides the user's cache folder."""
@@ -36,3 +38,19 @@ def configure() -> None:
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+
+
+def require_64_bit() -> None:
+    """Refuse to go on with 32-bit floats, in which least squares ends short of the minimum.
+
+    Raises
+    ------
+    SysidError
+        If 64-bit floats of JAX are off.
+    """
+    import jax
+
+    if not jax.config.read("jax_enable_x64"):
+        raise SysidError(
+            "Least squares needs 64-bit floats; call jax.config.update('jax_enable_x64', True) before the first use."
+        )

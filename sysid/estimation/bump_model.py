@@ -26,6 +26,7 @@ from sysid.estimation.run_data import ChannelLayout, RunGroup, channel_layout, g
 from sysid.estimation.uncertain_masses import UncertainMasses, uncertain_masses
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.results import RoadProfile
+from sysid.runtime import require_64_bit
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.contact import EffectiveRoad, RoadInput
 from sysid.vehicle_model.engine import Timing, WheelRoad
@@ -141,7 +142,10 @@ def bump_model(
     ------
     DataRejectedError
         If no run has a usable channel.
+    SysidError
+        If 64-bit floats are off.
     """
+    require_64_bit()
     layout = channel_layout(campaign.bump_runs)
     groups = group_runs(campaign, layout)
     roads = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact)

@@ -17,6 +17,7 @@ import numpy as np
 import optimistix as optx
 
 from sysid.errors import SysidError
+from sysid.runtime import require_64_bit
 
 #: Consecutive rejected trials after which the damping is so strong that nothing smaller will be found.
 _PATIENCE = 20
@@ -94,10 +95,7 @@ def minimise(
     SysidError
         If 64-bit floats are off, or the residuals at the start are not finite.
     """
-    if jnp.zeros(1).dtype != jnp.float64:
-        raise SysidError(
-            "Least squares needs 64-bit floats; call jax.config.update('jax_enable_x64', True) before the first use."
-        )
+    require_64_bit()
     start = np.asarray(start, float)
     here = residual, jacobian = evaluate(start)
     if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):

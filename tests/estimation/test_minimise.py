@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -95,20 +96,27 @@ def test_the_promised_fall_is_that_of_a_straight_line_through_four_points():
     assert promised_fall(-y, np.stack([np.ones(4), x, 0.0 * x], axis=1)) == pytest.approx(0.5 * (14.0 - 1.8))
 
 
-def test_without_64_bit_floats_the_search_stops_in_one_sentence():
+MINIMISE = "minimise(lambda p: (p, np.eye(2)), np.ones(2))"
+CAMPAIGN = "synthetic_campaign()"
+
+
+@pytest.mark.parametrize("what", [MINIMISE, CAMPAIGN])
+def test_without_64_bit_floats_fitting_stops_in_one_sentence(what: str):
     code = (
         "import numpy as np\n"
+        "from synthetic_fit import synthetic_campaign\n"
         "from sysid.errors import SysidError\n"
         "from sysid.estimation.levenberg_marquardt import minimise\n"
-        "try:\n    minimise(lambda p: (p, np.eye(2)), np.ones(2))\n"
+        f"try:\n    {what}\n"
         "except SysidError as error:\n    print(error)\n"
     )
+    folders = [os.getcwd(), str(Path(__file__).parents[1] / "support")]
     done = subprocess.run(
         [sys.executable, "-c", code],
         capture_output=True,
         text=True,
         check=True,
-        env=os.environ | {"JAX_ENABLE_X64": "0", "PYTHONPATH": os.getcwd()},
+        env=os.environ | {"JAX_ENABLE_X64": "0", "PYTHONPATH": os.pathsep.join(folders)},
     )
     assert done.stdout.strip() == (
         "Least squares needs 64-bit floats; call jax.config.update('jax_enable_x64', True) before the first use."

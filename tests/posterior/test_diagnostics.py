@@ -9,7 +9,8 @@ import pytest
 from arviz_stats.base import array_stats
 from scipy.signal import lfilter
 
-from sysid.posterior.diagnostics import diagnose, summarise
+from sysid.posterior.diagnostics import diagnose, standstills, summarise
+from sysid.posterior.ensembles import first
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
 
 SHAPE = (4, 2000, 10, 2)
@@ -138,3 +139,59 @@ def test_progress_runs_towards_one():
     )
     assert seen
     assert all(0.0 <= f <= 1.0 for f in seen)
+
+
+def test_a_standstill_that_chance_does_not_explain_is_found():
+    draws = ar1(0.5, 8, (2, 200, 10, 2))
+    assert not standstills(draws, 50).any()
+    draws[1, 120:170, 3] = draws[1, 120, 3]
+    found = standstills(draws, 50)
+    assert found[1, 3] == 49
+    assert np.count_nonzero(found) == 1
+    # One that ended before the kept steps is no matter.
+    assert not standstills(draws, 190).any()
+
+
+def test_walkers_that_seldom_move_are_not_called_stuck():
+    """Every walker moves at one step in twenty: standstills of some hundred steps are chance."""
+    random = np.random.default_rng(9)
+    draws = np.repeat(random.normal(size=(2, 2000, 10, 1)), 1, axis=1)
+    for step in range(1, 2000):
+        stays = random.random((2, 10)) > 0.05
+        draws[:, step] = np.where(stays[..., None], draws[:, step - 1], draws[:, step])
+    assert not standstills(draws, 100).any()
+
+
+def test_a_stuck_walker_is_said():
+    """One walker starts on a needle a hundred million times as dense as all around it."""
+    options = SamplingOptions(seed=1, max_steps=120, min_effective=1e6)
+    seed = np.random.SeedSequence(1).spawn(4)[2]
+    needle = first(density, ("k_1", "c_1"), CENTRE, np.diag(2.0 * SD**2), 6, seed).coords[1]
+
+    def with_needle(points: np.ndarray) -> np.ndarray:
+        return density(points) + 40.0 * np.exp(-(((points - needle) / 1e-6) ** 2).sum(axis=1))
+
+    found = sample_posterior(with_needle, ("k_1", "c_1"), CENTRE, np.diag(SD**2), "test", options)
+    assert len(found.warnings) == 1
+    assert "1 of 24 walkers are stuck: walker 2 of ensemble 3" in found.warnings[0]
+    assert sampled(options).warnings == ()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_densities_that_are_not_finite_are_counted_and_said(value: float):
+    edge = CENTRE[0] + 0.5 * SD[0]
+    seen = []
+
+    def cut(points: np.ndarray) -> np.ndarray:
+        outside = points[:, 0] > edge
+        seen.append(int(outside.sum()))
+        return np.where(outside, value, density(points))
+
+    options = SamplingOptions(seed=1, max_steps=100, min_effective=1e6)
+    found = sample_posterior(cut, ("k_1", "c_1"), CENTRE, np.diag(SD**2), "test", options)
+    assert np.log(found.draws[..., 0]).max() <= edge
+    # Start points are drawn again and do not count.
+    assert 0 < found.rejected <= sum(seen)
+    assert f"{found.rejected} of {4 * 6 * 100} proposals without a finite simulation" in found.message
+    assert "no finite simulation" in found.warnings[0]
+    assert sampled(options).rejected == 0

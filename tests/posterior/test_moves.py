@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib.metadata import version
+
 import emcee
 import numpy as np
 import pytest
@@ -80,6 +82,11 @@ class WithoutHastings(LaplaceMove):
 
 def test_a_move_without_its_hastings_factor_is_caught():
     assert not unbiased(whitened([(WithoutHastings(CENTRE, 1.5 * COVARIANCE), 1.0)], 300))
+
+
+@pytest.mark.skipif(version("emcee") != "3.1.6", reason="the fault is that of this release")
+def test_the_snooker_move_is_caught():
+    assert not unbiased(whitened([(emcee.moves.DEMove(), 0.5), (emcee.moves.DESnookerMove(), 0.5)], 300))
 
 
 def test_the_hastings_factor_is_the_ratio_of_multivariate_t_densities():

@@ -1,0 +1,157 @@
+"""What the posterior of a small campaign must do, whatever its numbers: prior, doubled data, marginalisation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from figures import record
+from synthetic_fit import NOMINAL_M_S, SyntheticFit, synthetic_fit
+from test_log_density import squares
+
+from sysid.estimation.bump_model import bump_model
+from sysid.estimation.objective import SHIFT_UNIT_M, SPEED_UNIT, RunMotion, Weights
+from sysid.posterior.log_density import LogDensity
+from sysid.posterior.results import Posterior
+from sysid.posterior.sampling import SamplingOptions, sample_posterior
+
+#: Stiffness and damping: all others stay at the optimum, so that the priors are wide beside the posterior.
+SAMPLED = 6
+
+
+def chain(density, centre: np.ndarray, covariance: np.ndarray, steps: int, seed: int = 1) -> Posterior:
+    names = tuple(f"x_{i}" for i in range(centre.size))
+    options = SamplingOptions(segment_steps=50, max_steps=steps, min_steps=steps, seed=seed)
+    return sample_posterior(density, names, centre, covariance, "test", options)
+
+
+def moments(posterior: Posterior, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation of the first log parameters."""
+    draws = np.log(posterior.draws.reshape(-1, len(posterior.names)))[:, :count]
+    return draws.mean(axis=0), draws.std(axis=0)
+
+
+def effective(posterior: Posterior, count: int) -> np.ndarray:
+    return np.array([s.ess for s in posterior.summaries[:count]])
+
+
+@pytest.fixture(scope="module")
+def fit() -> SyntheticFit:
+    return synthetic_fit()
+
+
+def test_without_data_the_posterior_is_the_prior(fit):
+    """The priors of a campaign are a Gaussian whose mean and covariance are those of weighted least squares."""
+    rows, targets = fit.parameters.prior_rows()
+    covariance = np.linalg.inv(rows.T @ rows)
+    mean = covariance @ rows.T @ targets
+    sd = np.sqrt(np.diag(covariance))
+    # Proposals from elsewhere, so that the density and not the start decides.
+    found = chain(lambda x: -0.5 * ((x @ rows.T - targets) ** 2).sum(axis=1), mean + 0.3 * sd, 1.5 * covariance, 800)
+    sampled_mean, sampled_sd = moments(found, mean.size)
+    error = 1.0 / np.sqrt(effective(found, mean.size))
+    assert error.max() < 0.03
+    assert np.all(np.abs(sampled_mean - mean) / sd < 4.0 * error)
+    assert np.all(np.abs(sampled_sd / sd - 1.0) < 4.0 * error)
+
+
+def slice_of(fit: SyntheticFit, density):
+    """The density of stiffness and damping with everything else at the optimum."""
+    centre = fit.state.log_parameters
+
+    def conditional(points: np.ndarray) -> np.ndarray:
+        full = np.tile(centre, (len(points), 1))
+        full[:, :SAMPLED] = points[:, :SAMPLED]
+        return density(full)
+
+    return conditional
+
+
+def conditional_covariance(fit: SyntheticFit) -> np.ndarray:
+    return np.linalg.inv(np.linalg.inv(fit.result.covariance)[:SAMPLED, :SAMPLED])
+
+
+def doubled(fit: SyntheticFit) -> LogDensity:
+    """The density of a campaign in which every run was driven twice with the same readings."""
+    runs = fit.campaign.bump_runs
+    again = tuple(replace(r, repeat=2, log=replace(r.log, file=f"again_{r.log.file}")) for r in runs)
+    campaign = replace(fit.campaign, bump_runs=runs + again)
+    model = bump_model(campaign, fit.parameters, fit.profiles)
+    (group,), (old,) = model.groups, fit.state.model.groups
+    # A run's weights by its place in the campaign, whatever the order within the group.
+    place = [old.runs.index(r % len(runs)) for r in group.runs]
+    weights = Weights(*(tuple(w[place] for w in member) for member in vars(fit.state.weights).values()))
+    motion = RunMotion(*(np.tile(v, 2) for v in vars(fit.state.motion).values()))
+    state = replace(fit.state, model=model, weights=weights, motion=motion, adjustment=np.eye(fit.truth.size))
+    return LogDensity(campaign, state)
+
+
+@pytest.mark.long
+def test_doubled_data_shrink_standard_deviations_by_the_square_root_of_two(fit):
+    once = LogDensity(fit.campaign, replace(fit.state, adjustment=np.eye(fit.truth.size)))
+    centre, covariance = fit.state.log_parameters[:SAMPLED], conditional_covariance(fit)
+    first = chain(slice_of(fit, once), centre, covariance, 1000)
+    second = chain(slice_of(fit, doubled(fit)), centre, covariance / 2, 1000, seed=2)
+    (_, wide), (_, narrow) = moments(first, SAMPLED), moments(second, SAMPLED)
+    ratio = wide / narrow
+    prior = np.array([p.prior_sd for p in fit.parameters.parameters[:SAMPLED]])
+    ess = min(effective(first, SAMPLED).min(), effective(second, SAMPLED).min())
+    record(
+        "doubled_data",
+        {"ratio / sqrt 2": list(ratio / np.sqrt(2)), "prior / posterior sd": list(prior / wide), "ess": float(ess)},
+    )
+    assert (prior / wide).min() >= 20.0
+    assert ess >= 5000.0
+    np.testing.assert_allclose(ratio, np.sqrt(2.0), rtol=0.03)
+
+
+@pytest.mark.long
+def test_speeds_and_starts_integrated_out_agree_with_sampled_ones(fit):
+    model, state = fit.state.model, fit.state
+    runs = list(model.groups[0].runs)
+    marginal = LogDensity(fit.campaign, replace(state, adjustment=np.eye(fit.truth.size)))
+    centre, covariance = state.log_parameters[:SAMPLED], conditional_covariance(fit)
+    inputs = marginal._inputs[0]
+    normal = np.einsum("trck,trcl->rkl", inputs.local_columns, inputs.local_columns)
+    local = np.linalg.inv(normal)
+    speed0, start0 = state.motion.speed_m_s[runs][:, None], state.motion.start_s[runs][:, None]
+    nominal = np.array(NOMINAL_M_S)[runs][:, None]
+    rows, targets = fit.parameters.prior_rows()
+
+    def joint(points: np.ndarray) -> np.ndarray:
+        """All unknowns simulated: no linearisation in speed and start."""
+        full = np.tile(state.log_parameters, (len(points), 1))
+        full[:, :SAMPLED] = points[:, :SAMPLED]
+        motion = points[:, SAMPLED:].T.reshape(len(runs), 2, -1)
+        speed = speed0 * (1 + SPEED_UNIT * motion[:, 0])
+        start = start0 + SHIFT_UNIT_M / speed0 * motion[:, 1]
+        misfit = squares(
+            model.arrays[0], model.roads[0], state.weights.noise_sd[0], state.weights.tempering[0],
+            jnp.asarray(full.T), jnp.asarray(speed), jnp.asarray(start), shape=model.shapes[0],
+        )  # fmt: skip
+        pull = ((speed / nominal - 1.0) / 0.03) ** 2
+        return -0.5 * (np.asarray(misfit + pull).sum(axis=0) + ((full @ rows.T - targets) ** 2).sum(axis=1))
+
+    wide = np.zeros((SAMPLED + 2 * len(runs),) * 2)
+    wide[:SAMPLED, :SAMPLED] = covariance
+    for r in range(len(runs)):
+        place = slice(SAMPLED + 2 * r, SAMPLED + 2 * r + 2)
+        wide[place, place] = local[r]
+    one = chain(slice_of(fit, marginal), centre, covariance, 400)
+    # Exponentials are taken of the motions too; the moments take logarithms again.
+    two = chain(joint, np.concatenate([centre, np.zeros(2 * len(runs))]), wide, 600, seed=2)
+    (mean1, sd1), (mean2, sd2) = moments(one, SAMPLED), moments(two, SAMPLED)
+    error = np.hypot(1 / np.sqrt(effective(one, SAMPLED)), 1 / np.sqrt(effective(two, SAMPLED)))
+    record(
+        "marginalisation",
+        {
+            "mean difference / sd": list((mean2 - mean1) / sd1),
+            "sd ratio": list(sd2 / sd1),
+            "Monte Carlo error": list(error),
+        },
+    )
+    assert error.max() < 0.06
+    assert np.all(np.abs(mean2 - mean1) / sd1 < 4.0 * error)
+    assert np.all(np.abs(sd2 / sd1 - 1.0) < 4.0 * error)
