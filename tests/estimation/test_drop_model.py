@@ -51,6 +51,8 @@ def errors(estimates) -> dict[int, tuple[float, float]]:
 
 def test_one_drop_per_axle_is_enough_for_stiffness_and_damping(found):
     assert sorted(found) == [0, 2, 4]
+    # The search has converged by its own, coarse tolerance: the values become priors of the bump runs.
+    assert all(e.usable for e in found.values())
     for k, c in errors(found.values()).values():
         assert abs(k) < 0.05
         assert abs(c) < 0.12
