@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from sysid import plot
 from sysid.export import Results, write_text
 from sysid.export.tables import escape_cell
+from sysid.plot.style import styled
 from sysid.report.answer import axle_load_table
 from sysid.report.figures import axle_roads, representative_drops, representative_run, run_words
 from sysid.report.numbers import speed
@@ -56,6 +57,7 @@ def write_paper_figures(results: Results, folder: Path) -> list[Path]:
     return [folder / name for name in texts]
 
 
+@styled
 def _bump(results: Results, name: str) -> Axes:
     """Cloud, smooth profile and what the tires feel of it: Figures 5a, 5b and, for the mesh of 5c, its effect."""
     figure = plot.figure(6.4, 8.4)
@@ -68,6 +70,7 @@ def _bump(results: Results, name: str) -> Axes:
     return axes[0]
 
 
+@styled
 def _first_axle(passes: tuple[PassPrediction, ...], kind: str) -> Axes:
     """Load ratio or suspension force of axle 1, one below the other for all passes."""
     axes = plot.figure(6.4, 2.6 * len(passes)).subplots(len(passes), 1, squeeze=False)[:, 0]
