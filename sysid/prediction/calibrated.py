@@ -79,7 +79,8 @@ def _grid(base: np.ndarray, ramps: Ramps | None, axle: int) -> np.ndarray:
         return base
     corners = np.broadcast_to(np.asarray(ramps.at), np.shape(ramps.slope))[:, 0, axle, 0]
     inside = corners[(corners > base[0]) & (corners < base[-1])]
-    return np.unique(np.concatenate([base, inside]))
+    # Points that differ by rounding alone would be one abscissa with two ordinates in a file.
+    return np.unique(np.round(np.concatenate([base, inside]), 9))
 
 
 def tire_tangents(tire: TireLaw) -> tuple[np.ndarray, np.ndarray]:

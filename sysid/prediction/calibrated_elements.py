@@ -53,7 +53,7 @@ class CalibratedSuspension:
         """Rates [m/s] and forces [N] of damper and Coulomb friction together, the friction ramped over +-0.01 m/s."""
         rate = self.rate_m_s
         if self.friction_N > 0.0:
-            rate = np.unique(np.concatenate([rate, [-SLIDING_M_S, 0.0, SLIDING_M_S]]))
+            rate = np.unique(np.round(np.concatenate([rate, [-SLIDING_M_S, 0.0, SLIDING_M_S]]), 9))
         force = np.interp(rate, self.rate_m_s, self.damper_force_N)
         return rate, force + self.friction_N * np.clip(rate / SLIDING_M_S, -1.0, 1.0)
 

@@ -128,6 +128,23 @@ def test_curves_of_richer_laws():
     assert fast[0] / -fast[1] == pytest.approx(ASYMMETRY, rel=1e-9)
 
 
+def test_corners_of_a_law_are_points_of_its_curve():
+    axles = tuple(replace(a, suspension_law="bump_stops", jounce_travel_m=0.0507, rebound_travel_m=0.05) for a in AXLES)
+    runs = [empty_run("a.csv", 6.0), empty_run("b.csv", 6.0, load_case="laden")]
+    data = campaign(runs, load_cases=(EMPTY, LADEN), vehicle=replace(VEHICLE, axles=axles))
+    fit = known_fit(data)
+    stop = next(p.value for p in fit.parameters if p.quantity == "stop_stiffness")
+    steer = calibrated_vehicle(data, None, fit, None, "empty").suspensions[0]
+    assert not steer.linear
+    # The jounce stop is a new point, the rebound stop stands on the grid and is there once.
+    assert len(steer.extension_m) == 82
+    assert np.diff(steer.extension_m).min() > 1e-6
+    expected = STIFFNESS[0] * steer.extension_m + stop * (
+        np.maximum(steer.extension_m - 0.05, 0.0) - np.maximum(-steer.extension_m - 0.0507, 0.0)
+    )
+    np.testing.assert_allclose(steer.spring_force_N, expected, rtol=1e-9, atol=1e-6)
+
+
 def test_table_of_a_calibrated_vehicle(linear):
     data, fit = linear
     table = calibrated_vehicle(data, None, fit, None, "laden").summary()
