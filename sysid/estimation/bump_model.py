@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.campaign.records import AntiAliasFilter, Campaign
+from sysid.estimation.departures import Departures, departures
 from sysid.estimation.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters import ParameterSet
 from sysid.estimation.run_data import ChannelLayout, RunGroup, channel_layout, group_runs
@@ -82,7 +83,7 @@ class GroupShape(NamedTuple):
 class BumpModel:
     """All bump runs of a campaign as compiled-ready groups, with the parameters that drive them.
 
-    `passes` of every group; `masses` says which mass properties are uncertain.
+    `passes` of every group; `masses` says which mass properties are uncertain, `departures` what the model leaves out.
     """
 
     parameters: ParameterSet
@@ -94,6 +95,7 @@ class BumpModel:
     shapes: tuple[GroupShape, ...]
     passes: tuple[tuple[Pass, ...], ...]
     masses: UncertainMasses
+    departures: Departures | None = None
 
     @property
     def run_count(self) -> int:
@@ -116,6 +118,17 @@ class BumpModel:
             arrays.append(old._replace(matrices=matrices, laws=laws))
             group_lanes.append(lanes)
         return replace(self, arrays=tuple(arrays), lanes=tuple(group_lanes))
+
+    def departed(self, amplitudes: np.ndarray) -> BumpModel:
+        """The same model moved along its departures by `amplitudes`, (n,)."""
+        known = self.departures
+        assert known is not None
+        arrays, roads = [], []
+        for old, passes in zip(self.arrays, self.passes, strict=True):
+            cases = [p.load_case for p in passes]
+            arrays.append(old._replace(laws=known.laws(old.laws, amplitudes, cases)))
+            roads.append(known.road(passes, amplitudes))
+        return replace(self, arrays=tuple(arrays), roads=tuple(roads))
 
 
 def bump_model(
@@ -148,6 +161,7 @@ def bump_model(
     require_64_bit()
     layout = channel_layout(campaign.bump_runs)
     groups = group_runs(campaign, layout)
+    known = campaign_departures(campaign, parameters, profiles, contact) if roads is None else None
     roads = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact)
     gain_sd = np.array([GAIN_SD[s.kind] for s in layout.sensors])
     arrays, group_lanes, shapes, group_passes = [], [], [], []
@@ -189,7 +203,19 @@ def bump_model(
         tuple(shapes),
         tuple(group_passes),
         uncertain_masses(campaign),
+        known,
     )
+
+
+def campaign_departures(
+    campaign: Campaign, parameters: ParameterSet, profiles: Mapping[str, RoadProfile], contact: ContactLaw
+) -> Departures:
+    """Departures of a campaign's vehicle in the load cases of its runs and predictions."""
+    wanted = {r.load_case for r in campaign.bump_runs} | {p.load_case for p in campaign.predictions}
+    used = [name for name in campaign.load_cases if name in wanted]
+    rubbing = {p.axle for p in parameters.parameters if p.quantity == "friction"}
+    axles = range(len(campaign.vehicle.axles))
+    return departures(campaign.vehicle, campaign.load_cases, used, profiles, contact, [i in rubbing for i in axles])
 
 
 def group_road(

@@ -109,15 +109,15 @@ def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: 
 def _mass_response(
     problem: Problem, parameters: np.ndarray, effect: MassEffect, adjustment: Adjustment
 ) -> MassResponse | None:
-    if not problem.model.masses.factors:
+    if not effect.asked.size:
         return None
-    return mass_response(parameters, effect.by_data, problem.model.masses.sd, adjustment.information)
+    return mass_response(parameters, effect.by_data, effect.spread, adjustment.information)
 
 
 def _mass_checks(problem: Problem, effect: MassEffect) -> tuple[MassCheck, ...]:
     return tuple(
         MassCheck(f.name, f.quantity, f.words, f.sd, float(np.exp(asked)))
-        for f, asked in zip(problem.model.masses.factors, effect.asked, strict=True)
+        for f, asked in zip(problem.model.masses.factors, effect.asked, strict=False)
     )
 
 

@@ -1,7 +1,7 @@
 """What the data say about parameters and masses, and what more data would add to it.
 
 The information H of parameters and mass factors (runs' own speeds and starts eliminated) is kept apart from what makes
-the covariance honest: the flattening C_0 for model error and the tolerances Sigma of masses.  With more data of
+the covariance honest: the flattening C_0 for model error and departures from the model, and the tolerances Sigma of masses.  With more data of
 information D, H' = H + D,
 
     A = C_0' H'_xx C_0,    K = -H'_xx^-1 H'_xm,    covariance = ((A^-1 + K Sigma K')^-1 + P)^-1,
@@ -17,7 +17,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.mass_effect import MassEffect, mass_columns, mass_effect, shift_by_masses, with_columns
+from sysid.estimation.departure_scale import departure_columns, departure_scale
+from sysid.estimation.mass_effect import (
+    MassColumns,
+    MassEffect,
+    mass_columns,
+    mass_effect,
+    shift_by_masses,
+    with_columns,
+)
 from sysid.estimation.objective import SPEED_UNIT
 from sysid.estimation.problem import Problem
 from sysid.estimation.sandwich import Adjustment, adjust, block_scores
@@ -58,9 +66,14 @@ def adjusted_information(
 ) -> tuple[Adjustment, MassEffect, DataInformation]:
     """Sandwich over blocks (one channel in all repeats of one case) and over tolerances of masses, and its parts."""
     parameters, motion = problem.unpack(vector)
-    columns = mass_columns(problem.model, problem.weights, parameters, motion)
+    by_masses = mass_columns(problem.model, problem.weights, parameters, motion)
+    departed = departure_columns(campaign, problem.model, problem.weights, parameters, motion)
+    columns = [
+        MassColumns(np.concatenate([m.residual, d.residual], axis=-1), np.concatenate([m.gain, d.gain], axis=-1))
+        for m, d in zip(by_masses, departed, strict=True)
+    ]
     scores, keys = [], []
-    count, shared = problem.count, problem.count + len(problem.model.masses.factors)
+    count, shared = problem.count, problem.count + columns[0].gain.shape[-1]
     information = np.zeros((shared, shared))
     for group, lin in zip(problem.model.groups, with_columns(problem.linearise(vector), columns), strict=True):
         runs = list(group.runs)
@@ -83,8 +96,13 @@ def adjusted_information(
             keys += [(*case, int(c)) for c in np.flatnonzero(used)]
     rows, _ = problem.model.parameters.prior_rows()
     prior_precision, mass_sd = rows.T @ rows, problem.model.masses.sd
-    effect = mass_effect(information, np.sum(scores, axis=0), prior_precision, mass_sd)
+    score, known = np.sum(scores, axis=0), problem.model.departures
+    scale = departure_scale(information, score, prior_precision, mass_sd, () if known is None else known.directions)
+    effect = mass_effect(information, score, prior_precision, np.concatenate([mass_sd, scale.sd]))
     own, data = np.array(scores)[:, :count], information[:count, :count]
     adjustment = adjust(own, keys, data, effect.scatter)
-    blocks = adjust(own, keys, data).matrix
-    return adjustment, effect, DataInformation(information, blocks, prior_precision, mass_sd)
+    with_masses = count + mass_sd.size
+    cross = information[:count, count:with_masses] * mass_sd
+    blocks = adjust(own, keys, data, effect.scatter - cross @ cross.T).matrix
+    kept = information[:with_masses, :with_masses]
+    return adjustment, effect, DataInformation(kept, blocks, prior_precision, mass_sd)

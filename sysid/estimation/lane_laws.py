@@ -40,7 +40,7 @@ class LawInputs(NamedTuple):
 
     `stiffness` (R, na); `damping`, `tire_stiffness`, `tire_damping` (na,); `exponent` (); `elements` by quantity;
     `curves` declared by the campaign file; `static_load`, `reference_load`, `carried_load` (R, na, 1) [N]: road load in
-    its lane and in the first load case, load on the suspension.
+    its lane and in the first load case, load on the suspension; `tire_factor` (R, na, 1) on the tire stiffness of a lane.
     """
 
     stiffness: np.ndarray
@@ -53,6 +53,7 @@ class LawInputs(NamedTuple):
     static_load: np.ndarray
     reference_load: np.ndarray
     carried_load: np.ndarray
+    tire_factor: np.ndarray
 
 
 def stiffness_positions(parameters: ParameterSet, axles: int, load_cases: list[str]) -> np.ndarray:
@@ -91,6 +92,7 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_ca
         lanes.matrices.static_load,
         lanes.reference_load,
         carried,
+        np.ones_like(carried),
     )
 
 
@@ -98,7 +100,7 @@ def lane_laws(inputs: LawInputs, log_parameters: jax.Array) -> tuple[SuspensionL
     """Suspension and tire laws of every lane from the log parameters (p, S)."""
     values = jnp.exp(log_parameters)
     tire = tire_law(
-        values[inputs.tire_stiffness],
+        values[inputs.tire_stiffness] * inputs.tire_factor,
         values[inputs.tire_damping],
         values[inputs.exponent],
         inputs.static_load,

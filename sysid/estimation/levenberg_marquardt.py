@@ -67,6 +67,12 @@ def _affine(y: jax.Array, args: _Affine) -> tuple[jax.Array, None]:
     return args.residual + args.jacobian @ (y - args.point), None
 
 
+@eqx.filter_jit
+def _step(solver: optx.LevenbergMarquardt, point: jax.Array, args: _Affine, state):
+    # Compiled once per size of the problem, not once per call of `minimise`.
+    return solver.step(_affine, point, args, {}, state, frozenset())
+
+
 def minimise(
     evaluate: Evaluation,
     start: np.ndarray,
@@ -143,7 +149,6 @@ def _search(
     reach, pull = float(jnp.linalg.norm(point)), float(np.linalg.norm((jacobian * scale).T @ residual))
     if 0.0 < reach < pull:
         state = eqx.tree_at(lambda s: s.search_state.step_size, state, jnp.asarray(reach / pull))
-    step = eqx.filter_jit(lambda y, a, s: solver.step(_affine, y, a, {}, s, frozenset()))
 
     def ended(iteration: int, why: str) -> Minimum:
         fall = promised_fall(*here)
@@ -166,7 +171,7 @@ def _search(
             jacobian = jacobian if finite else np.zeros_like(jacobian)
             args = _Affine(state.y_eval, jnp.asarray(residual), jnp.asarray(jacobian * scale))
         cost = 0.5 * float(residual @ residual)
-        point, state, _ = step(point, args, state)
+        point, state, _ = _step(solver, point, args, state)
         if np.array_equal(np.asarray(point), np.asarray(args.point)):
             here = residual, jacobian
         gain = best - cost

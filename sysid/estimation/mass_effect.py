@@ -79,14 +79,16 @@ class MassEffect:
     """What tolerances of masses do to the optimum of p parameters.
 
     `sensitivity` K (p, m): how far the optimum moves per log factor, and `by_data` how far without priors; `scatter`
-    (p, p): by how much they scatter the scores, H_xm Sigma H_mx; `asked` (m,): the log factors that the data would
-    take, by one Gauss-Newton step.
+    (p, p): by how much they scatter the scores, H_xm B B' H_mx; `asked` (m,): the log factors that the data would
+    take, by one Gauss-Newton step; `spread` (m, m + 1) B = [Sigma^1/2, asked]: the tolerances and, since the optimum
+    is not corrected for what the data ask for, that as well, as in a mean squared error.
     """
 
     sensitivity: np.ndarray
     by_data: np.ndarray
     scatter: np.ndarray
     asked: np.ndarray
+    spread: np.ndarray
 
 
 def mass_effect(information: np.ndarray, score: np.ndarray, prior: np.ndarray, sd: np.ndarray) -> MassEffect:
@@ -107,7 +109,10 @@ def mass_effect(information: np.ndarray, score: np.ndarray, prior: np.ndarray, s
     sensitivity = -np.linalg.solve(information[:count, :count] + prior, cross)
     left = information[count:, count:] + np.diag(sd**-2.0) + cross.T @ sensitivity
     by_data = shift_by_masses(information, count)
-    return MassEffect(sensitivity, by_data, (cross * sd**2) @ cross.T, -np.linalg.solve(left, score[count:]))
+    asked = -np.linalg.solve(left, score[count:])
+    spread = np.concatenate([np.diag(sd), asked[:, None]], axis=1)
+    moved = cross @ spread
+    return MassEffect(sensitivity, by_data, moved @ moved.T, asked, spread)
 
 
 def shift_by_masses(information: np.ndarray, count: int) -> np.ndarray:

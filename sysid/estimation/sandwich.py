@@ -5,7 +5,8 @@ about zero with the covariance of the information H they carry.  Model error mak
 exceeds H.  The likelihood is then flattened so that its curvature becomes H G^-1 H: parameters theta enter it as
 theta_hat + C (theta - theta_hat) with C' H C = H G^-1 H (the curvature adjustment of M. Ribatet, D. Cooley and A. C.
 Davison, Bayesian inference from composite likelihoods, Statistica Sinica 22 (2012), doi:10.5705/ss.2009.248).
-Directions in which G falls short of H keep H, so nothing becomes more certain than independent noise allows.
+Directions in which G does not exceed H by more than blocks of pure noise scatter keep H, so nothing becomes more
+certain than independent noise allows.
 
 Wrong values of declared masses move all scores alike, so blocks cannot show them.  Their tolerances Sigma come in as
 known scatter: scores change by H_xm d when the log masses are d off, so that G gains H_xm Sigma H_mx.
@@ -80,6 +81,19 @@ def _own_response(normal: np.ndarray, local_prior: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.solve(local, normal[:, count:, :count]))
 
 
+def noise_edge(blocks: int, count: int) -> float:
+    """Scatter that blocks of pure noise do not exceed: 99 % quantile of the largest eigenvalue of their covariance.
+
+    With n = blocks - 1 and p parameters, n l = mu + 2.02 sigma, mu = (sqrt(n - 1) + sqrt(p))^2, sigma = (sqrt(n - 1) +
+    sqrt(p)) (1 / sqrt(n - 1) + 1 / sqrt(p))^(1/3) (I. M. Johnstone, On the distribution of the largest eigenvalue in
+    principal components analysis, Annals of Statistics 29 (2001), doi:10.1214/aos/1009210544).
+    """
+    n = max(blocks - 1, 2)
+    root, other = np.sqrt(n - 1.0), np.sqrt(float(count))
+    spread = (root + other) * (1.0 / root + 1.0 / other) ** (1.0 / 3.0)
+    return float(((root + other) ** 2 + 2.02 * spread) / n)
+
+
 def adjust(
     scores: np.ndarray,
     keys: Sequence[Hashable],
@@ -95,7 +109,7 @@ def adjust(
     scores : (n, p) scores; those with equal `keys` belong to one block and are summed.
     information : (p, p) data information H.
     known_scatter : (p, p) what the scores scatter by beyond what the blocks show, None for nothing.
-    never_sharper : keep H where the scores scatter less than it says.
+    never_sharper : keep H where the scores scatter no more than noise does (:func:`noise_edge`).
     """
     order = {key: i for i, key in enumerate(dict.fromkeys(keys))}
     sums = np.zeros((len(order), scores.shape[1]))
@@ -107,7 +121,10 @@ def adjust(
     factor = np.linalg.cholesky(information / np.outer(scale, scale) + 1e-10 * np.eye(scale.size))
     white = np.linalg.solve(factor, (sums / scale).T)
     values, vectors = np.linalg.eigh(white @ white.T * len(order) / max(len(order) - 1, 1))
-    inflation = np.maximum(values, 1.0) if never_sharper else np.maximum(values, 1e-12)
+    if never_sharper:
+        inflation = np.where(values > noise_edge(len(order), scale.size), values, 1.0)
+    else:
+        inflation = np.maximum(values, 1e-12)
     total = inflation
     if known_scatter is not None:
         known = np.linalg.solve(factor, np.linalg.solve(factor, known_scatter / np.outer(scale, scale)).T)

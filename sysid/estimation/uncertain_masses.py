@@ -86,24 +86,26 @@ class MassResponse:
 
     def draws(self, log_parameters: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """One draw (n, m) of the log factors for every set (n, p) of log parameters."""
-        noise = random.standard_normal((log_parameters.shape[0], self.factor.shape[0]))
+        noise = random.standard_normal((log_parameters.shape[0], self.factor.shape[1]))
         return np.asarray((log_parameters - self.centre) @ self.response.T + noise @ self.factor.T)
 
 
-def mass_response(centre: np.ndarray, sensitivity: np.ndarray, sd: np.ndarray, precision: np.ndarray) -> MassResponse:
+def mass_response(
+    centre: np.ndarray, sensitivity: np.ndarray, spread: np.ndarray, precision: np.ndarray
+) -> MassResponse:
     """Conditional distribution of the log factors given log parameters.
 
     Parameters
     ----------
     centre : (p,) optimum; sensitivity : (p, m) K.
-    sd : (m,) tolerances; precision : (p, p) Q of the log parameters by the data, masses included.
+    spread : (m, q) B with the covariance B B' of the factors; precision : (p, p) Q of the log parameters by the data, masses included.
     """
-    moved = sensitivity * sd
+    moved = sensitivity @ spread
     solved = precision @ moved
     values, vectors = np.linalg.eigh(moved.T @ solved)
     # What the parameters do not say about the masses; rounding must not make it negative.
     left = np.sqrt(np.clip(1.0 - values, 0.0, 1.0))
-    return MassResponse(centre, sd[:, None] * solved.T, sd[:, None] * (vectors * left))
+    return MassResponse(centre, spread @ solved.T, spread @ (vectors * left))
 
 
 def uncertain_masses(campaign: Campaign) -> UncertainMasses:

@@ -7,7 +7,9 @@ their Gaussian priors leaves, per run,
 
 so the sampler sees global parameters only. Residuals are tempered by their variance inflation, the likelihood is
 flattened around the optimum for model error and tolerances of masses (:mod:`sysid.estimation.sandwich`), and the
-Gaussian priors of the log parameters are added; sensor offsets and gains are eliminated inside the residuals.
+Gaussian priors of the log parameters are added.  Flattened about the optimum theta_hat, which the priors have pulled
+off the data's own one, the likelihood would keep too much of that pull: its gradient g there becomes C' g, but a
+likelihood of curvature C'HC about the data's optimum has C'C' g.  A linear term makes up the difference.  Sensor offsets and gains are eliminated inside the residuals.
 """
 
 from __future__ import annotations
@@ -82,6 +84,10 @@ class LogDensity:
         self.centre = np.asarray(state.log_parameters, float)
         self._adjustment = np.asarray(state.adjustment, float)
         self._rows, self._targets = state.model.parameters.prior_rows()
+        # At the optimum the data pull as hard as the priors, the other way.
+        pull = -self._rows.T @ (self._rows @ self.centre - self._targets)
+        flat = self._adjustment.T
+        self._tilt = (flat @ flat - flat) @ pull
         self.rejected: list[np.ndarray] = []
         self.rejected_count = 0
         expected = speed_prior(campaign.bump_runs)
@@ -124,7 +130,7 @@ class LogDensity:
         for inputs, shape in zip(self._inputs, self._model.shapes, strict=True):
             misfit = misfit + np.asarray(_group_misfit(inputs, sets, shape=shape))
         prior = ((points @ self._rows.T - self._targets) ** 2).sum(axis=1)
-        density = -0.5 * (misfit + prior)
+        density = -0.5 * (misfit + prior) - (points - self.centre) @ self._tilt
         bad = ~np.isfinite(density)
         if bad.any():
             self.rejected_count += int(bad.sum())

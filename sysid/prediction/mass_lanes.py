@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.estimation.departures import Departures
 from sysid.estimation.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters import ParameterSet
 from sysid.estimation.uncertain_masses import UncertainMasses
@@ -32,6 +33,7 @@ def histories_of_draws(
     log_factors: np.ndarray,
     motion: Motion,
     timing: Timing,
+    departures: Departures | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Tire forces and suspension forces, static load included, [N] and suspension deflections [m] of n draws.
 
@@ -44,20 +46,26 @@ def histories_of_draws(
     motion : speed [m/s] and start [s] (1, 1).
     """
     count = log_parameters.shape[0]
-    found = []
+    found, of_masses = [], len(masses.factors)
     for first in range(0, count, TOGETHER):
         # The last chunk repeats its last draw: one size is compiled once.
         chosen = np.minimum(np.arange(first, first + TOGETHER), count - 1)
-        matrices, laws = [], []
+        matrices, laws, roads = [], [], []
         for factors in log_factors[chosen]:
-            vehicle, cases = masses.applied(factors)
+            vehicle, cases = masses.applied(factors[:of_masses])
             own = replace(lanes, matrices=pass_matrices(vehicle, cases, [driven], []))
             matrices.append(own.matrices)
-            laws.append(law_inputs(vehicle, parameters, own, [driven.load_case]))
+            inputs = law_inputs(vehicle, parameters, own, [driven.load_case])
+            if departures is None:
+                roads.append(lanes.road)
+            else:
+                inputs = departures.laws(inputs, factors[of_masses:], [driven.load_case])
+                roads.append(departures.road([driven], factors[of_masses:]))
+            laws.append(inputs)
         stacked = jax.tree.map(lambda *parts: np.concatenate(parts), *matrices)
         inputs = jax.tree.map(lambda *parts: np.stack(parts), *laws)
         every = Motion(*(jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s)))
-        road = engine.wheel_road(stacked, _tiled(lanes.road), lanes.axle_x, every.speed, every.start_s, timing)
+        road = engine.wheel_road(stacked, _joined(roads), lanes.axle_x, every.speed, every.start_s, timing)
         sets = jnp.asarray(log_parameters[chosen, :, None])
         tire, suspension, deflection = _histories(stacked, inputs, road, sets, every, timing=timing)
         found.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, deflection)])
@@ -65,15 +73,14 @@ def histories_of_draws(
     return np.moveaxis(tire, 1, 2), np.moveaxis(suspension, 1, 2), np.moveaxis(deflection, 1, 2)
 
 
-def _tiled(road: EffectiveRoad) -> EffectiveRoad:
-    """The road of one lane under all lanes of a chunk."""
+def _joined(roads: list[EffectiveRoad]) -> EffectiveRoad:
+    """The roads of several lanes as one."""
 
-    def tiled(table: np.ndarray | None) -> np.ndarray | None:
-        return None if table is None else np.repeat(table, TOGETHER, axis=-3)
+    def joined(name: str) -> np.ndarray | None:
+        tables = [getattr(road, name) for road in roads]
+        return None if tables[0] is None else np.concatenate(tables, axis=-3)
 
-    return road._replace(
-        rise=np.repeat(road.rise, TOGETHER, axis=-3), stretch=tiled(road.stretch), drag=tiled(road.drag)
-    )
+    return roads[0]._replace(rise=joined("rise"), stretch=joined("stretch"), drag=joined("drag"))
 
 
 @partial(jax.jit, static_argnames=("timing",))

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.estimation.bump_model import campaign_departures
 from sysid.estimation.lane_laws import lane_laws, law_inputs
 from sysid.estimation.parameters import ParameterSet
 from sysid.estimation.uncertain_masses import MassResponse, uncertain_masses
@@ -83,8 +84,11 @@ def _simulate(
         suspension = suspension + lanes.matrices.carried_load[0]
     else:
         masses = uncertain_masses(campaign)
+        known = None
+        if log_factors.shape[1] > len(masses.factors):
+            known = campaign_departures(campaign, parameters, roads.profiles, roads.contact)
         tire, suspension, deflection = histories_of_draws(
-            lanes, parameters, masses, wanted, sets.T, log_factors, motion, timing
+            lanes, parameters, masses, wanted, sets.T, log_factors, motion, timing, known
         )
     time = np.round(np.arange(samples) * INTERVAL_S - lead, 6)
     x = lanes.axle_x[:, 0]

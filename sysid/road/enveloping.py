@@ -10,6 +10,7 @@ doi:10.1080/00423117508968461).  Its stiffness is fixed by the tire's declared v
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import brentq
@@ -54,13 +55,21 @@ def spoke_table(profile: RoadProfile, radius_m: float, *, exponent: float = SPOK
     radius_m : wheel radius R [m].
     exponent : exponent p of the spoke law [-].
     """
+    station, height = (np.ascontiguousarray(a, float).tobytes() for a in (profile.station_m, profile.height_m))
+    return _known_table(station, height, float(profile.start_m), float(radius_m), float(exponent))
+
+
+@lru_cache(maxsize=64)
+def _known_table(stations: bytes, heights: bytes, start_m: float, radius_m: float, exponent: float) -> SpokeTable:
+    """The table of one profile, made once: every stage asks for it again."""
+    station_m, height_m = np.frombuffer(stations), np.frombuffer(heights)
     reach = radius_m * np.sin(_HALF_ANGLE_RAD)
-    first = profile.station_m[0] - profile.start_m - reach - 0.1
-    last = profile.station_m[-1] - profile.start_m + reach + 0.1
+    first = station_m[0] - start_m - reach - 0.1
+    last = station_m[-1] - start_m + reach + 0.1
     station = np.arange(np.floor(first / _STATION_STEP_M), np.ceil(last / _STATION_STEP_M) + 1) * _STATION_STEP_M
     angle = np.linspace(-_HALF_ANGLE_RAD, _HALF_ANGLE_RAD, _SPOKES)
     deflection = _DEEPEST_PER_RADIUS * radius_m * np.linspace(0.0, 1.0, _LEVELS) ** 1.5
-    road_s, road_z = profile.station_m - profile.start_m, profile.height_m
+    road_s, road_z = station_m - start_m, height_m
 
     tread = np.interp(station[:, None] + radius_m * np.sin(angle), road_s, road_z, left=0.0, right=0.0)
     contact = np.maximum((tread + radius_m * np.cos(angle)).max(axis=1), radius_m)

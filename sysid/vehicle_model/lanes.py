@@ -54,15 +54,15 @@ class EffectiveRoads:
         profiles: Mapping[str, RoadProfile],
         contact: ContactLaw = "footprint",
     ):
-        self._contact = contact
+        self.contact = contact
         self._vehicle = vehicle
         self._load_cases = dict(load_cases)
-        self._profiles = dict(profiles)
+        self.profiles = dict(profiles)
         self._table = lru_cache(maxsize=None)(self._make_table)
         self._maps = lru_cache(maxsize=None)(self._make_maps)
 
     def _make_table(self, bump: str, radius_m: float) -> SpokeTable:
-        return spoke_table(self._profiles[bump], radius_m)
+        return spoke_table(self.profiles[bump], radius_m)
 
     def _make_maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
         first = next(iter(self._load_cases.values()))
@@ -71,10 +71,10 @@ class EffectiveRoads:
 
         def one(i: int, axle: Axle) -> FootprintMap:
             load, reference = case.axle_loads_kg[i] * gravity, first.axle_loads_kg[i] * gravity
-            if self._contact == "point":
-                return point_map(self._profiles[bump])
-            if self._contact == "cams":
-                return cam_map(self._profiles[bump], axle.tire_radius_m, load / axle.tire_stiffness_N_per_m)
+            if self.contact == "point":
+                return point_map(self.profiles[bump])
+            if self.contact == "cams":
+                return cam_map(self.profiles[bump], axle.tire_radius_m, load / axle.tire_stiffness_N_per_m)
             table = self._table(bump, axle.tire_radius_m)
             return footprint_map(table, load, reference, axle.tire_stiffness_N_per_m)
 

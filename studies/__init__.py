@@ -1,0 +1,1 @@
+"""Studies of the calibration's statistics; not part of the installed package."""

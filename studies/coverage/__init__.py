@@ -1,0 +1,1 @@
+"""Coverage of intervals and calibration of ranks over many simulated data sets."""

@@ -1,0 +1,119 @@
+"""Readings that the sensors of a campaign would show of a known vehicle: noise, offset, gain, clipping, spikes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor
+from sysid.estimation.bump_model import GAIN_SD, bump_model
+from sysid.estimation.objective import RunMotion, simulate_runs
+from sysid.road.results import RoadProfile
+from sysid.selftest.world import World
+
+#: Integration step behind simulated readings [s], finer than that of a fit.
+STEP_S = 0.000625
+#: What a record holds before axle 1 meets the bump, and after the last axle has left it [s].
+BEFORE_S, AFTER_S = 1.2, 2.5
+#: Noise of ordinary instruments [SI] where nothing better is known.
+NOISE = {"suspension_deflection": 2.5e-4, "axle_acceleration": 0.25, "body_acceleration": 0.15}
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """How sensors err.
+
+    `noise` standard deviation [SI] by column of the log; offsets are uniform within `offset_in_noises` of it, gains
+    normal about one.  Successive noise values correlate by `correlation`; a share `outliers` of the readings is off
+    by normal errors of `outlier_in_noises` times the noise.
+    """
+
+    noise: Mapping[str, float]
+    offset_in_noises: float = 6.0
+    correlation: float = 0.0
+    outliers: float = 0.0
+    outlier_in_noises: float = 10.0
+
+
+def ordinary_instruments(campaign: Campaign) -> Instruments:
+    """Ordinary noise for every sensor of the bump runs."""
+    sensors = {c.sensor.column: c.sensor for run in campaign.bump_runs for c in run.log.channels}
+    return Instruments({column: NOISE[sensor.kind] for column, sensor in sensors.items()})
+
+
+def blank_run(run: BumpRun, sensors: tuple[Sensor, ...], seconds: float, interval_s: float) -> BumpRun:
+    """The run with channels of zeros, `seconds` long."""
+    time = np.arange(int(np.ceil(seconds / interval_s))) * interval_s
+    empty, free = np.zeros(time.size), np.zeros(time.size, np.int8)
+    channels = tuple(Channel(s, time, empty, free) for s in sensors)
+    return replace(run, log=Log(run.log.file, interval_s, channels))
+
+
+def planned_campaign(campaign: Campaign, profiles: Mapping[str, RoadProfile]) -> Campaign:
+    """The campaign with blank records that are long enough for every run at its nominal speed."""
+    last = max(a.x_m for a in campaign.vehicle.axles)
+    runs = []
+    for run in campaign.bump_runs:
+        way = last + profiles[run.bump].length_m + 1.0
+        seconds = BEFORE_S + way / run.nominal_speed_m_s + AFTER_S
+        sensors = tuple(c.sensor for c in run.log.channels)
+        runs.append(blank_run(run, sensors, seconds, campaign.acquisition.sample_interval_s))
+    return replace(campaign, bump_runs=tuple(runs))
+
+
+def draw_motion(campaign: Campaign, random: np.random.Generator) -> RunMotion:
+    """Speeds from their priors, at most two standard deviations off, and starts about a second into the record."""
+    nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
+    spread = np.array([r.speed_sd for r in campaign.bump_runs])
+    off = np.clip(random.standard_normal(nominal.size), -2.0, 2.0)
+    return RunMotion(nominal * (1.0 + spread * off), BEFORE_S + random.uniform(-0.3, 0.3, nominal.size))
+
+
+def simulated_campaign(
+    planned: Campaign,
+    world: World,
+    profiles: Mapping[str, RoadProfile],
+    instruments: Instruments,
+    random: np.random.Generator,
+) -> Campaign:
+    """The planned campaign with the readings that its sensors would show of the world's vehicle.
+
+    Parameters
+    ----------
+    planned : declared masses and blank records.
+    world : the vehicle behind the readings.
+    profiles : road profile of every bump.
+    """
+    true = replace(world.campaign, bump_runs=planned.bump_runs)
+    model = bump_model(true, world.parameters, profiles, target_step_s=STEP_S, roads=world.roads)
+    signals = simulate_runs(model, world.log_parameters, draw_motion(planned, random))
+    position = {s.column: c for c, s in enumerate(model.layout.sensors)}
+    runs = list(planned.bump_runs)
+    for group, shown in zip(model.groups, signals, strict=True):
+        for r, run in enumerate(group.runs):
+            log = runs[run].log
+            channels = tuple(
+                measured(c, shown[: c.time_s.size, r, position[c.sensor.column]], instruments, random)
+                for c in log.channels
+            )
+            runs[run] = replace(runs[run], log=replace(log, channels=channels))
+    return replace(planned, bump_runs=tuple(runs))
+
+
+def measured(channel: Channel, clean: np.ndarray, instruments: Instruments, random: np.random.Generator) -> Channel:
+    """The channel with readings of a clean signal (T,) [SI]."""
+    sensor = channel.sensor
+    sd, rho = instruments.noise[sensor.column], instruments.correlation
+    white = random.standard_normal(clean.size)
+    white[1:] *= np.sqrt(1.0 - rho**2)
+    noise = sd * lfilter([1.0], [1.0, -rho], white)
+    spikes = random.uniform(size=clean.size) < instruments.outliers
+    noise += spikes * instruments.outlier_in_noises * sd * random.standard_normal(clean.size)
+    gain = 1.0 + GAIN_SD[sensor.kind] * random.standard_normal()
+    value = gain * clean + instruments.offset_in_noises * sd * random.uniform(-1.0, 1.0) + noise
+    limit = np.inf if sensor.full_scale is None else sensor.full_scale
+    side = (value >= limit).astype(np.int8) - (value <= -limit).astype(np.int8)
+    return replace(channel, value=np.clip(value, -limit, limit), censored=side)
