@@ -1,4 +1,4 @@
-"""Replicates of a study as one small file each: a study that was stopped goes on with the replicates that are missing."""
+"""Replicates of a study, one small file each: a study that was stopped goes on with those that are missing."""
 
 from __future__ import annotations
 

@@ -4,8 +4,9 @@ With the information H and gradient g of parameters x, masses m and departures a
 
     S = H_yy - H_yx (H_xx + P)^-1 H_xy,    y | tau ~ N(-(S + L)^-1 g_y, (S + L)^-1),    L = diag(sd_m^-2, tau^-2).
 
-All amplitudes of one kind have one scale tau, what they have in common has another.  They maximise the evidence, found by expectation-maximisation (D. J. C.
-MacKay, Bayesian interpolation, Neural Computation 4 (1992), doi:10.1162/neco.1992.4.3.415):
+All amplitudes of one kind have one scale tau, what they have in common has another.  They maximise the evidence, found
+by expectation-maximisation (D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992),
+doi:10.1162/neco.1992.4.3.415):
 
     tau^2 <- mean over the kind of (E[a]^2 + var[a]).
 """

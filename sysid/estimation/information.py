@@ -1,8 +1,8 @@
 """What the data say about parameters and masses, and what more data would add to it.
 
 The information H of parameters and mass factors (runs' own speeds and starts eliminated) is kept apart from what makes
-the covariance honest: the flattening C_0 for model error and departures from the model, and the tolerances Sigma of masses.  With more data of
-information D, H' = H + D,
+the covariance honest: the flattening C_0 for model error and departures from the model, and the tolerances Sigma of
+masses.  With more data of information D, H' = H + D,
 
     A = C_0' H'_xx C_0,    K = -H'_xx^-1 H'_xm,    covariance = ((A^-1 + K Sigma K')^-1 + P)^-1,
 

@@ -40,7 +40,7 @@ class LawInputs(NamedTuple):
 
     `stiffness` (R, na); `damping`, `tire_stiffness`, `tire_damping` (na,); `exponent` (); `elements` by quantity;
     `curves` declared by the campaign file; `static_load`, `reference_load`, `carried_load` (R, na, 1) [N]: road load in
-    its lane and in the first load case, load on the suspension; `tire_factor` (R, na, 1) on the tire stiffness of a lane.
+    its lane and in the first load case, load on the suspension; `tire_factor` (R, na, 1) on a lane's tire stiffness.
     """
 
     stiffness: np.ndarray

@@ -98,7 +98,8 @@ def mass_response(
     Parameters
     ----------
     centre : (p,) optimum; sensitivity : (p, m) K.
-    spread : (m, q) B with the covariance B B' of the factors; precision : (p, p) Q of the log parameters by the data, masses included.
+    spread : (m, q) B with the covariance B B' of the factors.
+    precision : (p, p) Q of the log parameters by the data, masses included.
     """
     moved = sensitivity @ spread
     solved = precision @ moved

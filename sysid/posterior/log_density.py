@@ -9,7 +9,8 @@ so the sampler sees global parameters only. Residuals are tempered by their vari
 flattened around the optimum for model error and tolerances of masses (:mod:`sysid.estimation.sandwich`), and the
 Gaussian priors of the log parameters are added.  Flattened about the optimum theta_hat, which the priors have pulled
 off the data's own one, the likelihood would keep too much of that pull: its gradient g there becomes C' g, but a
-likelihood of curvature C'HC about the data's optimum has C'C' g.  A linear term makes up the difference.  Sensor offsets and gains are eliminated inside the residuals.
+likelihood of curvature C'HC about the data's optimum has C'C' g.  A linear term makes up the difference.  Sensor
+offsets and gains are eliminated inside the residuals.
 """
 
 from __future__ import annotations

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
+from studies.coverage.world import World
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor
 from sysid.estimation.bump_model import GAIN_SD, bump_model
 from sysid.estimation.objective import RunMotion, simulate_runs
 from sysid.road.results import RoadProfile
-from sysid.selftest.world import World
 
 #: Integration step behind simulated readings [s], finer than that of a fit.
 STEP_S = 0.000625

@@ -1,0 +1,82 @@
+"""Departures from the model: against the other contact law itself, and scales against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rigid_truck import EMPTY, LADEN, bump, campaign, empty_run
+
+from sysid.estimation.bump_model import bump_model
+from sysid.estimation.departure_scale import PLAUSIBLE, departure_scale
+from sysid.estimation.departures import ENVELOPE, FRICTION, TIRE_LOAD, Departure
+from sysid.estimation.objective import RunMotion, simulate_runs
+from sysid.estimation.parameters import campaign_parameters
+
+MOTION = RunMotion(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
+
+
+@pytest.fixture(scope="module")
+def model():
+    runs = [empty_run("a.csv", 6.0, samples=150), empty_run("b.csv", 7.0, load_case="laden", samples=150)]
+    data = campaign(runs, load_cases=(EMPTY, LADEN))
+    parameters = campaign_parameters(data, None)
+    return data, parameters, bump_model(data, parameters, {"bump": bump()})
+
+
+def amplitudes(model, kind: str, value: float) -> np.ndarray:
+    return np.array([value * (d.kind == kind and d.axle is None) for d in model.departures.directions])
+
+
+def test_no_departure_is_the_model(model):
+    _, parameters, ours = model
+    moved = ours.departed(np.zeros(len(ours.departures.directions)))
+    for one, two in zip(
+        simulate_runs(ours, parameters.start, MOTION), simulate_runs(moved, parameters.start, MOTION), strict=True
+    ):
+        np.testing.assert_allclose(one, two, rtol=1e-7, atol=1e-7 * np.abs(one).max())
+
+
+def test_the_whole_way_to_the_other_contact_law_is_that_law(model):
+    data, parameters, ours = model
+    whole = ours.departed(amplitudes(ours, ENVELOPE, 1.0))
+    cams = bump_model(data, parameters, {"bump": bump()}, contact="cams")
+    motion, x = MOTION, parameters.start
+    parts = zip(*(simulate_runs(m, x, motion) for m in (ours, whole, cams)), strict=True)
+    for plain, one, two in parts:
+        # What a wheel does clear of the road is left as it is, so agreement is not to rounding.
+        assert np.sqrt(np.mean((one - two) ** 2)) < 0.02 * np.sqrt(np.mean((plain - two) ** 2))
+
+
+def test_common_direction_moves_every_axle_in_its_own_load_cases_only(model):
+    _, _, ours = model
+    known = ours.departures
+    spread = known.spread(TIRE_LOAD, amplitudes(ours, TIRE_LOAD, 0.05), ["empty", "laden"])
+    np.testing.assert_allclose(spread, [[0.0] * 3, [0.05] * 3])
+    assert [d.name for d in known.directions if d.kind == FRICTION] == [f"friction_{i}" for i in (1, 2, 3)] + [FRICTION]
+
+
+def test_scale_is_the_root_mean_square_of_what_exact_data_ask_for():
+    """With data far sharper than the scale, tau^2 is the mean square of the amplitudes behind the data."""
+    random = np.random.default_rng(4)
+    jacobian = 1e4 * random.normal(size=(80, 9))
+    behind = np.array([0.3, -0.1, 0.4, 0.2])
+    residual = -jacobian[:, 5:] @ behind
+    # The optimum of the four parameters for departures of zero; one mass as well.
+    solved = np.linalg.lstsq(jacobian[:, :4], -residual, rcond=None)[0]
+    score = jacobian.T @ (residual + jacobian[:, :4] @ solved)
+    directions = [Departure(ENVELOPE, i) for i in range(4)]
+    found = departure_scale(jacobian.T @ jacobian, score, 1e-9 * np.eye(4), np.array([0.03]), directions)
+    np.testing.assert_allclose(found.asked, behind, rtol=1e-4)
+    np.testing.assert_allclose(found.sd, np.sqrt(np.mean(behind**2)), rtol=1e-3)
+
+
+def test_data_without_departures_leave_scales_of_their_own_accuracy_and_no_data_the_plausible_one():
+    jacobian = np.random.default_rng(5).normal(size=(200, 30)) * 1e3
+    residual = np.random.default_rng(6).normal(size=200)
+    solved = np.linalg.lstsq(jacobian[:, :4], -residual, rcond=None)[0]
+    score = jacobian.T @ (residual + jacobian[:, :4] @ solved)
+    directions = [Departure(ENVELOPE, i) for i in range(26)]
+    found = departure_scale(jacobian.T @ jacobian, score, np.zeros((4, 4)), np.zeros(0), directions)
+    assert found.sd[0] < 3.0 / (1e3 * np.sqrt(200))
+    silent = departure_scale(np.eye(2) * 1e-12, np.zeros(2), np.eye(1), np.zeros(0), [Departure(FRICTION, 0)])
+    assert silent.sd[0] == pytest.approx(PLAUSIBLE[FRICTION])
