@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long test-browser docs bench lint format clean
+.PHONY: run quick test test-long test-browser docs bench coverage lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -32,6 +32,10 @@ docs: $(VENV)/.installed
 bench: $(VENV)/.installed
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(BIN)/python -m benchmarks --output build/benchmarks --document docs/benchmarks.md
+
+# Hours on one core; can be stopped and goes on with what is missing.
+coverage: $(VENV)/.installed
+	$(BIN)/python -m studies.coverage --output build/coverage --document docs/statistics.md
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

@@ -34,9 +34,9 @@ from sysid.vehicle_model.simulation import Motion
 #: What the likelihood is, for people.
 LIKELIHOOD = (
     "Gaussian residuals; scale per run and channel from the least-squares residuals; residuals correlated in time "
-    "are tempered by their variance inflation; the likelihood is flattened for model error and for the tolerances "
-    "of declared masses by a sandwich over blocks of channel and case (curvature adjustment); run speed and start "
-    "marginalised, sensor offset and gain eliminated"
+    "are tempered by their variance inflation; the likelihood is flattened for model error, departures from the "
+    "model and tolerances of declared masses by a sandwich over blocks of channel and case (curvature adjustment); "
+    "run speed and start marginalised, sensor offset and gain eliminated"
 )
 
 

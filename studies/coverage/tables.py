@@ -1,0 +1,164 @@
+"""The section "Coverage" of docs/statistics.md from the replicates that are there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import binom, chi2
+
+from studies.coverage.shards import Record, collect
+
+HEADING = "## Coverage"
+#: Draws that the truth is ranked among, and bins of the ranks.
+DRAWS, BINS = 99, 20
+LIMIT = 0.001
+
+INTRODUCTION = """\
+Do the intervals hold what they promise? Data are simulated from a truth that is known, analysed by the same code as
+measured ones, and the truth is ranked among 99 draws of the result (S. Talts et al., Validating Bayesian inference
+algorithms with simulation-based calibration, 2018, arXiv:1804.06788). Ranks should be uniform (chi-square over 20
+bins; a quantity fails below p = 0.001 over the number of quantities), 50 and 90 % intervals should hold the truth so
+often. The tables are written by
+
+    python -m studies.coverage --output build/coverage --document docs/statistics.md
+
+(`make coverage`), which keeps every replicate in a file of its own and goes on where it was stopped.""".splitlines()
+
+
+def uniform_probability(ranks: np.ndarray) -> float:
+    """Probability of a larger chi-square of ranks 0 to 99 over 20 bins, were they uniform."""
+    counts = np.histogram(ranks, bins=BINS, range=(0, DRAWS + 1))[0]
+    expected = ranks.size / BINS
+    return float(chi2.sf(((counts - expected) ** 2 / expected).sum(), BINS - 1))
+
+
+def held(ranks: np.ndarray, share: float) -> float:
+    """How often the central interval of a share of the draws holds the truth."""
+    tail = 0.5 * (1.0 - share) * (DRAWS + 1)
+    return float(np.mean((ranks >= tail) & (ranks < DRAWS + 1 - tail)))
+
+
+def binomial_bound(share: float, count: int, quantities: int) -> tuple[float, float]:
+    """Range of an observed share that chance leaves with 99.9 %, Bonferroni over the quantities."""
+    tail = 0.5 * LIMIT / quantities
+    return float(binom.ppf(tail, count, share)) / count, float(binom.isf(tail, count, share)) / count
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    lines = ["| " + " | ".join(head) + " |", "|---" + "|---:" * (len(head) - 1) + "|"]
+    return [*lines, *("| " + " | ".join(row) + " |" for row in rows), ""]
+
+
+def rank_table(records: Sequence[Record]) -> list[str]:
+    """One row per quantity and one for all."""
+    by_name: dict[str, list[int]] = {}
+    for record in records:
+        for entry in record["entries"]:
+            by_name.setdefault(entry["name"], []).append(entry["rank"])
+    rows = []
+    for name, values in by_name.items():
+        ranks = np.array(values)
+        bounds = [binomial_bound(share, ranks.size, len(by_name)) for share in (0.5, 0.9)]
+        within = all(a <= held(ranks, s) <= b for s, (a, b) in zip((0.5, 0.9), bounds, strict=True))
+        p = uniform_probability(ranks)
+        verdict = "yes" if within and p > LIMIT / len(by_name) else "no"
+        rows.append(
+            (
+                f"`{name}`",
+                str(ranks.size),
+                f"{100 * held(ranks, 0.5):.0f}",
+                f"{100 * held(ranks, 0.9):.0f}",
+                f"{p:.3f}",
+                verdict,
+            )
+        )
+    every = np.concatenate([np.array(v) for v in by_name.values()])
+    rows.append(("all", str(every.size), f"{100 * held(every, 0.5):.1f}", f"{100 * held(every, 0.9):.1f}", "", ""))
+    return _table(("quantity", "ranks", "50 % hold %", "90 % hold %", "p uniform", "within limits"), rows)
+
+
+def _holds(entry: Record, which: str) -> bool:
+    low, _, high = entry[which]
+    return bool(low <= entry["truth"] <= high)
+
+
+def misfit_tables(records: Sequence[Record]) -> list[str]:
+    """Coverage by kind of quantity and by the physics behind the data."""
+    good = [r for r in records if r["failed"] is None]
+    entries = [e for r in good for e in r["entries"]]
+    rows = []
+    for kind in dict.fromkeys(e["kind"] for e in entries):
+        rows.append(_misfit_row(kind, [e for e in entries if e["kind"] == kind]))
+    rows.append(_misfit_row("all", entries))
+    head = (
+        "90 % interval of",
+        "entries",
+        "holds %",
+        "median half-width %",
+        "independent noise: holds %",
+        "half-width %",
+    )
+    lines = _table(head, rows)
+    rows = []
+    for name in dict.fromkeys(r["physics"] for r in good):
+        own = [r for r in good if r["physics"] == name]
+        of = [e for r in own for e in r["entries"]]
+        misfit = f"{np.median([r['misfit'] for r in own]):.1f}"
+        said = f"{sum(r['said'] for r in own)} of {len(own)}"
+        rows.append((name, str(len(own)), misfit, said, f"{100 * np.mean([_holds(e, 'reported') for e in of]):.0f}"))
+    head = ("true physics", "campaigns", "residual over noise", "report says so", "holds %")
+    lines += _table(head, rows)
+    return lines
+
+
+def _misfit_row(name: str, entries: Sequence[Record]) -> tuple[str, ...]:
+    cells = [name, str(len(entries))]
+    for which in ("reported", "independent"):
+        half = [50.0 * (e[which][2] - e[which][0]) / e[which][1] for e in entries]
+        cells += [f"{100 * np.mean([_holds(e, which) for e in entries]):.0f}", f"{np.median(half):.1f}"]
+    return tuple(cells)
+
+
+def section(folder: Path) -> list[str]:
+    """Lines of the section."""
+    lines = [HEADING, "", *INTRODUCTION, ""]
+    drops, bump, rough, misfit = (collect(folder, s) for s in ("drops", "bump", "rough", "misfit"))
+    if drops:
+        lines += ["### One axle dropped off a plank", "", *_DROPS, "", *rank_table(drops)]
+    if bump:
+        lines += ["### A two-axle truck over a bump", "", *_BUMP, "", *rank_table(bump)]
+    if rough:
+        said = sum(bool(r.get("said")) for r in rough)
+        lines += ["### The same with rough noise", "", *_ROUGH, "", *rank_table(rough)]
+        lines += [f"{said} of {len(rough)} results warn that the model does not explain the data.", ""]
+    if misfit:
+        lines += ["### Whole campaigns with other physics than the model's", "", *_MISFIT, "", *misfit_tables(misfit)]
+    return lines
+
+
+def write(folder: Path, document: Path) -> None:
+    """Replace the section in a document, or add it at its end."""
+    text = document.read_text(encoding="utf-8") if document.exists() else ""
+    before, _, rest = text.partition(f"{HEADING}\n")
+    after = rest[rest.index("\n## ") + 1 :] if "\n## " in rest else ""
+    parts = [before.rstrip(), "\n".join(section(folder)).rstrip(), after.rstrip()]
+    document.write_text("\n\n".join(p for p in parts if p) + "\n", encoding="utf-8", newline="\n")
+
+
+_DROPS = """\
+k and c from lognormal priors, masses and tire off by their tolerances, the exact motion of a quarter car read every
+5 ms with 0.25 mm of noise. Draws: the estimate's normal in log space.""".splitlines()
+_BUMP = """\
+Truth from the priors, two runs of 2.8 s with six sensors, masses as declared; least squares and log-density of the
+product, draws by importance resampling.""".splitlines()
+_ROUGH = """\
+Noise that is correlated from one reading to the next (0.6), 1 % of readings off by ten times the noise.""".splitlines()
+_MISFIT = """\
+The six-axle tractor and lowboy of `data/campaign.toml`, empty and loaded, one run per case, linear laws fitted. In
+every campaign k, c and tires come from their priors, masses and heights are off within their tolerances, footprints
+belong to tires of other stiffness than declared, and noise is correlated (0.3); the contact law or the suspension is
+another one as the second table says. Peaks are peak load ratios of passes nobody drove, half-widths medians.
+Independent noise: the same fit with the usual covariance, which calls every residual a new piece of evidence and the
+model exact.""".splitlines()
