@@ -35,8 +35,7 @@ file are exact, so errors of those are not. One campaign says little about other
 
 READING = """\
 The values are posterior medians, or least squares where nothing was sampled. Honest 90 % intervals hold the truth nine
-times in ten; where they hold it less often they are too narrow, because an error of the model's form that moves all
-channels alike is not in them ([results.md](results.md)).""".splitlines()
+times in ten, over many campaigns ([statistics.md](statistics.md)); what they hold is in [results.md](results.md).""".splitlines()
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
