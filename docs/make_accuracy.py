@@ -35,7 +35,8 @@ file are exact, so errors of those are not. One campaign says little about other
 
 READING = """\
 The values are posterior medians, or least squares where nothing was sampled. Honest 90 % intervals hold the truth nine
-times in ten, over many campaigns ([statistics.md](statistics.md)); what they hold is in [results.md](results.md).""".splitlines()
+times in ten, over many campaigns ([statistics.md](statistics.md)); what is in them stands in
+[results.md](results.md).""".splitlines()
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
