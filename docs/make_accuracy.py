@@ -17,7 +17,7 @@ from statistics import median
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-METHODS = ("paper", "corrected", "free_decay")
+METHODS = ("paper", "corrected", "free_decay", "model")
 SUSPENSION = {"stiffness": "suspension_stiffness_N_per_m", "damping": "suspension_damping_N_s_per_m"}
 TIRE = {"tire_stiffness": "tire_stiffness_N_per_m", "tire_damping": "tire_damping_N_s_per_m"}
 KINDS = {
