@@ -22,7 +22,7 @@ LEVELS = (
     {"vehicle_model"},
     {"estimation"},
     {"posterior"},
-    {"prediction", "validation"},
+    {"prediction", "selftest", "validation"},
     {"plot"},
     {"export"},
     {"report"},

@@ -10,9 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from studies.coverage.readings import Instruments, blank_run, ordinary_instruments, simulated_campaign
 from studies.coverage.shards import Record
-from studies.coverage.world import draw_world
 from sysid.campaign.records import (
     EXACT_MASSES,
     Acquisition,
@@ -33,6 +31,8 @@ from sysid.estimation.least_squares import fit_bump_runs
 from sysid.estimation.parameters import campaign_parameters
 from sysid.posterior.log_density import LogDensity
 from sysid.road.results import RoadProfile
+from sysid.selftest.readings import Instruments, blank_run, ordinary_instruments, simulated_campaign
+from sysid.selftest.world import draw_world
 
 DRAWS, PROPOSALS, DEGREES_OF_FREEDOM = 99, 300, 8.0
 INTERVAL_S = 0.005

@@ -7,10 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from studies.coverage.readings import ordinary_instruments, simulated_campaign
 from studies.coverage.shards import Record
 from studies.coverage.vehicle import Physics, Plan, misfit_world, tractor_trailer
-from studies.coverage.world import World
 from sysid.errors import SysidError
 from sysid.estimation.conclusion import conclude
 from sysid.estimation.fit_options import FitOptions
@@ -20,6 +18,8 @@ from sysid.estimation.problem import FitState, Optimum
 from sysid.estimation.results import FitResult
 from sysid.prediction.passes import predict, predict_pass
 from sysid.prediction.results import Predictions
+from sysid.selftest.readings import ordinary_instruments, simulated_campaign
+from sysid.selftest.world import World
 
 #: True physics, in turn.  Masses, tires, noise and speeds differ from the declared ones in every campaign.
 PHYSICS = (

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from studies.coverage.readings import planned_campaign
-from studies.coverage.world import World, draw_parameters
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
 from sysid.estimation.parameters import ParameterSet, campaign_parameters
@@ -20,6 +18,8 @@ from sysid.road.point_cloud import read_point_cloud
 from sysid.road.results import RoadProfile
 from sysid.road.scan import analyse_scan
 from sysid.sdof.results import DropEstimate, DropSummary
+from sysid.selftest.readings import planned_campaign
+from sysid.selftest.world import World, draw_parameters
 from sysid.vehicle_model.lanes import EffectiveRoads
 
 ROOT = Path(__file__).resolve().parents[2]

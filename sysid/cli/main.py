@@ -117,6 +117,19 @@ _stage(
 _stage("run", "All stages in order.")
 
 
+@cli.command("selftest")
+@click.argument("campaign", default=DEFAULT_CAMPAIGN, type=click.Path(path_type=Path))
+@click.option(
+    "--replicates", default=1, show_default=True, help="How many campaigns to simulate.", type=click.IntRange(1, 10000)
+)
+@click.option("--seed", default=0, show_default=True, help="Seed of everything random.", type=click.IntRange(0))
+def selftest(campaign: Path, replicates: int, seed: int) -> None:
+    """What the campaign would teach: simulate its runs with known k and c, calibrate them, compare; writes nothing."""
+    from sysid.cli.selftest import run_selftest
+
+    sys.exit(run_selftest(campaign, replicates, seed))
+
+
 def main() -> None:
     """Run the command line."""
     cli(prog_name=Path(sys.argv[0]).name if sys.argv else "sysid")

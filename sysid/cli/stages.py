@@ -25,8 +25,8 @@ _NO_WRITING = (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT)
 
 def run_stage(name: str, campaign: Path, output: Path, *, resume: bool, **choices: Any) -> int:
     """Run one command and return its exit code; `choices` are those of :func:`sysid.workflow.make_settings`."""
-    screen, errors = _console(False), _console(True)
-    with _termination_as_interrupt():
+    screen, errors = console(False), console(True)
+    with termination_as_interrupt():
         try:
             return _run(name, campaign, output, screen, errors, resume, choices)
         except SysidError as error:
@@ -149,14 +149,14 @@ def _exit_code(name: str, calibration) -> int:
     return 0
 
 
-def _console(stderr: bool) -> Console:
+def console(stderr: bool) -> Console:
     """A console that does not squeeze tables into 80 columns when its output goes to a file."""
     console = Console(stderr=stderr, highlight=False)
     return console if console.is_terminal else Console(stderr=stderr, highlight=False, width=200, soft_wrap=True)
 
 
 @contextmanager
-def _termination_as_interrupt() -> Iterator[None]:
+def termination_as_interrupt() -> Iterator[None]:
     """A polite kill is treated like Ctrl-C: what is done is kept and the way to go on is said."""
 
     def interrupt(number: int, frame: object) -> None:

@@ -14,7 +14,7 @@ from rich.table import Table
 NOT_DETERMINED = "not determined"
 
 
-def _table(title: str, columns: Sequence[str]) -> Table:
+def plain_table(title: str, columns: Sequence[str]) -> Table:
     table = Table(title=title, title_justify="left", header_style="bold", box=None, pad_edge=False)
     for i, column in enumerate(columns):
         table.add_column(column, justify="left" if i == 0 else "right")
@@ -29,7 +29,7 @@ def _value(number: float, sd: float, scale: float) -> str:
 
 def show_check(screen: Console, calibration, report) -> None:
     """One line per log for its good channels and one per other channel, the findings in words, and the sum."""
-    table = _table(
+    table = plain_table(
         "Data quality", ("log", "channel", "Hz", "jitter ms", "missing", "clipped", "rest", "noise", "verdict")
     )
     good = Counter(f.file for f in report.channels if f.verdict == "good")
@@ -72,7 +72,9 @@ def show_check(screen: Console, calibration, report) -> None:
 def show_drops(screen: Console, calibration, summary) -> None:
     """Pooled k and c per axle and method."""
     axles = calibration.campaign.vehicle.axles
-    table = _table("Plank drops, pooled", ("axle", "method", "k kN/m", "c kN s/m", "period s", "decrement", "note"))
+    table = plain_table(
+        "Plank drops, pooled", ("axle", "method", "k kN/m", "c kN s/m", "period s", "decrement", "note")
+    )
     for e in summary.pooled:
         table.add_row(
             f"{e.axle + 1} {escape(axles[e.axle].name)}",
@@ -92,7 +94,7 @@ def _show_laws(screen: Console, fit) -> None:
     comparison = fit.law_comparison
     if comparison is None:
         return
-    table = _table("Suspension laws tried", ("laws", "parameters", "residual / noise", "gain", "chosen"))
+    table = plain_table("Suspension laws tried", ("laws", "parameters", "residual / noise", "gain", "chosen"))
     for t in comparison.trials:
         laws = t.laws[0] if len(set(t.laws)) == 1 else "; ".join(f"{i + 1}: {law}" for i, law in enumerate(t.laws))
         chosen = "yes" if t.laws == comparison.chosen else ""
@@ -104,9 +106,9 @@ def show_fit(screen: Console, calibration, fit) -> None:
     """Least-squares values of all parameters beside their priors, and what the data determine."""
     _show_laws(screen, fit)
     columns = ("parameter", "value", "unit", "prior", "sd / prior sd", "known from the data")
-    table = _table("Least squares", columns)
+    table = plain_table("Least squares", columns)
     for p in fit.parameters:
-        scale, unit = _shown_unit(p.unit)
+        scale, unit = shown_unit(p.unit)
         table.add_row(
             escape(p.name),
             _value(p.value, p.sd, scale) if p.identified else NOT_DETERMINED,
@@ -139,7 +141,7 @@ def show_determined(screen: Console, fit) -> None:
         screen.print("Which run or sensor would help: calibrate.py advise.", markup=False)
 
 
-def _shown_unit(unit: str) -> tuple[float, str]:
+def shown_unit(unit: str) -> tuple[float, str]:
     return (1e3, f"k{unit}") if unit in ("N/m", "N s/m") else (1.0, unit)
 
 
@@ -147,7 +149,7 @@ def show_validate(screen: Console, calibration, validation) -> None:
     """Medians over the channels of every run, with the run in the fit and without it."""
     left = {} if validation.left_out is None else {run.run: run for run in validation.left_out.runs}
     head = ("run", "residual / noise", "NRMSE", "R")
-    table = _table(
+    table = plain_table(
         "Agreement, medians over channels", head + (tuple(f"without it: {h}" for h in head[1:]) if left else ())
     )
     for run in dict.fromkeys(row.run for row in validation.channels):
@@ -173,10 +175,12 @@ def _medians(rows: Sequence) -> tuple[str, ...]:
 
 def show_sample(screen: Console, calibration, posterior) -> None:
     """Posterior medians with 90 % credible intervals; those that repeat the prior are named as such."""
-    table = _table("Posterior", ("parameter", "median", "90 % credible interval", "unit", "effective draws", "R-hat"))
+    table = plain_table(
+        "Posterior", ("parameter", "median", "90 % credible interval", "unit", "effective draws", "R-hat")
+    )
     parameters = {p.name: p for p in calibration.fit().parameters}
     for s in posterior.summaries:
-        scale, shown = _shown_unit(parameters[s.name].unit)
+        scale, shown = shown_unit(parameters[s.name].unit)
         table.add_row(
             escape(s.name),
             f"{s.q50 / scale:.4g}" if parameters[s.name].identified else NOT_DETERMINED,
@@ -193,7 +197,7 @@ def show_predict(screen: Console, calibration, predictions) -> None:
     """Peak dynamic load ratio per axle of every predicted pass."""
     axles = calibration.campaign.vehicle.axles
     for p in predictions.passes:
-        table = _table(
+        table = plain_table(
             f"{escape(p.load_case)}, {3.6 * p.speed_m_s:.4g} km/h"
             + (f", {escape(p.shape)}" if p.shape else "")
             + ": peak dynamic load ratio",
@@ -218,7 +222,7 @@ def show_advise(screen: Console, calibration, advice) -> None:
     show_determined(screen, calibration.fit())
     peak = "-" if advice.peak is None else f"peak ratio, {escape(advice.peak.label)}"
     columns = ("one further run", "worst of k and c", "median of k and c", peak)
-    table = _table("Standard deviations after one further run", columns)
+    table = plain_table("Standard deviations after one further run", columns)
     for p in advice.rows:
         name, worst = advice.worst(p)
         table.add_row(
@@ -235,8 +239,8 @@ def show_advise(screen: Console, calibration, advice) -> None:
 def show_profile(screen: Console, calibration, profiles) -> None:
     """Deviance over value of every profiled parameter, and both intervals."""
     for p in profiles:
-        scale, unit = _shown_unit(p.unit)
-        table = _table(f"Profile of {escape(p.name)}", ("value", "unit", "deviance", "adjusted", "converged"))
+        scale, unit = shown_unit(p.unit)
+        table = plain_table(f"Profile of {escape(p.name)}", ("value", "unit", "deviance", "adjusted", "converged"))
         rows = zip(p.value, p.deviance, p.adjusted, p.converged, strict=True)
         for value, deviance, adjusted, converged in rows:
             table.add_row(

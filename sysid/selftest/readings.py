@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
-from studies.coverage.world import World
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor
 from sysid.estimation.bump_model import GAIN_SD, bump_model
 from sysid.estimation.objective import RunMotion, simulate_runs
 from sysid.road.results import RoadProfile
+from sysid.selftest.world import World
 
 #: Integration step behind simulated readings [s], finer than that of a fit.
 STEP_S = 0.000625
@@ -27,8 +27,8 @@ class Instruments:
     """How sensors err.
 
     `noise` standard deviation [SI] by column of the log; offsets are uniform within `offset_in_noises` of it, gains
-    normal about one.  Successive noise values correlate by `correlation`; a share `outliers` of the readings is off
-    by normal errors of `outlier_in_noises` times the noise.
+    normal about one, `gain_spread` times as far off as a fit expects.  Successive noise values correlate by
+    `correlation`; a share `outliers` of the readings is off by normal errors of `outlier_in_noises` times the noise.
     """
 
     noise: Mapping[str, float]
@@ -36,6 +36,7 @@ class Instruments:
     correlation: float = 0.0
     outliers: float = 0.0
     outlier_in_noises: float = 10.0
+    gain_spread: float = 1.0
 
 
 def ordinary_instruments(campaign: Campaign) -> Instruments:
@@ -50,6 +51,16 @@ def blank_run(run: BumpRun, sensors: tuple[Sensor, ...], seconds: float, interva
     empty, free = np.zeros(time.size), np.zeros(time.size, np.int8)
     channels = tuple(Channel(s, time, empty, free) for s in sensors)
     return replace(run, log=Log(run.log.file, interval_s, channels))
+
+
+def as_logged(campaign: Campaign) -> Campaign:
+    """The campaign with blank records as long as its logs, and their sensors."""
+    runs = []
+    for run in campaign.bump_runs:
+        log = run.log
+        seconds = (round(log.duration_s / log.sample_interval_s) + 0.5) * log.sample_interval_s
+        runs.append(blank_run(run, tuple(c.sensor for c in log.channels), seconds, log.sample_interval_s))
+    return replace(campaign, bump_runs=tuple(runs))
 
 
 def planned_campaign(campaign: Campaign, profiles: Mapping[str, RoadProfile]) -> Campaign:
@@ -112,7 +123,7 @@ def measured(channel: Channel, clean: np.ndarray, instruments: Instruments, rand
     noise = sd * lfilter([1.0], [1.0, -rho], white)
     spikes = random.uniform(size=clean.size) < instruments.outliers
     noise += spikes * instruments.outlier_in_noises * sd * random.standard_normal(clean.size)
-    gain = 1.0 + GAIN_SD[sensor.kind] * random.standard_normal()
+    gain = 1.0 + instruments.gain_spread * GAIN_SD[sensor.kind] * random.standard_normal()
     value = gain * clean + instruments.offset_in_noises * sd * random.uniform(-1.0, 1.0) + noise
     limit = np.inf if sensor.full_scale is None else sensor.full_scale
     side = (value >= limit).astype(np.int8) - (value <= -limit).astype(np.int8)

@@ -1,0 +1,122 @@
+"""The command `selftest`: what a campaign would teach, from simulated readings; nothing is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+
+from sysid.cli.progress import StageProgress
+from sysid.cli.stages import INTERRUPTED, console, termination_as_interrupt
+from sysid.cli.tables import plain_table, shown_unit
+from sysid.errors import NotConvergedError, SysidError
+from sysid.selftest.replicates import Replicate, SelfTest
+
+
+def run_selftest(campaign: Path, count: int, seed: int) -> int:
+    """Simulate and calibrate a campaign `count` times, print what was learned, and return the exit code."""
+    errors = console(True)
+    with termination_as_interrupt():
+        try:
+            found = _simulated(campaign, count, seed, errors)
+        except SysidError as error:
+            errors.print(f"calibrate.py selftest: {error}", markup=False)
+            return error.exit_code
+        except KeyboardInterrupt:
+            errors.print("Stopped; a self-test keeps nothing.", markup=False)
+            return INTERRUPTED
+        except Exception as error:
+            errors.print(
+                f"calibrate.py selftest: an unexpected error stopped it ({type(error).__name__}: {error}); "
+                "please report it.",
+                markup=False,
+            )
+            return SysidError.exit_code
+    show_selftest(console(False), found)
+    return 0 if found.converged else NotConvergedError.exit_code
+
+
+def _simulated(campaign: Path, count: int, seed: int, errors: Console) -> SelfTest:
+    from sysid.campaign.read import read_campaign
+    from sysid.estimation.law_choice import check_priors
+    from sysid.road.point_cloud import read_point_cloud
+    from sysid.road.scan import analyse_scan
+    from sysid.runtime import configure
+    from sysid.selftest import self_test
+
+    configure()
+    with StageProgress(errors) as progress:
+        progress.stage("selftest")
+        read = read_campaign(campaign, point_cloud_reader=read_point_cloud)
+        check_priors(read)
+        profiles = {name: analyse_scan(s).profile for name, s in read.scans.items()}
+        return self_test(read, profiles, count, seed, progress=progress.update)
+
+
+def show_selftest(screen: Console, found: SelfTest) -> None:
+    """Prior and result of every k and c, and how many intervals hold the truth."""
+    many = len(found.replicates) > 1
+    if many:
+        _show_pooled(screen, found)
+    else:
+        _show_one(screen, found.replicates[0], found.seed)
+    for failure in found.failures:
+        screen.print(f"A simulated campaign could not be calibrated: {failure}", markup=False)
+    stopped = sum(not r.converged for r in found.replicates)
+    if stopped:
+        screen.print(f"Least squares has not converged in {stopped} of {len(found.replicates)} simulated campaigns.")
+    screen.print(
+        "The truth came from the model itself: what the model leaves out of a real truck is not in here, yet "
+        "the intervals allow for it, so they may hold more often than they promise."
+    )
+
+
+def _percent(log_sd: float) -> str:
+    return f"{100.0 * log_sd:.2g}"
+
+
+def _show_one(screen: Console, replicate: Replicate, seed: int) -> None:
+    columns = ("parameter", "truth", "found", "unit", "prior sd %", "sd after %", "90 % interval holds truth")
+    table = plain_table("What the campaign would teach", columns)
+    for c in replicate.checks:
+        scale, unit = shown_unit(c.unit)
+        table.add_row(
+            escape(c.name),
+            f"{c.truth / scale:.4g}",
+            f"{c.value / scale:.4g}",
+            unit,
+            _percent(c.prior_sd),
+            _percent(c.sd),
+            "yes" if c.held else "no",
+        )
+    screen.print(table)
+    mean, low, high = replicate.expected(np.random.default_rng(seed))
+    screen.print(
+        f"{replicate.held} of {len(replicate.checks)} intervals hold the truth; by the covariance of the fit "
+        f"{mean:.1f} would on average, and {low} to {high} in 95 % of campaigns.",
+        markup=False,
+    )
+
+
+def _show_pooled(screen: Console, found: SelfTest) -> None:
+    count = len(found.replicates)
+    table = plain_table(
+        f"What the campaign would teach, {count} simulated campaigns",
+        ("parameter", "prior sd %", "sd after %, median", "90 % intervals that hold the truth"),
+    )
+    for checks in zip(*(r.checks for r in found.replicates), strict=True):
+        table.add_row(
+            escape(checks[0].name),
+            _percent(checks[0].prior_sd),
+            _percent(float(np.median([c.sd for c in checks]))),
+            f"{sum(c.held for c in checks)} of {count}",
+        )
+    screen.print(table)
+    low, high = found.binomial_range()
+    screen.print(
+        f"{found.held} of {found.intervals} intervals hold the truth ({100.0 * found.held / found.intervals:.0f} %); "
+        f"chance leaves {low} to {high} (binomial, 95 %; wider where parameters are correlated).",
+        markup=False,
+    )

@@ -1,0 +1,119 @@
+"""Self-test of a campaign: estimates without noise, statistics with noise, counts of intervals whose law is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binom, chi2
+
+from studies.coverage.bump import bump, plan
+from sysid.errors import CampaignError, DataRejectedError
+from sysid.selftest import Check, Replicate, SelfTest, self_test
+from sysid.selftest import replicates as module
+from sysid.selftest.readings import Instruments, as_logged
+
+PROFILES = {"bump": bump()}
+COUNT = 6
+
+
+@pytest.fixture(scope="module")
+def found() -> SelfTest:
+    """Six simulated campaigns of a two-axle truck."""
+    return self_test(plan(), PROFILES, COUNT, seed=3)
+
+
+def test_data_narrow_every_parameter_and_intervals_hold_as_often_as_they_promise(found: SelfTest) -> None:
+    assert found.converged
+    assert found.intervals == 4 * COUNT
+    assert [c.name for c in found.replicates[0].checks] == ["k_1", "k_2", "c_1", "c_2"]
+    for replicate in found.replicates:
+        assert all(c.sd < 0.5 * c.prior_sd for c in replicate.checks)
+    tail = 0.0005
+    assert binom.ppf(tail, 4 * COUNT, 0.9) <= found.held <= binom.isf(tail, 4 * COUNT, 0.9)
+
+
+def test_errors_have_the_size_that_their_covariance_says(found: SelfTest) -> None:
+    total = 0.0
+    for replicate in found.replicates:
+        error = np.log([c.value / c.truth for c in replicate.checks])
+        assert np.abs(error).max() > 1e-5
+        total += error @ np.linalg.solve(replicate.covariance, error)
+    # Intervals that allow for model error are a little wide: only the upper end is sharp.
+    assert 0.2 * chi2.ppf(0.001, 4 * COUNT) < total < chi2.isf(0.001, 4 * COUNT)
+
+
+def test_truths_differ_between_replicates_and_repeat_with_the_seed(found: SelfTest) -> None:
+    truths = [r.checks[0].truth for r in found.replicates]
+    assert len(set(truths)) == COUNT
+    (again,) = self_test(plan(), PROFILES, 1, seed=3).replicates
+    assert again.checks == found.replicates[0].checks
+
+
+def test_without_noise_the_estimates_are_the_truth() -> None:
+    silent = {c.sensor.column: 0.0 for c in plan().bump_runs[0].log.channels}
+    perfect = Instruments(silent, gain_spread=0.0)
+    (replicate,) = self_test(plan(), PROFILES, 1, seed=1, instruments=perfect).replicates
+    for c in replicate.checks:
+        assert c.value == pytest.approx(c.truth, rel=5e-3)
+        assert c.truth != pytest.approx({"k_1": 4.2e5, "k_2": 7.0e5, "c_1": 1e4, "c_2": 1.4e4}[c.name], rel=2e-2)
+
+
+def test_an_interval_ends_at_the_five_percent_points_of_the_normal() -> None:
+    check = Check("k_1", "N/m", 1.0, 1.0, 0.8, 0.1)
+    assert replace(check, value=np.exp(0.1644)).held
+    assert not replace(check, value=np.exp(0.1646)).held
+    assert not replace(check, value=np.exp(-0.1646)).held
+
+
+def test_the_expected_count_is_binomial_where_errors_are_independent() -> None:
+    random = np.random.default_rng(0)
+    checks = (Check("k_1", "N/m", 1.0, 1.0, 0.8, 0.1),) * 14
+    mean, low, high = Replicate(checks, np.diag(np.linspace(0.1, 2.0, 14)), True).expected(random)
+    assert mean == pytest.approx(12.6)
+    assert (low, high) == (binom.ppf(0.025, 14, 0.9), binom.ppf(0.975, 14, 0.9))
+    # Errors that are all the same hold together or not at all.
+    common = np.ones((14, 14)) + 1e-6 * np.eye(14)
+    assert Replicate(checks, common, True).expected(random)[1:] == (0, 14)
+
+
+def test_pooled_counts_are_those_of_all_campaigns() -> None:
+    good, bad = (Check("k_1", "N/m", 1.0, value, 0.8, 0.1) for value in (1.0, 2.0))
+    one = Replicate((good, bad), np.eye(2), True)
+    test = SelfTest((one,) * 50, (), 0)
+    assert (test.held, test.intervals) == (50, 100)
+    assert test.binomial_range() == (84, 95)
+    assert test.converged
+    assert not replace(test, failures=("no start",)).converged
+
+
+def test_records_are_as_long_as_the_logs() -> None:
+    for before, after in zip(plan().bump_runs, as_logged(plan()).bump_runs, strict=True):
+        assert [c.sensor for c in after.log.channels] == [c.sensor for c in before.log.channels]
+        np.testing.assert_allclose(after.log.channels[0].time_s, before.log.channels[0].time_s)
+
+
+def test_a_campaign_without_runs_is_refused_in_one_sentence() -> None:
+    with pytest.raises(CampaignError, match="no bump run to simulate"):
+        self_test(replace(plan(), bump_runs=()), PROFILES)
+
+
+def test_a_campaign_that_cannot_be_calibrated_is_said_and_all_such_are_an_error(monkeypatch) -> None:
+    real, calls = module.fit_bump_runs, []
+
+    def fit(*given):
+        calls.append(given)
+        if len(calls) != 2:
+            raise DataRejectedError("no start found.")
+        return real(*given)
+
+    monkeypatch.setattr(module, "fit_bump_runs", fit)
+    some = self_test(plan(), PROFILES, 2, seed=3)
+    assert (len(some.replicates), some.failures, some.converged) == (1, ("no start found.",), False)
+    with pytest.raises(DataRejectedError, match="No simulated campaign could be calibrated: no start found"):
+        self_test(plan(), PROFILES, 1)
+
+
+def test_stopped_least_squares_is_not_called_converged() -> None:
+    assert not self_test(plan(), PROFILES, 1, options=replace(module.OPTIONS, max_iterations=1)).converged
