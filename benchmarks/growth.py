@@ -10,7 +10,6 @@ import numpy as np
 from benchmarks.rounds import Contender, run_rounds, spread, timed
 from benchmarks.work import Point, Work, density, engine, make_work
 from sysid.estimation.bump_model import GroupShape
-from sysid.estimation.lane_laws import LawInputs
 from sysid.posterior.log_density import _group_misfit, _GroupInputs
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import wheel_road
@@ -103,13 +102,12 @@ def _more_axles(inputs: _GroupInputs, shape: GroupShape, count: int) -> tuple[_G
         *(value[:, index] for value in (m.inverse_unsprung, m.static_load, m.carried_load)),
         m.body_rows,
     )
-    moved = LawInputs(
-        laws.stiffness[:, index],
-        *(value[index] for value in (laws.damping, laws.tire_stiffness, laws.tire_damping)),
-        laws.exponent,
-        laws.elements,
-        laws.curves,
-        *(value[:, index] for value in (laws.static_load, laws.reference_load, laws.carried_load)),
+    moved = laws._replace(
+        **{name: getattr(laws, name)[index] for name in ("damping", "tire_stiffness", "tire_damping")},
+        **{
+            name: getattr(laws, name)[:, index]
+            for name in ("stiffness", "static_load", "reference_load", "carried_load", "tire_factor")
+        },
     )
     stretched = EffectiveRoad(
         road.rise[:, index], road.first_station_m, road.step_m, road.stretch[:, :, index], road.drag[:, :, index]
