@@ -8,6 +8,7 @@ import emcee
 import numpy as np
 from arviz_stats.base import array_stats
 
+from sysid.posterior.inference_data import draw_order
 from sysid.posterior.results import PosteriorSummary
 
 #: Draws of one ensemble that R-hat looks at; a longer chain is thinned evenly.
@@ -31,21 +32,31 @@ class Diagnosis:
 def diagnose(draws: np.ndarray) -> Diagnosis:
     """Judge draws (E, steps, W, p).
 
-    tau is averaged over the ensembles, burn-in is five times the largest tau but at most half of the run, effective
-    draws are E W (steps - burn-in) / tau, and R-hat (A. Vehtari et al., Rank-normalization, folding, and localization,
-    Bayesian Analysis 16 (2021), doi:10.1214/20-BA1221) compares ensembles, never the dependent walkers of one.
+    tau is averaged over the ensembles, burn-in is five times the largest tau but at most half of the run. Effective
+    draws (bulk) and R-hat are those of A. Vehtari et al., Rank-normalization, folding, and localization, Bayesian
+    Analysis 16 (2021), doi:10.1214/20-BA1221, with ensembles as chains, never the dependent walkers of one, in the
+    order of ``posterior.nc``: tau of a short run, whose walkers are each taken about their own mean, comes out too
+    small to count draws with.
     """
     ensembles, steps, walkers, count = draws.shape
     tau = _autocorrelation_time(draws)
     burn_in = int(min(steps // 2, np.ceil(5.0 * tau.max())))
     kept = draws[:, burn_in:]
     tau = _autocorrelation_time(kept)
-    ess = ensembles * walkers * kept.shape[1] / tau
+    chains = kept.reshape(ensembles, -1, count)[:, draw_order(kept.shape[1], walkers)]
+    ess = np.array([_effective(chains[..., i]) for i in range(count)])
     # Ranks of millions of draws take seconds and say no more than those of some ten thousand.
     thin = -(-walkers * kept.shape[1] // _RANKED)
     ranked = [kept[:, ::thin, :, i].reshape(ensembles, -1) for i in range(count)]
     rhat = np.array([float(array_stats.rhat(chains, chain_axis=0, draw_axis=1)) for chains in ranked])
     return Diagnosis(burn_in, tau, ess, rhat)
+
+
+def _effective(chains: np.ndarray) -> float:
+    # Draws that never move are one draw per chain.
+    if np.ptp(chains, axis=1).min() == 0.0:
+        return float(len(chains))
+    return float(array_stats.ess(chains, chain_axis=0, draw_axis=1, method="bulk"))
 
 
 def _autocorrelation_time(draws: np.ndarray) -> np.ndarray:

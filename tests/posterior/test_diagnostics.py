@@ -30,7 +30,7 @@ def test_autocorrelation_time_of_known_sequences(rho: float):
     np.testing.assert_allclose(found.autocorrelation_time, tau, rtol=0.1, atol=0.05)
     assert found.burn_in == pytest.approx(5 * tau, rel=0.15, abs=2)
     kept = SHAPE[1] - found.burn_in
-    np.testing.assert_allclose(found.ess, 4 * 10 * kept / found.autocorrelation_time, rtol=1e-12)
+    np.testing.assert_allclose(found.ess, 4 * 10 * kept / tau, rtol=0.1)
 
 
 @pytest.mark.parametrize("rho", [0.5, 0.9])
@@ -44,6 +44,16 @@ def test_effective_draws_agree_with_arviz(rho: float):
         assert found.ess[i] == pytest.approx(
             float(array_stats.ess(chains, chain_axis=0, draw_axis=1, method="mean")), rel=0.1
         )
+
+
+def test_effective_draws_of_a_short_run_are_not_overstated():
+    draws = ar1(0.7, 4, (4, 90, 58, 2))
+    found = diagnose(draws)
+    kept = 90 - found.burn_in
+    true = 4 * 58 * kept * (1 - 0.7) / (1 + 0.7)
+    np.testing.assert_allclose(found.ess, true, rtol=0.2)
+    # The autocorrelation time of so few steps would promise more.
+    assert (4 * 58 * kept / found.autocorrelation_time).min() > 1.2 * true
 
 
 def test_rhat_compares_ensembles_and_not_walkers():
