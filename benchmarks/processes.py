@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -73,6 +74,7 @@ def first_likelihoods(folder: Path, engines: tuple[str, ...], warm_rounds: int) 
     found: dict[str, Any] = {}
     for name in engines:
         cache = folder / f"cache-{name}"
+        shutil.rmtree(cache, ignore_errors=True)
         every = [_first(name, [], cache) for _ in range(1 + warm_rounds)]
         found[name] = {
             "cold_s": every[0]["first_likelihood_s"],
@@ -97,8 +99,10 @@ def _first(name: str, wanted: list[str], cache: Path | None) -> dict[str, float]
 def complete_fits(folder: Path) -> dict[str, Any]:
     """`calibrate.py fit` on the shipped campaign with an empty cache, then with a full one: timings of result.json."""
     cache, found = folder / "cache-fit", {}
+    shutil.rmtree(cache, ignore_errors=True)
     for name in ("cold", "warm"):
         output = folder / f"fit-{name}"
+        shutil.rmtree(output, ignore_errors=True)
         sample, _ = child(["calibrate.py", "fit", str(CAMPAIGN), "--output", str(output)], cache)
         timings = json.loads((output / "result.json").read_text(encoding="utf-8"))["timings"]
         found[name] = {"stages_s": timings, "process_s": sample.wall_s, "processor_s": sample.processor_s}
