@@ -16,15 +16,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.bump_model import BumpModel, GroupArrays, group_residuals
+from sysid.estimation.bump_model import BumpModel
 from sysid.estimation.departures import ENVELOPE, FOOTPRINT, FRICTION, STEP, TIRE_LOAD, Departure
-from sysid.estimation.mass_effect import MassColumns
-from sysid.estimation.objective import RunMotion, Weights, simulate_runs
+from sysid.estimation.objective import RunMotion, Weights
+from sysid.estimation.residual_columns import ResidualColumns, empty_columns, trial_residuals
 
 #: Scales at which the search begins, and which it does not exceed: what is plausible without any data.
 PLAUSIBLE = {ENVELOPE: 1.0, FOOTPRINT: 0.2, TIRE_LOAD: 0.1, FRICTION: 0.03}
@@ -39,37 +37,27 @@ class DepartureScale:
     asked: np.ndarray
 
 
-@jax.jit
-def _residuals(arrays: GroupArrays, noise_sd, tempering, signals: jax.Array) -> tuple[jax.Array, jax.Array]:
-    residual, gain = group_residuals(arrays, noise_sd, tempering, signals[..., None])
-    return residual[..., 0], gain[..., 0]
-
-
 def departure_columns(
     campaign: Campaign, model: BumpModel, weights: Weights, log_parameters: np.ndarray, motion: RunMotion
-) -> tuple[MassColumns, ...]:
+) -> tuple[ResidualColumns, ...]:
     """Derivatives of every group's residuals (T, R, C, n) and gains (R, C, n) by the amplitudes, at amplitude 0."""
     known = model.departures
     count = 0 if known is None else len(known.directions)
-    shapes = [group.value.shape for group in model.groups]
-    columns = tuple(MassColumns(np.zeros((*s, count)), np.zeros((*s[1:], count))) for s in shapes)
+    columns = empty_columns(model, count)
     if known is None or count == 0:
         return columns
 
-    def residuals(trial: BumpModel) -> list[tuple[np.ndarray, np.ndarray]]:
-        signals = simulate_runs(trial, log_parameters, motion)
-        weighted = zip(model.arrays, weights.noise_sd, weights.tempering, signals, strict=True)
-        found = [_residuals(arrays, noise, temper, jnp.asarray(shown)) for arrays, noise, temper, shown in weighted]
-        return [(np.asarray(residual), np.asarray(gain)) for residual, gain in found]
+    def residuals(amplitudes: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        return trial_residuals(model, model.departed(amplitudes), weights, log_parameters, motion)
 
-    base = residuals(model.departed(np.zeros(count)))
+    base = residuals(np.zeros(count))
     cases = [np.array([campaign.bump_runs[r].load_case for r in group.runs]) for group in model.groups]
     for kind, axle in dict.fromkeys((d.kind, d.axle) for d in known.directions if d.axle is not None):
         # One simulation moves an axle in all load cases: their runs do not know each other.
         together = [j for j, d in enumerate(known.directions) if (d.kind, d.axle) == (kind, axle)]
         amplitudes = np.zeros(count)
         amplitudes[together] = STEP[kind]
-        moved = residuals(model.departed(amplitudes))
+        moved = residuals(amplitudes)
         for column, (residual, gain), (here, gain_here), own in zip(columns, moved, base, cases, strict=True):
             for j in together:
                 case = known.directions[j].load_case

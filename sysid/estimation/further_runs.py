@@ -14,9 +14,10 @@ import numpy as np
 
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor
 from sysid.estimation.bump_model import BumpModel, bump_model
-from sysid.estimation.mass_effect import mass_columns, with_columns
+from sysid.estimation.mass_effect import mass_columns
 from sysid.estimation.objective import SPEED_UNIT, Linearisation, RunMotion, Weights, linearise, simulate_runs
 from sysid.estimation.problem import FitState
+from sysid.estimation.residual_columns import with_columns
 from sysid.estimation.run_data import RunGroup
 from sysid.estimation.sandwich import without_own_unknowns
 from sysid.road.contact_laws import ContactLaw

@@ -18,16 +18,10 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.departure_scale import departure_columns, departure_scale
-from sysid.estimation.mass_effect import (
-    MassColumns,
-    MassEffect,
-    mass_columns,
-    mass_effect,
-    shift_by_masses,
-    with_columns,
-)
+from sysid.estimation.mass_effect import MassEffect, mass_columns, mass_effect, shift_by_masses
 from sysid.estimation.objective import SPEED_UNIT
 from sysid.estimation.problem import Problem
+from sysid.estimation.residual_columns import joined, with_columns
 from sysid.estimation.sandwich import Adjustment, adjust, block_scores
 
 
@@ -68,10 +62,7 @@ def adjusted_information(
     parameters, motion = problem.unpack(vector)
     by_masses = mass_columns(problem.model, problem.weights, parameters, motion)
     departed = departure_columns(campaign, problem.model, problem.weights, parameters, motion)
-    columns = [
-        MassColumns(np.concatenate([m.residual, d.residual], axis=-1), np.concatenate([m.gain, d.gain], axis=-1))
-        for m, d in zip(by_masses, departed, strict=True)
-    ]
+    columns = joined(by_masses, departed)
     scores, keys = [], []
     count, shared = problem.count, problem.count + columns[0].gain.shape[-1]
     information = np.zeros((shared, shared))

@@ -1,77 +1,36 @@
-"""How residuals move with the factors on mass properties: forward differences of the simulation, assembled again.
+"""What tolerances of declared masses do to the optimum, from forward differences with the matrices assembled again.
 
-The sensors' offset and gain are eliminated and the weights applied as everywhere else, so the columns stand beside
-those of the parameters.  A step of 1e-4 of a mass is far above rounding and far too small to bend the simulation.
+A step of 1e-4 of a mass is far above rounding and far too small to bend the simulation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
-from sysid.estimation.bump_model import BumpModel, GroupArrays, group_residuals
-from sysid.estimation.objective import Linearisation, RunMotion, Weights, simulate_runs
+from sysid.estimation.bump_model import BumpModel
+from sysid.estimation.objective import RunMotion, Weights
+from sysid.estimation.residual_columns import ResidualColumns, empty_columns, trial_residuals
 
 STEP = 1e-4
 
 
-class MassColumns(NamedTuple):
-    """Derivatives of the residuals (T, R, C, m) and gain residuals (R, C, m) of a group by the log factors."""
-
-    residual: np.ndarray
-    gain: np.ndarray
-
-
-@jax.jit
-def _residuals(arrays: GroupArrays, noise_sd, tempering, signals: jax.Array) -> tuple[jax.Array, jax.Array]:
-    residual, gain = group_residuals(arrays, noise_sd, tempering, signals[..., None])
-    return residual[..., 0], gain[..., 0]
-
-
 def mass_columns(
     model: BumpModel, weights: Weights, log_parameters: np.ndarray, motion: RunMotion
-) -> tuple[MassColumns, ...]:
+) -> tuple[ResidualColumns, ...]:
     """Columns of every group about the declared masses, at log parameters (p,) and run motions."""
     count = len(model.masses.factors)
-    shapes = [group.value.shape for group in model.groups]
-    columns = tuple(MassColumns(np.zeros((*s, count)), np.zeros((*s[1:], count))) for s in shapes)
+    columns = empty_columns(model, count)
     if count == 0:
         return columns
-
-    def residuals(trial: BumpModel) -> list[tuple[np.ndarray, np.ndarray]]:
-        signals = simulate_runs(trial, log_parameters, motion)
-        weighted = zip(model.arrays, weights.noise_sd, weights.tempering, signals, strict=True)
-        found = [_residuals(arrays, noise, temper, jnp.asarray(shown)) for arrays, noise, temper, shown in weighted]
-        return [(np.asarray(residual), np.asarray(gain)) for residual, gain in found]
-
-    base = residuals(model)
+    base = trial_residuals(model, model, weights, log_parameters, motion)
     for k in range(count):
-        moved = residuals(model.with_masses(STEP * np.eye(count)[k]))
+        moved = trial_residuals(model, model.with_masses(STEP * np.eye(count)[k]), weights, log_parameters, motion)
         for column, (residual, gain), (here, gain_here) in zip(columns, moved, base, strict=True):
             column.residual[..., k] = (residual - here) / STEP
             column.gain[..., k] = (gain - gain_here) / STEP
     return columns
-
-
-def with_columns(linearisations: Sequence[Linearisation], columns: Sequence[MassColumns]) -> tuple[Linearisation, ...]:
-    """Linearisations whose derivatives by the masses stand between those by parameters and by a run's own unknowns."""
-
-    def widened(derivatives: jax.Array, by_masses: np.ndarray) -> np.ndarray:
-        old = np.asarray(derivatives)
-        return np.concatenate([old[..., :-2], by_masses, old[..., -2:]], axis=-1)
-
-    return tuple(
-        lin._replace(
-            residual_jacobian=widened(lin.residual_jacobian, one.residual),
-            gain_jacobian=widened(lin.gain_jacobian, one.gain),
-        )
-        for lin, one in zip(linearisations, columns, strict=True)
-    )
 
 
 @dataclass(frozen=True)

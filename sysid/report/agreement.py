@@ -7,8 +7,8 @@ import statistics
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from sysid.report.cells import Cell, Table, table
 from sysid.report.numbers import MISSING, fixed, percent
-from sysid.report.tables import Cell, Table, table
 from sysid.report.verdict import is_misfit
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ import numpy as np
 
 from sysid.export import Results
 from sysid.plot import AxleEstimates, Estimate, suspension_estimates
+from sysid.report.cells import NOT_DETERMINED, Cell, Table, axle_name, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, listing
-from sysid.report.tables import NOT_DETERMINED, Cell, Table, axle_name, table
 
 if TYPE_CHECKING:
     from sysid.campaign.records import LoadCase

@@ -14,8 +14,8 @@ from sysid.estimation.suspension_elements import LINEAR
 from sysid.export import Results
 from sysid.plot.comparison import Quantity
 from sysid.prediction.loops import AMPLITUDE_M, FREQUENCY_HZ, suspension_loops
+from sysid.report.drop_tables import without_dampers
 from sysid.report.numbers import count, number, speed
-from sysid.report.tables import without_dampers
 from sysid.road import AxleRoad, effective_profiles
 from sysid.sdof.results import DropAnalysis
 

@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 from sysid.export import Results
+from sysid.report.cells import NOT_DETERMINED, Cell, Table, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, number, percent
-from sysid.report.tables import NOT_DETERMINED, Cell, Table, table
 
 if TYPE_CHECKING:
     from sysid.estimation.results import ParameterEstimate

@@ -16,7 +16,7 @@ from markupsafe import Markup
 from sysid.export import Results, write_text
 from sysid.plot.comparison import Quantity
 from sysid.prediction.modes import calibrated_modes
-from sysid.report import agreement, answer, explorer, figures, knowledge, tables
+from sysid.report import agreement, answer, cells, drop_tables, explorer, figures, knowledge, load_tables, tables
 from sysid.report.numbers import MISSING, count, fixed, number, percent, plain_text
 from sysid.report.verdict import ARTEFACT_RATIO, MISFIT, artefact_passes, undeclared_travel, verdict
 
@@ -78,10 +78,10 @@ def _content(results: Results) -> dict[str, Any]:
         "verdicts": {v: sum(c.verdict == v for c in channels) for v in ("good", "usable", "rejected")},
         "remarkable": tables.quality_table([c for c in channels if c.verdict != "good"], "Channels with findings"),
         "all_channels": tables.quality_table(channels, "All channels"),
-        "pooled": None if results.drops is None else tables.pooled_drops_table(results, results.drops),
-        "drop_notes": [] if results.drops is None else tables.pooled_notes(results.drops),
-        "drop_files": None if results.drops is None else tables.files_table(results, results.drops),
-        "indicator": None if results.drops is None else tables.indicator_table(results, results.drops),
+        "pooled": None if results.drops is None else drop_tables.pooled_drops_table(results, results.drops),
+        "drop_notes": [] if results.drops is None else drop_tables.pooled_notes(results.drops),
+        "drop_files": None if results.drops is None else drop_tables.files_table(results, results.drops),
+        "indicator": None if results.drops is None else drop_tables.indicator_table(results, results.drops),
         "drop_shown": drop_shown,
         "drop_every": drop_every,
         "scan_pictures": figures.scan_pictures(results, gallery),
@@ -109,11 +109,11 @@ def _content(results: Results) -> dict[str, Any]:
         "posterior_pictures": figures.posterior_pictures(results, gallery),
         "agreement": _agreement(results, run_names),
         "left_out": _left_out(results, run_names),
-        "prediction_tables": tables.prediction_tables(results),
+        "prediction_tables": load_tables.prediction_tables(results),
         "prediction_pictures": figures.prediction_pictures(results, gallery),
         "suspension_pictures": figures.suspension_pictures(results, gallery),
         "sweep_pictures": figures.sweep_pictures(results, gallery),
-        "sweep_tables": tables.sweep_tables(results),
+        "sweep_tables": load_tables.sweep_tables(results),
         "artefacts": artefact_passes(results),
         "undeclared": [f"axle {i + 1}" for i in undeclared_travel(results)],
         "settings": tables.flat_settings(results.provenance.get("settings", {})),
@@ -125,7 +125,7 @@ def _content(results: Results) -> dict[str, Any]:
     }
 
 
-def _agreement(results: Results, run_names: dict[str, str]) -> list[tables.Table]:
+def _agreement(results: Results, run_names: dict[str, str]) -> list[cells.Table]:
     validation = results.validation
     if validation is None:
         return []
@@ -142,7 +142,7 @@ def _agreement(results: Results, run_names: dict[str, str]) -> list[tables.Table
     ]
 
 
-def _left_out(results: Results, run_names: dict[str, str]) -> tables.Table | None:
+def _left_out(results: Results, run_names: dict[str, str]) -> cells.Table | None:
     left_out = None if results.validation is None else results.validation.left_out
     return None if left_out is None else agreement.left_out_table(left_out, run_names)
 

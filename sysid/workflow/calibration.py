@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import importlib.metadata
-import json
-import platform
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +28,6 @@ from sysid.export.inference_data import write_posterior
 from sysid.export.models import write_models
 from sysid.export.result_json import write_result
 from sysid.export.tables import write_parameters, write_predictions, write_profiles, write_validation
-from sysid.folder_lock import FolderLock, cannot_write
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
 from sysid.posterior.results import Posterior
 from sysid.posterior.sampling import chain_identity, posterior_so_far, sample_posterior
@@ -54,14 +47,9 @@ from sysid.validation.agreement import validate
 from sysid.validation.leave_out import chosen_runs, leave_out
 from sysid.validation.results import LeftOut, LeftOutRun, Validation
 from sysid.vehicle_model.engine import engine_name
-from sysid.workflow import store
-from sysid.workflow.settings import Settings, remember
-
-#: Stages in order; a result depends on those before it.
-STAGES = ("check", "drops", "scan", "fit", "advise", "profile", "sample", "predict")
-#: Stages on whose results no other depends.
-ENDS = ("advise", "profile")
-SUCCESS_MARKER = "SUCCESS"
+from sysid.workflow.settings import Settings
+from sysid.workflow.stage_folder import STAGES, SUCCESS_MARKER, StageFolder
+from sysid.workflow.versions import versions
 
 Progress = Callable[[str, float], None]
 Notice = Callable[[str], None]
@@ -108,21 +96,17 @@ class Calibration:
         self._progress = progress or (lambda message, fraction: None)
         self._notice = notice
         self._resume = resume
-        self._lock = FolderLock(self.output)
         self._raw = read_campaign(campaign, point_cloud_reader=read_point_cloud)
         check_priors(self._raw)
-        self._results: dict[str, Any] = {}
-        self._nested: list[float] = []
-        self._screened: Campaign | None = None
+        self._stages = StageFolder(self.output, self.settings, self._raw.input_sha256)
+        self._screened: tuple[Campaign, QualityReport] | None = None
         self._validated: tuple[FitResult, Validation] | None = None
-        self._make_output()
-        self._timings: dict[str, float] = self._read_timings()
 
     # ------------------------------------------------------------------ stages
 
     def check(self) -> QualityReport:
         """Quality of every log and channel."""
-        report: QualityReport = self._stage("check", lambda: self._screen()[1])
+        report: QualityReport = self._stages.result("check", lambda: self._screen()[1])
         return report
 
     @property
@@ -132,20 +116,20 @@ class Calibration:
 
     def drops(self) -> DropSummary:
         """Stiffness and damping of every axle from its plank drops."""
-        return self._stage("drops", self._drops)
+        return self._stages.result("drops", self._drops)
 
     def scan(self) -> Mapping[str, ScanAnalysis]:
         """Road profile of every bump."""
-        return self._stage("scan", lambda: {name: analyse_scan(s) for name, s in self.campaign.scans.items()})
+        return self._stages.result("scan", lambda: {name: analyse_scan(s) for name, s in self.campaign.scans.items()})
 
     def fit(self) -> FitResult:
         """Least-squares calibration against all bump runs."""
-        result: FitResult = self._stage("fit", self._fit)[0]
+        result: FitResult = self._stages.result("fit", self._fit)[0]
         return result
 
     def advise(self, speeds_km_h: Sequence[float] = CANDIDATE_KM_H) -> Advice:
         """What one further run at each speed, or one with one more sensor, would bring for k, c and a wheel load."""
-        return self._stage("advise", lambda: self._advise(speeds_km_h))
+        return self._stages.result("advise", lambda: self._advise(speeds_km_h))
 
     def profile(self, names: Sequence[str]) -> tuple[ProfileLikelihood, ...]:
         """Profiles of the deviance of named parameters, ``k_3`` in every load case; those of earlier calls are kept.
@@ -155,7 +139,7 @@ class Calibration:
         CampaignError
             If the fit has no such parameter.
         """
-        found: dict[str, ProfileLikelihood] = dict(self._known("profile") or {})
+        found: dict[str, ProfileLikelihood] = dict(self._stages.known("profile") or {})
         chosen: list[str] = []
         for name in names:
             # k_3 stands for the stiffness of axle 3 in every load case.
@@ -165,16 +149,16 @@ class Calibration:
         wanted = [name for name in dict.fromkeys(chosen) if name not in found]
         if wanted:
             self.redo("profile")
-            found = self._stage("profile", lambda: found | self._profiled(wanted))
+            found = self._stages.result("profile", lambda: found | self._profiled(wanted))
         return tuple(found[name] for name in dict.fromkeys(chosen))
 
     def sample(self) -> Posterior:
         """Posterior of the parameters."""
-        return self._stage("sample", self._sample)
+        return self._stages.result("sample", self._sample)
 
     def predict(self) -> Predictions:
         """Wheel loads of the passes that the campaign asks for, from the posterior if there is one."""
-        return self._stage("predict", self._predict)
+        return self._stages.result("predict", self._predict)
 
     def validate(self) -> Validation:
         """Agreement of simulated and measured histories of the fitted runs, and of runs left out so far."""
@@ -183,7 +167,7 @@ class Calibration:
         if self._validated is None or self._validated[0] is not fit:
             self._validated = fit, validate(fit, self.settings.validation)
         found = self._validated[1]
-        left: tuple[LeftOutRun, ...] = self._known("left_out") or ()
+        left: tuple[LeftOutRun, ...] = self._stages.known("left_out") or ()
         return replace(found, left_out=LeftOut(fit.names, left, found.channels)) if left else found
 
     def leave_out(self, runs: Sequence[str] = ()) -> Validation:
@@ -193,14 +177,14 @@ class Calibration:
         """
         chosen = chosen_runs(self.campaign, runs)
         fit, state, profiles = self.fit(), self._state(), self._profiles()
-        done = {left.run: left for left in self._known("left_out") or ()}
+        done = {left.run: left for left in self._stages.known("left_out") or ()}
         todo = [run for run in chosen if run not in done]
         options, report = self.settings.fit, self._progress
         for left in leave_out(self.campaign, fit, state, profiles, todo, options, report):
             done[left.run] = left
             kept = tuple(done[r.log.file] for r in self.campaign.bump_runs if r.log.file in done)
-            with self._lock:
-                self._keep("left_out", kept)
+            with self._stages.lock:
+                self._stages.keep("left_out", kept)
         return self.validate()
 
     def vehicles(self) -> tuple[CalibratedVehicle, ...]:
@@ -208,7 +192,7 @@ class Calibration:
 
         A load case that nobody drove has none where stiffness belongs to a load case.
         """
-        drops, fit, posterior = self.drops(), self.fit(), self._known("sample")
+        drops, fit, posterior = self.drops(), self.fit(), self._stages.known("sample")
         found = []
         for name in self.campaign.load_cases:
             try:
@@ -222,15 +206,17 @@ class Calibration:
         from sysid.report import write_paper_figures, write_report
 
         path, results = self.output / "report.html", self.results()
-        self._timed("report", lambda: self._write(lambda: write_report(results, path)))
-        self._timed("figures", lambda: self._write(lambda: write_paper_figures(results, self.output / "figures")))
+        self._stages.timed("report", lambda: self._stages.write(lambda: write_report(results, path)))
+        self._stages.timed(
+            "figures", lambda: self._stages.write(lambda: write_paper_figures(results, self.output / "figures"))
+        )
         return path
 
     def export(self) -> list[Path]:
         """Write result.json, tables, posterior.nc and files for other programs from the stages that have run."""
         results = self.results()
         written: list[Path] = []
-        self._write(lambda: written.extend(self._exported(results)))
+        self._stages.write(lambda: written.extend(self._exported(results)))
         return written
 
     def _exported(self, results: Results) -> list[Path]:
@@ -251,13 +237,13 @@ class Calibration:
 
     def run(self) -> Results:
         """All stages in order, then exports, report and the success marker, which is written last."""
-        with self._lock:
+        with self._stages.lock:
             return self._run()
 
     def _run(self) -> Results:
         (self.output / SUCCESS_MARKER).unlink(missing_ok=True)
         if not self._resume:
-            self._forget(STAGES)
+            self._stages.forget(STAGES)
         for stage in (self.check, self.drops, self.scan, self.fit, self.sample, self.predict):
             stage()
         if not self.settings.quick:
@@ -272,7 +258,7 @@ class Calibration:
 
     def results(self) -> Results:
         """Everything that has been computed so far for these inputs and settings."""
-        found = {name: self._known(name) for name in STAGES}
+        found = {name: self._stages.known(name) for name in STAGES}
         fit = found["fit"][0] if found["fit"] is not None else None
         posterior: Posterior | None = found["sample"]
         if posterior is None and found["fit"] is not None:
@@ -296,7 +282,7 @@ class Calibration:
                 "versions": versions() | ({} if fit is None else {"engine": engine_name()}),
                 "seed": self.settings.seed,
                 "settings": self.settings.as_dict(),
-                "timings": {name: round(seconds, 3) for name, seconds in self._timings.items()},
+                "timings": {name: round(seconds, 3) for name, seconds in self._stages.timings.items()},
             },
         )
 
@@ -308,7 +294,7 @@ class Calibration:
 
     def _warnings(self, posterior: Posterior | None) -> tuple[str, ...]:
         found = [*self._raw.messages]
-        quality: QualityReport | None = self._known("check")
+        quality: QualityReport | None = self._stages.known("check")
         if quality is not None:
             found += quality.messages
             found += [
@@ -316,7 +302,7 @@ class Calibration:
                 for f in quality.channels
                 if f.verdict == "rejected"
             ]
-        unfinished = posterior is not None and self._known("sample") is None
+        unfinished = posterior is not None and self._stages.known("sample") is None
         if self.settings.quick:
             found.append("Preview: few iterations and a short chain; run without --quick before using any number.")
         elif posterior is None:
@@ -351,7 +337,7 @@ class Calibration:
         }
 
     def _state(self) -> FitState:
-        point = self._stage("fit", self._fit)[1]
+        point = self._stages.result("fit", self._fit)[1]
         options = self.settings.fit
         model = bump_model(
             self.campaign,
@@ -422,7 +408,7 @@ class Calibration:
         self, requests: tuple[PredictionRequest, ...] | None = None, sweep_km_h: Sequence[float] = SWEEP_KM_H
     ) -> Predictions:
         fit = self.fit()
-        posterior: Posterior | None = self._known("sample")
+        posterior: Posterior | None = self._stages.known("sample")
         point = np.log([p.value for p in fit.parameters])
         draws = None if posterior is None else np.log(posterior.draws.reshape(-1, len(posterior.names)))
         return predict(
@@ -433,10 +419,14 @@ class Calibration:
             draws,
             contact=self.settings.fit.contact,
             seed=self.settings.seed,
-            masses=self._stage("fit", self._fit)[1]["masses"],
+            masses=self._stages.result("fit", self._fit)[1]["masses"],
             sweep_km_h=() if self.settings.quick else sweep_km_h,
             progress=self._progress,
         )
+
+    def redo(self, name: str) -> None:
+        """Forget a stage and all that follow, so that it runs again."""
+        self._stages.redo(name)
 
     def _parameters(self) -> ParameterSet:
         laws = laws_of_axles(self.campaign.vehicle, self.fit().laws)
@@ -447,111 +437,5 @@ class Calibration:
 
     def _screen(self) -> tuple[Campaign, QualityReport]:
         if self._screened is None:
-            campaign, report = check_quality(self._raw)
-            self._screened = campaign
-            self._quality = report
-        return self._screened, self._quality
-
-    def _stage(self, name: str, compute: Callable[[], Any]) -> Any:
-        """The result of a stage: known already, else computed, timed and kept; later results are then stale."""
-        known = self._known(name)
-        if known is not None:
-            return known
-        with self._lock:
-            result = self._timed(name, compute)
-            if name not in ENDS:
-                self._forget(STAGES[STAGES.index(name) + 1 :])
-                self._write(partial((self.output / SUCCESS_MARKER).unlink, missing_ok=True))
-            self._keep(name, result)
-        return result
-
-    def _keep(self, name: str, result: Any) -> None:
-        self._results[name] = result
-        self._write(lambda: remember(self.output, self.settings))
-        self._write(lambda: store.save(self._path(name), result, self._fingerprint(name)))
-
-    def redo(self, name: str) -> None:
-        """Forget a stage and all that follow, so that it runs again."""
-        with self._lock:
-            self._forget((name,) if name in ENDS else STAGES[STAGES.index(name) :])
-
-    def _known(self, name: str) -> Any | None:
-        if name not in self._results:
-            stored = store.load(self._path(name), self._fingerprint(name))
-            if stored is None:
-                return None
-            self._results[name] = stored
-        return self._results[name]
-
-    def _forget(self, names: tuple[str, ...]) -> None:
-        for name in (*names, *(("left_out",) if "fit" in names else ())):
-            self._results.pop(name, None)
-            self._write(partial(self._path(name).unlink, missing_ok=True))
-
-    def _timed(self, name: str, compute: Callable[[], Any]) -> Any:
-        """Run a stage and keep its own time: a stage that runs its predecessors first is not charged for them."""
-        self._nested.append(0.0)
-        begin = time.perf_counter()
-        try:
-            result = compute()
-        finally:
-            elapsed = time.perf_counter() - begin
-            within = self._nested.pop()
-            if self._nested:
-                self._nested[-1] += elapsed
-        self._timings[name] = elapsed - within
-        self._write(lambda: write_text(self.output / "stages" / "timings.json", json.dumps(self._timings)))
-        return result
-
-    def _path(self, name: str) -> Path:
-        return self.output / "stages" / f"{name}.npz"
-
-    def _fingerprint(self, name: str) -> str:
-        """Hash of the inputs, the version and the settings that a stage depends on."""
-        relevant: dict[str, Any] = {"inputs": dict(self._raw.input_sha256), "version": versions()["sysid"]}
-        if name == "drops":
-            relevant["drop_model"] = self.settings.drop_model
-        if name in ("drops", "fit", "left_out", "advise", "profile", "sample", "predict"):
-            relevant["fit"] = self.settings.as_dict()["fit"]
-        if name in ("fit", "advise", "profile"):
-            # Results of before do not say what the data determine.
-            relevant["content"] = 2
-        if name == "predict":
-            # Results of before know no suspension forces and no ratio against speed.
-            relevant["content"] = 2
-        if name in ("sample", "predict"):
-            # How long to go on decides when a chain ends, not what it is.
-            limits = ("max_steps", "min_steps", "rhat_limit", "min_effective")
-            sampling = self.settings.as_dict()["sampling"]
-            relevant["sampling"] = {k: v for k, v in sampling.items() if k not in limits}
-        return hashlib.sha256(json.dumps(relevant, sort_keys=True).encode()).hexdigest()
-
-    def _make_output(self) -> None:
-        if self.output.exists() and not self.output.is_dir():
-            raise CampaignError(f"--output names a file, {self.output.name}; give a folder instead.")
-        self._write(lambda: (self.output / "stages").mkdir(parents=True, exist_ok=True))
-
-    def _write(self, action: Callable[[], Any]) -> None:
-        try:
-            action()
-        except OSError as error:
-            raise cannot_write(self.output, error) from error
-
-    def _read_timings(self) -> dict[str, float]:
-        path = self.output / "stages" / "timings.json"
-        try:
-            return dict(json.loads(path.read_text(encoding="utf-8")))
-        except (OSError, ValueError):
-            return {}
-
-
-def versions() -> dict[str, str]:
-    """Versions of this package, Python and the libraries that decide the numbers."""
-    names = ("sysid", "numpy", "scipy", "jax", "jaxlib", "optimistix", "emcee", "pandas")
-    found = {"python": platform.python_version()}
-    for name in names:
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            found[name] = "unknown"
-    return found
+            self._screened = check_quality(self._raw)
+        return self._screened

@@ -7,7 +7,7 @@ import pytest
 from small_results import DECREMENT, PERIOD, decaying_drop, small_campaign, small_results
 
 from sysid.prediction.modes import calibrated_modes
-from sysid.report import agreement, answer, knowledge, tables
+from sysid.report import agreement, answer, drop_tables, knowledge, load_tables, tables
 from sysid.report.figures import Gallery, drop_pictures
 from sysid.validation import ChannelAgreement, Validation
 
@@ -35,13 +35,13 @@ def test_columns_of_stages_that_have_not_run_are_left_out():
 
 def test_indicator_uses_the_usable_drops_and_keeps_bare_axles_apart():
     results = small_results()
-    (first, second) = cells(tables.indicator_table(results, results.drops))
+    (first, second) = cells(drop_tables.indicator_table(results, results.drops))
     assert first == ["axle 1", "1.67", "yes", "11.1\xa0%", "no"]
     assert (1.0 / PERIOD, DECREMENT / (2.0 * math.pi)) == pytest.approx((1.6667, 0.1114), rel=1e-3)
     assert second[1:] == ["—", "—", "—", "—"]
     drops = tuple(replace(d, dampers=i != 0) for i, d in enumerate(small_campaign().plank_drops))
     bare = replace(results, campaign=replace(results.campaign, plank_drops=drops))
-    notes = [row[0].note for row in tables.indicator_table(bare, bare.drops).rows]
+    notes = [row[0].note for row in drop_tables.indicator_table(bare, bare.drops).rows]
     assert notes == ["front axle, empty", "front axle, empty, dampers removed", "rear axle, empty"]
 
 
@@ -64,11 +64,11 @@ def test_the_drop_shown_first_has_its_dampers_and_is_usable():
 
 def test_notes_on_drops_name_the_axle_once():
     results = small_results()
-    assert tables.pooled_notes(results.drops) == ["axle 2, empty: one remark"]
+    assert drop_tables.pooled_notes(results.drops) == ["axle 2, empty: one remark"]
 
 
 def test_peak_wheel_load_is_ratio_times_static_load():
-    (made,) = tables.prediction_tables(small_results())
+    (made,) = load_tables.prediction_tables(small_results())
     rear = made.rows[1]
     # 3.6 x 29.43 kN.
     assert [c.text for c in rear] == [
@@ -81,7 +81,7 @@ def test_peak_wheel_load_is_ratio_times_static_load():
 
 
 def test_ratio_against_speed_is_a_table_with_bands():
-    (made,) = tables.sweep_tables(small_results())
+    (made,) = load_tables.sweep_tables(small_results())
     assert cells(made)[0] == ["10", "1.28", "1.56"]
     assert made.rows[2][1].interval == "[2.40, 2.93]"
 

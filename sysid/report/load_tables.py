@@ -1,0 +1,89 @@
+"""Tables of predicted wheel loads: passes that nobody drove, and the ratio against speed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sysid.export import Results, prediction_files
+from sysid.report.cells import Cell, Table, axle_name, table
+from sysid.report.numbers import MISSING, decimals, fixed, interval, number, speed
+
+if TYPE_CHECKING:
+    from sysid.prediction.results import Quantiles
+
+
+def prediction_tables(results: Results) -> list[Table]:
+    """Peak wheel loads of every predicted pass."""
+    if results.predictions is None:
+        return []
+    tables = []
+    passes = results.predictions.passes
+    kind = "90 % credible interval" if results.predictions.source == "posterior" else "least squares, no interval yet"
+    for p, file in zip(passes, prediction_files(passes), strict=True):
+        rows = []
+        for i, static in enumerate(p.static_load_N):
+            ratio = float(p.peak_ratio_q50[i])
+            low, high = (None if q is None else float(q[i]) for q in (p.peak_ratio_q05, p.peak_ratio_q95))
+            load = float(static) / 1e3
+            places = decimals(ratio * load)
+            force = interval(None if low is None else low * load, None if high is None else high * load, places)
+            rows.append(
+                [
+                    axle_name(results, i),
+                    number(load),
+                    Cell(fixed(ratio, 2), interval(low, high, 2)),
+                    Cell(fixed(ratio * load, places), force),
+                    _band(p.load_coefficient, i, 2),
+                    "yes" if p.lift_off[i] else "no",
+                    _band(p.lift_off_s, i, 0, 1e3),
+                    _travel(p.jounce_m, i, results.campaign.vehicle.axles[i].jounce_travel_m),
+                    _travel(p.rebound_m, i, results.campaign.vehicle.axles[i].rebound_travel_m),
+                    _band(p.impulse_ratio, i, 3),
+                ]
+            )
+        head = (
+            "axle",
+            "static load [kN]",
+            "peak / static load [-]",
+            "peak wheel load [kN]",
+            "dynamic load coefficient [-]",
+            "leaves the ground",
+            "off the ground [ms]",
+            "compression [mm]",
+            "extension [mm]",
+            "mean / static load [-]",
+        )
+        over = f" over {p.shape}" if p.shape else ""
+        caption = (
+            f"{p.load_case}, {speed(p.speed_m_s)} km/h{over}: peak wheel loads, both sides together ({kind}); "
+            f"histories in {file}"
+        )
+        tables.append(table(caption, head, rows))
+    return tables
+
+
+def _band(values: Quantiles | None, axle: int | tuple[int, int], places: int, factor: float = 1.0) -> Cell:
+    if values is None:
+        return Cell(MISSING)
+    low, high = (None if q is None else factor * float(q[axle]) for q in (values.q05, values.q95))
+    return Cell(fixed(factor * float(values.q50[axle]), places), interval(low, high, places))
+
+
+def _travel(values: Quantiles | None, axle: int, declared_m: float | None) -> Cell:
+    found = _band(values, axle, 0, 1e3)
+    return Cell(found.text, found.interval, "none declared" if declared_m is None else f"of {1e3 * declared_m:.0f}")
+
+
+def sweep_tables(results: Results) -> list[Table]:
+    """Peak load ratio against speed, a table per load case."""
+    sweeps = () if results.predictions is None else results.predictions.sweeps
+    tables = []
+    for s in sweeps:
+        axles = range(s.peak_ratio.q50.shape[1])
+        rows = [
+            [f"{speed(float(v))}", *(_band(s.peak_ratio, (i, axle), 2) for axle in axles)]
+            for i, v in enumerate(s.speed_m_s)
+        ]
+        head = ("speed [km/h]", *(f"axle {axle + 1} [-]" for axle in axles))
+        tables.append(table(f"{s.load_case}: peak dynamic load ratio against speed", head, rows))
+    return tables
