@@ -27,6 +27,7 @@ from sysid.estimation.objective import (
 from sysid.estimation.problem import FitState, Optimum, Problem
 from sysid.estimation.results import FitResult, MassCheck, ParameterEstimate
 from sysid.estimation.sandwich import Adjustment
+from sysid.estimation.thresholds import MISFIT, SOLVERS_APART_SD, STEP_HALVING
 from sysid.estimation.uncertain_masses import MassResponse, mass_response
 from sysid.road.contact_laws import CONTACT_LAWS
 
@@ -74,7 +75,7 @@ def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: 
     lags = min(c.shape[0] for c in correlations)
     shared = covariance[: problem.count, : problem.count]
     determined = assess(estimates, shared, information)
-    warnings = _warnings(minimum, optimum.misfit, halving, difference, determined)
+    warnings = fit_warnings(minimum, optimum.misfit, halving, difference, determined)
     masses = _mass_response(problem, parameters, effect, adjustment)
     checks = _mass_checks(problem, effect)
     state = FitState(model, parameters, motion, weights, adjustment.matrix, masses)
@@ -269,20 +270,32 @@ def _estimates(campaign, problem: Problem, log_parameters, motion: RunMotion, co
     return globals_, tuple(local)
 
 
-def _warnings(
+def fit_warnings(
     minimum: Minimum, misfit: float, halving: float, cross_check: float, determined: Identifiability
 ) -> tuple[str, ...]:
+    """Sentences about a fit that somebody should read before using it.
+
+    Parameters
+    ----------
+    misfit : median over channels of residual over instrument noise.
+    halving : largest relative RMS change of a channel with half the integration step.
+    cross_check : distance of an independent solver's optimum [sd], NaN where none looked for it.
+    """
     found = []
     if not minimum.converged:
         found.append(f"Least squares has not converged ({minimum.message}); the values are not final.")
-    if misfit >= 1.3:
+    if misfit >= MISFIT:
         found.append(
             f"Residuals are {misfit:.1f} times the instrument noise (median over channels): the model does not explain "
-            "everything the sensors saw, and intervals may be too narrow."
+            "everything the sensors saw. Intervals are widened by what these residuals ask for and may not hold all of "
+            "it."
         )
-    if halving > 1e-2:
-        found.append(f"Halving the integration step changes a channel by {halving:.1e} of its size.")
-    if np.isfinite(cross_check) and cross_check > 0.5:
+    if halving > STEP_HALVING:
+        found.append(
+            f"Halving the integration step changes a channel by {100.0 * halving:.2g} % of its size, more than "
+            f"{100.0 * STEP_HALVING:g} %."
+        )
+    if np.isfinite(cross_check) and cross_check > SOLVERS_APART_SD:
         found.append(
             f"An independent solver ends {cross_check:.1f} standard deviations away; the optimum may not be unique."
         )

@@ -27,12 +27,11 @@ from sysid.estimation.parameters import campaign_parameters, declared_laws
 from sysid.estimation.problem import FitState, Optimum
 from sysid.estimation.results import ContactTrial, FitResult, LawComparison, LawTrial
 from sysid.estimation.suspension_elements import ELEMENTS, law_elements, law_name
+from sysid.estimation.thresholds import MISFIT
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.results import RoadProfile
 from sysid.sdof.results import DropSummary
 
-#: Residual over instrument noise from which on linear laws are doubted.
-DOUBT = 1.3
 #: Gain in the criterion from which on a richer law is taken.
 DECISIVE = 10.0
 
@@ -56,9 +55,9 @@ def fit_with_laws(
 ) -> tuple[FitResult, FitState]:
     """Least-squares calibration with declared suspension laws, or with the ones that the data support.
 
-    Linear laws come first.  Where they leave residuals of more than 1.3 times the instrument noise (or on request) the
-    richest candidate of every axle without a declared law is fitted; elements that the criterion does not miss are
-    taken away again, one family at a time.
+    Linear laws come first.  Where they leave residuals of :data:`MISFIT` times the instrument noise or more (or on
+    request) the richest candidate of every axle without a declared law is fitted; elements that the criterion does not
+    miss are taken away again, one family at a time.
 
     Parameters
     ----------
@@ -77,7 +76,7 @@ def fit_with_laws(
     chosen = optimise(campaign, campaign_parameters(campaign, drops, declared), profiles, options, report)
     comparison = None
     rich = richest_laws(campaign.vehicle.axles, declared)
-    asked = options.laws == "compare" or (options.laws == "auto" and chosen.misfit >= DOUBT)
+    asked = options.laws == "compare" or (options.laws == "auto" and chosen.misfit >= MISFIT)
     if asked and rich != declared:
 
         def fitted(laws: Laws, near: Optimum, *, trial: bool = False) -> Optimum:

@@ -13,12 +13,13 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from sysid.estimation.thresholds import MISFIT
 from sysid.export import Results, write_text
 from sysid.plot.comparison import Quantity
 from sysid.prediction.modes import calibrated_modes
 from sysid.report import agreement, answer, cells, drop_tables, explorer, figures, knowledge, load_tables, tables
 from sysid.report.numbers import MISSING, count, fixed, number, percent, plain_text
-from sysid.report.verdict import ARTEFACT_RATIO, MISFIT, artefact_passes, undeclared_travel, verdict
+from sysid.report.verdict import ARTEFACT_RATIO, artefact_passes, undeclared_travel, verdict
 
 _QUANTITIES: tuple[Quantity, ...] = ("stiffness", "damping")
 

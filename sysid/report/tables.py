@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.campaign.findings import ChannelFinding
+from sysid.estimation.thresholds import STEP_HALVING
 from sysid.export import Results
 from sysid.plot import SOURCE_LABELS, SOURCES, AxleEstimates, label, suspension_estimates
 from sysid.plot.comparison import Quantity
@@ -39,12 +40,9 @@ def estimates_table(results: Results, quantity: Quantity) -> Table | None:
     rows = suspension_estimates(quantity, results.drops, results.fit, results.posterior)
     if not rows:
         return None
-    sources = [
-        s for s in SOURCES if s in ("paper", "corrected", "fitted", "posterior") or any(s in r.estimates for r in rows)
-    ]
-    always = ("paper", "corrected", "model", "fitted", "posterior")
+    shown = ("paper", "corrected", "model", "fitted", "posterior")
     present = {s for row in rows for s in row.estimates}
-    sources = [s for s in SOURCES if s in present and s in always]
+    sources = [s for s in SOURCES if s in present and s in shown]
     unit, name = ("kN/m", "Stiffness k") if quantity == "stiffness" else ("kN s/m", "Damping c")
     head = ["axle", *(f"{SOURCE_LABELS[s]} [{unit}]" for s in sources)]
     body = [[axle_name(results, row.axle, row.load_case), *(_estimate_cell(row, s) for s in sources)] for row in rows]
@@ -108,13 +106,14 @@ def parameters_table(results: Results, estimates: Iterable[ParameterEstimate], c
 
 def fit_table(fit: FitResult) -> Table:
     """Diagnostics of the least-squares fit next to what a good fit shows."""
+    halving, small = percent(fit.step_halving_error), f"below {percent(STEP_HALVING, 1)}"
     rows = [
         ("converged", "yes" if fit.converged else "no", "yes"),
         ("iterations", f"{fit.iterations:,}", ""),
         ("residuals", f"{fit.residuals:,}", ""),
         ("rounds of re-estimated channel weights", str(fit.weight_rounds), ""),
         ("scaled condition number [-]", number(fit.condition_number), "tens; above 1,000 parameters trade off"),
-        ("largest change when the integration step is halved", percent(fit.step_halving_error), "below 0.01 %"),
+        ("largest change when the integration step is halved", halving, small),
         ("largest difference from SciPy's optimum [sd]", number(fit.scipy_max_difference_sd, 2), "below 0.1"),
         ("inflation of variances for correlated residuals [-]", number(fit.variance_inflation), "1 = white residuals"),
         ("inflation of standard deviations for model error [-]", number(fit.model_error_inflation), "1 = no misfit"),

@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from sysid.estimation.thresholds import MISFIT
 from sysid.export.contents import Results
 from sysid.plot import AxleEstimates, Estimate, suspension_estimates
 from sysid.plot.comparison import Quantity
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
 
 Tone = Literal["good", "caution", "stop"]
 
-# Residuals above this multiple of the instrument noise say that the model's form, not the noise, limits the fit.
-MISFIT = 1.3
 # Half width of a 90 % interval, relative to the value, above which a parameter is called poorly known.
 WIDE = 0.2
 # Without bump stops in the model a peak ratio this high is more than a truck does.

@@ -1,0 +1,11 @@
+"""From where on a figure of the fit deserves a sentence; warnings, reports and the choice of laws share these."""
+
+from __future__ import annotations
+
+#: Residual over instrument noise from which on the model's form, not the noise, limits the fit.
+MISFIT = 1.3
+#: Relative RMS change of a channel when the integration step is halved: values of k and c move by about as much, and
+#: this is a tenth of the narrowest intervals that a campaign yields.
+STEP_HALVING = 2e-3
+#: Distance [sd] between the optimum and that of an independent solver.
+SOLVERS_APART_SD = 0.5
