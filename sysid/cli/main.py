@@ -1,7 +1,7 @@
 """The command line: ``calibrate.py STAGE [CAMPAIGN] [--output DIR]``.
 
-Exit codes: 0 done, 1 unexpected error, 2 bad command or campaign file, 3 data rejected, 4 not converged (results are
-still written and marked so), 130 stopped by Ctrl-C (what is done is kept).
+Exit codes: 0 done, 1 unexpected error, 2 bad command or campaign file, 3 data rejected or output folder cannot be
+written, 4 not converged (results are still written and marked so), 130 stopped by Ctrl-C (what is done is kept).
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ _HELP = """Suspension stiffness and damping of a heavy vehicle from plank drops 
 CAMPAIGN is a campaign.toml or its folder (default: data/campaign.toml).  Every stage runs the stages it needs first and
 leaves its results in the output folder for the next.
 
-Exit codes: 0 done, 2 bad command or campaign file, 3 data rejected, 4 not converged (results are still written and
-marked so), 130 stopped by Ctrl-C.
+Exit codes: 0 done, 1 unexpected error, 2 bad command or campaign file, 3 data rejected or output folder cannot be
+written, 4 not converged (results are still written and marked so), 130 stopped by Ctrl-C.
 """
 
 
@@ -32,8 +32,8 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--output", default=DEFAULT_OUTPUT, show_default=True, help="Folder for everything written.",
                      type=click.Path(path_type=Path)),
         click.option("--quick", is_flag=True, help="Preview: few iterations, a short chain; results are marked so."),
-        click.option("--seed", default=0, show_default=True, help="Seed of everything random.", type=click.IntRange(0)),
-        click.option("--max-steps", default=None, help="Limit of sampling steps per ensemble.",
+        click.option("--seed", default=None, help="Seed of everything random (default: 0).", type=click.IntRange(0)),
+        click.option("--max-steps", default=None, help="Limit of sampling steps per ensemble (default: 1500).",
                      type=click.IntRange(1)),
         click.option("--laws", default=None, type=click.Choice(["auto", "compare", "declared"]),
                      help="Suspension laws of axles without a declared one: richer ones where linear ones leave "
@@ -114,7 +114,10 @@ _stage(
     "export",
     "Write result.json, tables, posterior.nc and files for LS-DYNA, Chrono and bridge codes from finished stages.",
 )
-_stage("run", "All stages in order.")
+_stage(
+    "run",
+    "All stages in order, but for profile, selftest and runs left out (validate --leave-out); advise not with --quick.",
+)
 
 
 @cli.command("selftest")

@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
+from sysid.cli.invocation import name_of_program
 from sysid.cli.progress import StageProgress
 from sysid.cli.stages import INTERRUPTED, console, termination_as_interrupt
 from sysid.cli.tables import plain_table, shown_unit
@@ -22,14 +23,14 @@ def run_selftest(campaign: Path, count: int, seed: int) -> int:
         try:
             found = _simulated(campaign, count, seed, errors)
         except SysidError as error:
-            errors.print(f"calibrate.py selftest: {error}", markup=False)
+            errors.print(f"{name_of_program()} selftest: {error}", markup=False)
             return error.exit_code
         except KeyboardInterrupt:
             errors.print("Stopped; a self-test keeps nothing.", markup=False)
             return INTERRUPTED
         except Exception as error:
             errors.print(
-                f"calibrate.py selftest: an unexpected error stopped it ({type(error).__name__}: {error}); "
+                f"{name_of_program()} selftest: an unexpected error stopped it ({type(error).__name__}: {error}); "
                 "please report it.",
                 markup=False,
             )

@@ -13,6 +13,7 @@ from typing import Any
 from rich.console import Console
 
 from sysid.cli import tables
+from sysid.cli.invocation import name_of_program, same_command
 from sysid.cli.passes import OPTIONS, requested_passes
 from sysid.cli.progress import StageProgress
 from sysid.errors import DataRejectedError, NotConvergedError, OutputError, SysidError
@@ -30,19 +31,17 @@ def run_stage(name: str, campaign: Path, output: Path, *, resume: bool, **choice
         try:
             return _run(name, campaign, output, screen, errors, resume, choices)
         except SysidError as error:
-            errors.print(f"calibrate.py {name}: {error}", markup=False)
+            errors.print(f"{name_of_program()} {name}: {error}", markup=False)
             return error.exit_code
         except KeyboardInterrupt:
             errors.print(
-                f"Stopped. What is done is kept in {output}; go on with: "
-                f"python calibrate.py {name} {campaign} --output {output} --resume",
-                markup=False,
+                f"Stopped. What is done is kept in {output}; go on with: {same_command('--resume')}", markup=False
             )
             return INTERRUPTED
         except OSError as error:
             if error.errno not in _NO_WRITING:
                 return _unexpected(name, output, error, errors)
-            errors.print(f"calibrate.py {name}: {cannot_write(output, error)}", markup=False)
+            errors.print(f"{name_of_program()} {name}: {cannot_write(output, error)}", markup=False)
             return OutputError.exit_code
         except Exception as error:
             return _unexpected(name, output, error, errors)
@@ -51,7 +50,7 @@ def run_stage(name: str, campaign: Path, output: Path, *, resume: bool, **choice
 def _unexpected(name: str, output: Path, error: Exception, errors: Console) -> int:
     kept = _keep_traceback(output)
     errors.print(
-        f"calibrate.py {name}: an unexpected error stopped the run ({type(error).__name__}: {error}). What is "
+        f"{name_of_program()} {name}: an unexpected error stopped the run ({type(error).__name__}: {error}). What is "
         f"done is kept in {output}; please report it{kept}.",
         markup=False,
     )
@@ -70,14 +69,15 @@ def _keep_traceback(output: Path) -> str:
 
 def _run(name, campaign, output, screen, errors, resume, choices) -> int:
     from sysid.runtime import configure
-    from sysid.workflow import Calibration, make_settings, recall
+    from sysid.workflow import KEPT_CHOICES, Calibration, make_settings, recall
 
     configure()
     asked = {option: choices.pop(option, None) for option in OPTIONS}
     speeds, profiled = choices.pop("candidate_speeds", ()), choices.pop("profiled", ())
     left_out, all_out = choices.pop("left_out", ()), choices.pop("leave_one_out", False)
     passes_only = any(value not in (None, ()) for value in asked.values())
-    chosen = any(choices.get(option) for option in ("quick", "seed", "laws", "contact", "contact_spread"))
+    # A seed of 0 is a choice as well, and equal to False.
+    chosen = any(choices.get(option) is not None and choices[option] is not False for option in KEPT_CHOICES)
     if (name in ("report", "export", "advise", "profile", "validate") or passes_only) and not chosen:
         # These show what is there: without options they take those of the run that filled the folder.
         choices |= recall(output)
@@ -87,7 +87,7 @@ def _run(name, campaign, output, screen, errors, resume, choices) -> int:
     with StageProgress(errors) as progress:
 
         def notice(text: str) -> None:
-            errors.print(f"calibrate.py {name}: {text}", markup=False)
+            errors.print(f"{name_of_program()} {name}: {text}", markup=False)
 
         calibration = Calibration(campaign, output, settings, progress.update, resume=resume, notice=notice)
         if passes_only:

@@ -10,6 +10,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from sysid.cli.invocation import program
+
 #: What stands in place of a number that only repeats its prior.
 NOT_DETERMINED = "not determined"
 
@@ -138,7 +140,7 @@ def show_determined(screen: Console, fit) -> None:
     for statement in found.statements:
         screen.print(statement, markup=False)
     if found.warnings:
-        screen.print("Which run or sensor would help: calibrate.py advise.", markup=False)
+        screen.print(f"Which run or sensor would help: {program()} advise.", markup=False)
 
 
 def shown_unit(unit: str) -> tuple[float, str]:

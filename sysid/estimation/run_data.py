@@ -111,7 +111,7 @@ def group_runs(campaign: Campaign, layout: ChannelLayout, *, waste: float = 0.15
     usable = [i for i, r in enumerate(runs) if any(np.isfinite(c.value).any() for c in r.log.channels)]
     if not usable:
         raise DataRejectedError(
-            "No bump run has a usable channel, so there is nothing to fit; run `calibrate.py check` to see why."
+            "No bump run has a usable channel, so there is nothing to fit; run the stage 'check' to see why."
         )
     usable.sort(key=lambda i: (runs[i].log.sample_interval_s, -count[i], i))
     members: list[list[int]] = []

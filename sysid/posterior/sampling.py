@@ -202,7 +202,7 @@ def _posterior(
     if rejected:
         figures += f", {rejected} of {proposals} proposals without a finite simulation"
     if not finished:
-        message = f"Sampling has not finished. {figures} so far; go on with calibrate.py sample --resume."
+        message = f"Sampling has not finished. {figures} so far; go on with the stage 'sample' and --resume."
     elif options.preview:
         message = f"Preview with a short chain, not for use. {figures}."
     elif converged:

@@ -325,7 +325,7 @@ class Calibration:
     def _fit(self) -> tuple[FitResult, dict[str, Any]]:
         if not self.campaign.bump_runs:
             raise DataRejectedError(
-                "No bump run is left to fit: every log was rejected or none is listed; see `calibrate.py check`."
+                "No bump run is left to fit: every log was rejected or none is listed; see the stage 'check'."
             )
         fit, state = fit_with_laws(self.campaign, self.drops(), self._profiles(), self.settings.fit, self._progress)
         return fit, {

@@ -39,20 +39,20 @@ class Settings:
 
 
 #: Choices of the command line that a later report of the same folder takes over.
-_KEPT = {"quick": bool, "seed": int, "laws": str, "contact": str, "contact_spread": bool}
+KEPT_CHOICES = {"quick": bool, "seed": int, "laws": str, "contact": str, "contact_spread": bool}
 
 
 def remember(folder: Path, settings: Settings) -> None:
     """Keep what the command line chose, so that a later report of the same folder need not be told again."""
     known = {**asdict(settings.fit), "quick": settings.quick, "seed": settings.seed}
-    write_text(folder / "stages" / "settings.json", json.dumps({name: known[name] for name in _KEPT}))
+    write_text(folder / "stages" / "settings.json", json.dumps({name: known[name] for name in KEPT_CHOICES}))
 
 
 def recall(folder: Path) -> dict[str, Any]:
     """What :func:`remember` kept in an output folder; empty if nothing was kept or it cannot be read."""
     try:
         kept = json.loads((folder / "stages" / "settings.json").read_text(encoding="utf-8"))
-        return {name: kind(kept[name]) for name, kind in _KEPT.items()}
+        return {name: kind(kept[name]) for name, kind in KEPT_CHOICES.items()}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 
@@ -60,13 +60,14 @@ def recall(folder: Path) -> dict[str, Any]:
 def make_settings(
     *,
     quick: bool = False,
-    seed: int = 0,
+    seed: int | None = None,
     max_steps: int | None = None,
     laws: str | None = None,
     contact: str | None = None,
     contact_spread: bool = False,
 ) -> Settings:
     """Settings from what the command line offers."""
+    seed = SamplingOptions.seed if seed is None else seed
     settings = Settings(sampling=replace(SamplingOptions(), seed=seed))
     if quick:
         settings = Settings(

@@ -158,10 +158,3 @@ def test_a_missing_campaign_is_one_sentence(tmp_path: Path, capsys) -> None:
     assert code == 2
     assert "nowhere" in text
     assert "\n" not in text
-
-
-def test_help_lists_every_stage_without_loading_numerics() -> None:
-    result = CliRunner().invoke(cli, ["--help"])
-    assert result.exit_code == 0
-    for stage in ("check", "drops", "fit", "validate", "sample", "predict", "report", "export", "run"):
-        assert stage in result.output

@@ -88,7 +88,7 @@ def test_a_report_without_options_shows_the_run_that_filled_the_folder(
 ) -> None:
     campaign = finished.parent / "campaign"
     before = json.loads((finished / "result.json").read_text(encoding="utf-8"))
-    code = run_stage("report", campaign, finished, quick=False, seed=0, max_steps=None, laws=None, resume=False)
+    code = run_stage("report", campaign, finished, quick=False, seed=None, max_steps=None, laws=None, resume=False)
     assert code == 0
     assert "least squares" not in capsys.readouterr().err
     after = json.loads((finished / "result.json").read_text(encoding="utf-8"))
@@ -118,7 +118,7 @@ def sampling(finished: Path, tmp_path: Path) -> Iterator[Path]:
 def test_a_running_chain_can_be_looked_at(finished: Path, sampling: Path, stage: str, file: str) -> None:
     campaign = finished.parent / "campaign"
     before = json.loads((finished / "result.json").read_text(encoding="utf-8"))
-    code = run_stage(stage, campaign, sampling, quick=False, seed=0, max_steps=None, laws=None, resume=False)
+    code = run_stage(stage, campaign, sampling, quick=False, seed=None, max_steps=None, laws=None, resume=False)
     assert code == 0
     document = json.loads((sampling / "result.json").read_text(encoding="utf-8"))
     assert [p["posterior"] for p in document["parameters"]] == [p["posterior"] for p in before["parameters"]]
@@ -160,7 +160,7 @@ def test_files_for_other_programs_hold_the_posterior_medians(finished: Path) -> 
 def test_a_run_left_out_is_marked_in_table_and_report(finished: Path, tmp_path: Path, capsys) -> None:
     folder, copy = finished.parent / "campaign", tmp_path / "out"
     shutil.copytree(finished, copy)
-    choices = {"quick": False, "seed": 0, "max_steps": None, "laws": None, "resume": False}
+    choices = {"quick": False, "seed": None, "max_steps": None, "laws": None, "resume": False}
     assert run_stage("validate", folder, copy, left_out=(KEPT_RUNS[0],), **choices) == 0
     assert "without it" in capsys.readouterr().out
     table = pd.read_csv(copy / "validation.csv")

@@ -1,0 +1,49 @@
+"""How the program was called: its name for messages, and the same command again."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+
+import click
+from click.core import ParameterSource
+
+
+def program() -> str:
+    """What a user types before the name of a stage: ``python calibrate.py``, or the installed command."""
+    name = name_of_program()
+    return f"python {name}" if name.endswith(".py") else name
+
+
+def name_of_program() -> str:
+    """The name with which messages begin."""
+    context = click.get_current_context(silent=True)
+    return (context and context.find_root().info_name) or "calibrate.py"
+
+
+def same_command(*more: str) -> str:
+    """The running command as it was typed, with further options; only the program outside a command."""
+    context = click.get_current_context(silent=True)
+    words = program().split()
+    if context is not None and context.parent is not None:
+        words += [str(context.info_name), *_given(context)]
+    words += [option for option in more if option not in words]
+    return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
+
+
+def _given(context: click.Context) -> list[str]:
+    words: list[str] = []
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        if context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
+            continue
+        value = context.params[name]
+        if isinstance(parameter, click.Option) and parameter.is_flag:
+            words.append(parameter.opts[0])
+        elif isinstance(parameter, click.Option):
+            for each in value if parameter.multiple else (value,):
+                words += [parameter.opts[0], str(each)]
+        else:
+            words.append(str(value))
+    return words
