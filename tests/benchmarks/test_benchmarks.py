@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.document import goal_of
 from benchmarks.rounds import Contender, Sample, ratio, run_rounds, spread
 from sysid.vehicle_model.native.build import find_compiler
 
@@ -40,6 +41,20 @@ def test_no_round_is_begun_after_the_limit():
     contender = Contender("one", lambda: Sample(1.0, 1.0))
     assert run_rounds([contender], 5, limit_s=0.0) == 1
     assert spread(list(contender.per_unit("wall_s").values())).rounds == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "found", "text"),
+    [
+        ("Jacobian / likelihood", 23.6, "<= 24: met"),
+        ("Jacobian / likelihood", 24.1, "<= 24: **missed**"),
+        ("CVODE Adams, unfiltered / likelihood", 76.8, ">= 80: **missed**"),
+        ("CVODE BDF / likelihood", 138.0, ">= 80: met"),
+        ("JAX Jacobian / JAX likelihood", 200.0, ""),
+    ],
+)
+def test_a_goal_says_whether_it_was_kept(name: str, found: float, text: str):
+    assert goal_of(name, found) == text
 
 
 @pytest.mark.long

@@ -35,7 +35,7 @@ def find_compiler() -> str | None:
 
 
 def library() -> Path:
-    """The compiled engine, from the cache or built now (some twenty seconds, once per machine and version).
+    """The compiled engine, from the cache or built now (about half a minute, once per machine and version).
 
     Its name holds a hash of the sources, the compiler, the headers' version and the processor.  It is written under
     another name and renamed, so that processes which build it at the same time do not meet half a file.
