@@ -4,13 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.campaign.records import Axle, Campaign, PredictionRequest
+from sysid.estimation.suspension_elements import law_elements
 from sysid.prediction.results import FASTER, Quantiles
 
-#: Load ratio above which a truck would have hit its stops.
+#: Load ratio from which on a truck would have hit its stops.
 ARTEFACT_RATIO = 3.0
+#: The element of a suspension law that stops the motion at the declared travel.
+BUMP_STOPS = "bump_stops"
 #: Departure of the mean load of the whole truck over a pass from its weight that is worth a sentence.
 _IMPULSE = 0.01
+
+
+def knows_travel(axle: Axle) -> bool:
+    """Whether the campaign file declares how far an axle moves to its stops, both ways."""
+    return axle.jounce_travel_m is not None and axle.rebound_travel_m is not None
+
+
+def has_bump_stops(axle: Axle) -> bool:
+    """Whether the model stops an axle at its declared travel: no law is given stops but in the campaign file."""
+    return BUMP_STOPS in law_elements(axle.suspension_law)
 
 
 def driven_speeds(campaign: Campaign, load_case: str) -> list[float]:
@@ -69,17 +82,17 @@ def _travel(campaign: Campaign, name: str, peak_ratio: np.ndarray, travel: tuple
     ):
         for i, axle in enumerate(axles):
             limit, most = getattr(axle, key), float((predicted.q50 if predicted.q95 is None else predicted.q95)[i])
-            if limit is not None and most > limit:
+            if limit is not None and most > limit and not has_bump_stops(axle):
                 found.append(
                     f"{name}: axle {i + 1} {word} by up to {1e3 * most:.0f} mm, more than its {key} of "
-                    f"{1e3 * limit:.0f} mm; unless its law has bump_stops the load ratio there is not that of the "
-                    "truck."
+                    f"{1e3 * limit:.0f} mm, and its suspension_law has no {BUMP_STOPS}: the load ratio there is not "
+                    "that of the truck."
                 )
-    declared = [a.jounce_travel_m is not None and a.rebound_travel_m is not None for a in axles]
-    if np.any(peak_ratio[~np.array(declared)] > ARTEFACT_RATIO):
+    unknown = np.array([not knows_travel(axle) for axle in axles])
+    if np.any(peak_ratio[unknown] >= ARTEFACT_RATIO):
         found.append(
-            f"{name}: load ratios above {ARTEFACT_RATIO:g} come from a model without bump stops, and no suspension "
-            "travel is declared in campaign.toml to judge whether the stops would be reached; do not use them as wheel "
-            "loads."
+            f"{name}: load ratios of {ARTEFACT_RATIO:g} and more come from a model without bump stops, and no "
+            "suspension travel is declared in campaign.toml to judge whether the stops would be reached; do not use "
+            "them as wheel loads."
         )
     return found

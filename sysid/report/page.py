@@ -19,7 +19,8 @@ from sysid.plot.comparison import Quantity
 from sysid.prediction.modes import calibrated_modes
 from sysid.report import agreement, answer, cells, drop_tables, explorer, figures, knowledge, load_tables, tables
 from sysid.report.numbers import MISSING, count, fixed, number, percent, plain_text
-from sysid.report.verdict import ARTEFACT_RATIO, artefact_passes, undeclared_travel, verdict
+from sysid.report.stops import ARTEFACT_RATIO, artefact_passes, undeclared_travel
+from sysid.report.verdict import verdict
 
 _QUANTITIES: tuple[Quantity, ...] = ("stiffness", "damping")
 

@@ -5,24 +5,19 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from sysid.estimation.thresholds import MISFIT
 from sysid.export.contents import Results
 from sysid.plot import AxleEstimates, Estimate, suspension_estimates
 from sysid.plot.comparison import Quantity
+from sysid.report import stops
 from sysid.report.numbers import count, interval, listing, number, percent, speed
-
-if TYPE_CHECKING:
-    from sysid.prediction.results import PassPrediction
 
 Tone = Literal["good", "caution", "stop"]
 
 # Half width of a 90 % interval, relative to the value, above which a parameter is called poorly known.
 WIDE = 0.2
-# Without bump stops in the model a peak ratio this high is more than a truck does.
-ARTEFACT_RATIO = 3.0
-
 
 _QUANTITIES: tuple[tuple[Quantity, str, str], ...] = (
     ("stiffness", "Stiffness k", "kN/m"),
@@ -46,8 +41,8 @@ class Verdict:
 
 def verdict(results: Results) -> Verdict:
     """Judge the results of all stages that have run."""
-    stops, cautions = _stops(results), _cautions(results)
-    if stops:
+    against, cautions = _against(results), _cautions(results)
+    if against:
         tone: Tone = "stop"
         answer = "Not for decisions" if results.status == "preview" else "Not yet"
     elif cautions:
@@ -60,7 +55,7 @@ def verdict(results: Results) -> Verdict:
         badge_tone=_badge_tone(results),
         answer=answer,
         what=tuple(_what(results)),
-        use=(*stops, *cautions) or ("The calibration has converged and no check of this report speaks against it.",),
+        use=(*against, *cautions) or ("The calibration has converged and no check of this report speaks against it.",),
         todo=tuple(_todo(results)),
         synthetic=is_synthetic(results),
     )
@@ -126,7 +121,7 @@ def _wheel_loads(results: Results) -> list[str]:
     if results.predictions is None:
         return []
     sentences = []
-    artefacts = artefact_passes(results)
+    artefacts = stops.artefact_passes(results)
     for p in results.predictions.passes:
         axle = max(range(len(p.static_load_N)), key=lambda i: _finite(float(p.peak_ratio_q50[i])))
         low = None if p.peak_ratio_q05 is None else float(p.peak_ratio_q05[axle])
@@ -136,12 +131,12 @@ def _wheel_loads(results: Results) -> list[str]:
             f"At {speed(p.speed_m_s)}\u00a0km/h ({p.load_case}) the largest wheel load is "
             f"{number(float(p.peak_ratio_q50[axle]))} times the static one, on axle {axle + 1}"
             + (f" (90\u00a0% interval {band})" if band else "")
-            + (": an artefact, see the caution." if _pass_name(p) in artefacts else ".")
+            + (": an artefact, see the caution." if stops.pass_name(p) in artefacts else ".")
         )
     return sentences
 
 
-def _stops(results: Results) -> list[str]:
+def _against(results: Results) -> list[str]:
     found = []
     if results.status == "preview":
         found.append("This is a preview with shortened sampling. Its intervals are not reliable.")
@@ -174,56 +169,7 @@ def _cautions(results: Results) -> list[str]:
                 f"In {len(bad)} of {count(len(rows), 'channel record')} the residual is at least {MISFIT:g} times the "
                 "instrument noise: there the form of the model, not the noise, limits the accuracy."
             )
-    if artefacts := artefact_passes(results):
-        found.append(
-            f"Peak wheel-load ratios of {ARTEFACT_RATIO:g} and more ({listing(artefacts)}) are artefacts: the model "
-            "has no bump stops because the campaign file declares no jounce_travel_m and rebound_travel_m."
-        )
-    if exceeded := exceeded_travel(results):
-        found.append(
-            f"Predicted suspension travel is larger than declared ({listing(exceeded)}): the wheel-load ratios there "
-            "leave out the stops, unless the axle's law has bump_stops."
-        )
-    return found
-
-
-def exceeded_travel(results: Results) -> list[str]:
-    """Pass and axle of every predicted travel, upper end of its interval, beyond the declared one."""
-    found = []
-    for p in () if results.predictions is None else results.predictions.passes:
-        for i, axle in enumerate(results.campaign.vehicle.axles):
-            pairs = ((p.jounce_m, axle.jounce_travel_m), (p.rebound_m, axle.rebound_travel_m))
-            for travel, declared in pairs:
-                if travel is None or declared is None:
-                    continue
-                if float((travel.q50 if travel.q95 is None else travel.q95)[i]) > declared:
-                    found.append(f"{_pass_name(p)}, axle {i + 1}")
-                    break
-    return found
-
-
-def artefact_passes(results: Results) -> list[str]:
-    """Predicted passes whose peak ratio is too high for a truck with bump stops, while none are declared."""
-    if results.predictions is None or not undeclared_travel(results):
-        return []
-    return [
-        _pass_name(p)
-        for p in results.predictions.passes
-        if any(
-            _finite(float(p.peak_ratio_q50[i])) >= ARTEFACT_RATIO and i in undeclared_travel(results)
-            for i in range(len(p.static_load_N))
-        )
-    ]
-
-
-def _pass_name(p: PassPrediction) -> str:
-    return f"{p.load_case} {speed(p.speed_m_s)}\u00a0km/h" + (f" over {p.shape}" if p.shape else "")
-
-
-def undeclared_travel(results: Results) -> list[int]:
-    """Axles (indices) without `jounce_travel_m` or without `rebound_travel_m`."""
-    axles = results.campaign.vehicle.axles
-    return [i for i, a in enumerate(axles) if a.jounce_travel_m is None or a.rebound_travel_m is None]
+    return found + stops.cautions(results)
 
 
 def _todo(results: Results) -> list[str]:
@@ -253,8 +199,7 @@ def _todo(results: Results) -> list[str]:
         steps.append(" ".join(results.advice.statements[:2]))
     elif unidentified:
         steps.append("Run the stage 'advise': it says which run and which sensor would tell most.")
-    if results.predictions is not None and undeclared_travel(results):
-        steps.append("Declare jounce_travel_m and rebound_travel_m of every axle before using high wheel-load ratios.")
+    steps += stops.remedies(results)
     if results.fit is not None and results.predictions is None and results.campaign.predictions:
         steps.append("Run the stage 'predict' for the wheel loads of the passes that the campaign asks for.")
     if results.status == "converged" and results.posterior is not None:

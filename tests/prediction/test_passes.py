@@ -13,7 +13,7 @@ from sysid.estimation.parameters import campaign_parameters
 from sysid.prediction import passes
 from sysid.prediction.measures import load_coefficient
 from sysid.prediction.passes import predict, predict_pass, speed_sweep
-from sysid.prediction.remarks import remarks
+from sysid.prediction.remarks import ARTEFACT_RATIO, remarks
 from sysid.prediction.results import PassPrediction, Quantiles
 from sysid.road.shapes import raised_cosine
 from sysid.vehicle_model.lanes import EffectiveRoads
@@ -201,6 +201,11 @@ def test_travel_beyond_the_declared_one_is_said():
     # A ratio above 3 on the axle with stops is judged by its travel alone, on the others it cannot be judged.
     assert len(remarks(runs, request, np.array([4.0, 1.0, 1.0]), (rebound, rebound), 1.0)) == 0
     assert len(remarks(runs, request, np.array([1.0, 4.0, 1.0]), (rebound, rebound), 1.0)) == 1
+    assert len(remarks(runs, request, np.array([1.0, ARTEFACT_RATIO, 1.0]), (rebound, rebound), 1.0)) == 1
+    assert len(remarks(runs, request, np.array([1.0, ARTEFACT_RATIO - 1e-6, 1.0]), (rebound, rebound), 1.0)) == 0
+    stopped = (replace(axles[0], suspension_law="friction + bump_stops"), *AXLES[1:])
+    runs = campaign([empty_run("a.csv", 9.0)], vehicle=replace(VEHICLE, axles=stopped))
+    assert remarks(runs, request, np.ones(3), (jounce, rebound), 1.0) == ()
 
 
 def test_measures_of_a_pass_come_from_its_histories(single, banded):

@@ -6,9 +6,11 @@ from dataclasses import replace
 import pytest
 from small_results import Words, before_sampling, campaign_only, small_campaign, small_fit, small_results
 
+from sysid.prediction.remarks import ARTEFACT_RATIO
 from sysid.report.figures import representative_run
 from sysid.report.numbers import decimals, fixed, interval, listing, number, percent
-from sysid.report.verdict import exceeded_travel, verdict
+from sysid.report.stops import exceeded_travel
+from sysid.report.verdict import verdict
 
 
 def blameless():
@@ -84,10 +86,47 @@ def test_travel_beyond_the_declared_one_is_a_caution():
     vehicle = replace(results.campaign.vehicle, axles=axles)
     results = replace(results, campaign=replace(results.campaign, vehicle=vehicle))
     # Upper ends 1.1 x 50 and 1.1 x 60 mm against 56 mm: only the rear axle.
-    assert exceeded_travel(results) == ["empty 48\u00a0km/h, axle 2"]
+    assert exceeded_travel(results) == {1: ["empty 48\u00a0km/h"]}
     v = verdict(results)
     assert v.answer == "Yes, with care"
     assert "larger than declared" in v.use[0]
+    assert "empty 48\u00a0km/h, axle 2" in v.use[0]
+
+
+def with_axles(**changes):
+    """Blameless results with other declarations of both axles."""
+    results = blameless()
+    axles = tuple(replace(a, **changes) for a in results.campaign.vehicle.axles)
+    return replace(results, campaign=replace(results.campaign, vehicle=replace(results.campaign.vehicle, axles=axles)))
+
+
+@pytest.mark.parametrize(("law", "wanted"), [("linear", "bump_stops"), ("friction", "friction + bump_stops")])
+def test_the_remedy_for_stops_keeps_the_law_of_the_fit(law, wanted):
+    results = with_axles(jounce_travel_m=0.04)
+    parameters = tuple(replace(p, law=law) if p.quantity == "damping" else p for p in results.fit.parameters)
+    v = verdict(replace(results, fit=replace(results.fit, parameters=parameters)))
+    assert any(f'suspension_law = "{wanted}" for axle 1 and axle 2' in s for s in v.todo)
+
+
+def test_a_law_with_stops_needs_no_remedy():
+    v = verdict(with_axles(jounce_travel_m=0.04, suspension_law="friction + bump_stops"))
+    assert v.answer == "Yes"
+    assert not any("bump_stops" in s for s in (*v.use, *v.todo))
+
+
+def test_undeclared_travel_is_asked_for_and_not_said_to_be_enough():
+    (step,) = [s for s in verdict(with_axles(rebound_travel_m=None)).todo if "jounce_travel_m" in s]
+    assert "every axle" in step
+    assert "suspension_law with bump_stops" in step
+
+
+def test_a_ratio_is_an_artefact_from_the_same_number_on_in_remark_and_report():
+    results = with_axles(rebound_travel_m=None)
+    (one,) = results.predictions.passes
+    for ratio, said in ((ARTEFACT_RATIO, True), (ARTEFACT_RATIO - 1e-6, False)):
+        changed = replace(one, peak_ratio_q50=one.peak_ratio_q50 * 0.0 + ratio)
+        v = verdict(replace(results, predictions=replace(results.predictions, passes=(changed,))))
+        assert any("artefacts" in s for s in v.use) is said
 
 
 def test_synthetic_campaigns_are_called_so():
