@@ -2,18 +2,47 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.bump_model import eliminate_sensors
+from sysid.estimation.bump_model import BumpModel, GroupArrays, eliminate_sensors
 from sysid.estimation.objective import simulate_runs
 from sysid.estimation.results import RunHistory
 
 if TYPE_CHECKING:
     from sysid.estimation.problem import FitState
+
+
+class ShownSignals(NamedTuple):
+    """Simulated signals (T, R, C) of a group with the sensors' `offset` and `gain` (R, C) applied, SI."""
+
+    signals: np.ndarray
+    offset: np.ndarray
+    gain: np.ndarray
+
+
+def shown_signals(state: FitState, model: BumpModel, log_parameters: np.ndarray) -> tuple[ShownSignals, ...]:
+    """What the sensors of every group show of a simulation at log parameters (p,) and the runs' own motions.
+
+    Offset and gain of every channel are those that suit its record best under the weights of the fit.
+
+    Parameters
+    ----------
+    state : motions and weights of the fit.
+    model : the fit's own model, or the same runs with other masses or moved along departures.
+    """
+    signals = simulate_runs(model, log_parameters, state.motion)
+    scales = (n / t for n, t in zip(state.weights.noise_sd, state.weights.tempering, strict=True))
+    return tuple(_shown(a, s, simulated) for a, s, simulated in zip(model.arrays, scales, signals, strict=True))
+
+
+def _shown(arrays: GroupArrays, scale: np.ndarray, simulated: np.ndarray) -> ShownSignals:
+    fit = eliminate_sensors(arrays, jnp.asarray(scale), jnp.asarray(simulated)[..., None])
+    offset, gain = np.asarray(fit.offset)[..., 0], np.asarray(fit.gain)[..., 0]
+    return ShownSignals(offset + gain * simulated, offset, gain)
 
 
 def run_histories(campaign: Campaign, state: FitState, instrument: tuple[np.ndarray, ...]) -> tuple[RunHistory, ...]:
@@ -25,15 +54,11 @@ def run_histories(campaign: Campaign, state: FitState, instrument: tuple[np.ndar
     instrument : (R, C) instrument noise per group [SI].
     """
     model, found = state.model, {}
-    signals = simulate_runs(model, state.log_parameters, state.motion)
+    signals = shown_signals(state, model, state.log_parameters)
     for position, group in enumerate(model.groups):
-        arrays, runs = model.arrays[position], list(group.runs)
         noise = state.weights.noise_sd[position]
-        simulated = jnp.asarray(signals[position])[..., None]
-        fit = eliminate_sensors(arrays, noise / state.weights.tempering[position], simulated)
-        offset, gain = np.asarray(fit.offset)[..., 0], np.asarray(fit.gain)[..., 0]
-        shown = offset + gain * np.asarray(simulated)[..., 0]
-        for r, run in enumerate(runs):
+        shown, offset, gain = signals[position]
+        for r, run in enumerate(group.runs):
             record = campaign.bump_runs[run]
             length = min(group.samples, round(record.log.duration_s / group.interval_s) + 1)
             present = group.measured[:length, r] | (group.censored[:length, r] != 0)

@@ -27,6 +27,9 @@ from sysid.plot.style import (
 if TYPE_CHECKING:
     from sysid.estimation.results import FitResult, RunHistory
 
+POSTERIOR, READING = "90 % posterior", "90 % new readings"
+_ALPHA = {POSTERIOR: 0.45, READING: 0.16}
+
 _KIND = {
     "suspension_deflection": "suspension deflection",
     "axle_acceleration": "acceleration",
@@ -50,22 +53,26 @@ def overlay(
     residual_ax: Axes | None = None,
     legend: bool = True,
     most_points: int = 1500,
+    show_bands: bool = True,
 ) -> Axes:
     """One channel of one run: measured and simulated on `ax`, measured minus simulated on `residual_ax` if given.
 
-    With `ax` None a figure with both is made.  The band about zero holds 90 % of the scatter that the fit assigns to
-    the channel: +- 1.645 times its residual scale.  Clipped samples, whose true value lies beyond the
-    reading, are marked.  Raises KeyError if the run has no such column.
+    With `ax` None a figure with both is made.  After sampling the darker band holds 90 % of the posterior's
+    simulations, the lighter one 90 % of new readings: posterior and residual scatter together.  Before, the band about
+    zero holds 90 % of the scatter that the fit assigns to the channel: +- 1.645 times its residual scale.  Clipped
+    samples, whose true value lies beyond the reading, are marked.  Raises KeyError if the run has no such column.
     """
     if column not in history.columns:
         raise KeyError(f"run {history.file} has no column {column}; it has {', '.join(history.columns)}")
     row = history.columns.index(column)
     if ax is None:
-        ax, residual_ax = figure(6.4, 3.6).subplots(2, 1, sharex=True, height_ratios=(3, 1))
+        ax, residual_ax = figure(6.4, 3.8).subplots(2, 1, sharex=True, height_ratios=(2, 1))
     measured, unit = display(history.measured[row], history.si_units[row])
     simulated, _ = display(history.simulated[row], history.si_units[row])
     axle = history.axles[row]
     color = INK if axle is None else axle_color(axle)
+    bands = _bands(history, row) if show_bands else {}
+    _fill(ax, history.time_s, bands, color, most_points, named=residual_ax is None)
     # Measured broad and pale below, simulated narrow above: both stay visible where they agree.
     ax.plot(*thin(history.time_s, measured, most=most_points), color=MEASURED, lw=2.6, label="measured")
     ax.plot(*thin(history.time_s, simulated, most=most_points), color=color, lw=1.0, label="simulated")
@@ -84,11 +91,41 @@ def overlay(
         residual_ax.plot(*thin(history.time_s, residual, most=most_points), color=MUTED, lw=0.8)
         residual_ax.axhline(0.0, color=INK, lw=0.6)
         reach = Z90 * float(display(np.asarray(history.noise_sd[row]), history.si_units[row])[0])
-        if np.isfinite(reach):
+        if bands:
+            about = {name: (low - simulated, high - simulated) for name, (low, high) in bands.items()}
+            _fill(residual_ax, history.time_s, about, color, most_points)
+            # Room for the legend above the curves.
+            low, high = residual_ax.get_ylim()
+            residual_ax.set_ylim(low, high + 0.45 * (high - low))
+            residual_ax.legend(loc="upper right", ncols=2)
+        elif np.isfinite(reach):
             residual_ax.axhspan(-reach, reach, color=color, alpha=0.2, lw=0)
         residual_ax.set_ylabel("meas. −\nsim.")
         residual_ax.set_xlabel("time [s]")
     return ax
+
+
+def _bands(history: RunHistory, row: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Ends of the bands of a channel in display units, the wider one first; none before sampling."""
+    found = {}
+    for name, band in ((READING, history.reading_band), (POSTERIOR, history.band)):
+        if band is not None and np.isfinite(band.high[row]).all():
+            unit = history.si_units[row]
+            found[name] = (display(band.low[row], unit)[0], display(band.high[row], unit)[0])
+    return found
+
+
+def _fill(
+    ax: Axes,
+    time_s: np.ndarray,
+    bands: dict[str, tuple[np.ndarray, np.ndarray]],
+    color: str,
+    most: int,
+    named: bool = True,
+) -> None:
+    for name, (low, high) in bands.items():
+        time, lower, upper = thin(time_s, low, high, most=most)
+        ax.fill_between(time, lower, upper, color=color, alpha=_ALPHA[name], lw=0, label=name if named else None)
 
 
 @styled
@@ -98,7 +135,7 @@ def suspension_histories(history: RunHistory, axles: tuple[int, ...]) -> np.ndar
     Returns the axes (2 * axles, 2): per axle a row of histories and below it the row of their differences.
     """
     fig = figure(11.0, 3.4 * len(axles))
-    grid = fig.subplots(2 * len(axles), 2, sharex=True, squeeze=False, height_ratios=(3, 1) * len(axles))
+    grid = fig.subplots(2 * len(axles), 2, sharex=True, squeeze=False, height_ratios=(2, 1) * len(axles))
     for r, axle in enumerate(axles):
         for c, kind in enumerate(("suspension_deflection", "axle_acceleration")):
             upper, lower = grid[2 * r, c], grid[2 * r + 1, c]
@@ -126,7 +163,8 @@ def channel_grid(history: RunHistory, columns: tuple[str, ...] | None = None, pe
     for ax in grid.flat[len(chosen) :]:
         ax.set_axis_off()
     for ax, column in zip(grid.flat, chosen, strict=False):
-        overlay(history, column, ax, legend=False, most_points=420)
+        # On axes this small a band is no wider than the line in it.
+        overlay(history, column, ax, legend=False, most_points=420, show_bands=False)
         row = history.columns.index(column)
         ax.set_title(label(_short_title(history, row), 44))
         ax.set_xlabel("")

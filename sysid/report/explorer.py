@@ -1,7 +1,8 @@
 """Numbers behind the interactive figures: every channel of every run, every axle of every predicted pass.
 
 The page draws them itself; without a script it falls back on its static figures.  Samples are stored as 16-bit
-integers in base64, 1/32000 of the largest value of a channel apart, which no screen can tell from the original.
+integers in base64, 1/32000 of the largest value of a channel apart, which no screen can tell from the original.  The
+ends of a posterior band lie close to the simulated curve: what they are off it is stored in 8 bits.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 #: Code of a missing sample.
 MISSING_CODE = -32768
 _FULL_SCALE = 32000
+_BAND_SCALE = 127
 #: Most samples of all curves together, 2.7 bytes each; longer campaigns are thinned evenly.
 MOST_SAMPLES = 800_000
 
@@ -35,7 +37,8 @@ def runs_data(results: Results) -> Markup | None:
     if results.fit is None or not results.fit.histories:
         return None
     histories = results.fit.histories
-    every = _every(sum(2 * h.measured.size for h in histories))
+    # Measured and simulated, and two ends of the band at half the size.
+    every = _every(sum((2 if h.band is None else 3) * h.measured.size for h in histories))
     return _json([_run(history, every) for history in histories])
 
 
@@ -75,8 +78,22 @@ def _run(history: RunHistory, every: int) -> dict[str, Any]:
                 "scatter": Z90 * float(scatter) if math.isfinite(float(scatter)) else 0.0,
                 "clipped": np.flatnonzero(history.censored[row, ::every]).tolist(),
             }
+            | _posterior_band(history, row, every)
         )
     return {"name": plain_text(words), **_time(history.time_s, every), "channels": channels}
+
+
+def _posterior_band(history: RunHistory, row: int, every: int) -> dict[str, Any]:
+    """Ends of the posterior's band of a channel less the simulated curve; nothing before sampling."""
+    if history.band is None:
+        return {}
+    ends = np.array([history.band.low[row, ::every], history.band.high[row, ::every]])
+    offset, _ = display(ends - history.simulated[row, ::every], history.si_units[row])
+    if not np.isfinite(offset).all():
+        return {}
+    step = float(np.max(np.abs(offset))) / _BAND_SCALE or 1.0
+    low, high = (_text(np.round(end / step).astype(np.int8)) for end in offset)
+    return {"band_step": step, "band_low": low, "band_high": high}
 
 
 def _pass(p: PassPrediction, every: int) -> dict[str, Any]:
@@ -108,6 +125,10 @@ def _scale(*curves: np.ndarray) -> float:
 
 def _packed(values: np.ndarray, scale: float) -> str:
     codes = np.where(np.isfinite(values), np.round(np.nan_to_num(values) / scale), MISSING_CODE).astype("<i2")
+    return _text(codes)
+
+
+def _text(codes: np.ndarray) -> str:
     return base64.b64encode(codes.tobytes()).decode("ascii")
 
 

@@ -188,14 +188,24 @@ def history_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture],
             names = " and ".join(f"axle {a + 1}" for a in chosen)
             caption = (
                 f"Measured against simulated, as in Figures 7 and 8 of the paper: suspension deflection and axle "
-                f"acceleration of {names}; {run_words(history)}. Below each history: measured minus simulated, and the "
-                f"band of 90 % of the scatter that the fit assigns to the channel."
+                f"acceleration of {names}; {run_words(history)}. Below each history: measured minus simulated, and "
+                f"{_band_words(history)}."
             )
             shown.append(gallery.picture(grid[0, 0], caption))
     every = []
     if history is not None:
         every.append(gallery.picture(plot.channel_grid(history)[0, 0], f"All channels of {run_words(history)}."))
     return shown, every
+
+
+def _band_words(history: RunHistory) -> str:
+    """What the bands of an overlay are."""
+    if history.band is None:
+        return "the band of 90 % of the scatter that the fit assigns to the channel"
+    return (
+        "two bands: the darker one holds 90 % of what draws from the posterior simulate for this run, the lighter one "
+        "90 % of new readings, posterior and residual scatter together"
+    )
 
 
 def mode_pictures(modes: Sequence[NaturalModes], gallery: Gallery) -> list[Picture]:

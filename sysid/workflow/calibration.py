@@ -21,7 +21,7 @@ from sysid.estimation.law_choice import check_priors, fit_with_laws, laws_of_axl
 from sysid.estimation.parameters import ParameterSet, campaign_parameters
 from sysid.estimation.problem import FitState, Problem
 from sysid.estimation.profiles import ProfileLikelihood, profile_parameter
-from sysid.estimation.results import FitResult
+from sysid.estimation.results import FitResult, HistoryBand, RunHistory
 from sysid.export.contents import Results, Status
 from sysid.export.files import write_text
 from sysid.export.inference_data import write_posterior
@@ -35,6 +35,7 @@ from sysid.prediction.advice import CANDIDATE_KM_H, advise
 from sysid.prediction.advice_results import Advice
 from sysid.prediction.calibrated import calibrated_vehicle
 from sysid.prediction.calibrated_elements import CalibratedVehicle
+from sysid.prediction.driven import run_bands, with_bands
 from sysid.prediction.passes import SWEEP_KM_H, predict
 from sysid.prediction.results import Predictions
 from sysid.road.point_cloud import read_point_cloud
@@ -153,8 +154,14 @@ class Calibration:
         return tuple(found[name] for name in dict.fromkeys(chosen))
 
     def sample(self) -> Posterior:
-        """Posterior of the parameters."""
-        return self._stages.result("sample", self._sample)
+        """Posterior of the parameters, and with it the bands of :meth:`histories`."""
+        posterior: Posterior = self._stages.result("sample", self._sample)
+        self._stages.result("bands", lambda: self._bands(posterior))
+        return posterior
+
+    def histories(self) -> tuple[RunHistory, ...]:
+        """Measured against simulated histories of every run, with posterior bands where it has been sampled."""
+        return self._with_bands(self.fit()).histories
 
     def predict(self) -> Predictions:
         """Wheel loads of the passes that the campaign asks for, from the posterior if there is one."""
@@ -259,7 +266,7 @@ class Calibration:
     def results(self) -> Results:
         """Everything that has been computed so far for these inputs and settings."""
         found = {name: self._stages.known(name) for name in STAGES}
-        fit = found["fit"][0] if found["fit"] is not None else None
+        fit = self._with_bands(found["fit"][0]) if found["fit"] is not None else None
         posterior: Posterior | None = found["sample"]
         if posterior is None and found["fit"] is not None:
             posterior = self._sampled_so_far(*found["fit"])
@@ -383,6 +390,14 @@ class Calibration:
             progress=self._progress,
             notice=self._notice,
         )
+
+    def _bands(self, posterior: Posterior) -> tuple[HistoryBand, ...]:
+        draws = np.log(posterior.draws.reshape(-1, len(posterior.names)))
+        return run_bands(self._state(), draws, seed=self.settings.seed, progress=self._progress)
+
+    def _with_bands(self, fit: FitResult) -> FitResult:
+        bands: tuple[HistoryBand, ...] | None = self._stages.known("bands")
+        return fit if bands is None else replace(fit, histories=with_bands(fit.histories, bands))
 
     def _sampled_so_far(self, fit: FitResult, point: dict[str, Any]) -> Posterior | None:
         """Draws of a chain that another process is still adding to, or that was stopped."""

@@ -18,9 +18,9 @@ from sysid.workflow.settings import Settings, remember
 from sysid.workflow.versions import versions
 
 #: Stages in order; a result depends on those before it.
-STAGES = ("check", "drops", "scan", "fit", "advise", "profile", "sample", "predict")
+STAGES = ("check", "drops", "scan", "fit", "advise", "profile", "sample", "bands", "predict")
 #: Stages on whose results no other depends.
-ENDS = ("advise", "profile")
+ENDS = ("advise", "profile", "bands")
 SUCCESS_MARKER = "SUCCESS"
 
 
@@ -134,12 +134,12 @@ class StageFolder:
         relevant: dict[str, Any] = {"inputs": self._inputs, "version": versions()["sysid"]}
         if name == "drops":
             relevant["drop_model"] = self._settings.drop_model
-        if name in ("drops", "fit", "left_out", "advise", "profile", "sample", "predict"):
+        if name in ("drops", "fit", "left_out", "advise", "profile", "sample", "bands", "predict"):
             relevant["fit"] = settings["fit"]
         if name in ("fit", "advise", "profile", "predict"):
             # Raised when a result gains or loses a field: files of before are then computed again.
             relevant["content"] = 2
-        if name in ("sample", "predict"):
+        if name in ("sample", "bands", "predict"):
             # How long to go on decides when a chain ends, not what it is.
             limits = ("max_steps", "min_steps", "rhat_limit", "min_effective")
             relevant["sampling"] = {k: v for k, v in settings["sampling"].items() if k not in limits}

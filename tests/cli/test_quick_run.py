@@ -83,6 +83,13 @@ def test_the_report_is_one_page_marked_as_preview(finished: Path) -> None:
     assert not re.search(r"""(src|href)=["']https?://""", page)
 
 
+def test_the_report_draws_the_posterior_bands_of_driven_runs(finished: Path) -> None:
+    page = (finished / "report.html").read_text(encoding="utf-8")
+    # 18 channels per run.
+    assert page.count('"band_low"') == 18 * len(KEPT_RUNS)
+    assert "90 % new readings" in page
+
+
 def test_a_report_without_options_shows_the_run_that_filled_the_folder(
     finished: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,7 +14,7 @@ from nbclient import NotebookClient
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 #: Figures that a notebook shows at least.
-FIGURES = {"1": 1, "2": 5, "3": 4, "4": 3, "5": 1}
+FIGURES = {"1": 1, "2": 5, "3": 4, "4": 4, "5": 1}
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from matplotlib.testing.compare import compare_images
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 
-from small_results import decaying_drop, small_campaign, small_results
+from small_results import decaying_drop, small_campaign, small_history, small_results
 
 from sysid import plot
 from sysid.road import effective_profiles
@@ -35,7 +35,8 @@ def figures():
         "drop": lambda: plot.drop(decaying_drop()),
         "profile": lambda: plot.profile(results.scans["bump"]),
         "effective_profile": lambda: plot.effective_profile(bump, roads),
-        "overlay": lambda: plot.overlay(history, history.columns[2]),
+        "overlay": lambda: plot.overlay(small_history(), history.columns[2]),
+        "overlay_with_bands": lambda: plot.overlay(history, history.columns[0]),
         "comparison": lambda: plot.comparison(rows, "stiffness"),
         "marginal": lambda: plot.marginal(posterior, "k_1", fit),
         "correlation": lambda: plot.correlation(plot.posterior_correlation(posterior), posterior.names),

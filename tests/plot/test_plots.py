@@ -17,6 +17,7 @@ from small_results import (
     before_sampling,
     decaying_drop,
     small_fit,
+    small_history,
     small_profile,
     small_results,
 )
@@ -108,6 +109,31 @@ def test_clipped_samples_are_marked_and_left_out_of_the_residual(results):
     (marks,) = (line for line in upper.get_lines() if line.get_label() == "clipped")
     np.testing.assert_allclose(marks.get_xdata(), history.time_s[50:53])
     assert np.isnan(lower.get_lines()[0].get_ydata()[50:53]).all()
+
+
+def test_the_darker_band_is_the_posterior_and_the_lighter_one_a_new_reading(results):
+    history = results.fit.histories[0]
+    fig = plot.figure()
+    upper, lower = fig.subplots(2)
+    plot.overlay(history, history.columns[0], upper, lower)
+    half = np.exp(-history.time_s)
+    expected = {"90 % posterior": half, "90 % new readings": np.hypot(half, Z90)}
+    shown = {c.get_label(): c for c in lower.collections}
+    assert set(shown) == set(expected)
+    for name, height in expected.items():
+        corners = shown[name].get_paths()[0].vertices
+        assert corners[:, 1].max() == pytest.approx(height.max())
+        assert corners[:, 1].min() == pytest.approx(-height.max())
+        late = corners[np.isclose(corners[:, 0], history.time_s[-1])]
+        assert late[:, 1].max() == pytest.approx(height[-1])
+    assert shown["90 % posterior"].get_alpha() > 2.0 * shown["90 % new readings"].get_alpha()
+    legend = [text.get_text() for text in lower.get_legend().get_texts()]
+    assert sorted(legend) == sorted(expected)
+    # About the simulated curve in the panel above.
+    assert len(upper.collections) == 2
+    alone = plot.overlay(small_history(), history.columns[0]).figure.axes[1]
+    assert not alone.collections
+    assert len(alone.patches) == 1
 
 
 def test_unknown_column_is_named(results):

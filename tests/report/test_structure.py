@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from selectolax.lexbor import LexborHTMLParser
-from small_results import campaign_only, small_results
+from small_results import before_sampling, campaign_only, small_results
 
 from sysid.plot.style import display
 from sysid.report import explorer, render_report
@@ -123,11 +123,25 @@ def test_without_results_there_are_no_data():
 def test_a_long_campaign_is_thinned_to_what_a_page_can_hold(monkeypatch):
     # Two runs of three channels of 400 samples, measured and simulated: 4,800; every fifth is kept.
     monkeypatch.setattr(explorer, "MOST_SAMPLES", 1000)
-    run = json.loads(explorer.runs_data(small_results()))[0]
+    run = json.loads(explorer.runs_data(before_sampling()))[0]
     assert (run["every"], run["step"]) == (5, pytest.approx(0.025))
     channel = run["channels"][2]
     assert len(decoded(channel["middle"], channel["scale"])) == 80
     assert channel["clipped"] == [10]
+    # The bands take half as much again.
+    assert json.loads(explorer.runs_data(small_results()))[0]["every"] == 8
+
+
+def test_the_posterior_band_is_kept_as_distances_from_the_simulated_curve():
+    history = small_results().fit.histories[0]
+    channel = json.loads(explorer.runs_data(small_results()))[0]["channels"][1]
+    half = np.exp(-history.time_s)
+    for name, sign in (("band_low", -1.0), ("band_high", 1.0)):
+        codes = np.frombuffer(base64.b64decode(channel[name]), dtype=np.int8)
+        np.testing.assert_allclose(codes * channel["band_step"], sign * half, atol=0.51 / 127.0)
+    before = json.loads(explorer.runs_data(before_sampling()))[0]["channels"][1]
+    assert "band_low" not in before
+    assert set(channel) - set(before) == {"band_low", "band_high", "band_step"}
 
 
 def decoded(text, scale):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,7 @@ from sysid.campaign.records import (
 from sysid.estimation.identifiability import assess
 from sysid.estimation.information import DataInformation
 from sysid.estimation.profiles import ProfileLikelihood
-from sysid.estimation.results import FitResult, ParameterEstimate, RunHistory
+from sysid.estimation.results import FitResult, HistoryBand, ParameterEstimate, RunHistory
 from sysid.export import Results
 from sysid.posterior.results import Posterior, PosteriorSummary
 from sysid.prediction.advice_results import Advice, PeakTarget, Prospect
@@ -72,6 +72,7 @@ def small_results(words: Words = Words(), **changes: object) -> Results:
     """Results of all stages; keyword arguments replace fields of `Results`."""
     w = words
     fit = small_fit(w)
+    fit = replace(fit, histories=tuple(with_band(h) for h in fit.histories))
     fields: dict[str, object] = {
         "campaign": small_campaign(w),
         "quality": _quality(w),
@@ -234,7 +235,7 @@ def small_fit(w: Words = Words(), **changes: object) -> FitResult:
         "run_parameters": runs,
         "covariance": covariance,
         "identifiability": assess(parameters, covariance, information),
-        "histories": tuple(_history(w, i) for i in (1, 2)),
+        "histories": tuple(small_history(w, i) for i in (1, 2)),
         "converged": True,
         "message": "the cost changes by less than 1e-10",
         "iterations": 12,
@@ -254,7 +255,8 @@ def small_fit(w: Words = Words(), **changes: object) -> FitResult:
     return FitResult(**(fields | changes))  # type: ignore[arg-type]
 
 
-def _history(w: Words, repeat: int) -> RunHistory:
+def small_history(w: Words = Words(), repeat: int = 1) -> RunHistory:
+    """A sine with a fast ripple as its residual; a gap in one channel, clipped samples in another; no band yet."""
     sensors = _sensors(w)
     time = np.arange(400) * 0.005
     simulated = np.array([0.03 * np.sin(9.0 * time + i) for i in range(3)])
@@ -267,6 +269,12 @@ def _history(w: Words, repeat: int) -> RunHistory:
         tuple(s.kind for s in sensors), tuple(s.si_unit for s in sensors), tuple(s.axle for s in sensors), time,
         measured, simulated, censored, np.full(3, 1e-3), np.full(3, 8e-4), np.zeros(3), np.ones(3),
     )  # fmt: skip
+
+
+def with_band(history: RunHistory) -> RunHistory:
+    """The history with a band of half width 1 mm (or mm/s^2) that fades away."""
+    half = 1e-3 * np.exp(-history.time_s)
+    return replace(history, band=HistoryBand(history.simulated - half, history.simulated + half))
 
 
 def _posterior(fit: FitResult) -> Posterior:
@@ -365,7 +373,7 @@ def before_sampling(words: Words = Words()) -> Results:
         p.load_case, p.speed_m_s, p.time_s, None, p.tire_force_q50_N, None, p.static_load_N, None, p.peak_ratio_q50,
         None, p.lift_off,
     )  # fmt: skip
-    return small_results(words, posterior=None, predictions=Predictions((one,), "least squares"))
+    return small_results(words, fit=small_fit(words), posterior=None, predictions=Predictions((one,), "least squares"))
 
 
 def campaign_only(words: Words = Words()) -> Results:

@@ -14,8 +14,12 @@
   var MISSING = -32768;
   var GREY = "#9aa5b1", PALE = "#e4e7eb", INK = "#1f2933", MUTED = "#52606d", WARNING = "#b03a00";
 
+  function octets(text) {
+    return Uint8Array.from(atob(text), function (c) { return c.charCodeAt(0); });
+  }
+
   function unpack(text, scale) {
-    var bytes = Uint8Array.from(atob(text), function (c) { return c.charCodeAt(0); });
+    var bytes = octets(text);
     var view = new DataView(bytes.buffer);
     var values = new Float64Array(bytes.length / 2);
     for (var i = 0; i < values.length; i++) {
@@ -23,6 +27,20 @@
       values[i] = code === MISSING ? NaN : code * scale;
     }
     return values;
+  }
+
+  function scaled(text, step) {
+    return Float64Array.from(new Int8Array(octets(text).buffer), function (code) { return code * step; });
+  }
+
+  // Ends of the posterior's band and of the band of new readings, as distances from the simulated curve.
+  function bands(channel) {
+    if (!channel.band_low) return null;
+    var low = scaled(channel.band_low, channel.band_step), high = scaled(channel.band_high, channel.band_step);
+    var reading = function (side) {
+      return low.map(function (v, i) { return (v + high[i]) / 2 + side * Math.hypot((high[i] - v) / 2, channel.scatter); });
+    };
+    return { low: low, high: high, readingLow: reading(-1), readingHigh: reading(1) };
   }
 
   function element(parent, name, attributes, text) {
@@ -122,6 +140,7 @@
       var count = curve.middle.length, times = [run.start, run.start + run.step * (count - 1)];
       var difference = curve.measured && curve.measured.map(function (v, i) { return v - curve.middle[i]; });
       (channel.clipped || []).forEach(function (i) { if (difference) difference[i] = NaN; });
+      var band = bands(channel);
       var width = Math.max(280, plot.clientWidth), height = difference ? 400 : 300;
       plot.textContent = "";
       var label = run.name + ", " + channel.name + ": " + (difference ? "measured, simulated and their difference" : "load ratio") + " against time";
@@ -137,6 +156,15 @@
       var upper = frame(svg, main, range, times, unit, !difference);
       var at = function (i) { return upper.x(run.start + i * run.step); };
       if (curve.low) element(svg, "path", { d: area(curve.low, curve.high, at, upper.y), fill: channel.color, "fill-opacity": 0.3 });
+      function fill(low, high, y, base, opacity) {
+        var moved = function (ends) { return base ? ends.map(function (v, i) { return v + base[i]; }) : ends; };
+        element(svg, "path", { class: "band", d: area(moved(low), moved(high), at, y), fill: channel.color, "fill-opacity": opacity });
+      }
+      function fillBands(y, base) {
+        fill(band.readingLow, band.readingHigh, y, base, 0.16);
+        fill(band.low, band.high, y, base, 0.45);
+      }
+      if (band) fillBands(upper.y, curve.middle);
       if (curve.measured) element(svg, "path", { d: path(curve.measured, at, upper.y), stroke: GREY, "stroke-width": 3 });
       element(svg, "path", { class: "simulated", d: path(curve.middle, at, upper.y), stroke: channel.color, "stroke-width": 1.3 });
       (channel.clipped || []).forEach(function (i) {
@@ -144,16 +172,17 @@
       });
       if (difference) {
         var below = { left: left, top: 275, width: inner, height: 80 };
-        var reach = extent([difference, [-1.3 * channel.scatter, 1.3 * channel.scatter]]);
+        var reach = extent([difference, [-1.3 * channel.scatter, 1.3 * channel.scatter]].concat(band ? [band.readingLow, band.readingHigh] : []));
         var lower = frame(svg, below, reach, times, "measured \u2212 simulated [" + channel.unit + "]", true);
-        element(svg, "rect", { x: left, width: inner, y: lower.y(channel.scatter), height: Math.max(0, lower.y(-channel.scatter) - lower.y(channel.scatter)), fill: channel.color, "fill-opacity": 0.2 });
+        if (band) fillBands(lower.y, null);
+        else element(svg, "rect", { x: left, width: inner, y: lower.y(channel.scatter), height: Math.max(0, lower.y(-channel.scatter) - lower.y(channel.scatter)), fill: channel.color, "fill-opacity": 0.2 });
         element(svg, "path", { d: path(difference, at, lower.y), stroke: MUTED });
       }
       var cursor = element(svg, "path", { stroke: INK, "stroke-dasharray": "3 3", visibility: "hidden" });
       slider.max = String(count - 1);
-      state = { run: run, channel: channel, curve: curve, difference: difference, cursor: cursor, x: upper.x, left: left, inner: inner, height: difference ? 355 : 250, width: width, count: count };
+      state = { run: run, channel: channel, curve: curve, band: band, difference: difference, cursor: cursor, x: upper.x, left: left, inner: inner, height: difference ? 355 : 250, width: width, count: count };
       output.textContent = (run.every > 1 ? "One of " + run.every + " samples is shown. " : "") + (difference
-        ? "Grey: measured. Coloured: simulated. Band below: 90 % of the scatter that the fit assigns to this channel." + (channel.clipped && channel.clipped.length ? " Dots: clipped readings." : "")
+        ? "Grey: measured. Coloured: simulated. " + (band ? "Darker band: 90 % of the posterior; lighter band: 90 % of new readings, posterior and residual scatter together." : "Band below: 90 % of the scatter that the fit assigns to this channel.") + (channel.clipped && channel.clipped.length ? " Dots: clipped readings." : "")
         : "Line: median" + (curve.low ? "; band: pointwise 90 % credible interval." : " (least squares, no band yet)."));
     }
 
@@ -168,6 +197,7 @@
       slider.setAttribute("aria-valuetext", signed(time, 3) + " s");
       output.textContent = "At " + signed(time, 3) + "\u00a0s: " + (curve.measured
         ? "measured " + value(curve.measured[i]) + ", simulated " + value(curve.middle[i]) + ", difference " + value(state.difference[i])
+          + (state.band ? ", 90\u00a0% posterior [" + value(curve.middle[i] + state.band.low[i]) + ", " + value(curve.middle[i] + state.band.high[i]) + "]" : "")
         : "median " + value(curve.middle[i]) + (curve.low ? ", 90\u00a0% interval [" + value(curve.low[i]) + ", " + value(curve.high[i]) + "]" : ""));
     }
 

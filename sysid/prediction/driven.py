@@ -1,0 +1,64 @@
+"""Posterior bands of the driven runs: what every sensor should have shown, had the truck been that of a draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.estimation.histories import shown_signals
+from sysid.estimation.problem import FitState
+from sysid.estimation.results import HistoryBand, RunHistory
+
+#: Number of posterior draws behind the bands.
+DRAWS = 64
+
+Progress = Callable[[str, float], None]
+
+
+def run_bands(
+    state: FitState,
+    draws: np.ndarray,
+    *,
+    seed: int = 0,
+    progress: Progress = lambda message, fraction: None,
+) -> tuple[HistoryBand, ...]:
+    """Pointwise 90 % bands of all sensor signals of every run, in the order of the campaign.
+
+    Every draw gets masses and departures from the model of its own, as predicted passes do, drives at each run's own
+    speed and start, and has the offset and gain of its sensors eliminated against the record, as in the fit.
+
+    Parameters
+    ----------
+    state : the fit.
+    draws : (n, p) posterior draws of the log parameters, thinned at random to `DRAWS`.
+    """
+    random = np.random.default_rng(seed)
+    if draws.shape[0] > DRAWS:
+        draws = draws[random.choice(draws.shape[0], DRAWS, replace=False)]
+    factors = None if state.masses is None else state.masses.draws(draws, random)
+    of_masses = len(state.model.masses.factors)
+    shown: list[list[np.ndarray]] = [[] for _ in state.model.groups]
+    for i, draw in enumerate(draws):
+        progress("posterior bands of the driven runs", i / len(draws))
+        model = state.model
+        if factors is not None:
+            model = model.with_masses(factors[i, :of_masses])
+            if model.departures is not None:
+                model = model.departed(factors[i, of_masses:])
+        for own, one in zip(shown, shown_signals(state, model, draw), strict=True):
+            own.append(one.signals)
+    bands: dict[int, HistoryBand] = {}
+    for group, signals in zip(state.model.groups, shown, strict=True):
+        low, high = np.quantile(np.array(signals), [0.05, 0.95], axis=0)
+        bands |= {run: HistoryBand(low[:, r].T, high[:, r].T) for r, run in enumerate(group.runs)}
+    return tuple(bands[run] for run in sorted(bands))
+
+
+def with_bands(histories: Sequence[RunHistory], bands: Sequence[HistoryBand]) -> tuple[RunHistory, ...]:
+    """Histories with their bands, which may go on where a shorter run of a group has ended."""
+    return tuple(
+        replace(h, band=HistoryBand(b.low[:, : len(h.time_s)], b.high[:, : len(h.time_s)]))
+        for h, b in zip(histories, bands, strict=True)
+    )
