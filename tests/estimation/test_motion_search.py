@@ -48,5 +48,5 @@ def test_starts_all_over_the_record(truck, rough):
         names = np.array([n[0] for n in parameters.names])
         truth = truth + np.where(names == "k", 0.4, 0.0) - np.where(names == "c", 0.7, 0.0)
     found = search_motion(model, data, truth, noise)
-    np.testing.assert_allclose(found.start_s, START_S, atol=0.05 if rough else 0.008)
-    np.testing.assert_allclose(found.speed_m_s, SPEED_M_S, rtol=0.05 if rough else 0.01)
+    np.testing.assert_allclose(found.start_s, START_S, atol=0.03 if rough else 2e-4)
+    np.testing.assert_allclose(found.speed_m_s, SPEED_M_S, rtol=0.04 if rough else 1e-9)

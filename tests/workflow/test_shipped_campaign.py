@@ -42,24 +42,35 @@ def test_least_squares_converges_and_an_independent_solver_agrees(fit: FitResult
     assert fit.scipy_max_difference_sd < 0.1
 
 
-def test_stiffness_is_within_5_percent_on_every_axle(fit: FitResult, truth) -> None:
+def test_stiffness_is_within_2_percent_on_every_axle(fit: FitResult, truth) -> None:
     found = errors(fit, truth, "stiffness")
     assert len(found) == 8
-    assert np.abs(list(found.values())).max() < 0.05
+    # 0.6 % was found.
+    assert np.abs(list(found.values())).max() < 0.02
 
 
-def test_damping_is_within_12_percent_on_every_axle(fit: FitResult, truth) -> None:
+def test_damping_is_within_3_percent_on_every_axle(fit: FitResult, truth) -> None:
     found = errors(fit, truth, "damping")
     assert len(found) == 6
-    assert np.abs(list(found.values())).max() < 0.12
+    # 0.5 % was found.
+    assert np.abs(list(found.values())).max() < 0.03
 
 
-def test_speeds_are_found_to_a_few_thousandths(fit: FitResult) -> None:
+def test_intervals_hold_the_truth(fit: FitResult, truth) -> None:
+    """Of 14 independent 90 % intervals 12 or more hold in 84 % of campaigns; here one error moves many."""
+    off = errors(fit, truth, "stiffness") | errors(fit, truth, "damping")
+    sd = {p.name: p.sd / p.value for p in fit.parameters}
+    assert sum(abs(np.log1p(error)) < 1.645 * sd[name] for name, error in off.items()) >= 12
+    # Nor are they so wide that they would hold anything: half-widths of 2.4 to 10 % were found.
+    assert max(sd[name] for name in off) < 0.1
+
+
+def test_speeds_are_found_to_a_thousandth(fit: FitResult) -> None:
     with (DATA / "truth.toml").open("rb") as handle:
         runs = tomllib.load(handle)["bump_run"]
     true = {run["file"]: run["true_speed_m_s"] for run in runs}
     found = {p.run: p.value for p in fit.run_parameters if p.quantity == "speed"}
-    assert max(abs(found[file] / speed - 1.0) for file, speed in true.items()) < 0.005
+    assert max(abs(found[file] / speed - 1.0) for file, speed in true.items()) < 0.001
 
 
 def test_start_values_alone_would_fail(fit: FitResult, truth) -> None:
