@@ -11,7 +11,8 @@ from rich.markup import escape
 from sysid.cli.invocation import name_of_program
 from sysid.cli.progress import StageProgress
 from sysid.cli.stages import INTERRUPTED, console, termination_as_interrupt
-from sysid.cli.tables import plain_table, shown_unit
+from sysid.cli.tables import plain_table
+from sysid.display import shown_unit
 from sysid.errors import NotConvergedError, SysidError
 from sysid.selftest.replicates import Replicate, SelfTest
 
@@ -82,11 +83,11 @@ def _show_one(screen: Console, replicate: Replicate, seed: int) -> None:
     columns = ("parameter", "truth", "found", "unit", "prior sd %", "sd after %", "90 % interval holds truth")
     table = plain_table("What the campaign would teach", columns)
     for c in replicate.checks:
-        scale, unit = shown_unit(c.unit)
+        factor, unit = shown_unit(c.unit)
         table.add_row(
             escape(c.name),
-            f"{c.truth / scale:.4g}",
-            f"{c.value / scale:.4g}",
+            f"{c.truth * factor:.4g}",
+            f"{c.value * factor:.4g}",
             unit,
             _percent(c.prior_sd),
             _percent(c.sd),

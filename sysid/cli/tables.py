@@ -11,22 +11,22 @@ from rich.markup import escape
 from rich.table import Table
 
 from sysid.cli.invocation import program
-
-#: What stands in place of a number that only repeats its prior.
-NOT_DETERMINED = "not determined"
+from sysid.display import NOT_DETERMINED, shown_unit
+from sysid.validation.results import ChannelAgreement, channel_median
 
 
 def plain_table(title: str, columns: Sequence[str]) -> Table:
+    """A table without lines; the first column to the left, the others to the right."""
     table = Table(title=title, title_justify="left", header_style="bold", box=None, pad_edge=False)
     for i, column in enumerate(columns):
         table.add_column(column, justify="left" if i == 0 else "right")
     return table
 
 
-def _value(number: float, sd: float, scale: float) -> str:
+def _value(number: float, sd: float, factor: float) -> str:
     if not np.isfinite(number):
         return "-"
-    return f"{number / scale:.4g}" + (f" ± {sd / scale:.2g}" if np.isfinite(sd) else "")
+    return f"{number * factor:.4g}" + (f" ± {sd * factor:.2g}" if np.isfinite(sd) else "")
 
 
 def show_check(screen: Console, calibration, report) -> None:
@@ -81,8 +81,8 @@ def show_drops(screen: Console, calibration, summary) -> None:
         table.add_row(
             f"{e.axle + 1} {escape(axles[e.axle].name)}",
             e.method,
-            _value(e.stiffness, e.stiffness_sd, 1e3),
-            _value(e.damping, e.damping_sd, 1e3),
+            _value(e.stiffness, e.stiffness_sd, 1e-3),
+            _value(e.damping, e.damping_sd, 1e-3),
             f"{e.damped_period:.3f}" if np.isfinite(e.damped_period) else "-",
             f"{e.log_decrement:.3f}" if np.isfinite(e.log_decrement) else "-",
             "" if e.usable else escape(e.note),
@@ -110,12 +110,12 @@ def show_fit(screen: Console, calibration, fit) -> None:
     columns = ("parameter", "value", "unit", "prior", "sd / prior sd", "known from the data")
     table = plain_table("Least squares", columns)
     for p in fit.parameters:
-        scale, unit = shown_unit(p.unit)
+        factor, unit = shown_unit(p.unit)
         table.add_row(
             escape(p.name),
-            _value(p.value, p.sd, scale) if p.identified else NOT_DETERMINED,
+            _value(p.value, p.sd, factor) if p.identified else NOT_DETERMINED,
             unit,
-            f"{p.prior_median / scale:.4g} ± {100.0 * p.prior_sd:.2g} %",
+            f"{p.prior_median * factor:.4g} ± {100.0 * p.prior_sd:.2g} %",
             f"{p.sd / p.value / p.prior_sd:.2f}",
             "yes" if p.identified else "no",
         )
@@ -143,10 +143,6 @@ def show_determined(screen: Console, fit) -> None:
         screen.print(f"Which run or sensor would help: {program()} advise.", markup=False)
 
 
-def shown_unit(unit: str) -> tuple[float, str]:
-    return (1e3, f"k{unit}") if unit in ("N/m", "N s/m") else (1.0, unit)
-
-
 def show_validate(screen: Console, calibration, validation) -> None:
     """Medians over the channels of every run, with the run in the fit and without it."""
     left = {} if validation.left_out is None else {run.run: run for run in validation.left_out.runs}
@@ -167,12 +163,10 @@ def show_validate(screen: Console, calibration, validation) -> None:
             screen.print(f"The fit without {run.run} did not end at a minimum.", markup=False)
 
 
-def _medians(rows: Sequence) -> tuple[str, ...]:
-    shown = []
-    for name, digits in (("residual_over_noise", ".2f"), ("nrmse", ".2%"), ("iso18571", ".3f")):
-        finite = [v for v in (getattr(row, name) for row in rows) if np.isfinite(v)]
-        shown.append(f"{np.median(finite):{digits}}" if finite else "-")
-    return tuple(shown)
+def _medians(rows: Sequence[ChannelAgreement]) -> tuple[str, ...]:
+    found = ((channel_median(rows, "residual_over_noise"), ".2f"), (channel_median(rows, "nrmse"), ".2%"),
+             (channel_median(rows, "iso18571"), ".3f"))  # fmt: skip
+    return tuple(f"{value:{digits}}" if np.isfinite(value) else "-" for value, digits in found)
 
 
 def show_sample(screen: Console, calibration, posterior) -> None:
@@ -182,11 +176,11 @@ def show_sample(screen: Console, calibration, posterior) -> None:
     )
     parameters = {p.name: p for p in calibration.fit().parameters}
     for s in posterior.summaries:
-        scale, shown = shown_unit(parameters[s.name].unit)
+        factor, shown = shown_unit(parameters[s.name].unit)
         table.add_row(
             escape(s.name),
-            f"{s.q50 / scale:.4g}" if parameters[s.name].identified else NOT_DETERMINED,
-            f"{s.q05 / scale:.4g} to {s.q95 / scale:.4g}",
+            f"{s.q50 * factor:.4g}" if parameters[s.name].identified else NOT_DETERMINED,
+            f"{s.q05 * factor:.4g} to {s.q95 * factor:.4g}",
             shown,
             f"{s.ess:.0f}",
             f"{s.rhat:.3f}",
@@ -241,17 +235,17 @@ def show_advise(screen: Console, calibration, advice) -> None:
 def show_profile(screen: Console, calibration, profiles) -> None:
     """Deviance over value of every profiled parameter, and both intervals."""
     for p in profiles:
-        scale, unit = shown_unit(p.unit)
+        factor, unit = shown_unit(p.unit)
         table = plain_table(f"Profile of {escape(p.name)}", ("value", "unit", "deviance", "adjusted", "converged"))
         rows = zip(p.value, p.deviance, p.adjusted, p.converged, strict=True)
         for value, deviance, adjusted, converged in rows:
             table.add_row(
-                f"{value / scale:.5g}", unit, f"{deviance:.4g}", f"{adjusted:.3f}", "yes" if converged else "no"
+                f"{value * factor:.5g}", unit, f"{deviance:.4g}", f"{adjusted:.3f}", "yes" if converged else "no"
             )
         screen.print(table)
         both = (("likelihood ratio", p.interval), ("covariance", p.covariance_interval))
         for what, ends in both:
-            low, high = (f"{end / scale:.5g}" if np.isfinite(end) else "open" for end in ends)
+            low, high = (f"{end * factor:.5g}" if np.isfinite(end) else "open" for end in ends)
             screen.print(f"90 % interval by {what}: {low} to {high} {unit}", markup=False)
         screen.print(p.message, markup=False)
 

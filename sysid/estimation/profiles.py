@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from sysid.display import Z90
 from sysid.estimation.levenberg_marquardt import Evaluation, minimise
 from sysid.estimation.problem import FitState, Problem
 from sysid.estimation.results import FitResult
@@ -28,9 +29,8 @@ if TYPE_CHECKING:
 
 #: Values at which the others are optimised, in standard deviations of the fit.
 STEPS = (-3.0, -2.25, -1.5, -0.75, 0.75, 1.5, 2.25, 3.0)
-#: 90 % quantile of chi-square with one degree of freedom, and its root.
-LIMIT = 2.705543454095404
-Z90 = LIMIT**0.5
+#: 90 % quantile of chi-square with one degree of freedom.
+LIMIT = Z90**2
 
 Progress = Callable[[str, float], None]
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.display import Z90
 from sysid.tabular import Tabular, records_table
 
 if TYPE_CHECKING:
@@ -15,9 +16,6 @@ if TYPE_CHECKING:
 
     from sysid.estimation.identifiability import Identifiability
 
-
-#: Half width of a 90 % interval of the normal distribution [standard deviations].
-Z90 = 1.6448536269514722
 
 _PARAMETER_COLUMNS = (
     "name",

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from matplotlib.axes import Axes
 
-from sysid.plot.style import INK, Z90, axes_or_new, axle_color, label, styled
+from sysid.display import Z90
+from sysid.plot.style import INK, axes_or_new, axle_color, label, styled
 from sysid.sdof.results import DropEstimate, DropSummary
 
 if TYPE_CHECKING:

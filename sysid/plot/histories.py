@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
+from sysid.display import Z90
 from sysid.plot.style import (
     INK,
     MEASURED,
     MUTED,
     WARNING,
-    Z90,
     axes_grid,
     axes_or_new,
     axle_color,

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
+from sysid.display import Z90
 from sysid.plot.style import INK, MUTED, axes_or_new, axle_color, display, label, styled
 
 if TYPE_CHECKING:
     from sysid.estimation.profiles import ProfileLikelihood
     from sysid.estimation.results import FitResult
     from sysid.posterior.results import Posterior
-
-_Z90 = 1.6448536269514722
 
 
 @styled
@@ -27,11 +26,11 @@ def prior_against_posterior(fit: FitResult, posterior: Posterior | None = None, 
     ax = axes_or_new(ax, 6.4, 0.8 + 0.17 * len(fit.parameters))
     summaries = {} if posterior is None else {s.name: s for s in posterior.summaries}
     for row, p in enumerate(fit.parameters):
-        prior = math.exp(_Z90 * p.prior_sd)
+        prior = math.exp(Z90 * p.prior_sd)
         ax.plot([1.0 / prior, prior], [row, row], color=MUTED, alpha=0.35, lw=6, solid_capstyle="butt",
                 label="prior" if row == 0 else None)  # fmt: skip
         s = summaries.get(p.name)
-        factor = math.exp(_Z90 * p.sd / p.value)
+        factor = math.exp(Z90 * p.sd / p.value)
         low, middle, high = (p.value / factor, p.value, p.value * factor) if s is None else (s.q05, s.q50, s.q95)
         color = axle_color(p.axle)
         ends = [low / p.prior_median, high / p.prior_median]
@@ -56,15 +55,15 @@ def likelihood_profile(profile: ProfileLikelihood, ax: Axes | None = None) -> Ax
     ax = axes_or_new(ax, 3.65, 2.4)
     values, unit = display(profile.value, profile.unit)
     factor = values[0] / profile.value[0]
-    width = math.log(profile.covariance_interval[1] / profile.best) / _Z90
+    width = math.log(profile.covariance_interval[1] / profile.best) / Z90
     fine = np.linspace(math.log(profile.value[0]), math.log(profile.value[-1]), 200)
     ax.plot(factor * np.exp(fine), ((fine - math.log(profile.best)) / width) ** 2, color=MUTED, ls="--", lw=1.0,
             label="covariance")  # fmt: skip
     ax.plot(values, profile.adjusted, "o-", color=INK, ms=3.0, lw=1.2, label="profile")
-    ax.axhline(_Z90**2, color=MUTED, lw=0.8, ls=":")
+    ax.axhline(Z90**2, color=MUTED, lw=0.8, ls=":")
     for end in profile.interval:
         if math.isfinite(end):
-            ax.plot([factor * end], [_Z90**2], "|", color=INK, ms=9)
+            ax.plot([factor * end], [Z90**2], "|", color=INK, ms=9)
     ax.set_ylim(bottom=0.0)
     ax.set_xlabel(f"{label(profile.name, 24)} [{unit}]")
     ax.set_ylabel("deviance [-]")

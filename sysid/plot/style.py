@@ -15,14 +15,13 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from sysid.display import shown_unit
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
 # Left, right, bottom, top, between columns, between rows [in].
 Margins = tuple[float, float, float, float, float, float]
-
-#: Half width of a 90 % interval of the normal distribution [standard deviations].
-Z90 = 1.6448536269514722
 
 INK = "#1f2933"
 MUTED = "#616e7c"
@@ -202,15 +201,5 @@ def thin(x: np.ndarray, *ys: np.ndarray, most: int = 1500) -> tuple[np.ndarray, 
 
 def display(values: np.ndarray, si_unit: str) -> tuple[np.ndarray, str]:
     """Values and unit as people read them: metres as mm, m/s^2 in SI, N as kN, others unchanged."""
-    factor, unit = _DISPLAY.get(si_unit, (1.0, si_unit))
+    factor, unit = shown_unit(si_unit)
     return np.asarray(values) * factor, unit
-
-
-_DISPLAY = {
-    "m": (1e3, "mm"),
-    "m/s^2": (1.0, "m/s\u00b2"),
-    "N": (1e-3, "kN"),
-    "N/m": (1e-3, "kN/m"),
-    "N s/m": (1e-3, "kN s/m"),
-    "N*s/m": (1e-3, "kN s/m"),
-}

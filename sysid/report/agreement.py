@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from sysid.report.cells import Cell, Table, table
 from sysid.report.numbers import MISSING, fixed, percent
 from sysid.report.verdict import is_misfit
+from sysid.validation.results import channel_median
 
 if TYPE_CHECKING:
     from sysid.validation.results import ChannelAgreement, LeftOut, Validation
@@ -31,8 +32,8 @@ def summary_table(validation: Validation, run_names: dict[str, str]) -> Table:
             members = [m for m in validation.channels if (m.run, m.kind) == (run, kind)]
             errors = [m.nrmse for m in members if math.isfinite(m.nrmse)]
             worst = f" ({percent(max(errors))})" if errors else ""
-            cells.append(Cell(percent(_median(errors)) + worst))
-            cells.append(Cell(_ratio(_median([m.residual_over_noise for m in members]))))
+            cells.append(Cell(percent(channel_median(members, "nrmse")) + worst))
+            cells.append(Cell(_ratio(channel_median(members, "residual_over_noise"))))
         rows.append(cells)
     head = ["run"]
     for kind in kinds:
@@ -83,7 +84,7 @@ def left_out_table(left_out: LeftOut, run_names: dict[str, str]) -> Table:
         cells = [Cell(run_names.get(left.run, left.run))]
         for name, text in (("residual_over_noise", _ratio), ("nrmse", percent), ("iso18571", lambda v: fixed(v, 2))):
             for members in (fitted, left.channels):
-                cells.append(Cell(text(_median([getattr(m, name) for m in members]))))
+                cells.append(Cell(text(channel_median(members, name))))
         most = max(range(len(left_out.names)), key=lambda i: abs(left.shift_sd[i]))
         cells.append(Cell(f"{left_out.names[most]} by {left.shift_sd[most]:+.1f} sd"))
         rows.append(cells)
@@ -130,8 +131,3 @@ def noise_cell(row: ChannelAgreement) -> str:
 def _ratio(value: float) -> str:
     mark = "\u25b2\u00a0" if is_misfit(value) else ""
     return mark + fixed(value, 2)
-
-
-def _median(values: list[float]) -> float:
-    finite = [v for v in values if math.isfinite(v)]
-    return statistics.median(finite) if finite else math.nan

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.display import NOT_DETERMINED
 from sysid.export import Results
 from sysid.plot import AxleEstimates, Estimate, suspension_estimates
-from sysid.report.cells import NOT_DETERMINED, Cell, Table, axle_name, table
+from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, listing
 
 if TYPE_CHECKING:

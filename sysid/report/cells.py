@@ -5,15 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sysid.export import Results
-
-if TYPE_CHECKING:
-    pass
-
-#: What stands in place of a number that only repeats its prior.
-NOT_DETERMINED = "not determined"
 
 
 @dataclass(frozen=True)

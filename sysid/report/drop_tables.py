@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.display import Z90
 from sysid.export import Results
 from sysid.plot import SOURCE_LABELS, SOURCES
 from sysid.plot.comparison import Quantity
@@ -56,7 +57,7 @@ def _pooled_cell(e: DropEstimate | None, quantity: Quantity) -> str:
 def _plus_minus(value: float, sd: float) -> str:
     if not math.isfinite(value):
         return MISSING
-    places = decimals(value, 1.645 * sd)
+    places = decimals(value, Z90 * sd)
     return fixed(value, places) + (f" ± {number(sd, 2)}" if math.isfinite(sd) else "")
 
 

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
+from sysid.display import Z90
 from sysid.export import Results
 from sysid.plot import axle_color, channel_title
-from sysid.plot.style import INK, Z90, display
+from sysid.plot.style import INK, display
 from sysid.report.numbers import plain_text, speed
 
 if TYPE_CHECKING:

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from sysid.display import NOT_DETERMINED, Z90, shown_unit
 from sysid.export import Results
-from sysid.report.cells import NOT_DETERMINED, Cell, Table, table
+from sysid.report.cells import Cell, Table, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, number, percent
 
 if TYPE_CHECKING:
     from sysid.estimation.results import ParameterEstimate
     from sysid.prediction.advice_results import Prospect
-
-_DISPLAY_UNITS = {"N/m": (1e-3, "kN/m"), "N s/m": (1e-3, "kN s/m"), "N": (1e-3, "kN")}
-_Z90 = 1.6448536269514722
 
 
 def shrinkage_table(results: Results) -> Table | None:
@@ -24,7 +22,7 @@ def shrinkage_table(results: Results) -> Table | None:
     summaries = {} if results.posterior is None else {s.name: s for s in results.posterior.summaries}
     rows = []
     for p in results.fit.parameters:
-        factor, unit = _DISPLAY_UNITS.get(p.unit, (1.0, p.unit))
+        factor, unit = shown_unit(p.unit)
         low, high = _spread(p.prior_median * factor, p.prior_sd)
         places = decimals(p.prior_median * factor)
         s = summaries.get(p.name)
@@ -33,7 +31,7 @@ def shrinkage_table(results: Results) -> Table | None:
             ends = _spread(p.value * factor, relative)
         else:
             value, ends = s.q50, (s.q05 * factor, s.q95 * factor)
-            relative = math.log(s.q95 / s.q05) / (2.0 * _Z90)
+            relative = math.log(s.q95 / s.q05) / (2.0 * Z90)
         fine = decimals(value * factor, (ends[1] - ends[0]) / 2.0)
         rows.append(
             [
@@ -57,7 +55,7 @@ def shrinkage_table(results: Results) -> Table | None:
 
 
 def _spread(median: float, log_sd: float) -> tuple[float, float]:
-    factor = math.exp(_Z90 * log_sd)
+    factor = math.exp(Z90 * log_sd)
     return median / factor, median * factor
 
 

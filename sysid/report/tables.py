@@ -9,19 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.campaign.findings import ChannelFinding
+from sysid.display import NOT_DETERMINED, Z90, shown_unit
 from sysid.estimation.thresholds import STEP_HALVING
 from sysid.export import Results
 from sysid.plot import SOURCE_LABELS, SOURCES, AxleEstimates, label, suspension_estimates
 from sysid.plot.comparison import Quantity
-from sysid.report.cells import NOT_DETERMINED, Cell, Table, axle_name, table
+from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, number, percent
 
 if TYPE_CHECKING:
     from sysid.estimation.results import FitResult, ParameterEstimate
     from sysid.posterior.results import Posterior
     from sysid.vehicle_model.modes import NaturalModes
-
-_DISPLAY_UNITS = {"N/m": (1e-3, "kN/m"), "N s/m": (1e-3, "kN s/m"), "N*s/m": (1e-3, "kN s/m"), "N": (1e-3, "kN")}
 
 
 def masses_table(fit: FitResult) -> Table | None:
@@ -68,9 +67,9 @@ def parameters_table(results: Results, estimates: Iterable[ParameterEstimate], c
     summaries = {} if results.posterior is None else {s.name: s for s in results.posterior.summaries}
     rows = []
     for p in estimates:
-        factor, unit = _DISPLAY_UNITS.get(p.unit, (1.0, p.unit))
+        factor, unit = shown_unit(p.unit)
         value, sd = p.value * factor, p.sd * factor
-        places = decimals(value, 1.645 * sd)
+        places = decimals(value, Z90 * sd)
         s = summaries.get(p.name)
         rows.append(
             [

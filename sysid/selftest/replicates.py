@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import binom
 
 from sysid.campaign.records import Campaign
+from sysid.display import Z90
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.least_squares import fit_bump_runs
@@ -18,8 +19,8 @@ from sysid.road.results import RoadProfile
 from sysid.selftest.readings import Instruments, as_logged, ordinary_instruments, simulated_campaign
 from sysid.selftest.world import World, draw_world
 
-#: Share of truths that an interval promises to hold, and the normal deviate of its ends.
-SHARE, DEVIATE = 0.90, 1.6448536269514722
+#: Share of truths that an interval promises to hold.
+SHARE = 0.90
 #: Share of campaigns within the range that is given for the number of intervals that hold.
 RANGE = 0.95
 SHOWN = ("stiffness", "damping")
@@ -46,7 +47,7 @@ class Check:
     @property
     def held(self) -> bool:
         """Whether the 90 % interval, log value +- 1.645 sd, holds the truth."""
-        return bool(abs(np.log(self.value / self.truth)) <= DEVIATE * self.sd)
+        return bool(abs(np.log(self.value / self.truth)) <= Z90 * self.sd)
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Replicate:
         """Mean and central 95 % range of the number of intervals that hold, were the errors N(0, covariance)."""
         scale = np.sqrt(np.diag(self.covariance))
         errors = random.multivariate_normal(np.zeros(scale.size), self.covariance, _DRAWS, method="cholesky") / scale
-        count = (np.abs(errors) <= DEVIATE).sum(axis=1)
+        count = (np.abs(errors) <= Z90).sum(axis=1)
         low, high = np.quantile(count, [0.5 - RANGE / 2, 0.5 + RANGE / 2])
         return SHARE * scale.size, int(low), int(high)
 

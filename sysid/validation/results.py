@@ -107,12 +107,12 @@ class LeftOut(Tabular):
             rows.append(
                 {
                     "run": left.run,
-                    "residual_over_noise": _median(fitted, "residual_over_noise"),
-                    "residual_over_noise_out_of_sample": _median(left.channels, "residual_over_noise"),
-                    "nrmse": _median(fitted, "nrmse"),
-                    "nrmse_out_of_sample": _median(left.channels, "nrmse"),
-                    "iso18571": _median(fitted, "iso18571"),
-                    "iso18571_out_of_sample": _median(left.channels, "iso18571"),
+                    "residual_over_noise": channel_median(fitted, "residual_over_noise"),
+                    "residual_over_noise_out_of_sample": channel_median(left.channels, "residual_over_noise"),
+                    "nrmse": channel_median(fitted, "nrmse"),
+                    "nrmse_out_of_sample": channel_median(left.channels, "nrmse"),
+                    "iso18571": channel_median(fitted, "iso18571"),
+                    "iso18571_out_of_sample": channel_median(left.channels, "iso18571"),
                     "moved_most": self.names[most],
                     "shift_sd": float(left.shift_sd[most]),
                     "converged": left.converged,
@@ -121,7 +121,8 @@ class LeftOut(Tabular):
         return pd.DataFrame(rows)
 
 
-def _median(rows: Sequence[ChannelAgreement], name: str) -> float:
+def channel_median(rows: Sequence[ChannelAgreement], name: str) -> float:
+    """Median of one measure over the channels that have it, NaN where none has."""
     finite = [v for v in (getattr(row, name) for row in rows) if math.isfinite(v)]
     return statistics.median(finite) if finite else math.nan
 

@@ -1,0 +1,23 @@
+"""How numbers are shown: ends of intervals, units of the trade, and the word where there is no number."""
+
+from __future__ import annotations
+
+#: Normal deviate of the ends of a 90 % interval, from 5 % to 95 %.
+Z90 = 1.6448536269514722
+
+#: What stands in place of a number that only repeats its prior.
+NOT_DETERMINED = "not determined"
+
+_UNITS = {
+    "m": (1e3, "mm"),
+    "m/s^2": (1.0, "m/s\u00b2"),
+    "N": (1e-3, "kN"),
+    "N/m": (1e-3, "kN/m"),
+    "N s/m": (1e-3, "kN s/m"),
+    "N*s/m": (1e-3, "kN s/m"),
+}
+
+
+def shown_unit(si_unit: str) -> tuple[float, str]:
+    """Factor from an SI unit to the one that people read, and its name: metres as mm, N as kN, others unchanged."""
+    return _UNITS.get(si_unit, (1.0, si_unit))
