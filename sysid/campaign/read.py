@@ -116,6 +116,15 @@ class _Inputs:
         return self.vehicle.pick(name, list(self.vehicle.load_cases), f"{key}.load_case", "load case")
 
     def scans(self, point_cloud_reader: PointCloudReader | None) -> dict[str, Scan]:
+        """Scan of every bump by its name; without a reader none has points.
+
+        Raises
+        ------
+        CampaignError
+            If a file is missing, too large or outside the campaign's folder.
+        DataRejectedError
+            If the reader cannot read a cloud.
+        """
         result = {}
         for name, table in self.tables.scan.items():
             key = "scan" if len(self.tables.scan) == 1 and name == "bump" else f"scan.{name}"
@@ -129,6 +138,15 @@ class _Inputs:
         return result
 
     def plank_drops(self) -> tuple[PlankDrop, ...]:
+        """Plank drops with their logs, in the order of the file.
+
+        Raises
+        ------
+        CampaignError
+            If sensors of drops, an axle, a load case or a file that a drop names are missing.
+        DataRejectedError
+            If a log cannot be read.
+        """
         drops = []
         sensors = self.tables.sensors.plank_drop
         for i, entry in enumerate(self.tables.tests.plank_drop):
@@ -157,6 +175,16 @@ class _Inputs:
         return tuple(drops)
 
     def bump_runs(self, scans: Mapping[str, Scan]) -> tuple[BumpRun, ...]:
+        """Bump runs with their logs, in the order of the file.
+
+        Raises
+        ------
+        CampaignError
+            If sensors of runs, an axle, a body, a load case, a scan or a file that a run names are missing, or if a run
+            does not say which of several bumps it crosses.
+        DataRejectedError
+            If a log cannot be read.
+        """
         runs = []
         sensors = self._run_sensors()
         for i, entry in enumerate(self.tables.tests.bump_run):
@@ -180,6 +208,13 @@ class _Inputs:
         return tuple(runs)
 
     def predictions(self, scans: Mapping[str, Scan]) -> tuple[PredictionRequest, ...]:
+        """Passes to predict.
+
+        Raises
+        ------
+        CampaignError
+            If a load case or a scan that one names is missing.
+        """
         result = []
         for i, entry in enumerate(self.tables.tests.prediction):
             key = f"tests.prediction[{i + 1}]"
@@ -195,6 +230,7 @@ class _Inputs:
         return tuple(result)
 
     def messages(self) -> tuple[str, ...]:
+        """What somebody should know about the list of tests."""
         tests = self.tables.tests
         names = [
             paths.relative_name(e) for e in [*(d.file for d in tests.plank_drop), *(r.file for r in tests.bump_run)]

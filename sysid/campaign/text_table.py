@@ -85,7 +85,19 @@ def read_columns(path: Path, label: str, wanted: Sequence[str], time_names: Iter
 
 
 def find_layout(path: Path, label: str, wanted: Sequence[str], time_names: Iterable[str]) -> Layout:
-    """Find encoding, header line, delimiter and decimal mark of a log from its first megabyte."""
+    """Find encoding, header line, delimiter and decimal mark of a log from its first megabyte.
+
+    Parameters
+    ----------
+    path, label : the log, and its name in messages.
+    wanted : names of columns, of which the header has at least one, or a time column.
+    time_names : names that a time column may have, in small letters.
+
+    Raises
+    ------
+    DataRejectedError
+        If the file cannot be read, is empty or binary, has no such header, or has too many columns.
+    """
     try:
         with path.open("rb") as stream:
             head = stream.read(_HEAD_BYTES)

@@ -76,7 +76,7 @@ class VehicleReader:
         return self._bodies.index(self.pick(name, self._bodies, key, "body"))
 
     def pick(self, name: str, names: Sequence[str], key: str, what: str) -> str:
-        """The name itself if it is one of the names, else an error that suggests the nearest."""
+        """The name itself if it is one of the names, else a CampaignError that suggests the nearest."""
         if name not in names:
             article = "an" if what[0] in "aeiou" else "a"
             raise CampaignError(

@@ -76,7 +76,7 @@ class ParameterSet:
         return np.log([p.start for p in self.parameters])
 
     def index(self, quantity: str, axle: int | None = None, load_case: str | None = None) -> int:
-        """Position of the parameter that gives `quantity` of an axle in a load case."""
+        """Position of the parameter that gives `quantity` of an axle in a load case; KeyError where there is none."""
         if axle is not None and self.suspension_axle and not quantity.startswith("tire_"):
             axle = self.suspension_axle[axle]
         for position, p in enumerate(self.parameters):

@@ -35,7 +35,14 @@ def read_point_cloud(path: Path, unit: str = "m") -> np.ndarray:
 
 
 def read_point_cloud_counted(path: Path, unit: str = "m") -> tuple[np.ndarray, int]:
-    """Read a point cloud as :func:`read_point_cloud` and return its points and the number of rows dropped."""
+    """Read a point cloud as :func:`read_point_cloud` and return its points (n, 3) [m] and the number of rows dropped.
+
+    Raises
+    ------
+    DataRejectedError
+        If the unit is not known, the file is missing, too large or no point cloud, or fewer than half of its points
+        have three finite numbers.
+    """
     path = Path(path)
     if unit not in UNIT_IN_M:
         raise DataRejectedError(

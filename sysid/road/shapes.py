@@ -94,7 +94,7 @@ def trapezoid(
 ) -> RoadProfile:
     """Return a flat-topped hump with straight ramps: height [m], length over all [m], flat top `top_m` (a third of it).
 
-    Other arguments and errors as :func:`raised_cosine`.
+    Other arguments as :func:`raised_cosine`, CampaignError also where the top is longer than the bump.
     """
     top = length_m / 3 if top_m is None else top_m
     if not 0 <= top < length_m:
