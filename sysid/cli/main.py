@@ -59,7 +59,11 @@ _PASS_OPTIONS = (
     click.option("--speed", "speeds", multiple=True, type=click.FloatRange(0.0, 300.0, min_open=True),
                  help="Predict this speed [km/h] instead of the passes of the campaign; may be repeated."),
     click.option("--load-case", default=None, help="Load case of --speed (default: the first)."),
-    click.option("--bump", default=None, help="Scanned bump of --speed (default: the first)."),
+    click.option("--bump", default=None, metavar="NAME|FILE",
+                 help="Bump of --speed: a scan of the campaign (default: the first), or a file with a profile "
+                 "(CSV with station_m and height_m, or OpenCRG)."),
+    click.option("--lateral", default=None, type=click.FloatRange(-1000.0, 1000.0),
+                 help="Long section of an OpenCRG file, metres to the left of its reference line (default: 0)."),
     click.option("--shape", default=None, help="Another bump by its shape, with --height and --length.",
                  type=click.Choice(["watts", "sinusoidal", "half_sine", "parabolic", "trapezoid"])),
     click.option("--height", default=None, help="Height of the shape [m].", type=click.FloatRange(0.001, 1.0)),

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from sysid.campaign.records import BumpShape, Campaign, PredictionRequest
 from sysid.errors import CampaignError
 
 #: Options of `predict` that are no settings of a calibration.
-OPTIONS = ("speeds", "load_case", "bump", "shape", "height", "length", "top")
+OPTIONS = ("speeds", "load_case", "bump", "lateral", "shape", "height", "length", "top")
 
 
 def requested_passes(campaign: Campaign, options: Mapping[str, Any]) -> tuple[PredictionRequest, ...]:
@@ -19,6 +21,8 @@ def requested_passes(campaign: Campaign, options: Mapping[str, Any]) -> tuple[Pr
     ------
     CampaignError
         If options are given that need another one, or name a load case or bump that the campaign does not have.
+    DataRejectedError
+        If the file of a bump cannot be used.
     """
     given = [name for name in OPTIONS if options.get(name) not in (None, ())]
     speeds = options.get("speeds") or ()
@@ -29,8 +33,13 @@ def requested_passes(campaign: Campaign, options: Mapping[str, Any]) -> tuple[Pr
     case = options.get("load_case") or next(iter(campaign.load_cases))
     if case not in campaign.load_cases:
         raise CampaignError(f"--load-case '{case}' is not in the campaign; it has {', '.join(campaign.load_cases)}.")
-    shape = _shape(options)
-    bump = _bump(campaign, options.get("bump"), shape)
+    shape, bump = _shape(options), options.get("bump")
+    if shape is None:
+        shape = _file(campaign, bump, options.get("lateral"))
+        bump = None if shape is not None else bump
+    elif options.get("lateral") is not None:
+        raise CampaignError("--lateral chooses a long section of an OpenCRG file; name that file by --bump.")
+    bump = _bump(campaign, bump, shape)
     return tuple(PredictionRequest(case, speed / 3.6, bump, shape) for speed in speeds)
 
 
@@ -45,6 +54,22 @@ def _shape(options: Mapping[str, Any]) -> BumpShape | None:
     if top is not None and name != "trapezoid":
         raise CampaignError(f"--top belongs to a trapezoid, not to the shape {name}; leave it out.")
     return BumpShape(name, height, length, top)
+
+
+def _file(campaign: Campaign, bump: str | None, lateral: float | None) -> BumpShape | None:
+    """The bump in a file that --bump names; None where it names a scan."""
+    path = None if bump is None or bump in campaign.scans else Path(bump)
+    if path is None or not (os.path.exists(path) or path.suffix):
+        if lateral is not None:
+            raise CampaignError("--lateral chooses a long section of an OpenCRG file; name that file by --bump.")
+        return None
+    # Unlike Path.exists this says no of a name that no file can have.
+    if not os.path.exists(path):
+        known = f"; the campaign has the scans {', '.join(campaign.scans)}" if campaign.scans else ""
+        raise CampaignError(f"--bump '{bump}' is neither a scan of the campaign nor a file{known}.")
+    from sysid.road.profile_files import bump_from_file
+
+    return bump_from_file(path, lateral or 0.0)
 
 
 def _bump(campaign: Campaign, name: str | None, shape: BumpShape | None) -> str:

@@ -9,7 +9,7 @@ from small_results import small_campaign
 
 from sysid.cli.main import cli
 from sysid.cli.passes import OPTIONS, requested_passes
-from sysid.errors import CampaignError
+from sysid.errors import CampaignError, DataRejectedError
 
 CAMPAIGN = replace(small_campaign(), scans={"one": None, "two": None})
 
@@ -36,6 +36,18 @@ def test_a_shape_needs_no_scan():
     assert found.bump == found.shape.label
 
 
+def test_a_file_is_a_bump_that_no_run_crossed(tmp_path):
+    path = tmp_path / "hump.csv"
+    path.write_text("station_m,height_m\n0,0\n1,0.1\n2,0\n")
+    (found,) = requested_passes(CAMPAIGN, {"speeds": (36.0,), "bump": str(path)})
+    assert (found.bump, found.shape.source, found.shape.heights_m) == ("hump.csv", "hump.csv", (0.0, 0.1, 0.0))
+    # A scan of the campaign comes before a file of the same name.
+    assert requested_passes(CAMPAIGN, {"speeds": (36.0,), "bump": "one"})[0].shape is None
+    path.write_text("")
+    with pytest.raises(DataRejectedError, match="is empty"):
+        requested_passes(CAMPAIGN, {"speeds": (36.0,), "bump": str(path)})
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -43,6 +55,11 @@ def test_a_shape_needs_no_scan():
         ({"shape": "watts"}, "--shape needs a --speed"),
         ({"speeds": (30.0,), "load_case": "half"}, "'half' is not in the campaign; it has empty, laden"),
         ({"speeds": (30.0,), "bump": "three"}, "it has one, two"),
+        ({"speeds": (30.0,), "bump": "three.crg"}, "neither a scan of the campaign nor a file; the campaign has"),
+        ({"speeds": (30.0,), "bump": "x" * 5000 + ".crg"}, "neither a scan"),
+        ({"speeds": (30.0,), "bump": "one", "lateral": 1.0}, "name that file by --bump"),
+        ({"speeds": (30.0,), "lateral": 1.0}, "name that file by --bump"),
+        ({"speeds": (30.0,), "shape": "watts", "height": 0.1, "length": 3.0, "lateral": 1.0}, "name that file"),
         ({"speeds": (30.0,), "height": 0.1}, "size of a --shape"),
         ({"speeds": (30.0,), "shape": "watts", "height": 0.1}, "add --height and --length"),
         ({"speeds": (30.0,), "shape": "watts", "height": 0.1, "length": 3.0, "top": 1.0}, "--top belongs to"),
