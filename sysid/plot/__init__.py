@@ -3,7 +3,7 @@
 from sysid.plot.comparison import SOURCE_LABELS, SOURCES, AxleEstimates, Estimate, comparison, suspension_estimates
 from sysid.plot.drops import drop, drops
 from sysid.plot.histories import autocorrelation, channel_grid, channel_title, overlay, suspension_histories
-from sysid.plot.knowledge import likelihood_profile, prior_against_posterior
+from sysid.plot.knowledge import likelihood_profile, next_runs, prior_against_posterior
 from sysid.plot.loops import suspension_loop, suspension_loop_pair
 from sysid.plot.modes import mode_shape, mode_shapes
 from sysid.plot.posterior import (
@@ -48,6 +48,7 @@ __all__ = [
     "marginals",
     "mode_shape",
     "mode_shapes",
+    "next_runs",
     "overlay",
     "posterior_correlation",
     "prior_against_posterior",

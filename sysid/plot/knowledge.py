@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from sysid.display import Z90
-from sysid.plot.style import INK, MUTED, axes_or_new, axle_color, display, label, styled
+from sysid.plot.style import FAINT, INK, MUTED, axes_or_new, axle_color, display, label, styled
 
 if TYPE_CHECKING:
     from sysid.estimation.profiles import ProfileLikelihood
     from sysid.estimation.results import FitResult
     from sysid.posterior.results import Posterior
+    from sysid.prediction.advice_results import Advice, Prospect
 
 
 @styled
@@ -69,3 +71,36 @@ def likelihood_profile(profile: ProfileLikelihood, ax: Axes | None = None) -> Ax
     ax.set_ylabel("deviance [-]")
     ax.legend(loc="upper center")
     return ax
+
+
+@styled
+def next_runs(advice: Advice, ax: Axes | None = None) -> Axes:
+    """Relative standard deviations of k and c now, after each further run or sensor, and with exact masses.
+
+    Per row the worst of all k and c, which is named, and their median; dotted lines mark what is known now.
+    """
+    groups = [g for g in ((advice.now,), advice.runs, advice.sensors, advice.masses) if g]
+    rows = [p for group in groups for p in group]
+    # Half a row of air between what is known now, runs, sensors and masses.
+    place = np.concatenate([np.full(len(group), 0.5 * i) for i, group in enumerate(groups)]) + np.arange(len(rows))
+    ax = axes_or_new(ax, 7.4, 1.1 + 0.24 * float(place[-1]))
+    worst = [advice.worst(p) for p in rows]
+    high, middle = 100.0 * np.array([sd for _, sd in worst]), 100.0 * np.array([advice.median(p) for p in rows])
+    ax.hlines(place, middle, high, color=FAINT, lw=2.0)
+    for now, color in ((high[0], INK), (middle[0], MUTED)):
+        ax.axvline(now, color=color, lw=0.8, ls=":")
+    ax.plot(high, place, "o", color=INK, ms=5.0, label="worst of k and c")
+    ax.plot(middle, place, "o", color="white", markeredgecolor=MUTED, ms=5.0, label="median of k and c")
+    for (name, _), x, y in zip(worst, high, place, strict=True):
+        ax.annotate(label(name, 16), (x, y), (6, 0), textcoords="offset points", va="center", fontsize=7, color=MUTED)
+    ax.set_yticks(place, ["known now", *(_prospect(p) for p in rows[1:])], fontsize=7)
+    ax.set_ylim(float(place[-1]) + 0.7, -0.7)
+    ax.set_xlim(0.0, 1.12 * float(high.max()))
+    ax.set_xlabel("relative standard deviation [%]")
+    ax.legend(loc="upper center", bbox_to_anchor=(0.4, 1.0 + 0.42 / (1.1 + 0.24 * float(place[-1]))), ncols=2)
+    return ax
+
+
+def _prospect(p: Prospect) -> str:
+    """The run, the sensor or what is exact, on two lines where one would be long."""
+    return "\n".join(textwrap.wrap(label(f"exact {p.exact}" if p.exact else p.label, 80), 50))

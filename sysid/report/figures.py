@@ -15,7 +15,7 @@ from sysid.export import Results
 from sysid.plot.comparison import Quantity
 from sysid.prediction.loops import AMPLITUDE_M, FREQUENCY_HZ, suspension_loops
 from sysid.report.drop_tables import without_dampers
-from sysid.report.numbers import count, number, speed
+from sysid.report.numbers import count, number, percent, speed
 from sysid.road import AxleRoad, effective_profiles
 from sysid.sdof.results import DropAnalysis
 
@@ -302,6 +302,22 @@ def profile_pictures(results: Results, gallery: Gallery) -> list[Picture]:
         )
         for p in results.profiles
     ]
+
+
+def advice_pictures(results: Results, gallery: Gallery) -> list[Picture]:
+    """What one further run or sensor would bring, where that has been asked for."""
+    advice = results.advice
+    if advice is None:
+        return []
+    caption = (
+        "What would be known of k and c after one further run, after one with one more sensor, and with a declared "
+        "mass known exactly: worst and median relative standard deviation. Dotted lines: what is known now."
+    )
+    best = min((*advice.runs, *advice.sensors), key=lambda p: advice.worst(p)[1], default=advice.now)
+    name, sd = advice.worst(advice.now)
+    then, left = advice.worst(best)
+    words = f"{caption} Now {name} {percent(sd)} at worst; after {best.label} {then} {percent(left)}."
+    return [gallery.picture(plot.next_runs(advice), caption, words)]
 
 
 def prediction_pictures(results: Results, gallery: Gallery) -> list[Picture]:

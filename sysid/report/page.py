@@ -102,6 +102,7 @@ def _content(results: Results) -> dict[str, Any]:
         "shrinkage_pictures": figures.shrinkage_pictures(results, gallery),
         "profile_pictures": figures.profile_pictures(results, gallery),
         "advice": knowledge.advice_table(results),
+        "advice_pictures": figures.advice_pictures(results, gallery),
         "laws": tables.law_table(results),
         "contacts": tables.contact_table(results),
         "loop_pictures": figures.loop_pictures(results, gallery),

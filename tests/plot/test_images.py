@@ -40,6 +40,7 @@ def figures():
         "comparison": lambda: plot.comparison(rows, "stiffness"),
         "marginal": lambda: plot.marginal(posterior, "k_1", fit),
         "correlation": lambda: plot.correlation(plot.posterior_correlation(posterior), posterior.names),
+        "next_runs": lambda: plot.next_runs(results.advice),
         "load_ratio": lambda: plot.load_ratio(one, 0),
         "load_ratio_against_speed": lambda: plot.load_ratio_against_speed(results.predictions.sweeps[0]),
     }

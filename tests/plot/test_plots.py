@@ -51,13 +51,14 @@ def draws_of(results):
         "load_ratio": lambda ax=None: plot.load_ratio(one, 1, ax),
         "comparison": lambda ax=None: plot.comparison(rows, "stiffness", ax),
         "priors": lambda ax=None: plot.prior_against_posterior(fit, posterior, ax),
+        "next_runs": lambda ax=None: plot.next_runs(results.advice, ax),
         "likelihood_profile": lambda ax=None: plot.likelihood_profile(small_profile(), ax),
     }
 
 
 FIGURES = (
     "drop", "scan", "profile", "overlay", "autocorrelation", "marginal", "trace", "correlation", "load_ratio",
-    "comparison", "priors", "likelihood_profile",
+    "comparison", "priors", "likelihood_profile", "next_runs",
 )  # fmt: skip
 
 
@@ -80,6 +81,22 @@ def test_priors_and_results_are_drawn_over_the_prior_median(results):
     assert prior == pytest.approx(np.exp(np.array([-1.0, 1.0]) * Z90 * 0.4))
     # k_1: its prior median is 1.2 times its value, known to 1 %.
     assert known == pytest.approx(np.exp(np.array([-1.0, 1.0]) * Z90 * 0.01) / 1.2)
+
+
+def test_next_runs_show_worst_and_median_of_every_row(results):
+    advice = results.advice
+    ax = plot.next_runs(replace(advice, masses=(replace(advice.now, exact="mass of " + "x" * 200),)))
+    shown = {line.get_label(): line.get_xdata() for line in ax.lines if not line.get_label().startswith("_")}
+    # Now, one run that halves all standard deviations, one sensor that quarters them, one mass that changes nothing;
+    # kt_1, of 5 %, is no k or c: c_2 is known worst, to 5 %, the median of k and c is 2 %.
+    np.testing.assert_allclose(shown["worst of k and c"], [5.0, 2.5, 1.25, 5.0])
+    np.testing.assert_allclose(shown["median of k and c"], [2.0, 1.0, 0.5, 2.0])
+    ticks = [t.get_text() for t in ax.get_yticklabels()]
+    assert ticks[:3] == ["known now", "20 km/h, laden", "20 km/h, laden, with LVDT at axle 2"]
+    assert len(ticks[3]) <= 81
+    assert max(len(line) for line in ticks[3].splitlines()) <= 50
+    assert [t.get_text() for t in ax.texts] == ["c_2"] * 4
+    assert ax.yaxis_inverted()
 
 
 def test_a_parabolic_profile_lies_on_that_of_the_covariance():

@@ -144,9 +144,9 @@ def test_page_is_accessible(full):
 def test_figures_are_not_empty(full_text):
     figures = re.findall(r"<svg.*?</svg>", full_text, re.DOTALL)
     # Two comparisons, drops (overview and two axles), profile, scan and what tires feel, histories and all channels of
-    # a run, residuals, modes of two load cases, priors, marginals, correlation, pairs, traces, a pass, its suspension
-    # force, ratio against speed.
-    assert len(figures) == 21
+    # a run, residuals, modes of two load cases, priors, further runs, marginals, correlation, pairs, traces, a pass,
+    # its suspension force, ratio against speed.
+    assert len(figures) == 22
     assert all(figure.count("<path") + figure.count("<use") > 10 for figure in figures)
     assert len(full_text) < 1_500_000
 
