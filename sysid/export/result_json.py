@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sysid.posterior.results import PosteriorSummary
     from sysid.prediction.advice_results import Prospect
     from sysid.prediction.results import PassPrediction
-    from sysid.validation.results import ChannelAgreement
+    from sysid.validation.results import ChannelAgreement, LeftOutRun
 
 SCHEMA_VERSION = 1
 
@@ -47,6 +47,7 @@ def result_document(results: Results) -> dict[str, Any]:
         "predictions": _predictions(results),
         "identifiability": _identifiability(results),
         "advice": _advice(results),
+        "left_out": _left_out(results),
     }
 
 
@@ -183,6 +184,32 @@ def _agreement(row: ChannelAgreement) -> dict[str, Any]:
         "sprague_geers": None
         if not math.isfinite(row.sprague_geers_magnitude)
         else {"magnitude": float(row.sprague_geers_magnitude), "phase": float(row.sprague_geers_phase)},
+    }
+
+
+def _left_out(results: Results) -> list[dict[str, Any]]:
+    left_out = None if results.validation is None else results.validation.left_out
+    if left_out is None:
+        return []
+    return [_left_out_run(left, left_out.names) for left in left_out.runs]
+
+
+def _left_out_run(left: LeftOutRun, names: tuple[str, ...]) -> dict[str, Any]:
+    def channel(row: ChannelAgreement) -> dict[str, Any]:
+        found = _agreement(row)
+        del found["run"]
+        return found | {"residual_over_noise": _number(row.residual_over_noise)}
+
+    return {
+        "run": left.run,
+        "converged": bool(left.converged),
+        "speed": _number(left.speed_m_s),
+        "start": _number(left.start_s),
+        "parameters": [
+            {"name": name, "value": _number(value), "shift_sd": _number(shift)}
+            for name, value, shift in zip(names, left.values, left.shift_sd, strict=True)
+        ],
+        "channels": [channel(row) for row in left.channels],
     }
 
 

@@ -5,10 +5,12 @@ import math
 from dataclasses import replace
 
 import jsonschema
+import numpy as np
 import pytest
 from small_results import Words, before_sampling, campaign_only, small_fit, small_results
 
 from sysid.export import Results, result_document, result_schema, write_result
+from sysid.validation.results import LeftOut, LeftOutRun
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +62,7 @@ def test_every_key_of_the_published_example_is_there():
 
 def test_files_of_before_the_additions_still_fit_the_schema():
     document = result_document(small_results())
-    for key in ("identifiability", "advice"):
+    for key in ("identifiability", "advice", "left_out"):
         del document[key]
     for p in document["parameters"]:
         del p["prior"]
@@ -90,6 +92,39 @@ def test_ratings_are_written_and_unknown_ones_are_null():
     unknown = result_document(replace(results, validation=replace(results.validation, channels=(blank,))))["validation"]
     assert unknown[0]["iso18571"] is None
     assert unknown[0]["sprague_geers"] is None
+
+
+def test_runs_left_out_are_written_with_their_channels_and_shifts():
+    results = small_results()
+    assert result_document(results)["left_out"] == result_document(campaign_only())["left_out"] == []
+    rows = results.validation.channels[:2]
+    unknown = replace(rows[1], iso18571=math.nan, sprague_geers_magnitude=math.nan, residual_over_noise=math.inf)
+    left = LeftOutRun(
+        "runs/r2.csv", np.array([4.1e5, 9e3]), np.array([-2.5, math.nan]), False, 5.5, 0.41, (rows[0], unknown)
+    )
+    left_out = LeftOut(("k_1", "c_1"), (left,), rows)
+    document = result_document(replace(results, validation=replace(results.validation, left_out=left_out)))
+    jsonschema.Draft202012Validator(result_schema()).validate(document)
+    # The rows of fitted runs stay as they were.
+    assert document["validation"] == result_document(results)["validation"]
+    assert document["left_out"] == [
+        {
+            "run": "runs/r2.csv",
+            "converged": False,
+            "speed": 5.5,
+            "start": 0.41,
+            "parameters": [
+                {"name": "k_1", "value": 4.1e5, "shift_sd": -2.5},
+                {"name": "c_1", "value": 9e3, "shift_sd": None},
+            ],
+            "channels": [
+                {"channel": "sensor0_mm", "nrmse": 0.02, "residual_over_noise": 1.0, "iso18571": 0.95}
+                | {"sprague_geers": {"magnitude": 0.0, "phase": 0.04}},
+                {"channel": "sensor1_mm", "nrmse": 0.04, "residual_over_noise": None, "iso18571": None}
+                | {"sprague_geers": None},
+            ],
+        }
+    ]
 
 
 def test_axles_count_from_one_and_units_are_si():
