@@ -25,7 +25,6 @@ test-browser: $(VENV)/.installed
 
 # The documentation as a site in build/site; warnings are errors.
 docs: $(VENV)/.installed
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[docs]"
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # Other solvers beside ours: they are installed for this alone.
