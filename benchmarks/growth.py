@@ -13,7 +13,7 @@ from sysid.estimation.bump_model import GroupShape
 from sysid.posterior.log_density import _group_misfit, _GroupInputs
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import wheel_road
-from sysid.vehicle_model.simulation import LaneMatrices
+from sysid.vehicle_model.lane_matrices import LaneMatrices
 
 SIZES = {"sets": (8, 32, 128, 512), "runs": (1, 2, 4, 8), "samples": (1, 2, 4, 8), "axles": (3, 6, 12, 24)}
 SETS = 64

@@ -13,7 +13,8 @@ from sysid.estimation.bump_model import simulate_group, wheel_road
 from sysid.estimation.lane_laws import lane_laws
 from sysid.vehicle_model.contact import CELL_POLYNOMIAL
 from sysid.vehicle_model.filters import discretise
-from sysid.vehicle_model.simulation import LaneMatrices, Motion
+from sysid.vehicle_model.lane_matrices import LaneMatrices
+from sysid.vehicle_model.simulation import Motion
 
 
 class RunConstants(NamedTuple):

@@ -32,8 +32,9 @@ from sysid.vehicle_model import engine
 from sysid.vehicle_model.contact import EffectiveRoad, RoadInput
 from sysid.vehicle_model.engine import Timing, WheelRoad
 from sysid.vehicle_model.filters import FilterRecursion, discretise
+from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, Pass, make_lanes, pass_matrices
-from sysid.vehicle_model.simulation import LaneMatrices, Motion, SensorLayout
+from sysid.vehicle_model.simulation import Motion, SensorLayout
 
 #: Standard deviation of a sensor's gain about its calibration.
 GAIN_SD = {"suspension_deflection": 0.005, "axle_acceleration": 0.01, "body_acceleration": 0.01}

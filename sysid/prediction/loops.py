@@ -18,8 +18,8 @@ from sysid.sdof.results import DropSummary
 from sysid.tabular import Tabular
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import TireLaw, effective_road
+from sysid.vehicle_model.lane_matrices import lane_matrices
 from sysid.vehicle_model.lanes import Lanes
-from sysid.vehicle_model.simulation import lane_matrices
 from sysid.vehicle_model.suspension import SuspensionLaw, slip_after_step, suspension_force
 
 if TYPE_CHECKING:

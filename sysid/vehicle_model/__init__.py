@@ -3,15 +3,14 @@
 from sysid.vehicle_model.assembly import PlanarMatrices, assemble, coordinate_names
 from sysid.vehicle_model.contact import EffectiveRoad, RoadInput, TireLaw, effective_road, road_input, tire_law
 from sysid.vehicle_model.filters import FilterRecursion, discretise
+from sysid.vehicle_model.lane_matrices import LaneMatrices, lane_matrices
 from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, Pass, make_lanes
 from sysid.vehicle_model.measured_road import measured_road
 from sysid.vehicle_model.modes import NaturalModes, natural_modes
 from sysid.vehicle_model.simulation import (
     Histories,
-    LaneMatrices,
     Motion,
     SensorLayout,
-    lane_matrices,
     simulate_histories,
     simulate_sensors,
     stage_times,

@@ -18,10 +18,11 @@ from sysid.errors import SysidError
 from sysid.vehicle_model import simulation
 from sysid.vehicle_model.contact import EffectiveRoad, RoadInput, TireLaw, road_input
 from sysid.vehicle_model.filters import FilterRecursion
+from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.native import kernel
 from sysid.vehicle_model.native.build import BuildError
 from sysid.vehicle_model.native.kernel import Course, LocalColumns, Readings, Timing
-from sysid.vehicle_model.simulation import Histories, LaneMatrices, Motion, SensorLayout, stage_times
+from sysid.vehicle_model.simulation import Histories, Motion, SensorLayout, stage_times
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 Choice = Literal["auto", "native", "jax"]

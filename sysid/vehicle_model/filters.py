@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from scipy import signal
 
@@ -69,4 +71,30 @@ def discretise(spec: AntiAliasFilter, step_s: float) -> FilterRecursion:
         middle=step_s * 4.0 * (i1 - i2),
         feed=end,
         weight=weight,
+    )
+
+
+def filter_memory(recursion: FilterRecursion | None, shape: tuple[int, ...]) -> jax.Array:
+    """State (2, poles, *shape) of a filter that has seen zeros only, real and imaginary parts; no poles without one."""
+    return jnp.zeros((2, 0 if recursion is None else recursion.decay.size, *shape))
+
+
+def filtered(recursion: FilterRecursion, memory: jax.Array, now: jax.Array) -> jax.Array:
+    """Output y of the filter whose state is `memory` at the start of a step, where its input is `now`."""
+    direct = float(np.sum((recursion.weight * recursion.feed).real))
+    shown = direct * now
+    for k, weight in enumerate(recursion.weight):
+        shown = shown + weight.real * memory[0, k] - weight.imag * memory[1, k]
+    return shown
+
+
+def next_memory(recursion: FilterRecursion, memory: jax.Array, now: jax.Array, middle: jax.Array) -> jax.Array:
+    """State after a step with the input `now` at its start and `middle` half way; inputs (R, channels, S)."""
+    decay, start, mid = (c[:, None, None, None] for c in (recursion.decay, recursion.start, recursion.middle))
+    real, imaginary = memory
+    return jnp.stack(
+        [
+            decay.real * real - decay.imag * imaginary + start.real * now + mid.real * middle,
+            decay.imag * real + decay.real * imaginary + start.imag * now + mid.imag * middle,
+        ]
     )

@@ -14,7 +14,7 @@ from sysid.road.enveloping import FootprintMap, SpokeTable, footprint_map, spoke
 from sysid.road.results import RoadProfile
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import EffectiveRoad, effective_road
-from sysid.vehicle_model.simulation import SPEED_HOLD_S, LaneMatrices, lane_matrices
+from sysid.vehicle_model.lane_matrices import SPEED_HOLD_S, LaneMatrices, lane_matrices
 
 #: Time constants [s] with which a driver, a servo or a winch at constant speed, a cruise control, or nothing at all
 #: holds the speed over the bump.

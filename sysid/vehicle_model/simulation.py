@@ -9,7 +9,6 @@ Everything that does not depend on the state is computed before the loop.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -18,10 +17,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.vehicle_model.assembly import PlanarMatrices
 from sysid.vehicle_model.contact import RoadInput, TireLaw, contact_force
-from sysid.vehicle_model.filters import FilterRecursion
+from sysid.vehicle_model.filters import FilterRecursion, filter_memory, filtered, next_memory
 from sysid.vehicle_model.kink import clipped_integrals
+from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.suspension import (
     SuspensionLaw,
     has_kinks,
@@ -30,85 +29,6 @@ from sysid.vehicle_model.suspension import (
     slip_at_stage,
     suspension_force,
 )
-
-#: The driving force holds the nominal speed like F = (chain mass / T) (v_ref - v); T unless a run says otherwise.
-SPEED_HOLD_S = 0.05
-
-
-class LaneBeams(NamedTuple):
-    """Unsprung coordinates of R runs of a vehicle with axle groups, see :class:`sysid.vehicle_model.beams.Beams`.
-
-    `wheel` (R, na, na) turns coordinates into the rise of the wheels, and extensions at the coordinates into those
-    above the wheels; `tire`, `pull` (R, na, na) give the coordinates' accelerations from vertical tire forces and from
-    suspension pull; `carries` (R, na, 1) is 0 where no suspension stands.
-    """
-
-    wheel: np.ndarray
-    tire: np.ndarray
-    pull: np.ndarray
-    carries: np.ndarray
-
-
-class LaneMatrices(NamedTuple):
-    """Matrices of R runs for the integrator; nb body coordinates, na axles, nr body sensors.
-
-    `position` (R, 2 na + nb, nb) turns body coordinates into attachment heights, wheel travel and the body acceleration
-    from static loads that tilt with the body; `rate` (R, 2 na + nb, nb) does the same for body rates, with the
-    acceleration from the driving force; `acceleration` (R, nb, 2 na) gives body accelerations from suspension pull and
-    horizontal tire force; `inverse_unsprung`, `static_load`, `carried_load` (R, na, 1), the last what each suspension
-    carries at rest; `body_rows` (R, nr, nb) vertical motion at the body accelerometers; `beams` for vehicles with axle
-    groups, else None.
-    """
-
-    position: np.ndarray
-    rate: np.ndarray
-    acceleration: np.ndarray
-    inverse_unsprung: np.ndarray
-    static_load: np.ndarray
-    carried_load: np.ndarray
-    body_rows: np.ndarray
-    beams: LaneBeams | None = None
-
-
-def lane_matrices(
-    matrices: list[PlanarMatrices], body_sensors: list[tuple[int, float]], hold_s: Sequence[float] | None = None
-) -> LaneMatrices:
-    """Stack the matrices of R runs, with one row per body accelerometer given as (body, x_m).
-
-    `hold_s` is the time constant T [s] with which each run's driving force holds the speed, infinite for none; None
-    takes :data:`SPEED_HOLD_S` for all.
-    """
-    position, rate, acceleration, rows = [], [], [], []
-    for m, hold_time in zip(matrices, hold_s or [SPEED_HOLD_S] * len(matrices), strict=True):
-        inverse = np.linalg.inv(m.mass)
-        hold = m.drive.T @ ((m.chain_mass / hold_time)[:, None] * m.drive)
-        position.append(np.concatenate([m.attachment, m.travel, -inverse @ m.tilt]))
-        rate.append(np.concatenate([m.attachment, m.travel, -inverse @ hold]))
-        acceleration.append(inverse @ np.concatenate([-m.attachment.T, m.travel.T], axis=1))
-        rows.append(np.array([m.body_point(body, x) for body, x in body_sensors]).reshape(-1, inverse.shape[0]))
-    return LaneMatrices(
-        position=np.stack(position),
-        rate=np.stack(rate),
-        acceleration=np.stack(acceleration),
-        inverse_unsprung=np.stack([1.0 / m.unsprung_mass for m in matrices])[..., None],
-        static_load=np.stack([m.static_load for m in matrices])[..., None],
-        carried_load=np.stack([m.carried_load for m in matrices])[..., None],
-        body_rows=np.stack(rows),
-        beams=_lane_beams(matrices),
-    )
-
-
-def _lane_beams(matrices: list[PlanarMatrices]) -> LaneBeams | None:
-    every = [m.beams for m in matrices if m.beams is not None]
-    if not every:
-        return None
-    inverse = [np.linalg.inv(b.mass) for b in every]
-    return LaneBeams(
-        wheel=np.stack([b.wheel for b in every]),
-        tire=np.stack([i @ b.wheel.T for i, b in zip(inverse, every, strict=True)]),
-        pull=np.stack(inverse),
-        carries=np.stack([b.carries for b in every])[..., None],
-    )
 
 
 class Motion(NamedTuple):
@@ -371,8 +291,7 @@ def simulate_sensors(
     sets = suspension.stiffness.shape[-1]
     state = _start(lanes, suspension)
     channels = len(layout.deflection_axles) + len(layout.acceleration_axles) + lanes.body_rows.shape[1]
-    poles = 0 if recursion is None else recursion.decay.size
-    memory = jnp.zeros((2, poles, lanes.static_load.shape[0], channels, sets))
+    memory = filter_memory(recursion, (lanes.static_load.shape[0], channels, sets))
 
     def body(carry, inputs):
         state, memory = carry
@@ -384,31 +303,12 @@ def simulate_sensors(
         now = _observe(lanes, layout, first)
         if recursion is None:
             return (state, memory), now
-        shown = _filter_output(recursion, memory, now)
-        return (state, _filter_update(recursion, memory, now, _observe(lanes, layout, middle))), shown
+        shown = filtered(recursion, memory, now)
+        return (state, next_memory(recursion, memory, now, _observe(lanes, layout, middle))), shown
 
     steps = jnp.arange(samples * substeps, dtype=jnp.float64)
     _, shown = jax.lax.scan(body, (state, memory), (steps, _step_slices(road, samples * substeps)))
     return shown[::substeps]
-
-
-def _filter_output(recursion: FilterRecursion, memory: jax.Array, now: jax.Array) -> jax.Array:
-    direct = float(np.sum((recursion.weight * recursion.feed).real))
-    shown = direct * now
-    for k, weight in enumerate(recursion.weight):
-        shown = shown + weight.real * memory[0, k] - weight.imag * memory[1, k]
-    return shown
-
-
-def _filter_update(recursion: FilterRecursion, memory: jax.Array, now: jax.Array, middle: jax.Array) -> jax.Array:
-    decay, start, mid = (c[:, None, None, None] for c in (recursion.decay, recursion.start, recursion.middle))
-    real, imaginary = memory
-    return jnp.stack(
-        [
-            decay.real * real - decay.imag * imaginary + start.real * now + mid.real * middle,
-            decay.imag * real + decay.real * imaginary + start.imag * now + mid.imag * middle,
-        ]
-    )
 
 
 def simulate_histories(

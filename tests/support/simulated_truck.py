@@ -23,10 +23,10 @@ from rigid_truck import DAMPING, EMPTY, EXPONENT, FILTER, STIFFNESS, VEHICLE
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import effective_road, road_input, tire_law
 from sysid.vehicle_model.filters import discretise
+from sysid.vehicle_model.lane_matrices import lane_matrices
 from sysid.vehicle_model.simulation import (
     Motion,
     SensorLayout,
-    lane_matrices,
     simulate_histories,
     simulate_sensors,
     stage_times,

@@ -22,12 +22,11 @@ from sysid.campaign.statics import static_equilibrium
 from sysid.errors import CampaignError
 from sysid.vehicle_model.assembly import assemble, coordinate_names
 from sysid.vehicle_model.contact import effective_road, road_input, tire_law
+from sysid.vehicle_model.lane_matrices import SPEED_HOLD_S, lane_matrices
 from sysid.vehicle_model.modes import natural_modes
 from sysid.vehicle_model.simulation import (
-    SPEED_HOLD_S,
     Motion,
     SensorLayout,
-    lane_matrices,
     simulate_histories,
     simulate_sensors,
     stage_times,

@@ -21,8 +21,9 @@ from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import TireLaw, effective_road, tire_law
 from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.filters import discretise
+from sysid.vehicle_model.lane_matrices import LaneMatrices, lane_matrices
 from sysid.vehicle_model.native import build, kernel
-from sysid.vehicle_model.simulation import LaneMatrices, Motion, SensorLayout, lane_matrices
+from sysid.vehicle_model.simulation import Motion, SensorLayout
 from sysid.vehicle_model.suspension import Ramps, SuspensionLaw
 
 needs_compiler = pytest.mark.skipif(build.find_compiler() is None, reason="no C++ compiler on this machine")

@@ -13,10 +13,10 @@ from verification_case import DATA, VerificationPass, passes, per_axle, profile,
 
 from sysid.vehicle_model.assembly import assemble, coordinate_names
 from sysid.vehicle_model.contact import effective_road, road_input, tire_law
+from sysid.vehicle_model.lane_matrices import lane_matrices
 from sysid.vehicle_model.simulation import (
     Histories,
     Motion,
-    lane_matrices,
     simulate_histories,
     stage_times,
 )

@@ -16,8 +16,9 @@ import numpy as np
 
 from sysid.vehicle_model.contact import CELL_POLYNOMIAL, EffectiveRoad, TireLaw
 from sysid.vehicle_model.filters import FilterRecursion
+from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.native.build import BuildError, library
-from sysid.vehicle_model.simulation import Histories, LaneMatrices, SensorLayout
+from sysid.vehicle_model.simulation import Histories, SensorLayout
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 _ENTRIES = ("sensors", "histories", "misfits", "linearise")

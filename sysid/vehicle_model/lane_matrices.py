@@ -1,0 +1,89 @@
+"""Matrices of several runs, stacked for the integrator: what does not depend on the state or the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sysid.vehicle_model.assembly import PlanarMatrices
+
+#: The driving force holds the nominal speed like F = (chain mass / T) (v_ref - v); T unless a run says otherwise.
+SPEED_HOLD_S = 0.05
+
+
+class LaneBeams(NamedTuple):
+    """Unsprung coordinates of R runs of a vehicle with axle groups, see :class:`sysid.vehicle_model.beams.Beams`.
+
+    `wheel` (R, na, na) turns coordinates into the rise of the wheels, and extensions at the coordinates into those
+    above the wheels; `tire`, `pull` (R, na, na) give the coordinates' accelerations from vertical tire forces and from
+    suspension pull; `carries` (R, na, 1) is 0 where no suspension stands.
+    """
+
+    wheel: np.ndarray
+    tire: np.ndarray
+    pull: np.ndarray
+    carries: np.ndarray
+
+
+class LaneMatrices(NamedTuple):
+    """Matrices of R runs for the integrator; nb body coordinates, na axles, nr body sensors.
+
+    `position` (R, 2 na + nb, nb) turns body coordinates into attachment heights, wheel travel and the body acceleration
+    from static loads that tilt with the body; `rate` (R, 2 na + nb, nb) does the same for body rates, with the
+    acceleration from the driving force; `acceleration` (R, nb, 2 na) gives body accelerations from suspension pull and
+    horizontal tire force; `inverse_unsprung`, `static_load`, `carried_load` (R, na, 1), the last what each suspension
+    carries at rest; `body_rows` (R, nr, nb) vertical motion at the body accelerometers; `beams` for vehicles with axle
+    groups, else None.
+    """
+
+    position: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    inverse_unsprung: np.ndarray
+    static_load: np.ndarray
+    carried_load: np.ndarray
+    body_rows: np.ndarray
+    beams: LaneBeams | None = None
+
+
+def lane_matrices(
+    matrices: list[PlanarMatrices], body_sensors: list[tuple[int, float]], hold_s: Sequence[float] | None = None
+) -> LaneMatrices:
+    """Stack the matrices of R runs, with one row per body accelerometer given as (body, x_m).
+
+    `hold_s` is the time constant T [s] with which each run's driving force holds the speed, infinite for none; None
+    takes :data:`SPEED_HOLD_S` for all.
+    """
+    position, rate, acceleration, rows = [], [], [], []
+    for m, hold_time in zip(matrices, hold_s or [SPEED_HOLD_S] * len(matrices), strict=True):
+        inverse = np.linalg.inv(m.mass)
+        hold = m.drive.T @ ((m.chain_mass / hold_time)[:, None] * m.drive)
+        position.append(np.concatenate([m.attachment, m.travel, -inverse @ m.tilt]))
+        rate.append(np.concatenate([m.attachment, m.travel, -inverse @ hold]))
+        acceleration.append(inverse @ np.concatenate([-m.attachment.T, m.travel.T], axis=1))
+        rows.append(np.array([m.body_point(body, x) for body, x in body_sensors]).reshape(-1, inverse.shape[0]))
+    return LaneMatrices(
+        position=np.stack(position),
+        rate=np.stack(rate),
+        acceleration=np.stack(acceleration),
+        inverse_unsprung=np.stack([1.0 / m.unsprung_mass for m in matrices])[..., None],
+        static_load=np.stack([m.static_load for m in matrices])[..., None],
+        carried_load=np.stack([m.carried_load for m in matrices])[..., None],
+        body_rows=np.stack(rows),
+        beams=_lane_beams(matrices),
+    )
+
+
+def _lane_beams(matrices: list[PlanarMatrices]) -> LaneBeams | None:
+    every = [m.beams for m in matrices if m.beams is not None]
+    if not every:
+        return None
+    inverse = [np.linalg.inv(b.mass) for b in every]
+    return LaneBeams(
+        wheel=np.stack([b.wheel for b in every]),
+        tire=np.stack([i @ b.wheel.T for i, b in zip(inverse, every, strict=True)]),
+        pull=np.stack(inverse),
+        carries=np.stack([b.carries for b in every])[..., None],
+    )
