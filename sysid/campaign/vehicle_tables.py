@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-from sysid.campaign import schema as s
 from sysid.campaign.groups import check_groups
 from sysid.campaign.records import (
     Axle,
@@ -19,6 +18,8 @@ from sysid.campaign.records import (
     PriorOverride,
     Vehicle,
 )
+from sysid.campaign.schema import CampaignFile
+from sysid.campaign.schema_vehicle import AxleTable, BodyTable, GroupTable, LoadCaseTable
 from sysid.campaign.units import pressure_pa
 from sysid.campaign.wording import finish, nearest, shorten
 from sysid.errors import CampaignError
@@ -44,7 +45,7 @@ class VehicleReader:
         If names are unknown or used twice, positions contradict each other, or a list has the wrong length.
     """
 
-    def __init__(self, tables: s.CampaignFile, label: str) -> None:
+    def __init__(self, tables: CampaignFile, label: str) -> None:
         self._label = label
         table = tables.vehicle
         self._unique([b.name for b in table.body], "vehicle.body")
@@ -92,7 +93,7 @@ class VehicleReader:
         if double is not None:
             raise CampaignError(f"{self._label}: two entries of {key} have the name '{shorten(double)}'; rename one.")
 
-    def _check_positions(self, axles: Sequence[s.AxleTable], bodies: Sequence[s.BodyTable]) -> None:
+    def _check_positions(self, axles: Sequence[AxleTable], bodies: Sequence[BodyTable]) -> None:
         if abs(axles[0].x_m) > _SAME_PLACE_M:
             raise CampaignError(
                 f"{self._label}: the foremost axle '{shorten(axles[0].name)}' has x_m = {axles[0].x_m:g}, expected 0; "
@@ -110,7 +111,7 @@ class VehicleReader:
                 "front of it; enter bodies front to rear and give the hitch keys to the rear one."
             )
 
-    def _axle(self, table: s.AxleTable, index: int, several_load_cases: bool) -> Axle:
+    def _axle(self, table: AxleTable, index: int, several_load_cases: bool) -> Axle:
         key = f"vehicle.axle[{index + 1}] ('{shorten(table.name)}')"
         leaf = table.leaf
         if leaf is not None and table.suspension != "leaf":
@@ -148,11 +149,11 @@ class VehicleReader:
             priors=priors,
         )
 
-    def _group(self, table: s.GroupTable, index: int) -> AxleGroup:
+    def _group(self, table: GroupTable, index: int) -> AxleGroup:
         axles = tuple(sorted(self.axle(n, f"vehicle.group[{index + 1}].axles") for n in table.axles))
         return AxleGroup(table.name, axles, table.mass_kg, table.pitch_inertia_kg_m2)
 
-    def _load_case(self, name: str, table: s.LoadCaseTable, order: Sequence[int], bodies: int) -> LoadCase:
+    def _load_case(self, name: str, table: LoadCaseTable, order: Sequence[int], bodies: int) -> LoadCase:
         counts = {
             "axle_loads_kg": (len(order), "axle"),
             "sprung_mass_kg": (bodies, "body"),

@@ -1,0 +1,155 @@
+"""Tables of the vehicle and of its load cases."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, StrictBool, StrictStr, model_validator
+
+from sysid.campaign.schema_fields import (
+    Height,
+    Inertia,
+    Length,
+    Mass,
+    Name,
+    NotNegative,
+    OptionalMass,
+    Position,
+    Positive,
+    Table,
+)
+from sysid.campaign.schema_priors import PriorsTable
+
+
+class BodyTable(Table):
+    """[[vehicle.body]]: one rigid sprung body."""
+
+    name: Name
+    hitch_x_m: Position | None = None
+    hitch_height_m: Height | None = None
+
+    @model_validator(mode="after")
+    def _height_needs_hitch(self) -> BodyTable:
+        if self.hitch_height_m is not None and self.hitch_x_m is None:
+            raise ValueError("has hitch_height_m without hitch_x_m; give both or neither")
+        return self
+
+
+class LeafTable(Table):
+    """leaf = {...}: one leaf pack, one side."""
+
+    leaves: Annotated[int, Field(strict=True, ge=1, le=100)]
+    width_m: Length
+    thickness_m: Length
+    length_m: Length
+
+
+Curve = Annotated[list[Annotated[float, Field(strict=True, allow_inf_nan=False)]], Field(min_length=2, max_length=40)]
+
+
+def _check_curve(positions: list[float], forces: list[float], what: str, name: str) -> None:
+    if len(positions) != len(forces):
+        raise ValueError(f"has {len(positions)} values of {what} and {len(forces)} of force_N; give pairs")
+    if any(b <= a for a, b in pairwise(positions)):
+        raise ValueError(f"has values of {what} that do not increase; sort the {name}")
+    if any(b < a for a, b in pairwise(forces)):
+        raise ValueError(f"has a force_N that falls with {what}; positive force pulls axle and body together")
+    if not positions[0] < 0.0 < positions[-1]:
+        raise ValueError(f"does not reach to both sides of {what} = 0, static rest; extend the {name}")
+    at_rest = float(np.interp(0.0, positions, forces))
+    if abs(at_rest) > 1e-3 * max(abs(f) for f in forces):
+        raise ValueError(f"gives {at_rest:g} N at {what} = 0; subtract the force at static rest from force_N")
+
+
+class SpringTable(Table):
+    """spring_table = {...}: force (positive pulls axle and body together) against extension
+    from static rest in the first load case."""
+
+    extension_m: Curve
+    force_N: Curve
+
+    @model_validator(mode="after")
+    def _curve(self) -> SpringTable:
+        _check_curve(self.extension_m, self.force_N, "extension_m", "spring table")
+        return self
+
+
+class DamperTable(Table):
+    """damper_table = {...}: force against the rate of extension, rebound positive."""
+
+    rate_m_s: Curve
+    force_N: Curve
+
+    @model_validator(mode="after")
+    def _curve(self) -> DamperTable:
+        _check_curve(self.rate_m_s, self.force_N, "rate_m_s", "damper table")
+        return self
+
+
+class AxleTable(Table):
+    """[[vehicle.axle]]: one axle, both sides and all its tires together."""
+
+    name: Name
+    body: Name
+    x_m: Position
+    unsprung_mass_kg: OptionalMass
+    tire_stiffness_N_per_m: Positive
+    tire_damping_N_s_per_m: NotNegative
+    tire_radius_m: Length
+    suspension: Literal["leaf", "air", "other"]
+    suspension_law: Annotated[StrictStr, Field(min_length=1, max_length=200)] | None = None
+    spring_table: SpringTable | None = None
+    damper_table: DamperTable | None = None
+    hanger_lash_m: Length | None = None
+    load_dependent: StrictBool | None = None
+    inflation_pressure_kPa: Positive | None = None
+    tire_stiffness_pressure_kPa: Positive | None = None
+    jounce_travel_m: Length | None = None
+    rebound_travel_m: Length | None = None
+    leaf: LeafTable | None = None
+    priors: PriorsTable | None = None
+
+
+class GroupTable(Table):
+    """[[vehicle.group]]: axles on a common beam."""
+
+    name: Name
+    axles: Annotated[list[Name], Field(min_length=1, max_length=20)]
+    mass_kg: OptionalMass
+    pitch_inertia_kg_m2: NotNegative
+
+
+Tolerance = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=0.5)]
+
+
+class TolerancesTable(Table):
+    """tolerances = {...}: relative standard deviations of declared mass properties, 0 for exact ones."""
+
+    unsprung_mass: Tolerance = 0.03
+    pitch_inertia: Tolerance = 0.05
+    cg_height: Tolerance = 0.03
+    hitch_height: Tolerance = 0.03
+
+
+class VehicleTable(Table):
+    """[vehicle]: bodies and axles, front to rear."""
+
+    name: Name
+    wheelbase_m: Length | None = None
+    gravity_m_s2: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=9.0, le=10.0)] = 9.81
+    tolerances: TolerancesTable = TolerancesTable()
+    body: Annotated[list[BodyTable], Field(min_length=1, max_length=20)]
+    axle: Annotated[list[AxleTable], Field(min_length=1, max_length=40)]
+    group: Annotated[list[GroupTable], Field(max_length=40)] = []
+
+
+class LoadCaseTable(Table):
+    """[load_case.NAME]: scale readings and mass properties."""
+
+    cargo_mass_kg: OptionalMass | None = None
+    axle_loads_kg: Annotated[list[Mass], Field(min_length=1, max_length=40)]
+    sprung_mass_kg: Annotated[list[Mass], Field(min_length=1, max_length=20)]
+    pitch_inertia_kg_m2: Annotated[list[Inertia], Field(min_length=1, max_length=20)]
+    cg_height_m: Annotated[list[Height], Field(min_length=1, max_length=20)]
