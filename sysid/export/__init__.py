@@ -1,6 +1,6 @@
 """Files for other programs: result.json, parameters.csv, validation.csv, predictions/*.csv, posterior.nc; models."""
 
-from sysid.export.chrono import chrono_merged
+from sysid.export.chrono import chrono_merged, read_chrono
 from sysid.export.contents import Results
 from sysid.export.files import write_atomically, write_text
 from sysid.export.inference_data import posterior_tree, write_posterior
@@ -27,6 +27,7 @@ __all__ = [
     "posterior_tree",
     "prediction_csv",
     "prediction_files",
+    "read_chrono",
     "result_document",
     "result_schema",
     "validation_csv",
