@@ -14,6 +14,7 @@ from sysid.errors import CampaignError, DataRejectedError
 CAMPAIGN_BYTES = 5_000_000
 LOG_BYTES = 500_000_000
 SCAN_BYTES = 1_000_000_000
+PROFILE_BYTES = 200_000_000
 _NAME_BYTES = 255  # longest file name of common file systems
 _LISTED_FILES = 5_000
 

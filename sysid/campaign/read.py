@@ -34,9 +34,15 @@ if TYPE_CHECKING:
     from sysid.campaign.vehicle_tables import VehicleReader
 
 PointCloudReader = Callable[[Path, str], np.ndarray]
+ProfileReader = Callable[[Path, float, str], BumpShape]
 
 
-def read_campaign(path: str | Path, *, point_cloud_reader: PointCloudReader | None = None) -> Campaign:
+def read_campaign(
+    path: str | Path,
+    *,
+    point_cloud_reader: PointCloudReader | None = None,
+    profile_reader: ProfileReader | None = None,
+) -> Campaign:
     """Read a campaign: check the file, resolve names, convert to SI, read and hash every input.
 
     Parameters
@@ -45,6 +51,9 @@ def read_campaign(path: str | Path, *, point_cloud_reader: PointCloudReader | No
         The campaign file, or the folder that holds a `campaign.toml`.
     point_cloud_reader
         Function (file, unit) -> points (n, 3) [m] that reads a scan; without it scans hold no points.
+    profile_reader
+        Function (file, lateral place [m], name) -> bump that reads the profile of a prediction; without it such bumps
+        have no stations.
 
     Returns
     -------
@@ -88,7 +97,7 @@ def read_campaign(path: str | Path, *, point_cloud_reader: PointCloudReader | No
         plank_drops=reader.plank_drops(),
         bump_runs=reader.bump_runs(scans),
         scans=scans,
-        predictions=reader.predictions(scans),
+        predictions=reader.predictions(scans, profile_reader),
         input_sha256=reader.hashes,
         messages=reader.messages(),
         priors={name: NamedPrior(*table.lognormal()) for name, table in tables.priors.items()},
@@ -207,27 +216,41 @@ class _Inputs:
             )
         return tuple(runs)
 
-    def predictions(self, scans: Mapping[str, Scan]) -> tuple[PredictionRequest, ...]:
-        """Passes to predict.
+    def predictions(
+        self, scans: Mapping[str, Scan], profile_reader: ProfileReader | None
+    ) -> tuple[PredictionRequest, ...]:
+        """Passes to predict; bumps of different shape have different names.
 
         Raises
         ------
         CampaignError
-            If a load case or a scan that one names is missing.
+            If a load case, a scan or a file that one names is missing.
+        DataRejectedError
+            If the reader finds no bump in a file.
         """
         result = []
+        named: dict[str, BumpShape] = {}
         for i, entry in enumerate(self.tables.tests.prediction):
             key = f"tests.prediction[{i + 1}]"
-            shape = None if entry.shape is None else _shape(entry.shape)
-            result.append(
-                PredictionRequest(
-                    self._load_case(entry.load_case, key),
-                    speed_m_s(entry.speed_km_h),
-                    self._bump(entry.bump, key, scans) if shape is None else shape.label,
-                    shape,
-                )
-            )
+            load_case, speed = self._load_case(entry.load_case, key), speed_m_s(entry.speed_km_h)
+            if entry.shape is None:
+                result.append(PredictionRequest(load_case, speed, self._bump(entry.bump, key, scans)))
+                continue
+            shape = self._shape(entry.shape, f"{key}.shape", profile_reader)
+            name, count = shape.label, 1
+            while named.setdefault(name, shape) != shape:
+                count += 1
+                name = f"{shape.label} ({count})"
+            result.append(PredictionRequest(load_case, speed, name, shape))
         return tuple(result)
+
+    def _shape(self, table: s.ShapeTable, key: str, profile_reader: ProfileReader | None) -> BumpShape:
+        if table.file is None:
+            return _shape(table)
+        path, name = self._input(table.file, f"{key}.file", paths.PROFILE_BYTES), paths.relative_name(table.file)
+        if profile_reader is None:
+            return BumpShape("points", source=name)
+        return profile_reader(path, table.lateral_m or 0.0, name)
 
     def messages(self) -> tuple[str, ...]:
         """What somebody should know about the list of tests."""
@@ -265,6 +288,7 @@ class _Inputs:
 
 
 def _shape(table: s.ShapeTable) -> BumpShape:
+    assert table.name != "file"
     points = tuple(table.station_m), tuple(table.heights_m)
     return BumpShape(table.name, table.height_m, table.length_m, table.top_m, *points)
 

@@ -130,18 +130,29 @@ class BumpRunTable(Table):
 
 
 class ShapeTable(Table):
-    """shape = {...}: a bump by name and size, or by points along the road."""
+    """shape = {...}: a bump by name and size, by points along the road, or from a file."""
 
-    name: Literal["watts", "sinusoidal", "half_sine", "parabolic", "trapezoid", "points"]
+    name: Literal["watts", "sinusoidal", "half_sine", "parabolic", "trapezoid", "points", "file"]
     height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.001, le=1.0)] | None = None
     length_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.01, le=100.0)] | None = None
     top_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=100.0)] | None = None
     station_m: Annotated[list[Position], Field(max_length=100_000)] = []
     heights_m: Annotated[list[Position], Field(max_length=100_000)] = []
+    file: PathText | None = None
+    lateral_m: Position | None = None
 
     @model_validator(mode="after")
     def _size_of_shape(self) -> ShapeTable:
         sized = self.height_m is not None and self.length_m is not None
+        if self.name == "file":
+            others = self.model_fields_set - {"name", "file", "lateral_m"}
+            if self.file is None or others:
+                raise ValueError(
+                    "comes from a file; give file, lateral_m for an OpenCRG surface, and no size or points"
+                )
+            return self
+        if self.file is not None or self.lateral_m is not None:
+            raise ValueError(f"is a {self.name} bump; file and lateral_m belong to name = 'file'")
         if self.name == "points":
             if self.height_m is not None or self.length_m is not None or len(self.station_m) < 3:
                 raise ValueError("is given by points; give station_m and heights_m, three or more, and no other size")

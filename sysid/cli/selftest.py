@@ -44,6 +44,7 @@ def _simulated(campaign: Path, count: int, seed: int, errors: Console) -> SelfTe
     from sysid.campaign.read import read_campaign
     from sysid.estimation.law_choice import check_priors
     from sysid.road.point_cloud import read_point_cloud
+    from sysid.road.profile_files import bump_from_file
     from sysid.road.scan import analyse_scan
     from sysid.runtime import configure
     from sysid.selftest import self_test
@@ -51,7 +52,7 @@ def _simulated(campaign: Path, count: int, seed: int, errors: Console) -> SelfTe
     configure()
     with StageProgress(errors) as progress:
         progress.stage("selftest")
-        read = read_campaign(campaign, point_cloud_reader=read_point_cloud)
+        read = read_campaign(campaign, point_cloud_reader=read_point_cloud, profile_reader=bump_from_file)
         check_priors(read)
         profiles = {name: analyse_scan(s).profile for name, s in read.scans.items()}
         return self_test(read, profiles, count, seed, progress=progress.update)

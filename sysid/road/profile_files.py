@@ -27,19 +27,19 @@ _HEAD_BYTES = 1 << 20
 _STATION, _HEIGHT = "station_m", "height_m"
 
 
-def bump_from_file(path: Path, lateral_m: float = 0.0) -> BumpShape:
+def bump_from_file(path: Path, lateral_m: float = 0.0, name: str | None = None) -> BumpShape:
     """Bump along the direction of travel in a file, as heights above the road at stations [m].
 
     Text has the columns ``station_m`` and ``height_m``.  Of an OpenCRG surface the heights along the reference line, or
     `lateral_m` [m] to its left, are taken in the direction of increasing u, less the straight line through the first
-    and the last of them: the model drives on level road.
+    and the last of them: the model drives on level road.  `name` of the file for people, by default without folder.
 
     Raises
     ------
     DataRejectedError
         If the file cannot be read, or holds no bump; one sentence with the file's name.
     """
-    label = shorten(path.name)
+    label = shorten(path.name if name is None else name)
     head = _head(path, label)
     if b"$KD_DEFINITION" in head.upper() or path.suffix.lower() == ".crg":
         station, height = _long_section(path, label, head, lateral_m)

@@ -39,6 +39,7 @@ from sysid.prediction.driven import run_bands, with_bands
 from sysid.prediction.passes import SWEEP_KM_H, predict
 from sysid.prediction.results import Predictions
 from sysid.road.point_cloud import read_point_cloud
+from sysid.road.profile_files import bump_from_file
 from sysid.road.results import RoadProfile, ScanAnalysis
 from sysid.road.scan import analyse_scan
 from sysid.runtime import configure
@@ -97,7 +98,7 @@ class Calibration:
         self._progress = progress or (lambda message, fraction: None)
         self._notice = notice
         self._resume = resume
-        self._raw = read_campaign(campaign, point_cloud_reader=read_point_cloud)
+        self._raw = read_campaign(campaign, point_cloud_reader=read_point_cloud, profile_reader=bump_from_file)
         check_priors(self._raw)
         self._stages = StageFolder(self.output, self.settings, self._raw.input_sha256)
         self._screened: tuple[Campaign, QualityReport] | None = None

@@ -167,7 +167,43 @@ def test_a_prediction_over_a_named_shape(small):
     assert request.shape == BumpShape("points", station_m=(0.0, 1.0, 2.0), heights_m=(0.0, 0.1, 0.0))
 
 
+def test_bumps_of_different_shape_have_different_names(small):
+    shapes = ("[0, 0.1, 0]", "[0, 0.05, 0]", "[0, 0.1, 0]")
+    entries = ", ".join(
+        f"{{ load_case = 'empty', speed_km_h = {30 + i}, shape = {{ name = 'points', station_m = [0, 1, 2], "
+        f"heights_m = {heights} }} }}"
+        for i, heights in enumerate(shapes)
+    )
+    found = read_campaign(small(("[tests]", f"[tests]\nprediction = [{entries}]"))).predictions
+    assert [r.bump for r in found] == ["points, 3 stations", "points, 3 stations (2)", "points, 3 stations"]
+
+
+def test_a_prediction_over_the_profile_in_a_file(small):
+    change = with_prediction("shape = { name = 'file', file = 'roads/hump.csv', lateral_m = -0.9 }")
+    path = small(change)
+    folder = path if path.is_dir() else path.parent
+    with pytest.raises(CampaignError, match=r"tests.prediction\[1\].shape.file names 'roads/hump.csv'"):
+        read_campaign(path)
+    (folder / "roads").mkdir()
+    (folder / "roads" / "hump.csv").write_text("station_m,height_m\n0,0\n1,0.1\n2,0\n")
+    seen = []
+
+    def reader(file, lateral_m, name):
+        seen.append((file.name, lateral_m, name))
+        return BumpShape("points", station_m=(0.0, 1.0, 2.0), heights_m=(0.0, 0.1, 0.0), source=name)
+
+    campaign = read_campaign(path, profile_reader=reader)
+    assert seen == [("hump.csv", -0.9, "roads/hump.csv")]
+    assert campaign.predictions[0].bump == "roads/hump.csv"
+    assert "roads/hump.csv" in campaign.input_sha256
+    assert read_campaign(path).predictions[0].shape == BumpShape("points", source="roads/hump.csv")
+
+
 SHAPE_FAULTS = [
+    ("shape = { name = 'file' }", "give file, lateral_m"),
+    ("shape = { name = 'file', file = 'a.crg', height_m = 0.1 }", "and no size or points"),
+    ("shape = { name = 'watts', height_m = 0.1, length_m = 3.7, file = 'a.crg' }", "belong to name = 'file'"),
+    ("shape = { name = 'file', file = '../a.crg' }", "leads outside the campaign folder"),
     ("bump = 'bump', shape = { name = 'watts', height_m = 0.1, length_m = 3.7 }", "both bump and shape"),
     ("shape = { name = 'watts', height_m = 0.1 }", "give its height_m and length_m"),
     ("shape = { name = 'wats', height_m = 0.1, length_m = 3.7 }", "did you mean 'watts'"),
