@@ -76,7 +76,8 @@ def main() -> None:
     fit, state = fit_bump_runs(campaign, parameters, profiles, FitOptions(cross_check=False))
     off = max(abs(np.log(p.value / p.prior_median)) for p in fit.parameters if p.quantity in ("stiffness", "damping"))
     print(f"stiffness and damping held within {off:.1e} of the truth")
-    roads = EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles)
+    tires = state.model.tires
+    roads = EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, tires=tires)
     worst = []
     for run, speed, start in zip(campaign.bump_runs, state.motion.speed_m_s, state.motion.start_s, strict=True):
         lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [Pass(run.load_case, run.bump)], [])
@@ -91,7 +92,7 @@ def main() -> None:
         worst.append(e.max())
         print(f"{run.log.file}: " + " ".join(f"{100 * x:.2f}" for x in e) + " %")
     print(f"worst run and axle: {100 * max(worst):.2f} %")
-    for p in predict(campaign, parameters, profiles, state.log_parameters, None).passes:
+    for p in predict(campaign, parameters, profiles, state.log_parameters, None, tires=tires).passes:
         file = forces / "predictions" / f"{p.load_case}_{3.6 * p.speed_m_s:.0f}kmh.csv"
         true = pd.read_csv(file)
         first = true["tire_force1_kN"].to_numpy()

@@ -25,8 +25,8 @@ from sysid.selftest.world import World
 PHYSICS = (
     Physics("tandem cams", cams=1.0),
     Physics("30 % cams", cams=0.3),
-    Physics("soft spokes", spoke_exponent=0.5),
-    Physics("stiff spokes", spoke_exponent=1.0),
+    Physics("soft spokes", spokes=-0.2),
+    Physics("stiff spokes", spokes=0.3),
     Physics("1 % friction", friction_share=0.01),
     Physics("cams, friction", cams=0.2, friction_share=0.005),
     Physics("as modelled"),
@@ -66,8 +66,11 @@ def replicate(number: int) -> Record:
             pairs = zip(centres, halves, strict=True)
             bands = [[float(np.exp(m[i] + s * h)) for s in (-1.0, 0.0, 1.0)] for m, h in pairs]
             entries.append(_entry(p.name, p.quantity, world.values[p.name], *bands))
+    tires = state.model.tires
     passes = [
-        predict(campaign, plan.parameters, plan.profiles, m, draws, masses=masses, seed=number, sweep_km_h=())
+        predict(
+            campaign, plan.parameters, plan.profiles, m, draws, tires=tires, masses=masses, seed=number, sweep_km_h=()
+        )
         for m, draws, masses in zip(centres, sets, (state.masses, None), strict=True)
     ]
     entries += _peaks(plan, world, *passes)
@@ -84,18 +87,21 @@ def posterior_mode(fit: FitResult, state: FitState) -> np.ndarray:
     """Mode (p,) of the density that is sampled, one Newton step from the optimum.
 
     The likelihood is flattened and the priors are not, so their pull g at the optimum weighs more there: the mode is
-    off by -(Q + P)^-1 (I - C'C') g, with the covariance (Q + P)^-1 and the matrix C of the sandwich.
+    off by -(Q + P)^-1 (I - D'C'C') g, with the covariance (Q + P)^-1, the matrix C of the sandwich and D of footprint
+    maps that follow their tires.
     """
     rows, targets = state.model.parameters.prior_rows()
     pull = rows.T @ (rows @ state.log_parameters - targets)
-    flat = state.adjustment.T
-    return np.asarray(state.log_parameters - fit.covariance @ (pull - flat @ (flat @ pull)))
+    follow = np.eye(pull.size) if state.following is None else state.following
+    flat = np.linalg.solve(follow.T, state.adjustment.T)
+    return np.asarray(state.log_parameters - fit.covariance @ (pull - follow.T @ flat @ (flat @ pull)))
 
 
 def independent_covariance(optimum: Optimum) -> np.ndarray:
     """Covariance (p, p) of the log parameters if residuals were independent and the model exact."""
     noise = optimum.problem.weights.noise_sd
-    plain = optimum.problem.with_weights(Weights(noise, tuple(np.ones_like(n) for n in noise)))
+    weights = Weights(noise, tuple(np.ones_like(n) for n in noise), optimum.problem.weights.reading)
+    plain = optimum.problem.with_weights(weights)
     jacobian = plain.compressed(optimum.vector).jacobian
     return np.asarray(np.linalg.inv(jacobian.T @ jacobian)[: plain.count, : plain.count])
 

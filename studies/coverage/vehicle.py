@@ -10,17 +10,18 @@ import numpy as np
 
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
+from sysid.estimation.map_tires import map_tires
 from sysid.estimation.parameters import ParameterSet, campaign_parameters
 from sysid.estimation.uncertain_masses import uncertain_masses
 from sysid.road.contact_laws import cam_map
-from sysid.road.enveloping import FootprintMap, SpokeTable, spoke_table
+from sysid.road.enveloping import FootprintMap
 from sysid.road.point_cloud import read_point_cloud
 from sysid.road.results import RoadProfile
 from sysid.road.scan import analyse_scan
 from sysid.sdof.results import DropEstimate, DropSummary
 from sysid.selftest.readings import planned_campaign
 from sysid.selftest.world import World, draw_parameters
-from sysid.vehicle_model.lanes import EffectiveRoads
+from sysid.vehicle_model.lanes import EffectiveRoads, MapTires
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Nominal k [N/m] and c [N s/m] per axle of a tractor with a lowboy trailer.
@@ -34,33 +35,31 @@ FRICTION = frozenset({"friction"})
 class Physics:
     """How the true vehicle differs from the model: `cams` share of the cams' contact in that of radial springs.
 
-    `spoke_exponent` of the radial springs; `friction_share` of the load that leaf springs carry is Coulomb friction.
+    `spokes` is added to the exponent of the radial springs that goes with the tire's load law; `friction_share` of the
+    load that leaf springs carry is Coulomb friction.
     """
 
     name: str
     cams: float = 0.0
-    spoke_exponent: float = 0.7
+    spokes: float = 0.0
     friction_share: float = 0.0
 
 
 class MixedRoads(EffectiveRoads):
-    """Contact between radial springs of any exponent and tandem cams."""
+    """Contact between radial springs and tandem cams."""
 
-    def __init__(self, vehicle, load_cases, profiles, physics: Physics):
-        super().__init__(vehicle, load_cases, profiles)
+    def __init__(self, vehicle, load_cases, profiles, tires: MapTires, physics: Physics):
+        super().__init__(vehicle, load_cases, profiles, tires=tires)
         self._physics = physics
-
-    def _make_table(self, bump: str, radius_m: float) -> SpokeTable:
-        return spoke_table(self.profiles[bump], radius_m, exponent=self._physics.spoke_exponent)
 
     def _make_maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
         springs = super()._make_maps(load_case, bump)
         if self._physics.cams == 0.0:
             return springs
-        case, gravity = self._load_cases[load_case], self._vehicle.gravity_m_s2
+        case, gravity = self.load_cases[load_case], self.vehicle.gravity_m_s2
         found = []
-        for i, axle in enumerate(self._vehicle.axles):
-            deflection = case.axle_loads_kg[i] * gravity / axle.tire_stiffness_N_per_m
+        for i, axle in enumerate(self.vehicle.axles):
+            deflection = case.axle_loads_kg[i] * gravity / self.tires.stiffness_N_per_m[i]
             cams = cam_map(self.profiles[bump], axle.tire_radius_m, deflection)
             found.append(_mixed(springs[i], cams, self._physics.cams))
         return tuple(found)
@@ -137,5 +136,7 @@ def misfit_world(plan: Plan, physics: Physics, random: np.random.Generator) -> W
             carried = (first.axle_loads_kg[p.axle] - axles[p.axle].unsprung_mass_kg) * vehicle.gravity_m_s2
             truth[p.name] = np.log(physics.friction_share * carried) + 0.3 * random.standard_normal()
         truth.setdefault(p.name, np.log(p.prior_median))
-    roads = MixedRoads(vehicle, load_cases, plan.profiles, physics)
-    return World(true, parameters, np.array([truth[n] for n in parameters.names]), roads)
+    values = np.array([truth[n] for n in parameters.names])
+    tires = map_tires(parameters, values)
+    tires = replace(tires, spoke_exponent=tires.spoke_exponent + physics.spokes)
+    return World(true, parameters, values, MixedRoads(vehicle, load_cases, plan.profiles, tires, physics))

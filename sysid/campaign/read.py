@@ -17,6 +17,7 @@ from sysid.campaign.records import (
     BumpRun,
     BumpShape,
     Campaign,
+    Channel,
     Log,
     NamedPrior,
     PlankDrop,
@@ -42,6 +43,7 @@ def read_campaign(
     *,
     point_cloud_reader: PointCloudReader | None = None,
     profile_reader: ProfileReader | None = None,
+    planned: bool = False,
 ) -> Campaign:
     """Read a campaign: check the file, resolve names, convert to SI, read and hash every input.
 
@@ -54,6 +56,8 @@ def read_campaign(
     profile_reader
         Function (file, lateral place [m], name) -> bump that reads the profile of a prediction; without it such bumps
         have no stations.
+    planned
+        Take logs that do not exist for tests that are still to come: one blank reading of every declared sensor.
 
     Returns
     -------
@@ -79,7 +83,7 @@ def read_campaign(
             check_statics(vehicle.vehicle, load_case)
     except CampaignError as error:
         raise CampaignError(f"{file.name}: {error}") from None
-    reader = _Inputs(file, tables, vehicle, {file.name: paths.sha256(file)})
+    reader = _Inputs(file, tables, vehicle, {file.name: paths.sha256(file)}, planned)
     scans = reader.scans(point_cloud_reader)
     acquisition = tables.acquisition
     low_pass = acquisition.filter
@@ -110,6 +114,7 @@ class _Inputs:
     tables: s.CampaignFile
     vehicle: VehicleReader
     hashes: dict[str, str]
+    planned: bool
 
     def _input(self, name: str, key: str, limit: int) -> Path:
         path = paths.input_file(self.file.parent, name, f"{self.file.name}: {key}", limit)
@@ -118,8 +123,12 @@ class _Inputs:
         return path
 
     def _log(self, name: str, key: str, sensors: Sequence[Sensor]) -> Log:
+        interval = self.tables.acquisition.sample_interval_s
+        if self.planned and not (self.file.parent / name).exists():
+            channels = (Channel(s, np.zeros(1), np.zeros(1), np.zeros(1, np.int8)) for s in sensors)
+            return Log(paths.relative_name(name), interval, tuple(channels))
         path = self._input(name, f"{key}.file", paths.LOG_BYTES)
-        return read_log(path, paths.relative_name(name), sensors, self.tables.acquisition.sample_interval_s)
+        return read_log(path, paths.relative_name(name), sensors, interval)
 
     def _load_case(self, name: str, key: str) -> str:
         return self.vehicle.pick(name, list(self.vehicle.load_cases), f"{key}.load_case", "load case")

@@ -112,6 +112,7 @@ _stage(
 _stage("advise", "What to measure next: further runs and sensors ranked by what they would bring.", _ADVICE_OPTIONS)
 _stage("profile", "Profile of the deviance of chosen parameters, all others optimised anew.", _PROFILE_OPTIONS)
 _stage("sample", "Posterior of all parameters by emcee, continued until it has converged.")
+_stage("crosscheck", "The posterior once more by a gradient-based sampler, and how far both agree; needs nutpie.")
 _stage("predict", "Dynamic wheel loads of the passes that the campaign asks for, or of others.", _PASS_OPTIONS)
 _stage("report", "Write report.html from the stages that have run.")
 _stage(
@@ -120,7 +121,7 @@ _stage(
 )
 _stage(
     "run",
-    "All stages in order, but for profile, selftest and runs left out (validate --leave-out); advise not with --quick.",
+    "All stages in order, but for profile, crosscheck, selftest and validate --leave-out; advise not with --quick.",
 )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
+from sysid.campaign.wording import shorten
 from sysid.cli.invocation import name_of_program
 from sysid.cli.progress import StageProgress
 from sysid.cli.stages import INTERRUPTED, console, termination_as_interrupt
@@ -52,7 +53,15 @@ def _simulated(campaign: Path, count: int, seed: int, errors: Console) -> SelfTe
     configure()
     with StageProgress(errors) as progress:
         progress.stage("selftest")
-        read = read_campaign(campaign, point_cloud_reader=read_point_cloud, profile_reader=bump_from_file)
+        read = read_campaign(campaign, point_cloud_reader=read_point_cloud, profile_reader=bump_from_file, planned=True)
+        to_come = [r.log.file for r in read.bump_runs if r.log.duration_s == 0.0]
+        if to_come:
+            some = shorten(to_come[0], 60) + (", ..." if len(to_come) > 1 else "")
+            errors.print(
+                f"{name_of_program()} selftest: {len(to_come)} of {len(read.bump_runs)} logs do not exist yet "
+                f"({some}); these runs are simulated as planned.",
+                markup=False,
+            )
         check_priors(read)
         profiles = {name: analyse_scan(s).profile for name, s in read.scans.items()}
         return self_test(read, profiles, count, seed, progress=progress.update)

@@ -78,7 +78,7 @@ def _run(name, campaign, output, screen, errors, resume, choices) -> int:
     passes_only = any(value not in (None, ()) for value in asked.values())
     # A seed of 0 is a choice as well, and equal to False.
     chosen = any(choices.get(option) is not None and choices[option] is not False for option in KEPT_CHOICES)
-    if (name in ("report", "export", "advise", "profile", "validate") or passes_only) and not chosen:
+    if (name in ("report", "export", "advise", "profile", "validate", "crosscheck") or passes_only) and not chosen:
         # These show what is there: without options they take those of the run that filled the folder.
         choices |= recall(output)
     settings = make_settings(**choices)
@@ -101,6 +101,11 @@ def _run(name, campaign, output, screen, errors, resume, choices) -> int:
             calibration.redo(name)
             progress.stage(name)
             result = calibration.advise(*([speeds] if speeds else []))
+            calibration.export()
+        elif name == "crosscheck":
+            calibration.redo(name)
+            progress.stage(name)
+            result = calibration.crosscheck()
             calibration.export()
         elif name == "profile":
             progress.stage(name)
@@ -143,6 +148,8 @@ def _exit_code(name: str, calibration) -> int:
     if name == "fit" and not calibration.fit().converged:
         return NotConvergedError.exit_code
     if name == "sample" and not calibration.sample().converged:
+        return NotConvergedError.exit_code
+    if name == "crosscheck" and not calibration.crosscheck().agrees:
         return NotConvergedError.exit_code
     if name == "run" and calibration.results().status != "converged":
         return NotConvergedError.exit_code

@@ -189,6 +189,22 @@ def show_sample(screen: Console, calibration, posterior) -> None:
     screen.print(posterior.message, markup=False)
 
 
+def show_crosscheck(screen: Console, calibration, checked) -> None:
+    """Both samplers' means and spreads, parameter by parameter."""
+    table = plain_table(
+        "Ensembles against the gradient-based sampler", ("parameter", "means apart [sd]", "sd ratio", "agree")
+    )
+    for p in checked.parameters:
+        table.add_row(
+            escape(p.name),
+            f"{p.shift:+.2f} ± {p.shift_error:.2f}",
+            f"{p.sd_ratio:.2f} ± {p.sd_ratio_error:.2f}",
+            "yes" if p.agrees else "no",
+        )
+    screen.print(table)
+    screen.print(checked.message, markup=False)
+
+
 def show_predict(screen: Console, calibration, predictions) -> None:
     """Peak dynamic load ratio per axle of every predicted pass."""
     axles = calibration.campaign.vehicle.axles

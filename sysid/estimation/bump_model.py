@@ -33,7 +33,7 @@ from sysid.vehicle_model.contact import EffectiveRoad, RoadInput
 from sysid.vehicle_model.engine import Timing, WheelRoad
 from sysid.vehicle_model.filters import FilterRecursion, discretise
 from sysid.vehicle_model.lane_matrices import LaneMatrices
-from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, Pass, make_lanes, pass_matrices
+from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, MapTires, Pass, make_lanes, pass_matrices
 from sysid.vehicle_model.simulation import Motion, SensorLayout
 
 #: Standard deviation of a sensor's gain about its calibration.
@@ -43,7 +43,10 @@ TARGET_STEP_S = 0.00125
 
 
 class GroupArrays(NamedTuple):
-    """Arrays of one group of runs that the compiled functions take: model constants, data and weights."""
+    """Arrays of one group of runs that the compiled functions take: model constants, data and weights.
+
+    `measured` (T, R, C) square root of the weight of every plain reading, 0 where there is none.
+    """
 
     matrices: LaneMatrices
     laws: LawInputs
@@ -84,7 +87,8 @@ class GroupShape(NamedTuple):
 class BumpModel:
     """All bump runs of a campaign as compiled-ready groups, with the parameters that drive them.
 
-    `passes` of every group; `masses` says which mass properties are uncertain, `departures` what the model leaves out.
+    `passes` of every group; `masses` says which mass properties are uncertain, `departures` what the model leaves out;
+    `tires` are those of the footprint maps, None for the declared ones.
     """
 
     parameters: ParameterSet
@@ -97,6 +101,7 @@ class BumpModel:
     passes: tuple[tuple[Pass, ...], ...]
     masses: UncertainMasses
     departures: Departures | None = None
+    tires: MapTires | None = None
 
     @property
     def run_count(self) -> int:
@@ -139,6 +144,7 @@ def bump_model(
     *,
     target_step_s: float = TARGET_STEP_S,
     contact: ContactLaw = "footprint",
+    tires: MapTires | None = None,
     roads: EffectiveRoads | None = None,
 ) -> BumpModel:
     """Prepare all bump runs of a campaign for simulation.
@@ -150,6 +156,7 @@ def bump_model(
     profiles : road profile of each bump by name.
     target_step_s : largest integration step [s]; the step divides every run's sample interval.
     contact : contact law of all tires.
+    tires : those that footprint maps are made for, None for the declared ones.
     roads : what the wheels feel, None for the contact law over `profiles`.
 
     Raises
@@ -162,8 +169,10 @@ def bump_model(
     require_64_bit()
     layout = channel_layout(campaign.bump_runs)
     groups = group_runs(campaign, layout)
-    known = campaign_departures(campaign, parameters, profiles, contact) if roads is None else None
-    roads = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact)
+    known = None
+    if roads is None:
+        roads = EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact, tires)
+        known = campaign_departures(campaign, parameters, roads)
     gain_sd = np.array([GAIN_SD[s.kind] for s in layout.sensors])
     arrays, group_lanes, shapes, group_passes = [], [], [], []
     for group in groups:
@@ -205,18 +214,17 @@ def bump_model(
         tuple(group_passes),
         uncertain_masses(campaign),
         known,
+        tires,
     )
 
 
-def campaign_departures(
-    campaign: Campaign, parameters: ParameterSet, profiles: Mapping[str, RoadProfile], contact: ContactLaw
-) -> Departures:
-    """Departures of a campaign's vehicle in the load cases of its runs and predictions."""
+def campaign_departures(campaign: Campaign, parameters: ParameterSet, roads: EffectiveRoads) -> Departures:
+    """Departures of a campaign's vehicle on `roads` in the load cases of its runs and predictions."""
     wanted = {r.load_case for r in campaign.bump_runs} | {p.load_case for p in campaign.predictions}
     used = [name for name in campaign.load_cases if name in wanted]
     rubbing = {p.axle for p in parameters.parameters if p.quantity == "friction"}
     axles = range(len(campaign.vehicle.axles))
-    return departures(campaign.vehicle, campaign.load_cases, used, profiles, contact, [i in rubbing for i in axles])
+    return departures(roads, used, [i in rubbing for i in axles])
 
 
 def group_road(
@@ -254,20 +262,21 @@ def eliminate_sensors(arrays: GroupArrays, noise_sd: jax.Array, simulated: jax.A
     """Offset and gain of every channel and run that minimise its weighted squares plus the gain's prior.
 
     gain = (S_yd / sigma^2 + 1 / s_g^2) / (S_yy / sigma^2 + 1 / s_g^2), offset = mean(d) - gain mean(y), with S the
-    centred sums over measured samples.
+    centred sums over measured samples, each times its weight.
 
     Parameters
     ----------
     noise_sd : (R, C) residual scale sigma over tempering, infinite where a channel has no reading.
     simulated : (T, R, C, S).
     """
-    mask = arrays.measured[..., None]
-    count = jnp.maximum(mask.sum(axis=0), 1.0)
-    mean_y = (mask * simulated).sum(axis=0) / count
-    mean_d = (arrays.measured * arrays.value).sum(axis=0)[..., None] / count
-    centred_y = mask * (simulated - mean_y)
-    s_yy = (centred_y * centred_y).sum(axis=0)
-    s_yd = (centred_y * arrays.value[..., None]).sum(axis=0)
+    share = (arrays.measured**2)[..., None]
+    count = share.sum(axis=0)
+    count = jnp.where(count > 0.0, count, 1.0)
+    mean_y = (share * simulated).sum(axis=0) / count
+    mean_d = (share * arrays.value[..., None]).sum(axis=0) / count
+    centred_y = simulated - mean_y
+    s_yy = (share * centred_y * centred_y).sum(axis=0)
+    s_yd = (share * centred_y * arrays.value[..., None]).sum(axis=0)
     weight = 1.0 / noise_sd[..., None] ** 2
     prior = 1.0 / arrays.gain_sd[:, None] ** 2
     gain = (s_yd * weight + prior) / (s_yy * weight + prior)

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.optimize import least_squares as scipy_least_squares
 
 from sysid.campaign.records import Campaign
-from sysid.estimation import noise as noise_model
 from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.histories import run_histories
 from sysid.estimation.identifiability import IDENTIFIED_SHRINKAGE, Identifiability, assess
@@ -26,6 +25,7 @@ from sysid.estimation.objective import (
 )
 from sysid.estimation.problem import FitState, Optimum, Problem
 from sysid.estimation.results import FitResult, MassCheck, ParameterEstimate
+from sysid.estimation.reweighting import residual_evidence, residual_inflation
 from sysid.estimation.sandwich import Adjustment
 from sysid.estimation.thresholds import MISFIT, SOLVERS_APART_SD, STEP_HALVING
 from sysid.estimation.uncertain_masses import MassResponse, mass_response
@@ -33,17 +33,8 @@ from sysid.road.contact_laws import CONTACT_LAWS
 
 #: Where the data ask for a mass this many tolerances off, somebody should look at it.
 DOUBTFUL_MASS_SD = 2.0
-_LAGS = 120
 
 Progress = Callable[[str, float], None]
-
-
-def residual_correlations(problem: Problem, linearisations: tuple[Linearisation, ...]) -> list[np.ndarray]:
-    """Autocorrelation (lags, R, C) of the residuals of every group."""
-    return [
-        noise_model.autocorrelation(group, np.asarray(lin.residual), min(_LAGS, group.samples // 4))
-        for group, lin in zip(problem.model.groups, linearisations, strict=True)
-    ]
 
 
 def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: Progress) -> tuple[FitResult, FitState]:
@@ -53,8 +44,7 @@ def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: 
     report("covariance and checks", 0.9)
     parameters, motion = problem.unpack(vector)
     lin = problem.linearise(vector)
-    correlations = residual_correlations(problem, lin)
-    inflation = [noise_model.variance_inflation(c) for c in correlations]
+    inflation = residual_inflation(problem, lin)
     weights = problem.weights
 
     difference = float("nan")
@@ -72,13 +62,12 @@ def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: 
     estimates, runs = _estimates(campaign, problem, parameters, motion, covariance)
     usable = [np.isfinite(n) for n in weights.noise_sd]
     median_inflation = float(np.median(np.concatenate([v[u] for v, u in zip(inflation, usable, strict=True)])))
-    lags = min(c.shape[0] for c in correlations)
     shared = covariance[: problem.count, : problem.count]
     determined = assess(estimates, shared, information)
     warnings = fit_warnings(minimum, optimum.misfit, halving, difference, determined)
     masses = _mass_response(problem, parameters, effect, adjustment)
     checks = _mass_checks(problem, effect)
-    state = FitState(model, parameters, motion, weights, adjustment.matrix, masses)
+    state = FitState(model, parameters, motion, weights, adjustment.matrix, masses, information.following)
     fit = FitResult(
         parameters=estimates,
         run_parameters=runs,
@@ -96,10 +85,7 @@ def conclude(campaign: Campaign, optimum: Optimum, options: FitOptions, report: 
         variance_inflation=median_inflation,
         model_error_inflation=float(np.sqrt(np.mean(adjustment.inflation))),
         contact=CONTACT_LAWS[options.contact],
-        autocorrelation_lag_s=np.arange(lags) * model.groups[0].interval_s,
-        autocorrelation=np.concatenate(
-            [c[:lags].reshape(lags, -1)[:, u.ravel()].T for c, u in zip(correlations, usable, strict=True)]
-        ),
+        residual_evidence=residual_evidence(problem, lin),
         warnings=(*warnings, *_mass_warnings(checks)),
         masses=checks,
         identifiability=determined,

@@ -20,12 +20,12 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.bump_model import BumpModel
-from sysid.estimation.departures import ENVELOPE, FOOTPRINT, FRICTION, STEP, TIRE_LOAD, Departure
+from sysid.estimation.departures import ENVELOPE, FOOTPRINT, FRICTION, SPOKES, STEP, TIRE_LOAD, Departure
 from sysid.estimation.objective import RunMotion, Weights
 from sysid.estimation.residual_columns import ResidualColumns, empty_columns, trial_residuals
 
 #: Scales at which the search begins, and which it does not exceed: what is plausible without any data.
-PLAUSIBLE = {ENVELOPE: 1.0, FOOTPRINT: 0.2, TIRE_LOAD: 0.1, FRICTION: 0.03}
+PLAUSIBLE = {ENVELOPE: 1.0, FOOTPRINT: 0.2, SPOKES: 0.2, TIRE_LOAD: 0.1, FRICTION: 0.03}
 _ROUNDS = 200
 
 

@@ -8,34 +8,34 @@ the data ask for (:mod:`sysid.estimation.departure_scale`) and goes into the cov
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from sysid.campaign.records import LoadCase, Vehicle
 from sysid.estimation.lane_laws import ElementIndex, LawInputs
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.enveloping import FootprintMap
-from sysid.road.results import RoadProfile
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass
 
-ENVELOPE, FOOTPRINT, TIRE_LOAD, FRICTION = "envelope", "footprint", "tire_load", "friction"
+ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD, FRICTION = "envelope", "footprint", "spokes", "tire_load", "friction"
 #: What the kinds are, for people.
 WORDS = {
     ENVELOPE: "how the tire envelops the bump, as a share of the way to another contact law",
     FOOTPRINT: "size of the footprint, as the logarithm of the tire stiffness that it belongs to",
+    SPOKES: "how single spokes of the tire stiffen, exponent beyond the one that the tire's load law has them have",
     TIRE_LOAD: "tire stiffness in a further load case, logarithm over that of one exponent for all",
     FRICTION: "Coulomb friction of the suspension over the load that it carries",
 }
 #: Amplitudes at which the directions are taken: large against rounding, small against what bends the simulation.
-STEP = {ENVELOPE: 0.1, FOOTPRINT: 0.02, TIRE_LOAD: 0.01, FRICTION: 0.005}
+STEP = {ENVELOPE: 0.1, FOOTPRINT: 0.02, SPOKES: 0.02, TIRE_LOAD: 0.01, FRICTION: 0.005}
 #: No draw of a vehicle departs further than this.
-REACH = {ENVELOPE: 2.0, FOOTPRINT: 0.5, TIRE_LOAD: 0.3, FRICTION: 0.1}
-_SOFTER = 0.1
+REACH = {ENVELOPE: 2.0, FOOTPRINT: 0.5, SPOKES: 0.5, TIRE_LOAD: 0.3, FRICTION: 0.1}
+_SOFTER, _STIFFENING = 0.1, 0.1
 _SLIP_M = 1e-3
+_WHOLE_M = 0.5
 _OTHER: dict[ContactLaw, ContactLaw] = {"footprint": "cams", "cams": "footprint", "point": "footprint"}
 
 
@@ -65,19 +65,16 @@ class Departure:
 
 @dataclass(frozen=True)
 class Departures:
-    """The directions of one vehicle over its bumps, and what is needed to go along them."""
+    """The directions of one vehicle over its bumps; `roads` are what its wheels feel at amplitude 0."""
 
-    vehicle: Vehicle
-    load_cases: Mapping[str, LoadCase]
-    profiles: Mapping[str, RoadProfile]
-    contact: ContactLaw
+    roads: EffectiveRoads
     directions: tuple[Departure, ...]
     # Maps of a bump take a while: they are made once.
     _blends: dict[tuple[Pass, ...], BlendedRoad] = field(default_factory=dict, repr=False, compare=False)
 
     def spread(self, kind: str, amplitudes: np.ndarray, load_cases: Sequence[str]) -> np.ndarray:
         """Amplitudes (R, na) of one kind in lanes of the given load cases, from those of all directions (n,)."""
-        found = np.zeros((len(load_cases), len(self.vehicle.axles)))
+        found = np.zeros((len(load_cases), len(self.roads.vehicle.axles)))
         of = [(d, v) for d, v in zip(self.directions, amplitudes, strict=True) if d.kind == kind]
         common = sum(v for d, v in of if d.axle is None)
         for direction, value in of:
@@ -93,8 +90,8 @@ class Departures:
         moved = inputs._replace(tire_factor=stiffer)
         if not any(d.kind == FRICTION for d in self.directions):
             return moved
-        first = next(iter(self.load_cases.values()))
-        carried = (np.array(first.axle_loads_kg) - self.vehicle.unsprung_mass_kg) * self.vehicle.gravity_m_s2
+        vehicle, first = self.roads.vehicle, next(iter(self.roads.load_cases.values()))
+        carried = (np.array(first.axle_loads_kg) - vehicle.unsprung_mass_kg) * vehicle.gravity_m_s2
         elements = dict(inputs.elements)
         none = np.full(carried.size, -1)
         force, slip = (elements.get(name, ElementIndex(none, 0.0 * carried)) for name in ("friction", "slip_length"))
@@ -105,17 +102,19 @@ class Departures:
     def road(self, passes: Sequence[Pass], amplitudes: np.ndarray) -> EffectiveRoad:
         """The effective road of passes moved along the directions of contact."""
         cases = [p.load_case for p in passes]
-        return self.blend(tuple(passes)).moved(
-            self.spread(ENVELOPE, amplitudes, cases), self.spread(FOOTPRINT, amplitudes, cases)
-        )
+        kinds = (ENVELOPE, FOOTPRINT, SPOKES)
+        return self.blend(tuple(passes)).moved(*(self.spread(kind, amplitudes, cases) for kind in kinds))
 
     @cached_property
     def sources(self) -> tuple[EffectiveRoads, ...]:
-        """Roads as the model has them, by another contact law, and under softer tires."""
-        laws = (self.contact, _OTHER[self.contact], self.contact)
-        vehicles = (self.vehicle, self.vehicle, _softer(self.vehicle))
-        pairs = zip(vehicles, laws, strict=True)
-        return tuple(EffectiveRoads(v, self.load_cases, self.profiles, contact) for v, contact in pairs)
+        """Roads as the model has them, by another contact law, under softer tires, and by spokes that stiffen more."""
+        here = self.roads
+        softer = replace(
+            here.tires, stiffness_N_per_m=tuple(k * np.exp(-_SOFTER) for k in here.tires.stiffness_N_per_m)
+        )
+        stiffening = replace(here.tires, spoke_exponent=here.tires.spoke_exponent + _STIFFENING)
+        others = ((_OTHER[here.contact], here.tires), (here.contact, softer), (here.contact, stiffening))
+        return (here, *(EffectiveRoads(here.vehicle, here.load_cases, here.profiles, c, t) for c, t in others))
 
     def blend(self, passes: tuple[Pass, ...]) -> BlendedRoad:
         """The effective road of passes, and its differences to those of the other kinds of contact."""
@@ -126,49 +125,38 @@ class Departures:
 
 @dataclass(frozen=True)
 class BlendedRoad:
-    """The model's effective road and its changes per unit amplitude of envelope and footprint, on common stations."""
+    """The model's effective road and its changes per unit amplitude of the kinds of contact, on common stations."""
 
     base: EffectiveRoad
     envelope: EffectiveRoad
     footprint: EffectiveRoad
+    spokes: EffectiveRoad
 
-    def moved(self, envelope: np.ndarray, footprint: np.ndarray) -> EffectiveRoad:
+    def moved(self, envelope: np.ndarray, footprint: np.ndarray, spokes: np.ndarray) -> EffectiveRoad:
         """The road with amplitudes (R, na); splines are linear in their values, so coefficients add up."""
         base = self.base
         assert base.stretch is not None
         assert base.drag is not None
 
         def sum_of(name: str) -> np.ndarray:
-            parts = (getattr(r, name) for r in (base, self.envelope, self.footprint))
-            here, one, two = parts
-            return np.asarray(here + envelope[..., None] * one + footprint[..., None] * two)
+            ways = ((envelope, self.envelope), (footprint, self.footprint), (spokes, self.spokes))
+            return np.asarray(getattr(base, name) + sum(a[..., None] * getattr(way, name) for a, way in ways))
 
         return base._replace(rise=sum_of("rise"), stretch=sum_of("stretch"), drag=sum_of("drag"))
 
 
-def departures(
-    vehicle: Vehicle,
-    load_cases: Mapping[str, LoadCase],
-    used_cases: Sequence[str],
-    profiles: Mapping[str, RoadProfile],
-    contact: ContactLaw,
-    rubbing: Sequence[bool],
-) -> Departures:
+def departures(roads: EffectiveRoads, used_cases: Sequence[str], rubbing: Sequence[bool]) -> Departures:
     """Directions of a vehicle in the load cases in use; `rubbing` (axles,) tells whose law has friction already."""
-    axles = range(len(vehicle.axles))
-    first = next(iter(load_cases))
+    axles = range(len(roads.vehicle.axles))
+    first = next(iter(roads.load_cases))
     found = [Departure(kind, i, case) for kind in (ENVELOPE, FOOTPRINT) for case in used_cases for i in axles]
     found += [Departure(TIRE_LOAD, i, case) for case in used_cases if case != first for i in axles]
-    suspended = sorted(set(vehicle.suspension_axle))
+    # Other contact laws have no spokes.
+    found += [Departure(SPOKES, i) for i in axles if roads.contact == "footprint"]
+    suspended = sorted(set(roads.vehicle.suspension_axle))
     found += [Departure(FRICTION, i) for i in suspended if not rubbing[i]]
     common = [Departure(kind, None) for kind in dict.fromkeys(d.kind for d in found)]
-    return Departures(vehicle, load_cases, profiles, contact, (*found, *common))
-
-
-def _softer(vehicle: Vehicle) -> Vehicle:
-    factor = float(np.exp(-_SOFTER))
-    axles = (replace(a, tire_stiffness_N_per_m=a.tire_stiffness_N_per_m * factor) for a in vehicle.axles)
-    return replace(vehicle, axles=tuple(axles))
+    return Departures(roads, (*found, *common))
 
 
 class _Padded(EffectiveRoads):
@@ -203,8 +191,10 @@ def _widened(m: FootprintMap, reach_m: tuple[float, float]) -> FootprintMap:
 def _padded_maps(known: Departures, passes: Sequence[Pass]) -> tuple[EffectiveRoad, ...]:
     sources = known.sources
     every = [m for s in sources for p in passes for m in s.maps(p.load_case, p.bump)]
-    reach = (min(float(m.station_m[0]) for m in every), max(float(m.station_m[-1]) for m in every))
-    base, other, softer = (_Padded(s, reach).stacked(passes) for s in sources)
+    # Whole half metres: what is compiled for one length of table serves other tires as well.
+    first, last = min(float(m.station_m[0]) for m in every), max(float(m.station_m[-1]) for m in every)
+    reach = (float(np.floor(first / _WHOLE_M) * _WHOLE_M), float(np.ceil(last / _WHOLE_M) * _WHOLE_M))
+    base, other, softer, stiffening = (_Padded(s, reach).stacked(passes) for s in sources)
 
     def minus(one: EffectiveRoad, unit: float, *, lifted: bool = True) -> EffectiveRoad:
         assert one.stretch is not None
@@ -217,4 +207,4 @@ def _padded_maps(known: Departures, passes: Sequence[Pass]) -> tuple[EffectiveRo
             stretch[3] = 0.0
         return base._replace(rise=(one.rise - base.rise) / unit, stretch=stretch, drag=(one.drag - base.drag) / unit)
 
-    return base, minus(other, 1.0, lifted=False), minus(softer, -_SOFTER)
+    return base, minus(other, 1.0, lifted=False), minus(softer, -_SOFTER), minus(stiffening, _STIFFENING)

@@ -66,11 +66,11 @@ class PlankRoads(EffectiveRoads):
         self._end = lru_cache(maxsize=None)(self._make_end)
 
     def _make_end(self, load_case: str, number: int, height_m: float) -> FootprintMap:
-        axle, gravity = self._vehicle.axles[number], self._vehicle.gravity_m_s2
-        first = next(iter(self._load_cases.values()))
+        axle, gravity = self.vehicle.axles[number], self.vehicle.gravity_m_s2
+        first = next(iter(self.load_cases.values()))
         return footprint_map(
             self._table(height_m, axle.tire_radius_m),
-            self._load_cases[load_case].axle_loads_kg[number] * gravity,
+            self.load_cases[load_case].axle_loads_kg[number] * gravity,
             first.axle_loads_kg[number] * gravity,
             axle.tire_stiffness_N_per_m,
         )
@@ -90,7 +90,7 @@ class PlankRoads(EffectiveRoads):
             drag=np.zeros_like(under.drag),
             lift_m=np.zeros_like(under.lift_m),
         )
-        return tuple(under if i == lift.axle else flat for i in range(len(self._vehicle.axles)))
+        return tuple(under if i == lift.axle else flat for i in range(len(self.vehicle.axles)))
 
 
 def with_model_estimates(

@@ -108,7 +108,9 @@ def run_information(
     sensors = tuple(sensors)
     runs = tuple(_empty_run(campaign, profiles, kind, sensors) for kind in kinds)
     trial = replace(campaign, bump_runs=runs)
-    model = bump_model(trial, state.model.parameters, profiles, target_step_s=target_step_s, contact=contact)
+    model = bump_model(
+        trial, state.model.parameters, profiles, target_step_s=target_step_s, contact=contact, tires=state.model.tires
+    )
     motion = RunMotion(np.array([k.speed_m_s for k in kinds]), np.full(len(kinds), BEFORE_S))
     signals = simulate_runs(model, state.log_parameters, motion)
     weights = _weights(state, model, signals)

@@ -36,7 +36,8 @@ def shown_signals(state: FitState, model: BumpModel, log_parameters: np.ndarray)
     """
     signals = simulate_runs(model, log_parameters, state.motion)
     scales = (n / t for n, t in zip(state.weights.noise_sd, state.weights.tempering, strict=True))
-    return tuple(_shown(a, s, simulated) for a, s, simulated in zip(model.arrays, scales, signals, strict=True))
+    arrays = state.weights.on(model.arrays)
+    return tuple(_shown(a, s, simulated) for a, s, simulated in zip(arrays, scales, signals, strict=True))
 
 
 def _shown(arrays: GroupArrays, scale: np.ndarray, simulated: np.ndarray) -> ShownSignals:

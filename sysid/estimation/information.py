@@ -12,12 +12,13 @@ is the covariance of the fit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.departure_scale import departure_columns, departure_scale
+from sysid.estimation.map_tires import following
 from sysid.estimation.mass_effect import MassEffect, mass_columns, mass_effect, shift_by_masses
 from sysid.estimation.objective import SPEED_UNIT
 from sysid.estimation.problem import Problem
@@ -30,21 +31,24 @@ class DataInformation:
     """Information of the data of a fit about p log parameters and m log mass factors.
 
     `matrix` H (p + m, p + m); `flattening` C_0 (p, p); `prior` P (p, p) prior precision of the parameters; `mass_sd`
-    (m,) tolerances.
+    (m,) tolerances; `following` D (p, p) of :func:`sysid.estimation.map_tires.following`, None for the unit matrix.
     """
 
     matrix: np.ndarray
     flattening: np.ndarray
     prior: np.ndarray
     mass_sd: np.ndarray
+    following: np.ndarray | None = None
 
     def precision(self, more: np.ndarray | None = None) -> np.ndarray:
         """Precision (p, p) of the parameters by the data alone; `more` (p + m, p + m) is the information of others."""
         matrix = self.matrix if more is None else self.matrix + more
         count = self.prior.shape[0]
-        own = self.flattening.T @ matrix[:count, :count] @ self.flattening
+        follow = np.eye(count) if self.following is None else self.following
+        flattening = self.flattening @ follow
+        own = flattening.T @ matrix[:count, :count] @ flattening
         if self.mass_sd.size:
-            moved = shift_by_masses(matrix, count)
+            moved = np.linalg.solve(follow, shift_by_masses(matrix, count))
             carried = own @ moved
             # (A^-1 + K Sigma K')^-1 by the Woodbury identity, which needs no inverse of A.
             own = own - carried @ np.linalg.solve(np.diag(self.mass_sd**-2.0) + moved.T @ carried, carried.T)
@@ -58,7 +62,10 @@ class DataInformation:
 def adjusted_information(
     campaign: Campaign, problem: Problem, vector: np.ndarray
 ) -> tuple[Adjustment, MassEffect, DataInformation]:
-    """Sandwich over blocks (one channel in all repeats of one case) and over tolerances of masses, and its parts."""
+    """Sandwich over blocks (one channel in all repeats of one case) and over tolerances of masses, and its parts.
+
+    Both speak of an optimum whose footprint maps follow its tires (:func:`sysid.estimation.map_tires.following`).
+    """
     parameters, motion = problem.unpack(vector)
     by_masses = mass_columns(problem.model, problem.weights, parameters, motion)
     departed = departure_columns(campaign, problem.model, problem.weights, parameters, motion)
@@ -92,8 +99,14 @@ def adjusted_information(
     effect = mass_effect(information, score, prior_precision, np.concatenate([mass_sd, scale.sd]))
     own, data = np.array(scores)[:, :count], information[:count, :count]
     adjustment = adjust(own, keys, data, effect.scatter)
+    follow = np.eye(count)
+    if problem.model.tires is not None and known is not None:
+        chosen = [*range(count), *range(count + mass_sd.size, shared)]
+        follow = following(information[np.ix_(chosen, chosen)], problem.model.parameters, parameters, known.directions)
+        adjustment = adjustment.after(follow, data)
+        effect = replace(effect, by_data=np.linalg.solve(follow, effect.by_data))
     with_masses = count + mass_sd.size
     cross = information[:count, count:with_masses] * mass_sd
     blocks = adjust(own, keys, data, effect.scatter - cross @ cross.T).matrix
     kept = information[:with_masses, :with_masses]
-    return adjustment, effect, DataInformation(kept, blocks, prior_precision, mass_sd)
+    return adjustment, effect, DataInformation(kept, blocks, prior_precision, mass_sd, follow)

@@ -21,11 +21,12 @@ import numpy as np
 from sysid.campaign.records import Axle, Campaign, Vehicle
 from sysid.estimation.conclusion import conclude
 from sysid.estimation.fit_options import FitOptions
-from sysid.estimation.least_squares import optimise, optimum_under, reweighted
+from sysid.estimation.least_squares import optimise, optimum_under
 from sysid.estimation.named_priors import check_named_priors
 from sysid.estimation.parameters import campaign_parameters, declared_laws
 from sysid.estimation.problem import FitState, Optimum
 from sysid.estimation.results import ContactTrial, FitResult, LawComparison, LawTrial
+from sysid.estimation.reweighting import reweighted
 from sysid.estimation.suspension_elements import ELEMENTS, law_elements, law_name
 from sysid.estimation.thresholds import MISFIT
 from sysid.road.contact_laws import ContactLaw
@@ -80,9 +81,10 @@ def fit_with_laws(
     if asked and rich != declared:
 
         def fitted(laws: Laws, near: Optimum, *, trial: bool = False) -> Optimum:
-            # A trial keeps the weights of its neighbour, under which it is compared.
+            # A trial keeps weights and maps of its neighbour, under which it is compared.
             how = replace(options, weight_rounds=0, tolerance=max(options.tolerance, 1e-6)) if trial else options
-            return optimise(campaign, campaign_parameters(campaign, drops, laws), profiles, how, report, near=near)
+            parameters = campaign_parameters(campaign, drops, laws)
+            return optimise(campaign, parameters, profiles, how, report, near=near, keep_maps=trial)
 
         chosen, comparison = _compare(campaign, declared, rich, chosen, fitted, options)
     fit, state = conclude(campaign, chosen, options, report)

@@ -12,17 +12,25 @@ from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation import noise as noise_model
 from sysid.estimation.bump_model import BumpModel, bump_model
-from sysid.estimation.conclusion import conclude, residual_correlations
+from sysid.estimation.conclusion import conclude
 from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.levenberg_marquardt import Minimum, minimise
+from sysid.estimation.map_tires import map_tires
 from sysid.estimation.motion_search import search_motion
-from sysid.estimation.objective import Linearisation, RunMotion, Weights
+from sysid.estimation.objective import RunMotion, Weights
 from sysid.estimation.parameters import ParameterSet
 from sysid.estimation.problem import FitState, Optimum, Problem
 from sysid.estimation.results import FitResult
+from sysid.estimation.reweighting import reweighted
 from sysid.road.results import RoadProfile
+from sysid.vehicle_model.lanes import MapTires
 
 Progress = Callable[[str, float], None]
+
+#: Footprint maps are made again at most so often; each time their tires come about five times closer to those of the
+#: optimum under them.
+_MAPS = 5
+_ROUGH_TOLERANCE = 1e-5
 
 
 def fit_bump_runs(
@@ -64,22 +72,65 @@ def optimise(
     report: Progress,
     *,
     near: Optimum | None = None,
+    keep_maps: bool = False,
 ) -> Optimum:
     """The optimum of one set of suspension laws, all rounds of re-weighting done.
+
+    Footprint maps are made for the declared tires first, and again until they are those of the estimated ones.
 
     Parameters
     ----------
     near : optimum of other laws on the same campaign to start from: its motions, weights and common parameters.
+    keep_maps : keep the footprint maps of `near`.
     """
     report("preparing the model", 0.0)
-    model = bump_model(campaign, parameters, profiles, target_step_s=options.target_step_s, contact=options.contact)
+
+    def prepared(tires: MapTires | None) -> BumpModel:
+        step, contact = options.target_step_s, options.contact
+        return bump_model(campaign, parameters, profiles, target_step_s=step, contact=contact, tires=tires)
+
+    again = options.contact == "footprint" and not keep_maps
+    # For the tires of the maps residuals need not be weighted, nor minimised, to the last.
+    rough = replace(
+        options, weight_rounds=min(options.weight_rounds, 1), tolerance=max(options.tolerance, _ROUGH_TOLERANCE)
+    )
+    how = rough if again else options
     if near is None:
+        model = prepared(None)
         motion, instrument = _find_motion(campaign, model, parameters.start, report)
-        return optimise_from(campaign, model, motion, instrument, parameters.start, options, report)
-    _, motion = near.problem.unpack(near.vector)
-    start = _start_from(parameters, near)
-    weights = near.problem.weights
-    return optimise_from(campaign, model, motion, near.instrument, start, options, report, weights=weights)
+        found = optimise_from(campaign, model, motion, instrument, parameters.start, how, report)
+    else:
+        model = prepared(near.problem.model.tires)
+        _, motion = near.problem.unpack(near.vector)
+        start, weights = _start_from(parameters, near), near.problem.weights
+        found = optimise_from(campaign, model, motion, near.instrument, start, how, report, weights=weights)
+    if not again:
+        return found
+    for _ in range(_MAPS - 1):
+        found = _with_own_maps(campaign, found, prepared, rough, report)
+        tires = found.problem.model.tires
+        assert tires is not None
+        if tires.like(map_tires(parameters, found.vector[: found.problem.count])):
+            break
+    return _with_own_maps(campaign, found, prepared, options, report)
+
+
+def _with_own_maps(
+    campaign: Campaign,
+    found: Optimum,
+    prepared: Callable[[MapTires], BumpModel],
+    options: FitOptions,
+    report: Progress,
+) -> Optimum:
+    """The optimum under footprint maps of the tires that another optimum has."""
+    report("footprint of the estimated tires", 0.5)
+    values, motion = found.problem.unpack(found.vector)
+    model, weights = prepared(map_tires(found.problem.model.parameters, values)), found.problem.weights
+    again = optimise_from(campaign, model, motion, found.instrument, values, options, report, weights=weights)
+    # The cross-check starts from where the search for all began.
+    first = np.concatenate([found.first[: found.problem.count], np.zeros(again.first.size - found.problem.count)])
+    iterations = found.minimum.iterations + again.minimum.iterations
+    return replace(again, first=first, minimum=replace(again.minimum, iterations=iterations))
 
 
 def optimise_from(
@@ -175,18 +226,6 @@ def _first_scale(model: BumpModel, instrument: tuple[np.ndarray, ...]) -> tuple[
         rms = np.sqrt((group.measured * (group.value - mean) ** 2).sum(axis=0) / count)
         scales.append(np.hypot(noise, 0.1 * rms))
     return tuple(scales)
-
-
-def reweighted(problem: Problem, linearisations: tuple[Linearisation, ...]) -> Weights:
-    """Residual scales, and tempering by the residuals' variance inflation, from the residuals of a round."""
-    scales = []
-    for group, lin, noise, temper in zip(
-        problem.model.groups, linearisations, problem.weights.noise_sd, problem.weights.tempering, strict=True
-    ):
-        scale = np.where(np.isfinite(noise), noise, 0.0) / temper
-        scales.append(noise_model.residual_scale(group, np.asarray(lin.residual) * scale))
-    inflation = [noise_model.variance_inflation(c) for c in residual_correlations(problem, linearisations)]
-    return Weights(tuple(scales), tuple(1.0 / np.sqrt(v) for v in inflation))
 
 
 def _check_motion(campaign: Campaign, model: BumpModel, motion: RunMotion) -> None:

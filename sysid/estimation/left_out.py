@@ -80,7 +80,12 @@ def _part(
     """Some runs of a campaign as a campaign of their own, with their motions and weights in the fit of all runs."""
     part = replace(campaign, bump_runs=tuple(campaign.bump_runs[i] for i in runs))
     model = bump_model(
-        part, state.model.parameters, profiles, target_step_s=options.target_step_s, contact=options.contact
+        part,
+        state.model.parameters,
+        profiles,
+        target_step_s=options.target_step_s,
+        contact=options.contact,
+        tires=state.model.tires,
     )
     chosen = list(runs)
     motion = RunMotion(state.motion.speed_m_s[chosen], state.motion.start_s[chosen])
@@ -93,4 +98,14 @@ def _part(
         }
         return tuple(np.array([of_run[chosen[r]][channels] for r in g.runs]) for g in model.groups)
 
-    return part, model, motion, Weights(rows(state.weights.noise_sd), rows(state.weights.tempering))
+    weights = Weights(rows(state.weights.noise_sd), rows(state.weights.tempering))
+    if state.weights.reading is not None:
+        groups = zip(state.model.groups, state.weights.reading, strict=True)
+        of_run = {i: w[:, r] for g, w in groups for r, i in enumerate(g.runs)}
+        reading = tuple(np.ones(g.value.shape) for g in model.groups)
+        for group, found in zip(model.groups, reading, strict=True):
+            for r, i in enumerate(group.runs):
+                own = of_run[chosen[i]][: group.samples, channels]
+                found[: own.shape[0], r] = own
+        weights = replace(weights, reading=reading)
+    return part, model, motion, weights

@@ -68,6 +68,13 @@ def _affine(y: jax.Array, args: _Affine) -> tuple[jax.Array, None]:
 
 
 @eqx.filter_jit
+def _init(solver: optx.LevenbergMarquardt, point: jax.Array, args: _Affine):
+    # What a state holds beside arrays belongs to one trace: a state made without compiling would compile `_step` anew.
+    struct = jax.ShapeDtypeStruct(args.residual.shape, jnp.float64)
+    return solver.init(_affine, point, args, {}, struct, None, frozenset())
+
+
+@eqx.filter_jit
 def _step(solver: optx.LevenbergMarquardt, point: jax.Array, args: _Affine, state):
     # Compiled once per size of the problem, not once per call of `minimise`.
     return solver.step(_affine, point, args, {}, state, frozenset())
@@ -143,8 +150,7 @@ def _search(
     solver = eqx.tree_at(lambda s: s.search, solver, optx.ClassicalTrustRegion(high_cutoff=_GOOD_STEP))
     point = jnp.asarray(start / scale)
     args = _Affine(point, jnp.asarray(residual), jnp.asarray(jacobian * scale))
-    struct = jax.ShapeDtypeStruct(residual.shape, jnp.float64)
-    state = solver.init(_affine, point, args, {}, struct, None, frozenset())
+    state = _init(solver, point, args)
     # The first step is no longer than the start vector: a leap into a flat region is accepted, but never comes back.
     reach, pull = float(jnp.linalg.norm(point)), float(np.linalg.norm((jacobian * scale).T @ residual))
     if 0.0 < reach < pull:

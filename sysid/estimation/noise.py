@@ -1,9 +1,8 @@
-"""Residual scales: instrument noise from the quiet start, residual scale at the optimum, and residual correlation."""
+"""Residual scales: instrument noise from the quiet start, and what remains at the optimum."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
 
 from sysid.estimation.bump_model import BumpModel
 from sysid.estimation.run_data import RunGroup
@@ -38,30 +37,6 @@ def residual_scale(group: RunGroup, residual_si: np.ndarray) -> np.ndarray:
     count = group.measured.sum(axis=0)
     rms = np.sqrt((np.where(group.measured, residual_si, 0.0) ** 2).sum(axis=0) / np.maximum(count, 1))
     return np.where(count > 0, np.maximum(rms, _floor(group)), np.inf)
-
-
-def autocorrelation(group: RunGroup, residual: np.ndarray, lags: int) -> np.ndarray:
-    """Autocorrelation (lags, R, C) of the residuals (T, R, C), missing samples left out; lag 0 is 1."""
-    mask = group.measured.astype(float)
-    count = np.maximum(mask.sum(axis=0), 1.0)
-    centred = mask * (residual - (mask * residual).sum(axis=0) / count)
-    length = next_fast_len(2 * mask.shape[0], real=True)
-    pairs = irfft(np.abs(rfft(mask, length, axis=0)) ** 2, length, axis=0)[:lags]
-    products = irfft(np.abs(rfft(centred, length, axis=0)) ** 2, length, axis=0)[:lags]
-    covariance = products / np.maximum(pairs, 1.0)
-    return covariance / np.maximum(covariance[:1], 1e-300)
-
-
-def variance_inflation(correlation: np.ndarray) -> np.ndarray:
-    """Factor (R, C) by which correlation inflates the variance of a mean: 1 + 2 sum of autocorrelations.
-
-    The sum runs over pairs of lags until the first pair with a negative sum (C. J. Geyer, Practical Markov chain Monte
-    Carlo, Statistical Science 7 (1992), doi:10.1214/ss/1177011137: initial positive sequence); never below 1.
-    """
-    even = correlation.shape[0] // 2 * 2
-    pairs = correlation[:even].reshape(even // 2, 2, *correlation.shape[1:]).sum(axis=1)
-    running = np.cumprod(pairs > 0.0, axis=0)
-    return np.maximum(2.0 * (pairs * running).sum(axis=0) - 1.0, 1.0)
 
 
 def quiet_time(model: BumpModel, group: RunGroup, start_s: np.ndarray, speed_m_s: np.ndarray) -> float:

@@ -59,10 +59,18 @@ def speed_prior(runs: Sequence[BumpRun]) -> SpeedPrior:
 
 @dataclass(frozen=True)
 class Weights:
-    """Residual scale [SI] and tempering factor per group, each (R, C)."""
+    """Residual scale [SI] and tempering factor per group, each (R, C); `reading` weights (T, R, C), None for all 1."""
 
     noise_sd: tuple[np.ndarray, ...]
     tempering: tuple[np.ndarray, ...]
+    reading: tuple[np.ndarray, ...] | None = None
+
+    def on(self, arrays: Sequence[GroupArrays]) -> tuple[GroupArrays, ...]:
+        """The arrays of all groups with the weights of single readings in them."""
+        if self.reading is None:
+            return tuple(arrays)
+        pairs = zip(arrays, self.reading, strict=True)
+        return tuple(a._replace(measured=a.measured * np.sqrt(w)) for a, w in pairs)
 
 
 class Linearisation(NamedTuple):
@@ -143,11 +151,13 @@ def linearise(
 ) -> tuple[Linearisation, ...]:
     """Linearisation of every group at global log parameters (p,) and run motions."""
 
+    every = weights.on(model.arrays)
+
     def one(position: int) -> Linearisation:
         runs = list(model.groups[position].runs)
         return jax.block_until_ready(
             linearise_group(
-                model.arrays[position],
+                every[position],
                 model.roads[position],
                 weights.noise_sd[position],
                 weights.tempering[position],

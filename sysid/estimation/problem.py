@@ -30,8 +30,9 @@ class FitState:
     """What the posterior needs from a fit.
 
     The model, the optimum (p,), the run motions, the weights, the `adjustment` (p, p) by which the likelihood is
-    flattened (:mod:`sysid.estimation.sandwich`), and how the uncertain masses go with the parameters, None for exact
-    ones.
+    flattened (:mod:`sysid.estimation.sandwich`), how the uncertain masses go with the parameters, None for exact
+    ones, and the part `following` (p, p) of the adjustment that is due to footprint maps that follow their tires, None
+    for the unit matrix.
     """
 
     model: BumpModel
@@ -40,6 +41,7 @@ class FitState:
     weights: Weights
     adjustment: np.ndarray
     masses: MassResponse | None = None
+    following: np.ndarray | None = None
 
 
 class Problem:

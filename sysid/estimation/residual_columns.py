@@ -49,7 +49,7 @@ def trial_residuals(
     log_parameters : (p,); motion : of all runs.
     """
     signals = simulate_runs(trial, log_parameters, motion)
-    weighted = zip(model.arrays, weights.noise_sd, weights.tempering, signals, strict=True)
+    weighted = zip(weights.on(model.arrays), weights.noise_sd, weights.tempering, signals, strict=True)
     found = [_residuals(arrays, noise, temper, jnp.asarray(shown)) for arrays, noise, temper, shown in weighted]
     return [(np.asarray(residual), np.asarray(gain)) for residual, gain in found]
 

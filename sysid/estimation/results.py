@@ -204,19 +204,41 @@ class MassCheck:
 
 
 @dataclass(frozen=True)
+class ResidualEvidence:
+    """What remains of the readings, and what the noise model makes of it (:mod:`sysid.estimation.autoregression`).
+
+    Power spectra `before` and `after` (K, F) of the residuals and of their innovations, means over the channels and
+    runs of each of K `kinds` of sensors over the `frequency_hz` (F,), 1 everywhere for white ones; `order` (n,) of the
+    autoregressive model of every channel in every run, `autocorrelation_before` and `autocorrelation_after` (n, L) at
+    lags `lag_s` (L,); `degrees_of_freedom` (C,) of the tails of every channel in `columns`, infinite for normal ones.
+    """
+
+    kinds: tuple[str, ...]
+    frequency_hz: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+    order: np.ndarray
+    lag_s: np.ndarray
+    autocorrelation_before: np.ndarray
+    autocorrelation_after: np.ndarray
+    columns: tuple[str, ...]
+    degrees_of_freedom: np.ndarray
+
+
+@dataclass(frozen=True)
 class FitResult(Tabular):
     """The least-squares optimum: global parameters, covariance, residual statistics and diagnostics.
 
     `covariance` (p, p) of the global parameters in the estimation space (logarithms where `transform` says so),
     run-local parameters marginalised, inflated for residual autocorrelation, for the tolerances of declared masses
     and for model error (a sandwich over blocks of residuals, :mod:`sysid.estimation.sandwich`;
-    `model_error_inflation` is its root mean square factor on standard deviations); `autocorrelation` (channels of
-    all runs, lags) of the standardised residuals; `step_halving_error` the largest relative RMS change of any
-    channel when the integration step is halved at the optimum; `scipy_max_difference_sd` the largest difference
-    between the optimum found by SciPy's trust-region solver and this one, in standard deviations; `law_comparison`
-    what was tried where linear laws did not do, or None; `contact_trials` the fit with every contact law where that was
-    asked for, the result's own first; `masses` what the data say about declared masses, whose tolerances `covariance`
-    holds; `identifiability` what the data determine (:mod:`sysid.estimation.identifiability`).
+    `model_error_inflation` is its root mean square factor on standard deviations); `residual_evidence` what the
+    residuals are like; `step_halving_error` the largest relative RMS change of any channel when the integration step
+    is halved at the optimum; `scipy_max_difference_sd` the largest difference between the optimum found by SciPy's
+    trust-region solver and this one, in standard deviations; `law_comparison` what was tried where linear laws did not
+    do, or None; `contact_trials` the fit with every contact law where that was asked for, the result's own first;
+    `masses` what the data say about declared masses, whose tolerances `covariance` holds; `identifiability` what the
+    data determine (:mod:`sysid.estimation.identifiability`).
     """
 
     parameters: tuple[ParameterEstimate, ...]
@@ -235,8 +257,7 @@ class FitResult(Tabular):
     variance_inflation: float
     model_error_inflation: float
     contact: str
-    autocorrelation_lag_s: np.ndarray
-    autocorrelation: np.ndarray
+    residual_evidence: ResidualEvidence
     warnings: tuple[str, ...] = ()
     law_comparison: LawComparison | None = None
     contact_trials: tuple[ContactTrial, ...] = ()

@@ -15,7 +15,7 @@ known scatter: scores change by H_xm d when the log masses are d off, so that G 
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,11 @@ class Adjustment:
     information: np.ndarray
     inflation: np.ndarray
     blocks: int
+
+    def after(self, change: np.ndarray, information: np.ndarray) -> Adjustment:
+        """The adjustment of parameters that enter as `change` (p, p) times themselves; `information` (p, p) H."""
+        matrix = self.matrix @ change
+        return replace(self, matrix=matrix, information=matrix.T @ information @ matrix)
 
 
 def block_scores(

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from sysid.estimation.profiles import ProfileLikelihood
     from sysid.estimation.results import FitResult
+    from sysid.posterior.cross_check import CrossCheck
     from sysid.posterior.results import Posterior
     from sysid.prediction.advice_results import Advice
     from sysid.prediction.results import Predictions
@@ -43,6 +44,7 @@ class Results(Tabular):
     scans: Mapping[str, ScanAnalysis] = field(default_factory=dict)
     fit: FitResult | None = None
     posterior: Posterior | None = None
+    crosscheck: CrossCheck | None = None
     predictions: Predictions | None = None
     validation: Validation | None = None
     advice: Advice | None = None

@@ -2,7 +2,14 @@
 
 from sysid.plot.comparison import SOURCE_LABELS, SOURCES, AxleEstimates, Estimate, comparison, suspension_estimates
 from sysid.plot.drops import drop, drops
-from sysid.plot.histories import autocorrelation, channel_grid, channel_title, overlay, suspension_histories
+from sysid.plot.histories import (
+    autocorrelation,
+    channel_grid,
+    channel_title,
+    overlay,
+    residual_spectrum,
+    suspension_histories,
+)
 from sysid.plot.knowledge import likelihood_profile, next_runs, prior_against_posterior
 from sysid.plot.loops import suspension_loop, suspension_loop_pair
 from sysid.plot.modes import mode_shape, mode_shapes
@@ -53,6 +60,7 @@ __all__ = [
     "posterior_correlation",
     "prior_against_posterior",
     "profile",
+    "residual_spectrum",
     "scan",
     "shared_legend",
     "suspension_estimates",

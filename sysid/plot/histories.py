@@ -184,21 +184,42 @@ def _short_title(history: RunHistory, row: int) -> str:
 
 @styled
 def autocorrelation(fit: FitResult, ax: Axes | None = None) -> Axes:
-    """Autocorrelation of the standardised residuals: every channel, their median, and the 95 % band of white noise."""
+    """Autocorrelation of the standardised residuals and of their innovations: every channel, medians, white noise."""
     ax = axes_or_new(ax)
-    lag = fit.autocorrelation_lag_s
-    rows = np.atleast_2d(fit.autocorrelation)
+    found = fit.residual_evidence
+    lag, rows = found.lag_s, np.atleast_2d(found.autocorrelation_before)
     for i, row in enumerate(rows[:: max(1, len(rows) // 60)]):
         ax.plot(lag, row, color=axle_color(0), lw=0.5, alpha=0.25, label="one channel of one run" if i == 0 else None)
-    if len(rows) and len(lag):
-        finite = rows[np.any(np.isfinite(rows), axis=1)]
-        if len(finite):
-            ax.plot(lag, np.nanmedian(finite, axis=0), color=INK, lw=1.6, label="median")
-        samples = max(fit.residuals / len(rows), 1.0)
-        band = 1.96 / np.sqrt(samples)
-        ax.axhspan(-band, band, color=MUTED, alpha=0.18, lw=0, label="white noise, 95 %")
+    medians = (
+        (found.autocorrelation_before, "-", "median"),
+        (found.autocorrelation_after, "--", "median, innovations"),
+    )
+    for values, style, words in medians:
+        finite = values[np.any(np.isfinite(values), axis=1)] if np.size(values) else values
+        if np.size(finite):
+            ax.plot(lag, np.nanmedian(finite, axis=0), style, color=INK, lw=1.6, label=words)
+    samples = max(fit.residuals / max(len(rows), 1), 1.0)
+    band = 1.96 / np.sqrt(samples)
+    ax.axhspan(-band, band, color=MUTED, alpha=0.18, lw=0, label="white noise, 95 %")
     ax.axhline(0.0, color=MUTED, lw=0.6)
     ax.set_xlabel("lag [s]")
     ax.set_ylabel("autocorrelation [-]")
+    ax.legend(loc="upper right")
+    return ax
+
+
+@styled
+def residual_spectrum(fit: FitResult, ax: Axes | None = None) -> Axes:
+    """Power spectrum of residuals (solid) and innovations (dashed) by kind of sensor, over that of white ones."""
+    ax = axes_or_new(ax)
+    found = fit.residual_evidence
+    for i, kind in enumerate(found.kinds):
+        words = kind.replace("_", " ")
+        ax.plot(found.frequency_hz, found.before[i], color=axle_color(i), lw=1.4, label=words)
+        ax.plot(found.frequency_hz, found.after[i], "--", color=axle_color(i), lw=1.1, label=f"{words}, innovations")
+    ax.axhline(1.0, color=MUTED, lw=0.8)
+    ax.set_yscale("log")
+    ax.set_xlabel("frequency [Hz]")
+    ax.set_ylabel("power over that of white residuals [-]")
     ax.legend(loc="upper right")
     return ax

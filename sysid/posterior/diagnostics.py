@@ -44,7 +44,7 @@ def diagnose(draws: np.ndarray) -> Diagnosis:
     kept = draws[:, burn_in:]
     tau = _autocorrelation_time(kept)
     chains = kept.reshape(ensembles, -1, count)[:, draw_order(kept.shape[1], walkers)]
-    ess = np.array([_effective(chains[..., i]) for i in range(count)])
+    ess = np.array([effective_draws(chains[..., i]) for i in range(count)])
     # Ranks of millions of draws take seconds and say no more than those of some ten thousand.
     thin = -(-walkers * kept.shape[1] // _RANKED)
     ranked = [kept[:, ::thin, :, i].reshape(ensembles, -1) for i in range(count)]
@@ -52,7 +52,8 @@ def diagnose(draws: np.ndarray) -> Diagnosis:
     return Diagnosis(burn_in, tau, ess, rhat)
 
 
-def _effective(chains: np.ndarray) -> float:
+def effective_draws(chains: np.ndarray) -> float:
+    """Bulk effective draws of one quantity from draws (chains, n)."""
     # Draws that never move are one draw per chain.
     if np.ptp(chains, axis=1).min() == 0.0:
         return float(len(chains))

@@ -9,8 +9,9 @@ so the sampler sees global parameters only. Residuals are tempered by their vari
 flattened around the optimum for model error and tolerances of masses (:mod:`sysid.estimation.sandwich`), and the
 Gaussian priors of the log parameters are added.  Flattened about the optimum theta_hat, which the priors have pulled
 off the data's own one, the likelihood would keep too much of that pull: its gradient g there becomes C' g, but a
-likelihood of curvature C'HC about the data's optimum has C'C' g.  A linear term makes up the difference.  Sensor
-offsets and gains are eliminated inside the residuals.
+likelihood of curvature C'HC about the data's optimum has C'C' g.  A linear term makes up the difference.  Footprint
+maps that follow their tires make C D of C (:func:`sysid.estimation.map_tires.following`) and D'C'C' g of C'C' g.
+Sensor offsets and gains are eliminated inside the residuals.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ from sysid.vehicle_model.simulation import Motion
 
 #: What the likelihood is, for people.
 LIKELIHOOD = (
-    "Gaussian residuals; scale per run and channel from the least-squares residuals; residuals correlated in time "
-    "are tempered by their variance inflation; the likelihood is flattened for model error, departures from the "
-    "model and tolerances of declared masses by a sandwich over blocks of channel and case (curvature adjustment); "
-    "run speed and start marginalised, sensor offset and gain eliminated"
+    "Gaussian residuals, heavy tails by weights of single readings; scale per run and channel from the least-squares "
+    "residuals; residuals correlated in time are tempered by their variance inflation; the likelihood is flattened for "
+    "model error, departures from the model and tolerances of declared masses by a sandwich over blocks of channel and "
+    "case (curvature adjustment); run speed and start marginalised, sensor offset and gain eliminated"
 )
 
 
@@ -80,21 +81,23 @@ class LogDensity:
     """
 
     def __init__(self, campaign: Campaign, state: FitState):
-        self._model = state.model
+        self._model, self._state = state.model, state
         self.names = state.model.parameters.names
         self.centre = np.asarray(state.log_parameters, float)
         self._adjustment = np.asarray(state.adjustment, float)
         self._rows, self._targets = state.model.parameters.prior_rows()
         # At the optimum the data pull as hard as the priors, the other way.
         pull = -self._rows.T @ (self._rows @ self.centre - self._targets)
-        flat = self._adjustment.T
-        self._tilt = (flat @ flat - flat) @ pull
+        follow = np.eye(self.centre.size) if state.following is None else state.following
+        flat = np.linalg.solve(follow.T, self._adjustment.T)
+        self._tilt = follow.T @ (flat @ flat - flat) @ pull
         self.rejected: list[np.ndarray] = []
         self.rejected_count = 0
         expected = speed_prior(campaign.bump_runs)
         count = self.centre.size
         self._inputs = []
         lin = linearise(state.model, state.weights, self.centre, state.motion)
+        every = state.weights.on(state.model.arrays)
         for position, group in enumerate(state.model.groups):
             runs = list(group.runs)
             speed, start = state.motion.speed_m_s[runs], state.motion.start_s[runs]
@@ -106,7 +109,7 @@ class LogDensity:
             normal += np.einsum("rk,rl->rkl", prior, prior)
             pull = ((speed / nominal - 1.0) / sd)[:, None] * prior
             motion = Motion(jnp.asarray(speed)[:, None], jnp.asarray(start)[:, None])
-            arrays, shape = state.model.arrays[position], state.model.shapes[position]
+            arrays, shape = every[position], state.model.shapes[position]
             road = wheel_road(arrays, state.model.roads[position], motion.speed, motion.start_s, shape)
             self._inputs.append(
                 _GroupInputs(
@@ -138,3 +141,30 @@ class LogDensity:
             self.rejected += list(points[bad][: max(0, 100 - len(self.rejected))])
             density = np.where(bad, -np.inf, density)
         return density
+
+    def gradient(self, log_parameters: np.ndarray) -> tuple[float, np.ndarray]:
+        """Log-density of one parameter set (p,) and its exact gradient (p,).
+
+        With r and J of all residuals of a run at the set, J_eta and N those of the optimum, the sum of squares has the
+        gradient 2 (J' r - J' J_eta N^-1 b).
+        """
+        x, state = np.asarray(log_parameters, float), self._state
+        flattened = self.centre + self._adjustment @ (x - self.centre)
+        misfit, slope = 0.0, np.zeros_like(x)
+        for inputs, lin in zip(
+            self._inputs, linearise(state.model, state.weights, flattened, state.motion), strict=True
+        ):
+            residual, gain = np.asarray(lin.residual), np.asarray(lin.gain_residual)
+            columns = np.asarray(lin.residual_jacobian)[..., : x.size]
+            gain_columns = np.asarray(lin.gain_jacobian)[..., : x.size]
+            b = np.einsum("trck,trc->rk", inputs.local_columns, residual) + inputs.local_offset
+            b += np.einsum("rck,rc->rk", inputs.gain_columns, gain)
+            whitened = np.einsum("rkl,rl->rk", inputs.local_factor, b)
+            share = np.einsum("rkl,rk->rl", inputs.local_factor, whitened)
+            misfit += (residual**2).sum() + (gain**2).sum() - (whitened**2).sum()
+            pull = residual - np.einsum("trck,rk->trc", inputs.local_columns, share)
+            gain_pull = gain - np.einsum("rck,rk->rc", inputs.gain_columns, share)
+            slope += 2.0 * (np.tensordot(pull, columns, axes=3) + np.tensordot(gain_pull, gain_columns, axes=2))
+        off = self._rows @ x - self._targets
+        density = -0.5 * (misfit + off @ off) - (x - self.centre) @ self._tilt
+        return float(density), -0.5 * self._adjustment.T @ slope - self._rows.T @ off - self._tilt

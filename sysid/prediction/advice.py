@@ -116,7 +116,7 @@ def peak_gradient(
     point = state.log_parameters
     steps = _STEP * np.eye(point.size)
     sets = np.concatenate([point[None], point + steps, point - steps])
-    roads = effective_roads(campaign, profiles, [request], contact)
+    roads = effective_roads(campaign, profiles, [request], contact, state.model.tires)
     ratios = peak_ratios(campaign, state.model.parameters, roads, request, sets)
     axle = int(np.argmax(ratios[0]))
     up, down = ratios[1 : point.size + 1, axle], ratios[point.size + 1 :, axle]

@@ -24,7 +24,7 @@ from sysid.road.named_shapes import named_shape
 from sysid.road.results import RoadProfile
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.engine import Timing, WheelRoad
-from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
+from sysid.vehicle_model.lanes import EffectiveRoads, MapTires, Pass, make_lanes
 from sysid.vehicle_model.simulation import Motion
 
 #: Output interval of predicted histories [s], and how long before and after the passage they reach.
@@ -86,7 +86,7 @@ def _simulate(
         masses = uncertain_masses(campaign)
         known = None
         if log_factors.shape[1] > len(masses.factors):
-            known = campaign_departures(campaign, parameters, roads.profiles, roads.contact)
+            known = campaign_departures(campaign, parameters, roads)
         tire, suspension, deflection = histories_of_draws(
             lanes, parameters, masses, wanted, sets.T, log_factors, motion, timing, known
         )
@@ -212,10 +212,11 @@ def effective_roads(
     profiles: Mapping[str, RoadProfile],
     requests: Sequence[PredictionRequest],
     contact: ContactLaw = "footprint",
+    tires: MapTires | None = None,
 ) -> EffectiveRoads:
     """Roads of the scanned bumps and of those that the requests name."""
     shapes = {r.bump: named_shape(r.shape) for r in requests if r.shape is not None}
-    return EffectiveRoads(campaign.vehicle, campaign.load_cases, {**profiles, **shapes}, contact)
+    return EffectiveRoads(campaign.vehicle, campaign.load_cases, {**profiles, **shapes}, contact, tires)
 
 
 def predict(
@@ -225,6 +226,7 @@ def predict(
     log_parameters: np.ndarray,
     draws: np.ndarray | None,
     *,
+    tires: MapTires | None,
     contact: ContactLaw = "footprint",
     seed: int = 0,
     masses: MassResponse | None = None,
@@ -235,12 +237,13 @@ def predict(
 
     `draws` (n, p) in log space are thinned to a few hundred at random, for the ratio against speed to a few tens.
     Every draw gets masses of its own, drawn as `masses` says that they go with the parameters; None for declared ones.
+    `tires` are those of the fit's footprint maps, None for the declared ones.
     """
     random = np.random.default_rng(seed)
     if draws is not None and draws.shape[0] > DRAWS:
         draws = draws[random.choice(draws.shape[0], DRAWS, replace=False)]
     factors = None if draws is None or masses is None else masses.draws(draws, random)
-    roads = effective_roads(campaign, profiles, campaign.predictions, contact)
+    roads = effective_roads(campaign, profiles, campaign.predictions, contact, tires)
     passes = tuple(
         predict_pass(campaign, parameters, profiles, request, log_parameters, draws, roads=roads, log_factors=factors)
         for request in campaign.predictions

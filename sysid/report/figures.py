@@ -238,14 +238,25 @@ def loop_pictures(results: Results, gallery: Gallery) -> list[Picture]:
 
 
 def residual_picture(results: Results, gallery: Gallery) -> list[Picture]:
-    """Autocorrelation of the residuals."""
-    if results.fit is None or np.size(results.fit.autocorrelation) == 0:
+    """Autocorrelation and spectrum of the residuals, before and after the noise model."""
+    fit = results.fit
+    if fit is None or np.size(fit.residual_evidence.lag_s) == 0:
         return []
-    caption = (
+    order = fit.residual_evidence.order
+    usual = int(np.median(order)) if order.size else 0
+    correlation = (
         "Autocorrelation of the residuals. Outside the grey band neighbouring residuals are not independent; the "
-        "intervals of this report are widened for it."
+        "intervals of this report are widened for it. Innovations are what an autoregressive model of every channel "
+        f"and run leaves, its order chosen by the evidence (median {usual}, largest {order.max(initial=0)})."
     )
-    return [gallery.picture(plot.autocorrelation(results.fit), caption, width="half")]
+    spectrum = (
+        "Power spectrum of the residuals and of their innovations, mean over channels and runs, 1 for white noise. A "
+        "channel counts the less, the more power its residuals have at the frequencies that tell about the parameters."
+    )
+    return [
+        gallery.picture(plot.autocorrelation(fit), correlation, width="half"),
+        gallery.picture(plot.residual_spectrum(fit), spectrum, width="half"),
+    ]
 
 
 def posterior_pictures(results: Results, gallery: Gallery) -> dict[str, list[Picture]]:

@@ -108,7 +108,9 @@ def _content(results: Results) -> dict[str, Any]:
         "loop_pictures": figures.loop_pictures(results, gallery),
         "modes": tables.modes_table(modes),
         "mode_pictures": figures.mode_pictures(modes, gallery),
-        "posterior_table": None if results.posterior is None else tables.posterior_table(results.posterior),
+        "posterior_table": None
+        if results.posterior is None
+        else tables.posterior_table(results.posterior, results.crosscheck),
         "posterior_pictures": figures.posterior_pictures(results, gallery),
         "agreement": _agreement(results, run_names),
         "left_out": _left_out(results, run_names),

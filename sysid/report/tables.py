@@ -19,6 +19,7 @@ from sysid.report.numbers import MISSING, decimals, fixed, interval, number, per
 
 if TYPE_CHECKING:
     from sysid.estimation.results import FitResult, ParameterEstimate
+    from sysid.posterior.cross_check import CrossCheck
     from sysid.posterior.results import Posterior
     from sysid.vehicle_model.modes import NaturalModes
 
@@ -121,7 +122,7 @@ def fit_table(fit: FitResult) -> Table:
     return table("Diagnostics of the least-squares fit", ("quantity", "value", "what a good fit shows"), rows, 3)
 
 
-def posterior_table(p: Posterior) -> Table:
+def posterior_table(p: Posterior, checked: CrossCheck | None = None) -> Table:
     """Diagnostics of the sampling next to what a converged run shows."""
     ensembles, steps, walkers, count = p.draws.shape
     rhat = max((s.rhat for s in p.summaries), default=math.nan)
@@ -139,6 +140,21 @@ def posterior_table(p: Posterior) -> Table:
         ("fewest effective draws", number(ess), "above 400"),
         ("seed", str(p.seed), ""),
     ]
+    if checked is not None:
+        shift = max(checked.parameters, key=lambda c: abs(c.shift / c.shift_limit))
+        ratio = max(checked.parameters, key=lambda c: abs((c.sd_ratio - 1.0) / c.sd_ratio_limit))
+        rows += [
+            (
+                f"{checked.sampler}: means apart [sd]",
+                f"{number(abs(shift.shift), 2)} ({shift.name})",
+                f"below {number(shift.shift_limit, 2)}, Monte Carlo error",
+            ),
+            (
+                f"{checked.sampler}: sd ratio [-]",
+                f"{fixed(ratio.sd_ratio, 2)} ({ratio.name})",
+                f"1 ± {number(ratio.sd_ratio_limit, 2)}, Monte Carlo error",
+            ),
+        ]
     return table("Diagnostics of the sampling", ("quantity", "value", "what a converged run shows"), rows, 3)
 
 

@@ -22,6 +22,7 @@ SPOKE_EXPONENT = 0.7
 
 _SPOKES = 161
 _HALF_ANGLE_RAD = np.deg2rad(60.0)
+_ANGLE_RAD = np.linspace(-_HALF_ANGLE_RAD, _HALF_ANGLE_RAD, _SPOKES)
 _LEVELS = 48
 _MAP_DEPTH_PER_RADIUS = 0.12
 _DEEPEST_PER_RADIUS = 0.24
@@ -62,28 +63,51 @@ def spoke_table(profile: RoadProfile, radius_m: float, *, exponent: float = SPOK
 @lru_cache(maxsize=64)
 def _known_table(stations: bytes, heights: bytes, start_m: float, radius_m: float, exponent: float) -> SpokeTable:
     """The table of one profile, made once: every stage asks for it again."""
+    shape = _known_shape(stations, heights, start_m, radius_m)
+    force, forward = _spoke_sums(shape.compression_m, exponent)
+    flat, _ = _spoke_sums(shape.flat_compression_m, exponent)
+    return SpokeTable(radius_m, shape.station_m, shape.contact_height_m, shape.deflection_m, force, forward, flat[0])
+
+
+@dataclass(frozen=True)
+class _SpokeShape:
+    """Compression (spokes, n, m) of every spoke over the bump, and (spokes, 1, m) on a flat road."""
+
+    station_m: np.ndarray
+    contact_height_m: np.ndarray
+    deflection_m: np.ndarray
+    compression_m: np.ndarray
+    flat_compression_m: np.ndarray
+
+
+# Geometry takes nearly all of the time and is the same for every exponent.
+@lru_cache(maxsize=4)
+def _known_shape(stations: bytes, heights: bytes, start_m: float, radius_m: float) -> _SpokeShape:
     station_m, height_m = np.frombuffer(stations), np.frombuffer(heights)
     reach = radius_m * np.sin(_HALF_ANGLE_RAD)
     first = station_m[0] - start_m - reach - 0.1
     last = station_m[-1] - start_m + reach + 0.1
     station = np.arange(np.floor(first / _STATION_STEP_M), np.ceil(last / _STATION_STEP_M) + 1) * _STATION_STEP_M
-    angle = np.linspace(-_HALF_ANGLE_RAD, _HALF_ANGLE_RAD, _SPOKES)
     deflection = _DEEPEST_PER_RADIUS * radius_m * np.linspace(0.0, 1.0, _LEVELS) ** 1.5
     road_s, road_z = station_m - start_m, height_m
 
-    tread = np.interp(station[:, None] + radius_m * np.sin(angle), road_s, road_z, left=0.0, right=0.0)
-    contact = np.maximum((tread + radius_m * np.cos(angle)).max(axis=1), radius_m)
+    tread = np.interp(station[:, None] + radius_m * np.sin(_ANGLE_RAD), road_s, road_z, left=0.0, right=0.0)
+    contact = np.maximum((tread + radius_m * np.cos(_ANGLE_RAD)).max(axis=1), radius_m)
     height = contact[:, None] - deflection[None, :]
-    force, forward = _spoke_sums(station, height, angle, radius_m, exponent, road_s, road_z)
     flat_height = (radius_m - deflection)[None, :]
-    flat, _ = _spoke_sums(np.zeros(1), flat_height, angle, radius_m, exponent, road_s, 0.0 * road_z)
-    return SpokeTable(radius_m, station, contact, deflection, force, forward, flat[0])
+    return _SpokeShape(
+        station,
+        contact,
+        deflection,
+        _compression(station, height, radius_m, road_s, road_z),
+        _compression(np.zeros(1), flat_height, radius_m, road_s, 0.0 * road_z),
+    )
 
 
-def _spoke_sums(station, height, angle, radius, exponent, road_s, road_z) -> tuple[np.ndarray, np.ndarray]:
-    """Vertical and forward force (stations, levels) of all spokes for given centre heights (stations, levels)."""
-    vertical, forward = np.zeros_like(height), np.zeros_like(height)
-    for phi in angle:
+def _compression(station, height, radius, road_s, road_z) -> np.ndarray:
+    """Compression (spokes, stations, levels) of all spokes for given centre heights (stations, levels)."""
+    found = np.empty((_SPOKES, *height.shape))
+    for i, phi in enumerate(_ANGLE_RAD):
         sin, cos = np.sin(phi), np.cos(phi)
         # Bisection along the spoke: above the road at the hub, possibly below it at the undeformed tread.
         low = np.zeros_like(height)
@@ -96,11 +120,19 @@ def _spoke_sums(station, height, angle, radius, exponent, road_s, road_z) -> tup
             low = np.where(below, low, middle)
         compression = np.maximum(radius - 0.5 * (low + high), 0.0)
         compression[compression < 1e-6 * radius] = 0.0
-        force = compression**exponent
-        vertical += cos * force
-        forward -= sin * force
-    spacing = angle[1] - angle[0]
-    return vertical * spacing, forward * spacing
+        found[i] = compression
+    return found
+
+
+def _spoke_sums(compression: np.ndarray, exponent: float) -> tuple[np.ndarray, np.ndarray]:
+    """Vertical and forward force (stations, levels) of spokes that are compressed by (spokes, stations, levels)."""
+    force = np.zeros_like(compression)
+    np.power(compression, exponent, out=force, where=compression > 0.0)
+    spacing = _ANGLE_RAD[1] - _ANGLE_RAD[0]
+    return (
+        spacing * np.tensordot(np.cos(_ANGLE_RAD), force, axes=1),
+        -spacing * np.tensordot(np.sin(_ANGLE_RAD), force, axes=1),
+    )
 
 
 def static_deflection(table: SpokeTable, load_N: float, stiffness_N_per_m: float) -> float:

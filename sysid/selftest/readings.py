@@ -53,11 +53,14 @@ def blank_run(run: BumpRun, sensors: tuple[Sensor, ...], seconds: float, interva
     return replace(run, log=Log(run.log.file, interval_s, channels))
 
 
-def as_logged(campaign: Campaign) -> Campaign:
-    """The campaign with blank records as long as its logs, and their sensors."""
+def as_logged(campaign: Campaign, profiles: Mapping[str, RoadProfile]) -> Campaign:
+    """The campaign with blank records as long as its logs, and their sensors; runs without a log as planned."""
     runs = []
     for run in campaign.bump_runs:
         log = run.log
+        if log.duration_s == 0.0:
+            runs.append(_planned_run(campaign, run, profiles))
+            continue
         seconds = (round(log.duration_s / log.sample_interval_s) + 0.5) * log.sample_interval_s
         runs.append(blank_run(run, tuple(c.sensor for c in log.channels), seconds, log.sample_interval_s))
     return replace(campaign, bump_runs=tuple(runs))
@@ -65,14 +68,13 @@ def as_logged(campaign: Campaign) -> Campaign:
 
 def planned_campaign(campaign: Campaign, profiles: Mapping[str, RoadProfile]) -> Campaign:
     """The campaign with blank records that are long enough for every run at its nominal speed."""
-    last = max(a.x_m for a in campaign.vehicle.axles)
-    runs = []
-    for run in campaign.bump_runs:
-        way = last + profiles[run.bump].length_m + 1.0
-        seconds = BEFORE_S + way / run.nominal_speed_m_s + AFTER_S
-        sensors = tuple(c.sensor for c in run.log.channels)
-        runs.append(blank_run(run, sensors, seconds, campaign.acquisition.sample_interval_s))
-    return replace(campaign, bump_runs=tuple(runs))
+    return replace(campaign, bump_runs=tuple(_planned_run(campaign, run, profiles) for run in campaign.bump_runs))
+
+
+def _planned_run(campaign: Campaign, run: BumpRun, profiles: Mapping[str, RoadProfile]) -> BumpRun:
+    way = max(a.x_m for a in campaign.vehicle.axles) + profiles[run.bump].length_m + 1.0
+    seconds = BEFORE_S + way / run.nominal_speed_m_s + AFTER_S
+    return blank_run(run, tuple(c.sensor for c in run.log.channels), seconds, campaign.acquisition.sample_interval_s)
 
 
 def draw_motion(campaign: Campaign, random: np.random.Generator) -> RunMotion:

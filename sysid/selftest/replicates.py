@@ -115,7 +115,7 @@ def self_test(
 
     Parameters
     ----------
-    campaign : its vehicle, load cases and runs; of the logs only lengths and sensors are used.
+    campaign : its vehicle, load cases and runs; of the logs only lengths and sensors are used, where they are there.
     profiles : road profile of every bump.
     instruments : how the sensors err; ordinary ones if None.
     options : settings of least squares.
@@ -133,7 +133,7 @@ def self_test(
             f"{campaign.file.name} has no bump run to simulate; list the planned ones under tests.bump_run."
         )
     report = progress or (lambda message, fraction: None)
-    planned = as_logged(replace(campaign, plank_drops=()))
+    planned = as_logged(replace(campaign, plank_drops=()), profiles)
     parameters = campaign_parameters(planned, None)
     instruments = instruments or ordinary_instruments(planned)
     done, failures = [], []

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.campaign.records import Campaign
+from sysid.estimation.map_tires import map_tires
 from sysid.estimation.parameters import ParameterSet
 from sysid.estimation.uncertain_masses import uncertain_masses
 from sysid.road.contact_laws import ContactLaw
@@ -53,5 +54,6 @@ def draw_world(
     masses = uncertain_masses(campaign)
     vehicle, load_cases = masses.applied(masses.sd * random.standard_normal(masses.sd.size))
     true = replace(campaign, vehicle=vehicle, load_cases=load_cases)
-    roads = EffectiveRoads(vehicle, load_cases, profiles, contact)
-    return World(true, parameters, draw_parameters(parameters, random), roads)
+    values = draw_parameters(parameters, random)
+    tires = map_tires(parameters, values) if contact == "footprint" else None
+    return World(true, parameters, values, EffectiveRoads(vehicle, load_cases, profiles, contact, tires))

@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid.campaign.records import Axle, LoadCase, SpeedHeld, Vehicle
 from sysid.road.contact_laws import ContactLaw, cam_map, point_map
-from sysid.road.enveloping import FootprintMap, SpokeTable, footprint_map, spoke_table
+from sysid.road.enveloping import SPOKE_EXPONENT, FootprintMap, SpokeTable, footprint_map, spoke_table
 from sysid.road.results import RoadProfile
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import EffectiveRoad, effective_road
@@ -44,8 +44,28 @@ class Lanes:
     reference_load: np.ndarray
 
 
+@dataclass(frozen=True)
+class MapTires:
+    """The tires that footprint maps are tabulated for.
+
+    `stiffness_N_per_m` (na,) tangent stiffness of every axle's tires at its static load in the first load case;
+    `spoke_exponent` of a single radial spring, see :mod:`sysid.road.enveloping`.
+    """
+
+    stiffness_N_per_m: tuple[float, ...]
+    spoke_exponent: float = SPOKE_EXPONENT
+
+    def like(self, other: MapTires) -> bool:
+        """Whether the maps of both cannot be told apart: exponents within 0.002, stiffnesses within 0.5 %."""
+        ratio = np.array(self.stiffness_N_per_m) / np.array(other.stiffness_N_per_m)
+        return abs(self.spoke_exponent - other.spoke_exponent) < 0.002 and bool(np.all(np.abs(np.log(ratio)) < 0.005))
+
+
 class EffectiveRoads:
-    """What the wheels of a vehicle feel of its bumps, by one contact law, tabulated once per wheel radius and load."""
+    """What the wheels of a vehicle feel of its bumps, by one contact law, tabulated once per wheel radius and load.
+
+    `tires` are those of the maps, None for the declared ones.
+    """
 
     def __init__(
         self,
@@ -53,32 +73,35 @@ class EffectiveRoads:
         load_cases: Mapping[str, LoadCase],
         profiles: Mapping[str, RoadProfile],
         contact: ContactLaw = "footprint",
+        tires: MapTires | None = None,
     ):
         self.contact = contact
-        self._vehicle = vehicle
-        self._load_cases = dict(load_cases)
+        self.tires = tires or MapTires(tuple(a.tire_stiffness_N_per_m for a in vehicle.axles))
+        self.vehicle = vehicle
+        self.load_cases = dict(load_cases)
         self.profiles = dict(profiles)
         self._table = lru_cache(maxsize=None)(self._make_table)
         self._maps = lru_cache(maxsize=None)(self._make_maps)
 
     def _make_table(self, bump: str, radius_m: float) -> SpokeTable:
-        return spoke_table(self.profiles[bump], radius_m)
+        return spoke_table(self.profiles[bump], radius_m, exponent=self.tires.spoke_exponent)
 
     def _make_maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
-        first = next(iter(self._load_cases.values()))
-        case = self._load_cases[load_case]
-        gravity = self._vehicle.gravity_m_s2
+        first = next(iter(self.load_cases.values()))
+        case = self.load_cases[load_case]
+        gravity = self.vehicle.gravity_m_s2
 
         def one(i: int, axle: Axle) -> FootprintMap:
             load, reference = case.axle_loads_kg[i] * gravity, first.axle_loads_kg[i] * gravity
+            stiffness = self.tires.stiffness_N_per_m[i]
             if self.contact == "point":
                 return point_map(self.profiles[bump])
             if self.contact == "cams":
-                return cam_map(self.profiles[bump], axle.tire_radius_m, load / axle.tire_stiffness_N_per_m)
+                return cam_map(self.profiles[bump], axle.tire_radius_m, load / stiffness)
             table = self._table(bump, axle.tire_radius_m)
-            return footprint_map(table, load, reference, axle.tire_stiffness_N_per_m)
+            return footprint_map(table, load, reference, stiffness)
 
-        return tuple(one(i, axle) for i, axle in enumerate(self._vehicle.axles))
+        return tuple(one(i, axle) for i, axle in enumerate(self.vehicle.axles))
 
     def maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
         """Footprint map of every axle in a load case over a bump."""

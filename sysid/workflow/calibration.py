@@ -28,6 +28,7 @@ from sysid.export.inference_data import write_posterior
 from sysid.export.models import write_models
 from sysid.export.result_json import write_result
 from sysid.export.tables import write_parameters, write_predictions, write_profiles, write_validation
+from sysid.posterior.cross_check import CrossCheck, cross_check
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
 from sysid.posterior.results import Posterior
 from sysid.posterior.sampling import chain_identity, posterior_so_far, sample_posterior
@@ -160,6 +161,16 @@ class Calibration:
         self._stages.result("bands", lambda: self._bands(posterior))
         return posterior
 
+    def crosscheck(self) -> CrossCheck:
+        """The posterior sampled once more by a gradient-based sampler, and compared.
+
+        Raises
+        ------
+        CampaignError
+            If that sampler is not installed.
+        """
+        return self._stages.result("crosscheck", self._crosscheck)
+
     def histories(self) -> tuple[RunHistory, ...]:
         """Measured against simulated histories of every run, with posterior bands where it has been sampled."""
         return self._with_bands(self.fit()).histories
@@ -278,6 +289,7 @@ class Calibration:
             scans=found["scan"] or {},
             fit=fit,
             posterior=posterior,
+            crosscheck=found["crosscheck"],
             predictions=found["predict"],
             advice=found["advise"],
             profiles=tuple((found["profile"] or {}).values()),
@@ -319,6 +331,9 @@ class Calibration:
             if unfinished or not (posterior.converged or self.settings.quick):
                 found.append(posterior.message)
             found += posterior.warnings
+        checked: CrossCheck | None = self._stages.known("crosscheck")
+        if checked is not None and not checked.agrees:
+            found.append(checked.message)
         return tuple(found)
 
     # ------------------------------------------------------------------ how stages work
@@ -342,10 +357,12 @@ class Calibration:
             "weights": state.weights,
             "adjustment": state.adjustment,
             "masses": state.masses,
+            "following": state.following,
+            "tires": state.model.tires,
         }
 
     def _state(self) -> FitState:
-        point = self._stages.result("fit", self._fit)[1]
+        point = dict(self._stages.result("fit", self._fit)[1])
         options = self.settings.fit
         model = bump_model(
             self.campaign,
@@ -353,6 +370,7 @@ class Calibration:
             self._profiles(),
             target_step_s=options.target_step_s,
             contact=options.contact,
+            tires=point.pop("tires"),
         )
         return FitState(model, **point)
 
@@ -400,6 +418,18 @@ class Calibration:
         bands: tuple[HistoryBand, ...] | None = self._stages.known("bands")
         return fit if bands is None else replace(fit, histories=with_bands(fit.histories, bands))
 
+    def _crosscheck(self) -> CrossCheck:
+        fit, posterior, state = self.fit(), self.sample(), self._state()
+        density = LogDensity(self.campaign, state)
+        return cross_check(
+            density.gradient,
+            posterior,
+            state.log_parameters,
+            fit.covariance,
+            seed=self.settings.seed,
+            progress=self._progress,
+        )
+
     def _sampled_so_far(self, fit: FitResult, point: dict[str, Any]) -> Posterior | None:
         """Draws of a chain that another process is still adding to, or that was stopped."""
         options = self.settings.sampling
@@ -424,6 +454,7 @@ class Calibration:
         self, requests: tuple[PredictionRequest, ...] | None = None, sweep_km_h: Sequence[float] = SWEEP_KM_H
     ) -> Predictions:
         fit = self.fit()
+        found = self._stages.result("fit", self._fit)[1]
         posterior: Posterior | None = self._stages.known("sample")
         point = np.log([p.value for p in fit.parameters])
         draws = None if posterior is None else np.log(posterior.draws.reshape(-1, len(posterior.names)))
@@ -434,8 +465,9 @@ class Calibration:
             point,
             draws,
             contact=self.settings.fit.contact,
+            tires=found["tires"],
             seed=self.settings.seed,
-            masses=self._stages.result("fit", self._fit)[1]["masses"],
+            masses=found["masses"],
             sweep_km_h=() if self.settings.quick else sweep_km_h,
             progress=self._progress,
         )

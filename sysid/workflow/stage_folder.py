@@ -18,9 +18,9 @@ from sysid.workflow.settings import Settings, remember
 from sysid.workflow.versions import versions
 
 #: Stages in order; a result depends on those before it.
-STAGES = ("check", "drops", "scan", "fit", "advise", "profile", "sample", "bands", "predict")
+STAGES = ("check", "drops", "scan", "fit", "advise", "profile", "sample", "crosscheck", "bands", "predict")
 #: Stages on whose results no other depends.
-ENDS = ("advise", "profile", "bands")
+ENDS = ("advise", "profile", "crosscheck", "bands")
 SUCCESS_MARKER = "SUCCESS"
 
 

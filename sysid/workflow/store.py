@@ -20,12 +20,14 @@ from sysid.errors import CampaignError
 from sysid.estimation import identifiability, information, objective, profiles, uncertain_masses
 from sysid.estimation import results as estimation_results
 from sysid.export.files import write_atomically
+from sysid.posterior import cross_check
 from sysid.posterior import results as posterior_results
 from sysid.prediction import advice_results
 from sysid.prediction import results as prediction_results
 from sysid.road import results as road_results
 from sysid.sdof import results as sdof_results
 from sysid.validation import results as validation_results
+from sysid.vehicle_model import lanes
 
 _MODULES = (
     findings,
@@ -35,6 +37,7 @@ _MODULES = (
     identifiability,
     profiles,
     posterior_results,
+    cross_check,
     prediction_results,
     advice_results,
     validation_results,
@@ -49,6 +52,7 @@ _CLASSES = {
     "Weights": objective.Weights,
     "MassResponse": uncertain_masses.MassResponse,
     "DataInformation": information.DataInformation,
+    "MapTires": lanes.MapTires,
 }
 
 

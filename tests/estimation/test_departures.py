@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rigid_truck import EMPTY, LADEN, bump, campaign, empty_run
 
 from sysid.estimation.bump_model import bump_model
 from sysid.estimation.departure_scale import PLAUSIBLE, departure_scale
-from sysid.estimation.departures import ENVELOPE, FRICTION, TIRE_LOAD, Departure
+from sysid.estimation.departures import ENVELOPE, FRICTION, SPOKES, TIRE_LOAD, Departure
 from sysid.estimation.objective import RunMotion, simulate_runs
 from sysid.estimation.parameters import campaign_parameters
+from sysid.vehicle_model.lanes import EffectiveRoads
 
 MOTION = RunMotion(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
 
@@ -80,3 +83,16 @@ def test_data_without_departures_leave_scales_of_their_own_accuracy_and_no_data_
     assert found.sd[0] < 3.0 / (1e3 * np.sqrt(200))
     silent = departure_scale(np.eye(2) * 1e-12, np.zeros(2), np.eye(1), np.zeros(0), [Departure(FRICTION, 0)])
     assert silent.sd[0] == pytest.approx(PLAUSIBLE[FRICTION])
+
+
+def test_stiffening_spokes_are_the_maps_of_their_exponent(model):
+    """Half way to the exponent that the direction was taken at, against maps made for that half way."""
+    data, parameters, ours = model
+    own = EffectiveRoads(data.vehicle, data.load_cases, {"bump": bump()}).tires
+    stiffer = replace(own, spoke_exponent=own.spoke_exponent + 0.05)
+    exact = bump_model(data, parameters, {"bump": bump()}, tires=stiffer)
+    moved = ours.departed(amplitudes(ours, SPOKES, 0.05))
+    for plain, one, two in zip(
+        *(simulate_runs(m, parameters.start, MOTION) for m in (ours, moved, exact)), strict=True
+    ):
+        assert np.sqrt(np.mean((one - two) ** 2)) < 0.05 * np.sqrt(np.mean((plain - two) ** 2))

@@ -61,7 +61,7 @@ def test_residual_scales_are_the_instrument_noise(fit):
             assert history.instrument_noise_sd[k] == pytest.approx(NOISE[sensor.kind], rel=0.35)
             assert abs(history.gain[k] - 1.0) < 0.012
     assert fit.result.variance_inflation < 1.5
-    assert fit.result.autocorrelation.shape[0] == 15
+    assert fit.result.residual_evidence.autocorrelation_before.shape[0] == 15
 
 
 def test_clipped_samples_are_kept_apart(fit):

@@ -15,6 +15,7 @@ from sysid.estimation.bump_model import bump_model
 from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.information import adjusted_information
 from sysid.estimation.least_squares import fit_bump_runs
+from sysid.estimation.levenberg_marquardt import minimise
 from sysid.estimation.mass_effect import mass_effect
 from sysid.estimation.objective import RunMotion, simulate_runs
 from sysid.estimation.parameters import campaign_parameters
@@ -145,12 +146,19 @@ def fits():
 
 
 def test_the_optimum_moves_as_the_covariance_says(fits):
-    data, (plain, state), (moved, _), (exact, _), _, off = fits
+    data, (plain, state), _, (exact, _), masses, off = fits
     assert exact.masses == ()
     np.testing.assert_allclose([p.value for p in plain.parameters], [p.value for p in exact.parameters], rtol=1e-9)
-    change = np.log([p.value for p in moved.parameters]) - np.log([p.value for p in plain.parameters])
+    # Under the footprint maps of the fit: maps made again for other tires move the optimum once more.
+    vehicle, cases = masses.applied(off)
+    other = replace(data, vehicle=vehicle, load_cases=cases)
+    parameters, tires = state.model.parameters, state.model.tires
+    heavier = bump_model(other, parameters, {"bump": rigid_truck.bump()}, tires=tires)
+    problem = Problem(heavier, other, state.motion, state.weights)
+    start = np.concatenate([state.log_parameters, np.zeros(4)])
+    change = minimise(problem.evaluate, start, relative_tolerance=1e-8).point[:-4] - state.log_parameters
     problem = Problem(state.model, data, state.motion, state.weights)
-    _, effect, _ = adjusted_information(data, problem, np.concatenate([state.log_parameters, np.zeros(4)]))
+    _, effect, _ = adjusted_information(data, problem, start)
     names = list(plain.names)
     for name in ("c_2", "kt_2", "ct_2"):
         k = names.index(name)

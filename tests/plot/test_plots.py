@@ -45,6 +45,7 @@ def draws_of(results):
         "profile": lambda ax=None: plot.profile(scan, ax),
         "overlay": lambda ax=None: plot.overlay(history, history.columns[0], ax),
         "autocorrelation": lambda ax=None: plot.autocorrelation(fit, ax),
+        "residual_spectrum": lambda ax=None: plot.residual_spectrum(fit, ax),
         "marginal": lambda ax=None: plot.marginal(posterior, "k_1", fit, ax),
         "trace": lambda ax=None: plot.trace(posterior, "k_1", fit, ax),
         "correlation": lambda ax=None: plot.correlation(plot.posterior_correlation(posterior), posterior.names, ax),
@@ -58,7 +59,7 @@ def draws_of(results):
 
 FIGURES = (
     "drop", "scan", "profile", "overlay", "autocorrelation", "marginal", "trace", "correlation", "load_ratio",
-    "comparison", "priors", "likelihood_profile", "next_runs",
+    "comparison", "priors", "likelihood_profile", "next_runs", "residual_spectrum",
 )  # fmt: skip
 
 

@@ -26,7 +26,7 @@ def fit() -> SyntheticFit:
 @pytest.fixture(scope="session")
 def density(fit) -> LogDensity:
     """The density as it is without flattening for model error."""
-    return LogDensity(fit.campaign, replace(fit.state, adjustment=np.eye(fit.truth.size)))
+    return LogDensity(fit.campaign, replace(fit.state, adjustment=np.eye(fit.truth.size), following=None))
 
 
 def in_batches(density: LogDensity, points: np.ndarray) -> np.ndarray:
@@ -57,7 +57,7 @@ def log_marginal(fit: SyntheticFit, x: np.ndarray, widths: np.ndarray) -> float:
     speed = speed0 * (1 + SPEED_UNIT * local[:, 0])
     start = start0 + SHIFT_UNIT_M / speed0 * local[:, 1]
     total = squares(
-        model.arrays[0],
+        state.weights.on(model.arrays)[0],
         model.roads[0],
         state.weights.noise_sd[0],
         state.weights.tempering[0],
@@ -105,7 +105,7 @@ def test_curvature_is_the_covariance_of_the_fit(fit):
 
 def test_flattening_moves_the_likelihood_and_not_the_priors(fit, density):
     matrix = np.diag(np.linspace(0.4, 1.0, 13))
-    flattened = LogDensity(fit.campaign, replace(fit.state, adjustment=matrix))
+    flattened = LogDensity(fit.campaign, replace(fit.state, adjustment=matrix, following=None))
     centre = fit.state.log_parameters
     points = centre + 0.01 * np.random.default_rng(4).normal(size=(5, 13))
     rows, targets = fit.parameters.prior_rows()
@@ -137,3 +137,15 @@ def test_a_point_without_a_finite_simulation_is_rejected_and_kept(fit):
     np.testing.assert_array_equal(np.isneginf(found), [False, True, False, True, False])
     assert density.rejected_count == 2
     np.testing.assert_array_equal(density.rejected[0], points[1])
+
+
+def test_gradient_is_that_of_the_density(fit):
+    """Against central differences of the vectorised density, with flattening and tilt, away from the optimum."""
+    density = LogDensity(fit.campaign, fit.state)
+    random = np.random.default_rng(7)
+    x = fit.state.log_parameters + np.linalg.cholesky(fit.result.covariance) @ random.standard_normal(fit.truth.size)
+    value, gradient = density.gradient(x)
+    assert value == pytest.approx(in_batches(density, x[None])[0], rel=1e-9)
+    steps = 1e-5 * np.eye(x.size)
+    up, down = np.split(in_batches(density, np.concatenate([x + steps, x - steps])), 2)
+    np.testing.assert_allclose(gradient, (up - down) / 2e-5, rtol=2e-6, atol=1e-3)

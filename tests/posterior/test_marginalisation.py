@@ -52,7 +52,7 @@ def joint_density(fit: SyntheticFit, points: np.ndarray) -> np.ndarray:
 
 
 def marginal_density(fit: SyntheticFit, points: np.ndarray) -> np.ndarray:
-    density = LogDensity(fit.campaign, replace(fit.state, adjustment=np.eye(fit.truth.size)))
+    density = LogDensity(fit.campaign, replace(fit.state, adjustment=np.eye(fit.truth.size), following=None))
     return np.concatenate([density(points[k : k + BATCH]) for k in range(0, len(points), BATCH)])
 
 

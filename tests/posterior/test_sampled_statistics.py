@@ -76,19 +76,21 @@ def doubled(fit: SyntheticFit) -> LogDensity:
     runs = fit.campaign.bump_runs
     again = tuple(replace(r, repeat=2, log=replace(r.log, file=f"again_{r.log.file}")) for r in runs)
     campaign = replace(fit.campaign, bump_runs=runs + again)
-    model = bump_model(campaign, fit.parameters, fit.profiles)
+    model = bump_model(campaign, fit.parameters, fit.profiles, tires=fit.state.model.tires)
     (group,), (old,) = model.groups, fit.state.model.groups
     # A run's weights by its place in the campaign, whatever the order within the group.
     place = [old.runs.index(r % len(runs)) for r in group.runs]
     weights = Weights(*(tuple(w[place] for w in member) for member in vars(fit.state.weights).values()))
     motion = RunMotion(*(np.tile(v, 2) for v in vars(fit.state.motion).values()))
-    state = replace(fit.state, model=model, weights=weights, motion=motion, adjustment=np.eye(fit.truth.size))
+    state = replace(
+        fit.state, model=model, weights=weights, motion=motion, adjustment=np.eye(fit.truth.size), following=None
+    )
     return LogDensity(campaign, state)
 
 
 @pytest.mark.long
 def test_doubled_data_shrink_standard_deviations_by_the_square_root_of_two(fit):
-    once = LogDensity(fit.campaign, replace(fit.state, adjustment=np.eye(fit.truth.size)))
+    once = LogDensity(fit.campaign, replace(fit.state, adjustment=np.eye(fit.truth.size), following=None))
     centre, covariance = fit.state.log_parameters[:SAMPLED], conditional_covariance(fit)
     first = chain(slice_of(fit, once), centre, covariance, 400)
     second = chain(slice_of(fit, doubled(fit)), centre, covariance / 2, 400, seed=2)

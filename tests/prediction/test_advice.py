@@ -24,21 +24,25 @@ from sysid.estimation.further_runs import RunKind, missing_sensors, recording_se
 from sysid.estimation.identifiability import Identifiability, assess
 from sysid.estimation.information import DataInformation
 from sysid.estimation.least_squares import fit_bump_runs
+from sysid.estimation.map_tires import map_tires
 from sysid.estimation.objective import RunMotion, Weights, simulate_runs
 from sysid.estimation.parameters import campaign_parameters
 from sysid.estimation.problem import FitState
 from sysid.estimation.results import ParameterEstimate
 from sysid.prediction.advice import advise, candidate_runs, peak_gradient
 from sysid.prediction.advice_results import Advice
-from sysid.prediction.passes import predict_pass
+from sysid.prediction.passes import effective_roads, predict_pass
 
 STEP_S = 0.00125
 PROFILES = {"bump": bump()}
 
 
 def unflattened(information: DataInformation) -> DataInformation:
-    """The same information without allowance for model error: there is none, and few blocks estimate it badly."""
-    return replace(information, flattening=np.eye(information.prior.shape[0]))
+    """The same information without allowance for model error: there is none, and few blocks estimate it badly.
+
+    Neither with that for footprint maps that follow their tires, which the further run changes.
+    """
+    return replace(information, flattening=np.eye(information.prior.shape[0]), following=None)
 
 
 def test_predicted_standard_deviations_are_those_of_a_fit_with_the_run_driven():
@@ -54,7 +58,8 @@ def test_predicted_standard_deviations_are_those_of_a_fit_with_the_run_driven():
     )
 
     run = empty_run("third.csv", speed, samples=1090)
-    model = bump_model(replace(fit.campaign, bump_runs=(run,)), fit.parameters, fit.profiles)
+    tires = map_tires(fit.parameters, fit.truth)
+    model = bump_model(replace(fit.campaign, bump_runs=(run,)), fit.parameters, fit.profiles, tires=tires)
     (signals,) = simulate_runs(model, fit.truth, RunMotion(np.array([4.4]), np.array([0.95])))
     scale = np.array([NOISE[s.kind] for s in SENSORS])
     run = with_values(run, signals[:, 0] + scale * np.random.default_rng(1).normal(size=signals[:, 0].shape))
@@ -63,8 +68,8 @@ def test_predicted_standard_deviations_are_those_of_a_fit_with_the_run_driven():
 
     found = np.sqrt(np.diag(unflattened(result.identifiability.information).covariance()))
     np.testing.assert_allclose(bare, found, rtol=0.05)
-    # With the allowance for model error, which both estimate from a handful of blocks.
-    np.testing.assert_allclose(predicted, np.sqrt(np.diag(result.covariance)), rtol=0.2)
+    # With the allowance for model error, which both estimate from a handful of blocks: it scatters by a fifth.
+    np.testing.assert_allclose(predicted, np.sqrt(np.diag(result.covariance)), rtol=0.3)
     # The run is worth something: by up to half of the standard deviation, where the test above allows a twentieth.
     now = np.sqrt(np.diag(unflattened(information).covariance()))
     assert (now / bare).max() > 1.4
@@ -173,10 +178,11 @@ def test_gradient_of_a_peak_is_that_of_predicted_passes():
     request = fit.campaign.predictions[0]
     target, gradient = peak_gradient(fit.campaign, fit.state, fit.profiles, request)
     direction = np.random.default_rng(4).normal(size=gradient.size)
+    roads = effective_roads(fit.campaign, fit.profiles, [request], tires=fit.state.model.tires)
 
     def ratio(along: float) -> float:
         x = fit.state.log_parameters + along * direction
-        found = predict_pass(fit.campaign, fit.parameters, fit.profiles, request, x, None)
+        found = predict_pass(fit.campaign, fit.parameters, fit.profiles, request, x, None, roads=roads)
         return float(found.peak_ratio_q50[target.axle])
 
     slope = (ratio(2e-3) - ratio(-2e-3)) / 4e-3

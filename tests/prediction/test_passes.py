@@ -152,20 +152,22 @@ def recorded(monkeypatch) -> list[np.ndarray | None]:
 def test_all_requests_are_predicted_from_a_seeded_selection_of_draws(data, parameters, truth, recorded):
     two = replace(data, predictions=(REQUEST, PredictionRequest("empty", 12.0)))
     many = truth + np.arange(1000.0)[:, None]
-    found = predict(two, parameters, {"bump": PROFILE}, truth, many, seed=4, sweep_km_h=())
+    found = predict(two, parameters, {"bump": PROFILE}, truth, many, seed=4, tires=None, sweep_km_h=())
     assert found.source == "posterior"
     assert found.passes == two.predictions
     assert recorded[0].shape == (passes.DRAWS, truth.size)
     np.testing.assert_array_equal(recorded[0], recorded[1])
     assert len({float(d[0]) for d in recorded[0]}) == passes.DRAWS
-    predict(two, parameters, {"bump": PROFILE}, truth, many, seed=4, sweep_km_h=())
+    predict(two, parameters, {"bump": PROFILE}, truth, many, seed=4, tires=None, sweep_km_h=())
     np.testing.assert_array_equal(recorded[0], recorded[2])
-    predict(two, parameters, {"bump": PROFILE}, truth, many, seed=5, sweep_km_h=())
+    predict(two, parameters, {"bump": PROFILE}, truth, many, seed=5, tires=None, sweep_km_h=())
     assert not np.array_equal(recorded[0], recorded[4])
 
 
 def test_without_a_posterior_the_source_is_least_squares(data, parameters, truth, recorded):
-    assert predict(data, parameters, {"bump": PROFILE}, truth, None, sweep_km_h=()).source == "least squares"
+    assert (
+        predict(data, parameters, {"bump": PROFILE}, truth, None, tires=None, sweep_km_h=()).source == "least squares"
+    )
     assert recorded == [None]
 
 

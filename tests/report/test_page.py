@@ -146,7 +146,7 @@ def test_figures_are_not_empty(full_text):
     # Two comparisons, drops (overview and two axles), profile, scan and what tires feel, histories and all channels of
     # a run, residuals, modes of two load cases, priors, further runs, marginals, correlation, pairs, traces, a pass,
     # its suspension force, ratio against speed.
-    assert len(figures) == 22
+    assert len(figures) == 23
     assert all(figure.count("<path") + figure.count("<use") > 10 for figure in figures)
     assert len(full_text) < 1_500_000
 
@@ -224,13 +224,15 @@ def test_results_with_holes_still_make_a_page():
     one = r.predictions.passes[0]
     scan = replace(r.scans["bump"], strip_station_m=empty, strip_height_m=empty)
     scan = replace(scan, cloud_along_m=empty, cloud_across_m=empty, cloud_height_m=empty)
+    every = np.full((6, 20), nan)
+    unknown = replace(r.fit.residual_evidence, autocorrelation_before=every, autocorrelation_after=every)
     page = parse(
         render_report(
             replace(
                 r,
                 drops=replace(r.drops, files=(drop,), pooled=()),
                 scans={"bump": scan},
-                fit=replace(r.fit, histories=(replace(history, measured=dead),), autocorrelation=np.full((6, 20), nan)),
+                fit=replace(r.fit, histories=(replace(history, measured=dead),), residual_evidence=unknown),
                 posterior=replace(r.posterior, draws=draws),
                 predictions=replace(r.predictions, passes=(replace(one, peak_ratio_q50=np.full(2, nan)),)),
             )

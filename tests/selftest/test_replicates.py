@@ -89,7 +89,7 @@ def test_pooled_counts_are_those_of_all_campaigns() -> None:
 
 
 def test_records_are_as_long_as_the_logs() -> None:
-    for before, after in zip(plan().bump_runs, as_logged(plan()).bump_runs, strict=True):
+    for before, after in zip(plan().bump_runs, as_logged(plan(), PROFILES).bump_runs, strict=True):
         assert [c.sensor for c in after.log.channels] == [c.sensor for c in before.log.channels]
         np.testing.assert_allclose(after.log.channels[0].time_s, before.log.channels[0].time_s)
 

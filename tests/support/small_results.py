@@ -26,7 +26,7 @@ from sysid.campaign.records import (
 from sysid.estimation.identifiability import assess
 from sysid.estimation.information import DataInformation
 from sysid.estimation.profiles import ProfileLikelihood
-from sysid.estimation.results import FitResult, HistoryBand, ParameterEstimate, RunHistory
+from sysid.estimation.results import FitResult, HistoryBand, ParameterEstimate, ResidualEvidence, RunHistory
 from sysid.export import Results
 from sysid.posterior.results import Posterior, PosteriorSummary
 from sysid.prediction.advice_results import Advice, PeakTarget, Prospect
@@ -248,11 +248,28 @@ def small_fit(w: Words = Words(), **changes: object) -> FitResult:
         "variance_inflation": 3.0,
         "model_error_inflation": 4.0,
         "contact": "radial springs",
-        "autocorrelation_lag_s": lag,
-        "autocorrelation": np.tile(np.exp(-lag / 0.02), (6, 1)),
+        "residual_evidence": small_evidence(lag),
         "warnings": (w.message,),
     }
     return FitResult(**(fields | changes))  # type: ignore[arg-type]
+
+
+def small_evidence(lag: np.ndarray) -> ResidualEvidence:
+    """Residuals of six channels that forget with 20 ms, innovations that are white."""
+    frequency = np.linspace(0.0, 100.0, 21)
+    slow = np.vstack([2.0 / (1.0 + (frequency / corner) ** 2) for corner in (8.0, 30.0)])
+    return ResidualEvidence(
+        kinds=("suspension_deflection", "axle_acceleration"),
+        frequency_hz=frequency,
+        before=slow,
+        after=np.ones_like(slow),
+        order=np.array([1, 2, 1, 1, 3, 1]),
+        lag_s=lag,
+        autocorrelation_before=np.tile(np.exp(-lag / 0.02), (6, 1)),
+        autocorrelation_after=np.tile((lag == 0.0).astype(float), (6, 1)),
+        columns=("l1", "a1"),
+        degrees_of_freedom=np.array([np.inf, 4.0]),
+    )
 
 
 def small_history(w: Words = Words(), repeat: int = 1) -> RunHistory:

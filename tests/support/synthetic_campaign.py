@@ -32,6 +32,7 @@ from sysid.campaign.records import (
     Vehicle,
 )
 from sysid.estimation.lane_laws import LawInputs, lane_laws, law_inputs
+from sysid.estimation.map_tires import map_tires
 from sysid.estimation.parameters import ParameterSet, campaign_parameters
 from sysid.road.results import RoadProfile
 from sysid.vehicle_model.contact import EffectiveRoad, road_input
@@ -210,12 +211,13 @@ class Simulator:
 
     def __init__(self, truth: TrueVehicle, physics: Physics, profile: RoadProfile, samples: int) -> None:
         self._truth, self._samples = truth, samples
-        self._roads = EffectiveRoads(truth.vehicle, truth.load_cases, {profile.name: profile})
         self._bump, self._interval = profile.name, physics.sample_interval_s
         axles = tuple(range(len(truth.vehicle.axles)))
         self._layout = SensorLayout(axles, axles)
         self._filter = physics.filter
         self._x = np.array([truth.values[name] for name in truth.parameters.names])
+        tires = map_tires(truth.parameters, np.log(self._x))
+        self._roads = EffectiveRoads(truth.vehicle, truth.load_cases, {profile.name: profile}, tires=tires)
         self._simulate = jax.jit(self._make)
 
     def _make(self, matrices, laws: LawInputs, table: EffectiveRoad, axle_x, speed, start) -> jax.Array:

@@ -12,6 +12,7 @@ from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.estimation.bump_model import bump_model
 from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.least_squares import fit_bump_runs
+from sysid.estimation.map_tires import map_tires
 from sysid.estimation.objective import RunMotion, simulate_runs
 from sysid.estimation.parameters import ParameterSet, campaign_parameters
 from sysid.estimation.problem import FitState
@@ -48,8 +49,8 @@ def synthetic_campaign() -> tuple[Campaign, ParameterSet, dict[str, RoadProfile]
     blank = campaign(runs, predictions=[request])
     parameters = campaign_parameters(blank, None)
     profiles = {"bump": bump()}
-    model = bump_model(blank, parameters, profiles)
     truth = true_log_parameters(parameters.names)
+    model = bump_model(blank, parameters, profiles, tires=map_tires(parameters, truth))
     (signals,) = simulate_runs(model, truth, RunMotion(SPEED_M_S, START_S))
     random = np.random.default_rng(SEED)
     filled = []

@@ -13,6 +13,7 @@ from sysid.errors import CampaignError
 from sysid.estimation.bump_model import bump_model
 from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.least_squares import fit_bump_runs
+from sysid.estimation.map_tires import map_tires
 from sysid.estimation.objective import RunMotion, simulate_runs
 from sysid.estimation.parameters import campaign_parameters
 from sysid.export.tables import validation_csv
@@ -33,8 +34,9 @@ def measured_campaign():
     runs = [empty_run(f, v * 1.01, samples=360) for f, v in zip(FILES, SPEED, strict=True)]
     blank = campaign(runs)
     parameters = campaign_parameters(blank, None)
-    model = bump_model(blank, parameters, PROFILES)
-    (signals,) = simulate_runs(model, true_log_parameters(parameters.names), RunMotion(SPEED, START))
+    truth = true_log_parameters(parameters.names)
+    model = bump_model(blank, parameters, PROFILES, tires=map_tires(parameters, truth))
+    (signals,) = simulate_runs(model, truth, RunMotion(SPEED, START))
     random = np.random.default_rng(11)
     scale = np.array([NOISE[s.kind] for s in SENSORS])
     filled = []

@@ -7,6 +7,7 @@
 namespace sysid {
 
 // Readings and weights of one run; rows of `value`, `measured` and `censored` are `stride` apart, C channels each.
+// `measured` holds the square roots of the weights of plain readings, 0 where there is none.
 struct Readings {
   const double *value, *measured, *censored;
   const double *noise_sd, *tempering, *gain_sd;
@@ -35,19 +36,19 @@ SensorFit<V> fit_sensor(const Readings& data, const V* signal, int c) {
   double count = 0.0, sum_d = 0.0;
   V sum_y{};
   for (int64_t t = 0; t < data.samples; ++t) {
-    const double mask = data.measured[t * data.stride + c];
-    count += mask;
-    sum_d += mask * data.value[t * data.stride + c];
-    sum_y += mask * signal[t];
+    const double root = data.measured[t * data.stride + c], share = root * root;
+    count += share;
+    sum_d += share * data.value[t * data.stride + c];
+    sum_y += share * signal[t];
   }
-  count = count < 1.0 ? 1.0 : count;
+  count = count > 0.0 ? count : 1.0;
   const V mean_y = (1.0 / count) * sum_y;
   V s_yy{}, s_yd{};
   for (int64_t t = 0; t < data.samples; ++t) {
-    const double mask = data.measured[t * data.stride + c];
-    const V centred = mask * (signal[t] - mean_y);
+    const double root = data.measured[t * data.stride + c];
+    const V centred = root * (signal[t] - mean_y);
     s_yy += centred * centred;
-    s_yd += data.value[t * data.stride + c] * centred;
+    s_yd += root * data.value[t * data.stride + c] * centred;
   }
   const double sigma = data.noise_sd[c] / data.tempering[c], spread = data.gain_sd[c];
   const double weight = 1.0 / (sigma * sigma), prior = 1.0 / (spread * spread);
