@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator
 
 from sysid.display import Z90
 from sysid.plot.style import (
@@ -215,10 +216,15 @@ def residual_spectrum(fit: FitResult, ax: Axes | None = None) -> Axes:
     found = fit.residual_evidence
     for i, kind in enumerate(found.kinds):
         words = kind.replace("_", " ")
-        ax.plot(found.frequency_hz, found.before[i], color=axle_color(i), lw=1.4, label=words)
-        ax.plot(found.frequency_hz, found.after[i], "--", color=axle_color(i), lw=1.1, label=f"{words}, innovations")
+        # Both ends of a spectrum are half a band, and the mean has been taken out.
+        at, before, after = (v[1:-1] for v in (found.frequency_hz, found.before[i], found.after[i]))
+        ax.plot(at, before, color=axle_color(i), lw=1.4, label=words)
+        ax.plot(at, after, "--", color=axle_color(i), lw=1.1, label=f"{words}, innovations")
     ax.axhline(1.0, color=MUTED, lw=0.8)
     ax.set_yscale("log")
+    ax.yaxis.set_major_formatter("{x:g}")
+    ax.yaxis.set_minor_formatter("{x:g}")
+    ax.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
     ax.set_xlabel("frequency [Hz]")
     ax.set_ylabel("power over that of white residuals [-]")
     ax.legend(loc="upper right")
