@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import jax
@@ -24,16 +24,37 @@ from sysid.vehicle_model.suspension import SuspensionLaw
 TOGETHER = 20
 
 
+@dataclass(frozen=True)
+class VehicleDraws:
+    """Vehicles that go with n draws of the parameters.
+
+    `log_factors` (n, m + d): log factors on the m uncertain `masses`, then amplitudes of the d `departures` if any.
+    """
+
+    masses: UncertainMasses
+    departures: Departures | None
+    log_factors: np.ndarray
+
+    def __post_init__(self) -> None:
+        width = len(self.masses.factors) + (0 if self.departures is None else len(self.departures.directions))
+        if self.log_factors.shape[1] != width:
+            raise ValueError(
+                f"Draws of {self.log_factors.shape[1]} masses and departures do not fit a vehicle with {width} of them."
+            )
+
+    def first(self, count: int) -> VehicleDraws:
+        """The vehicles of the first draws."""
+        return replace(self, log_factors=self.log_factors[:count])
+
+
 def histories_of_draws(
     lanes: Lanes,
     parameters: ParameterSet,
-    masses: UncertainMasses,
+    vehicles: VehicleDraws,
     driven: Pass,
     log_parameters: np.ndarray,
-    log_factors: np.ndarray,
     motion: Motion,
     timing: Timing,
-    departures: Departures | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Tire forces and suspension forces, static load included, [N] and suspension deflections [m] of n draws.
 
@@ -42,16 +63,17 @@ def histories_of_draws(
     Parameters
     ----------
     lanes : the pass `driven` with declared masses, one lane.
-    log_parameters, log_factors : (n, p) parameters and (n, m) factors on masses.
+    vehicles : of every draw; log_parameters : (n, p).
     motion : speed [m/s] and start [s] (1, 1).
     """
     count = log_parameters.shape[0]
-    found, of_masses = [], len(masses.factors)
+    masses, departures, of_masses = vehicles.masses, vehicles.departures, len(vehicles.masses.factors)
+    found = []
     for first in range(0, count, TOGETHER):
         # The last chunk repeats its last draw: one size is compiled once.
         chosen = np.minimum(np.arange(first, first + TOGETHER), count - 1)
         matrices, laws, roads = [], [], []
-        for factors in log_factors[chosen]:
+        for factors in vehicles.log_factors[chosen]:
             vehicle, cases = masses.applied(factors[:of_masses])
             own = replace(lanes, matrices=pass_matrices(vehicle, cases, [driven], []))
             matrices.append(own.matrices)

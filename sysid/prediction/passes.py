@@ -11,11 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.errors import CampaignError
 from sysid.estimation.bump_model import campaign_departures
 from sysid.estimation.lane_laws import lane_laws, law_inputs
 from sysid.estimation.parameters import ParameterSet
 from sysid.estimation.uncertain_masses import MassResponse, uncertain_masses
-from sysid.prediction.mass_lanes import histories_of_draws
+from sysid.prediction.mass_lanes import VehicleDraws, histories_of_draws
 from sysid.prediction.measures import impulse_ratio, lift_off_time, load_coefficient, quantiles
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
@@ -65,9 +66,9 @@ def _simulate(
     roads: EffectiveRoads,
     request: PredictionRequest,
     sets: np.ndarray,
-    log_factors: np.ndarray | None = None,
+    vehicles: VehicleDraws | None = None,
 ) -> _Pass:
-    """`sets` (p, S) log parameters; `log_factors` (S, m) on masses, None for declared masses."""
+    """`sets` (p, S) log parameters; `vehicles` of the S draws, None for the declared one."""
     wanted = Pass(request.load_case, request.bump)
     lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
     road, speed = lanes.road, request.speed_m_s
@@ -76,20 +77,14 @@ def _simulate(
     lead = np.ceil((BEFORE_S - road.first_station_m / speed) / INTERVAL_S) * INTERVAL_S
     samples = int(np.ceil((lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S) / INTERVAL_S))
     timing, motion = Timing(samples, INTERVAL_S, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
-    if log_factors is None:
+    if vehicles is None:
         laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
         wheels = engine.wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
         found = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), motion, timing=timing)
         tire, suspension, deflection = (np.asarray(h) for h in found)
         suspension = suspension + lanes.matrices.carried_load[0]
     else:
-        masses = uncertain_masses(campaign)
-        known = None
-        if log_factors.shape[1] > len(masses.factors):
-            known = campaign_departures(campaign, parameters, roads)
-        tire, suspension, deflection = histories_of_draws(
-            lanes, parameters, masses, wanted, sets.T, log_factors, motion, timing, known
-        )
+        tire, suspension, deflection = histories_of_draws(lanes, parameters, vehicles, wanted, sets.T, motion, timing)
     time = np.round(np.arange(samples) * INTERVAL_S - lead, 6)
     x = lanes.axle_x[:, 0]
     return _Pass(
@@ -112,7 +107,8 @@ def predict_pass(
     *,
     contact: ContactLaw = "footprint",
     roads: EffectiveRoads | None = None,
-    log_factors: np.ndarray | None = None,
+    tires: MapTires | None = None,
+    vehicles: VehicleDraws | None = None,
 ) -> PassPrediction:
     """Wheel loads of one pass, for the point estimate and for posterior draws.
 
@@ -123,11 +119,20 @@ def predict_pass(
     ----------
     log_parameters : (p,) point estimate, used alone where `draws` is None.
     draws : (n, p) posterior draws of the log parameters, or None.
-    log_factors : (n, m) log factors on masses that belong to the draws, None for declared masses.
+    roads : what the wheels feel, None for `contact` over `profiles` with footprint maps of `tires`.
+    vehicles : those that belong to the draws, None for the declared one.
+
+    Raises
+    ------
+    TypeError
+        If neither `roads` nor `tires` is given.
     """
-    roads = roads or effective_roads(campaign, profiles, [request], contact)
+    if roads is None:
+        if tires is None:
+            raise TypeError("predict_pass needs the tires that the footprint maps are made for, or roads.")
+        roads = effective_roads(campaign, profiles, [request], contact, tires)
     sets = log_parameters[:, None] if draws is None else draws.T
-    p = _simulate(campaign, parameters, roads, request, sets, log_factors)
+    p = _simulate(campaign, parameters, roads, request, sets, vehicles)
     force = quantiles(p.tire_N)
     ratio = quantiles(p.tire_N.max(axis=0) / p.static_N[:, None])
     jounce, rebound = quantiles((-p.deflection_m).max(axis=0)), quantiles(p.deflection_m.max(axis=0))
@@ -180,7 +185,7 @@ def speed_sweep(
     sets: np.ndarray,
     speeds_m_s: Sequence[float],
     progress: Progress = lambda message, fraction: None,
-    log_factors: np.ndarray | None = None,
+    vehicles: VehicleDraws | None = None,
 ) -> SpeedSweep:
     """Peak load ratio and dynamic load coefficient of one load case over a bump against speed.
 
@@ -188,12 +193,12 @@ def speed_sweep(
     ----------
     sets : (p, S) log parameters, one column the point estimate or several draws.
     speeds_m_s : (m,) [m/s].
-    log_factors : (S, n) log factors on masses that belong to the sets, None for declared masses.
+    vehicles : those that belong to the sets, None for the declared one.
     """
     peaks, coefficients = [], []
     for i, speed in enumerate(speeds_m_s):
         progress(f"ratio against speed, {load_case}", i / len(speeds_m_s))
-        p = _simulate(campaign, parameters, roads, PredictionRequest(load_case, speed, bump), sets, log_factors)
+        p = _simulate(campaign, parameters, roads, PredictionRequest(load_case, speed, bump), sets, vehicles)
         peaks.append(p.tire_N.max(axis=0) / p.static_N[:, None])
         coefficients.append(load_coefficient(p.tire_N, p.static_N, p.passing))
     driven = driven_speeds(campaign, load_case)
@@ -230,27 +235,40 @@ def predict(
     contact: ContactLaw = "footprint",
     seed: int = 0,
     masses: MassResponse | None = None,
+    requests: Sequence[PredictionRequest] | None = None,
     sweep_km_h: Sequence[float] = SWEEP_KM_H,
     progress: Progress = lambda message, fraction: None,
 ) -> Predictions:
-    """All passes that the campaign asks for, and the load ratio against speed in their load cases.
+    """All passes that the campaign asks for, or `requests`, and the load ratio against speed in their load cases.
 
     `draws` (n, p) in log space are thinned to a few hundred at random, for the ratio against speed to a few tens.
     Every draw gets masses of its own, drawn as `masses` says that they go with the parameters; None for declared ones.
-    `tires` are those of the fit's footprint maps, None for the declared ones.
+    `campaign` is the one that was fitted; `tires` are those of the fit's footprint maps, None for the declared ones.
+
+    Raises
+    ------
+    CampaignError
+        If a pass is in a load case of which the fit knows nothing that the prediction needs.
     """
+    requests = campaign.predictions if requests is None else tuple(requests)
+    _check_load_cases(campaign, parameters, requests, drawn=draws is not None and masses is not None)
     random = np.random.default_rng(seed)
     if draws is not None and draws.shape[0] > DRAWS:
         draws = draws[random.choice(draws.shape[0], DRAWS, replace=False)]
-    factors = None if draws is None or masses is None else masses.draws(draws, random)
-    roads = effective_roads(campaign, profiles, campaign.predictions, contact, tires)
+    roads = effective_roads(campaign, profiles, requests, contact, tires)
+    vehicles = None
+    if draws is not None and masses is not None:
+        factors, uncertain = masses.draws(draws, random), uncertain_masses(campaign)
+        departing = factors.shape[1] > len(uncertain.factors)
+        known = campaign_departures(campaign, parameters, roads) if departing else None
+        vehicles = VehicleDraws(uncertain, known, factors)
     passes = tuple(
-        predict_pass(campaign, parameters, profiles, request, log_parameters, draws, roads=roads, log_factors=factors)
-        for request in campaign.predictions
+        predict_pass(campaign, parameters, profiles, request, log_parameters, draws, roads=roads, vehicles=vehicles)
+        for request in requests
     )
     sets = log_parameters[:, None] if draws is None else draws[:SWEEP_DRAWS].T
-    few = None if factors is None else factors[:SWEEP_DRAWS]
-    pairs = dict.fromkeys((r.load_case, r.bump) for r in campaign.predictions if r.shape is None)
+    few = None if vehicles is None else vehicles.first(SWEEP_DRAWS)
+    pairs = dict.fromkeys((r.load_case, r.bump) for r in requests if r.shape is None)
     speeds = [v / 3.6 for v in sweep_km_h]
     sweeps = tuple(
         speed_sweep(campaign, parameters, case, bump, roads, sets, speeds, progress, few)
@@ -258,3 +276,18 @@ def predict(
         if speeds
     )
     return Predictions(passes, "least squares" if draws is None else "posterior", sweeps)
+
+
+def _check_load_cases(
+    campaign: Campaign, parameters: ParameterSet, requests: Sequence[PredictionRequest], *, drawn: bool
+) -> None:
+    """Refuse load cases without a stiffness of their own, and where vehicles are drawn those without such draws."""
+    known = {r.load_case for r in campaign.bump_runs} | {p.load_case for p in campaign.predictions}
+    for case in dict.fromkeys(r.load_case for r in requests):
+        springs = {p.axle for p in parameters.parameters if p.quantity == "stiffness"}
+        having = {p.axle for p in parameters.parameters if p.quantity == "stiffness" and p.load_case in (None, case)}
+        if springs != having or (drawn and case not in known):
+            raise CampaignError(
+                f"Load case '{case}' is in no run and no prediction of {campaign.file.name}, so the fit says nothing "
+                "of it; list a prediction in it there and fit again."
+            )

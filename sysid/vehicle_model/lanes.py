@@ -61,6 +61,11 @@ class MapTires:
         return abs(self.spoke_exponent - other.spoke_exponent) < 0.002 and bool(np.all(np.abs(np.log(ratio)) < 0.005))
 
 
+def declared_tires(vehicle: Vehicle) -> MapTires:
+    """Map tires with the stiffnesses of the campaign file."""
+    return MapTires(tuple(a.tire_stiffness_N_per_m for a in vehicle.axles))
+
+
 class EffectiveRoads:
     """What the wheels of a vehicle feel of its bumps, by one contact law, tabulated once per wheel radius and load.
 
@@ -76,7 +81,7 @@ class EffectiveRoads:
         tires: MapTires | None = None,
     ):
         self.contact = contact
-        self.tires = tires or MapTires(tuple(a.tire_stiffness_N_per_m for a in vehicle.axles))
+        self.tires = tires or declared_tires(vehicle)
         self.vehicle = vehicle
         self.load_cases = dict(load_cases)
         self.profiles = dict(profiles)

@@ -459,7 +459,7 @@ class Calibration:
         point = np.log([p.value for p in fit.parameters])
         draws = None if posterior is None else np.log(posterior.draws.reshape(-1, len(posterior.names)))
         return predict(
-            self.campaign if requests is None else replace(self.campaign, predictions=requests),
+            self.campaign,
             self._parameters(),
             self._profiles(),
             point,
@@ -468,6 +468,7 @@ class Calibration:
             tires=found["tires"],
             seed=self.settings.seed,
             masses=found["masses"],
+            requests=requests,
             sweep_km_h=() if self.settings.quick else sweep_km_h,
             progress=self._progress,
         )

@@ -16,11 +16,12 @@ from sysid.prediction.passes import predict, predict_pass, speed_sweep
 from sysid.prediction.remarks import ARTEFACT_RATIO, remarks
 from sysid.prediction.results import PassPrediction, Quantiles
 from sysid.road.shapes import raised_cosine
-from sysid.vehicle_model.lanes import EffectiveRoads
+from sysid.vehicle_model.lanes import EffectiveRoads, declared_tires
 
 SPEED_M_S = 10.0
 REQUEST = PredictionRequest("empty", SPEED_M_S)
 PROFILE = bump()
+TIRES = declared_tires(VEHICLE)
 STATIC_N = np.array(EMPTY.axle_loads_kg) * VEHICLE.gravity_m_s2
 
 
@@ -41,7 +42,7 @@ def truth(parameters) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def single(data, parameters, truth) -> PassPrediction:
-    return predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, truth, None)
+    return predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, truth, None, tires=TIRES)
 
 
 @pytest.fixture(scope="module")
@@ -51,13 +52,13 @@ def draws(truth) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def banded(data, parameters, truth, draws) -> PassPrediction:
-    return predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, truth, draws)
+    return predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, truth, draws, tires=TIRES)
 
 
 def test_a_pass_over_a_flat_road_is_static(data, parameters, truth):
     """On the same stations, so that nothing is compiled anew."""
     flat = replace(PROFILE, height_m=0.0 * PROFILE.height_m)
-    found = predict_pass(data, parameters, {"bump": flat}, REQUEST, truth, None)
+    found = predict_pass(data, parameters, {"bump": flat}, REQUEST, truth, None, tires=TIRES)
     np.testing.assert_allclose(found.tire_force_q50_N, np.tile(STATIC_N[:, None], found.time_s.size), rtol=1e-9)
     np.testing.assert_allclose(found.peak_ratio_q50, 1.0, rtol=1e-9)
     assert not found.lift_off.any()
@@ -77,7 +78,7 @@ def test_time_is_zero_when_axle_1_passes_the_start_of_the_bump(single, data):
 def test_every_axle_meets_the_bump_later_by_its_distance(data, parameters, truth):
     """Over a bump so low that no wheel leaves it, the steepest rise of each force is its own climb."""
     low = replace(PROFILE, height_m=0.1 * PROFILE.height_m)
-    found = predict_pass(data, parameters, {"bump": low}, REQUEST, truth, None)
+    found = predict_pass(data, parameters, {"bump": low}, REQUEST, truth, None, tires=TIRES)
     assert not found.lift_off.any()
     slope = np.gradient(found.tire_force_q50_N, found.time_s, axis=1) / STATIC_N[:, None]
     steepest = found.time_s[np.argmax(slope, axis=1)]
@@ -118,7 +119,7 @@ def test_impulse_of_the_wheel_loads_is_the_weight(single):
 
 
 def test_bands_are_quantiles_over_the_draws(data, parameters, single, banded, draws):
-    alone = [predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, d, None) for d in draws]
+    alone = [predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, d, None, tires=TIRES) for d in draws]
     force = np.stack([p.tire_force_q50_N for p in alone])
     np.testing.assert_allclose(banded.tire_force_q50_N, np.median(force, axis=0), rtol=1e-9, atol=1e-3)
     np.testing.assert_allclose(banded.tire_force_q05_N, np.quantile(force, 0.05, axis=0), rtol=1e-9, atol=1e-3)
@@ -131,7 +132,7 @@ def test_bands_are_quantiles_over_the_draws(data, parameters, single, banded, dr
 
 
 def test_draws_that_are_all_alike_have_no_band(data, parameters, truth, single):
-    found = predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, truth, np.tile(truth, (3, 1)))
+    found = predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, truth, np.tile(truth, (3, 1)), tires=TIRES)
     for band in (found.tire_force_q05_N, found.tire_force_q50_N, found.tire_force_q95_N):
         np.testing.assert_allclose(band, single.tire_force_q50_N, rtol=1e-9, atol=1e-3)
 
@@ -141,7 +142,7 @@ def recorded(monkeypatch) -> list[np.ndarray | None]:
     """The draws that reach each pass, without simulating it."""
     seen: list[np.ndarray | None] = []
 
-    def stand_in(campaign, parameters, profiles, request, log_parameters, draws, *, roads=None, log_factors=None):
+    def stand_in(campaign, parameters, profiles, request, log_parameters, draws, *, roads=None, vehicles=None):
         seen.append(draws)
         return request
 
@@ -279,9 +280,10 @@ def test_ratio_against_speed_is_that_of_single_passes(data, parameters, truth, s
 def test_another_bump_by_its_shape_is_the_profile_itself(data, parameters, truth):
     """A named shape gives what its profile gives as a scanned bump."""
     shape = BumpShape("sinusoidal", 0.05, 0.8)
-    named = predict_pass(data, parameters, {}, PredictionRequest("empty", 10.0, shape.label, shape), truth, None)
+    request = PredictionRequest("empty", 10.0, shape.label, shape)
+    named = predict_pass(data, parameters, {}, request, truth, None, tires=TIRES)
     profiles = {"bump": raised_cosine(0.05, 0.8)}
-    scanned = predict_pass(data, parameters, profiles, PredictionRequest("empty", 10.0), truth, None)
+    scanned = predict_pass(data, parameters, profiles, PredictionRequest("empty", 10.0), truth, None, tires=TIRES)
     np.testing.assert_allclose(named.tire_force_q50_N, scanned.tire_force_q50_N, rtol=1e-12)
     assert named.shape == "sinusoidal 50 mm x 0.8 m"
     assert scanned.shape == ""
