@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -132,7 +133,10 @@ class Calibration:
 
     def advise(self, speeds_km_h: Sequence[float] = CANDIDATE_KM_H) -> Advice:
         """What one further run at each speed, or one with one more sensor, would bring for k, c and a wheel load."""
-        return self._stages.result("advise", lambda: self._advise(speeds_km_h))
+        known: Advice | None = self._stages.known("advise")
+        found = () if known is None else known.runs
+        others = {f"{3.6 * p.speed_m_s:.6g}" for p in found} != {f"{v:.6g}" for v in speeds_km_h}
+        return self._stages.result("advise", lambda: self._advise(speeds_km_h), again=others)
 
     def profile(self, names: Sequence[str]) -> tuple[ProfileLikelihood, ...]:
         """Profiles of the deviance of named parameters, ``k_3`` in every load case; those of earlier calls are kept.
@@ -142,22 +146,30 @@ class Calibration:
         CampaignError
             If the fit has no such parameter.
         """
-        found: dict[str, ProfileLikelihood] = dict(self._stages.known("profile") or {})
         chosen: list[str] = []
         for name in names:
             # k_3 stands for the stiffness of axle 3 in every load case.
             chosen += [n for n in self.fit().names if n == name or n.startswith(f"{name}[")]
             if not any(n == name or n.startswith(f"{name}[") for n in chosen):
                 raise CampaignError(finish(f"The fit has no parameter '{name}'; {nearest(name, self.fit().names)}"))
+        found: dict[str, ProfileLikelihood] = dict(self._stages.known("profile") or {})
         wanted = [name for name in dict.fromkeys(chosen) if name not in found]
-        if wanted:
-            self.redo("profile")
-            found = self._stages.result("profile", lambda: found | self._profiled(wanted))
+        with self._stages.lock:
+            for name, profile in self._profiled(wanted):
+                # Kept one by one: a profile takes minutes.
+                found[name] = profile
+                self._stages.keep("profile", dict(found))
         return tuple(found[name] for name in dict.fromkeys(chosen))
 
     def sample(self) -> Posterior:
-        """Posterior of the parameters, and with it the bands of :meth:`histories`."""
-        posterior: Posterior = self._stages.result("sample", self._sample)
+        """Posterior of the parameters, and with it the bands of :meth:`histories`.
+
+        When an interrupted chain is to be continued, so is one that has not converged and is shorter than the limit.
+        """
+        known: Posterior | None = self._stages.known("sample")
+        steps = 0 if known is None else known.burn_in + known.thin * known.draws.shape[1]
+        unfinished = known is not None and not known.converged and steps < self.settings.sampling.max_steps
+        posterior: Posterior = self._stages.result("sample", self._sample, again=self._resume and unfinished)
         self._stages.result("bands", lambda: self._bands(posterior))
         return posterior
 
@@ -388,10 +400,14 @@ class Calibration:
             progress=self._progress,
         )
 
-    def _profiled(self, names: Sequence[str]) -> dict[str, ProfileLikelihood]:
+    def _profiled(self, names: Sequence[str]) -> Iterator[tuple[str, ProfileLikelihood]]:
+        if not names:
+            return
         fit, state = self.fit(), self._state()
         problem = Problem(state.model, self.campaign, state.motion, state.weights)
-        return {name: profile_parameter(problem, state, fit, name, progress=self._progress) for name in names}
+        for name in names:
+            compute = partial(profile_parameter, problem, state, fit, name, progress=self._progress)
+            yield name, self._stages.timed("profile", compute)
 
     def _sample(self) -> Posterior:
         fit, state = self.fit(), self._state()

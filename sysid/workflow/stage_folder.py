@@ -21,6 +21,23 @@ from sysid.workflow.versions import versions
 STAGES = ("check", "drops", "scan", "fit", "advise", "profile", "sample", "crosscheck", "bands", "predict")
 #: Stages on whose results no other depends.
 ENDS = ("advise", "profile", "crosscheck", "bands")
+#: On which stages the numbers of each rest; those of runs left out are kept beside the stages.
+_RESTS_ON = {
+    "check": (),
+    "drops": ("check",),
+    "scan": ("check",),
+    "fit": ("drops", "scan"),
+    "advise": ("fit",),
+    "profile": ("fit",),
+    "left_out": ("fit",),
+    "sample": ("fit",),
+    "crosscheck": ("sample",),
+    "bands": ("sample",),
+    "predict": ("sample",),
+}
+#: Raised when a stage's result gains or loses a field, or its numbers change: files of before, and those of stages that
+#: rest on it, are then computed again.
+_CONTENT = dict.fromkeys(_RESTS_ON, 3)
 SUCCESS_MARKER = "SUCCESS"
 
 
@@ -57,9 +74,9 @@ class StageFolder:
         #: Seconds of every stage, those that it ran first not counted.
         self.timings: dict[str, float] = self._read_timings()
 
-    def result(self, name: str, compute: Callable[[], Any]) -> Any:
-        """The result of a stage: known already, else computed, timed and kept; later results are then stale."""
-        known = self.known(name)
+    def result(self, name: str, compute: Callable[[], Any], *, again: bool = False) -> Any:
+        """The result of a stage: known already, else (or `again`) computed, timed and kept; later ones are stale."""
+        known = None if again else self.known(name)
         if known is not None:
             return known
         with self.lock:
@@ -129,17 +146,19 @@ class StageFolder:
         return self._output / "stages" / "timings.json"
 
     def _fingerprint(self, name: str) -> str:
-        """Hash of the inputs, the version and the settings that a stage depends on."""
+        """Hash of the inputs, the version and the settings that a stage depends on, and of the stages it rests on."""
         settings = self._settings.as_dict()
-        relevant: dict[str, Any] = {"inputs": self._inputs, "version": versions()["sysid"]}
+        relevant: dict[str, Any] = {
+            "inputs": self._inputs,
+            "version": versions()["sysid"],
+            "content": _CONTENT[name],
+            "rests on": [self._fingerprint(before) for before in _RESTS_ON[name]],
+        }
+        if name in ("drops", "fit"):
+            relevant["fit"] = settings["fit"]
         if name == "drops":
             relevant["drop_model"] = self._settings.drop_model
-        if name in ("drops", "fit", "left_out", "advise", "profile", "sample", "bands", "predict"):
-            relevant["fit"] = settings["fit"]
-        if name in ("fit", "advise", "profile", "predict"):
-            # Raised when a result gains or loses a field: files of before are then computed again.
-            relevant["content"] = 2
-        if name in ("sample", "bands", "predict"):
+        if name == "sample":
             # How long to go on decides when a chain ends, not what it is.
             limits = ("max_steps", "min_steps", "rhat_limit", "min_effective")
             relevant["sampling"] = {k: v for k, v in settings["sampling"].items() if k not in limits}
