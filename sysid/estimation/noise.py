@@ -9,20 +9,34 @@ from sysid.estimation.run_data import RunGroup
 
 #: Smallest residual scale as a fraction of a channel's RMS, so that no channel can decide alone.
 _FLOOR = 1e-3
+#: Fewest differences of successive readings that tell the noise.
+_PAIRS = 8
 
 
 def instrument_noise(group: RunGroup, quiet_s: float) -> np.ndarray:
-    """Noise (R, C) of every channel before the truck meets the bump, infinite where nothing was measured.
+    """Noise (R, C) of every channel before the truck meets the bump, infinite where nothing tells it.
 
     The differences of successive readings give sigma = sqrt(mean(diff^2) / 2): a slow drift does not count as noise.
+    Channels with fewer than 8 differences in the first `quiet_s` seconds (a late start, a gap) take those of the
+    record's quietest stretch of this length that has 8; channels without any such stretch have infinite noise.
     """
-    count = max(8, int(quiet_s / group.interval_s))
-    mask = group.measured[:count]
-    pair = mask[1:] & mask[:-1]
-    change = np.where(pair, np.diff(group.value[:count], axis=0), 0.0)
-    pairs = pair.sum(axis=0)
-    sigma = np.sqrt((change**2).sum(axis=0) / np.maximum(pairs, 1) / 2.0)
-    return np.where(group.measured.any(axis=0), np.maximum(sigma, _floor(group)), np.inf)
+    length = max(_PAIRS + 1, int(quiet_s / group.interval_s)) - 1
+    pair = group.measured[1:] & group.measured[:-1]
+    pairs, squares = (
+        _sums(x, min(length, len(pair))) for x in (pair, np.where(pair, np.diff(group.value, axis=0), 0.0) ** 2)
+    )
+    mean = squares / np.maximum(pairs, 1)
+    # The smallest of a few differences would be far too small: stretches as full as there are any.
+    full = pairs >= np.maximum(_PAIRS, 0.9 * pairs.max(axis=0))
+    quietest = np.where(full, mean, np.inf).min(axis=0)
+    sigma = np.sqrt(np.where(pairs[0] >= _PAIRS, mean[0], quietest) / 2.0)
+    return np.maximum(sigma, _floor(group))
+
+
+def _sums(values: np.ndarray, length: int) -> np.ndarray:
+    """Sums (T - length + 1, R, C) of `values` (T, R, C) over all stretches of a length."""
+    total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    return np.asarray(np.maximum(total[length:] - total[: len(total) - length], 0.0))
 
 
 def _floor(group: RunGroup) -> np.ndarray:

@@ -112,6 +112,7 @@ class Optimum:
 
     @property
     def misfit(self) -> float:
-        """Median over channels and runs of residual scale over instrument noise."""
+        """Median over channels and runs of residual scale over instrument noise, where both are known."""
         pairs = zip(self.problem.weights.noise_sd, self.instrument, strict=True)
-        return float(np.median(np.concatenate([n[np.isfinite(n)] / i[np.isfinite(n)] for n, i in pairs])))
+        known = [(n, i, np.isfinite(n) & np.isfinite(i)) for n, i in pairs]
+        return float(np.median(np.concatenate([n[k] / i[k] for n, i, k in known])))

@@ -32,7 +32,7 @@ def history_agreement(history: RunHistory, out_of_sample: bool = False) -> list[
         samples = int(np.isfinite(measured).sum())
         if samples == 0:
             continue
-        rating = ratings.get(c)
+        rating, noise = ratings.get(c), float(history.instrument_noise_sd[c])
         magnitude, phase = sprague_geers(measured, simulated)
         # The peak of a clipped channel is not known, only that it lies above the limit.
         clipped = bool(np.any(history.censored[c]))
@@ -45,8 +45,9 @@ def history_agreement(history: RunHistory, out_of_sample: bool = False) -> list[
                 kind=history.kinds[c],
                 axle=history.axles[c],
                 nrmse=nrmse(measured, simulated),
-                residual_over_noise=float(np.sqrt(np.nanmean((measured - simulated) ** 2)))
-                / float(history.instrument_noise_sd[c]),
+                residual_over_noise=float(np.sqrt(np.nanmean((measured - simulated) ** 2))) / noise
+                if np.isfinite(noise)
+                else np.nan,
                 samples=samples,
                 fit_percent=fit_percent(measured, simulated),
                 peak_error=peak,

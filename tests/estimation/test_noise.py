@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from sysid.estimation.noise import instrument_noise, residual_scale
+from sysid.estimation.objective import Weights
+from sysid.estimation.problem import Optimum
 from sysid.estimation.run_data import RunGroup
 
 
@@ -34,6 +38,31 @@ def test_a_channel_without_readings_has_no_scale():
     assert np.isinf(instrument_noise(g, 0.1)[0, 1])
     assert np.isinf(residual_scale(g, value[:, None])[0, 1])
     assert residual_scale(g, value[:, None])[0, 0] == pytest.approx(np.sqrt(np.mean(value[:, 0] ** 2)))
+
+
+def test_a_late_start_takes_the_noise_of_the_quietest_stretch():
+    """0.3 of noise all along, ten times as much in the middle; the quiet part before the bump has no reading."""
+    value = np.random.default_rng(11).normal(size=(6000, 2)) * 0.3
+    value[1500:4500] *= 10.0
+    mask = np.ones(value.shape, bool)
+    mask[:800, 1] = False
+    mask[3, 1] = mask[4, 1] = True
+    found = instrument_noise(group(value, mask), 500 * 0.005)[0]
+    # The quietest of many stretches lies a little below.
+    assert found[1] == pytest.approx(0.3, rel=0.12)
+    assert found[0] == pytest.approx(np.sqrt(np.mean(np.diff(value[:500, 0]) ** 2) / 2.0), rel=1e-9)
+
+
+def test_readings_that_never_follow_each_other_tell_no_noise_and_no_misfit():
+    value = np.random.default_rng(12).normal(size=(200, 2))
+    mask = np.ones(value.shape, bool)
+    mask[1::2, 1] = False
+    instrument = instrument_noise(group(value, mask), 0.25)
+    assert np.isfinite(instrument[0, 0])
+    assert np.isinf(instrument[0, 1])
+    weights = Weights((2.0 * np.where(np.isinf(instrument), 1.0, instrument),), ())
+    optimum = Optimum(SimpleNamespace(weights=weights), np.zeros(1), np.zeros(1), None, (instrument,))
+    assert optimum.misfit == pytest.approx(2.0)
 
 
 def test_no_scale_falls_below_a_thousandth_of_the_signal():
