@@ -10,6 +10,9 @@ from scipy.interpolate import CubicSpline
 from sysid.campaign.records import BumpRun, Campaign, Channel, Sensor
 from sysid.errors import DataRejectedError
 
+#: Share of the interval by which stamps may depart from an even grid and count as even.
+_EVEN = 0.02
+
 
 @dataclass(frozen=True)
 class ChannelLayout:
@@ -71,22 +74,25 @@ def channel_layout(runs: tuple[BumpRun, ...]) -> ChannelLayout:
 def on_grid(channel: Channel, samples: int, interval_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Value, measured mask and censoring (samples,) of one channel on the uniform grid k * interval.
 
-    Stamps within 2 % of the interval of a grid time are taken as they are; other readings are interpolated by a cubic
-    spline inside stretches without gaps.
+    Stamps that all lie within 2 % of the interval of grid times, but for an offset that they share, are taken to be
+    there: an offset shifts a run as a whole.  Other readings are interpolated by a cubic spline inside stretches
+    without gaps; clipped ones stand at the nearest grid time.
     """
     value = np.zeros(samples)
     measured = np.zeros(samples, bool)
     censored = np.zeros(samples, np.int8)
     position = channel.time_s / interval_s
-    index = np.rint(position).astype(int)
-    finite = np.isfinite(channel.value)
-    inside = (index >= 0) & (index < samples) & finite
-    if np.all(np.abs(position[inside] - index[inside]) < 0.02):
+    # All stamps are judged, so that every channel of a log goes the same way.
+    even = position - np.angle(np.mean(np.exp(2j * np.pi * position))) / (2.0 * np.pi)
+    regular = bool(np.all(np.abs(even - np.rint(even)) < _EVEN))
+    index = np.rint(even if regular else position).astype(int)
+    inside = (index >= 0) & (index < samples) & np.isfinite(channel.value)
+    if regular:
         value[index[inside]] = channel.value[inside]
         censored[index[inside]] = channel.censored[inside]
         measured[index[inside]] = channel.censored[inside] == 0
         return value, measured, censored
-    good = finite & (channel.censored == 0)
+    good = np.isfinite(channel.value) & (channel.censored == 0)
     grid = np.arange(samples) * interval_s
     stamps, readings = channel.time_s[good], channel.value[good]
     for part in np.split(np.arange(stamps.size), np.flatnonzero(np.diff(stamps) > 1.6 * interval_s) + 1):
@@ -95,6 +101,10 @@ def on_grid(channel: Channel, samples: int, interval_s: float) -> tuple[np.ndarr
         within = (grid >= stamps[part[0]]) & (grid <= stamps[part[-1]])
         value[within] = CubicSpline(stamps[part], readings[part])(grid[within])
         measured |= within
+    clipped = inside & (channel.censored != 0)
+    clipped[clipped] = ~measured[index[clipped]]
+    value[index[clipped]] = channel.value[clipped]
+    censored[index[clipped]] = channel.censored[clipped]
     return value, measured, censored
 
 

@@ -70,6 +70,29 @@ def test_jitter_does_not_bridge_a_gap_or_a_clipped_stretch():
     assert found[1][110:198].all()
 
 
+def test_clipped_readings_of_an_uneven_clock_are_kept_at_the_nearest_time():
+    random = np.random.default_rng(2)
+    time = np.arange(200) * 0.005 + random.uniform(-0.001, 0.001, 200)
+    value, side = np.sin(20.0 * time), np.zeros(200, np.int8)
+    side[100:105], value[100:105] = 1, 3.0
+    side[150], value[150] = -1, -3.0
+    found, measured, censored = on_grid(channel(time, value, side), 200, 0.005)
+    np.testing.assert_array_equal(np.flatnonzero(censored), [*range(100, 105), 150])
+    np.testing.assert_array_equal(found[censored != 0], [3.0] * 5 + [-3.0])
+    assert not (measured & (censored != 0)).any()
+
+
+@pytest.mark.parametrize("share", [0.3, -0.3, 0.49])
+def test_an_offset_of_the_whole_clock_changes_no_reading(share):
+    value, side = np.random.default_rng(3).normal(size=60), np.zeros(60, np.int8)
+    side[20] = 1
+    time = (np.arange(60) + 5 + share) * 0.005
+    found, measured, censored = on_grid(channel(time, value, side), 80, 0.005)
+    np.testing.assert_array_equal(found[5:65], value)
+    assert np.flatnonzero(censored).tolist() == [25]
+    assert measured.sum() == 59
+
+
 def groups(runs: list[BumpRun]):
     return group_runs(campaign(runs), channel_layout(tuple(runs)))
 
