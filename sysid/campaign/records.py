@@ -60,7 +60,8 @@ class Axle:
     """One axle, both sides and all its tires together.
 
     `body` is the index of the body it carries.  `load_dependent` says whether the stiffness has one value per load case
-    (air springs) or one for all (leaf springs).  `priors` maps a quantity (``stiffness``, ``damping``,
+    (air springs) or one for all (leaf springs).  `tire_stiffness_N_per_m` is the nominal one at the pressure that the
+    tires had in the tests.  `priors` maps a quantity (``stiffness``, ``damping``,
     ``tire_stiffness``, ``tire_damping``) to the user's own prior.
     """
 
@@ -78,7 +79,6 @@ class Axle:
     hanger_lash_m: float | None = None
     load_dependent: bool = False
     inflation_pressure_Pa: float | None = None
-    tire_stiffness_pressure_Pa: float | None = None
     jounce_travel_m: float | None = None
     rebound_travel_m: float | None = None
     leaf: LeafDimensions | None = None

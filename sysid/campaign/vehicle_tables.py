@@ -31,6 +31,21 @@ _PRIOR_QUANTITIES = {
     "tire_damping_N_s_per_m": "tire_damping",
 }
 _SAME_PLACE_M = 1e-6
+#: Share of a tire's vertical stiffness that its structure keeps without pressure.
+TIRE_STRUCTURE_SHARE = 0.04
+
+
+def nominal_tire_stiffness(table: AxleTable) -> float:
+    """Declared tire stiffness [N/m], carried over to the pressure that the tire had.
+
+    k(p) = k(p_0) (s + (1 - s) p / p_0) with the structure's share s: affine in pressure, as measured on belted radial
+    tires (T. B. Rhyne, Development of a vertical stiffness relationship for belted radial tires, Tire Science and
+    Technology 33 (2005), doi:10.2346/1.2174340); unchanged unless both pressures are declared.
+    """
+    had, declared_at = table.inflation_pressure_kPa, table.tire_stiffness_pressure_kPa
+    if had is None or declared_at is None:
+        return table.tire_stiffness_N_per_m
+    return table.tire_stiffness_N_per_m * (TIRE_STRUCTURE_SHARE + (1.0 - TIRE_STRUCTURE_SHARE) * had / declared_at)
 
 
 class VehicleReader:
@@ -122,13 +137,13 @@ class VehicleReader:
             prior = None if table.priors is None else getattr(table.priors, name)
             if prior is not None:
                 priors[quantity] = PriorOverride(prior.median, prior.log_sd)
-        pressure, declared_at = table.inflation_pressure_kPa, table.tire_stiffness_pressure_kPa
+        pressure = table.inflation_pressure_kPa
         return Axle(
             name=table.name,
             body=self.body(table.body, f"{key}.body"),
             x_m=table.x_m,
             unsprung_mass_kg=table.unsprung_mass_kg,
-            tire_stiffness_N_per_m=table.tire_stiffness_N_per_m,
+            tire_stiffness_N_per_m=nominal_tire_stiffness(table),
             tire_damping_N_s_per_m=table.tire_damping_N_s_per_m,
             tire_radius_m=table.tire_radius_m,
             suspension=table.suspension,
@@ -142,7 +157,6 @@ class VehicleReader:
             hanger_lash_m=table.hanger_lash_m,
             load_dependent=by_load if table.load_dependent is None else table.load_dependent,
             inflation_pressure_Pa=None if pressure is None else pressure_pa(pressure),
-            tire_stiffness_pressure_Pa=None if declared_at is None else pressure_pa(declared_at),
             jounce_travel_m=table.jounce_travel_m,
             rebound_travel_m=table.rebound_travel_m,
             leaf=None if leaf is None else LeafDimensions(leaf.leaves, leaf.width_m, leaf.thickness_m, leaf.length_m),

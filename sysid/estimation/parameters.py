@@ -119,8 +119,6 @@ AIR_LINK_SD = 0.5
 #: full-length leaves and shackles.
 SPRING_STEEL_PA = 2.06e11
 LEAF_FORMULA_SD = 0.3
-#: Share of a tire's vertical stiffness that its structure keeps without pressure.
-TIRE_STRUCTURE_SHARE = 0.04
 
 METHOD_PREFERENCE = ("model", "free_decay", "corrected", "paper")
 #: The full model leaves friction and tire law to doubt, but not the coupling of the axles.
@@ -199,7 +197,7 @@ def campaign_parameters(
         parameters.append(replace(_suspension_parameter(vehicle, i, "damping", drops, first), law=law_name(laws[i])))
     parameters += _element_parameters(campaign, laws)
     for i, axle in enumerate(vehicle.axles):
-        median, sd = _override(axle, "tire_stiffness", nominal_tire_stiffness(axle), TIRE_STIFFNESS_SD)
+        median, sd = _override(axle, "tire_stiffness", axle.tire_stiffness_N_per_m, TIRE_STIFFNESS_SD)
         parameters.append(Parameter(f"kt_{i + 1}", "tire_stiffness", "N/m", median, median, sd, axle=i))
     for i, axle in enumerate(vehicle.axles):
         median, sd = _override(axle, "tire_damping", max(axle.tire_damping_N_s_per_m, 500.0), TIRE_DAMPING_SD)
@@ -233,20 +231,6 @@ def leaf_pack_stiffness(leaf: LeafDimensions) -> float:
     leaf springs); two packs carry an axle.
     """
     return 2.0 * 8.0 * SPRING_STEEL_PA * leaf.leaves * leaf.width_m * leaf.thickness_m**3 / (3.0 * leaf.length_m**3)
-
-
-def nominal_tire_stiffness(axle: Axle) -> float:
-    """Declared tire stiffness [N/m], carried over to the pressure that the tire had.
-
-    k(p) = k(p_0) (s + (1 - s) p / p_0) with the structure's share s: affine in pressure, as measured on belted radial
-    tires (T. B. Rhyne, Development of a vertical stiffness relationship for belted radial tires, Tire Science and
-    Technology 33 (2005), doi:10.2346/1.2174340); unchanged unless both pressures are declared.
-    """
-    had, declared_at = axle.inflation_pressure_Pa, axle.tire_stiffness_pressure_Pa
-    if had is None or declared_at is None:
-        return axle.tire_stiffness_N_per_m
-    share = TIRE_STRUCTURE_SHARE
-    return axle.tire_stiffness_N_per_m * (share + (1.0 - share) * had / declared_at)
 
 
 def _air_growth(campaign: Campaign, axle: int, first: str, case: str) -> float:

@@ -16,6 +16,9 @@ from sysid.campaign import BumpShape, read_campaign
 from sysid.campaign.toml_errors import validate
 from sysid.campaign.units import angle_rad, pressure_pa, si_factor, speed_m_s
 from sysid.errors import CampaignError, DataRejectedError, SysidError
+from sysid.estimation.parameters import campaign_parameters
+from sysid.vehicle_model.lanes import declared_tires
+from sysid.vehicle_model.modes import natural_modes
 
 
 def one_sentence(error: pytest.ExceptionInfo[SysidError]) -> str:
@@ -121,6 +124,28 @@ def test_optional_keys(small):
     assert (drop.axle, drop.dampers, drop.towed, drop.engine_off) == (1, False, True, True)
     assert drop.nominal_speed_m_s == pytest.approx(1.5, rel=1e-15)
     assert any("more than one test" in m for m in campaign.messages)
+
+
+@pytest.mark.parametrize(
+    ("pressures", "factor"),
+    [
+        ("inflation_pressure_kPa = 600\ntire_stiffness_pressure_kPa = 800", 0.04 + 0.96 * 0.75),
+        ("inflation_pressure_kPa = 600", 1.0),
+        ("tire_stiffness_pressure_kPa = 800", 1.0),
+    ],
+)
+def test_everybody_takes_the_tire_stiffness_at_the_pressure_of_the_tests(small, pressures, factor):
+    """Affine in pressure with 4 % left at zero: prior, maps and modes see the same stiffness."""
+    campaign = read_campaign(small(('suspension = "air"', f'suspension = "air"\n{pressures}')))
+    expected = 2.9e6 * factor
+    vehicle, case = campaign.vehicle, next(iter(campaign.load_cases.values()))
+    prior = next(p for p in campaign_parameters(campaign, None).parameters if p.name == "kt_2")
+    assert prior.prior_median == pytest.approx(expected, rel=1e-12)
+    assert declared_tires(vehicle).stiffness_N_per_m[1] == pytest.approx(expected, rel=1e-12)
+    rates = [np.full(2, v) for v in (4e5, 1e4)]
+    assert natural_modes(vehicle, case, *rates).frequency_hz == pytest.approx(
+        natural_modes(vehicle, case, *rates, np.array([1.6e6, expected])).frequency_hz, rel=1e-9
+    )
 
 
 def test_air_axle_is_not_load_dependent_with_one_load_case(small):

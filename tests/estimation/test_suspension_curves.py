@@ -10,7 +10,7 @@ import pytest
 from rigid_truck import AXLES
 
 from sysid.campaign.records import ForceTable, LeafDimensions
-from sysid.estimation.parameters import leaf_pack_stiffness, nominal_tire_stiffness
+from sysid.estimation.parameters import leaf_pack_stiffness
 from sysid.estimation.suspension_curves import lash_ramps, stop_ramps, suspension_curves, table_ramps
 from sysid.vehicle_model.suspension import SuspensionLaw, damper_force, spring_force
 
@@ -84,9 +84,3 @@ def test_leaf_formula_of_a_single_leaf_is_a_simple_beam():
     leaf = LeafDimensions(1, 0.09, 0.015, 1.4)
     beam = 48.0 * 2.06e11 * (0.09 * 0.015**3 / 12.0) / 1.4**3
     assert leaf_pack_stiffness(leaf) == pytest.approx(2.0 * beam * 2.0 / 3.0)
-
-
-def test_tire_stiffness_follows_the_pressure_where_both_are_declared():
-    axle = replace(AXLES[0], inflation_pressure_Pa=6e5, tire_stiffness_pressure_Pa=8e5)
-    assert nominal_tire_stiffness(axle) == pytest.approx(AXLES[0].tire_stiffness_N_per_m * (0.04 + 0.96 * 0.75))
-    assert nominal_tire_stiffness(replace(axle, tire_stiffness_pressure_Pa=None)) == axle.tire_stiffness_N_per_m
