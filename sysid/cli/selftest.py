@@ -74,6 +74,12 @@ def show_selftest(screen: Console, found: SelfTest) -> None:
         _show_pooled(screen, found)
     else:
         _show_one(screen, found.replicates[0], found.seed)
+    if found.silent:
+        some = shorten(found.silent[0], 60) + (", ..." if len(found.silent) > 1 else "")
+        screen.print(
+            f"{len(found.silent)} logs hold no usable channel ({some}); their runs were simulated with all sensors.",
+            markup=False,
+        )
     for failure in found.failures:
         screen.print(f"A simulated campaign could not be calibrated: {failure}", markup=False)
     stopped = sum(not r.converged for r in found.replicates)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
+from sysid.campaign.quality import check_quality
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor
 from sysid.estimation.bump_model import GAIN_SD, bump_model
 from sysid.estimation.objective import RunMotion, simulate_runs
@@ -18,6 +19,8 @@ from sysid.selftest.world import World
 STEP_S = 0.000625
 #: What a record holds before axle 1 meets the bump, and after the last axle has left it [s].
 BEFORE_S, AFTER_S = 1.2, 2.5
+#: What a short record holds after that at least, where it is long enough for the passage [s].
+LEAST_AFTER_S = 0.3
 #: Noise of ordinary instruments [SI] where nothing better is known.
 NOISE = {"suspension_deflection": 2.5e-4, "axle_acceleration": 0.25, "body_acceleration": 0.15}
 
@@ -53,6 +56,25 @@ def blank_run(run: BumpRun, sensors: tuple[Sensor, ...], seconds: float, interva
     return replace(run, log=Log(run.log.file, interval_s, channels))
 
 
+def with_usable_channels(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
+    """The campaign without channels that the quality check rejects in logs that exist.
+
+    Logs of which it leaves nothing, as those of zeros, say nothing of the sensors: they keep all channels, and their
+    files are named.
+    """
+    runs, silent = [], []
+    for run in campaign.bump_runs:
+        kept = run.log.channels
+        if run.log.duration_s > 0.0:
+            checked, _ = check_quality(replace(campaign, bump_runs=(run,), plank_drops=()))
+            if checked.bump_runs:
+                kept = checked.bump_runs[0].log.channels
+            else:
+                silent.append(run.log.file)
+        runs.append(replace(run, log=replace(run.log, channels=kept)))
+    return replace(campaign, bump_runs=tuple(runs)), tuple(silent)
+
+
 def as_logged(campaign: Campaign, profiles: Mapping[str, RoadProfile]) -> Campaign:
     """The campaign with blank records as long as its logs, and their sensors; runs without a log as planned."""
     runs = []
@@ -72,17 +94,28 @@ def planned_campaign(campaign: Campaign, profiles: Mapping[str, RoadProfile]) ->
 
 
 def _planned_run(campaign: Campaign, run: BumpRun, profiles: Mapping[str, RoadProfile]) -> BumpRun:
-    way = max(a.x_m for a in campaign.vehicle.axles) + profiles[run.bump].length_m + 1.0
-    seconds = BEFORE_S + way / run.nominal_speed_m_s + AFTER_S
+    seconds = BEFORE_S + _way(campaign, run, profiles) / run.nominal_speed_m_s + AFTER_S
     return blank_run(run, tuple(c.sensor for c in run.log.channels), seconds, campaign.acquisition.sample_interval_s)
 
 
-def draw_motion(campaign: Campaign, random: np.random.Generator) -> RunMotion:
-    """Speeds from their priors, at most two standard deviations off, and starts about a second into the record."""
+def _way(campaign: Campaign, run: BumpRun, profiles: Mapping[str, RoadProfile]) -> float:
+    """How far the truck rolls from axle 1's touching the bump until the last axle has left it [m]."""
+    return max(a.x_m for a in campaign.vehicle.axles) + profiles[run.bump].length_m + 1.0
+
+
+def draw_motion(campaign: Campaign, profiles: Mapping[str, RoadProfile], random: np.random.Generator) -> RunMotion:
+    """Speeds from their priors, at most two standard deviations off, and starts about a second into the record.
+
+    In a record too short for that a run starts as early as its passage needs, but not in the first tenth.
+    """
     nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
     spread = np.array([r.speed_sd for r in campaign.bump_runs])
     off = np.clip(random.standard_normal(nominal.size), -2.0, 2.0)
-    return RunMotion(nominal * (1.0 + spread * off), BEFORE_S + random.uniform(-0.3, 0.3, nominal.size))
+    speed = nominal * (1.0 + spread * off)
+    length = np.array([r.log.duration_s for r in campaign.bump_runs])
+    way = np.array([_way(campaign, r, profiles) for r in campaign.bump_runs])
+    latest = np.maximum(length - way / speed - LEAST_AFTER_S, 0.1 * length)
+    return RunMotion(speed, np.minimum(BEFORE_S + random.uniform(-0.3, 0.3, nominal.size), latest))
 
 
 def simulated_campaign(
@@ -102,7 +135,7 @@ def simulated_campaign(
     """
     true = replace(world.campaign, bump_runs=planned.bump_runs)
     model = bump_model(true, world.parameters, profiles, target_step_s=STEP_S, roads=world.roads)
-    signals = simulate_runs(model, world.log_parameters, draw_motion(planned, random))
+    signals = simulate_runs(model, world.log_parameters, draw_motion(planned, profiles, random))
     position = {s.column: c for c, s in enumerate(model.layout.sensors)}
     runs = list(planned.bump_runs)
     for group, shown in zip(model.groups, signals, strict=True):

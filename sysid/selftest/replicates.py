@@ -16,7 +16,13 @@ from sysid.estimation.least_squares import fit_bump_runs
 from sysid.estimation.parameters import campaign_parameters
 from sysid.estimation.results import FitResult
 from sysid.road.results import RoadProfile
-from sysid.selftest.readings import Instruments, as_logged, ordinary_instruments, simulated_campaign
+from sysid.selftest.readings import (
+    Instruments,
+    as_logged,
+    ordinary_instruments,
+    simulated_campaign,
+    with_usable_channels,
+)
 from sysid.selftest.world import World, draw_world
 
 #: Share of truths that an interval promises to hold.
@@ -74,11 +80,15 @@ class Replicate:
 
 @dataclass(frozen=True)
 class SelfTest:
-    """All simulated campaigns, and sentences about those that could not be calibrated."""
+    """All simulated campaigns, and sentences about those that could not be calibrated.
+
+    `silent` names logs without any usable channel: their runs were simulated with all sensors.
+    """
 
     replicates: tuple[Replicate, ...]
     failures: tuple[str, ...]
     seed: int
+    silent: tuple[str, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -115,7 +125,7 @@ def self_test(
 
     Parameters
     ----------
-    campaign : its vehicle, load cases and runs; of the logs only lengths and sensors are used, where they are there.
+    campaign : its vehicle, load cases and runs; of the logs only lengths and usable sensors count, where there are any.
     profiles : road profile of every bump.
     instruments : how the sensors err; ordinary ones if None.
     options : settings of least squares.
@@ -133,7 +143,8 @@ def self_test(
             f"{campaign.file.name} has no bump run to simulate; list the planned ones under tests.bump_run."
         )
     report = progress or (lambda message, fraction: None)
-    planned = as_logged(replace(campaign, plank_drops=()), profiles)
+    usable, silent = with_usable_channels(replace(campaign, plank_drops=()))
+    planned = as_logged(usable, profiles)
     parameters = campaign_parameters(planned, None)
     instruments = instruments or ordinary_instruments(planned)
     done, failures = [], []
@@ -144,7 +155,7 @@ def self_test(
             report(message if count == 1 else f"{number + 1} of {count}: {message}", (number + fraction) / count)
 
         part("simulating the readings", 0.0)
-        world = draw_world(planned, parameters, profiles, random)
+        world = draw_world(planned, parameters, profiles, random, options.contact)
         readings = simulated_campaign(planned, world, profiles, instruments, random)
         try:
             fit, _ = fit_bump_runs(readings, parameters, profiles, options, part)
@@ -154,7 +165,7 @@ def self_test(
         done.append(compared(fit, world))
     if not done:
         raise DataRejectedError(f"No simulated campaign could be calibrated: {failures[0]}")
-    return SelfTest(tuple(done), tuple(failures), seed)
+    return SelfTest(tuple(done), tuple(failures), seed, silent)
 
 
 def compared(fit: FitResult, world: World) -> Replicate:

@@ -12,7 +12,7 @@ from studies.coverage.bump import bump, plan
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.selftest import Check, Replicate, SelfTest, self_test
 from sysid.selftest import replicates as module
-from sysid.selftest.readings import Instruments, as_logged
+from sysid.selftest.readings import Instruments, as_logged, blank_run, draw_motion, with_usable_channels
 
 PROFILES = {"bump": bump()}
 COUNT = 6
@@ -92,6 +92,55 @@ def test_records_are_as_long_as_the_logs() -> None:
     for before, after in zip(plan().bump_runs, as_logged(plan(), PROFILES).bump_runs, strict=True):
         assert [c.sensor for c in after.log.channels] == [c.sensor for c in before.log.channels]
         np.testing.assert_allclose(after.log.channels[0].time_s, before.log.channels[0].time_s)
+
+
+def test_channels_that_the_check_rejects_are_not_simulated() -> None:
+    """A log with one dead sensor; one of zeros, which says nothing; one that is still to come."""
+    data, random = plan(), np.random.default_rng(1)
+    first = data.bump_runs[0]
+
+    def shown(k, channel):
+        time = channel.time_s
+        moving = np.exp(-(((time - 1.2 - 0.3 * k) / 0.2) ** 2)) * np.sin(2.0 * np.pi * 10.0 * time)
+        size = 0.02 if channel.sensor.kind == "suspension_deflection" else 20.0
+        return replace(channel, value=size * (moving + 1e-3 * random.normal(size=time.size)))
+
+    channels = tuple(shown(k, c) for k, c in enumerate(first.log.channels))
+    dead = replace(channels[2], value=np.full(channels[2].time_s.size, 0.5))
+    broken = replace(first, log=replace(first.log, channels=(*channels[:2], dead, *channels[3:])))
+    point = np.zeros(1)
+    to_come = tuple(replace(c, time_s=point, value=point, censored=np.zeros(1, np.int8)) for c in channels)
+    planned = replace(first, log=replace(first.log, file="to come.csv", channels=to_come))
+    found, silent = with_usable_channels(replace(data, bump_runs=(broken, data.bump_runs[1], planned)))
+    columns = [[c.sensor.column for c in run.log.channels] for run in found.bump_runs]
+    every = [c.sensor.column for c in channels]
+    assert columns == [[c for c in every if c != dead.sensor.column], every, every]
+    assert silent == (data.bump_runs[1].log.file,)
+
+
+def test_passages_lie_inside_short_records() -> None:
+    data, random = plan(), np.random.default_rng(1)
+    for seconds in (2.8, 1.4, 0.8):
+        runs = [blank_run(r, tuple(c.sensor for c in r.log.channels), seconds, 0.005) for r in data.bump_runs]
+        motion = draw_motion(replace(data, bump_runs=tuple(runs)), PROFILES, random)
+        assert (motion.start_s > 0.0).all()
+        # 3.8 m between the axles, a bump of about 0.6 m.
+        through = motion.start_s + 4.4 / motion.speed_m_s
+        assert (through[1:] < seconds).all()
+        assert seconds < 1.0 or (through < seconds).all()
+
+
+def test_the_truth_rolls_by_the_contact_law_of_the_fit(monkeypatch) -> None:
+    laws = []
+
+    def world(*given):
+        laws.extend(given[4:])
+        raise DataRejectedError("seen.")
+
+    monkeypatch.setattr(module, "draw_world", world)
+    with pytest.raises(DataRejectedError, match="seen"):
+        self_test(plan(), PROFILES, 1, options=replace(module.OPTIONS, contact="cams"))
+    assert laws == ["cams"]
 
 
 def test_a_campaign_without_runs_is_refused_in_one_sentence() -> None:
