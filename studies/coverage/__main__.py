@@ -12,7 +12,7 @@ import importlib
 import sys
 from pathlib import Path
 
-from studies.coverage.shards import fill
+from studies.coverage.shards import collect, fill
 from studies.coverage.tables import write
 from sysid.runtime import configure
 
@@ -37,6 +37,10 @@ def main(arguments: list[str] | None = None) -> None:
         replicate = importlib.import_module(f"studies.coverage.{study}").replicate
         for number in fill(options.output, study, range(options.replicates or STUDIES[study]), replicate):
             sys.stderr.write(f"{study} {number}\n")
+    for study in options.studies or STUDIES:
+        foreign = collect(options.output, study).foreign
+        if foreign:
+            sys.stderr.write(f"{study}: {foreign} replicates of other code are left out\n")
     if options.document is not None:
         write(options.output, options.document)
 

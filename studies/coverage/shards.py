@@ -1,14 +1,43 @@
-"""Replicates of a study, one small file each: a study that was stopped goes on with those that are missing."""
+"""Replicates of a study, one small file each: a study that was stopped goes on with those that are missing.
+
+A replicate is marked with a hash of the sources behind it: those of other code are computed again, and left out.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 Record = dict[str, Any]
+
+_ROOT = Path(__file__).resolve().parents[2]
+_MARK = "sources"
+#: What only writes about replicates.
+_WRITERS = ("studies/coverage/__main__.py", "studies/coverage/tables.py")
+
+
+class Shards(NamedTuple):
+    """Replicates by number, and how many files there are of other code."""
+
+    records: list[Record]
+    foreign: int
+
+
+@lru_cache(maxsize=1)
+def sources(root: Path = _ROOT) -> str:
+    """Hash of the sources of `sysid` and `studies`, of which those that only write the tables are left out."""
+    found = hashlib.sha256()
+    for folder in ("sysid", "studies"):
+        for path in sorted(p for p in (root / folder).rglob("*") if p.suffix in (".py", ".cpp", ".h")):
+            name = path.relative_to(root).as_posix()
+            if name not in _WRITERS:
+                found.update(name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return found.hexdigest()
 
 
 def shard(folder: Path, study: str, number: int) -> Path:
@@ -17,18 +46,27 @@ def shard(folder: Path, study: str, number: int) -> Path:
 
 
 def fill(folder: Path, study: str, numbers: range, replicate: Callable[[int], Record]) -> Iterator[int]:
-    """Compute the replicates that have no file yet; yields the number of each that was written."""
+    """Compute the replicates that have no file of these sources yet; yields the number of each that was written."""
     folder.mkdir(parents=True, exist_ok=True)
+    # Taken before the first replicate: the files may change while a study runs.
+    mark = sources()
     for number in numbers:
         path = shard(folder, study, number)
-        if path.exists():
+        if path.exists() and _read(path).get(_MARK) == mark:
             continue
-        temporary = path.with_suffix(".tmp")
-        temporary.write_text(json.dumps(replicate(number)), encoding="utf-8")
+        # Several processes may fill one folder.
+        temporary = path.with_suffix(f".{os.getpid()}.tmp")
+        temporary.write_text(json.dumps({**replicate(number), _MARK: mark}), encoding="utf-8")
         os.replace(temporary, path)
         yield number
 
 
-def collect(folder: Path, study: str) -> list[Record]:
-    """All replicates of a study that are there, by number."""
-    return [json.loads(p.read_text(encoding="utf-8")) for p in sorted(folder.glob(f"{study}_[0-9]*.json"))]
+def collect(folder: Path, study: str) -> Shards:
+    """All replicates of a study by these sources, by number."""
+    every = [_read(p) for p in sorted(folder.glob(f"{study}_[0-9]*.json"))]
+    own = [r for r in every if r.get(_MARK) == sources()]
+    return Shards(own, len(every) - len(own))
+
+
+def _read(path: Path) -> Record:
+    return dict(json.loads(path.read_text(encoding="utf-8")))

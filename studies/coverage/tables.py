@@ -24,7 +24,8 @@ often. The tables are written by
 
     python -m studies.coverage --output build/coverage --document docs/statistics.md
 
-(`make coverage`), which keeps every replicate in a file of its own and goes on where it was stopped.""".splitlines()
+(`make coverage`), which keeps every replicate in a file of its own, goes on where it was stopped, and leaves out
+replicates of other code.""".splitlines()
 
 
 def uniform_probability(ranks: np.ndarray) -> float:
@@ -121,20 +122,27 @@ def _misfit_row(name: str, entries: Sequence[Record]) -> tuple[str, ...]:
     return tuple(cells)
 
 
+def failures(records: Sequence[Record]) -> list[str]:
+    """How many replicates failed."""
+    failed = sum(r.get("failed") is not None for r in records)
+    return [f"{failed} of {len(records)} replicates failed.", ""]
+
+
 def section(folder: Path) -> list[str]:
     """Lines of the section."""
     lines = [HEADING, "", *INTRODUCTION, ""]
-    drops, bump, rough, misfit = (collect(folder, s) for s in ("drops", "bump", "rough", "misfit"))
+    drops, bump, rough, misfit = (collect(folder, s).records for s in ("drops", "bump", "rough", "misfit"))
     if drops:
-        lines += ["### One axle dropped off a plank", "", *_DROPS, "", *rank_table(drops)]
+        lines += ["### One axle dropped off a plank", "", *_DROPS, "", *rank_table(drops), *failures(drops)]
     if bump:
-        lines += ["### A two-axle truck over a bump", "", *_BUMP, "", *rank_table(bump)]
+        lines += ["### A two-axle truck over a bump", "", *_BUMP, "", *rank_table(bump), *failures(bump)]
     if rough:
         said = sum(bool(r.get("said")) for r in rough)
-        lines += ["### The same with rough noise", "", *_ROUGH, "", *rank_table(rough)]
+        lines += ["### The same with rough noise", "", *_ROUGH, "", *rank_table(rough), *failures(rough)]
         lines += [f"{said} of {len(rough)} results warn that the model does not explain the data.", ""]
     if misfit:
         lines += ["### Whole campaigns with other physics than the model's", "", *_MISFIT, "", *misfit_tables(misfit)]
+        lines += failures(misfit)
     return lines
 
 

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from studies.coverage import shards
 from studies.coverage.drops import deflection
-from studies.coverage.shards import collect, fill
-from studies.coverage.tables import HEADING, binomial_bound, held, rank_table, uniform_probability, write
+from studies.coverage.shards import collect, fill, sources
+from studies.coverage.tables import HEADING, binomial_bound, held, rank_table, section, uniform_probability, write
 
 
 def test_ranks_of_draws_from_the_truths_own_distribution_are_uniform_and_narrow_ones_are_not():
@@ -44,8 +45,45 @@ def test_shards_are_computed_once_and_go_on(tmp_path: Path):
     assert list(fill(tmp_path, "drops", range(2), replicate)) == [0, 1]
     assert list(fill(tmp_path, "drops", range(4), replicate)) == [2, 3]
     assert calls == [0, 1, 2, 3]
-    assert [r["number"] for r in collect(tmp_path, "drops")] == [0, 1, 2, 3]
-    assert "| `k` | 4 |" in "\n".join(rank_table(collect(tmp_path, "drops")))
+    assert [r["number"] for r in collect(tmp_path, "drops").records] == [0, 1, 2, 3]
+    assert "| `k` | 4 |" in "\n".join(rank_table(collect(tmp_path, "drops").records))
+
+
+def test_replicates_of_other_code_are_left_out_and_computed_again(tmp_path: Path, monkeypatch):
+    def replicate(number: int):
+        failed = "no start found." if number == 1 else None
+        return {"failed": failed, "entries": [] if failed else [{"name": "k", "rank": number}]}
+
+    list(fill(tmp_path, "bump", range(3), replicate))
+    (tmp_path / "bump_0003.json").write_text('{"failed": null, "entries": [{"name": "k", "rank": 9}]}')
+    assert (len(collect(tmp_path, "bump").records), collect(tmp_path, "bump").foreign) == (3, 1)
+    assert "1 of 3 replicates failed." in section(tmp_path)
+    assert list(fill(tmp_path, "bump", range(4), replicate)) == [3]
+    monkeypatch.setattr(shards, "sources", lambda: "other")
+    assert collect(tmp_path, "bump") == ([], 4)
+    assert list(fill(tmp_path, "bump", range(1), replicate)) == [0]
+
+
+def test_the_mark_follows_the_sources(tmp_path: Path):
+    for name in ("sysid", "studies"):
+        (tmp_path / name).mkdir()
+    marks = []
+    for text in ("a = 1", "a = 2"):
+        (tmp_path / "sysid" / "one.py").write_text(text)
+        marks.append(sources.__wrapped__(tmp_path))
+    (tmp_path / "sysid" / "notes.txt").write_text("no source")
+    marks.append(sources.__wrapped__(tmp_path))
+    assert marks[0] != marks[1] == marks[2]
+
+
+def test_files_that_are_being_written_belong_to_one_process(tmp_path: Path):
+    def replicate(number: int):
+        # Another process computes the same replicate at the same time.
+        (tmp_path / "drops_0000.tmp").write_text("half")
+        return {"entries": []}
+
+    list(fill(tmp_path, "drops", range(1), replicate))
+    assert (tmp_path / "drops_0000.tmp").read_text() == "half"
 
 
 def test_only_its_own_section_is_rewritten(tmp_path: Path):
