@@ -91,7 +91,9 @@ class Departures:
         if not any(d.kind == FRICTION for d in self.directions):
             return moved
         vehicle, first = self.roads.vehicle, next(iter(self.roads.load_cases.values()))
-        carried = (np.array(first.axle_loads_kg) - vehicle.unsprung_mass_kg) * vehicle.gravity_m_s2
+        # A group's suspension carries what its axles carry together.
+        together = np.equal.outer(vehicle.suspension_axle, vehicle.suspension_axle).astype(float)
+        carried = together @ (np.array(first.axle_loads_kg) - vehicle.unsprung_mass_kg) * vehicle.gravity_m_s2
         elements = dict(inputs.elements)
         none = np.full(carried.size, -1)
         force, slip = (elements.get(name, ElementIndex(none, 0.0 * carried)) for name in ("friction", "slip_length"))

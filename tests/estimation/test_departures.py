@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigid_truck import EMPTY, LADEN, bump, campaign, empty_run
+from rigid_truck import EMPTY, LADEN, VEHICLE, bump, campaign, empty_run
 
+from sysid.campaign.records import AxleGroup
 from sysid.estimation.bump_model import bump_model
 from sysid.estimation.departure_scale import PLAUSIBLE, departure_scale
 from sysid.estimation.departures import ENVELOPE, FRICTION, SPOKES, TIRE_LOAD, Departure
@@ -56,6 +57,17 @@ def test_common_direction_moves_every_axle_in_its_own_load_cases_only(model):
     spread = known.spread(TIRE_LOAD, amplitudes(ours, TIRE_LOAD, 0.05), ["empty", "laden"])
     np.testing.assert_allclose(spread, [[0.0] * 3, [0.05] * 3])
     assert [d.name for d in known.directions if d.kind == FRICTION] == [f"friction_{i}" for i in (1, 2, 3)] + [FRICTION]
+
+
+def test_friction_of_a_group_is_a_share_of_what_its_suspension_carries():
+    """Two axles on a beam: their loads together, less their unsprung masses and the beam's."""
+    vehicle = replace(VEHICLE, groups=(AxleGroup("bogie", (1, 2), 300.0, 90.0),))
+    case = replace(EMPTY, sprung_mass_kg=(EMPTY.sprung_mass_kg[0] - 300.0,))
+    data = campaign([empty_run("a.csv", 6.0, samples=150)], load_cases=(case,), vehicle=vehicle)
+    ours = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
+    found = ours.departures.laws(ours.arrays[0].laws, amplitudes(ours, FRICTION, 0.01), ["empty"]).elements["friction"]
+    own = EMPTY.axle_loads_kg[0] - 520.0, EMPTY.axle_loads_kg[1] + EMPTY.axle_loads_kg[2] - 980.0 - 760.0 - 300.0
+    np.testing.assert_allclose(found.neutral[:2], 0.01 * 9.81 * np.array(own), rtol=1e-9)
 
 
 def test_scale_is_the_root_mean_square_of_what_exact_data_ask_for():
