@@ -1,6 +1,6 @@
 """Which suspension laws the data support: linear ones against richer families, by an information criterion.
 
-Two sets of laws are compared under the same weights, those of the richer one:
+Two sets of laws are compared under the same weights and footprint maps, those of the richest one:
 
     gain = 2 (cost_poor - cost_rich) - (p_rich - p_poor) ln n
 
@@ -21,7 +21,7 @@ import numpy as np
 from sysid.campaign.records import Axle, Campaign, Vehicle
 from sysid.estimation.conclusion import conclude
 from sysid.estimation.fit_options import FitOptions
-from sysid.estimation.least_squares import optimise, optimum_under
+from sysid.estimation.least_squares import optimise
 from sysid.estimation.named_priors import check_named_priors
 from sysid.estimation.parameters import campaign_parameters, declared_laws
 from sysid.estimation.problem import FitState, Optimum
@@ -86,7 +86,7 @@ def fit_with_laws(
             parameters = campaign_parameters(campaign, drops, laws)
             return optimise(campaign, parameters, profiles, how, report, near=near, keep_maps=trial)
 
-        chosen, comparison = _compare(campaign, declared, rich, chosen, fitted, options)
+        chosen, comparison = _compare(campaign, declared, rich, chosen, fitted)
     fit, state = conclude(campaign, chosen, options, report)
     trials = contact_trials(campaign, chosen, profiles, options, report) if options.contact_spread else ()
     return replace(fit, law_comparison=comparison, contact_trials=trials), state
@@ -158,12 +158,11 @@ def _compare(
     rich_laws: Laws,
     poor: Optimum,
     fitted: Callable[..., Optimum],
-    options: FitOptions,
 ) -> tuple[Optimum, LawComparison]:
     """The preferred laws' optimum and all trials; every gain is over the laws of the campaign file."""
     rich = fitted(rich_laws, poor)
-    weights = rich.problem.weights
-    base = optimum_under(poor, weights, options)
+    # Under the weights and maps of the rich laws, as all trials.
+    base = fitted(poor_laws, rich, trial=True)
     size = effective_residuals(rich)
 
     def gain_over(other: Optimum, optimum: Optimum) -> float:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import tomllib
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from synthetic_campaign import Physics, write_campaign
 
 from sysid.campaign import check_quality, read_campaign
+from sysid.estimation import law_choice
 from sysid.estimation.fit_options import FitOptions
 from sysid.estimation.law_choice import DECISIVE, fit_with_laws
 from sysid.road import analyse_scan, read_point_cloud
@@ -28,6 +31,32 @@ def fitted(folder, physics: Physics, choice: str, *, spread: bool = False):
     options = FitOptions(**{**OPTIONS.__dict__, "laws": choice, "contact_spread": spread})
     fit, _ = fit_with_laws(campaign, analyse_drops(campaign), profiles, options)
     return fit, tomllib.loads((folder / "truth.toml").read_text(encoding="utf-8"))["parameters"]
+
+
+def stub(cost: float, count: int) -> SimpleNamespace:
+    """An optimum of a given cost, with 100 residuals."""
+    weights = SimpleNamespace(tempering=(np.ones((1, 1)),))
+    model = SimpleNamespace(groups=(SimpleNamespace(measured=np.ones((100, 1, 1), bool)),))
+    problem = SimpleNamespace(count=count, weights=weights, model=model)
+    return SimpleNamespace(problem=problem, minimum=SimpleNamespace(cost=cost), misfit=2.0)
+
+
+def test_poor_laws_are_compared_under_the_maps_of_the_rich_ones(monkeypatch):
+    """Their own maps are another problem: the gain is that over the poor laws fitted as every trial."""
+    asked, poor_laws, rich_laws = [], (frozenset(),), (frozenset({"friction"}),)
+    poor, under_rich_maps, rich = stub(500.0, 4), stub(60.0, 4), stub(50.0, 5)
+
+    def fitted(laws, near, *, trial=False):
+        asked.append((laws, near, trial))
+        return under_rich_maps if trial else rich
+
+    monkeypatch.setattr(law_choice, "_trial", lambda laws, optimum, gain: gain)
+    data = SimpleNamespace(vehicle=SimpleNamespace(axles=(SimpleNamespace(suspension_law=None),)))
+    best, comparison = law_choice._compare(data, poor_laws, rich_laws, poor, fitted)
+    assert asked == [(rich_laws, poor, False), (poor_laws, rich, True)]
+    assert comparison.trials[0].cost == 60.0
+    assert comparison.trials[1] == pytest.approx(20.0 - np.log(100.0))
+    assert best is rich
 
 
 @pytest.fixture(scope="module")
