@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from small_results import small_advice, small_fit, small_profile
 
+from sysid.campaign.records import PredictionRequest
 from sysid.estimation.fit_options import FitOptions
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
 from sysid.workflow import Calibration, Settings, stage_folder
@@ -128,3 +129,16 @@ def test_profiles_of_before_and_those_that_are_done_survive_an_interrupt(stubbed
         stubbed().profile([names[1], "c_1"])
     assert [p.name for p in stubbed().profile(names[:2])] == list(names[:2])
     assert calls == [names[0], names[1], "c_1"]
+
+
+def test_other_passes_are_predicted_for_the_campaign_that_was_fitted(stubbed, monkeypatch) -> None:
+    """Draws of masses and departures count the load cases of its runs and predictions."""
+    given = {}
+    monkeypatch.setattr(Stages, "_fit", lambda self: (small_fit(), {"tires": None, "masses": None}))
+    monkeypatch.setattr(Stages, "_parameters", lambda self: None)
+    monkeypatch.setattr(Stages, "_profiles", lambda self: {})
+    monkeypatch.setattr("sysid.workflow.calibration.predict", lambda *a, **k: given.update(k, campaign=a[0]))
+    calibration = stubbed()
+    calibration.predict_passes([PredictionRequest("unloaded", 5.0)])
+    assert given["campaign"] is calibration.campaign
+    assert given["requests"] == (PredictionRequest("unloaded", 5.0),)
