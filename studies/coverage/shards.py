@@ -19,6 +19,8 @@ _ROOT = Path(__file__).resolve().parents[2]
 _MARK = "sources"
 #: What only writes about replicates.
 _WRITERS = ("studies/coverage/__main__.py", "studies/coverage/tables.py")
+#: Packages that results of a study rest on.
+_PACKAGES = ("campaign", "road", "sdof", "vehicle_model", "estimation", "posterior", "prediction", "selftest")
 
 
 class Shards(NamedTuple):
@@ -30,9 +32,9 @@ class Shards(NamedTuple):
 
 @lru_cache(maxsize=1)
 def sources(root: Path = _ROOT) -> str:
-    """Hash of the sources of `sysid` and `studies`, of which those that only write the tables are left out."""
+    """Hash of the sources of the studies and of what they rest on in `sysid`; what only shows results is left out."""
     found = hashlib.sha256()
-    for folder in ("sysid", "studies"):
+    for folder in (*(f"sysid/{name}" for name in _PACKAGES), "studies"):
         for path in sorted(p for p in (root / folder).rglob("*") if p.suffix in (".py", ".cpp", ".h")):
             name = path.relative_to(root).as_posix()
             if name not in _WRITERS:

@@ -65,13 +65,14 @@ def test_replicates_of_other_code_are_left_out_and_computed_again(tmp_path: Path
 
 
 def test_the_mark_follows_the_sources(tmp_path: Path):
-    for name in ("sysid", "studies"):
-        (tmp_path / name).mkdir()
+    for name in ("sysid/estimation", "sysid/report", "studies"):
+        (tmp_path / name).mkdir(parents=True)
     marks = []
     for text in ("a = 1", "a = 2"):
-        (tmp_path / "sysid" / "one.py").write_text(text)
+        (tmp_path / "sysid" / "estimation" / "one.py").write_text(text)
         marks.append(sources.__wrapped__(tmp_path))
-    (tmp_path / "sysid" / "notes.txt").write_text("no source")
+    (tmp_path / "sysid" / "estimation" / "notes.txt").write_text("no source")
+    (tmp_path / "sysid" / "report" / "two.py").write_text("what only shows results")
     marks.append(sources.__wrapped__(tmp_path))
     assert marks[0] != marks[1] == marks[2]
 
