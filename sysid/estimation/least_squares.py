@@ -175,18 +175,6 @@ def optimise_from(
     return Optimum(problem, vector, first, replace(minimum, iterations=iterations), instrument)
 
 
-def optimum_under(optimum: Optimum, weights: Weights, options: FitOptions) -> Optimum:
-    """The optimum of the same laws under other weights, for costs that can be compared."""
-    problem = optimum.problem.with_weights(weights)
-    minimum = minimise(
-        problem.evaluate,
-        optimum.vector,
-        relative_tolerance=max(options.tolerance, 1e-6),
-        max_iterations=options.max_iterations,
-    )
-    return replace(optimum, problem=problem, vector=minimum.point, minimum=minimum)
-
-
 def _start_from(parameters: ParameterSet, near: Optimum) -> np.ndarray:
     """Start vector that takes common parameters from another optimum."""
     found = dict(zip(near.problem.model.parameters.names, near.vector, strict=False))

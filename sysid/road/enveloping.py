@@ -27,6 +27,8 @@ _LEVELS = 48
 _MAP_DEPTH_PER_RADIUS = 0.12
 _DEEPEST_PER_RADIUS = 0.24
 _STATION_STEP_M = 0.01
+#: Profiles up to so many stations have their spoke geometry kept.
+_KEPT_STATIONS = 1000
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,9 @@ def spoke_table(profile: RoadProfile, radius_m: float, *, exponent: float = SPOK
 @lru_cache(maxsize=64)
 def _known_table(stations: bytes, heights: bytes, start_m: float, radius_m: float, exponent: float) -> SpokeTable:
     """The table of one profile, made once: every stage asks for it again."""
-    shape = _known_shape(stations, heights, start_m, radius_m)
+    # Long roads are met once or twice, and take a gigabyte per hundred metres.
+    shape_of = _known_shape if len(stations) <= _KEPT_STATIONS * 8 else _known_shape.__wrapped__
+    shape = shape_of(stations, heights, start_m, radius_m)
     force, forward = _spoke_sums(shape.compression_m, exponent)
     flat, _ = _spoke_sums(shape.flat_compression_m, exponent)
     return SpokeTable(radius_m, shape.station_m, shape.contact_height_m, shape.deflection_m, force, forward, flat[0])
@@ -81,7 +85,7 @@ class _SpokeShape:
 
 
 # Geometry takes nearly all of the time and is the same for every exponent.
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=12)
 def _known_shape(stations: bytes, heights: bytes, start_m: float, radius_m: float) -> _SpokeShape:
     station_m, height_m = np.frombuffer(stations), np.frombuffer(heights)
     reach = radius_m * np.sin(_HALF_ANGLE_RAD)
