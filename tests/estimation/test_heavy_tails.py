@@ -108,3 +108,10 @@ def test_runs_at_rest_do_not_decide_about_the_others():
     residual[80:, :2] = 0.0
     found = tails(residual)
     assert np.isinf(found.degrees_of_freedom).all()
+
+
+def test_steps_of_a_slow_staircase_are_no_bad_readings():
+    """A drift of a fiftieth of the resolution per reading: one reading in fifty jumps by a whole step."""
+    clean = 0.002 * np.arange(SHAPE[0])[:, None, None] + 0.01 * np.arange(24).reshape(1, 3, 8)
+    reading = np.round(clean / 0.1) * 0.1
+    assert heavy_tails(np.ones(SHAPE, bool), reading - clean, reading).weight.min() == 1.0
