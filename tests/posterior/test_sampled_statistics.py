@@ -80,7 +80,10 @@ def doubled(fit: SyntheticFit) -> LogDensity:
     (group,), (old,) = model.groups, fit.state.model.groups
     # A run's weights by its place in the campaign, whatever the order within the group.
     place = [old.runs.index(r % len(runs)) for r in group.runs]
-    weights = Weights(*(tuple(w[place] for w in member) for member in vars(fit.state.weights).values()))
+    scale, tempering = (tuple(w[place] for w in m) for m in (fit.state.weights.noise_sd, fit.state.weights.tempering))
+    # Normal noise: no reading has a weight of its own.
+    assert fit.state.weights.reading is None
+    weights = Weights(scale, tempering)
     motion = RunMotion(*(np.tile(v, 2) for v in vars(fit.state.motion).values()))
     state = replace(
         fit.state, model=model, weights=weights, motion=motion, adjustment=np.eye(fit.truth.size), following=None
