@@ -15,7 +15,7 @@ import numpy as np
 
 from sysid.errors import CampaignError
 from sysid.posterior.diagnostics import effective_draws
-from sysid.posterior.inference_data import draw_order
+from sysid.posterior.inference_data import draw_order, without_arviz_notice
 from sysid.tabular import Tabular, records_table
 
 if TYPE_CHECKING:
@@ -170,8 +170,9 @@ def gradient_draws(
         If nutpie is not installed.
     """
     try:
-        import nutpie
-        from nutpie.compiled_pyfunc import from_pyfunc
+        with without_arviz_notice():
+            import nutpie
+            from nutpie.compiled_pyfunc import from_pyfunc
     except ImportError as error:
         raise CampaignError(
             "The cross-check needs the sampler nutpie: install it with `pip install nutpie`, or leave it out."

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +14,14 @@ from sysid.tabular import distinct
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+@contextmanager
+def without_arviz_notice() -> Iterator[None]:
+    """Let ArviZ be imported without the notice about its next version that it gives each user once a day."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing a major refactor", FutureWarning)
+        yield
 
 
 def draw_order(steps: int, walkers: int) -> np.ndarray:
@@ -66,7 +76,8 @@ def arviz_data(posterior: Posterior) -> Any:
 
     groups = {"posterior": posterior_dataset(posterior), "sample_stats": sample_stats(posterior)}
     try:
-        import arviz
+        with without_arviz_notice():
+            import arviz
     except ImportError:
         return xr.DataTree.from_dict(groups)
     # From version 1 on the name stands for xarray's tree.

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -71,6 +74,22 @@ def test_a_sampler_that_is_not_installed_is_one_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "nutpie", None)
     with pytest.raises(CampaignError, match="pip install nutpie"):
         cross_check(normal, posterior(), CENTRE, COVARIANCE)
+
+
+def test_a_first_import_of_the_day_gives_no_warning(tmp_path: Path):
+    """ArviZ, which nutpie loads, keeps the day of its last notice in the user's cache: here there is none yet."""
+    code = (
+        "import numpy as np\n"
+        "from sysid.posterior.cross_check import gradient_draws\n"
+        "normal = lambda x: (-0.5 * float(x @ x), -x)\n"
+        "gradient_draws(normal, np.zeros(1), np.eye(1), chains=1, tuning=20, draws=5)\n"
+    )
+    fresh = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-W", "error::FutureWarning", "-c", code], env=fresh, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert "FutureWarning" not in done.stderr
 
 
 def test_draws_that_alternate_raise_no_alarm():
