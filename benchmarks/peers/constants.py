@@ -14,7 +14,6 @@ from sysid.estimation.lane_laws import lane_laws
 from sysid.vehicle_model.contact import CELL_POLYNOMIAL
 from sysid.vehicle_model.filters import discretise
 from sysid.vehicle_model.lane_matrices import LaneMatrices
-from sysid.vehicle_model.simulation import Motion
 
 
 class RunConstants(NamedTuple):
@@ -129,7 +128,7 @@ def our_signals(work: Work, name: str, refine: int = 1) -> np.ndarray:
     parameters = jnp.asarray(work.state.log_parameters)[:, None]
     with engine(name):
         road = wheel_road(arrays, work.model.roads[0], speed, start, shape)
-        signals = simulate_group(arrays, shape, parameters, Motion(speed, start), road)
+        signals = simulate_group(arrays, shape, parameters, road)
     return np.asarray(signals[..., 0])
 
 

@@ -28,13 +28,15 @@ from sysid.estimation.uncertain_masses import UncertainMasses, uncertain_masses
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.results import RoadProfile
 from sysid.runtime import require_64_bit
-from sysid.vehicle_model import engine
-from sysid.vehicle_model.contact import EffectiveRoad, RoadInput
+from sysid.vehicle_model import engine, readings
+from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import Timing, WheelRoad
+from sysid.vehicle_model.engines.reference import REFERENCE
 from sysid.vehicle_model.filters import FilterRecursion, discretise
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, MapTires, Pass, make_lanes, pass_matrices
-from sysid.vehicle_model.simulation import Motion, SensorLayout
+from sysid.vehicle_model.readings import Readings, SensorFit, standardised_residuals
+from sysid.vehicle_model.simulation import SensorLayout
 
 #: Standard deviation of a sensor's gain about its calibration.
 GAIN_SD = {"suspension_deflection": 0.005, "axle_acceleration": 0.01, "body_acceleration": 0.01}
@@ -55,6 +57,10 @@ class GroupArrays(NamedTuple):
     measured: np.ndarray
     censored: np.ndarray
     gain_sd: np.ndarray
+
+    def readings(self, noise_sd: jax.Array, tempering: jax.Array) -> Readings:
+        """Data of the runs with residual scale [SI] and tempering (R, C)."""
+        return Readings(self.value, self.measured, self.censored, noise_sd, tempering, self.gain_sd)
 
 
 class GroupShape(NamedTuple):
@@ -229,9 +235,9 @@ def campaign_departures(campaign: Campaign, parameters: ParameterSet, roads: Eff
 
 def group_road(
     road: EffectiveRoad, axle_x: jax.Array, speed: jax.Array, start_s: jax.Array, shape: GroupShape
-) -> RoadInput:
-    """Road input of a group at every half step for speeds [m/s] and starts [s] (R, S), for the JAX engine."""
-    return engine.looked_up(road, axle_x, speed, start_s, shape.timing)
+) -> WheelRoad:
+    """The road of a group for the reference engine: speeds [m/s] and starts [s] may be (R, S), one for every set."""
+    return REFERENCE.prepare(road, axle_x, speed, start_s, shape.timing)
 
 
 def wheel_road(
@@ -241,46 +247,21 @@ def wheel_road(
     return engine.wheel_road(arrays.matrices, road, arrays.axle_x, speed, start_s, shape.timing)
 
 
-def simulate_group(
-    arrays: GroupArrays, shape: GroupShape, log_parameters: jax.Array, motion: Motion, road: WheelRoad
-) -> jax.Array:
+def simulate_group(arrays: GroupArrays, shape: GroupShape, log_parameters: jax.Array, road: WheelRoad) -> jax.Array:
     """Filtered sensor signals (T, R, C, S) of one group for log parameters (p, S)."""
     suspension, tire = lane_laws(arrays.laws, log_parameters)
-    return engine.simulate_sensors(
-        arrays.matrices, suspension, tire, motion, road, shape.sensors, shape.recursion, shape.timing
-    )
-
-
-class SensorFit(NamedTuple):
-    """Eliminated sensor constants (R, C, S): `offset` in SI and `gain`."""
-
-    offset: jax.Array
-    gain: jax.Array
+    return road.engine.sensors(arrays.matrices, suspension, tire, road, shape.timing, shape.sensors, shape.recursion)
 
 
 def eliminate_sensors(arrays: GroupArrays, noise_sd: jax.Array, simulated: jax.Array) -> SensorFit:
-    """Offset and gain of every channel and run that minimise its weighted squares plus the gain's prior.
-
-    gain = (S_yd / sigma^2 + 1 / s_g^2) / (S_yy / sigma^2 + 1 / s_g^2), offset = mean(d) - gain mean(y), with S the
-    centred sums over measured samples, each times its weight.
+    """Offset and gain of every channel and run, see :func:`sysid.vehicle_model.readings.eliminate_sensors`.
 
     Parameters
     ----------
     noise_sd : (R, C) residual scale sigma over tempering, infinite where a channel has no reading.
     simulated : (T, R, C, S).
     """
-    share = (arrays.measured**2)[..., None]
-    count = share.sum(axis=0)
-    count = jnp.where(count > 0.0, count, 1.0)
-    mean_y = (share * simulated).sum(axis=0) / count
-    mean_d = (share * arrays.value[..., None]).sum(axis=0) / count
-    centred_y = simulated - mean_y
-    s_yy = (share * centred_y * centred_y).sum(axis=0)
-    s_yd = (share * centred_y * arrays.value[..., None]).sum(axis=0)
-    weight = 1.0 / noise_sd[..., None] ** 2
-    prior = 1.0 / arrays.gain_sd[:, None] ** 2
-    gain = (s_yd * weight + prior) / (s_yy * weight + prior)
-    return SensorFit(mean_d - gain * mean_y, gain)
+    return readings.eliminate_sensors(arrays.readings(noise_sd, jnp.ones_like(noise_sd)), simulated)
 
 
 def group_residuals(
@@ -294,10 +275,4 @@ def group_residuals(
     tempering : (R, C) factor on the residuals, 1 / sqrt(variance inflation) where they are correlated.
     simulated : (T, R, C, S) sensor signals.
     """
-    fit = eliminate_sensors(arrays, noise_sd / tempering, simulated)
-    difference = fit.offset + fit.gain * simulated - arrays.value[..., None]
-    side = arrays.censored[..., None]
-    outside = jnp.where(side * difference < 0.0, difference, 0.0) * jnp.abs(side)
-    residual = (arrays.measured[..., None] * difference + outside) * (tempering / noise_sd)[..., None]
-    prior = jnp.where(jnp.isfinite(noise_sd)[..., None], (fit.gain - 1.0) / arrays.gain_sd[:, None], 0.0)
-    return jnp.asarray(residual), jnp.asarray(prior)
+    return standardised_residuals(arrays.readings(noise_sd, tempering), simulated)

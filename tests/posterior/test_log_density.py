@@ -15,7 +15,6 @@ from synthetic_fit import NOMINAL_M_S, SyntheticFit, synthetic_fit
 from sysid.estimation.bump_model import group_residuals, group_road, simulate_group
 from sysid.estimation.objective import SHIFT_UNIT_M, SPEED_UNIT
 from sysid.posterior.log_density import LogDensity
-from sysid.vehicle_model.simulation import Motion
 
 
 @pytest.fixture(scope="session")
@@ -39,7 +38,7 @@ def in_batches(density: LogDensity, points: np.ndarray) -> np.ndarray:
 def squares(arrays, road, noise, tempering, x, speed, start, *, shape) -> jax.Array:
     """Sum of squared residuals, sensor gains included, of every run and set (R, S), simulated at each set's motion."""
     inputs = group_road(road, arrays.axle_x, speed, start, shape)
-    signals = simulate_group(arrays, shape, x, Motion(speed, start), inputs)
+    signals = simulate_group(arrays, shape, x, inputs)
     residual, gain = group_residuals(arrays, noise, tempering, signals)
     return (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
 

@@ -1,0 +1,49 @@
+"""How many threads this process uses, said once for all that computes side by side.
+
+``SYSID_THREADS`` sets the number; without it there are as many as the process may use cores.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+from sysid.errors import SysidError
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
+
+
+def thread_count() -> int:
+    """Threads that this process may keep busy.
+
+    Raises
+    ------
+    SysidError
+        If SYSID_THREADS is not a positive integer.
+    """
+    wanted = os.environ.get("SYSID_THREADS", "")
+    if wanted:
+        if not (wanted.isascii() and wanted.isdigit()) or int(wanted) < 1:
+            raise SysidError(f"SYSID_THREADS is '{wanted}'; set it to the number of threads to use, 1 or more.")
+        return int(wanted)
+    return _usable_cores()
+
+
+def _usable_cores() -> int:
+    """Cores that this process may use: a batch system or a container often leaves it fewer than there are."""
+    if hasattr(os, "sched_getaffinity"):
+        return max(1, len(os.sched_getaffinity(0)))
+    return os.cpu_count() or 1
+
+
+def side_by_side(function: Callable[[_Item], _Result], items: Iterable[_Item]) -> tuple[_Result, ...]:
+    """Results of a function for all items, in their order, by as many threads as there may be."""
+    every = tuple(items)
+    workers = min(thread_count(), len(every))
+    if workers <= 1:
+        return tuple(map(function, every))
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        return tuple(pool.map(function, every))
