@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.rounds import Contender, run_rounds, spread, timed
 from benchmarks.work import Point, Work, density, engine, make_work
-from sysid.estimation.bump_model import GroupShape
+from sysid.estimation.residuals.bump_model import GroupShape
 from sysid.posterior.log_density import _group_misfit, _GroupInputs
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import wheel_road
@@ -82,7 +82,7 @@ def _more_samples(inputs: _GroupInputs, shape: GroupShape, factor: int) -> tuple
 
     dense = arrays._replace(value=often(arrays.value), measured=often(arrays.measured), censored=often(arrays.censored))
     changed = shape._replace(interval_s=shape.interval_s / factor, samples=shape.samples * factor)
-    return inputs._replace(arrays=dense, local_columns=often(inputs.local_columns)), changed
+    return inputs._replace(arrays=dense, local=inputs.local._replace(residual=often(inputs.local.residual))), changed
 
 
 def _more_axles(inputs: _GroupInputs, shape: GroupShape, count: int) -> tuple[_GroupInputs, GroupShape]:

@@ -39,10 +39,12 @@ def _usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-def side_by_side(function: Callable[[_Item], _Result], items: Iterable[_Item]) -> tuple[_Result, ...]:
-    """Results of a function for all items, in their order, by as many threads as there may be."""
+def side_by_side(
+    function: Callable[[_Item], _Result], items: Iterable[_Item], at_most: int | None = None
+) -> tuple[_Result, ...]:
+    """Results of a function for all items, in their order, by as many threads as there may be, or `at_most`."""
     every = tuple(items)
-    workers = min(thread_count(), len(every))
+    workers = min(thread_count(), len(every), at_most or len(every))
     if workers <= 1:
         return tuple(map(function, every))
     with ThreadPoolExecutor(max_workers=workers) as pool:

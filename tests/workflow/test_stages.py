@@ -11,7 +11,7 @@ import pytest
 from small_results import small_advice, small_fit, small_profile
 
 from sysid.campaign.records import PredictionRequest
-from sysid.estimation.fit_options import FitOptions
+from sysid.estimation.fit.options import FitOptions
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
 from sysid.workflow import Calibration, Settings, stage_folder
 from sysid.workflow.calibration import Calibration as Stages
