@@ -30,6 +30,8 @@ def _user_cache() -> Path:
 def private_cache(name: str) -> Path:
     """Folder of that name for compiled code, below the cache folder or, if others can write there, the user's own.
 
+    The first time that the cache folder is left alone a warning says so.
+
     Raises
     ------
     NotPrivateError
@@ -37,15 +39,16 @@ def private_cache(name: str) -> Path:
     OSError
         If it cannot be made.
     """
-    wanted, own = cache_root() / name, _user_cache() / name
     try:
-        return private_folder(wanted)
+        return private_folder(cache_root() / name)
     except NotPrivateError as error:
-        # Asked for elsewhere: the user's own folder is as good, and what others put into this one is not run.
-        if wanted == own:
-            raise
-        found = private_folder(own)
-        _say(f"Compiled code is kept in {found} because {error}; run chmod go-w on that folder.")
+        remedy = f"because {error}; run chmod go-w on that folder, or set SYSID_CACHE_DIR to one of your own."
+        try:
+            found = private_folder(_user_cache() / name)
+        except (NotPrivateError, OSError):
+            _say(f"Compiled code is neither kept nor reused {remedy}")
+            raise error from None
+        _say(f"Compiled code is kept in {_user_cache()} {remedy}")
         return found
 
 
@@ -64,17 +67,15 @@ def cache_folder() -> Path:
 def configure() -> None:
     """Switch JAX to 64-bit floats and keep its compiled functions between runs.
 
-    A cache folder that cannot be written is done without, and so is, with a warning, one that others can write to.
+    A cache folder that cannot be written is done without, and so is, with a warning, one that others can write to
+    (:func:`private_cache`).
     """
     import jax
 
     jax.config.update("jax_enable_x64", True)
     try:
         folder = cache_folder()
-    except OSError:
-        return
-    except NotPrivateError as error:
-        _say(f"Compiled functions are not kept between runs because {error}; run chmod go-w on that folder.")
+    except (NotPrivateError, OSError):
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)

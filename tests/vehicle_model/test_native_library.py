@@ -111,7 +111,10 @@ def test_a_cache_folder_that_others_can_write_to_is_left_for_the_users_own(build
     (unregistered / level).chmod(0o777)
     if level == ".":
         # Both stand below it: there is no place left.
-        with pytest.raises(build.BuildError, match=r"can be written by others \(mode 777\)"):
+        with (
+            pytest.warns(runtime.CacheWarning, match="neither kept nor reused because .* can be written by others"),
+            pytest.raises(build.BuildError, match=r"can be written by others \(mode 777\)"),
+        ):
             build.library()
         return
     with pytest.warns(runtime.CacheWarning, match=r"can be written by others \(mode 777\); run chmod go-w"):
@@ -148,7 +151,7 @@ def test_functions_compiled_by_jax_are_kept_in_private_too(unregistered):
     with pytest.warns(runtime.CacheWarning, match="mode 770"):
         assert runtime.cache_folder().is_relative_to(unregistered / "own")
     (unregistered / "own").chmod(0o777)
-    with pytest.raises(private_files.NotPrivateError):
+    with pytest.warns(runtime.CacheWarning, match="neither kept"), pytest.raises(private_files.NotPrivateError):
         runtime.cache_folder()
 
 
