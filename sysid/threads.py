@@ -1,16 +1,23 @@
 """How many threads this process uses, said once for all that computes side by side.
 
-``SYSID_THREADS`` sets the number; without it there are as many as the process may use cores.
+``SYSID_THREADS`` sets the number; without it there are as many as the process may use cores.  They belong to the groups
+of runs and to the native engine; the linear algebra library gets one (:func:`one_blas_thread`).
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from contextlib import contextmanager
+from functools import lru_cache
+from typing import TYPE_CHECKING, TypeVar
 
 from sysid.errors import SysidError
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
@@ -49,3 +56,22 @@ def side_by_side(
         return tuple(map(function, every))
     with ThreadPoolExecutor(max_workers=workers) as pool:
         return tuple(pool.map(function, every))
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """While it lasts linear algebra runs in one thread; as decorator of a function, while that runs.
+
+    Matrices here have tens of columns: more threads spin for each other on the cores that the engine wants, and a
+    least-squares step takes twice as long on two cores.
+    """
+    with _libraries("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas"):
+        yield
+
+
+@lru_cache
+def _libraries(with_scipy: bool) -> ThreadpoolController:
+    """The libraries that are loaded by now: NumPy has its own, SciPy brings another when it is first used."""
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()

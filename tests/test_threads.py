@@ -8,6 +8,8 @@ import sys
 import threading
 
 import pytest
+import scipy.linalg  # noqa: F401
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from sysid import threads
 from sysid.errors import SysidError
@@ -55,3 +57,19 @@ def test_so_many_work_at_once_and_results_keep_their_order(monkeypatch, count, a
     items = range(2 * expected * (1 if expected > 1 else 2))
     assert threads.side_by_side(work, items, at_most=at_most) == tuple(i * i for i in items)
     assert most[0] == expected
+
+
+def blas_threads() -> set[int]:
+    """Threads of every linear algebra library that is loaded: NumPy's and SciPy's."""
+    return {found["num_threads"] for found in threadpool_info() if found["user_api"] == "blas"}
+
+
+def test_linear_algebra_has_one_thread_while_we_compute_and_its_own_number_again_afterwards():
+    @threads.one_blas_thread()
+    def inside() -> set[int]:
+        return blas_threads()
+
+    with threadpool_limits(limits=2, user_api="blas"):
+        assert blas_threads() == {2}
+        assert inside() == {1}
+        assert blas_threads() == {2}
