@@ -15,8 +15,8 @@ ROOT = Path(sysid.__file__).resolve().parent
 
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
-    {"errors"},
-    {"display", "folder_lock", "runtime", "tabular"},
+    {"errors", "files"},
+    {"array_file", "display", "folder_lock", "runtime", "tabular"},
     {"campaign"},
     {"sdof", "road"},
     {"vehicle_model"},
@@ -93,6 +93,40 @@ def test_imports_run_downward(path: Path):
 )
 def test_an_upward_import_is_seen(own: str, source: str):
     assert upward(own, imported_modules(source, f"sysid.{own}")) != set()
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(["sysid", *(parts[:-1] if parts[-1] == "__init__" else parts)])
+
+
+def run_time_imports(path: Path, known: set[str]) -> set[str]:
+    """Modules that a module imports when it runs, in functions too; not those for annotations only."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            node.body = [ast.Pass()]
+    package = ".".join(["sysid", *path.relative_to(ROOT).parts[:-1]])
+    return (imported_modules(ast.unparse(tree), package) & known) - {module_name(path)}
+
+
+def circle(graph: dict[str, set[str]]) -> list[str]:
+    """Modules that import each other in a circle, none if there is no circle."""
+    left = dict(graph)
+    while free := [name for name, needed in left.items() if not needed & left.keys()]:
+        for name in free:
+            del left[name]
+    return sorted(left)
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    files = [p for p in SOURCES if p.name != "__init__.py"]
+    names = {module_name(p) for p in files}
+    assert circle({module_name(p): run_time_imports(p, names) for p in files}) == []
+
+
+def test_a_circle_is_seen():
+    assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": set()}) == ["a", "b", "c"]
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import Campaign
+from sysid.export.parameter_table import parameter_table
 from sysid.road.results import ScanAnalysis
 from sysid.sdof.results import DropSummary
 from sysid.tabular import Tabular
@@ -63,9 +64,8 @@ class Results(Tabular):
 
         import pandas as pd
 
-        from sysid.export.tables import parameters_csv
-
-        return pd.read_csv(io.StringIO(parameters_csv(self)))
+        text = parameter_table(self.campaign.vehicle.axles, self.fit, self.posterior)
+        return pd.read_csv(io.StringIO(text))
 
     @property
     def all_warnings(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import emcee
 import numpy as np
 
 from sysid.errors import DataRejectedError
-from sysid.posterior.chain_files import Ending, Segment
+from sysid.posterior.segments import Ending, Segment
 
 Density = Callable[[np.ndarray], np.ndarray]
 

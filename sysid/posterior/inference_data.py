@@ -3,17 +3,40 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from sysid.posterior.results import Posterior
 from sysid.tabular import distinct
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+class Summary(Protocol):
+    """What is known of a parameter's draws: its name, effective draws and R-hat."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def ess(self) -> float: ...
+    @property
+    def rhat(self) -> float: ...
+
+
+class Draws(Protocol):
+    """Draws (ensembles, steps, walkers, parameters) and their log-probability (ensembles, steps, walkers)."""
+
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def draws(self) -> np.ndarray: ...
+    @property
+    def log_probability(self) -> np.ndarray: ...
+    @property
+    def summaries(self) -> Sequence[Summary]: ...
 
 
 @contextmanager
@@ -41,7 +64,7 @@ def variable_names(names: tuple[str, ...]) -> tuple[str, ...]:
     return distinct(name.replace("/", "|").replace("\0", " ").strip().strip(".") or "parameter" for name in names)
 
 
-def posterior_dataset(posterior: Posterior, about: Mapping[str, Mapping[str, Any]] | None = None) -> xr.Dataset:
+def posterior_dataset(posterior: Draws, about: Mapping[str, Mapping[str, Any]] | None = None) -> xr.Dataset:
     """One variable per parameter, (chain, draw) in its natural unit; a chain is one independent ensemble.
 
     Parameters
@@ -62,7 +85,7 @@ def posterior_dataset(posterior: Posterior, about: Mapping[str, Mapping[str, Any
     return xr.Dataset(variables, _coordinates(posterior), {"sample_dims": ["chain", "draw"]})
 
 
-def sample_stats(posterior: Posterior) -> xr.Dataset:
+def sample_stats(posterior: Draws) -> xr.Dataset:
     """Variable ``lp``, the log-probability up to a constant, (chain, draw)."""
     import xarray as xr
 
@@ -70,7 +93,7 @@ def sample_stats(posterior: Posterior) -> xr.Dataset:
     return xr.Dataset({"lp": xr.Variable(("chain", "draw"), lp)}, _coordinates(posterior))
 
 
-def arviz_data(posterior: Posterior) -> Any:
+def arviz_data(posterior: Draws) -> Any:
     """What the installed ArviZ works with; without ArviZ the tree that its versions from 1 on work with."""
     import xarray as xr
 
@@ -85,12 +108,12 @@ def arviz_data(posterior: Posterior) -> Any:
     return xr.DataTree.from_dict(groups) if own is xr.DataTree else own(**groups)
 
 
-def _ordered(posterior: Posterior, values: np.ndarray) -> np.ndarray:
+def _ordered(posterior: Draws, values: np.ndarray) -> np.ndarray:
     ensembles, steps, walkers = values.shape[:3]
     flat = values.reshape(ensembles, steps * walkers, *values.shape[3:])
     return np.asarray(flat[:, draw_order(steps, walkers)])
 
 
-def _coordinates(posterior: Posterior) -> dict[str, np.ndarray]:
+def _coordinates(posterior: Draws) -> dict[str, np.ndarray]:
     ensembles, steps, walkers = posterior.log_probability.shape
     return {"chain": np.arange(ensembles), "draw": np.arange(steps * walkers)}

@@ -24,11 +24,11 @@ from sysid.estimation.problem import FitState, Problem
 from sysid.estimation.profiles import ProfileLikelihood, profile_parameter
 from sysid.estimation.results import FitResult, HistoryBand, RunHistory
 from sysid.export.contents import Results, Status
-from sysid.export.files import write_text
 from sysid.export.inference_data import write_posterior
 from sysid.export.models import write_models
 from sysid.export.result_json import write_result
 from sysid.export.tables import write_parameters, write_predictions, write_profiles, write_validation
+from sysid.files import write_text
 from sysid.posterior.cross_check import CrossCheck, cross_check
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
 from sysid.posterior.results import Posterior

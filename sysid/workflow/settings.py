@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from sysid.estimation.fit_options import FitOptions
-from sysid.export.files import write_text
+from sysid.files import write_text
 from sysid.posterior.sampling import SamplingOptions
 from sysid.road.contact_laws import ContactLaw
 from sysid.validation.results import ValidationLimits

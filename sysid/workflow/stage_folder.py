@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from sysid.errors import CampaignError
-from sysid.export.files import write_text
+from sysid.files import write_text
 from sysid.folder_lock import FolderLock, cannot_write
 from sysid.workflow import store
 from sysid.workflow.settings import Settings, remember

@@ -19,7 +19,7 @@ from sysid.campaign import findings
 from sysid.errors import CampaignError
 from sysid.estimation import identifiability, information, objective, profiles, uncertain_masses
 from sysid.estimation import results as estimation_results
-from sysid.export.files import write_atomically
+from sysid.files import write_atomically
 from sysid.posterior import cross_check
 from sysid.posterior import results as posterior_results
 from sysid.prediction import advice_results
