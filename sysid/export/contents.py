@@ -33,7 +33,9 @@ STATUSES: tuple[Status, ...] = ("converged", "not_converged", "preview")
 class Results(Tabular):
     """Results of all stages that have run; a stage that has not run yet is None (no scans: an empty mapping).
 
-    `scans` maps the name of a bump to its analysis.  `provenance` may hold ``input_sha256`` (file -> hash),
+    `scans` maps the name of a bump to its analysis; `further` holds results of stages without a field here, by name;
+    `unfinished` names stages that are still running or were stopped, and whose result is what they have got so far.
+    `provenance` may hold ``input_sha256`` (file -> hash),
     ``versions`` (package -> version), ``seed``, ``settings`` (nested mapping) and ``timings`` (stage -> seconds).
 
     Raises ValueError if `status` is none of ``converged``, ``not_converged``, ``preview``.
@@ -50,6 +52,8 @@ class Results(Tabular):
     validation: Validation | None = None
     advice: Advice | None = None
     profiles: tuple[ProfileLikelihood, ...] = ()
+    further: Mapping[str, object] = field(default_factory=dict)
+    unfinished: tuple[str, ...] = ()
     status: Status = "not_converged"
     warnings: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
