@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.rounds import Sample
 from benchmarks.work import Work
-from sysid.estimation.lane_laws import lane_laws
+from sysid.estimation.parameters.lane_laws import lane_laws
 from sysid.posterior.log_density import LogDensity
 from sysid.vehicle_model.native import build, kernel
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.rounds import Contender, run_rounds, spread, timed
 from benchmarks.work import Point, Work, density, engine, make_work
-from sysid.estimation.bump_model import GroupShape
+from sysid.estimation.residuals.bump_model import GroupShape
 from sysid.posterior.log_density import _group_misfit, _GroupInputs
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import wheel_road

@@ -7,7 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
 import sysid
 
@@ -23,6 +26,7 @@ LEVELS = (
     {"estimation"},
     {"posterior"},
     {"prediction", "selftest", "validation"},
+    {"planning"},
     {"plot"},
     {"export"},
     {"report"},
@@ -31,7 +35,10 @@ LEVELS = (
 )
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}
 
-JAX_PACKAGES = {"runtime", "vehicle_model", "estimation", "posterior", "prediction"}
+#: The rooms of the largest package, from the bottom up.
+ROOMS = {"estimation": ("parameters", "residuals", "weights", "uncertainty", "fit")}
+
+JAX_PACKAGES = {"runtime", "vehicle_model", "estimation", "posterior", "prediction", "planning"}
 
 
 def imported_modules(source: str, package: str) -> set[str]:
@@ -82,6 +89,46 @@ def test_imports_run_downward(path: Path):
         assert roots & {"jax", "optimistix", "equinox", "lineax"} == set()
 
 
+@pytest.mark.parametrize(("package", "rooms"), ROOMS.items())
+def test_rooms_import_downward(package: str, rooms: tuple[str, ...]):
+    folder = ROOT / package
+    assert {p.name for p in folder.iterdir() if p.is_dir() and p.name != "__pycache__"} == set(rooms)
+    assert {p.name for p in folder.glob("*.py")} == {"__init__.py"}
+    for number, room in enumerate(rooms):
+        for path in sorted((folder / room).glob("*.py")):
+            modules = imported_modules(path.read_text(encoding="utf-8"), f"sysid.{package}.{room}")
+            above = {f"sysid.{package}.{higher}" for higher in rooms[number + 1 :]} | {f"sysid.{package}"}
+            assert not {
+                m for m in modules if m in above or m.startswith(tuple(f"{a}." for a in above - {f"sysid.{package}"}))
+            }
+
+
+def test_no_two_files_import_each_other():
+    """Nor do three in a ring: what only type checkers read counts too."""
+    names = {".".join(("sysid", *p.relative_to(ROOT).with_suffix("").parts)): p for p in SOURCES}
+    imports = {}
+    for name, path in names.items():
+        modules = imported_modules(path.read_text(encoding="utf-8"), name.rsplit(".", 1)[0])
+        # A package's __init__ only hands names on.
+        imports[name] = (modules & names.keys()) - {name}
+    assert circles(imports) == []
+
+
+def circles(imports: dict[str, set[str]]) -> list[list[str]]:
+    """Groups of modules that reach each other."""
+    order = sorted(imports)
+    index = {name: i for i, name in enumerate(order)}
+    rows, columns = zip(*[(index[a], index[b]) for a in order for b in imports[a]], strict=True)
+    graph = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(len(order), len(order)))
+    count, label = connected_components(graph, directed=True, connection="strong")
+    groups = [[name for name in order if label[index[name]] == k] for k in range(count)]
+    return [group for group in groups if len(group) > 1]
+
+
+def test_a_circle_is_seen():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [["a", "b", "c"]]
+
+
 @pytest.mark.parametrize(
     ("own", "source"),
     [
@@ -93,40 +140,6 @@ def test_imports_run_downward(path: Path):
 )
 def test_an_upward_import_is_seen(own: str, source: str):
     assert upward(own, imported_modules(source, f"sysid.{own}")) != set()
-
-
-def module_name(path: Path) -> str:
-    parts = path.relative_to(ROOT).with_suffix("").parts
-    return ".".join(["sysid", *(parts[:-1] if parts[-1] == "__init__" else parts)])
-
-
-def run_time_imports(path: Path, known: set[str]) -> set[str]:
-    """Modules that a module imports when it runs, in functions too; not those for annotations only."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
-            node.body = [ast.Pass()]
-    package = ".".join(["sysid", *path.relative_to(ROOT).parts[:-1]])
-    return (imported_modules(ast.unparse(tree), package) & known) - {module_name(path)}
-
-
-def circle(graph: dict[str, set[str]]) -> list[str]:
-    """Modules that import each other in a circle, none if there is no circle."""
-    left = dict(graph)
-    while free := [name for name, needed in left.items() if not needed & left.keys()]:
-        for name in free:
-            del left[name]
-    return sorted(left)
-
-
-def test_no_modules_import_each_other_in_a_circle():
-    files = [p for p in SOURCES if p.name != "__init__.py"]
-    names = {module_name(p) for p in files}
-    assert circle({module_name(p): run_time_imports(p, names) for p in files}) == []
-
-
-def test_a_circle_is_seen():
-    assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": set()}) == ["a", "b", "c"]
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,14 @@ their Gaussian priors leaves, per run,
     -1/2 (r'r - b' N^-1 b),   b = J_eta' r + prior,   N = J_eta' J_eta + prior precision,
 
 so the sampler sees global parameters only. Residuals are tempered by their variance inflation, the likelihood is
-flattened around the optimum for model error and tolerances of masses (:mod:`sysid.estimation.sandwich`), and the
-Gaussian priors of the log parameters are added.  Flattened about the optimum theta_hat, which the priors have pulled
-off the data's own one, the likelihood would keep too much of that pull: its gradient g there becomes C' g, but a
-likelihood of curvature C'HC about the data's optimum has C'C' g.  A linear term makes up the difference.  Footprint
-maps that follow their tires make C D of C (:func:`sysid.estimation.map_tires.following`) and D'C'C' g of C'C' g.
-Sensor offsets and gains are eliminated inside the residuals.
+flattened around the optimum for model error and tolerances of masses
+(:mod:`sysid.estimation.uncertainty.sandwich`), and the Gaussian priors of the log parameters are added.
+
+Flattened about the optimum theta_hat, which the priors have pulled off the data's own one, the likelihood would keep
+too much of that pull: its gradient g there becomes C' g, but a likelihood of curvature C'HC about the data's optimum
+has C'C' g.  A linear term makes up the difference.  Footprint maps that follow their tires make C D of C
+(:mod:`sysid.estimation.uncertainty.map_following`) and D'C'C' g of C'C' g.  Sensor offsets and gains are eliminated
+inside the residuals.
 """
 
 from __future__ import annotations
@@ -23,11 +25,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from sysid.campaign.records import Campaign
-from sysid.estimation.bump_model import GroupArrays, GroupShape, group_residuals, simulate_group, wheel_road
-from sysid.estimation.native_residuals import native_misfits
-from sysid.estimation.objective import SPEED_UNIT, linearise, speed_prior
-from sysid.estimation.problem import FitState
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.residuals.bump_model import GroupArrays, GroupShape
+from sysid.estimation.residuals.linearisation import linearise
+from sysid.estimation.residuals.native_residuals import native_misfits
+from sysid.estimation.residuals.run_motion import speed_prior
+from sysid.estimation.residuals.run_unknowns import run_normal
+from sysid.estimation.residuals.sensor_residuals import group_residuals
+from sysid.estimation.residuals.signals import simulate_group, wheel_road
 from sysid.vehicle_model.contact import RoadInput
 from sysid.vehicle_model.engine import LocalColumns, WheelRoad
 from sysid.vehicle_model.simulation import Motion
@@ -80,34 +85,33 @@ class LogDensity:
     `rejected` (at most 100 of them) with the number of such sets in `rejected_count`.
     """
 
-    def __init__(self, campaign: Campaign, state: FitState):
-        self._model, self._state = state.model, state
-        self.names = state.model.parameters.names
-        self.centre = np.asarray(state.log_parameters, float)
-        self._adjustment = np.asarray(state.adjustment, float)
-        self._rows, self._targets = state.model.parameters.prior_rows()
+    def __init__(self, state: FitState):
+        point = state.point
+        self._model, self._point = state.model, point
+        self.names = state.parameters.names
+        self.centre = np.asarray(point.log_parameters, float)
+        self._adjustment = np.asarray(point.adjustment, float)
+        self._rows, self._targets = state.parameters.prior_rows()
         # At the optimum the data pull as hard as the priors, the other way.
         pull = -self._rows.T @ (self._rows @ self.centre - self._targets)
-        follow = np.eye(self.centre.size) if state.following is None else state.following
+        follow = np.eye(self.centre.size) if point.map_following is None else point.map_following
         flat = np.linalg.solve(follow.T, self._adjustment.T)
         self._tilt = follow.T @ (flat @ flat - flat) @ pull
         self.rejected: list[np.ndarray] = []
         self.rejected_count = 0
-        expected = speed_prior(campaign.bump_runs)
+        expected = speed_prior(state.campaign.bump_runs)
         count = self.centre.size
         self._inputs = []
-        lin = linearise(state.model, state.weights, self.centre, state.motion)
-        every = state.weights.on(state.model.arrays)
+        lin = linearise(state.model, point.weights, self.centre, point.motion)
+        every = point.weights.on(state.model.arrays)
         for position, group in enumerate(state.model.groups):
             runs = list(group.runs)
-            speed, start = state.motion.speed_m_s[runs], state.motion.start_s[runs]
+            speed, start = point.motion.speed_m_s[runs], point.motion.start_s[runs]
             local = np.asarray(lin[position].residual_jacobian[..., count:])
             gain = np.asarray(lin[position].gain_jacobian[..., count:])
-            nominal, sd = expected.speed_m_s[runs], expected.relative_sd[runs]
-            prior = np.stack([SPEED_UNIT * speed / nominal / sd, np.zeros_like(speed)], axis=1)
-            normal = np.einsum("trck,trcl->rkl", local, local) + np.einsum("rck,rcl->rkl", gain, gain)
-            normal += np.einsum("rk,rl->rkl", prior, prior)
-            pull = ((speed / nominal - 1.0) / sd)[:, None] * prior
+            speed_residual, speed_rows = expected.rows(point.motion, runs)
+            normal = run_normal(local, gain, np.einsum("rk,rl->rkl", speed_rows, speed_rows))
+            pull = speed_residual[:, None] * speed_rows
             motion = Motion(jnp.asarray(speed)[:, None], jnp.asarray(start)[:, None])
             arrays, shape = every[position], state.model.shapes[position]
             road = wheel_road(arrays, state.model.roads[position], motion.speed, motion.start_s, shape)
@@ -116,8 +120,8 @@ class LogDensity:
                     arrays,
                     road,
                     motion,
-                    state.weights.noise_sd[position],
-                    state.weights.tempering[position],
+                    point.weights.noise_sd[position],
+                    point.weights.tempering[position],
                     local,
                     gain,
                     pull,
@@ -148,11 +152,11 @@ class LogDensity:
         With r and J of all residuals of a run at the set, J_eta and N those of the optimum, the sum of squares has the
         gradient 2 (J' r - J' J_eta N^-1 b).
         """
-        x, state = np.asarray(log_parameters, float), self._state
+        x, point = np.asarray(log_parameters, float), self._point
         flattened = self.centre + self._adjustment @ (x - self.centre)
         misfit, slope = 0.0, np.zeros_like(x)
         for inputs, lin in zip(
-            self._inputs, linearise(state.model, state.weights, flattened, state.motion), strict=True
+            self._inputs, linearise(self._model, point.weights, flattened, point.motion), strict=True
         ):
             residual, gain = np.asarray(lin.residual), np.asarray(lin.gain_residual)
             columns = np.asarray(lin.residual_jacobian)[..., : x.size]

@@ -9,10 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from sysid.estimation.departures import Departures
-from sysid.estimation.lane_laws import LawInputs, lane_laws, law_inputs
-from sysid.estimation.parameters import ParameterSet
-from sysid.estimation.uncertain_masses import UncertainMasses
+from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
 from sysid.vehicle_model.engine import Timing, WheelRoad
@@ -28,23 +27,20 @@ TOGETHER = 20
 class VehicleDraws:
     """Vehicles that go with n draws of the parameters.
 
-    `log_factors` (n, m + d): log factors on the m uncertain `masses`, then amplitudes of the d `departures` if any.
+    `amounts` (n, m + d): log factors on the m uncertain masses, then amplitudes of the d departures.
     """
 
-    masses: UncertainMasses
-    departures: Departures | None
-    log_factors: np.ndarray
+    allowances: Allowances
+    amounts: np.ndarray
 
     def __post_init__(self) -> None:
-        width = len(self.masses.factors) + (0 if self.departures is None else len(self.departures.directions))
-        if self.log_factors.shape[1] != width:
-            raise ValueError(
-                f"Draws of {self.log_factors.shape[1]} masses and departures do not fit a vehicle with {width} of them."
-            )
+        given, width = self.amounts.shape[1], self.allowances.count
+        if given != width:
+            raise ValueError(f"Draws of {given} masses and departures do not fit a vehicle with {width} of them.")
 
     def first(self, count: int) -> VehicleDraws:
         """The vehicles of the first draws."""
-        return replace(self, log_factors=self.log_factors[:count])
+        return replace(self, amounts=self.amounts[:count])
 
 
 def histories_of_draws(
@@ -67,23 +63,20 @@ def histories_of_draws(
     motion : speed [m/s] and start [s] (1, 1).
     """
     count = log_parameters.shape[0]
-    masses, departures, of_masses = vehicles.masses, vehicles.departures, len(vehicles.masses.factors)
+    masses, departures = vehicles.allowances.masses, vehicles.allowances.departures
     found = []
     for first in range(0, count, TOGETHER):
         # The last chunk repeats its last draw: one size is compiled once.
         chosen = np.minimum(np.arange(first, first + TOGETHER), count - 1)
         matrices, laws, roads = [], [], []
-        for factors in vehicles.log_factors[chosen]:
-            vehicle, cases = masses.applied(factors[:of_masses])
+        for amounts in vehicles.amounts[chosen]:
+            log_factors, amplitudes = vehicles.allowances.split(amounts)
+            vehicle, cases = masses.applied(log_factors)
             own = replace(lanes, matrices=pass_matrices(vehicle, cases, [driven], []))
             matrices.append(own.matrices)
             inputs = law_inputs(vehicle, parameters, own, [driven.load_case])
-            if departures is None:
-                roads.append(lanes.road)
-            else:
-                inputs = departures.laws(inputs, factors[of_masses:], [driven.load_case])
-                roads.append(departures.road([driven], factors[of_masses:]))
-            laws.append(inputs)
+            laws.append(departures.laws(inputs, amplitudes, [driven.load_case]))
+            roads.append(departures.road([driven], amplitudes))
         stacked = jax.tree.map(lambda *parts: np.concatenate(parts), *matrices)
         inputs = jax.tree.map(lambda *parts: np.stack(parts), *laws)
         every = Motion(*(jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s)))

@@ -8,14 +8,15 @@ from typing import Any, TypeVar
 
 from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import Campaign, PredictionRequest
-from sysid.estimation.profiles import ProfileLikelihood
-from sysid.estimation.results import FitResult, RunHistory
+from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.fit.profiles import ProfileLikelihood
+from sysid.estimation.residuals.run_history import RunHistory
 from sysid.export.contents import Results
 from sysid.files import write_text
+from sysid.planning.advice import Advice
+from sysid.planning.advise import CANDIDATE_KM_H
 from sysid.posterior.cross_check import CrossCheck
 from sysid.posterior.results import Posterior
-from sysid.prediction.advice import CANDIDATE_KM_H
-from sysid.prediction.advice_results import Advice
 from sysid.prediction.calibrated import calibrated_vehicles
 from sysid.prediction.calibrated_elements import CalibratedVehicle
 from sysid.prediction.driven import with_bands

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast, get_args
 
-from sysid.estimation.fit_options import FitOptions
+from sysid.estimation.fit.options import FitOptions
 from sysid.files import read_bytes, write_text
 from sysid.posterior.sampling import SamplingOptions
 from sysid.road.contact_laws import ContactLaw

@@ -12,8 +12,8 @@ from click.testing import CliRunner
 
 from sysid.cli.main import cli
 from sysid.cli.stages import INTERRUPTED
+from sysid.planning.advise import CANDIDATE_KM_H
 from sysid.posterior.sampling import SamplingOptions
-from sysid.prediction.advice import CANDIDATE_KM_H
 from sysid.workflow import Calibration, make_settings
 
 ROOT = Path(__file__).parents[2]

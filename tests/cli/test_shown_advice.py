@@ -9,9 +9,8 @@ from rich.console import Console
 from small_results import small_fit, small_profile, small_results
 
 from sysid.cli.tables import render
-from sysid.estimation.identifiability import UndeterminedGroup
-from sysid.workflow.fit_point import KeptFit
-from sysid.workflow.stages.fit import show_fit, show_profile
+from sysid.estimation.uncertainty.identifiability import UndeterminedGroup
+from sysid.workflow.stages.fit import KeptFit, show_fit, show_profile
 from sysid.workflow.stages.loads import show_advise
 
 

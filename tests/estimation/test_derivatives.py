@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 from rigid_truck import bump, campaign, empty_run, true_log_parameters
 
-from sysid.estimation.bump_model import BumpModel, bump_model, group_residuals, group_road, simulate_group
-from sysid.estimation.objective import SHIFT_UNIT_M, SPEED_UNIT, Linearisation, linearise_group
-from sysid.estimation.parameters import campaign_parameters
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.residuals.bump_model import BumpModel, bump_model
+from sysid.estimation.residuals.linearisation import Linearisation, linearise_group
+from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT
+from sysid.estimation.residuals.sensor_residuals import group_residuals
+from sysid.estimation.residuals.signals import group_road, simulate_group
 from sysid.vehicle_model.simulation import Motion
 
 #: Just beside the nominal motion, at which half steps fall on the stations of the road: there the fifth derivative of

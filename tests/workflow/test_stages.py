@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,8 +13,11 @@ import pytest
 from small_results import small_advice, small_fit, small_profile, small_results
 
 from sysid.campaign.records import PredictionRequest
-from sysid.estimation.objective import RunMotion, Weights
-from sysid.estimation.results import HistoryBand
+from sysid.estimation.fit.state import FitPoint
+from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_history import HistoryBand
+from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.posterior import sampling
 from sysid.posterior.sampling import SamplingOptions
 from sysid.workflow import Calibration, Settings
@@ -29,19 +33,21 @@ def stubbed(tmp_path: Path, monkeypatch) -> Callable[..., Calibration]:
     fit, small = small_fit(), small_results()
     count = len(fit.names)
     state = SimpleNamespace(
-        log_parameters=np.zeros(count),
-        motion=RunMotion(np.ones(2), np.zeros(2)),
-        weights=Weights((), ()),
-        adjustment=np.eye(count),
-        masses=None,
-        following=None,
-        model=SimpleNamespace(tires=None),
+        point=FitPoint(
+            parameters=ParameterSet((Parameter("k_1", "stiffness", "N/m", 1.0, 1.0, 0.1),)),
+            contact="footprint",
+            tires=None,
+            target_step_s=0.001,
+            log_parameters=np.zeros(count),
+            motion=RunMotion(np.ones(2), np.zeros(2)),
+            weights=Weights((), ()),
+            adjustment=np.eye(count),
+        )
     )
     at_hand = {CHECK: small.quality, DROPS: small.drops, SCAN: dict(small.scans)}
-    monkeypatch.setattr("sysid.estimation.law_choice.fit_with_laws", lambda *given: (fit, state))
+    monkeypatch.setattr("sysid.estimation.fit.law_choice.fit_with_laws", lambda *given: (fit, state))
     for place in ("fit", "posterior", "loads"):
         monkeypatch.setattr(f"sysid.workflow.stages.{place}.fit_state", lambda context: state)
-    monkeypatch.setattr("sysid.estimation.problem.Problem", lambda *given: None)
     monkeypatch.setattr("sysid.posterior.log_density.LogDensity", lambda *given: lambda x: -0.5 * (x**2).sum(axis=1))
     sample = sampling.sample_posterior
     monkeypatch.setattr(
@@ -90,7 +96,8 @@ def test_advice_for_other_speeds_is_computed_anew(stubbed, monkeypatch) -> None:
         advice = small_advice(small_fit())
         return replace(advice, runs=tuple(replace(advice.runs[0], speed_m_s=v / 3.6) for v in speeds_km_h))
 
-    monkeypatch.setattr("sysid.prediction.advice.advise", advise)
+    # The package has a function of the module's name.
+    monkeypatch.setattr(importlib.import_module("sysid.planning.advise"), "advise", advise)
     calibration = stubbed()
     calibration.advise((20.0, 30.0))
     assert [p.speed_m_s for p in calibration.advise((40.0,)).runs] == [40.0 / 3.6]
@@ -101,13 +108,13 @@ def test_advice_for_other_speeds_is_computed_anew(stubbed, monkeypatch) -> None:
 def test_profiles_of_before_and_those_that_are_done_survive_an_interrupt(stubbed, monkeypatch) -> None:
     calls = []
 
-    def profile(problem, state, fit, name, progress):
+    def profile(state, fit, name, progress):
         calls.append(name)
         if name == "c_1":
             raise KeyboardInterrupt
         return small_profile(name)
 
-    monkeypatch.setattr("sysid.estimation.profiles.profile_parameter", profile)
+    monkeypatch.setattr("sysid.estimation.fit.profiles.profile_parameter", profile)
     names = small_fit().names
     stubbed().profile([names[0]])
     with pytest.raises(KeyboardInterrupt):
@@ -120,8 +127,11 @@ def test_profiles_of_before_and_those_that_are_done_survive_an_interrupt(stubbed
 def test_other_passes_are_predicted_for_the_campaign_that_was_fitted(stubbed, monkeypatch) -> None:
     """Draws of masses and departures count the load cases of its runs and predictions."""
     given = {}
-    monkeypatch.setattr("sysid.workflow.fit_point.fitted_parameters", lambda *given: None)
-    monkeypatch.setattr("sysid.prediction.passes.predict", lambda *a, **k: given.update(k, campaign=a[0]))
+    monkeypatch.setattr("sysid.workflow.stages.loads.fit_state", lambda context: context)
+    monkeypatch.setattr(
+        "sysid.prediction.passes.predict",
+        lambda state, draws, requests, **more: given.update(more, campaign=state.campaign, requests=requests),
+    )
     calibration = stubbed()
     calibration.predict_passes([PredictionRequest("unloaded", 5.0)])
     assert given["campaign"] is calibration.campaign

@@ -18,17 +18,20 @@ import pytest
 from small_results import small_advice, small_campaign, small_fit, small_profile, small_results
 
 from sysid import array_file
-from sysid.estimation.objective import RunMotion, Weights
+from sysid.estimation.fit.state import FitPoint
+from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet, PriorLink
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.posterior.cross_check import CheckedParameter, CrossCheck
 from sysid.road.shapes import raised_cosine
 from sysid.sdof.results import DropEstimate, DropSummary
 from sysid.validation.results import ChannelAgreement, LeftOutRun, Validation
 from sysid.vehicle_model.lanes import MapTires
 from sysid.workflow import Settings, recall, store
-from sysid.workflow.fit_point import FitPoint, KeptFit
 from sysid.workflow.schema import result_hint
 from sysid.workflow.stage_folder import StageFolder
 from sysid.workflow.stages import STAGES
+from sysid.workflow.stages.fit import KeptFit
 
 
 def estimate(stiffness: float) -> DropEstimate:
@@ -42,7 +45,8 @@ def small_kept_fit() -> KeptFit:
     count = len(small_fit().names)
     weights = Weights((np.ones((2, 3)),), (np.ones((2, 3)),), None)
     motion = RunMotion(np.ones(2), np.zeros(2))
-    point = FitPoint(np.zeros(count), motion, weights, np.eye(count), None, None, MapTires((1.0, 2.0)))
+    parameters = ParameterSet((Parameter("k_1", "stiffness", "N/m", 1.0, 1.0, 0.1),), (PriorLink("a", "b", 0.0, 0.1),))
+    point = FitPoint(parameters, "cams", MapTires((1.0, 2.0)), 0.001, np.zeros(count), motion, weights, np.eye(count))
     return KeptFit(small_fit(), point)
 
 

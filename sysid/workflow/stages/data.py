@@ -103,8 +103,8 @@ CHECK = Whole(
 
 
 def _drops(context: Context) -> DropSummary:
-    from sysid.estimation.drop_model import with_model_estimates
-    from sysid.estimation.fit_options import FitOptions
+    from sysid.estimation.fit.drop_model import with_model_estimates
+    from sysid.estimation.fit.options import FitOptions
     from sysid.sdof.summary import analyse_drops
 
     context.progress("readings of the drops", 0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from sysid.display import NOT_DETERMINED, CommandHint, TextTable, shown_unit
@@ -13,30 +13,36 @@ from sysid.workflow.stages.cells import finite_cell, value_cell
 from sysid.workflow.stages.data import CHECK, DROPS, SCAN
 
 if TYPE_CHECKING:
-    from sysid.estimation.identifiability import Identifiability
-    from sysid.estimation.problem import FitState
-    from sysid.estimation.profiles import ProfileLikelihood
-    from sysid.estimation.results import FitResult
+    from sysid.estimation.fit.fit_result import FitResult
+    from sysid.estimation.fit.profiles import ProfileLikelihood
+    from sysid.estimation.fit.state import FitPoint, FitState
+    from sysid.estimation.uncertainty.identifiability import Identifiability
     from sysid.export.contents import Results
     from sysid.road.results import RoadProfile
     from sysid.validation.results import ChannelAgreement, LeftOutRun, Validation
-    from sysid.workflow.fit_point import KeptFit
 
 
 # ---------------------------------------------------------------------- fit
 
 
+@dataclass(frozen=True)
+class KeptFit:
+    """The result of least squares, and the point from which the stages that follow start."""
+
+    fit: FitResult
+    point: FitPoint
+
+
 def _fit(context: Context) -> KeptFit:
-    from sysid.estimation.law_choice import fit_with_laws
-    from sysid.workflow.fit_point import kept_fit
+    from sysid.estimation.fit.law_choice import fit_with_laws
 
     if not context.campaign.bump_runs:
         raise DataRejectedError(
             "No bump run is left to fit: every log was rejected or none is listed; see the stage 'check'."
         )
     options = context.settings.fit
-    found = fit_with_laws(context.campaign, context[DROPS], profiles(context), options, context.progress)
-    return kept_fit(*found)
+    fit, state = fit_with_laws(context.campaign, context[DROPS], profiles(context), options, context.progress)
+    return KeptFit(fit, state.point)
 
 
 def profiles(context: Context) -> dict[str, RoadProfile]:
@@ -45,10 +51,10 @@ def profiles(context: Context) -> dict[str, RoadProfile]:
 
 
 def fit_state(context: Context) -> FitState:
-    """The state that the fit ended in, for stages that need DROPS, SCAN and FIT."""
-    from sysid.workflow.fit_point import restored_state
+    """The finished fit, for stages that need SCAN and FIT."""
+    from sysid.estimation.fit.state import restored
 
-    return restored_state(context.campaign, context[DROPS], profiles(context), context[FIT], context.settings.fit)
+    return restored(context.campaign, profiles(context), context[FIT].point)
 
 
 def _fit_fault(kept: KeptFit) -> type[SysidError] | None:
@@ -130,9 +136,8 @@ FIT = Whole(
 def _left_out(context: Context, runs: Sequence[str]) -> Iterator[tuple[str, LeftOutRun]]:
     from sysid.validation.leave_out import leave_out
 
-    fit, options = context[FIT].fit, context.settings.fit
-    state = fit_state(context)
-    for left in leave_out(context.campaign, fit, state, profiles(context), runs, options, context.progress):
+    options = context.settings.fit
+    for left in leave_out(context[FIT].fit, fit_state(context), runs, options, context.progress):
         yield left.run, left
 
 
@@ -149,7 +154,7 @@ LEFT_OUT = Itemwise(
     name="left_out",
     chosen=_runs,
     each=_left_out,
-    needs=(DROPS, SCAN, FIT),
+    needs=(SCAN, FIT),
     settings=("fit",),
     code=("validation",),
     # They are shown with the agreement of the fitted runs.
@@ -227,13 +232,11 @@ VALIDATE = Whole(
 
 
 def _profiles(context: Context, names: Sequence[str]) -> Iterator[tuple[str, ProfileLikelihood]]:
-    from sysid.estimation.problem import Problem
-    from sysid.estimation.profiles import profile_parameter
+    from sysid.estimation.fit.profiles import profile_parameter
 
     fit, state = context[FIT].fit, fit_state(context)
-    problem = Problem(state.model, context.campaign, state.motion, state.weights)
     for name in names:
-        yield name, profile_parameter(problem, state, fit, name, progress=context.progress)
+        yield name, profile_parameter(state, fit, name, progress=context.progress)
 
 
 def _profiled(context: Context) -> Sequence[str]:
@@ -270,8 +273,7 @@ PROFILE = Itemwise(
     name="profile",
     chosen=_profiled,
     each=_profiles,
-    needs=(DROPS, SCAN, FIT),
-    settings=("fit.contact", "fit.target_step_s"),
+    needs=(SCAN, FIT),
     code=("estimation",),
     put=lambda results, found: replace(results, profiles=tuple(found.values())),
     effort=120.0,

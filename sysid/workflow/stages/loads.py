@@ -11,14 +11,14 @@ from sysid.display import TextTable
 from sysid.workflow.passes import BUMP_SHAPES, requested_passes
 from sysid.workflow.stage import Aside, Blocks, Command, Context, Option, Whole
 from sysid.workflow.stages.cells import finite_cell
-from sysid.workflow.stages.data import DROPS, SCAN
-from sysid.workflow.stages.fit import FIT, fit_state, profiles, shown_determined
+from sysid.workflow.stages.data import SCAN
+from sysid.workflow.stages.fit import FIT, fit_state, shown_determined
 from sysid.workflow.stages.posterior import SAMPLE, log_draws
 
 if TYPE_CHECKING:
     from sysid.campaign.records import PredictionRequest
     from sysid.export.contents import Results
-    from sysid.prediction.advice_results import Advice
+    from sysid.planning.advice import Advice
     from sysid.prediction.results import Predictions
 
 
@@ -28,36 +28,25 @@ if TYPE_CHECKING:
 def _predict(context: Context) -> Predictions:
     from sysid.prediction.passes import SWEEP_KM_H
 
-    return _predicted(context, None, () if context.settings.quick else SWEEP_KM_H)
+    return _predicted(context, context.campaign.predictions, () if context.settings.quick else SWEEP_KM_H)
 
 
 def _requested(context: Context) -> Predictions:
     """Passes of the options (or requests of a caller) instead of those of the campaign, and no ratio against speed."""
     requests = context.asked.get("requests") or requested_passes(context.campaign, context.asked)
-    return _predicted(context, tuple(requests), ())
+    return _predicted(context, requests, ())
 
 
-def _predicted(
-    context: Context, requests: tuple[PredictionRequest, ...] | None, sweep_km_h: Sequence[float]
-) -> Predictions:
-    import numpy as np
-
+def _predicted(context: Context, requests: Sequence[PredictionRequest], sweep_km_h: Sequence[float]) -> Predictions:
     from sysid.prediction.passes import predict
-    from sysid.workflow.fit_point import fitted_parameters
 
     context.progress("passes", 0.0)
-    kept, posterior = context[FIT], context.known(SAMPLE)
+    posterior = context.known(SAMPLE)
     return predict(
-        context.campaign,
-        fitted_parameters(context.campaign, context[DROPS], kept.fit),
-        profiles(context),
-        np.log([p.value for p in kept.fit.parameters]),
+        fit_state(context),
         None if posterior is None else log_draws(posterior),
-        contact=context.settings.fit.contact,
-        tires=kept.point.tires,
+        requests,
         seed=context.settings.seed,
-        masses=kept.point.masses,
-        requests=requests,
         sweep_km_h=sweep_km_h,
         progress=context.progress,
     )
@@ -110,9 +99,9 @@ _PASS_OPTIONS = (
 PREDICT = Whole(
     name="predict",
     compute=_predict,
-    needs=(DROPS, SCAN, FIT),
+    needs=(SCAN, FIT),
     uses=(SAMPLE,),
-    settings=("fit.contact", "sampling.seed", "quick"),
+    settings=("sampling.seed", "quick"),
     code=("prediction",),
     put=lambda results, predictions: replace(results, predictions=predictions),
     in_run="always",
@@ -130,25 +119,15 @@ PREDICT = Whole(
 
 
 def _advise(context: Context) -> Advice:
-    from sysid.prediction.advice import advise
+    from sysid.planning.advise import advise
 
     determined = context[FIT].fit.identifiability
     assert determined is not None
-    options = context.settings.fit
-    return advise(
-        context.campaign,
-        fit_state(context),
-        determined,
-        profiles(context),
-        contact=options.contact,
-        target_step_s=options.target_step_s,
-        speeds_km_h=_speeds_km_h(context.asked),
-        progress=context.progress,
-    )
+    return advise(fit_state(context), determined, speeds_km_h=_speeds_km_h(context.asked), progress=context.progress)
 
 
 def _speeds_km_h(asked: Mapping[str, Any]) -> tuple[float, ...]:
-    from sysid.prediction.advice import CANDIDATE_KM_H
+    from sysid.planning.advise import CANDIDATE_KM_H
 
     return tuple(asked.get("candidate_speeds") or CANDIDATE_KM_H)
 
@@ -179,9 +158,8 @@ def show_advise(advice: Advice, results: Results) -> Blocks:
 ADVISE = Whole(
     name="advise",
     compute=_advise,
-    needs=(DROPS, SCAN, FIT),
-    settings=("fit.contact", "fit.target_step_s"),
-    code=("prediction",),
+    needs=(SCAN, FIT),
+    code=("planning",),
     answers=_of_these_speeds,
     put=lambda results, advice: replace(results, advice=advice),
     in_run="full",

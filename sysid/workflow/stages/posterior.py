@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from sysid.display import NOT_DETERMINED, TextTable, shown_unit
 from sysid.errors import NotConvergedError, SysidError
 from sysid.workflow.stage import Blocks, Command, Context, Whole
-from sysid.workflow.stages.data import DROPS, SCAN
+from sysid.workflow.stages.data import SCAN
 from sysid.workflow.stages.fit import FIT, fit_state
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from sysid.estimation.results import HistoryBand
+    from sysid.estimation.residuals.run_history import HistoryBand
     from sysid.export.contents import Results
     from sysid.posterior.cross_check import CrossCheck
     from sysid.posterior.results import Posterior
@@ -33,9 +33,9 @@ def _sample(context: Context) -> Posterior:
 
     fit, state = context[FIT].fit, fit_state(context)
     return sample_posterior(
-        LogDensity(context.campaign, state),
+        LogDensity(state),
         fit.names,
-        state.log_parameters,
+        state.point.log_parameters,
         fit.covariance,
         LIKELIHOOD,
         context.settings.sampling,
@@ -102,7 +102,7 @@ def show_sample(posterior: Posterior, results: Results) -> Blocks:
 SAMPLE = Whole(
     name="sample",
     compute=_sample,
-    needs=(DROPS, SCAN, FIT),
+    needs=(SCAN, FIT),
     # How long to go on decides when a chain ends, not what it is.
     settings=tuple(
         f"sampling.{name}"
@@ -151,7 +151,7 @@ def _with_bands(results: Results, bands: tuple[HistoryBand, ...]) -> Results:
 BANDS = Whole(
     name="bands",
     compute=_bands,
-    needs=(DROPS, SCAN, FIT, SAMPLE),
+    needs=(SCAN, FIT, SAMPLE),
     along_with=SAMPLE,
     settings=("sampling.seed",),
     code=("prediction",),
@@ -170,9 +170,9 @@ def _crosscheck(context: Context) -> CrossCheck:
 
     state = fit_state(context)
     return cross_check(
-        LogDensity(context.campaign, state).gradient,
+        LogDensity(state).gradient,
         context[SAMPLE],
-        state.log_parameters,
+        state.point.log_parameters,
         context[FIT].fit.covariance,
         seed=context.settings.seed,
         progress=context.progress,
@@ -206,7 +206,7 @@ def show_crosscheck(checked: CrossCheck, results: Results) -> Blocks:
 CROSSCHECK = Whole(
     name="crosscheck",
     compute=_crosscheck,
-    needs=(DROPS, SCAN, FIT, SAMPLE),
+    needs=(SCAN, FIT, SAMPLE),
     settings=("sampling.seed",),
     code=("posterior",),
     put=lambda results, checked: replace(results, crosscheck=checked),
