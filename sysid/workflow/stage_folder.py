@@ -12,6 +12,7 @@ import dataclasses
 import hashlib
 import json
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -81,7 +82,11 @@ class StageFolder:
         self._results[stage] = result
         if stage.in_file:
             self.write(lambda: remember(self.path, self._settings))
-            self.write(lambda: store.save(self._path(stage), result, self.fingerprint(stage)))
+            try:
+                self.write(lambda: store.save(self._path(stage), result, self.fingerprint(stage), result_hint(stage)))
+            except TypeError as error:
+                # A fault of this program; better than to lose a result of minutes.
+                warnings.warn(f"The result of '{stage.name}' is not kept: {error}.", stacklevel=2)
 
     def forget(self, stages: Iterable[Stage[Any]]) -> None:
         """Forget the results of some stages."""

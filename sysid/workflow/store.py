@@ -18,13 +18,23 @@ from sysid import array_file
 from sysid.workflow.schema import PLAIN, field_hints, kind_of
 
 
-def save(path: Path, result: Any, fingerprint: str) -> None:
-    """Write a stage result, complete or not at all, marked with the fingerprint of what it depends on.
+def save(path: Path, result: Any, fingerprint: str, hint: Any) -> None:
+    """Write a stage result of type `hint`, complete or not at all, marked with the fingerprint of what it depends on.
 
-    Raises OSError if the folder cannot be written, TypeError if the result holds what no file can hold.
+    Raises
+    ------
+    TypeError
+        If the result is not of its type, so that nobody would read it back.
+    OSError
+        If the folder cannot be written.
     """
     arrays: dict[str, np.ndarray] = {}
-    array_file.write(path, {"fingerprint": fingerprint, "result": _encoded(result, arrays)}, arrays)
+    tree = _encoded(result, arrays)
+    try:
+        _decoded(tree, hint, arrays)
+    except (ValueError, KeyError) as error:
+        raise TypeError(str(error)) from error
+    array_file.write(path, {"fingerprint": fingerprint, "result": tree}, arrays)
 
 
 def load(path: Path, fingerprint: str, hint: Any) -> Any | None:
@@ -97,16 +107,23 @@ def _instance(tree: Any, cls: Any, arrays: Mapping[str, np.ndarray]) -> Any:
     hints = field_hints(cls)
     if tree["class"] != cls.__name__ or tree["members"].keys() != hints.keys():
         raise ValueError(f"a {cls.__name__} is expected")
-    return cls(**{name: _decoded(tree["members"][name], hint, arrays) for name, hint in hints.items()})
+    members = {}
+    for name, hint in hints.items():
+        try:
+            members[name] = _decoded(tree["members"][name], hint, arrays)
+        except (ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"{cls.__name__}.{name}: {error}") from error
+    return cls(**members)
 
 
 def _any_of(tree: Any, hints: tuple[Any, ...], arrays: Mapping[str, np.ndarray]) -> Any:
+    reasons = []
     for hint in hints:
         try:
             return _decoded(tree, hint, arrays)
-        except (ValueError, KeyError, TypeError):
-            continue
-    raise ValueError("none of the types that are possible")
+        except (ValueError, KeyError, TypeError) as error:
+            reasons.append(str(error))
+    raise ValueError(" or ".join(reasons))
 
 
 def _one_of(tree: Any, values: tuple[Any, ...]) -> Any:

@@ -116,7 +116,7 @@ def test_marked_in_table_csv_and_report(left):
 
 def test_left_out_runs_are_kept_between_calls(left, tmp_path):
     _, _, result = left
-    store.save(tmp_path / "left.npz", result.runs, "x")
+    store.save(tmp_path / "left.npz", result.runs, "x", tuple[LeftOutRun, ...])
     back = store.load(tmp_path / "left.npz", "x", tuple[LeftOutRun, ...])
     assert back[2].channels == result.runs[2].channels
     np.testing.assert_array_equal(back[1].values, result.runs[1].values)

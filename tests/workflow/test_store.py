@@ -30,7 +30,7 @@ from sysid.vehicle_model.lanes import MapTires
 from sysid.workflow import Settings, recall, store
 from sysid.workflow.schema import result_hint
 from sysid.workflow.stage_folder import StageFolder
-from sysid.workflow.stages import STAGES
+from sysid.workflow.stages import DROPS, STAGES
 from sysid.workflow.stages.fit import KeptFit
 
 
@@ -94,7 +94,7 @@ def same(one: Any, other: Any) -> None:
 @pytest.mark.parametrize("stage", STAGES, ids=lambda s: s.name)
 def test_the_result_of_every_stage_comes_back_as_it_was(tmp_path: Path, stage: Any) -> None:
     result = every_result()[stage.name]
-    store.save(tmp_path / "x.npz", result, "print")
+    store.save(tmp_path / "x.npz", result, "print", result_hint(stage))
     same(result, store.load(tmp_path / "x.npz", "print", result_hint(stage)))
 
 
@@ -106,7 +106,7 @@ def test_arrays_come_back_bit_by_bit(tmp_path: Path) -> None:
         "none": replace(profile, height_m=np.empty((0, 3)), station_m=np.array(3.0)),
         "special": replace(profile, height_m=np.array([np.nan, -0.0, np.inf])),
     }
-    store.save(tmp_path / "x.npz", odd, "print")
+    store.save(tmp_path / "x.npz", odd, "print", dict[str, type(profile)])
     found = store.load(tmp_path / "x.npz", "print", dict[str, type(profile)])
     same(odd, found)
     found["special"].height_m[0] = 1.0  # results of before could be written to as well
@@ -117,7 +117,7 @@ def test_arrays_come_back_bit_by_bit(tmp_path: Path) -> None:
 def test_other_inputs_and_absence_give_none(tmp_path: Path) -> None:
     path = tmp_path / "v.npz"
     assert store.load(path, "print", DropSummary) is None
-    store.save(path, SUMMARY, "print")
+    store.save(path, SUMMARY, "print", DropSummary)
     assert store.load(path, "print", DropSummary) is not None
     assert store.load(path, "other", DropSummary) is None
     assert store.load(path, "print", Validation) is None
@@ -129,7 +129,7 @@ def test_no_flipped_bit_raises_or_is_believed(tmp_path: Path) -> None:
     path, results = tmp_path / "x.npz", every_result()
     for number in range(400):
         stage = STAGES[number % len(STAGES)]
-        store.save(path, results[stage.name], "print")
+        store.save(path, results[stage.name], "print", result_hint(stage))
         content = bytearray(path.read_bytes())
         content[random.integers(len(content))] ^= 1 << random.integers(8)
         path.write_bytes(bytes(content))
@@ -147,7 +147,7 @@ def test_other_files_are_not_there(tmp_path: Path, content: bytes) -> None:
 
 def test_a_cut_file_is_not_there(tmp_path: Path) -> None:
     path = tmp_path / "x.npz"
-    store.save(path, SUMMARY, "print")
+    store.save(path, SUMMARY, "print", DropSummary)
     whole = path.read_bytes()
     for end in range(0, len(whole), 37):
         path.write_bytes(whole[:end])
@@ -168,7 +168,7 @@ def forged(path: Path, tree: Any, entries: dict[str, bytes] | None = None, how: 
 
 
 def stored_tree(path: Path, result: Any) -> Any:
-    store.save(path, result, "print")
+    store.save(path, result, "print", type(result))
     content = array_file.read(path)
     assert content is not None
     return content.fields["result"]
@@ -285,8 +285,7 @@ def test_a_pipe_in_place_of_a_file_keeps_nobody_waiting(tmp_path: Path) -> None:
 
     def look() -> None:
         folder = StageFolder(tmp_path, Settings(), small_campaign())
-        drops = next(stage for stage in STAGES if stage.name == "drops")
-        seen.extend([folder.timings, folder.known(drops), recall(tmp_path)])
+        seen.extend([folder.timings, folder.known(DROPS), recall(tmp_path)])
 
     reader = threading.Thread(target=look, daemon=True)
     reader.start()
@@ -314,6 +313,13 @@ def test_choices_that_nobody_could_have_typed_are_not_taken_over(tmp_path: Path,
     assert recall(tmp_path) == {}
 
 
-def test_a_result_that_no_file_can_hold_is_refused(tmp_path: Path) -> None:
+def test_a_result_that_nobody_would_read_back_is_refused(tmp_path: Path) -> None:
     with pytest.raises(TypeError, match=r"(Posix|Windows)Path"):
-        store.save(tmp_path / "x.npz", replace(SUMMARY, messages=(Path("x"),)), "print")
+        store.save(tmp_path / "x.npz", replace(SUMMARY, messages=(Path("x"),)), "print", DropSummary)
+    with pytest.raises(TypeError, match=r"DropSummary.pooled: DropEstimate.axle: a int is expected"):
+        store.save(tmp_path / "x.npz", DropSummary((), (replace(estimate(1.0), axle="1"),)), "print", DropSummary)
+    assert not (tmp_path / "x.npz").exists()
+    folder = StageFolder(tmp_path, Settings(), small_campaign())
+    with pytest.warns(UserWarning, match="result of 'drops' is not kept: DropSummary.messages"):
+        folder.keep(DROPS, replace(SUMMARY, messages=(1,)))
+    assert folder.known(DROPS).messages == (1,)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sysid.display import NOT_DETERMINED, TextTable, shown_unit
 from sysid.errors import NotConvergedError, SysidError
+from sysid.workflow.sources import code_digest
 from sysid.workflow.stage import Blocks, Command, Context, Whole
 from sysid.workflow.stages.data import SCAN
 from sysid.workflow.stages.fit import FIT, fit_state
@@ -48,12 +49,12 @@ def _sample(context: Context) -> Posterior:
 
 
 def _chain_inputs(context: Context) -> dict[str, str]:
-    """What the draws depend on besides the settings: files, engine and versions."""
+    """What the draws depend on besides the settings: files, engine, versions and code."""
     from sysid.vehicle_model.engine import engine_name
 
     files = {f"file {name}": digest for name, digest in context.inputs.sha256.items()}
     used = {f"version of {name}": context.version[name] for name in ("sysid", "numpy", "jaxlib", "emcee")}
-    return {**files, **used, "engine": engine_name()}
+    return {**files, **used, "engine": engine_name(), "program code": code_digest(SAMPLE.code)}
 
 
 def _sampled_so_far(context: Context) -> Posterior | None:
