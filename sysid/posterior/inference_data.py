@@ -19,24 +19,36 @@ class Summary(Protocol):
     """What is known of a parameter's draws: its name, effective draws and R-hat."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name of the parameter."""
+
     @property
-    def ess(self) -> float: ...
+    def ess(self) -> float:
+        """Effective number of draws."""
+
     @property
-    def rhat(self) -> float: ...
+    def rhat(self) -> float:
+        """R-hat over the ensembles."""
 
 
 class Draws(Protocol):
-    """Draws (ensembles, steps, walkers, parameters) and their log-probability (ensembles, steps, walkers)."""
+    """Draws of all ensembles after burn-in, in natural units."""
 
     @property
-    def names(self) -> tuple[str, ...]: ...
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+
     @property
-    def draws(self) -> np.ndarray: ...
+    def draws(self) -> np.ndarray:
+        """Draws (ensembles, steps, walkers, parameters)."""
+
     @property
-    def log_probability(self) -> np.ndarray: ...
+    def log_probability(self) -> np.ndarray:
+        """Log-probability up to a constant (ensembles, steps, walkers)."""
+
     @property
-    def summaries(self) -> Sequence[Summary]: ...
+    def summaries(self) -> Sequence[Summary]:
+        """What is known of every parameter."""
 
 
 @contextmanager
