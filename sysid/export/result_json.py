@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.export.contents import Results
-from sysid.export.files import write_text
 from sysid.export.naming import prediction_files, speed_km_h
+from sysid.files import write_text
 from sysid.sdof.results import DropEstimate
 
 if TYPE_CHECKING:

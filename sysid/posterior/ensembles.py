@@ -8,7 +8,7 @@ import emcee
 import numpy as np
 
 from sysid.errors import DataRejectedError
-from sysid.posterior.chain_files import Ending, Segment
+from sysid.posterior.segments import Ending, Segment
 from sysid.threads import side_by_side
 
 Density = Callable[[np.ndarray], np.ndarray]
