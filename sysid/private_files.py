@@ -5,6 +5,7 @@ Whoever can write to a folder of compiled code, or to one above it, can put own 
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import stat
@@ -22,7 +23,8 @@ def private_folder(path: Path) -> Path:
     """The real path of a folder that only this user can write to, made with mode 0700 if there is none.
 
     Symbolic links are followed first, so that what is looked at is what is used later.  Folders above it may belong to
-    the system too, and may be open to all where only owners may rename (as /tmp).
+    the system too; they may be open to a group that has no other member, and to all where only owners may rename (as
+    in /tmp).
 
     Raises
     ------
@@ -41,6 +43,23 @@ def private_folder(path: Path) -> Path:
     if problem is not None:
         raise NotPrivateError(problem)
     return real
+
+
+def check_owner_of_all(folder: Path) -> None:
+    """Refuse a folder in which another user has put a file while that was possible.
+
+    Raises
+    ------
+    NotPrivateError
+        If a file or folder in it belongs to another user.
+    """
+    user = _user()
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            # Another process may take its own files away meanwhile.
+            with contextlib.suppress(FileNotFoundError):
+                if user is not None and entry.stat(follow_symlinks=False).st_uid != user:
+                    raise NotPrivateError(f"{entry.path} belongs to another user")
 
 
 def write_private(file: Path, content: bytes) -> None:
@@ -106,6 +125,19 @@ def _problem_above(path: Path, found: os.stat_result) -> str | None:
         return None
     if found.st_uid not in (0, user):
         return f"{path} belongs to another user"
-    if found.st_mode & _OTHERS_WRITE and not found.st_mode & stat.S_ISVTX:
+    others = stat.S_IWOTH if _own_group(found.st_gid, user) else _OTHERS_WRITE
+    if found.st_mode & others and not found.st_mode & stat.S_ISVTX:
         return f"{path} can be written by others (mode {stat.S_IMODE(found.st_mode):o})"
     return None
+
+
+def _own_group(group: int, user: int) -> bool:
+    """Whether a group is the private one of this user, as many systems make one for everybody."""
+    try:
+        import grp
+        import pwd
+
+        own, found = pwd.getpwuid(user), grp.getgrgid(group)
+    except (ImportError, KeyError):
+        return False
+    return own.pw_gid == group and own.pw_name == found.gr_name and set(found.gr_mem) <= {own.pw_name}

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
 from sysid.errors import SysidError
-from sysid.private_files import NotPrivateError, private_folder
+from sysid.private_files import NotPrivateError, check_owner_of_all, private_folder
 
 
 class CacheWarning(UserWarning):
@@ -27,10 +28,11 @@ def _user_cache() -> Path:
     return user_cache_path("sysid")
 
 
-def private_cache(name: str) -> Path:
+def private_cache(name: str, check: Callable[[Path], None] | None = None) -> Path:
     """Folder of that name for compiled code, below the cache folder or, if others can write there, the user's own.
 
-    The first time that the cache folder is left alone a warning says so.
+    The first time that the cache folder is left alone a warning says so.  `check` looks into the folder and raises what
+    is below.
 
     Raises
     ------
@@ -39,12 +41,19 @@ def private_cache(name: str) -> Path:
     OSError
         If it cannot be made.
     """
+
+    def usable(root: Path) -> Path:
+        folder = private_folder(root / name)
+        if check is not None:
+            check(folder)
+        return folder
+
     try:
-        return private_folder(cache_root() / name)
+        return usable(cache_root())
     except NotPrivateError as error:
-        remedy = f"because {error}; run chmod go-w on that folder, or set SYSID_CACHE_DIR to one of your own."
+        remedy = f"because {error}; remove it, make it yours alone, or set SYSID_CACHE_DIR to a folder of your own."
         try:
-            found = private_folder(_user_cache() / name)
+            found = usable(_user_cache())
         except (NotPrivateError, OSError):
             _say(f"Compiled code is neither kept nor reused {remedy}")
             raise error from None
@@ -61,7 +70,7 @@ def cache_folder() -> Path:
     """Folder for functions compiled by JAX, one per version of JAX; as :func:`private_cache`."""
     import jax
 
-    return private_cache(f"jax-{jax.__version__}")
+    return private_cache(f"jax-{jax.__version__}", check_owner_of_all)
 
 
 def configure() -> None:

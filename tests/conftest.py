@@ -31,7 +31,11 @@ os.environ.update(_SETTINGS)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """A cache entry that a killed run left half-written costs a compilation, not a failed test."""
+    """A cache entry that a killed run left half-written costs a compilation, not a failed test.
+
+    Nor does a checkout that others can write to, whose build folder is no place for compiled code.
+    """
+    config.addinivalue_line("filterwarnings", "ignore:Compiled code is :UserWarning")
     config.addinivalue_line("filterwarnings", "ignore:Error (reading|writing) persistent compilation cache:UserWarning")
 
 

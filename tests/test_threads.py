@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 import scipy.linalg  # noqa: F401
@@ -50,6 +51,7 @@ def test_so_many_work_at_once_and_results_keep_their_order(monkeypatch, count, a
             running[0] += 1
             most[0] = max(most[0], running[0])
         barrier.wait(timeout=30.0)
+        time.sleep(0.1)
         with lock:
             running[0] -= 1
         return item * item

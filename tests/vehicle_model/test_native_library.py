@@ -6,6 +6,7 @@ import ctypes
 import os
 import stat
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from native_engine import needs_compiler
@@ -117,7 +118,7 @@ def test_a_cache_folder_that_others_can_write_to_is_left_for_the_users_own(build
         ):
             build.library()
         return
-    with pytest.warns(runtime.CacheWarning, match=r"can be written by others \(mode 777\); run chmod go-w"):
+    with pytest.warns(runtime.CacheWarning, match=r"can be written by others \(mode 777\); remove it"):
         own = build.library()
     assert own.is_relative_to(unregistered / "own")
     assert len(builds) == 2
@@ -130,6 +131,29 @@ def test_a_cache_folder_that_others_can_write_to_is_left_for_the_users_own(build
 def test_a_folder_where_only_owners_rename_may_stand_above(builds, unregistered):
     unregistered.chmod(0o1777)
     assert build.library().is_relative_to(unregistered / "cache")
+
+
+@on_posix
+def test_a_group_of_ones_own_may_write_above_and_no_other(builds, unregistered, monkeypatch):
+    """Where everybody has a private group new folders are often open to it."""
+    unregistered.chmod(0o770)
+    monkeypatch.setattr(private_files, "_own_group", lambda group, user: True)
+    assert build.library().is_relative_to(unregistered / "cache")
+    monkeypatch.setattr(private_files, "_own_group", lambda group, user: False)
+    with pytest.warns(runtime.CacheWarning, match="mode 770"), pytest.raises(build.BuildError):
+        build.library()
+
+
+@on_posix
+@pytest.mark.parametrize(("name", "members", "own"), [("anna", [], True), ("anna", ["ben"], False), ("lab", [], False)])
+def test_a_group_is_ones_own_by_name_and_members(monkeypatch, name, members, own):
+    import grp
+    import pwd
+
+    monkeypatch.setattr(pwd, "getpwuid", lambda user: SimpleNamespace(pw_gid=7, pw_name="anna"))
+    monkeypatch.setattr(grp, "getgrgid", lambda group: SimpleNamespace(gr_name=name, gr_mem=members))
+    assert private_files._own_group(7, 1000) is own
+    assert not private_files._own_group(8, 1000)
 
 
 @on_posix
@@ -153,6 +177,19 @@ def test_functions_compiled_by_jax_are_kept_in_private_too(unregistered):
     (unregistered / "own").chmod(0o777)
     with pytest.warns(runtime.CacheWarning, match="neither kept"), pytest.raises(private_files.NotPrivateError):
         runtime.cache_folder()
+
+
+@on_posix
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can give files away")
+def test_functions_that_another_user_has_put_there_are_not_run(unregistered):
+    """While the folder was open to all; it is not any more."""
+    folder = runtime.cache_folder()
+    (folder / "mine").write_bytes(b"")
+    assert runtime.cache_folder() == folder
+    (folder / "planted").write_bytes(b"")
+    os.chown(folder / "planted", 12345, -1)
+    with pytest.warns(runtime.CacheWarning, match="planted belongs to another user; remove it"):
+        assert runtime.cache_folder().is_relative_to(unregistered / "own")
 
 
 @on_posix

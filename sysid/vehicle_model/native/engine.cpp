@@ -7,6 +7,7 @@
 #include <atomic>
 #include <memory>
 #include <string>
+#include <system_error>
 #include <thread>
 
 #include "residuals.h"
@@ -216,7 +217,7 @@ class Inputs {
   std::vector<Buffer> buffer_;
 };
 
-// How many threads a call may use.
+// How many threads a call may use; 0 stands for all that the machine has.
 std::atomic<int64_t> thread_limit{0};
 
 int64_t threads() {
@@ -232,7 +233,12 @@ void share(int64_t count, Task&& task) {
     for (int64_t k = next++; k < count; k = next++) task(k);
   };
   std::vector<std::thread> others;
-  for (int64_t k = 1; k < std::min(threads(), count); ++k) others.emplace_back(work);
+  const int64_t most = std::min(threads(), count);
+  try {
+    for (int64_t k = 1; k < most; ++k) others.emplace_back(work);
+  } catch (const std::system_error&) {
+    // The system grants no further thread: those that there are do the work.
+  }
   work();
   for (std::thread& other : others) other.join();
 }
@@ -305,7 +311,8 @@ ffi::Error histories(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings 
         put(kHistoriesHorizontalForce, na, i, now.horizontal[i]);
         put(kHistoriesSuspensionForce, na, i, -now.pull[i]);
       }
-      for (int64_t k = 0; k < in.body_sensors; ++k) put(kHistoriesBodyAcceleration, in.body_sensors, k, shown[2 * na + k]);
+      for (int64_t k = 0; k < in.body_sensors; ++k)
+        put(kHistoriesBodyAcceleration, in.body_sensors, k, shown[2 * na + k]);
       for (int64_t k = 0; k < in.coordinates; ++k) put(kHistoriesBody, in.coordinates, k, state.body[k]);
     });
   });
@@ -330,8 +337,8 @@ ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings se
                                   in.data(kMisfitsLocal + kLocalOffset) + r * 2,
                                   in.data(kMisfitsLocal + kLocalFactor) + r * 4,
                                   in.runs * channels * 2};
-    store(misfit(in.readings(r, kMisfitsReadings), columns, signal.get(), static_cast<int>(channels)), out + r * in.sets, first,
-          in.sets);
+    const Pack found = misfit(in.readings(r, kMisfitsReadings), columns, signal.get(), static_cast<int>(channels));
+    store(found, out + r * in.sets, first, in.sets);
   });
   return finish(known);
 }
