@@ -119,7 +119,8 @@ class Calibration:
         """Write a report or exports from the stages that have run, and return the files."""
         results = self.results()
         written: list[Path] = []
-        with self._steps.step(ending.name), self._folder.timed(ending.name, lambda: self._steps.parts):
+        # The step ends first: its last part is timed too.
+        with self._folder.timed(ending.name, lambda: self._steps.parts), self._steps.step(ending.name):
             self._folder.write(lambda: written.extend(ending.write(results, self.output, self._steps)))
         return written
 
