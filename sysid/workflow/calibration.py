@@ -106,7 +106,8 @@ class Calibration:
         assert other is not None
         missing = self._runner.missing(stage.needs)
         with self._steps.planned({s.name: s.effort for s in missing} | {stage.name: stage.effort}):
-            context = self._runner.context(stage, asked)
+            # What cannot be asked for is said before anything is computed for it.
+            context = self._runner.context(stage, asked, at_once=False)
             with self._steps.step(stage.name):
                 return other.compute(context)
 
