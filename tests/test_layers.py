@@ -18,8 +18,8 @@ ROOT = Path(sysid.__file__).resolve().parent
 
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
-    {"errors", "files"},
-    {"array_file", "display", "folder_lock", "runtime", "tabular"},
+    {"errors", "files", "private_files"},
+    {"array_file", "display", "folder_lock", "runtime", "tabular", "threads"},
     {"campaign"},
     {"sdof", "road"},
     {"vehicle_model"},

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from sysid.cli.invocation import name_of_program, same_command
+from sysid.cli.invocation import configured, name_of_program, same_command
 from sysid.cli.progress import StageProgress
 from sysid.cli.tables import render, show_run
 from sysid.errors import NotConvergedError, OutputError, SysidError
@@ -76,10 +76,9 @@ def _keep_traceback(output: Path) -> str:
 def _run(
     name: str, campaign: Path, output: Path, screen: Console, errors: Console, resume: bool, choices: dict[str, Any]
 ) -> int:
-    from sysid.runtime import configure
     from sysid.workflow import KEPT_CHOICES, Calibration, make_settings, recall
 
-    configure()
+    configured(lambda text: errors.print(f"{name_of_program()} {name}: {text}", markup=False))
     record = next((r for r in RECORDS if r.name == name), None)
     options = () if record is None or record.command is None else record.command.options
     asked = {option.name: choices.pop(option.name, None) for option in options}

@@ -21,8 +21,7 @@ from sysid.prediction.measures import impulse_ratio, lift_off_time, load_coeffic
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.road.named_shapes import named_shape
-from sysid.vehicle_model import engine
-from sysid.vehicle_model.engine import Timing, WheelRoad
+from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
 from sysid.vehicle_model.simulation import Motion
 
@@ -40,9 +39,9 @@ Progress = Callable[[str, float], None]
 
 
 @partial(jax.jit, static_argnames=("timing",))
-def _histories(matrices, laws, road: WheelRoad, log_parameters, motion: Motion, *, timing: Timing) -> tuple:
+def _histories(matrices, laws, road: WheelRoad, log_parameters, *, timing: Timing) -> tuple:
     suspension, tire = lane_laws(laws, log_parameters)
-    found = engine.simulate_histories(matrices, suspension, tire, motion, road, timing)
+    found = road.engine.histories(matrices, suspension, tire, road, timing)
     return found.tire_force[:, 0], found.suspension_force[:, 0], found.deflection[:, 0]
 
 
@@ -77,8 +76,8 @@ def _simulate(
     timing, motion = Timing(samples, INTERVAL_S, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
     if vehicles is None:
         laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
-        wheels = engine.wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
-        found = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), motion, timing=timing)
+        wheels = wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
+        found = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), timing=timing)
         tire, suspension, deflection = (np.asarray(h) for h in found)
         suspension = suspension + lanes.matrices.carried_load[0]
     else:

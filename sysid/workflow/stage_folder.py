@@ -23,6 +23,7 @@ from sysid.campaign.records import Campaign
 from sysid.errors import CampaignError
 from sysid.files import read_bytes, write_text
 from sysid.folder_lock import FolderLock, cannot_write
+from sysid.threads import one_blas_thread
 from sysid.workflow import store
 from sysid.workflow.schema import result_hint, schema_digest
 from sysid.workflow.settings import Settings, remember
@@ -103,7 +104,8 @@ class StageFolder:
     def timed(self, name: str, parts: Callable[[], dict[str, float]] = dict) -> Iterator[None]:
         """Keep the time of a stage or an ending, and of its `parts` by name."""
         begin = time.perf_counter()
-        yield
+        with one_blas_thread():
+            yield
         elapsed = time.perf_counter() - begin
         others = {key: value for key, value in self.timings.items() if key.split(": ")[0] != name}
         self.timings = {**others, name: elapsed, **parts()}

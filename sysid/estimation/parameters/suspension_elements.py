@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import jax
+
 from sysid.campaign.records import Axle
 
 LINEAR = "linear"
@@ -20,7 +22,10 @@ class ElementQuantity:
 
     `shared` makes it one parameter for all axles that have the element; `median` gives the prior median from an axle
     and the static load its suspension carries [N], `sd` is the prior's standard deviation of the logarithm; `neutral`
-    is the value that takes the element out of an axle.
+    is the value that takes the element out of an axle.  `field` is the coefficient of
+    :class:`sysid.vehicle_model.suspension.SuspensionLaw` that it gives, None where it enters by corners of a curve
+    (:mod:`sysid.estimation.parameters.suspension_curves`); `coefficient` turns its value, the stiffness [N/m] and the
+    load that the suspension carries [N] into that coefficient, None for the value itself.
     """
 
     quantity: str
@@ -30,6 +35,8 @@ class ElementQuantity:
     median: Callable[[Axle, float], float]
     sd: float
     neutral: float
+    field: str | None = None
+    coefficient: Callable[[jax.Array, jax.Array, jax.Array], jax.Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -59,23 +66,37 @@ ELEMENTS = {
                     lambda axle, carried: FRICTION_SHARE[axle.suspension] * carried,
                     1.0,
                     0.0,
+                    "friction",
                 ),
-                ElementQuantity("slip_length", "slip", "m", True, lambda axle, carried: 1e-3, 0.7, 1.0),
+                ElementQuantity("slip_length", "slip", "m", True, lambda axle, carried: 1e-3, 0.7, 1.0, "slip"),
             ),
         ),
         Element(
             "asymmetric_damper",
             "damper with different rebound and compression and a knee",
             (
-                ElementQuantity("damper_asymmetry", "q", "1", False, lambda axle, carried: 1.5, 0.7, 1.0),
-                ElementQuantity("damper_knee", "knee", "m/s", False, lambda axle, carried: 0.4, 0.6, 1.0),
-                ElementQuantity("damper_tail", "tail", "1", True, lambda axle, carried: 0.3, 0.7, 1.0),
+                ElementQuantity("damper_asymmetry", "q", "1", False, lambda axle, carried: 1.5, 0.7, 1.0, "asymmetry"),
+                ElementQuantity("damper_knee", "knee", "m/s", False, lambda axle, carried: 0.4, 0.6, 1.0, "saturation"),
+                # Axles without the element have a tail of one, which makes the damper linear.
+                ElementQuantity("damper_tail", "tail", "1", True, lambda axle, carried: 0.3, 0.7, 1.0, "tail"),
             ),
         ),
         Element(
             "gas_spring",
             "air spring that stiffens when compressed",
-            (ElementQuantity("progressivity", "progressivity", "1", True, lambda axle, carried: 0.8, 0.6, 0.0),),
+            (
+                ElementQuantity(
+                    "progressivity",
+                    "progressivity",
+                    "1",
+                    True,
+                    lambda axle, carried: 0.8,
+                    0.6,
+                    0.0,
+                    "softening",
+                    lambda progressivity, stiffness, carried: progressivity * stiffness / carried,
+                ),
+            ),
         ),
         Element(
             "bump_stops",
@@ -112,3 +133,8 @@ def law_name(elements: frozenset[str]) -> str:
 def quantities(elements: frozenset[str]) -> list[ElementQuantity]:
     """Parameters of all elements of a law."""
     return [q for name, element in ELEMENTS.items() if name in elements for q in element.quantities]
+
+
+def coefficients() -> list[ElementQuantity]:
+    """Parameters of all elements that are coefficients of the suspension law."""
+    return [q for element in ELEMENTS.values() for q in element.quantities if q.field is not None]
