@@ -85,8 +85,6 @@ class Calibration:
         """The campaign with rejected channels removed and clipped samples marked."""
         return self._inputs.campaign
 
-    # ------------------------------------------------------------------ any stage
-
     def result(self, stage: Stage[T], asked: Mapping[str, Any] = NOTHING) -> T:
         """The result of any stage; of one whose results come one by one, those that are asked for.
 
@@ -124,8 +122,6 @@ class Calibration:
         with self._folder.timed(ending.name, lambda: self._steps.parts), self._steps.step(ending.name):
             self._folder.write(lambda: written.extend(ending.write(results, self.output, self._steps)))
         return written
-
-    # ------------------------------------------------------------------ stages
 
     def check(self) -> QualityReport:
         """Quality of every log and channel."""
@@ -208,8 +204,6 @@ class Calibration:
         """
         posterior = self._runner.known(stages.SAMPLE)
         return calibrated_vehicles(self.campaign, self.drops(), self.fit(), posterior)
-
-    # ------------------------------------------------------------------ all of them
 
     def report(self) -> Path:
         """Write report.html from the stages that have run, and figures/: the paper's figures of this campaign."""
