@@ -85,8 +85,6 @@ class Calibration:
         """The campaign with rejected channels removed and clipped samples marked."""
         return self._inputs.campaign
 
-    # ------------------------------------------------------------------ any stage
-
     def result(self, stage: Stage[T], asked: Mapping[str, Any] = NOTHING) -> T:
         """The result of any stage; of one whose results come one by one, those that are asked for.
 
@@ -106,7 +104,8 @@ class Calibration:
         assert other is not None
         missing = self._runner.missing(stage.needs)
         with self._steps.planned({s.name: s.effort for s in missing} | {stage.name: stage.effort}):
-            context = self._runner.context(stage, asked)
+            # What cannot be asked for is said before anything is computed for it.
+            context = self._runner.context(stage, asked, at_once=False)
             with self._steps.step(stage.name):
                 return other.compute(context)
 
@@ -119,11 +118,10 @@ class Calibration:
         """Write a report or exports from the stages that have run, and return the files."""
         results = self.results()
         written: list[Path] = []
-        with self._steps.step(ending.name), self._folder.timed(ending.name, lambda: self._steps.parts):
+        # The step ends first: its last part is timed too.
+        with self._folder.timed(ending.name, lambda: self._steps.parts), self._steps.step(ending.name):
             self._folder.write(lambda: written.extend(ending.write(results, self.output, self._steps)))
         return written
-
-    # ------------------------------------------------------------------ stages
 
     def check(self) -> QualityReport:
         """Quality of every log and channel."""
@@ -206,8 +204,6 @@ class Calibration:
         """
         posterior = self._runner.known(stages.SAMPLE)
         return calibrated_vehicles(self.campaign, self.drops(), self.fit(), posterior)
-
-    # ------------------------------------------------------------------ all of them
 
     def report(self) -> Path:
         """Write report.html from the stages that have run, and figures/: the paper's figures of this campaign."""

@@ -44,17 +44,18 @@ class Steps:
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
-        """Run a step."""
+        """Run a step, also within another one."""
+        outer = self._step
         self.parts = {key: value for key, value in self.parts.items() if not key.startswith(f"{name}: ")}
         self._step, self._part = name, ""
-        if len(self._plan) > 1 and name in self._plan:
+        if self._place:
             self._say(self._place, 0.0)
         try:
             yield
         finally:
             self._end_part()
             self._done.add(name)
-            self._step = ""
+            self._step = outer
 
     def __call__(self, message: str, fraction: float) -> None:
         """Say what the running step does and which share of it is done."""

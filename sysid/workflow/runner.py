@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, TypeVar
 
@@ -39,6 +39,9 @@ class Runner:
         """The result of a stage: known already, else computed and kept, with those that run along with it."""
         missing = self.missing((stage,), asked)
         with self.steps.planned({s.name: s.effort for s in missing}):
+            if isinstance(stage, Itemwise):
+                # A name that there is not is said before anything is computed that it does not take.
+                stage.chosen(self.context(stage, asked, at_once=False))
             for other in missing:
                 self._result(other, asked if other is stage else NOTHING)
             return self._result(stage, asked)
@@ -80,9 +83,12 @@ class Runner:
             visit(stage, asked)
         return found
 
-    def context(self, stage: Stage[Any], asked: Mapping[str, Any] = NOTHING) -> Context:
-        """What the functions of a stage are given; the stages that it needs are computed first."""
-        results = {before: self._result(before) for before in stage.needs}
+    def context(self, stage: Stage[Any], asked: Mapping[str, Any] = NOTHING, *, at_once: bool = True) -> Context:
+        """What the functions of a stage are given; stages that it needs are computed `at_once` or when asked for."""
+        results = _OnDemand(self._result, stage.needs)
+        if at_once:
+            for before in stage.needs:
+                results[before] = self._result(before)
         results |= {before: self.known(before) for before in stage.uses}
         return Context(
             inputs=self._inputs,
@@ -137,3 +143,17 @@ class Runner:
 
     def _timed(self, name: str) -> AbstractContextManager[None]:
         return self.folder.timed(name, lambda: self.steps.parts)
+
+
+class _OnDemand(dict[Stage[Any], Any]):
+    """Results of the stages that another needs, of no others, each computed when it is asked for."""
+
+    def __init__(self, compute: Callable[[Stage[Any]], Any], needs: Sequence[Stage[Any]]):
+        super().__init__()
+        self._compute, self._needs = compute, needs
+
+    def __missing__(self, stage: Stage[Any]) -> Any:
+        if stage not in self._needs:
+            raise KeyError(f"'{stage.name}' is none of the stages that the record names")
+        self[stage] = self._compute(stage)
+        return self[stage]

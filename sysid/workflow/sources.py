@@ -2,14 +2,16 @@
 
 The version of this package alone would do for releases.  Between them, in a checkout that is edited or pulled, numbers
 change while the version stays; so the sources are hashed too, of the packages that a stage's record names in `code` and
-of all packages that these import.  It is sound as far as imports show what is used, and errs on the safe side: a
-changed comment makes stages stale as well.  What the version covers alone is the workflow's own code,
-whose compute functions only hand settings and results on.  Without sources on disk (a frozen program) the hash says
-nothing and the version decides.
+of all packages that these import.  Comments, docstrings and layout do not count: a Python file is hashed by its syntax
+tree without them.  The hash is sound as far as imports show what is used, and errs on the safe side: any change of code
+in a package makes all stages stale that reach it.  What the version covers alone is the workflow's own code, whose
+compute functions only hand settings and results on.  Without sources on disk (a frozen program) the hash says nothing
+and the version decides.
 """
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import re
 from collections.abc import Iterable
@@ -51,9 +53,20 @@ def _own(name: str) -> tuple[bytes, frozenset[str]]:
         if not path.is_file():
             continue
         text = path.read_bytes()
-        digest.update(path.relative_to(ROOT).as_posix().encode() + hashlib.sha256(text).digest())
+        digest.update(path.relative_to(ROOT).as_posix().encode() + hashlib.sha256(_meaning(path, text)).digest())
         imported |= {match.decode() for match in _IMPORT.findall(text)}
         for names in _FROM_ROOT.findall(text):
             imported |= {part.split()[0] for part in names.decode().split(",") if part.split()}
     known = {n for n in imported if (ROOT / n).is_dir() or (ROOT / f"{n}.py").is_file()}
     return digest.digest(), frozenset(known - {name})
+
+
+def _meaning(path: Path, text: bytes) -> bytes:
+    """What of a source file decides what it does."""
+    if path.suffix != ".py":
+        return text
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:]
+    return ast.dump(tree).encode()

@@ -13,6 +13,7 @@ import pytest
 from small_results import small_advice, small_fit, small_profile, small_results
 
 from sysid.campaign.records import PredictionRequest
+from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitPoint
 from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet
 from sysid.estimation.residuals.residual_weights import Weights
@@ -22,7 +23,7 @@ from sysid.posterior import sampling
 from sysid.posterior.sampling import SamplingOptions
 from sysid.workflow import Calibration, Settings
 from sysid.workflow.progress import Steps
-from sysid.workflow.stages import BANDS, CHECK, DROPS, FIT, SCAN, STAGES
+from sysid.workflow.stages import BANDS, CHECK, DROPS, FIT, PREDICT, SAMPLE, SCAN, STAGES
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -162,6 +163,26 @@ def test_a_result_without_a_place_of_its_own_is_kept_under_its_name(stubbed, mon
         assert found.fit is None
     finally:
         object.__setattr__(FIT, "put", put)
+
+
+def test_what_cannot_be_asked_for_is_said_before_minutes_are_spent(stubbed, monkeypatch) -> None:
+    def no_fit(*given):
+        raise AssertionError("fitted")
+
+    monkeypatch.setattr("sysid.estimation.fit.law_choice.fit_with_laws", no_fit)
+    with pytest.raises(CampaignError, match="--leave-out nonsense is none of the runs"):
+        stubbed().leave_out(["nonsense"])
+    with pytest.raises(CampaignError, match="--load-case 'nowhere' is not in the campaign"):
+        stubbed().aside(PREDICT, {"speeds": (20.0,), "load_case": "nowhere"})
+    with pytest.raises(AssertionError, match="fitted"):
+        stubbed().fit()
+
+
+def test_a_stage_sees_those_only_that_its_record_names(stubbed) -> None:
+    context = stubbed()._runner.context(FIT)
+    assert context[DROPS].pooled
+    with pytest.raises(KeyError, match="'sample' is none of the stages"):
+        context.known(SAMPLE)
 
 
 def test_stages_stand_behind_those_that_they_rest_on():

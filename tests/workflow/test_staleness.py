@@ -177,7 +177,11 @@ def test_other_code_makes_those_stale_that_use_it(tmp_path: Path, monkeypatch) -
         assert sources.imported_by(["late"]) == {"late", "alone", "lower"}
         (tmp_path / "lower" / "b.py").write_text("x = 1\n")
         assert stale(before, digests()) == {"upper", "lower", "late"}
-        (tmp_path / "lower" / "b.py").write_text("")
+        (tmp_path / "lower" / "b.py").write_text('"""Other words."""\n# A remark.\n')
+        assert stale(before, digests()) == set()
+        (tmp_path / "lower" / "b.h").write_text("// A remark.")
+        assert stale(before, digests()) == {"upper", "lower", "late"}
+        (tmp_path / "lower" / "b.h").unlink()
         (tmp_path / "alone.py").write_text("x = 1\n")
         assert stale(before, digests()) == {"late", "alone"}
     finally:
