@@ -15,7 +15,7 @@ ROOT = Path(sysid.__file__).resolve().parent
 
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
-    {"errors"},
+    {"errors", "limits"},
     {"display", "folder_lock", "runtime", "tabular"},
     {"campaign"},
     {"sdof", "road"},

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from sysid import limits
+from sysid.campaign.input_file import InputFile
 from sysid.campaign.records import Channel, Log, Sensor
 from sysid.campaign.text_table import near_names, read_columns
 from sysid.campaign.units import si_factor
@@ -36,7 +38,7 @@ CLIP_TOLERANCE = 1e-4  # of full scale: rounding of the written digits
 SIDE_DISAGREEMENT = 0.3  # roll makes left and right differ by less than this on a bump taken straight
 
 
-def read_log(path: Path, name: str, sensors: Sequence[Sensor], sample_interval_s: float) -> Log:
+def read_log(source: Path | InputFile, name: str, sensors: Sequence[Sensor], sample_interval_s: float) -> Log:
     """Read one log.
 
     Values are value_SI = reading * unit, stamps t = stamp - first stamp.  Sensors on the left and right of the same
@@ -44,8 +46,8 @@ def read_log(path: Path, name: str, sensors: Sequence[Sensor], sample_interval_s
 
     Parameters
     ----------
-    path, name
-        The file and its name for messages and results.
+    source, name
+        The file (or its path) and its name for messages and results.
     sensors
         Sensors with their columns; a missing column leaves its channel out and a message in the log.
     sample_interval_s
@@ -61,12 +63,13 @@ def read_log(path: Path, name: str, sensors: Sequence[Sensor], sample_interval_s
     DataRejectedError
         If the file is no table of numbers, has no time column or none of the sensors, or its time does not advance.
     """
-    layout, columns, first_row = read_columns(path, name, [s.column for s in sensors], TIME_NAMES)
+    layout, columns, first_row = read_columns(source, name, [s.column for s in sensors], TIME_NAMES)
     time_column, to_seconds = _time_column(columns, layout.names, name)
     messages: list[str] = []
     stamps, keep = _clean_stamps(columns[time_column] * to_seconds, name, time_column, first_row, messages)
     time = stamps - stamps[0]
     step = float(np.median(np.diff(time)))
+    _check_span(columns[time_column] * to_seconds, stamps, step, name, time_column, first_row)
     if abs(step / sample_interval_s - 1.0) < SAME_STEP:
         step = sample_interval_s
     _compare_step(step, sample_interval_s, name, time_column, messages)
@@ -143,6 +146,23 @@ def _clean_stamps(
         )
         rows = np.delete(rows, repeated)
     return stamps[rows], rows
+
+
+def _check_span(
+    all_stamps: np.ndarray, stamps: np.ndarray, step: float, label: str, column: str, first_row: int
+) -> None:
+    """Refuse a clock that jumps: whoever lays an even grid over the record would need memory for all of it."""
+    span = float(stamps[-1] - stamps[0])
+    if span <= limits.LOG_SECONDS and span <= limits.LOG_STEPS * step:
+        return
+    jump = int(np.argmax(np.diff(stamps)))
+    row = int(np.flatnonzero(all_stamps == stamps[jump + 1])[0]) + first_row
+    most = min(limits.LOG_SECONDS, limits.LOG_STEPS * step)
+    raise DataRejectedError(
+        f"{label}: the time in column '{column}' spans {span:.6g} s, at most {most:.6g} s are read at its sample "
+        f"interval of {step:.4g} s; it jumps by {stamps[jump + 1] - stamps[jump]:.6g} s in row {row}: correct the "
+        "stamps or cut the log."
+    )
 
 
 def _compare_step(step: float, declared: float, label: str, column: str, messages: list[str]) -> None:
