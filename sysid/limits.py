@@ -13,7 +13,7 @@ from typing import Final
 CAMPAIGN_BYTES: Final = 2_000_000
 #: One log, one scan, one profile of a bump.
 LOG_BYTES: Final = 200_000_000
-SCAN_BYTES: Final = 200_000_000
+SCAN_BYTES: Final = 150_000_000
 PROFILE_BYTES: Final = 50_000_000
 #: All files of a campaign together, a file counted as often as it is read, and the numbers of all logs.
 INPUT_BYTES: Final = 4_000_000_000
@@ -30,18 +30,18 @@ LISTED_FILES: Final = 1_000
 
 # ---------------------------------------------------------------- campaign file (TOML)
 #: Parts of a dotted key, such as sensors.bump_run.lvdt1_mm, and depth of lists and tables in each other.
-KEY_PARTS: Final = 16
+KEY_PARTS: Final = 8
 NESTING: Final = 32
 #: Characters of one key or number.
 KEY_LENGTH: Final = 1_000
 #: Keys and tables of the file, and entries of its lists.
-KEYS: Final = 150_000
-LIST_ENTRIES: Final = 500_000
+KEYS: Final = 40_000
+LIST_ENTRIES: Final = 300_000
 
 # ---------------------------------------------------------------- text tables
 #: Columns and rows of a log, and numbers read from one (rows times columns of sensors).
 LOG_COLUMNS: Final = 2_000
-LOG_ROWS: Final = 4_000_000
+LOG_ROWS: Final = 3_000_000
 LOG_NUMBERS: Final = 12_000_000
 #: Columns of a text cloud.
 CLOUD_COLUMNS: Final = 200
@@ -53,9 +53,16 @@ HEADER_LINES: Final = 200
 # ---------------------------------------------------------------- time
 #: Longest log [s], a day and some, and samples between its first and its last stamp at its own rate.
 LOG_SECONDS: Final = 100_000.0
-LOG_STEPS: Final = 10_000_000
+LOG_STEPS: Final = 5_000_000
+#: A log may span this many times what its rows take at its own rate, and this long beside [s]: more is a clock that
+#: jumps, and who simulates the run or lays an even grid over it would work for the pause.
+LOG_PAUSES: Final = 10.0
+LOG_PAUSE_S: Final = 60.0
 #: Steps of an even grid over a record, where its readings are resampled or smoothed.
 GRID_STEPS: Final = 2_000_000
+
+#: Longest predicted pass [s]: a road train at walking speed takes less.
+PASS_SECONDS: Final = 300.0
 
 # ---------------------------------------------------------------- roads
 #: Points of a scan, and largest coordinate [m]: map coordinates stay below 2e7.

@@ -16,7 +16,7 @@ ROOT = Path(sysid.__file__).resolve().parent
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
     {"errors", "limits"},
-    {"display", "folder_lock", "runtime", "tabular"},
+    {"display", "folder_lock", "output_folder", "runtime", "tabular"},
     {"campaign"},
     {"sdof", "road"},
     {"vehicle_model"},

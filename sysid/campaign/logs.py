@@ -153,15 +153,16 @@ def _check_span(
 ) -> None:
     """Refuse a clock that jumps: whoever lays an even grid over the record would need memory for all of it."""
     span = float(stamps[-1] - stamps[0])
-    if span <= limits.LOG_SECONDS and span <= limits.LOG_STEPS * step:
+    rows = limits.LOG_PAUSES * stamps.size * step + limits.LOG_PAUSE_S
+    most = min(limits.LOG_SECONDS, limits.LOG_STEPS * step, rows)
+    if span <= most:
         return
     jump = int(np.argmax(np.diff(stamps)))
     row = int(np.flatnonzero(all_stamps == stamps[jump + 1])[0]) + first_row
-    most = min(limits.LOG_SECONDS, limits.LOG_STEPS * step)
     raise DataRejectedError(
-        f"{label}: the time in column '{column}' spans {span:.6g} s, at most {most:.6g} s are read at its sample "
-        f"interval of {step:.4g} s; it jumps by {stamps[jump + 1] - stamps[jump]:.6g} s in row {row}: correct the "
-        "stamps or cut the log."
+        f"{label}: the time in column '{column}' spans {span:.6g} s, at most {most:.6g} s are read of "
+        f"{stamps.size} rows {step:.4g} s apart; it jumps by {stamps[jump + 1] - stamps[jump]:.6g} s in row {row}: "
+        "correct the stamps or cut the log."
     )
 
 

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import difflib
 import os
-import unicodedata
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from sysid import limits
 from sysid.campaign.input_file import FileRefusedError, InputFile, read_file, read_file_inside
 from sysid.campaign.wording import finish, shorten
 from sysid.errors import CampaignError, DataRejectedError
-
-_UNSEEN = ("Cc", "Cs", "Zl", "Zp")  # control characters, halves of surrogate pairs, separators of lines
+from sysid.output_folder import has_control_characters
 
 
 def campaign_file(path: str | Path) -> InputFile:
@@ -117,11 +115,6 @@ def _refused(shown: str, error: FileRefusedError, limit_bytes: int) -> CampaignE
         "folder": "which is a folder; give the name of a file in it",
     }.get(error.kind, "which is not a regular file; give the name of a file")
     return CampaignError(f"{shown}, {reason}.")
-
-
-def has_control_characters(name: str) -> bool:
-    """Whether a name holds characters that no file name needs and that mislead who reads it in a message."""
-    return any(unicodedata.category(c) in _UNSEEN for c in name)
 
 
 def relative_name(name: str) -> str:

@@ -154,9 +154,9 @@ def count_rows(table: NumberTable) -> tuple[int, int]:
         if count > names:
             count = _exact_count(line, number, table)
         width = max(width, count)
-        rows += 1
-    if rows > table.most_rows and table.blank_rows:
-        raise DataRejectedError(f"{label} has {rows} rows, at most {table.most_rows} are read; cut or thin it.")
+        rows += table.blank_rows or not line.isspace()
+        if rows > table.most_rows:
+            raise DataRejectedError(f"{label} has more rows than the {table.most_rows} that are read; cut or thin it.")
     return rows, width
 
 

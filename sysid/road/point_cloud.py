@@ -57,7 +57,8 @@ def read_point_cloud_counted(path: Path | InputFile, unit: str = "m") -> tuple[n
         raw = read_text_cloud(data, label, unit, MAX_POINTS)
     del data
     # Beyond any map there is no point: scanners write such numbers where nothing came back.
-    usable = (np.abs(raw) <= limits.COORDINATE_M / UNIT_IN_M[unit]).all(axis=1)
+    most = limits.COORDINATE_M / UNIT_IN_M[unit]
+    usable = np.logical_and.reduce([(column >= -most) & (column <= most) for column in raw.T])
     kept = int(np.count_nonzero(usable))
     dropped = int(raw.shape[0]) - kept
     if kept == 0:
@@ -68,7 +69,8 @@ def read_point_cloud_counted(path: Path | InputFile, unit: str = "m") -> tuple[n
             f"{limits.COORDINATE_M:g} m; export the cloud again with x, y and z of every point."
         )
     points = np.ascontiguousarray(raw if dropped == 0 else raw[usable], dtype=np.float64)
-    return points * UNIT_IN_M[unit], dropped
+    points *= UNIT_IN_M[unit]
+    return points, dropped
 
 
 def _content(source: Path | InputFile, label: str) -> bytes:

@@ -84,8 +84,12 @@ def read_text_cloud(data: bytes, label: str, unit: str, max_points: int) -> np.n
         raise DataRejectedError(
             f"{label} has more than {max_points} points; crop the cloud to a few metres around the bump or thin it."
         )
-    absent = np.full(count, np.nan)
-    return np.column_stack([found.get(str(place), absent) for place in layout.columns])
+    points = np.full((count, 3), np.nan)
+    for axis, place in enumerate(layout.columns):
+        # A column is let go as soon as it is copied: a large cloud must not stand in memory twice.
+        if (values := found.pop(str(place), None)) is not None:
+            points[:, axis] = values
+    return points
 
 
 def _find_layout(data: bytes, label: str, unit: str) -> _Layout:
