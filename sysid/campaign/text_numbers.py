@@ -13,7 +13,6 @@ from typing import Any, TextIO
 import numpy as np
 
 from sysid import limits
-from sysid.campaign.wording import shorten
 from sysid.errors import DataRejectedError
 
 #: Delimiter of columns that white space separates.
@@ -283,4 +282,6 @@ def _textual(table: NumberTable, column: Any, start: int, place: int) -> np.ndar
 def _reason(error: Exception) -> str:
     if "EOF inside string" in str(error):
         return "a quotation mark is never closed; remove it"
-    return shorten(str(error).replace("Error tokenizing data. C error: ", "").strip(), 120).rstrip(".")
+    if "out of memory" in str(error).lower():
+        return "it does not fit into memory; cut or thin it"
+    return "its rows and cells cannot be told apart; export it again"
