@@ -62,6 +62,9 @@ ALLOWED = {
 def test_what_the_parser_reads_easily_passes(text: str) -> None:
     tomllib.loads(text)
     check_bounds(text, "campaign.toml")
+    # No string hides what stands behind it.
+    with pytest.raises(CampaignError, match="nested too deeply"):
+        check_bounds(f"{text}\nz = {'[' * 40}{']' * 40}\n", "campaign.toml")
 
 
 def test_the_shipped_campaign_is_far_below_the_bounds() -> None:

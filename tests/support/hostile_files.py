@@ -160,8 +160,9 @@ TOKENS = [
     "\u202e".encode(), b"A" * 300, b"9" * 500, b"[" * 200, b"$", b"element vertex 999999999\n", b"end_header\n",
 ]  # fmt: skip
 
-_POSITION = st.floats(0.0, 1.0)
-_HEAD = st.floats(0.0, 0.03)
+# Integers are spread more evenly than floats, which favour round values.
+_POSITION = st.integers(0, 9_999).map(lambda k: k / 9_999)
+_HEAD = st.integers(0, 299).map(lambda k: k / 9_999)
 _DAMAGE = st.lists(
     st.one_of(
         st.tuples(st.just("cut"), _POSITION, st.just(0)),
@@ -170,11 +171,12 @@ _DAMAGE = st.lists(
         st.tuples(st.just("delete"), st.one_of(_HEAD, _POSITION), st.integers(1, 2000)),
         st.tuples(st.just("insert"), st.one_of(_HEAD, _POSITION), st.integers(0, len(TOKENS) - 1)),
         st.tuples(st.just("number"), _POSITION, st.integers(0, len(TOKENS) - 1)),
+        st.tuples(st.just("number"), _POSITION, st.integers(0, 10)),
         st.tuples(st.just("repeat"), _POSITION, st.integers(1, 300)),
         st.tuples(st.just("swap"), _POSITION, st.integers(1, 2000)),
     ),
     min_size=1,
-    max_size=6,
+    max_size=5,
 )
 
 
