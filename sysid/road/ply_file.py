@@ -66,7 +66,7 @@ def ply_points(data: bytes, label: str, most_points: int) -> np.ndarray:
     if missing:
         raise DataRejectedError(f"{label}: the PLY vertices have no property {', '.join(missing)}; export x, y and z.")
     # The library sees the header as it was understood here: nothing in it can mean more to one than to the other.
-    content = _written(kind, elements) + data[body:]
+    content = b"".join((_written(kind, elements), memoryview(data)[body:]))
     request = {"names": [names[axis] for axis in "xyz"]}
     if not _small(kind, elements, len(data) - body):
         answer, points = read_in_child("ply", content, label, **request)
@@ -92,8 +92,9 @@ def _header(data: bytes, label: str) -> tuple[str, tuple[_Element, ...], int]:
             continue
         if words[0] == "format" and len(words) == 3 and words[1] in _FORMATS:
             kind = words[1]
-        elif words[0] == "element" and len(words) == 3 and _NAME.fullmatch(words[1]) and words[2].isdigit():
-            elements.append((words[1], int(words[2][:18]), []))
+        elif words[0] == "element" and len(words) == 3 and _NAME.fullmatch(words[1]) and words[2].isdecimal():
+            # Long digits are cut: what is left is far more than any file holds.
+            elements.append((words[1], int(words[2].lstrip("0")[:18] or "0"), []))
         elif _is_property(words) and elements:
             elements[-1][2].append((tuple(words[1:-1]), words[-1]))
         else:

@@ -16,7 +16,7 @@ from plyfile import PlyData, PlyElement
 from sysid import limits
 from sysid.campaign.records import Scan
 from sysid.errors import DataRejectedError
-from sysid.road import analyse_scan, bounded_reader, las_file, read_point_cloud
+from sysid.road import analyse_scan, bounded_reader, las_file, ply_file, read_point_cloud
 from sysid.road.bounded_reader import read_in_child
 from sysid.road.plane import NOISE_FLOOR_M, RoadPlane, refine_plane
 from sysid.road.profile_files import bump_from_file
@@ -132,6 +132,24 @@ XYZ = "".join(f"property float {axis}\n" for axis in "xyz")
 )  # fmt: skip
 def test_a_hostile_ply_file_is_one_sentence(tmp_path: Path, content: bytes, said: str) -> None:
     assert said in refused(written(tmp_path / "bad.ply", content))
+
+
+def test_the_library_sees_the_header_as_it_was_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+
+    def library(stream, request):
+        seen.append(stream.read())
+        return {}, np.ones((2, 3))
+
+    monkeypatch.setattr(ply_file, "read_ply", library)
+    lines = "comment end_header\r\nobj_info x\r\nelement  vertex 0002\r\n" + XYZ
+    read_point_cloud(written(tmp_path / "scan.ply", ply(lines, "1 2 3\n4 5 6\n")))
+    assert seen == [ply("element vertex 2\n" + XYZ, "1 2 3\n4 5 6\n")]
+
+
+def test_leading_zeros_hide_no_count(tmp_path: Path) -> None:
+    lines = "element vertex 3\n" + XYZ + f"element more {'0' * 30}99999999999\nproperty double a\n"
+    assert "promises 100000000002" in refused(written(tmp_path / "bad.ply", ply(lines, "1 2 3\n" * 3)))
 
 
 @pytest.mark.parametrize("text", [False, True])
