@@ -21,6 +21,7 @@ test-long: $(VENV)/.installed
 # An hour of damaged files for every reader, other ones each time; the figures of docs/robustness.md.
 fuzz: $(VENV)/.installed
 	$(BIN)/python -m pytest -m long tests/limits/test_fuzz_readers.py
+	$(BIN)/python docs/make_robustness.py
 
 # The report in headless Chromium: accessibility (axe-core), console, network, interaction. Needs node and chromium.
 test-browser: $(VENV)/.installed

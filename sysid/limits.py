@@ -38,6 +38,9 @@ KEY_LENGTH: Final = 1_000
 KEYS: Final = 40_000
 LIST_ENTRIES: Final = 300_000
 
+#: Sensors of the runs, and of the drops.
+SENSORS: Final = 1_000
+
 # ---------------------------------------------------------------- text tables
 #: Columns and rows of a log, and numbers read from one (rows times columns of sensors).
 LOG_COLUMNS: Final = 2_000

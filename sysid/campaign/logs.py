@@ -34,6 +34,7 @@ TIME_NAMES: dict[str, float] = {
 }
 BAD_STAMP_SHARE = 0.01  # up to this share of repeated or empty stamps is a hiccup of the logger, more is a broken log
 SAME_STEP = 1e-3  # rounding of the printed stamps
+_SUGGESTED = 10  # missing columns for which a near name is looked for
 CLIP_TOLERANCE = 1e-4  # of full scale: rounding of the written digits
 SIDE_DISAGREEMENT = 0.3  # roll makes left and right differ by less than this on a bump taken straight
 
@@ -81,9 +82,9 @@ def read_log(source: Path | InputFile, name: str, sensors: Sequence[Sensor], sam
             f"{near_names(missing[0], layout.names)}; correct the columns or the sensors in campaign.toml."
         )
     messages += [
-        f"{name}: the column '{shorten(column)}' is missing{near_names(column, layout.names)}; the sensor is left out "
-        "there."
-        for column in missing
+        f"{name}: the column '{shorten(column)}' is missing"
+        f"{near_names(column, layout.names) if i < _SUGGESTED else ''}; the sensor is left out there."
+        for i, column in enumerate(missing)
     ]
     channels = [_channel(s, time, columns[s.column][keep]) for s in sensors if s.column in columns]
     columns.clear()

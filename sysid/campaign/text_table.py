@@ -27,6 +27,7 @@ from sysid.campaign.wording import shorten
 from sysid.errors import DataRejectedError
 
 _HEAD_BYTES = 1 << 20
+_COMPARED = 60
 _COMMENT = ("#", "%", '"#')
 _BINARY = {
     b"MDF ": "an MDF file",
@@ -225,5 +226,7 @@ def _cell_sentence(label: str, layout: Layout, row: int, name: str, cell: str) -
 
 def near_names(name: str, names: Iterable[str]) -> str:
     """Half a sentence with the nearest of the names in the file, or nothing."""
-    near = difflib.get_close_matches(name, list(names)[: limits.LOG_COLUMNS], n=1, cutoff=0.6)
-    return f" (the file has '{shorten(near[0])}')" if near else ""
+    # Long names are compared by their beginning: comparing takes the product of their lengths.
+    beginnings = {n[:_COMPARED]: n for n in list(names)[: limits.LOG_COLUMNS]}
+    near = difflib.get_close_matches(name[:_COMPARED], beginnings, n=1, cutoff=0.6)
+    return f" (the file has '{shorten(beginnings[near[0]])}')" if near else ""

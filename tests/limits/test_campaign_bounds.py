@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import threading
+import time
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sysid import limits
-from sysid.campaign import read_campaign
+from sysid.campaign import Sensor, read_campaign, read_log
 from sysid.campaign.input_file import FileRefusedError, InputFile, read_file, read_file_inside
 from sysid.campaign.toml_bounds import check_bounds
 from sysid.errors import CampaignError, DataRejectedError
@@ -65,6 +66,18 @@ def test_what_the_parser_reads_easily_passes(text: str) -> None:
     # No string hides what stands behind it.
     with pytest.raises(CampaignError, match="nested too deeply"):
         check_bounds(f"{text}\nz = {'[' * 40}{']' * 40}\n", "campaign.toml")
+
+
+def test_many_missing_columns_with_long_names_take_no_time(tmp_path: Path) -> None:
+    names = [f"{'x' * 150}{i:04d}" for i in range(1999)]
+    sensors = [Sensor(f"{'x' * 150}_{i:04d}", "axle_acceleration", "g", axle=0) for i in range(999)]
+    sensors.append(Sensor(names[0], "axle_acceleration", "g", axle=0))
+    rows = "".join(f"{0.01 * i}{',1' * 1999}\n" for i in range(5))
+    (tmp_path / "log.csv").write_text(f"time_s,{','.join(names)}\n{rows}", encoding="utf-8")
+    begin = time.process_time()
+    log = read_log(tmp_path / "log.csv", "log.csv", sensors, 0.01)
+    assert time.process_time() - begin < 2.0
+    assert len(log.messages) == 999
 
 
 def test_the_shipped_campaign_is_far_below_the_bounds() -> None:
