@@ -18,8 +18,8 @@ ROOT = Path(sysid.__file__).resolve().parent
 
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
-    {"errors", "files", "private_files"},
-    {"array_file", "display", "folder_lock", "runtime", "tabular", "threads"},
+    {"errors", "files", "limits", "private_files"},
+    {"array_file", "display", "folder_lock", "output_folder", "runtime", "tabular", "threads"},
     {"campaign"},
     {"sdof", "road"},
     {"vehicle_model"},

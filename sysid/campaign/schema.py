@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StrictBool, StrictStr, model_validator
 
+from sysid import limits
 from sysid.campaign.schema_fields import (
     TEXT_LENGTH,
     LengthUnit,
@@ -92,8 +93,8 @@ class DropSensorTable(_SensorTable):
 class SensorsTable(Table):
     """[sensors]: columns of bump-run and plank-drop logs."""
 
-    bump_run: dict[Name, RunSensorTable] = {}
-    plank_drop: dict[Name, DropSensorTable] = {}
+    bump_run: Annotated[dict[Name, RunSensorTable], Field(max_length=limits.SENSORS)] = {}
+    plank_drop: Annotated[dict[Name, DropSensorTable], Field(max_length=limits.SENSORS)] = {}
 
 
 class ScanTable(Table):

@@ -9,7 +9,7 @@ from sysid.campaign.records import Axle
 from sysid.export.csv_cells import csv_text, escape_cell, number_cell
 
 if TYPE_CHECKING:
-    from sysid.estimation.results import FitResult
+    from sysid.estimation.fit.fit_result import FitResult
     from sysid.posterior.results import Posterior
 
 PARAMETER_COLUMNS = (

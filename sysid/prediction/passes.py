@@ -16,6 +16,7 @@ from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.lane_laws import lane_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import campaign_allowances
+from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.mass_lanes import VehicleDraws, histories_of_draws
 from sysid.prediction.measures import impulse_ratio, lift_off_time, load_coefficient, quantiles
 from sysid.prediction.remarks import driven_speeds, remarks
@@ -72,7 +73,9 @@ def _simulate(
     last = road.first_station_m + road.step_m * road.rise.shape[-1]
     # The record starts half a second before axle 1 touches the bump and its time is zero over the start of the bump.
     lead = np.ceil((BEFORE_S - road.first_station_m / speed) / INTERVAL_S) * INTERVAL_S
-    samples = int(np.ceil((lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S) / INTERVAL_S))
+    duration = lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S
+    check_duration(request, duration)
+    samples = int(np.ceil(duration / INTERVAL_S))
     timing, motion = Timing(samples, INTERVAL_S, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
     if vehicles is None:
         laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
@@ -82,6 +85,8 @@ def _simulate(
         suspension = suspension + lanes.matrices.carried_load[0]
     else:
         tire, suspension, deflection = histories_of_draws(lanes, parameters, vehicles, wanted, sets.T, motion, timing)
+    static = lanes.matrices.static_load[0, :, 0]
+    check_finite(request, parameters, sets, np.asarray(static), tire, suspension, deflection)
     time = np.round(np.arange(samples) * INTERVAL_S - lead, 6)
     x = lanes.axle_x[:, 0]
     return _Pass(
@@ -89,7 +94,7 @@ def _simulate(
         tire,
         suspension,
         deflection,
-        lanes.matrices.static_load[0, :, 0],
+        static,
         (time[:, None] >= (road.first_station_m + x) / speed) & (time[:, None] <= (last + x) / speed + AFTER_S),
     )
 

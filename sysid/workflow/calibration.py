@@ -13,6 +13,7 @@ from sysid.estimation.fit.profiles import ProfileLikelihood
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.export.contents import Results
 from sysid.files import write_text
+from sysid.output_folder import output_folder
 from sysid.planning.advice import Advice
 from sysid.planning.advise import CANDIDATE_KM_H
 from sysid.posterior.cross_check import CrossCheck
@@ -74,7 +75,7 @@ class Calibration:
     ):
         configure()
         self.settings = settings or Settings()
-        self.output = Path(output)
+        self.output = output_folder(output)
         self._inputs = Inputs(campaign)
         self._steps = Steps(progress or (lambda message, fraction: None))
         self._folder = StageFolder(self.output, self.settings, self._inputs.read)
