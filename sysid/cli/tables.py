@@ -75,7 +75,7 @@ def show_drops(screen: Console, calibration, summary) -> None:
     """Pooled k and c per axle and method."""
     axles = calibration.campaign.vehicle.axles
     table = plain_table(
-        "Plank drops, pooled", ("axle", "method", "k kN/m", "c kN s/m", "period s", "decrement", "note")
+        "Plank drops, pooled", ("axle", "method", "k kN/m", "c kN s/m", "friction kN", "period s", "decrement", "note")
     )
     for e in summary.pooled:
         table.add_row(
@@ -83,6 +83,7 @@ def show_drops(screen: Console, calibration, summary) -> None:
             e.method,
             _value(e.stiffness, e.stiffness_sd, 1e-3),
             _value(e.damping, e.damping_sd, 1e-3),
+            _value(e.friction_force, e.friction_force_sd, 1e-3),
             f"{e.damped_period:.3f}" if np.isfinite(e.damped_period) else "-",
             f"{e.log_decrement:.3f}" if np.isfinite(e.log_decrement) else "-",
             "" if e.usable else escape(e.note),
