@@ -180,7 +180,7 @@ class _Inputs:
         return result
 
     def plank_drops(self) -> tuple[PlankDrop, ...]:
-        """Plank drops with their logs, in the order of the file.
+        """Plank drops with their logs, in the order of the file; of a lifted body one for every axle with sensors.
 
         Raises
         ------
@@ -198,23 +198,52 @@ class _Inputs:
                     f"{self.file.name}: {key} needs [sensors.plank_drop], which is missing; "
                     "name the columns of its log there."
                 )
-            index = self.vehicle.axle(entry.axle, f"{key}.axle")
-            axle = self.vehicle.vehicle.axles[index]
-            at = [_sensor(column, table, axle=index, body=axle.body, x_m=axle.x_m) for column, table in sensors.items()]
+            names = [(entry.axle, f"{key}.axle")] if entry.axle is not None else []
+            names += [(name, f"{key}.axles") for name in entry.axles]
+            lifted = [self.vehicle.axle(name, where) for name, where in names]
             first = next(iter(self.vehicle.load_cases))
-            drops.append(
-                PlankDrop(
-                    axle=index,
-                    load_case=first if entry.load_case is None else self._load_case(entry.load_case, key),
-                    plank_height_m=entry.plank_height_m,
-                    log=self._log(entry.file, key, at),
-                    nominal_speed_m_s=None if entry.nominal_speed_km_h is None else speed_m_s(entry.nominal_speed_km_h),
-                    dampers=entry.dampers,
-                    towed=entry.towed,
-                    engine_off=entry.engine_off,
+            load_case = first if entry.load_case is None else self._load_case(entry.load_case, key)
+            speed = None if entry.nominal_speed_km_h is None else speed_m_s(entry.nominal_speed_km_h)
+            for index, at in self._drop_sensors(lifted, key).items():
+                drops.append(
+                    PlankDrop(
+                        axle=index,
+                        load_case=load_case,
+                        plank_height_m=entry.plank_height_m,
+                        log=self._log(entry.file, key, at),
+                        nominal_speed_m_s=speed,
+                        dampers=entry.dampers,
+                        towed=entry.towed,
+                        engine_off=entry.engine_off,
+                        release=entry.release,
+                        lifted=tuple(lifted) if entry.release == "body" else (),
+                    )
                 )
-            )
         return tuple(drops)
+
+    def _drop_sensors(self, lifted: list[int], key: str) -> dict[int, list[Sensor]]:
+        """Sensors of one drop per axle under test; those without an axle of their own are at the only one."""
+        found: dict[int, list[Sensor]] = {}
+        for column, table in self.tables.sensors.plank_drop.items():
+            where = f"sensors.plank_drop.{shorten(column)}"
+            if table.axle is not None:
+                index = self.vehicle.axle(table.axle, f"{where}.axle")
+                if index not in lifted:
+                    continue
+            elif len(lifted) > 1:
+                raise CampaignError(
+                    f"{self.file.name}: {key} has several axles, and {where} does not say at which it is mounted; "
+                    "give it an axle."
+                )
+            else:
+                index = lifted[0]
+            axle = self.vehicle.vehicle.axles[index]
+            found.setdefault(index, []).append(_sensor(column, table, axle=index, body=axle.body, x_m=axle.x_m))
+        if not found:
+            raise CampaignError(
+                f"{self.file.name}: {key} has no sensor at its axle in [sensors.plank_drop]; name its column there."
+            )
+        return dict(sorted(found.items()))
 
     def bump_runs(self, scans: Mapping[str, Scan]) -> tuple[BumpRun, ...]:
         """Bump runs with their logs, in the order of the file.

@@ -122,13 +122,16 @@ def _drops(context: Context) -> DropSummary:
 def show_drops(summary: DropSummary, results: Results) -> Blocks:
     """Pooled k and c per axle and method."""
     axles = results.campaign.vehicle.axles
-    table = TextTable("Plank drops, pooled", ("axle", "method", "k kN/m", "c kN s/m", "period s", "decrement", "note"))
+    table = TextTable(
+        "Plank drops, pooled", ("axle", "method", "k kN/m", "c kN s/m", "friction kN", "period s", "decrement", "note")
+    )
     for e in summary.pooled:
         table.add_row(
             f"{e.axle + 1} {axles[e.axle].name}",
             e.method,
             value_cell(e.stiffness, e.stiffness_sd, 1e-3),
             value_cell(e.damping, e.damping_sd, 1e-3),
+            value_cell(e.friction_force, e.friction_force_sd, 1e-3),
             finite_cell(e.damped_period, ".3f"),
             finite_cell(e.log_decrement, ".3f"),
             "" if e.usable else e.note,
