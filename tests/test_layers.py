@@ -26,7 +26,7 @@ LEVELS = (
     {"estimation"},
     {"posterior"},
     {"prediction", "selftest", "validation"},
-    {"planning"},
+    {"planning", "estimates"},
     {"plot"},
     {"export"},
     {"report"},

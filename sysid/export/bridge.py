@@ -12,6 +12,7 @@ import pandas as pd
 
 from sysid.campaign.statics import static_equilibrium
 from sysid.export.csv_cells import escape_cell
+from sysid.export.tables import beyond_columns
 
 if TYPE_CHECKING:
     from sysid.campaign.records import Campaign
@@ -96,6 +97,7 @@ def moving_forces_csv(campaign: Campaign, prediction: PassPrediction) -> str:
 
     Axle i stands at v t - x_i from the start of the bump in the direction of travel; the force is that of all its
     tires, downward, static load included; quantiles are pointwise, those of 5 % and 95 % empty before sampling.
+    ``beyond_driven1`` ... are 1 where the axle is beyond what the driven runs reached.
     """
     p = prediction
     columns = {"time_s": np.round(p.time_s, 6)}
@@ -105,6 +107,7 @@ def moving_forces_csv(campaign: Campaign, prediction: PassPrediction) -> str:
             columns[f"force{i + 1}_N_{key}"] = (
                 np.full(len(p.time_s), np.nan) if force is None else np.round(force[i], 2)
             )
+    columns |= beyond_columns(p)
     return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
 
 

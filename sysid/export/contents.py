@@ -17,12 +17,14 @@ from sysid.tabular import Tabular
 if TYPE_CHECKING:
     import pandas as pd
 
+    from sysid.estimates.records import Estimates
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.fit.profiles import ProfileLikelihood
     from sysid.planning.advice import Advice
     from sysid.posterior.cross_check import CrossCheck
     from sysid.posterior.results import Posterior
     from sysid.prediction.results import Predictions
+    from sysid.prediction.trust import DrivenRange
     from sysid.validation.results import Validation
 
 Status = Literal["converged", "not_converged", "preview"]
@@ -33,7 +35,8 @@ STATUSES: tuple[Status, ...] = ("converged", "not_converged", "preview")
 class Results(Tabular):
     """Results of all stages that have run; a stage that has not run yet is None (no scans: an empty mapping).
 
-    `scans` maps the name of a bump to its analysis; `further` holds results of stages without a field here, by name;
+    `scans` maps the name of a bump to its analysis; `estimates` holds what drops, fit and posterior say of the truck,
+    `driven` what the driven runs reached; `further` holds results of stages without a field here, by name;
     `unfinished` names stages that are still running or were stopped, and whose result is what they have got so far.
     `provenance` may hold ``input_sha256`` (file -> hash),
     ``versions`` (package -> version), ``seed``, ``settings`` (nested mapping) and ``timings`` (stage -> seconds).
@@ -48,6 +51,8 @@ class Results(Tabular):
     fit: FitResult | None = None
     posterior: Posterior | None = None
     crosscheck: CrossCheck | None = None
+    estimates: Estimates | None = None
+    driven: DrivenRange | None = None
     predictions: Predictions | None = None
     validation: Validation | None = None
     advice: Advice | None = None

@@ -81,7 +81,8 @@ def write_validation(results: Results, path: Path) -> None:
 def prediction_csv(prediction: PassPrediction) -> str:
     """The text of one `predictions/*.csv`: time [s], quantiles of each axle's vertical tire and suspension force [N].
 
-    Before sampling the columns of the 5 % and 95 % quantiles are empty.
+    Before sampling the columns of the 5 % and 95 % quantiles are empty.  ``beyond_driven1`` ... are 1 at instants at
+    which the axle is beyond what the driven runs reached, 0 at others.
     """
     # Rounded to 1 us and 0.01 N: far below what the model knows, and a file half the size.
     columns = {"time_s": np.round(prediction.time_s, 6)}
@@ -94,11 +95,20 @@ def prediction_csv(prediction: PassPrediction) -> str:
             for key, force in zip(("q05", "q50", "q95"), bands, strict=True):
                 values = np.full(len(p.time_s), np.nan) if force is None else np.round(force[axle], 2)
                 columns[f"{name}{axle + 1}_N_{key}"] = values
+    columns |= beyond_columns(p)
     return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
 
 
+def beyond_columns(p: PassPrediction) -> dict[str, np.ndarray]:
+    """Columns ``beyond_driven1`` ... of a pass: 1 where the axle is beyond the driven runs; none where not known."""
+    return {} if p.beyond is None else {f"beyond_driven{i + 1}": row.astype(int) for i, row in enumerate(p.beyond)}
+
+
 def pass_measures_csv(predictions: Predictions) -> str:
-    """The text of `predictions/peaks.csv`: a row per pass, axle and measure with its quantiles."""
+    """The text of `predictions/peaks.csv`: a row per pass, axle and measure with its quantiles.
+
+    The last column names what of the axle goes beyond the driven runs, words as in `trust` of `result.json`.
+    """
     rows = []
     passes = predictions.passes
     for p, file in zip(passes, prediction_files(passes), strict=True):
@@ -106,8 +116,10 @@ def pass_measures_csv(predictions: Predictions) -> str:
             head = [escape_cell(p.load_case), speed_km_h(p.speed_m_s), escape_cell(p.shape), axle + 1]
             for name, values in _measures(p):
                 if values is not None:
-                    rows.append([*head, name, *_bands(values, axle), file])
-    return csv_text(("load_case", "speed_km_h", "shape", "axle", "measure", "q05", "q50", "q95", "file"), rows)
+                    beyond = " ".join(e.what for e in p.trust if e.axle == axle)
+                    rows.append([*head, name, *_bands(values, axle), file, beyond])
+    names = ("load_case", "speed_km_h", "shape", "axle", "measure", "q05", "q50", "q95", "file", "beyond_driven")
+    return csv_text(names, rows)
 
 
 def speed_sweeps_csv(predictions: Predictions) -> str:
@@ -121,13 +133,14 @@ def speed_sweeps_csv(predictions: Predictions) -> str:
             *_bands(s.peak_ratio, (i, axle)),
             *_bands(s.load_coefficient, (i, axle)),
             "true" if s.extrapolated[i] else "false",
+            "" if s.beyond is None else "true" if s.beyond[i, axle] else "false",
         ]
         for s in predictions.sweeps
         for i, speed in enumerate(s.speed_m_s)
         for axle in range(s.peak_ratio.q50.shape[1])
     ]
     names = [f"{name}_{q}" for name in ("peak_dynamic_load_ratio", "load_coefficient") for q in ("q05", "q50", "q95")]
-    return csv_text(("load_case", "bump", "speed_km_h", "axle", *names, "extrapolated"), rows)
+    return csv_text(("load_case", "bump", "speed_km_h", "axle", *names, "extrapolated", "beyond_driven"), rows)
 
 
 def _measures(p: PassPrediction) -> tuple[tuple[str, Quantiles | None], ...]:

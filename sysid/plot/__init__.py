@@ -1,6 +1,7 @@
 """Figures of results: each function takes a result and optional axes, returns the axes and computes nothing heavy."""
 
-from sysid.plot.comparison import SOURCE_LABELS, SOURCES, AxleEstimates, Estimate, comparison, suspension_estimates
+from sysid.estimates.suspension_values import AxleEstimates, Estimate, suspension_estimates
+from sysid.plot.comparison import SOURCE_LABELS, SOURCES, comparison
 from sysid.plot.drops import drop, drops
 from sysid.plot.histories import (
     autocorrelation,

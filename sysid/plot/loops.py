@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from sysid.plot.style import axes_grid, axes_or_new, axle_color, styled
-from sysid.prediction.loops import SuspensionLoops
+
+if TYPE_CHECKING:
+    from sysid.prediction.loops import SuspensionLoops
 
 
 @styled

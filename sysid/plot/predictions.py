@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 @styled
 def load_ratio(prediction: PassPrediction, axle: int, ax: Axes | None = None) -> Axes:
-    """Vertical tire force of one axle (index) over its static load, with the band of the 5 % and 95 % quantiles."""
+    """Vertical tire force of one axle (index) over its static load, with the band of the 5 % and 95 % quantiles.
+
+    Hatched: instants at which the axle is beyond what the driven runs reached.
+    """
     ax = axes_or_new(ax)
     static = prediction.static_load_N[axle]
     color = axle_color(axle)
@@ -29,10 +32,31 @@ def load_ratio(prediction: PassPrediction, axle: int, ax: Axes | None = None) ->
         ax.plot(time, middle, color=color, label="median")
     ax.axhline(1.0, color=MUTED, lw=0.8, ls=":")
     ax.axhline(0.0, color=MUTED, lw=0.8)
+    _hatch_beyond(prediction, axle, ax)
     ax.set_title(f"axle {axle + 1}")
     ax.set_xlabel("time after axle 1 meets the bump [s]")
     ax.set_ylabel("dynamic / static load [-]")
     return ax
+
+
+def _hatch_beyond(prediction: PassPrediction, axle: int, ax: Axes) -> None:
+    """Hatch the instants at which an axle is beyond the driven runs, over the whole height of the axes."""
+    if prediction.beyond is None or not prediction.beyond[axle].any():
+        return
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], prediction.beyond[axle].astype(int), [0]])))
+    time, step = prediction.time_s, float(prediction.time_s[1] - prediction.time_s[0])
+    spans = [(float(time[a]), (b - a) * step) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    ax.broken_barh(
+        spans,
+        (0.0, 1.0),
+        transform=ax.get_xaxis_transform(),
+        facecolor="none",
+        edgecolor=MUTED,
+        hatch="////",
+        lw=0.0,
+        zorder=0,
+        label="beyond the driven runs",
+    )
 
 
 @styled
@@ -75,6 +99,7 @@ def suspension_force(prediction: PassPrediction, axle: int, ax: Axes | None = No
         ax.fill_between(time, low, high, color=color, alpha=0.3, lw=0, label="90 % band")
         ax.plot(time, middle, color=color, label="median")
     ax.axhline(0.0, color=MUTED, lw=0.8)
+    _hatch_beyond(prediction, axle, ax)
     ax.set_title(f"axle {axle + 1}")
     ax.set_xlabel("time after axle 1 meets the bump [s]")
     ax.set_ylabel("suspension force [kN]")
@@ -83,7 +108,10 @@ def suspension_force(prediction: PassPrediction, axle: int, ax: Axes | None = No
 
 @styled
 def load_ratio_against_speed(sweep: SpeedSweep, ax: Axes | None = None) -> Axes:
-    """Peak dynamic load ratio of every axle against speed, with bands; grey beyond the speeds that were driven."""
+    """Peak dynamic load ratio of every axle against speed, with bands; grey beyond the speeds that were driven.
+
+    Open marks where tire deflection, travel or damper speed of the axle goes beyond what the driven runs reached.
+    """
     ax = axes_or_new(ax)
     speed, ratio = 3.6 * sweep.speed_m_s, sweep.peak_ratio
     beyond = speed[0] if sweep.driven_m_s is None else 3.6 * sweep.driven_m_s[1]
@@ -94,6 +122,11 @@ def load_ratio_against_speed(sweep: SpeedSweep, ax: Axes | None = None) -> Axes:
         if ratio.q05 is not None and ratio.q95 is not None:
             ax.fill_between(speed, ratio.q05[:, axle], ratio.q95[:, axle], color=color, alpha=0.3, lw=0)
         ax.plot(speed, ratio.q50[:, axle], color=color, marker="o", ms=3, label=f"axle {axle + 1}")
+        if sweep.beyond is not None:
+            past = sweep.beyond[:, axle]
+            ax.plot(speed[past], ratio.q50[past, axle], ls="", marker="o", ms=3, color=color, mfc="white")
+    if sweep.beyond is not None and sweep.beyond.any():
+        ax.plot([], [], ls="", marker="o", ms=3, color=MUTED, mfc="white", label="beyond the driven runs")
     ax.axhline(1.0, color=MUTED, lw=0.8, ls=":")
     ax.set_xlabel("speed [km/h]")
     ax.set_ylabel("peak dynamic / static load [-]")

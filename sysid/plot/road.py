@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 
 from sysid.plot.style import FAINT, INK, MUTED, axes_or_new, axle_color, styled, thin
-from sysid.road.effective import AxleRoad
-from sysid.road.results import RoadProfile, ScanAnalysis
+
+if TYPE_CHECKING:
+    from sysid.road.effective import AxleRoad
+    from sysid.road.results import RoadProfile, ScanAnalysis
 
 
 @styled

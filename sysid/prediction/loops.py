@@ -36,7 +36,8 @@ class SuspensionLoops(Tabular):
     """One cycle of harmonic motion of every suspension in one load case.
 
     `extension_m`, `rate_m_s` (n,) from static rest; `force_N` (suspensions, n) on the body less its static part,
-    positive when it pulls axle and body together; `axles` their axle indices and `laws` their laws.
+    positive when it pulls axle and body together; `axles` their axle indices and `laws` their laws; `amplitude_m`,
+    `frequency_hz` of the motion.
     """
 
     load_case: str
@@ -45,6 +46,8 @@ class SuspensionLoops(Tabular):
     force_N: np.ndarray
     axles: tuple[int, ...]
     laws: tuple[str, ...]
+    amplitude_m: float = AMPLITUDE_M
+    frequency_hz: float = FREQUENCY_HZ
 
     def summary(self) -> pd.DataFrame:
         """Extension [m], rate [m/s] and the force of each axle [N], one row per instant."""
@@ -127,4 +130,6 @@ def suspension_loops(
         np.array(forces).T,
         tuple(own),
         fit.laws,
+        amplitude_m,
+        frequency_hz,
     )

@@ -12,6 +12,7 @@ import numpy as np
 from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import Allowances
+from sysid.prediction.driven_range import spring_deflection
 from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.lanes import Lanes, Pass, pass_matrices
@@ -50,8 +51,8 @@ def histories_of_draws(
     log_parameters: np.ndarray,
     motion: Motion,
     timing: Timing,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Tire forces and suspension forces, static load included, [N] and suspension deflections [m] of n draws.
+) -> tuple[np.ndarray, ...]:
+    """Tire forces and suspension forces, static load included, [N], suspension and tire deflections [m] of n draws.
 
     Each is an array (T, na, n).
 
@@ -81,10 +82,10 @@ def histories_of_draws(
         speed, start_s = (jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s))
         road = wheel_road(stacked, _joined(roads), lanes.axle_x, speed, start_s, timing)
         sets = jnp.asarray(log_parameters[chosen, :, None])
-        tire, suspension, deflection = _histories(stacked, inputs, road, sets, timing=timing)
-        found.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, deflection)])
-    tire, suspension, deflection = (np.concatenate(parts, axis=1)[:, :count] for parts in zip(*found, strict=True))
-    return np.moveaxis(tire, 1, 2), np.moveaxis(suspension, 1, 2), np.moveaxis(deflection, 1, 2)
+        tire, suspension, *deflections = _histories(stacked, inputs, road, sets, timing=timing)
+        found.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, *deflections)])
+    together = (np.concatenate(parts, axis=1)[:, :count] for parts in zip(*found, strict=True))
+    return tuple(np.moveaxis(history, 1, 2) for history in together)
 
 
 def _joined(roads: list[EffectiveRoad]) -> EffectiveRoad:
@@ -101,7 +102,8 @@ def _joined(roads: list[EffectiveRoad]) -> EffectiveRoad:
 def _histories(matrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *, timing: Timing):
     suspension, tire = _laws(inputs, sets)
     found = road.engine.histories(matrices, suspension, tire, road, timing)
-    return found.tire_force, found.suspension_force, found.deflection
+    sunk = spring_deflection(tire, found.tire_force)
+    return found.tire_force, found.suspension_force, found.deflection, sunk
 
 
 def _laws(inputs: LawInputs, sets: jax.Array) -> tuple[SuspensionLaw, TireLaw]:

@@ -16,11 +16,13 @@ from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.lane_laws import lane_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import campaign_allowances
+from sysid.prediction.driven_range import driven_range, spring_deflection
 from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.mass_lanes import VehicleDraws, histories_of_draws
 from sysid.prediction.measures import impulse_ratio, lift_off_time, load_coefficient, quantiles
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
+from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
 from sysid.road.named_shapes import named_shape
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
@@ -43,19 +45,40 @@ Progress = Callable[[str, float], None]
 def _histories(matrices, laws, road: WheelRoad, log_parameters, *, timing: Timing) -> tuple:
     suspension, tire = lane_laws(laws, log_parameters)
     found = road.engine.histories(matrices, suspension, tire, road, timing)
-    return found.tire_force[:, 0], found.suspension_force[:, 0], found.deflection[:, 0]
+    sunk = spring_deflection(tire, found.tire_force)
+    return found.tire_force[:, 0], found.suspension_force[:, 0], found.deflection[:, 0], sunk[:, 0]
 
 
 @dataclass(frozen=True)
 class _Pass:
-    """Histories (T, axles, S) of one pass, its static loads (axles,), and when each axle rings, (T, axles)."""
+    """Histories (T, axles, S) of one pass, its static loads (axles,), and when each axle rings, (T, axles).
+
+    `deflection_m` of the suspensions, positive in extension; `sunk_m` of the tires as far as their springs carry.
+    """
 
     time_s: np.ndarray
     tire_N: np.ndarray
     suspension_N: np.ndarray
     deflection_m: np.ndarray
+    sunk_m: np.ndarray
     static_N: np.ndarray
     passing: np.ndarray
+
+    @property
+    def rate_m_s(self) -> np.ndarray:
+        """Rate of the suspensions' extension (T, axles, S) [m/s]."""
+        return np.asarray(np.gradient(self.deflection_m, INTERVAL_S, axis=0))
+
+    def reached(self, speed_m_s: float) -> Reached:
+        """Extremes over the pass, medians over the draws."""
+        extremes = {
+            "tire_deflection_m": self.sunk_m.max(axis=0),
+            "jounce_m": (-self.deflection_m).max(axis=0),
+            "rebound_m": self.deflection_m.max(axis=0),
+            "damper_speed_m_s": np.abs(self.rate_m_s).max(axis=0),
+            "lift_off_s": lift_off_time(self.tire_N, INTERVAL_S),
+        }
+        return Reached(speed_m_s, **{name: np.median(values, axis=-1) for name, values in extremes.items()})
 
 
 def _simulate(
@@ -81,10 +104,11 @@ def _simulate(
         laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
         wheels = wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
         found = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), timing=timing)
-        tire, suspension, deflection = (np.asarray(h) for h in found)
+        tire, suspension, deflection, sunk = (np.asarray(h) for h in found)
         suspension = suspension + lanes.matrices.carried_load[0]
     else:
-        tire, suspension, deflection = histories_of_draws(lanes, parameters, vehicles, wanted, sets.T, motion, timing)
+        found = histories_of_draws(lanes, parameters, vehicles, wanted, sets.T, motion, timing)
+        tire, suspension, deflection, sunk = found
     static = lanes.matrices.static_load[0, :, 0]
     check_finite(request, parameters, sets, np.asarray(static), tire, suspension, deflection)
     time = np.round(np.arange(samples) * INTERVAL_S - lead, 6)
@@ -94,6 +118,7 @@ def _simulate(
         tire,
         suspension,
         deflection,
+        sunk,
         static,
         (time[:, None] >= (road.first_station_m + x) / speed) & (time[:, None] <= (last + x) / speed + AFTER_S),
     )
@@ -106,6 +131,7 @@ def predict_pass(
     request: PredictionRequest,
     sets: np.ndarray,
     vehicles: VehicleDraws | None = None,
+    driven: DrivenRange | None = None,
 ) -> PassPrediction:
     """Wheel loads of one pass, for a point estimate or for posterior draws.
 
@@ -117,11 +143,13 @@ def predict_pass(
     roads : what the wheels feel, see :func:`effective_roads`.
     sets : (n, p) log parameters: one row, or draws, of which the bands are quantiles.
     vehicles : those that belong to the draws, None for the declared one.
+    driven : what the driven runs reached; without it nothing is said about extrapolation.
     """
     p = _simulate(campaign, parameters, roads, request, sets.T, vehicles)
     force = quantiles(p.tire_N)
     ratio = quantiles(p.tire_N.max(axis=0) / p.static_N[:, None])
     jounce, rebound = quantiles((-p.deflection_m).max(axis=0)), quantiles(p.deflection_m.max(axis=0))
+    trust = () if driven is None else extrapolations(p.reached(request.speed_m_s), driven, request.load_case)
     together = float(np.median(p.tire_N.sum(axis=1).mean(axis=0))) / float(p.static_N.sum())
     return PassPrediction(
         load_case=request.load_case,
@@ -135,7 +163,7 @@ def predict_pass(
         peak_ratio_q50=ratio.q50,
         peak_ratio_q95=ratio.q95,
         lift_off=(p.tire_N.min(axis=0) <= 0.0).mean(axis=1) >= 0.5,
-        warnings=remarks(campaign, request, ratio.q50, (jounce, rebound), together),
+        warnings=remarks(campaign, request, trust, (jounce, rebound), together),
         suspension_force_N=Quantiles(*(_transposed(q) for q in vars(quantiles(p.suspension_N)).values())),
         load_coefficient=quantiles(load_coefficient(p.tire_N, p.static_N, p.passing)),
         lift_off_s=quantiles(lift_off_time(p.tire_N, INTERVAL_S)),
@@ -143,6 +171,8 @@ def predict_pass(
         rebound_m=rebound,
         impulse_ratio=quantiles(impulse_ratio(p.tire_N, p.static_N)),
         shape="" if request.shape is None else request.shape.label,
+        trust=trust,
+        beyond=None if driven is None else beyond_driven(driven, p.sunk_m, p.deflection_m, p.rate_m_s, p.tire_N),
     )
 
 
@@ -172,6 +202,7 @@ def speed_sweep(
     speeds_m_s: Sequence[float],
     progress: Progress = lambda message, fraction: None,
     vehicles: VehicleDraws | None = None,
+    driven: DrivenRange | None = None,
 ) -> SpeedSweep:
     """Peak load ratio and dynamic load coefficient of one load case over a bump against speed.
 
@@ -180,21 +211,25 @@ def speed_sweep(
     sets : (p, S) log parameters, one column the point estimate or several draws.
     speeds_m_s : (m,) [m/s].
     vehicles : those that belong to the sets, None for the declared one.
+    driven : what the driven runs reached; without it nothing but the speed is compared with them.
     """
-    peaks, coefficients = [], []
+    peaks, coefficients, beyond = [], [], []
     for i, speed in enumerate(speeds_m_s):
         progress(f"ratio against speed, {load_case}", i / len(speeds_m_s))
         p = _simulate(campaign, parameters, roads, PredictionRequest(load_case, speed, bump), sets, vehicles)
         peaks.append(p.tire_N.max(axis=0) / p.static_N[:, None])
         coefficients.append(load_coefficient(p.tire_N, p.static_N, p.passing))
-    driven = driven_speeds(campaign, load_case)
+        found = () if driven is None else extrapolations(p.reached(speed), driven, load_case)
+        beyond.append([any(e.axle == i and e.what != "speed" for e in found) for i in range(len(p.static_N))])
+    nominal = driven_speeds(campaign, load_case)
     return SpeedSweep(
         load_case,
         bump,
         np.asarray(speeds_m_s, dtype=np.float64),
         quantiles(np.array(peaks)),
         quantiles(np.array(coefficients)),
-        (min(driven), max(driven)) if driven else None,
+        (min(nominal), max(nominal)) if nominal else None,
+        None if driven is None else np.array(beyond),
     )
 
 
@@ -214,6 +249,7 @@ def predict(
     seed: int = 0,
     sweep_km_h: Sequence[float] = SWEEP_KM_H,
     progress: Progress = lambda message, fraction: None,
+    driven: DrivenRange | None = None,
 ) -> Predictions:
     """Wheel loads of passes, and the load ratio against speed in their load cases.
 
@@ -226,6 +262,7 @@ def predict(
         ratio against speed to :data:`SWEEP_DRAWS`.
     requests : the passes.
     sweep_km_h : speeds of the ratio against speed [km/h], none for no such table.
+    driven : what the driven runs reached (:func:`sysid.prediction.driven_range.driven_range`), None to compute it.
 
     Raises
     ------
@@ -234,6 +271,7 @@ def predict(
     """
     campaign, parameters, response = state.campaign, state.parameters, state.point.mass_response
     _check_load_cases(campaign, parameters, requests, drawn=draws is not None and response is not None)
+    driven = driven or driven_range(state)
     random = np.random.default_rng(seed)
     if draws is not None and draws.shape[0] > DRAWS:
         draws = draws[random.choice(draws.shape[0], DRAWS, replace=False)]
@@ -242,13 +280,13 @@ def predict(
     if draws is not None and response is not None:
         vehicles = VehicleDraws(campaign_allowances(campaign, parameters, roads), response.draws(draws, random))
     sets = state.point.log_parameters[None] if draws is None else draws
-    passes = tuple(predict_pass(campaign, parameters, roads, request, sets, vehicles) for request in requests)
+    passes = tuple(predict_pass(campaign, parameters, roads, request, sets, vehicles, driven) for request in requests)
     sets = sets[:SWEEP_DRAWS].T
     few = None if vehicles is None else vehicles.first(SWEEP_DRAWS)
     pairs = dict.fromkeys((r.load_case, r.bump) for r in requests if r.shape is None)
     speeds = [v / 3.6 for v in sweep_km_h]
     sweeps = tuple(
-        speed_sweep(campaign, parameters, case, bump, roads, sets, speeds, progress, few)
+        speed_sweep(campaign, parameters, case, bump, roads, sets, speeds, progress, few, driven)
         for case, bump in pairs
         if speeds
     )

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
-from sysid.campaign.records import Axle, Campaign, PredictionRequest
-from sysid.estimation.parameters.suspension_elements import law_elements
-from sysid.prediction.results import FASTER, Quantiles
+from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.prediction.bump_stops import BUMP_STOPS, has_bump_stops
+from sysid.prediction.results import Quantiles
+from sysid.prediction.trust import MARGIN, Extrapolation
 
-#: Load ratio from which on a truck would have hit its stops.
-ARTEFACT_RATIO = 3.0
-#: The element of a suspension law that stops the motion at the declared travel.
-BUMP_STOPS = "bump_stops"
 #: Departure of the mean load of the whole truck over a pass from its weight that is worth a sentence.
 _IMPULSE = 0.01
-
-
-def knows_travel(axle: Axle) -> bool:
-    """Whether the campaign file declares how far an axle moves to its stops, both ways."""
-    return axle.jounce_travel_m is not None and axle.rebound_travel_m is not None
-
-
-def has_bump_stops(axle: Axle) -> bool:
-    """Whether the model stops an axle at its declared travel: no law is given stops but in the campaign file."""
-    return BUMP_STOPS in law_elements(axle.suspension_law)
+#: Quantities of a pass that are compared with the driven runs: words, factor and unit for people.
+_QUANTITIES = {
+    "tire_deflection": ("tire deflection", 1e3, "mm"),
+    "travel": ("suspension travel", 1e3, "mm"),
+    "damper_speed": ("damper speed", 1.0, "m/s"),
+}
 
 
 def driven_speeds(campaign: Campaign, load_case: str) -> list[float]:
@@ -34,7 +27,7 @@ def driven_speeds(campaign: Campaign, load_case: str) -> list[float]:
 def remarks(
     campaign: Campaign,
     request: PredictionRequest,
-    peak_ratio: np.ndarray,
+    trust: Sequence[Extrapolation],
     travel: tuple[Quantiles, Quantiles],
     impulse: float,
 ) -> tuple[str, ...]:
@@ -42,14 +35,14 @@ def remarks(
 
     Parameters
     ----------
-    peak_ratio : (axles,) median peak ratio of every axle.
+    trust : what of the pass goes beyond the driven runs.
     travel : jounce and rebound travel (axles,) [m], both positive.
     impulse : mean of all wheel loads over the pass over the weight.
     """
     name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
     if request.shape is not None:
         name += f", {request.shape.label}"
-    found = [*_extrapolation(campaign, request, name), *_travel(campaign, name, peak_ratio, travel)]
+    found = [*_extrapolation(campaign, request, name), *_beyond(trust, name), *_travel(campaign, name, travel)]
     if abs(impulse - 1.0) > _IMPULSE:
         found.append(
             f"{name}: the wheel loads together carry {impulse:.3f} times the weight over the pass; the truck is not at "
@@ -63,7 +56,7 @@ def _extrapolation(campaign: Campaign, request: PredictionRequest, name: str) ->
     driven = driven_speeds(campaign, request.load_case)
     if not driven:
         found.append(f"{name}: no run was driven in this load case; the prediction is an extrapolation.")
-    elif request.speed_m_s > FASTER * max(driven):
+    elif request.speed_m_s > MARGIN * max(driven):
         found.append(
             f"{name}: faster than any run of this load case ({3.6 * max(driven):g} km/h); the prediction is an "
             "extrapolation."
@@ -73,7 +66,23 @@ def _extrapolation(campaign: Campaign, request: PredictionRequest, name: str) ->
     return found
 
 
-def _travel(campaign: Campaign, name: str, peak_ratio: np.ndarray, travel: tuple[Quantiles, Quantiles]) -> list[str]:
+def _beyond(trust: Sequence[Extrapolation], name: str) -> list[str]:
+    """One sentence per quantity that goes beyond the driven runs, the speed left out."""
+    found = []
+    for what, (words, factor, unit) in _QUANTITIES.items():
+        of_axles = [e for e in trust if e.what == what]
+        if of_axles:
+            axles = ", ".join(
+                f"axle {e.axle + 1} {factor * e.reached:.3g} {unit} (driven {factor * e.driven:.3g} {unit})"
+                for e in of_axles
+            )
+            found.append(f"{name}: {words} goes beyond the driven runs: {axles}; the loads there are an extrapolation.")
+    if lifted := [f"axle {e.axle + 1}" for e in trust if e.what == "lift_off"]:
+        found.append(f"{name}: wheels leave the road that never did in the driven runs: {', '.join(lifted)}.")
+    return found
+
+
+def _travel(campaign: Campaign, name: str, travel: tuple[Quantiles, Quantiles]) -> list[str]:
     axles = campaign.vehicle.axles
     found = []
     for word, key, predicted in (
@@ -88,11 +97,4 @@ def _travel(campaign: Campaign, name: str, peak_ratio: np.ndarray, travel: tuple
                     f"{1e3 * limit:.0f} mm, and its suspension_law has no {BUMP_STOPS}: the load ratio there is not "
                     "that of the truck."
                 )
-    unknown = np.array([not knows_travel(axle) for axle in axles])
-    if np.any(peak_ratio[unknown] >= ARTEFACT_RATIO):
-        found.append(
-            f"{name}: load ratios of {ARTEFACT_RATIO:g} and more come from a model without bump stops, and no "
-            "suspension travel is declared in campaign.toml to judge whether the stops would be reached; do not use "
-            "them as wheel loads."
-        )
     return found

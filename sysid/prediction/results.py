@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.prediction.trust import MARGIN, Extrapolation
 from sysid.tabular import Tabular, band_columns
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
-
-
-#: Faster than the fastest run by more than this factor is an extrapolation.
-FASTER = 1.05
 
 
 @dataclass(frozen=True)
@@ -41,6 +38,10 @@ class PassPrediction(Tabular):
     over static load, from the axle's first contact to the end of its ringing; `lift_off_s` time off the ground;
     `jounce_m`, `rebound_m` largest compression and extension from rest; `impulse_ratio` mean force over the pass over
     static load.  `shape` names a bump that no run crossed, empty for a scanned one.
+
+    `trust` lists what goes beyond the driven runs, empty where nothing does; `beyond` (axles, n) bool, instants at
+    which tire deflection, travel or damper speed do so in at least half of the draws, or a wheel is off the ground that
+    never was, None where the driven runs are not known.
     """
 
     load_case: str
@@ -62,6 +63,8 @@ class PassPrediction(Tabular):
     rebound_m: Quantiles | None = None
     impulse_ratio: Quantiles | None = None
     shape: str = ""
+    trust: tuple[Extrapolation, ...] = ()
+    beyond: np.ndarray | None = None
 
     @property
     def peak_ratio(self) -> Quantiles:
@@ -111,7 +114,9 @@ class PassPrediction(Tabular):
 class SpeedSweep(Tabular):
     """Peak dynamic load ratio and dynamic load coefficient of one load case against speed, (speeds, axles).
 
-    `driven_m_s` are the lowest and the highest nominal speed of the runs in this load case, None without any.
+    `driven_m_s` are the lowest and the highest nominal speed of the runs in this load case, None without any; `beyond`
+    (speeds, axles) bool whether tire deflection, travel or damper speed goes beyond the driven runs, or a wheel lifts
+    off that never did, None where the driven runs are not known.
     """
 
     load_case: str
@@ -120,11 +125,12 @@ class SpeedSweep(Tabular):
     peak_ratio: Quantiles
     load_coefficient: Quantiles
     driven_m_s: tuple[float, float] | None
+    beyond: np.ndarray | None = None
 
     @property
     def extrapolated(self) -> np.ndarray:
         """Speeds (m,) at which no run of the load case was as fast, bool."""
-        fastest = 0.0 if self.driven_m_s is None else FASTER * self.driven_m_s[1]
+        fastest = 0.0 if self.driven_m_s is None else MARGIN * self.driven_m_s[1]
         return np.asarray(self.speed_m_s > fastest)
 
     def summary(self) -> pd.DataFrame:

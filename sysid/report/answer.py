@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.display import NOT_DETERMINED
+from sysid.estimates.suspension_values import AxleEstimates, Estimate
 from sysid.export import Results
-from sysid.plot import AxleEstimates, Estimate, suspension_estimates
-from sysid.report.cells import Cell, Table, axle_name, table
+from sysid.report.cells import Cell, Table, axle_name, suspension_values, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, listing
 
 if TYPE_CHECKING:
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 def answer_table(results: Results) -> Table | None:
     """k and c of every axle, the most informed value of each with its 90 % interval; None before any estimate."""
-    stiffness = suspension_estimates("stiffness", results.drops, results.fit, results.posterior)
-    damping = suspension_estimates("damping", results.drops, results.fit, results.posterior)
+    stiffness = suspension_values(results, "stiffness")
+    damping = suspension_values(results, "damping")
     if not any(row.best for row in (*stiffness, *damping)):
         return None
     several = {row.axle for row in stiffness if sum(r.axle == row.axle for r in stiffness) > 1}

@@ -10,13 +10,11 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 
 from sysid import plot
-from sysid.estimation.parameters.suspension_elements import LINEAR
+from sysid.estimates.suspension_values import Quantity
 from sysid.export import Results
-from sysid.plot.comparison import Quantity
-from sysid.prediction.loops import AMPLITUDE_M, FREQUENCY_HZ, suspension_loops
+from sysid.report.cells import suspension_values
 from sysid.report.drop_tables import without_dampers
 from sysid.report.numbers import count, number, percent, speed
-from sysid.road import AxleRoad, effective_profiles
 from sysid.sdof.results import DropAnalysis
 
 if TYPE_CHECKING:
@@ -59,7 +57,7 @@ def comparison_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     pictures = []
     quantities: tuple[tuple[Quantity, str], ...] = (("stiffness", "Stiffness"), ("damping", "Damping"))
     for quantity, name in quantities:
-        rows = plot.suspension_estimates(quantity, results.drops, results.fit, results.posterior)
+        rows = suspension_values(results, quantity)
         if any(row.best is not None for row in rows):
             ax = plot.comparison(rows, quantity)
             caption = f"{name} per axle: marker = method, colour = axle, bar = 90 % interval."
@@ -121,15 +119,6 @@ def first_load_case(results: Results) -> LoadCase:
     return next(iter(results.campaign.load_cases.values()))
 
 
-def axle_roads(results: Results, scan: str) -> tuple[AxleRoad, ...] | None:
-    """What every axle feels of a scanned bump in the first load case; None where there is no bump to feel."""
-    profile = results.scans[scan].profile
-    if not np.any(profile.height_m > 0.0):
-        return None
-    case = first_load_case(results)
-    return effective_profiles(results.campaign.vehicle, case, case, profile)
-
-
 def scan_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     """Profile and cloud of every scan."""
     pictures = []
@@ -140,12 +129,14 @@ def scan_pictures(results: Results, gallery: Gallery) -> list[Picture]:
         pictures.append(gallery.picture(plot.profile(analysis), caption, width="half"))
         caption = f"Scan of {name} from above; between the dashed lines lie the points used for the profile."
         pictures.append(gallery.picture(plot.scan(analysis), caption, width="half"))
-        if (roads := axle_roads(results, name)) is not None:
+        if results.estimates is not None and name in results.estimates.roads:
             caption = (
                 f"Effective profile of {name}: how far the wheel centre of each axle must rise to keep its tires at "
                 f"their static load ({first_load_case(results).name}), tires as radial springs."
             )
-            pictures.append(gallery.picture(plot.effective_profile(p, roads), caption, width="half"))
+            pictures.append(
+                gallery.picture(plot.effective_profile(p, results.estimates.roads[name]), caption, width="half")
+            )
     return pictures
 
 
@@ -224,15 +215,12 @@ def mode_pictures(modes: Sequence[NaturalModes], gallery: Gallery) -> list[Pictu
 
 def loop_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     """Force-displacement and force-rate curves, for every load case that was driven, where a law is not linear."""
-    if results.fit is None or set(results.fit.laws) == {LINEAR}:
-        return []
     pictures = []
-    for case in dict.fromkeys(h.load_case for h in results.fit.histories):
-        loops = suspension_loops(results.campaign, results.drops, results.fit, case)
+    for loops in () if results.estimates is None else results.estimates.loops:
         caption = (
-            f"Suspension force against extension and against its rate, {case}: one cycle of "
-            f"{1e3 * AMPLITUDE_M:g} mm at {FREQUENCY_HZ:g} Hz with the least-squares laws; positive pulls axle and "
-            "body together, the static load is left out."
+            f"Suspension force against extension and against its rate, {loops.load_case}: one cycle of "
+            f"{1e3 * loops.amplitude_m:g} mm at {loops.frequency_hz:g} Hz with the least-squares laws; positive pulls "
+            "axle and body together, the static load is left out."
         )
         pictures.append(gallery.picture(plot.suspension_loop_pair(loops)[0, 0], caption))
     return pictures
@@ -340,7 +328,8 @@ def prediction_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     for p in results.predictions.passes:
         caption = (
             f"{p.load_case}, {speed(p.speed_m_s)} km/h: vertical wheel load over static load, as in Figure 9a "
-            "of the paper; 1 is the load at rest, 0 a wheel off the ground."
+            "of the paper; 1 is the load at rest, 0 a wheel off the ground. Hatched: beyond what the driven runs "
+            "reached."
         )
         peaks = ", ".join(f"axle {i + 1} {number(float(r))}" for i, r in enumerate(p.peak_ratio_q50))
         pictures.append(gallery.picture(plot.load_ratios(p)[0, 0], caption, f"{caption} Peak ratios: {peaks}."))
@@ -355,7 +344,8 @@ def sweep_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     for s in results.predictions.sweeps:
         caption = (
             f"{s.load_case}: peak dynamic load ratio against speed, with 90 % bands where the posterior has been "
-            "sampled. Grey: faster than any run of this load case, an extrapolation."
+            "sampled. Grey: faster than any run of this load case. Open marks: tire deflection, travel or damper speed "
+            "beyond what the driven runs reached. Both are extrapolations."
         )
         fastest = ", ".join(f"axle {i + 1} {number(float(r))}" for i, r in enumerate(s.peak_ratio.q50[-1]))
         words = f"{caption} At {speed(float(s.speed_m_s[-1]))} km/h: {fastest}."

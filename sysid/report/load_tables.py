@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from sysid.export import Results, prediction_files
 from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, number, speed
+from sysid.report.stops import trust_words
 
 if TYPE_CHECKING:
     from sysid.prediction.results import Quantiles
@@ -39,6 +40,7 @@ def prediction_tables(results: Results) -> list[Table]:
                     _travel(p.jounce_m, i, results.campaign.vehicle.axles[i].jounce_travel_m),
                     _travel(p.rebound_m, i, results.campaign.vehicle.axles[i].rebound_travel_m),
                     _band(p.impulse_ratio, i, 3),
+                    "; ".join(trust_words(e) for e in p.trust if e.axle == i) or "nothing",
                 ]
             )
         head = (
@@ -52,6 +54,7 @@ def prediction_tables(results: Results) -> list[Table]:
             "compression [mm]",
             "extension [mm]",
             "mean / static load [-]",
+            "beyond the driven runs",
         )
         over = f" over {p.shape}" if p.shape else ""
         caption = (

@@ -13,14 +13,13 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from sysid.estimates.suspension_values import Quantity
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.export import Results
 from sysid.files import write_text
-from sysid.plot.comparison import Quantity
-from sysid.prediction.modes import calibrated_modes
 from sysid.report import agreement, answer, cells, drop_tables, explorer, figures, knowledge, load_tables, tables
 from sysid.report.numbers import MISSING, count, fixed, number, percent, plain_text
-from sysid.report.stops import ARTEFACT_RATIO, artefact_passes, undeclared_travel
+from sysid.report.stops import undeclared_travel
 from sysid.report.verdict import verdict
 
 _QUANTITIES: tuple[Quantity, ...] = ("stiffness", "damping")
@@ -62,7 +61,7 @@ def _content(results: Results) -> dict[str, Any]:
     history_shown, history_every = figures.history_pictures(results, gallery)
     channels = () if results.quality is None else results.quality.channels
     run_names = _run_names(results)
-    modes = () if results.fit is None else calibrated_modes(results.campaign, results.fit, results.posterior)
+    modes = () if results.estimates is None else results.estimates.modes
     return {
         "r": results,
         "verdict": verdict(results),
@@ -120,14 +119,12 @@ def _content(results: Results) -> dict[str, Any]:
         "suspension_pictures": figures.suspension_pictures(results, gallery),
         "sweep_pictures": figures.sweep_pictures(results, gallery),
         "sweep_tables": load_tables.sweep_tables(results),
-        "artefacts": artefact_passes(results),
         "undeclared": [f"axle {i + 1}" for i in undeclared_travel(results)],
         "settings": tables.flat_settings(results.provenance.get("settings", {})),
         "versions": dict(results.provenance.get("versions", {})),
         "timing_rows": [(k, number(v)) for k, v in results.provenance.get("timings", {}).items()],
         "seed": results.provenance.get("seed", results.posterior.seed if results.posterior else None),
         "misfit": MISFIT,
-        "artefact_ratio": ARTEFACT_RATIO,
     }
 
 

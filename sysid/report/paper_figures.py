@@ -15,7 +15,7 @@ from sysid.export.csv_cells import escape_cell
 from sysid.files import write_text
 from sysid.plot.style import styled
 from sysid.report.answer import axle_load_table
-from sysid.report.figures import axle_roads, representative_drops, representative_run, run_words
+from sysid.report.figures import representative_drops, representative_run, run_words
 from sysid.report.numbers import speed
 
 if TYPE_CHECKING:
@@ -66,8 +66,8 @@ def _bump(results: Results, name: str) -> Axes:
     analysis = results.scans[name]
     plot.scan(analysis, axes[0])
     plot.profile(analysis, axes[1])
-    if (roads := axle_roads(results, name)) is not None:
-        plot.effective_profile(analysis.profile, roads, axes[2])
+    if results.estimates is not None and name in results.estimates.roads:
+        plot.effective_profile(analysis.profile, results.estimates.roads[name], axes[2])
     return axes[0]
 
 

@@ -1,18 +1,25 @@
-"""Predicted passes that would need bump stops which the model does not have, and what would give it some."""
+"""What limits predicted wheel loads: passes beyond the driven runs, and travel beyond the stops."""
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
-from sysid.estimation.fit.law_choice import laws_of_axles
-from sysid.estimation.parameters.suspension_elements import law_name
 from sysid.export.contents import Results
-from sysid.prediction.remarks import ARTEFACT_RATIO, BUMP_STOPS, has_bump_stops, knows_travel
-from sysid.report.numbers import listing, speed
+from sysid.prediction.bump_stops import BUMP_STOPS, has_bump_stops, knows_travel, law_with_stops
+from sysid.report.numbers import listing, number, speed
 
 if TYPE_CHECKING:
     from sysid.prediction.results import PassPrediction
+    from sysid.prediction.trust import Extrapolation, What
+
+#: Words for what goes beyond the driven runs, and factor and unit for people.
+TRUST_WORDS: dict[What, tuple[str, float, str]] = {
+    "speed": ("speed", 3.6, "km/h"),
+    "tire_deflection": ("tire deflection", 1e3, "mm"),
+    "travel": ("suspension travel", 1e3, "mm"),
+    "damper_speed": ("damper speed", 1.0, "m/s"),
+    "lift_off": ("time off the road", 1e3, "ms"),
+}
 
 
 def pass_name(p: PassPrediction) -> str:
@@ -20,24 +27,21 @@ def pass_name(p: PassPrediction) -> str:
     return f"{p.load_case} {speed(p.speed_m_s)}\u00a0km/h" + (f" over {p.shape}" if p.shape else "")
 
 
+def trust_words(e: Extrapolation) -> str:
+    """What goes beyond the driven runs with its value and the driven one, for a table."""
+    words, factor, unit = TRUST_WORDS[e.what]
+    driven = f"driven {number(factor * e.driven)}" if e.driven > 0.0 else "none driven"
+    return f"{words} {number(factor * e.reached)}\u00a0{unit} ({driven})"
+
+
 def undeclared_travel(results: Results) -> list[int]:
     """Axles (indices) without `jounce_travel_m` or without `rebound_travel_m`."""
     return [i for i, axle in enumerate(results.campaign.vehicle.axles) if not knows_travel(axle)]
 
 
-def artefact_passes(results: Results) -> list[str]:
-    """Predicted passes whose peak ratio is too high for a truck with bump stops, on axles of unknown travel."""
-    unknown = undeclared_travel(results)
-    return [
-        pass_name(p)
-        for p in (() if results.predictions is None else results.predictions.passes)
-        if any(math.isfinite(ratio := float(p.peak_ratio_q50[i])) and ratio >= ARTEFACT_RATIO for i in unknown)
-    ]
-
-
 def exceeded_travel(results: Results) -> dict[int, list[str]]:
     """Passes that predict more travel, upper end of its interval, than declared, by axle (index) without stops."""
-    found: dict[int, list[str]] = {}
+    exceeded: dict[int, list[str]] = {}
     for p in () if results.predictions is None else results.predictions.passes:
         for i, axle in enumerate(results.campaign.vehicle.axles):
             pairs = ((p.jounce_m, axle.jounce_travel_m), (p.rebound_m, axle.rebound_travel_m))
@@ -48,38 +52,57 @@ def exceeded_travel(results: Results) -> dict[int, list[str]]:
                 for travel, declared in pairs
             )
             if beyond and not has_bump_stops(axle):
-                found.setdefault(i, []).append(pass_name(p))
-    return found
+                exceeded.setdefault(i, []).append(pass_name(p))
+    return exceeded
 
 
 def cautions(results: Results) -> list[str]:
     """Why wheel loads may not be those of the truck."""
-    found = []
-    if artefacts := artefact_passes(results):
-        found.append(
-            f"Peak wheel-load ratios of {ARTEFACT_RATIO:g} and more ({listing(artefacts)}) are artefacts: the model "
-            "has no bump stops on axles whose jounce_travel_m and rebound_travel_m the campaign file does not declare."
+    sentences = []
+    passes = () if results.predictions is None else results.predictions.passes
+    if beyond := [f"{pass_name(p)}: {_beyond(p)}" for p in passes if p.trust]:
+        sentences.append(
+            f"Predicted passes go beyond what the driven runs reached ({'; '.join(beyond)}). There the wheel loads "
+            "are an extrapolation of the fitted laws."
         )
     if exceeded := exceeded_travel(results):
         where = [f"{name}, axle {i + 1}" for i, names in exceeded.items() for name in names]
-        found.append(
+        sentences.append(
             f"Predicted suspension travel is larger than declared ({listing(where)}): the wheel-load ratios there "
             f"leave out the stops, because the axle's law has no {BUMP_STOPS}."
         )
-    return found
+    return sentences
+
+
+def _beyond(p: PassPrediction) -> str:
+    """What of a pass goes beyond the driven runs, and on which axles."""
+    parts = []
+    for what, (words, _, _) in TRUST_WORDS.items():
+        axles = [f"axle {e.axle + 1}" for e in p.trust if e.what == what]
+        if axles and what == "speed":
+            parts.append(words)
+        elif axles:
+            where = "every axle" if len(axles) == len(p.static_load_N) else listing(axles)
+            parts.append(f"{'lift-off' if what == 'lift_off' else words} of {where}")
+    return listing(parts)
 
 
 def remedies(results: Results) -> list[str]:
-    """What to write into the campaign file before high wheel-load ratios are used."""
+    """What would let the predictions say more: runs that reach further, declared travel, laws with stops."""
     if results.predictions is None:
         return []
     steps = []
-    if unknown := undeclared_travel(results):
-        every = len(unknown) == len(results.campaign.vehicle.axles)
-        axles = "every axle" if every else listing([f"axle {i + 1}" for i in unknown])
+    if any(p.trust for p in results.predictions.passes):
         steps.append(
-            f"Declare jounce_travel_m and rebound_travel_m of {axles} before using high wheel-load ratios: this report "
-            f"then says where stops are reached. Only a suspension_law with {BUMP_STOPS} puts them into the model."
+            "Drive a run that comes nearer to the extrapolated passes (faster, or in their load case) if their wheel "
+            "loads matter."
+        )
+    if unknown := undeclared_travel(results):
+        every_axle = len(unknown) == len(results.campaign.vehicle.axles)
+        axles = "every axle" if every_axle else listing([f"axle {i + 1}" for i in unknown])
+        steps.append(
+            f"Declare jounce_travel_m and rebound_travel_m of {axles}: this report then says where stops would be "
+            f"reached. Only a suspension_law with {BUMP_STOPS} puts them into the model."
         )
     if exceeded := exceeded_travel(results):
         laws: dict[str, list[str]] = {}
@@ -96,4 +119,4 @@ def remedies(results: Results) -> list[str]:
 def _law_with_stops(results: Results, axle: int) -> str:
     if results.fit is None:
         return BUMP_STOPS
-    return law_name(laws_of_axles(results.campaign.vehicle, results.fit.laws)[axle] | {BUMP_STOPS})
+    return law_with_stops(results.campaign.vehicle, results.fit.laws, axle)

@@ -10,11 +10,11 @@ import numpy as np
 
 from sysid.campaign.findings import ChannelFinding
 from sysid.display import NOT_DETERMINED, Z90, shown_unit
+from sysid.estimates.suspension_values import AxleEstimates, Quantity
 from sysid.estimation.fit.thresholds import STEP_HALVING
 from sysid.export import Results
-from sysid.plot import SOURCE_LABELS, SOURCES, AxleEstimates, label, suspension_estimates
-from sysid.plot.comparison import Quantity
-from sysid.report.cells import Cell, Table, axle_name, table
+from sysid.plot import SOURCE_LABELS, SOURCES, label
+from sysid.report.cells import Cell, Table, axle_name, suspension_values, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, number, percent
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def masses_table(fit: FitResult) -> Table | None:
 
 def estimates_table(results: Results, quantity: Quantity) -> Table | None:
     """Stiffness or damping per axle: paper, corrected, fitted, posterior, each with its interval; None without any."""
-    rows = suspension_estimates(quantity, results.drops, results.fit, results.posterior)
+    rows = suspension_values(results, quantity)
     if not rows:
         return None
     shown = ("paper", "corrected", "model", "fitted", "posterior")

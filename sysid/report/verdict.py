@@ -7,11 +7,11 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
+from sysid.estimates.suspension_values import AxleEstimates, Estimate, Quantity
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.export.contents import Results
-from sysid.plot import AxleEstimates, Estimate, suspension_estimates
-from sysid.plot.comparison import Quantity
 from sysid.report import stops
+from sysid.report.cells import suspension_values
 from sysid.report.numbers import count, interval, listing, number, percent, speed
 
 Tone = Literal["good", "caution", "stop"]
@@ -91,7 +91,7 @@ def _badge_tone(results: Results) -> Tone:
 def _what(results: Results) -> list[str]:
     sentences = []
     for quantity, name, unit in _QUANTITIES:
-        rows = suspension_estimates(quantity, results.drops, results.fit, results.posterior)
+        rows = suspension_values(results, quantity)
         every = [e for e in (row.best for row in rows) if e is not None]
         best = [e for e in every if e.identified]
         if every and not best:
@@ -121,7 +121,6 @@ def _wheel_loads(results: Results) -> list[str]:
     if results.predictions is None:
         return []
     sentences = []
-    artefacts = stops.artefact_passes(results)
     for p in results.predictions.passes:
         axle = max(range(len(p.static_load_N)), key=lambda i: _finite(float(p.peak_ratio_q50[i])))
         low = None if p.peak_ratio_q05 is None else float(p.peak_ratio_q05[axle])
@@ -131,7 +130,7 @@ def _wheel_loads(results: Results) -> list[str]:
             f"At {speed(p.speed_m_s)}\u00a0km/h ({p.load_case}) the largest wheel load is "
             f"{number(float(p.peak_ratio_q50[axle]))} times the static one, on axle {axle + 1}"
             + (f" (90\u00a0% interval {band})" if band else "")
-            + (": an artefact, see the caution." if stops.pass_name(p) in artefacts else ".")
+            + (": an extrapolation, see the caution." if any(e.axle == axle for e in p.trust) else ".")
         )
     return sentences
 
@@ -215,7 +214,7 @@ def _best_rows(results: Results) -> list[tuple[str, AxleEstimates, Estimate]]:
     rows: list[tuple[str, AxleEstimates, Estimate]] = []
     for quantity, name, _ in _QUANTITIES:
         symbol = name[-1]
-        for row in suspension_estimates(quantity, results.drops, results.fit, results.posterior):
+        for row in suspension_values(results, quantity):
             if row.best is not None:
                 rows.append(
                     (

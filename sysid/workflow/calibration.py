@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.estimates.records import Estimates
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.profiles import ProfileLikelihood
 from sysid.estimation.residuals.run_history import RunHistory
@@ -18,7 +19,6 @@ from sysid.planning.advice import Advice
 from sysid.planning.advise import CANDIDATE_KM_H
 from sysid.posterior.cross_check import CrossCheck
 from sysid.posterior.results import Posterior
-from sysid.prediction.calibrated import calibrated_vehicles
 from sysid.prediction.calibrated_elements import CalibratedVehicle
 from sysid.prediction.driven import with_bands
 from sysid.prediction.results import Predictions
@@ -203,8 +203,12 @@ class Calibration:
 
         A load case that nobody drove has none where stiffness belongs to a load case.
         """
-        posterior = self._runner.known(stages.SAMPLE)
-        return calibrated_vehicles(self.campaign, self.drops(), self.fit(), posterior)
+        self.fit()
+        return self.estimates().vehicles
+
+    def estimates(self) -> Estimates:
+        """What the stages that have run say about the truck: k and c per axle, modes, suspension curves, felt roads."""
+        return self.result(stages.ESTIMATES)
 
     def report(self) -> Path:
         """Write report.html from the stages that have run, and figures/: the paper's figures of this campaign."""

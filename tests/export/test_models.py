@@ -216,6 +216,7 @@ def test_all_files_are_written_and_hold_the_predicted_forces(tmp_path):
         np.testing.assert_allclose(bands[1], prediction.tire_force_q50_N[axle - 1], atol=0.006)
         assert np.all(bands[0] <= bands[1])
         assert np.all(bands[1] <= bands[2])
+    np.testing.assert_array_equal(forces["beyond_driven2"], prediction.beyond[1])
 
 
 def test_no_cell_becomes_a_formula():

@@ -57,7 +57,7 @@ def test_every_key_of_the_published_example_is_there():
     assert set(document["parameters"][0]["posterior"]) == {"mean", "sd", "q05", "q50", "q95", "ess", "rhat"}
     assert set(document["validation"][0]) == {"run", "channel", "nrmse", "iso18571", "sprague_geers"}
     assert set(document["predictions"][0]) == {
-        "load_case", "speed_km_h", "axle", "peak_dynamic_load_ratio", "lift_off", "file",
+        "load_case", "speed_km_h", "axle", "peak_dynamic_load_ratio", "lift_off", "file", "trust",
     }  # fmt: skip
 
 
@@ -67,6 +67,8 @@ def test_files_of_before_the_additions_still_fit_the_schema():
         del document[key]
     for p in document["parameters"]:
         del p["prior"]
+    for p in document["predictions"]:
+        del p["trust"]
     jsonschema.Draft202012Validator(result_schema()).validate(document)
 
 
@@ -148,7 +150,12 @@ def test_axles_count_from_one_and_units_are_si():
         "peak_dynamic_load_ratio": {"q05": 3.4, "q50": 3.6, "q95": 3.8},
         "lift_off": True,
         "file": "predictions/empty_48kmh.csv",
+        "trust": [
+            {"what": "tire_deflection", "axle": 2, "reached": 0.045, "driven": 0.03},
+            {"what": "lift_off", "axle": 2, "reached": 0.012, "driven": 0.0},
+        ],
     }
+    assert document["predictions"][0]["trust"] == []
 
 
 def test_what_is_not_known_is_null():
@@ -161,7 +168,8 @@ def test_what_is_not_known_is_null():
     assert all(p["posterior"] is None for p in early["parameters"])
     assert early["likelihood"] is None
     assert early["predictions"][0]["peak_dynamic_load_ratio"] == {"q05": None, "q50": 1.8, "q95": None}
-    broken = small_results(fit=small_fit(parameters=(replace(small_fit().parameters[0], value=math.inf, sd=math.nan),)))
+    broken = small_fit(parameters=(replace(small_fit().parameters[0], value=math.inf, sd=math.nan),))
+    broken = replace(small_results(), fit=broken)
     assert result_document(broken)["parameters"][0]["least_squares"] == {"value": None, "sd": None}
 
 

@@ -89,7 +89,13 @@ def test_predictions_come_back_with_pandas(tmp_path):
             for i in (1, 2)
             for q in ("q05", "q50", "q95")
         ),
+        "beyond_driven1",
+        "beyond_driven2",
     ]
+    assert table["beyond_driven1"].sum() == 0
+    # 50 ms on either side of the peak at 0.2 s.
+    beyond = table.loc[table["beyond_driven2"] == 1, "time_s"]
+    assert (beyond.min(), beyond.max(), len(beyond)) == (0.151, 0.249, 99)
     np.testing.assert_allclose(table["suspension_force2_N_q05"], p.suspension_force_N.q05[1], atol=0.0051)
     np.testing.assert_allclose(table["time_s"], p.time_s, atol=1e-9)
     np.testing.assert_allclose(table["tire_force2_N_q95"], p.tire_force_q95_N[1], atol=0.0051)
@@ -104,6 +110,8 @@ def test_peaks_and_ratio_against_speed_come_back_with_pandas(tmp_path):
     assert table.loc[(2, "lift_off_s"), "q50"] == 0.012
     assert table.loc[(1, "jounce_m"), "q50"] == 0.05
     assert set(table["file"]) == {"predictions/empty_48kmh.csv"}
+    assert set(table.loc[2, "beyond_driven"]) == {"tire_deflection lift_off"}
+    assert table.loc[1, "beyond_driven"].isna().all()
     sweep = results.predictions.sweeps[0]
     table = pd.read_csv(against)
     assert table["speed_km_h"].tolist() == [10, 10, 25, 25, 60, 60]

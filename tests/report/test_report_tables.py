@@ -25,7 +25,8 @@ def test_estimates_stand_side_by_side_in_the_order_of_the_work():
     assert [c.interval for c in made.rows[0][1:4]] == ["[293, 307]", "[373, 387]", "[413, 427]"]
     assert [c.note for c in made.rows[1][1:3]] == ["not readable", "not readable"]
     assert [c.note for c in made.rows[2][1:3]] == ["no drop in this load case"] * 2
-    assert tables.estimates_table(replace(small_results(), drops=None, fit=None, posterior=None), "damping") is None
+    assert tables.estimates_table(small_results(drops=None, fit=None, posterior=None), "damping") is None
+    assert tables.estimates_table(replace(small_results(), estimates=None), "damping") is None
 
 
 def test_columns_of_stages_that_have_not_run_are_left_out():
@@ -73,7 +74,9 @@ def test_peak_wheel_load_is_ratio_times_static_load():
     # 3.6 x 29.43 kN.
     assert [c.text for c in rear] == [
         "axle 2", "29.4", "3.60", "106", "0.40", "yes", "12", "60", "40", "0.999",
+        "tire deflection 45.0\u00a0mm (driven 30.0); time off the road 12.0\u00a0ms (none driven)",
     ]  # fmt: skip
+    assert made.rows[0][-1].text == "nothing"
     assert [c.note for c in rear[7:9]] == ["none declared"] * 2
     assert rear[6].interval == "[11, 13]"
     assert [c.interval for c in rear[2:4]] == ["[3.40, 3.80]", "[100, 112]"]

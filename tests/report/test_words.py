@@ -4,9 +4,9 @@ import math
 from dataclasses import replace
 
 import pytest
-from small_results import Words, before_sampling, campaign_only, small_campaign, small_fit, small_results
+from small_results import Words, before_sampling, campaign_only, small_fit, small_results, with_estimates
 
-from sysid.prediction.remarks import ARTEFACT_RATIO
+from sysid.prediction.trust import Extrapolation
 from sysid.report.figures import representative_run
 from sysid.report.numbers import decimals, fixed, interval, listing, number, percent
 from sysid.report.stops import exceeded_travel
@@ -20,9 +20,11 @@ def blameless():
     campaign = replace(results.campaign, vehicle=replace(results.campaign.vehicle, axles=axles))
     agreement = tuple(replace(c, residual_over_noise=1.0) for c in results.validation.channels)
     good = tuple(replace(c, verdict="good") for c in results.quality.channels)
+    passes = tuple(replace(p, trust=(), beyond=None) for p in results.predictions.passes)
     return replace(
         results,
         campaign=campaign,
+        predictions=replace(results.predictions, passes=passes),
         validation=replace(results.validation, channels=agreement),
         quality=replace(results.quality, channels=good),
     )
@@ -44,11 +46,11 @@ def test_nothing_against_it_is_a_yes():
         ({"fit": None, "posterior": None, "drops": None}, "stop", "No stage"),
         ({"fit": small_fit(converged=False)}, "stop", "did not converge"),
         ({"validation": small_results().validation}, "caution", "2 of 6 channel records"),
-        ({"campaign": small_campaign()}, "caution", "no bump stops"),
+        ({"predictions": small_results().predictions}, "caution", "tire deflection of axle 2 and lift-off of axle 2"),
     ],
 )
 def test_each_reason_against_it_is_said(change, tone, sentence):
-    v = verdict(replace(blameless(), **change))
+    v = verdict(with_estimates(replace(blameless(), **change)))
     assert v.tone == tone
     assert any(sentence in s for s in v.use)
 
@@ -59,7 +61,7 @@ def test_values_that_repeat_the_prior_or_are_wide_are_named():
         replace(p, identified=False) if p.name == "k_1" else replace(p, sd=0.3 * p.value) if p.name == "c_2" else p
         for p in fit.parameters
     )
-    v = verdict(replace(blameless(), fit=replace(fit, parameters=parameters), posterior=None))
+    v = verdict(with_estimates(replace(blameless(), fit=replace(fit, parameters=parameters), posterior=None)))
     assert any("next to nothing about k of axle 1" in s for s in v.use)
     assert any(s.endswith("c of axle 2.") for s in v.use)
     assert any("identify k of axle 1" in s for s in v.todo)
@@ -73,11 +75,11 @@ def test_next_steps_follow_from_what_is_missing():
     assert any("axle 2" in s and "engine off" in s for s in verdict(small_results()).todo)
 
 
-def test_wheel_loads_are_said_and_artefacts_called_so():
+def test_wheel_loads_are_said_and_extrapolations_called_so():
     said = " ".join(verdict(small_results()).what).replace("\xa0", " ")
     assert "48 km/h (empty)" in said
-    assert "3.60 times the static one, on axle 2 (90 % interval [3.40, 3.80]): an artefact" in said
-    assert "artefact" not in " ".join(verdict(blameless()).what)
+    assert "3.60 times the static one, on axle 2 (90 % interval [3.40, 3.80]): an extrapolation" in said
+    assert "extrapolation" not in " ".join(verdict(blameless()).what)
 
 
 def test_travel_beyond_the_declared_one_is_a_caution():
@@ -120,13 +122,18 @@ def test_undeclared_travel_is_asked_for_and_not_said_to_be_enough():
     assert "suspension_law with bump_stops" in step
 
 
-def test_a_ratio_is_an_artefact_from_the_same_number_on_in_remark_and_report():
-    results = with_axles(rebound_travel_m=None)
+def test_what_a_pass_goes_beyond_is_said_once_with_its_axles():
+    results = blameless()
     (one,) = results.predictions.passes
-    for ratio, said in ((ARTEFACT_RATIO, True), (ARTEFACT_RATIO - 1e-6, False)):
-        changed = replace(one, peak_ratio_q50=one.peak_ratio_q50 * 0.0 + ratio)
-        v = verdict(replace(results, predictions=replace(results.predictions, passes=(changed,))))
-        assert any("artefacts" in s for s in v.use) is said
+    trust = [Extrapolation("speed", i, 13.3, 5.6) for i in (0, 1)]
+    trust += [Extrapolation("damper_speed", i, 2.0, 1.0) for i in (0, 1)]
+    trust.append(Extrapolation("travel", 0, 0.05, 0.03))
+    changed = replace(one, trust=tuple(trust))
+    v = verdict(replace(results, predictions=replace(results.predictions, passes=(changed,))))
+    assert v.answer == "Yes, with care"
+    (said,) = v.use
+    assert "(empty 48\u00a0km/h: speed, suspension travel of axle 1 and damper speed of every axle)" in said
+    assert any("nearer to the extrapolated passes" in s for s in v.todo)
 
 
 def test_synthetic_campaigns_are_called_so():

@@ -23,6 +23,7 @@ from sysid.campaign.records import (
     Sensor,
     Vehicle,
 )
+from sysid.estimates.derive import derive_estimates
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.profiles import ProfileLikelihood
 from sysid.estimation.parameters.estimate import ParameterEstimate
@@ -34,6 +35,7 @@ from sysid.export import Results
 from sysid.planning.advice import Advice, PeakTarget, Prospect
 from sysid.posterior.results import Posterior, PosteriorSummary
 from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
+from sysid.prediction.trust import DrivenRange, Extrapolation
 from sysid.road.results import RoadProfile, ScanAnalysis
 from sysid.sdof.results import DecayReading, DropAnalysis, DropEstimate, DropSummary
 from sysid.validation.results import ChannelAgreement, Validation
@@ -84,6 +86,7 @@ def small_results(words: Words = Words(), **changes: object) -> Results:
         "fit": fit,
         "posterior": _posterior(fit),
         "predictions": _predictions(w),
+        "driven": small_driven(w),
         "validation": _validation(w),
         "advice": small_advice(fit, w),
         "status": "converged",
@@ -96,7 +99,20 @@ def small_results(words: Words = Words(), **changes: object) -> Results:
             "timings": {"fit": 12.5, "sample": math.nan},
         },
     }
-    return Results(**(fields | changes))  # type: ignore[arg-type]
+    return with_estimates(Results(**(fields | changes)))  # type: ignore[arg-type]
+
+
+def with_estimates(results: Results) -> Results:
+    """The results with what follows from their drops, scans, fit and posterior."""
+    r = results
+    return replace(r, estimates=derive_estimates(r.campaign, r.drops, r.scans, r.fit, r.posterior))
+
+
+def small_driven(w: Words = Words()) -> DrivenRange:
+    """The rear axle was driven less hard than the predicted pass, the front axle harder."""
+    far = {"tire_deflection_m": (0.08, 0.03), "jounce_m": (0.1, 0.05), "rebound_m": (0.1, 0.05)}
+    far |= {"damper_speed_m_s": (2.0, 0.5), "lift_off_s": (0.1, 0.0)}
+    return DrivenRange({w.empty: 48.0 / 3.6}, **{name: np.array(values) for name, values in far.items()})
 
 
 def small_campaign(w: Words = Words()) -> Campaign:
@@ -324,6 +340,8 @@ def _predictions(w: Words) -> Predictions:
         np.array([1.8, 3.6]), np.array([1.9, 3.8]), np.array([False, True]), (w.message,),
         Quantiles(0.8 * middle, 0.9 * middle, middle), _measure(0.3, 0.4), _measure(0.0, 0.012), _measure(0.05, 0.06),
         _measure(0.03, 0.04), _measure(1.0, 0.999),
+        trust=(Extrapolation("tire_deflection", 1, 0.045, 0.03), Extrapolation("lift_off", 1, 0.012, 0.0)),
+        beyond=np.array([np.zeros(len(time), bool), np.abs(time - 0.2) < 0.0495]),
     )  # fmt: skip
     speed = np.array([10.0, 25.0, 60.0]) / 3.6
     ratio = 1.0 + speed[:, None] * np.array([0.1, 0.2])

@@ -10,8 +10,9 @@ from typing import Any
 from sysid.workflow.stage import Ending, Stage
 from sysid.workflow.stages.data import CHECK, DROPS, SCAN
 from sysid.workflow.stages.endings import EXPORT, REPORT
+from sysid.workflow.stages.estimates import ESTIMATES
 from sysid.workflow.stages.fit import FIT, LEFT_OUT, PROFILE, VALIDATE
-from sysid.workflow.stages.loads import ADVISE, PREDICT
+from sysid.workflow.stages.loads import ADVISE, DRIVEN, PREDICT
 from sysid.workflow.stages.posterior import BANDS, CROSSCHECK, SAMPLE
 
 STAGES: tuple[Stage[Any], ...] = (
@@ -25,6 +26,8 @@ STAGES: tuple[Stage[Any], ...] = (
     SAMPLE,
     BANDS,
     CROSSCHECK,
+    ESTIMATES,
+    DRIVEN,
     PREDICT,
     ADVISE,
 )
@@ -37,8 +40,10 @@ __all__ = [
     "BANDS",
     "CHECK",
     "CROSSCHECK",
+    "DRIVEN",
     "DROPS",
     "ENDINGS",
+    "ESTIMATES",
     "EXPORT",
     "FIT",
     "LEFT_OUT",

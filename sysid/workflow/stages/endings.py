@@ -46,7 +46,6 @@ def _export(results: Results, folder: Path, progress: Progress) -> Sequence[Path
     from sysid.export.models import write_models
     from sysid.export.result_json import write_result
     from sysid.export.tables import write_parameters, write_predictions, write_profiles, write_validation
-    from sysid.prediction.calibrated import calibrated_vehicles
 
     written = [folder / "result.json"]
     if results.fit is not None:
@@ -55,9 +54,7 @@ def _export(results: Results, folder: Path, progress: Progress) -> Sequence[Path
         write_validation(results, folder / "validation.csv")
         written += [folder / "parameters.csv", folder / "validation.csv"]
         progress("files for other programs", 0.3)
-        # A chain that is still written has no values to pass on yet.
-        posterior = None if "sample" in results.unfinished else results.posterior
-        vehicles = calibrated_vehicles(results.campaign, results.drops, results.fit, posterior)
+        vehicles = () if results.estimates is None else results.estimates.vehicles
         written += write_models(results.campaign, vehicles, results.predictions, folder)
     written += write_profiles(results.profiles, folder)
     if results.predictions is not None:

@@ -1,4 +1,4 @@
-"""Stages on wheel loads: passes nobody drove, and what to measure next for them."""
+"""Stages on wheel loads: what the driven runs reached, passes nobody drove, and what to measure next for them."""
 
 from __future__ import annotations
 
@@ -20,6 +20,28 @@ if TYPE_CHECKING:
     from sysid.export.contents import Results
     from sysid.planning.advice import Advice
     from sysid.prediction.results import Predictions
+    from sysid.prediction.trust import DrivenRange
+
+
+# ---------------------------------------------------------------------- driven
+
+
+def _driven(context: Context) -> DrivenRange:
+    from sysid.prediction.driven_range import driven_range
+
+    context.progress("the driven runs at the optimum", 0.0)
+    return driven_range(fit_state(context))
+
+
+DRIVEN = Whole(
+    name="driven",
+    compute=_driven,
+    needs=(SCAN, FIT),
+    code=("prediction",),
+    put=lambda results, driven: replace(results, driven=driven),
+    in_run="always",
+    effort=5.0,
+)
 
 
 # ---------------------------------------------------------------------- predict
@@ -49,6 +71,7 @@ def _predicted(context: Context, requests: Sequence[PredictionRequest], sweep_km
         seed=context.settings.seed,
         sweep_km_h=sweep_km_h,
         progress=context.progress,
+        driven=context[DRIVEN],
     )
 
 
@@ -99,7 +122,7 @@ _PASS_OPTIONS = (
 PREDICT = Whole(
     name="predict",
     compute=_predict,
-    needs=(SCAN, FIT),
+    needs=(SCAN, FIT, DRIVEN),
     uses=(SAMPLE,),
     settings=("sampling.seed", "quick"),
     code=("prediction",),

@@ -1,0 +1,108 @@
+"""Stiffness and damping of every axle from all methods that have run, and which of them is the most informed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from sysid.display import Z90
+
+if TYPE_CHECKING:
+    from sysid.estimation.fit.fit_result import FitResult
+    from sysid.estimation.parameters.estimate import ParameterEstimate
+    from sysid.posterior.results import Posterior
+    from sysid.sdof.results import DropEstimate, DropSummary
+
+Quantity = Literal["stiffness", "damping"]
+Source = Literal["paper", "corrected", "free_decay", "model", "fitted", "posterior"]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One value with its 90 % interval in SI units; `low` and `high` are NaN where no interval is known.
+
+    `kind` names the interval in words; `note` says why a value is missing or what it means.
+    """
+
+    source: Source
+    value: float
+    low: float
+    high: float
+    kind: str
+    usable: bool = True
+    identified: bool = True
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class AxleEstimates:
+    """All estimates of one quantity of one axle (index); `load_case` None means shared by all load cases."""
+
+    axle: int
+    load_case: str | None
+    drop_load_case: str | None
+    estimates: dict[Source, Estimate]
+
+    @property
+    def best(self) -> Estimate | None:
+        """The most informed usable estimate: posterior, else fitted, else corrected, else paper."""
+        for source in ("posterior", "fitted", "model", "corrected", "free_decay", "paper"):
+            found = self.estimates.get(source)
+            if found is not None and found.usable and math.isfinite(found.value):
+                return found
+        return None
+
+
+def suspension_estimates(
+    quantity: Quantity, drops: DropSummary | None, fit: FitResult | None, posterior: Posterior | None
+) -> tuple[AxleEstimates, ...]:
+    """Estimates of `quantity` per axle and, where they differ, per load case, front to rear.
+
+    90 % intervals: drops value +- 1.645 sd (scatter over the repeats and tolerances of declared quantities), fit
+    exp(ln value +- 1.645 sd/value) for parameters kept as logarithms, posterior its 5 % and 95 % quantiles.
+    """
+    pooled = () if drops is None else drops.pooled
+    fitted = () if fit is None else tuple(p for p in fit.parameters if p.quantity == quantity and p.axle is not None)
+    summaries = {} if posterior is None else {s.name: s for s in posterior.summaries}
+    keys: dict[tuple[int, str | None], str | None] = {}
+    for p in fitted:
+        cases = list(dict.fromkeys(e.load_case for e in pooled if e.axle == p.axle))
+        shown = p.load_case if p.load_case in cases else None
+        keys[(int(p.axle or 0), p.load_case)] = (cases[0] if cases else None) if p.load_case is None else shown
+    for e in pooled:
+        known = [k for k in keys if k[0] == e.axle]
+        if e.load_case not in [keys[k] for k in known]:
+            keys[(e.axle, e.load_case)] = e.load_case
+    order = list(keys)
+    result = []
+    for key in sorted(order, key=lambda k: (k[0], order.index(k))):
+        by_source: dict[Source, Estimate] = {}
+        for e in pooled:
+            if e.axle == key[0] and e.load_case == keys[key]:
+                by_source[e.method] = _from_drop(e, quantity)
+        for p in fitted:
+            if (p.axle, p.load_case) == key and "fitted" not in by_source:
+                by_source["fitted"] = _from_fit(p)
+                if p.name in summaries:
+                    s = summaries[p.name]
+                    by_source["posterior"] = Estimate(
+                        "posterior", s.q50, s.q05, s.q95, "90 % credible interval", identified=p.identified
+                    )
+        result.append(AxleEstimates(key[0], key[1], keys[key], by_source))
+    return tuple(result)
+
+
+def _from_drop(e: DropEstimate, quantity: Quantity) -> Estimate:
+    value, sd = (e.stiffness, e.stiffness_sd) if quantity == "stiffness" else (e.damping, e.damping_sd)
+    kind = "90 % interval of repeats and tolerances"
+    return Estimate(e.method, value, value - Z90 * sd, value + Z90 * sd, kind, e.usable, True, e.note)
+
+
+def _from_fit(p: ParameterEstimate) -> Estimate:
+    if p.transform == "log" and p.value > 0.0:
+        factor = math.exp(Z90 * p.sd / p.value) if math.isfinite(p.sd) else math.nan
+        low, high = p.value / factor, p.value * factor
+    else:
+        low, high = p.value - Z90 * p.sd, p.value + Z90 * p.sd
+    return Estimate("fitted", p.value, low, high, "90 % confidence interval", identified=p.identified)

@@ -1,0 +1,63 @@
+"""What the driven runs reached: every run simulated once more at the optimum of the fit."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.parameters.lane_laws import lane_laws
+from sysid.prediction.remarks import driven_speeds
+from sysid.prediction.trust import DrivenRange
+from sysid.vehicle_model.contact import TireLaw
+from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
+
+_AXLEWISE = ("tire_deflection_m", "jounce_m", "rebound_m", "damper_speed_m_s", "lift_off_s")
+
+
+def spring_deflection(tire: TireLaw, force: jax.Array) -> jax.Array:
+    """Deflection u = u_ref (F / F_ref)^(1/n) of the free tire at which its spring alone carries the force F [m].
+
+    Of the largest force it is no less than the largest deflection: at that instant the damping carries nothing.
+
+    Parameters
+    ----------
+    force : (..., R, na, S) vertical tire force [N].
+    """
+    return tire.reference_deflection * (force / tire.reference_load) ** (1.0 / tire.exponent)
+
+
+@partial(jax.jit, static_argnames=("timing",))
+def _histories(matrices, laws, road: WheelRoad, log_parameters, *, timing: Timing) -> tuple:
+    suspension, tire = lane_laws(laws, log_parameters[:, None])
+    found = road.engine.histories(matrices, suspension, tire, road, timing)
+    return found.tire_force[..., 0], spring_deflection(tire, found.tire_force)[..., 0], found.deflection[..., 0]
+
+
+def driven_range(state: FitState) -> DrivenRange:
+    """Extremes of all runs of a fit at its optimum, each at its own speed and start, at every integration step."""
+    model, point = state.model, state.point
+    axles = len(state.campaign.vehicle.axles)
+    most = {name: np.zeros(axles) for name in _AXLEWISE}
+    for group, arrays, road, shape in zip(model.groups, model.arrays, model.roads, model.shapes, strict=True):
+        runs = list(group.runs)
+        step_s = shape.interval_s / shape.substeps
+        timing = Timing(shape.samples * shape.substeps, step_s, 1)
+        speed, start = (jnp.asarray(v[runs])[:, None] for v in (point.motion.speed_m_s, point.motion.start_s))
+        wheels = wheel_road(arrays.matrices, road, arrays.axle_x, speed, start, timing)
+        found = _histories(arrays.matrices, arrays.laws, wheels, jnp.asarray(point.log_parameters), timing=timing)
+        force, sunk, extension = (np.asarray(h) for h in found)
+        reached = {
+            "tire_deflection_m": sunk.max(axis=0),
+            "jounce_m": (-extension).max(axis=0),
+            "rebound_m": extension.max(axis=0),
+            "damper_speed_m_s": np.abs(np.gradient(extension, step_s, axis=0)).max(axis=0),
+            "lift_off_s": (force <= 0.0).sum(axis=0) * step_s,
+        }
+        most = {name: np.maximum(most[name], values.max(axis=0)) for name, values in reached.items()}
+    cases = dict.fromkeys(run.load_case for run in state.campaign.bump_runs)
+    speeds = {case: max(driven_speeds(state.campaign, case)) for case in cases}
+    return DrivenRange(speeds, **most)
