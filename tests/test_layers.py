@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
+import importlib
 import subprocess
 import sys
+import typing
 from pathlib import Path
 
 import numpy as np
@@ -129,6 +132,57 @@ def test_a_circle_is_seen():
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [["a", "b", "c"]]
 
 
+#: What figures and report may use when they run, besides each other and the exports: records, constants and words.
+SHOWN = {
+    "campaign.findings",
+    "display",
+    "estimates.suspension_values",
+    "estimation.fit.thresholds",
+    "files",
+    "prediction.bump_stops",
+    "sdof.results",
+    "validation.results",
+}
+
+
+def runtime_imports(tree: ast.Module, package: str) -> set[str]:
+    """Modules of `sysid` that a module imports when it runs: those for type checkers alone are left out."""
+    body = [n for n in tree.body if not (isinstance(n, ast.If) and getattr(n.test, "id", "") == "TYPE_CHECKING")]
+    found = imported_modules(ast.unparse(ast.Module(body, [])), package)
+    return {
+        m.removeprefix("sysid.") for m in found if (ROOT / f"{m.removeprefix('sysid.').replace('.', '/')}.py").is_file()
+    }
+
+
+def checked_names(tree: ast.Module) -> list[tuple[str, str]]:
+    """(module, name) of what a module imports for type checkers alone, from `sysid`."""
+    guards = [n for n in tree.body if isinstance(n, ast.If) and getattr(n.test, "id", "") == "TYPE_CHECKING"]
+    lines = [line for guard in guards for line in guard.body if isinstance(line, ast.ImportFrom)]
+    return [(str(n.module), a.name) for n in lines if str(n.module).startswith("sysid.") for a in n.names]
+
+
+DRAWN = [p for p in SOURCES if layer(p) in ("plot", "report")]
+
+
+@pytest.mark.parametrize("path", DRAWN, ids=lambda p: str(p.relative_to(ROOT)))
+def test_figures_and_report_compute_nothing(path: Path):
+    """They use results that are there; of packages that compute they know the records, and those by name only."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    package = ".".join(["sysid", *path.relative_to(ROOT).parts[:-1]])
+    used = {m for m in runtime_imports(tree, package) if not m.startswith(("plot.", "report.", "export."))}
+    assert used <= SHOWN
+    for module, name in checked_names(tree):
+        kind = getattr(importlib.import_module(module), name)
+        assert dataclasses.is_dataclass(kind) or typing.get_origin(kind) is typing.Literal, f"{name} is no record"
+
+
+def test_a_figure_that_computes_is_seen():
+    source = "from sysid.prediction.modes import calibrated_modes\nif TYPE_CHECKING:\n    from sysid.road import scan\n"
+    tree = ast.parse(source)
+    assert runtime_imports(tree, "sysid.plot") == {"prediction.modes"}
+    assert checked_names(tree) == [("sysid.road", "scan")]
+
+
 @pytest.mark.parametrize(
     ("own", "source"),
     [
@@ -148,6 +202,7 @@ def test_an_upward_import_is_seen(own: str, source: str):
         ("import sysid", ("matplotlib", "emcee", "jax", "numpy", "pandas")),
         ("import sysid.campaign", ("matplotlib", "emcee", "jax")),
         ("import sysid.sdof, sysid.road", ("matplotlib", "emcee", "jax")),
+        ("import sysid.plot, sysid.estimates", ("emcee", "jax")),
         ("import sysid.vehicle_model, sysid.estimation", ("matplotlib", "emcee")),
     ],
 )

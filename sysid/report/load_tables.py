@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 from sysid.export import Results, prediction_files
 from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, number, speed
-from sysid.report.stops import trust_words
+from sysid.report.stops import TRUST_WORDS
 
 if TYPE_CHECKING:
     from sysid.prediction.results import Quantiles
+    from sysid.prediction.trust import Extrapolation
 
 
 def prediction_tables(results: Results) -> list[Table]:
@@ -40,7 +41,6 @@ def prediction_tables(results: Results) -> list[Table]:
                     _travel(p.jounce_m, i, results.campaign.vehicle.axles[i].jounce_travel_m),
                     _travel(p.rebound_m, i, results.campaign.vehicle.axles[i].rebound_travel_m),
                     _band(p.impulse_ratio, i, 3),
-                    "; ".join(trust_words(e) for e in p.trust if e.axle == i) or "nothing",
                 ]
             )
         head = (
@@ -54,7 +54,6 @@ def prediction_tables(results: Results) -> list[Table]:
             "compression [mm]",
             "extension [mm]",
             "mean / static load [-]",
-            "beyond the driven runs",
         )
         over = f" over {p.shape}" if p.shape else ""
         caption = (
@@ -63,6 +62,27 @@ def prediction_tables(results: Results) -> list[Table]:
         )
         tables.append(table(caption, head, rows))
     return tables
+
+
+def trust_tables(results: Results) -> list[Table | None]:
+    """What of every predicted pass goes beyond the driven runs, axle by axle; None for a pass within them."""
+    passes = () if results.predictions is None else results.predictions.passes
+    head = ("axle", *(f"{words} [{unit}]" for words, _, unit in TRUST_WORDS.values()))
+    tables: list[Table | None] = []
+    for p in passes:
+        beyond = {(e.what, e.axle): e for e in p.trust}
+        rows = [
+            [axle_name(results, i), *(_beyond(beyond.get((what, i)), TRUST_WORDS[what][1]) for what in TRUST_WORDS)]
+            for i in range(len(p.static_load_N))
+        ]
+        tables.append(
+            table("Reached and, in brackets, driven, where a pass goes beyond", head, rows) if beyond else None
+        )
+    return tables
+
+
+def _beyond(e: Extrapolation | None, factor: float) -> Cell:
+    return Cell("within") if e is None else Cell(number(factor * e.reached), f"[{number(factor * e.driven)}]")
 
 
 def _band(values: Quantiles | None, axle: int | tuple[int, int], places: int, factor: float = 1.0) -> Cell:

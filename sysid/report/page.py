@@ -115,6 +115,7 @@ def _content(results: Results) -> dict[str, Any]:
         "agreement": _agreement(results, run_names),
         "left_out": _left_out(results, run_names),
         "prediction_tables": load_tables.prediction_tables(results),
+        "trust_tables": load_tables.trust_tables(results),
         "prediction_pictures": figures.prediction_pictures(results, gallery),
         "suspension_pictures": figures.suspension_pictures(results, gallery),
         "sweep_pictures": figures.sweep_pictures(results, gallery),

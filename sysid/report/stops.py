@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from sysid.export.contents import Results
 from sysid.prediction.bump_stops import BUMP_STOPS, has_bump_stops, knows_travel, law_with_stops
-from sysid.report.numbers import listing, number, speed
+from sysid.report.numbers import listing, speed
 
 if TYPE_CHECKING:
     from sysid.prediction.results import PassPrediction
-    from sysid.prediction.trust import Extrapolation, What
+    from sysid.prediction.trust import What
 
 #: Words for what goes beyond the driven runs, and factor and unit for people.
 TRUST_WORDS: dict[What, tuple[str, float, str]] = {
@@ -25,13 +25,6 @@ TRUST_WORDS: dict[What, tuple[str, float, str]] = {
 def pass_name(p: PassPrediction) -> str:
     """Load case, speed and, where it is none of the scanned ones, bump of a pass."""
     return f"{p.load_case} {speed(p.speed_m_s)}\u00a0km/h" + (f" over {p.shape}" if p.shape else "")
-
-
-def trust_words(e: Extrapolation) -> str:
-    """What goes beyond the driven runs with its value and the driven one, for a table."""
-    words, factor, unit = TRUST_WORDS[e.what]
-    driven = f"driven {number(factor * e.driven)}" if e.driven > 0.0 else "none driven"
-    return f"{words} {number(factor * e.reached)}\u00a0{unit} ({driven})"
 
 
 def undeclared_travel(results: Results) -> list[int]:

@@ -74,13 +74,22 @@ def test_peak_wheel_load_is_ratio_times_static_load():
     # 3.6 x 29.43 kN.
     assert [c.text for c in rear] == [
         "axle 2", "29.4", "3.60", "106", "0.40", "yes", "12", "60", "40", "0.999",
-        "tire deflection 45.0\u00a0mm (driven 30.0); time off the road 12.0\u00a0ms (none driven)",
     ]  # fmt: skip
-    assert made.rows[0][-1].text == "nothing"
     assert [c.note for c in rear[7:9]] == ["none declared"] * 2
     assert rear[6].interval == "[11, 13]"
     assert [c.interval for c in rear[2:4]] == ["[3.40, 3.80]", "[100, 112]"]
     assert "predictions/empty_48kmh.csv" in made.caption
+
+
+def test_what_goes_beyond_the_driven_runs_stands_beside_what_was_driven():
+    (made,) = load_tables.trust_tables(small_results())
+    assert [c.text for c in made.rows[0][1:]] == ["within"] * 5
+    assert [(c.text, c.interval) for c in made.rows[1][2:]] == [
+        ("45.0", "[30.0]"), ("within", ""), ("within", ""), ("12.0", "[0]"),
+    ]  # fmt: skip
+    p = small_results().predictions
+    calm = replace(p, passes=tuple(replace(one, trust=()) for one in p.passes))
+    assert load_tables.trust_tables(small_results(predictions=calm)) == [None]
 
 
 def test_ratio_against_speed_is_a_table_with_bands():

@@ -10,10 +10,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from small_results import small_advice, small_fit, small_profile, small_results
+from small_results import small_advice, small_driven, small_fit, small_profile, small_results
 
 from sysid.campaign.records import PredictionRequest
 from sysid.errors import CampaignError
+from sysid.estimates import Estimates
 from sysid.estimation.fit.state import FitPoint
 from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet
 from sysid.estimation.residuals.residual_weights import Weights
@@ -49,6 +50,9 @@ def stubbed(tmp_path: Path, monkeypatch) -> Callable[..., Calibration]:
     monkeypatch.setattr("sysid.estimation.fit.law_choice.fit_with_laws", lambda *given: (fit, state))
     for place in ("fit", "posterior", "loads"):
         monkeypatch.setattr(f"sysid.workflow.stages.{place}.fit_state", lambda context: state)
+    # The fit is that of another truck than the campaign's.
+    monkeypatch.setattr("sysid.estimates.derive.derive_estimates", lambda *given: Estimates())
+    monkeypatch.setattr("sysid.prediction.driven_range.driven_range", lambda state: small_driven())
     monkeypatch.setattr("sysid.posterior.log_density.LogDensity", lambda *given: lambda x: -0.5 * (x**2).sum(axis=1))
     sample = sampling.sample_posterior
     monkeypatch.setattr(

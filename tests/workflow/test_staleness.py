@@ -19,8 +19,8 @@ from sysid.workflow.stage_folder import StageFolder, dependents
 from sysid.workflow.stages import FIT, SAMPLE, SCAN, STAGES, VALIDATE
 
 EVERY = {stage.name for stage in STAGES}
-ON_SAMPLE = {"sample", "bands", "crosscheck", "predict"}
-ON_FIT = {"fit", "left_out", "validate", "profile", "advise"} | ON_SAMPLE
+ON_SAMPLE = {"sample", "bands", "crosscheck", "estimates", "predict"}
+ON_FIT = {"fit", "left_out", "validate", "profile", "driven", "advise"} | ON_SAMPLE
 ON_DROPS = {"drops"} | ON_FIT
 #: What each setting makes stale, written down by hand.
 STALE: dict[str, set[str]] = {
@@ -107,7 +107,7 @@ def test_a_log_leaves_the_scan_as_it_is_and_the_campaign_file_nothing(tmp_path: 
 
 
 def test_what_rests_on_a_stage_is_found_over_several_steps():
-    assert {s.name for s in dependents(SAMPLE)} == {"bands", "crosscheck", "predict"}
+    assert {s.name for s in dependents(SAMPLE)} == {"bands", "crosscheck", "estimates", "predict"}
     assert {s.name for s in dependents(FIT)} == ON_FIT - {"fit"}
     assert {s.name for s in dependents(SCAN)} == ON_FIT
     assert dependents(VALIDATE) == ()

@@ -66,6 +66,7 @@ def every_result() -> dict[str, Any]:
         "sample": found.posterior,
         "bands": tuple(h.band for h in found.fit.histories),
         "crosscheck": CrossCheck("nuts", (checked,), 0, "words"),
+        "driven": found.driven,
         "predict": found.predictions,
         "advise": small_advice(small_fit()),
     }
@@ -91,7 +92,11 @@ def same(one: Any, other: Any) -> None:
         assert one == other or (one != one and other != other)
 
 
-@pytest.mark.parametrize("stage", STAGES, ids=lambda s: s.name)
+#: What follows from other results in seconds is in no file; the modes hold a vehicle, which no file holds.
+KEPT = [stage for stage in STAGES if stage.name != "estimates"]
+
+
+@pytest.mark.parametrize("stage", KEPT, ids=lambda s: s.name)
 def test_the_result_of_every_stage_comes_back_as_it_was(tmp_path: Path, stage: Any) -> None:
     result = every_result()[stage.name]
     store.save(tmp_path / "x.npz", result, "print", result_hint(stage))
@@ -128,7 +133,7 @@ def test_no_flipped_bit_raises_or_is_believed(tmp_path: Path) -> None:
     random = np.random.default_rng(400)
     path, results = tmp_path / "x.npz", every_result()
     for number in range(400):
-        stage = STAGES[number % len(STAGES)]
+        stage = KEPT[number % len(KEPT)]
         store.save(path, results[stage.name], "print", result_hint(stage))
         content = bytearray(path.read_bytes())
         content[random.integers(len(content))] ^= 1 << random.integers(8)
