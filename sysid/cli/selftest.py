@@ -85,8 +85,8 @@ def show_selftest(screen: Console, found: SelfTest) -> None:
     if stopped:
         screen.print(f"Least squares has not converged in {stopped} of {len(found.replicates)} simulated campaigns.")
     screen.print(
-        "The truth came from the model itself: what the model leaves out of a real truck is not in here, yet "
-        "the intervals allow for it, so they may hold more often than they promise."
+        "The data came from the model itself, so errors of the model are not tested here. The intervals allow for such "
+        "errors and may therefore hold the truth more often than 90 %."
     )
 
 
@@ -96,7 +96,7 @@ def _percent(log_sd: float) -> str:
 
 def _show_one(screen: Console, replicate: Replicate, seed: int) -> None:
     columns = ("parameter", "truth", "found", "unit", "prior sd %", "sd after %", "90 % interval holds truth")
-    table = plain_table("What the campaign would teach", columns)
+    table = plain_table("What the campaign would show", columns)
     for c in replicate.checks:
         factor, unit = shown_unit(c.unit)
         table.add_row(
@@ -120,7 +120,7 @@ def _show_one(screen: Console, replicate: Replicate, seed: int) -> None:
 def _show_pooled(screen: Console, found: SelfTest) -> None:
     count = len(found.replicates)
     table = plain_table(
-        f"What the campaign would teach, {count} simulated campaigns",
+        f"What the campaign would show, {count} simulated campaigns",
         ("parameter", "prior sd %", "sd after %, median", "90 % intervals that hold the truth"),
     )
     for checks in zip(*(r.checks for r in found.replicates), strict=True):
@@ -134,6 +134,6 @@ def _show_pooled(screen: Console, found: SelfTest) -> None:
     low, high = found.binomial_range()
     screen.print(
         f"{found.held} of {found.intervals} intervals hold the truth ({100.0 * found.held / found.intervals:.0f} %); "
-        f"chance leaves {low} to {high} (binomial, 95 %; wider where parameters are correlated).",
+        f"by chance {low} to {high} are expected (binomial, 95 %; wider where parameters are correlated).",
         markup=False,
     )

@@ -99,20 +99,20 @@ def _run(
             campaign, output, make_settings(**choices), progress.update, resume=resume, notice=notice
         )
         progress.stage(name)
-        found = _computed(record, calibration, asked, resume)
+        outcome = _computed(record, calibration, asked, resume)
     blocks = (
-        show_run(found.result, calibration)
+        show_run(outcome.result, calibration)
         if record is None
-        else _command(record).show(found.result, calibration.results())
+        else _command(record).show(outcome.result, calibration.results())
     )
     render(screen, blocks)
-    for path in found.written:
+    for path in outcome.written:
         screen.print(str(path), markup=False)
-    return _exit_code(found, calibration.settings.quick)
+    return _exit_code(outcome, calibration.settings.quick)
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Outcome:
     """What a command computed, which files it wrote aside, and the error whose exit code is its own."""
 
     result: Any
@@ -134,32 +134,32 @@ def _shows_what_is_there(record: Stage[Any] | Ending | None, asked: dict[str, An
 
 def _computed(
     record: Stage[Any] | Ending | None, calibration: Calibration, asked: dict[str, Any], resume: bool
-) -> _Found:
+) -> _Outcome:
     """Do what a command is for; None is the whole run."""
     if record is None:
         results = calibration.run()
-        return _Found(results, fault=None if results.status == "converged" else NotConvergedError)
+        return _Outcome(results, fault=None if results.status == "converged" else NotConvergedError)
     if isinstance(record, Ending):
         written = calibration.write(record)
         if record is not EXPORT:
             calibration.export()
-        return _Found(written)
+        return _Outcome(written)
     command = _command(record)
     if command.aside is not None and asked:
-        found = calibration.aside(record, asked)
-        return _Found(found, command.aside.write(found, calibration.output))
+        aside = calibration.aside(record, asked)
+        return _Outcome(aside, command.aside.write(aside, calibration.output))
     if not resume and record.in_file and isinstance(record, Whole):
         calibration.redo(record)
     result = calibration.result(record, asked)
     calibration.export()
-    return _Found(result, fault=command.fault(result))
+    return _Outcome(result, fault=command.fault(result))
 
 
-def _exit_code(found: _Found, quick: bool) -> int:
+def _exit_code(outcome: _Outcome, quick: bool) -> int:
     """0; 3 where the check rejects a channel; 4 where what was asked for has not converged; a preview is 0."""
-    if found.fault is None or (quick and found.fault is NotConvergedError):
+    if outcome.fault is None or (quick and outcome.fault is NotConvergedError):
         return 0
-    return found.fault.exit_code
+    return outcome.fault.exit_code
 
 
 def console(stderr: bool) -> Console:

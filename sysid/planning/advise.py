@@ -133,11 +133,12 @@ def _worst_statement(advice: Advice) -> str:
     name, sd = advice.worst(advice.now)
     best = min(advice.runs, key=lambda p: advice.worst(p)[1])
     then, left = advice.worst(best)
-    start = f"Of k and c, {name} is known worst, to {_percent(sd)}"
+    start = f"Of k and c, {name} is known least well, with a standard deviation of {_percent(sd)}."
     if left < (1.0 - WORTH) * sd:
-        other = "" if then == name else f", then {then}"
-        return f"{start}; a further run at {best.label} would bring the worst to {_percent(left)}{other}."
-    return f"{start}; no single further run with these sensors would lower that by a twentieth."
+        other = "" if then == name else f" (then {then})"
+        lower = f"One more run at {best.label} would lower the largest standard deviation to {_percent(left)}{other}."
+        return f"{start} {lower}"
+    return f"{start} No single further run with these sensors would lower it by {100.0 * WORTH:g} % or more."
 
 
 def _run_statements(advice: Advice) -> list[str]:
@@ -145,15 +146,15 @@ def _run_statements(advice: Advice) -> list[str]:
     middle = min(advice.runs, key=advice.median)
     if advice.median(middle) < (1.0 - WORTH) * advice.median(advice.now):
         found.append(
-            f"The median of k and c is known to {_percent(advice.median(advice.now))}; a further run at {middle.label} "
-            f"would lower it most, to {_percent(advice.median(middle))}."
+            f"The median standard deviation of k and c is {_percent(advice.median(advice.now))}. One more run at "
+            f"{middle.label} would lower it most, to {_percent(advice.median(middle))}."
         )
     if advice.peak is not None:
         best = min(advice.runs, key=lambda p: p.peak_sd)
         text = f"The peak load ratio of {advice.peak.label} is {advice.peak.ratio:.2f} with a standard deviation of "
         text += f"{advice.now.peak_sd:.2g} from the parameters"
         if best.peak_sd < (1.0 - WORTH) * advice.now.peak_sd:
-            text += f"; a further run at {best.label} would lower it most, to {best.peak_sd:.2g}"
+            text += f"; one more run at {best.label} would lower it most, to {best.peak_sd:.2g}"
         found.append(text + ".")
     return found
 
@@ -187,10 +188,11 @@ def _mass_statements(advice: Advice, information: DataInformation, masses: Seque
     if left > (1.0 - 4.0 * WORTH) * sd:
         return []
     best = min(masses, key=lambda p: p.sd[at])
-    share = "most" if left < 0.5 * sd else "part"
+    share = "Most" if left < 0.5 * sd else "Part"
     return [
-        f"Tolerances of declared masses are {share} of it: with all of them exact {name} would be known to "
-        f"{_percent(left)}, with only the {best.exact} exact to {_percent(float(best.sd[at]))}."
+        f"{share} of it comes from the tolerances of the declared masses. If all of them were exact, the standard "
+        f"deviation of {name} would be {_percent(left)}; if only the {best.exact} were exact, "
+        f"{_percent(float(best.sd[at]))}."
     ]
 
 
@@ -200,11 +202,14 @@ def _sensor_statements(advice: Advice, every: Sequence[Prospect]) -> list[str]:
     best = min(every, key=lambda p: (advice.worst(p)[1], advice.median(p)))
     alone = min(advice.runs, key=lambda p: advice.worst(p)[1])
     if advice.worst(best)[1] >= (1.0 - WORTH) * advice.worst(alone)[1]:
-        return ["No single further sensor would lower the worst uncertainty of k and c by a twentieth in one run."]
+        return [
+            "No single further sensor, used in one run, would lower the largest standard deviation of k and c by "
+            f"{100.0 * WORTH:g} % or more."
+        ]
     name, sd = advice.worst(best)
     return [
-        f"With one more sensor, an {best.sensor}, a run at {_without(best)} would bring the worst of k and c to "
-        f"{_percent(sd)} ({name})."
+        f"With one more sensor, an {best.sensor}, a run at {_without(best)} would lower the largest standard deviation "
+        f"of k and c to {_percent(sd)} ({name})."
     ]
 
 

@@ -105,10 +105,10 @@ def matrix_table(
     """One row per channel, one column per run."""
     runs = list(dict.fromkeys(row.run for row in validation.channels))
     columns = list(dict.fromkeys(row.column for row in validation.channels))
-    found = {(row.run, row.column): row for row in validation.channels}
+    by_channel = {(row.run, row.column): row for row in validation.channels}
     rows = []
     for column in columns:
-        cells = [cell(found[run, column]) if (run, column) in found else "\u2014" for run in runs]
+        cells = [cell(by_channel[run, column]) if (run, column) in by_channel else "\u2014" for run in runs]
         rows.append([Cell(column), *cells])
     return table(caption, ("channel", *(run_names.get(r, r) for r in runs)), rows, classes="matrix")
 

@@ -24,17 +24,17 @@ def pooled_drops_table(results: Results, drops: DropSummary) -> Table:
     groups: dict[tuple[int, str], dict[str, DropEstimate]] = {}
     for e in drops.pooled:
         groups.setdefault((e.axle, e.load_case), {})[e.method] = e
-    methods = [s for s in SOURCES if any(s in found for found in groups.values())]
+    methods = [s for s in SOURCES if any(s in by_method for by_method in groups.values())]
     rubbing = [m for m in methods if any(np.isfinite(e.friction_force) for e in drops.pooled if e.method == m)]
     rows = []
-    for (axle, load_case), found in sorted(groups.items()):
+    for (axle, load_case), by_method in sorted(groups.items()):
         cells: list[Any] = [axle_name(results, axle, load_case)]
-        reading = found.get("paper") or next(iter(found.values()))
+        reading = by_method.get("paper") or next(iter(by_method.values()))
         cells += [number(reading.damped_period), number(reading.log_decrement)] if reading.usable else [MISSING] * 2
-        cells += [_pooled_cell(found.get(m), "stiffness") for m in methods]
-        cells += [_pooled_cell(found.get(m), "damping") for m in methods]
+        cells += [_pooled_cell(by_method.get(m), "stiffness") for m in methods]
+        cells += [_pooled_cell(by_method.get(m), "damping") for m in methods]
         if rubbing:
-            cells += [_friction_cell(found.get(m)) for m in rubbing]
+            cells += [_friction_cell(by_method.get(m)) for m in rubbing]
         cells.append(reading.damping_kind)
         rows.append(cells)
     head = ["axle", "period τ_d [s]", "decrement δ [-]"]

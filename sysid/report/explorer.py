@@ -39,8 +39,8 @@ def runs_data(results: Results) -> Markup | None:
         return None
     histories = results.fit.histories
     # Measured and simulated, and two ends of the band at half the size.
-    every = _every(sum((2 if h.band is None else 3) * h.measured.size for h in histories))
-    return _json([_run(history, every) for history in histories])
+    stride = _stride(sum((2 if h.band is None else 3) * h.measured.size for h in histories))
+    return _json([_run(history, stride) for history in histories])
 
 
 def passes_data(results: Results) -> Markup | None:
@@ -48,21 +48,21 @@ def passes_data(results: Results) -> Markup | None:
     if results.predictions is None or not results.predictions.passes:
         return None
     passes = results.predictions.passes
-    every = _every(sum(3 * p.tire_force_q50_N.size for p in passes))
-    return _json([_pass(p, every) for p in passes])
+    stride = _stride(sum(3 * p.tire_force_q50_N.size for p in passes))
+    return _json([_pass(p, stride) for p in passes])
 
 
-def _every(samples: int) -> int:
+def _stride(samples: int) -> int:
     """How many samples stand for one in the page."""
     return max(1, math.ceil(samples / MOST_SAMPLES))
 
 
-def _run(history: RunHistory, every: int) -> dict[str, Any]:
+def _run(history: RunHistory, stride: int) -> dict[str, Any]:
     words = f"{history.case}, driven at {speed(history.speed_m_s)} km/h ({history.file})"
     channels = []
     for row in range(len(history.columns)):
-        measured, unit = display(history.measured[row, ::every], history.si_units[row])
-        simulated, _ = display(history.simulated[row, ::every], history.si_units[row])
+        measured, unit = display(history.measured[row, ::stride], history.si_units[row])
+        simulated, _ = display(history.simulated[row, ::stride], history.si_units[row])
         scatter, _ = display(np.asarray(history.noise_sd[row]), history.si_units[row])
         if not np.isfinite(measured).any():
             continue
@@ -77,19 +77,19 @@ def _run(history: RunHistory, every: int) -> dict[str, Any]:
                 "measured": _packed(measured, scale),
                 "middle": _packed(simulated, scale),
                 "scatter": Z90 * float(scatter) if math.isfinite(float(scatter)) else 0.0,
-                "clipped": np.flatnonzero(history.censored[row, ::every]).tolist(),
+                "clipped": np.flatnonzero(history.censored[row, ::stride]).tolist(),
             }
-            | _posterior_band(history, row, every)
+            | _posterior_band(history, row, stride)
         )
-    return {"name": plain_text(words), **_time(history.time_s, every), "channels": channels}
+    return {"name": plain_text(words), **_time(history.time_s, stride), "channels": channels}
 
 
-def _posterior_band(history: RunHistory, row: int, every: int) -> dict[str, Any]:
+def _posterior_band(history: RunHistory, row: int, stride: int) -> dict[str, Any]:
     """Ends of the posterior's band of a channel less the simulated curve; nothing before sampling."""
     if history.band is None:
         return {}
-    ends = np.array([history.band.low[row, ::every], history.band.high[row, ::every]])
-    offset, _ = display(ends - history.simulated[row, ::every], history.si_units[row])
+    ends = np.array([history.band.low[row, ::stride], history.band.high[row, ::stride]])
+    offset, _ = display(ends - history.simulated[row, ::stride], history.si_units[row])
     if not np.isfinite(offset).all():
         return {}
     step = float(np.max(np.abs(offset))) / _BAND_SCALE or 1.0
@@ -97,26 +97,26 @@ def _posterior_band(history: RunHistory, row: int, every: int) -> dict[str, Any]
     return {"band_step": step, "band_low": low, "band_high": high}
 
 
-def _pass(p: PassPrediction, every: int) -> dict[str, Any]:
+def _pass(p: PassPrediction, stride: int) -> dict[str, Any]:
     over = f" over {p.shape}" if p.shape else ""
     channels = []
     for axle, static in enumerate(p.static_load_N):
-        curves = {"middle": p.tire_force_q50_N[axle, ::every] / static}
+        curves = {"middle": p.tire_force_q50_N[axle, ::stride] / static}
         if p.tire_force_q05_N is not None and p.tire_force_q95_N is not None:
-            curves |= {"low": p.tire_force_q05_N[axle, ::every] / static}
-            curves |= {"high": p.tire_force_q95_N[axle, ::every] / static}
+            curves |= {"low": p.tire_force_q05_N[axle, ::stride] / static}
+            curves |= {"high": p.tire_force_q95_N[axle, ::stride] / static}
         scale = _scale(*curves.values())
         channels.append(
             {"name": f"axle {axle + 1}", "unit": "-", "color": axle_color(axle), "scale": scale}
             | {name: _packed(values, scale) for name, values in curves.items()}
         )
     name = plain_text(f"{p.load_case}, {speed(p.speed_m_s)} km/h{over}")
-    return {"name": name, **_time(p.time_s, every), "channels": channels}
+    return {"name": name, **_time(p.time_s, stride), "channels": channels}
 
 
-def _time(time_s: np.ndarray, every: int) -> dict[str, float]:
+def _time(time_s: np.ndarray, stride: int) -> dict[str, float]:
     step = float(time_s[1] - time_s[0]) if len(time_s) > 1 else 1.0
-    return {"start": float(time_s[0]) if len(time_s) else 0.0, "step": every * step, "every": every}
+    return {"start": float(time_s[0]) if len(time_s) else 0.0, "step": stride * step, "every": stride}
 
 
 def _scale(*curves: np.ndarray) -> float:

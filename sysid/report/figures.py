@@ -92,7 +92,7 @@ def drop_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture], li
         "grey lines are the envelope of the decrement, the vertical line is the moment the axle leaves the plank."
     )
     shown = [gallery.picture(overview, caption, f"{caption} {' '.join(_drop_words(a) for a in first)}")]
-    every = [
+    of_all = [
         gallery.picture(
             plot.drops(files)[0, 0],
             f"Axle {axle + 1} ({results.campaign.vehicle.axles[axle].name}), {load_case}: "
@@ -100,7 +100,7 @@ def drop_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture], li
         )
         for (axle, load_case), files in sorted(groups.items())
     ]
-    return shown, every
+    return shown, of_all
 
 
 def _drop_words(analysis: DropAnalysis) -> str:
@@ -184,10 +184,10 @@ def history_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture],
                 f"{_band_words(history)}."
             )
             shown.append(gallery.picture(grid[0, 0], caption))
-    every = []
+    of_all = []
     if history is not None:
-        every.append(gallery.picture(plot.channel_grid(history)[0, 0], f"All channels of {run_words(history)}."))
-    return shown, every
+        of_all.append(gallery.picture(plot.channel_grid(history)[0, 0], f"All channels of {run_words(history)}."))
+    return shown, of_all
 
 
 def _band_words(history: RunHistory) -> str:
@@ -235,12 +235,13 @@ def residual_picture(results: Results, gallery: Gallery) -> list[Picture]:
     usual = int(np.median(order)) if order.size else 0
     correlation = (
         "Autocorrelation of the residuals. Outside the grey band neighbouring residuals are not independent; the "
-        "intervals of this report are widened for it. Innovations are what an autoregressive model of every channel "
-        f"and run leaves, its order chosen by the evidence (median {usual}, largest {order.max(initial=0)})."
+        "intervals of this report are widened for it. Innovations are the parts that an autoregressive model of every "
+        f"channel and run cannot predict; its order is chosen by the evidence (median {usual}, largest "
+        f"{order.max(initial=0)})."
     )
     spectrum = (
         "Power spectrum of the residuals and of their innovations, mean over channels and runs, 1 for white noise. A "
-        "channel counts the less, the more power its residuals have at the frequencies that tell about the parameters."
+        "channel gets less weight if its residuals have much power at the frequencies that determine the parameters."
     )
     return [
         gallery.picture(plot.autocorrelation(fit), correlation, width="half"),

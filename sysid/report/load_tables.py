@@ -93,8 +93,8 @@ def _band(values: Quantiles | None, axle: int | tuple[int, int], places: int, fa
 
 
 def _travel(values: Quantiles | None, axle: int, declared_m: float | None) -> Cell:
-    found = _band(values, axle, 0, 1e3)
-    return Cell(found.text, found.interval, "none declared" if declared_m is None else f"of {1e3 * declared_m:.0f}")
+    band = _band(values, axle, 0, 1e3)
+    return Cell(band.text, band.interval, "none declared" if declared_m is None else f"of {1e3 * declared_m:.0f}")
 
 
 def sweep_tables(results: Results) -> list[Table]:

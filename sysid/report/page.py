@@ -57,8 +57,8 @@ def write_report(results: Results, path: Path) -> None:
 
 def _content(results: Results) -> dict[str, Any]:
     gallery = figures.Gallery()
-    drop_shown, drop_every = figures.drop_pictures(results, gallery)
-    history_shown, history_every = figures.history_pictures(results, gallery)
+    drop_shown, drop_all = figures.drop_pictures(results, gallery)
+    history_shown, history_all = figures.history_pictures(results, gallery)
     channels = () if results.quality is None else results.quality.channels
     run_names = _run_names(results)
     modes = () if results.estimates is None else results.estimates.modes
@@ -85,10 +85,10 @@ def _content(results: Results) -> dict[str, Any]:
         "drop_files": None if results.drops is None else drop_tables.files_table(results, results.drops),
         "indicator": None if results.drops is None else drop_tables.indicator_table(results, results.drops),
         "drop_shown": drop_shown,
-        "drop_every": drop_every,
+        "drop_all": drop_all,
         "scan_pictures": figures.scan_pictures(results, gallery),
         "history_shown": history_shown,
-        "history_every": history_every,
+        "history_all": history_all,
         "residuals": figures.residual_picture(results, gallery),
         "fit_table": None if results.fit is None else tables.fit_table(results.fit),
         "global_parameters": None

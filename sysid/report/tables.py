@@ -33,7 +33,7 @@ def masses_table(fit: FitResult) -> Table | None:
         [m.words, f"\N{PLUS-MINUS SIGN} {100.0 * m.tolerance:g} %", f"{100.0 * (m.asked - 1.0):+.1f} %"]
         for m in fit.masses
     ]
-    return table("Declared masses", ["property", "tolerance", "the data ask for"], rows)
+    return table("Declared masses", ["property", "tolerance", "change that fits best"], rows)
 
 
 def estimates_table(results: Results, quantity: Quantity) -> Table | None:
@@ -113,7 +113,11 @@ def fit_table(fit: FitResult) -> Table:
         ("iterations", f"{fit.iterations:,}", ""),
         ("residuals", f"{fit.residuals:,}", ""),
         ("rounds of re-estimated channel weights", str(fit.weight_rounds), ""),
-        ("scaled condition number [-]", number(fit.condition_number), "tens; above 1,000 parameters trade off"),
+        (
+            "scaled condition number [-]",
+            number(fit.condition_number),
+            "tens; above 1,000 some are hard to separate",
+        ),
         ("largest change when the integration step is halved", halving, small),
         ("largest difference from SciPy's optimum [sd]", number(fit.scipy_max_difference_sd, 2), "below 0.1"),
         ("inflation of variances for correlated residuals [-]", number(fit.variance_inflation), "1 = white residuals"),

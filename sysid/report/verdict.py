@@ -92,9 +92,9 @@ def _what(results: Results) -> list[str]:
     sentences = []
     for quantity, name, unit in _QUANTITIES:
         rows = suspension_values(results, quantity)
-        every = [e for e in (row.best for row in rows) if e is not None]
-        best = [e for e in every if e.identified]
-        if every and not best:
+        estimates = [e for e in (row.best for row in rows) if e is not None]
+        best = [e for e in estimates if e.identified]
+        if estimates and not best:
             sentences.append(f"{name} is not determined by these data on any axle.")
         if not best:
             continue
@@ -104,11 +104,12 @@ def _what(results: Results) -> list[str]:
         kinds = list(dict.fromkeys(e.kind for e in best))
         if widths:
             ends = dict.fromkeys(f"\u00b1{percent(w)}" for w in (min(widths), max(widths)))
-            # The interval of the drops leaves out the error of the method: no word of knowing there.
+            # The interval of the drops leaves out the error of the method: it does not say how well a value is known.
             verb = "read to within" if results.fit is None else "each known to"
             text += f", {verb} {' to '.join(ends)} ({listing(kinds)})"
-        if len(best) < len(every):
-            text += f"; of {count(len(every), 'value')} {len(every) - len(best)} cannot be told from these data"
+        if len(best) < len(estimates):
+            unknown = len(estimates) - len(best)
+            text += f"; {unknown} of {count(len(estimates), 'value')} cannot be determined from these data"
         sentences.append(text + ".")
     if not sentences:
         return ["No stiffness or damping has been estimated yet."]
@@ -136,39 +137,39 @@ def _wheel_loads(results: Results) -> list[str]:
 
 
 def _against(results: Results) -> list[str]:
-    found = []
+    sentences = []
     if results.status == "preview":
-        found.append("This is a preview with shortened sampling. Its intervals are not reliable.")
+        sentences.append("This is a preview with shortened sampling. Its intervals are not reliable.")
     elif results.status == "not_converged" and (results.posterior is not None or results.fit is not None):
         why = results.posterior.message if results.posterior is not None else ""
-        found.append("The calibration has not converged" + (f": {why.rstrip('.')}." if why else "."))
+        sentences.append("The calibration has not converged" + (f": {why.rstrip('.')}." if why else "."))
     if results.fit is None:
-        found.append(
+        sentences.append(
             "The drop values are starting points: tires in series and coupled axles bias equations (1)–(3)."
             if results.drops is not None
             else "No stage that estimates k and c has run yet."
         )
     elif not results.fit.converged:
-        found.append(f"The least-squares fit did not converge: {results.fit.message.rstrip('.')}.")
-    return found
+        sentences.append(f"The least-squares fit did not converge: {results.fit.message.rstrip('.')}.")
+    return sentences
 
 
 def _cautions(results: Results) -> list[str]:
-    found = []
+    sentences = []
     if results.fit is not None and results.posterior is None:
-        found.append("The posterior has not been sampled: intervals come from the least-squares covariance.")
+        sentences.append("The posterior has not been sampled: intervals come from the least-squares covariance.")
     if unidentified := _unidentified(results):
-        found.append(f"The data say next to nothing about {listing(unidentified)}: these values repeat the prior.")
+        sentences.append(f"The data do not determine {listing(unidentified)}: these values repeat the prior.")
     if wide := _wide(results):
-        found.append(f"Known to no better than \u00b1{percent(WIDE)}: {listing(wide)}.")
+        sentences.append(f"The 90\u00a0% interval is wider than \u00b1{percent(WIDE)} for {listing(wide)}.")
     if results.validation is not None and (rows := results.validation.channels):
         bad = [r for r in rows if is_misfit(r.residual_over_noise)]
         if bad:
-            found.append(
+            sentences.append(
                 f"In {len(bad)} of {count(len(rows), 'channel record')} the residual is at least {MISFIT:g} times the "
-                "instrument noise: there the form of the model, not the noise, limits the accuracy."
+                "instrument noise: there the model, not the noise, limits the accuracy."
             )
-    return found + stops.cautions(results)
+    return sentences + stops.cautions(results)
 
 
 def _todo(results: Results) -> list[str]:
@@ -178,10 +179,12 @@ def _todo(results: Results) -> list[str]:
     elif results.status == "preview":
         steps.append("Run again without --quick before anybody uses these numbers.")
     elif results.posterior is None:
-        steps.append("Run the stage 'sample' for credible intervals that include what the data cannot tell apart.")
+        steps.append(
+            "Run the stage 'sample': its intervals also hold combinations of parameters that the data cannot separate."
+        )
     elif results.status == "not_converged":
         steps.append(
-            "Run the stage 'sample' again with --resume and a larger --max-steps: it goes on where it stopped."
+            "Run the stage 'sample' again with --resume and a larger --max-steps: it continues where it stopped."
         )
     if results.quality is not None:
         rejected = [f"{c.column} of {c.file}" for c in results.quality.channels if c.verdict == "rejected"]
@@ -197,7 +200,7 @@ def _todo(results: Results) -> list[str]:
     if results.advice is not None and results.advice.statements:
         steps.append(" ".join(results.advice.statements[:2]))
     elif unidentified:
-        steps.append("Run the stage 'advise': it says which run and which sensor would tell most.")
+        steps.append("Run the stage 'advise': it says which further run or sensor would help most.")
     steps += stops.remedies(results)
     if results.fit is not None and results.predictions is None and results.campaign.predictions:
         steps.append("Run the stage 'predict' for the wheel loads of the passes that the campaign asks for.")

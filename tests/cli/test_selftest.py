@@ -77,7 +77,7 @@ def test_pooled_counts_of_several_campaigns_are_printed() -> None:
     text = console.export_text()
     rows = [line.split() for line in text.splitlines() if line.startswith(("k_", "c_"))]
     assert rows == [["k_2[laden]", "80", "10", "50", "of", "50"], ["c_1", "80", "10", "0", "of", "50"]]
-    assert "50 of 100 intervals hold the truth (50 %); chance leaves 84 to 95" in text
+    assert "50 of 100 intervals hold the truth (50 %); by chance 84 to 95 are expected" in text
     assert "could not be calibrated: no start found." in text
     assert "not converged in 50 of 50" in text
 

@@ -124,7 +124,7 @@ def test_without_the_deflection_sensor_of_an_axle_its_parameters_are_named():
     assert "k_2" in rough
     assert "c_2" in rough
     assert advice.worst(advice.now)[0] == "c_2"
-    assert advice.statements[0].startswith("Of k and c, c_2 is known worst")
+    assert advice.statements[0].startswith("Of k and c, c_2 is known least well")
     # The missing sensor is among the candidates, and it brings back more than the run alone does.
     lvdt = next(p for p in advice.sensors if p.sensor == "LVDT at axle 2")
     (same,) = advice.runs
@@ -145,7 +145,7 @@ def test_what_is_left_open_gets_a_remedy():
 
 def test_wrong_masses_are_named_where_they_limit():
     _, advice = advised(1.0, tolerances=MassTolerances())
-    (sentence,) = [s for s in advice.statements if "Tolerances of declared masses are most of it" in s]
+    (sentence,) = [s for s in advice.statements if "Most of it comes from the tolerances of the declared masses" in s]
     assert "exact" in sentence
     # Every property alone helps, and none more than all together.
     assert [p.exact != "" for p in advice.masses] == [True] * 3

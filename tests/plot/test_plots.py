@@ -233,6 +233,28 @@ def test_load_ratio_is_force_over_static_load(results):
     assert early.get_lines()[0].get_label() == "least squares"
 
 
+def test_instants_beyond_the_driven_runs_are_hatched(results):
+    p = results.predictions.passes[0]
+    (hatched,) = [c for c in plot.load_ratio(p, 1).collections if c.get_label() == "beyond the driven runs"]
+    assert hatched.get_hatch() == "////"
+    (path,) = hatched.get_paths()
+    assert (path.vertices[:, 0].min(), path.vertices[:, 0].max()) == pytest.approx((0.151, 0.25), abs=1e-9)
+    force = plot.suspension_force(p, 1)
+    assert any(c.get_label() == "beyond the driven runs" for c in force.collections)
+    twice = np.abs(np.abs(p.time_s - 0.5) - 0.2) < 0.05
+    two = plot.load_ratio(replace(p, beyond=np.array([twice, twice])), 0)
+    (hatched,) = [c for c in two.collections if c.get_label() == "beyond the driven runs"]
+    assert len(hatched.get_paths()) == 2
+
+
+def test_speeds_beyond_the_driven_runs_have_open_marks(results):
+    sweep = replace(results.predictions.sweeps[0], beyond=np.array([[False, False], [False, True], [True, True]]))
+    ax = plot.load_ratio_against_speed(sweep)
+    open_marks = [line for line in ax.lines if line.get_markerfacecolor() == "white" and len(line.get_xdata())]
+    assert [line.get_xdata().round(6).tolist() for line in open_marks] == [[60.0], [25.0, 60.0]]
+    assert "beyond the driven runs" in [text.get_text() for text in ax.get_legend().get_texts()]
+
+
 def test_estimates_are_matched_to_axles_and_load_cases(results):
     rows = plot.suspension_estimates("stiffness", results.drops, results.fit, results.posterior)
     assert [(r.axle, r.load_case, r.drop_load_case) for r in rows] == [

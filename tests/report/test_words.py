@@ -62,8 +62,8 @@ def test_values_that_repeat_the_prior_or_are_wide_are_named():
         for p in fit.parameters
     )
     v = verdict(with_estimates(replace(blameless(), fit=replace(fit, parameters=parameters), posterior=None)))
-    assert any("next to nothing about k of axle 1" in s for s in v.use)
-    assert any(s.endswith("c of axle 2.") for s in v.use)
+    assert any("do not determine k of axle 1" in s for s in v.use)
+    assert any(s.endswith("for c of axle 2.") for s in v.use)
     assert any("identify k of axle 1" in s for s in v.todo)
 
 

@@ -189,6 +189,23 @@ def test_a_stage_sees_those_only_that_its_record_names(stubbed) -> None:
         context.known(SAMPLE)
 
 
+def test_estimates_follow_whatever_has_run(stubbed, monkeypatch) -> None:
+    given = []
+    monkeypatch.setattr("sysid.estimates.derive.derive_estimates", lambda *parts: given.append(parts) or Estimates())
+    calibration = stubbed()
+    assert calibration.results().estimates == Estimates()
+    calibration.fit()
+    calibration.results()
+    calibration.sample()
+    calibration.results()
+    calibration.results()
+    # (campaign, drops, scans, fit, posterior): once after each stage, never twice for the same.
+    assert [(fit is not None, posterior is not None) for _, _, _, fit, posterior in given] == [
+        (False, False), (True, False), (True, True),
+    ]  # fmt: skip
+    assert all(drops.pooled and scans for _, drops, scans, _, _ in given)
+
+
 def test_stages_stand_behind_those_that_they_rest_on():
     for number, stage in enumerate(STAGES):
         assert {*stage.needs, *stage.uses} <= set(STAGES[:number])

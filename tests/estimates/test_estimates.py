@@ -1,0 +1,72 @@
+"""Estimates follow from the stages that have run, whichever these are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_results import campaign_only, small_fit, small_results
+
+from sysid.estimates import Estimates
+from sysid.estimates.derive import derive_estimates
+from sysid.road import half_sine
+
+
+def of(results) -> Estimates:
+    return derive_estimates(results.campaign, results.drops, results.scans, results.fit, results.posterior)
+
+
+def test_before_any_stage_there_is_nothing():
+    assert of(campaign_only()) == Estimates()
+    assert of(campaign_only()).summary().empty
+
+
+@pytest.mark.parametrize(
+    ("missing", "source", "stiffness"),
+    [
+        ({}, "posterior", None),
+        ({"posterior": None}, "fitted", 4.2e5),
+        ({"posterior": None, "fit": None}, "corrected", 3.8e5),
+    ],
+)
+def test_the_most_informed_stage_gives_the_best_value(missing, source, stiffness):
+    results = small_results(**missing)
+    first = of(results).summary().iloc[0]
+    expected = stiffness or np.median(results.posterior.draws[..., 0])
+    # Drops belong to a load case, the fitted stiffness of this axle to all.
+    case = "empty" if source == "corrected" else ""
+    assert (first["axle"], first["load_case"], first["stiffness_N_per_m_source"]) == (1, case, source)
+    assert first["stiffness_N_per_m"] == pytest.approx(expected, rel=1e-12)
+    assert first["stiffness_N_per_m_q05"] < first["stiffness_N_per_m"] < first["stiffness_N_per_m_q95"]
+
+
+def test_modes_need_a_fit_and_stand_for_every_load_case():
+    assert [m.load_case.name for m in of(small_results()).modes] == ["empty", "laden"]
+    drops_alone = of(small_results(fit=None, posterior=None))
+    assert (drops_alone.modes, drops_alone.vehicles, drops_alone.loops) == ((), (), ())
+    assert drops_alone.stiffness
+
+
+def test_roads_are_those_of_bumps_that_have_a_height():
+    results = small_results()
+    (name,) = results.scans
+    flat = replace(results.scans[name].profile, height_m=0.0 * results.scans[name].profile.height_m)
+    scans = {name: replace(results.scans[name], profile=half_sine(0.08, 0.9))}
+    scans["flat"] = replace(results.scans[name], profile=flat)
+    roads = of(replace(results, scans=scans)).roads
+    assert list(roads) == [name]
+    assert [road.axle for road in roads[name]] == [0, 1]
+    # No wheel centre rises higher than the bump.
+    assert all(0.0 < road.rise_m.max() <= 0.08 for road in roads[name])
+
+
+def test_linear_laws_have_no_loops():
+    assert of(small_results()).loops == ()
+
+
+def test_a_quantity_is_asked_for_by_its_name():
+    found = derive_estimates(small_results().campaign, None, {}, small_fit(), None)
+    assert found.suspension("stiffness") is found.stiffness
+    assert found.suspension("damping") is found.damping
+    assert [row.best.value for row in found.damping] == [1.1e4, 9.0e3]
