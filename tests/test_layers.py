@@ -133,7 +133,7 @@ def test_a_circle_is_seen():
     ("own", "source"),
     [
         ("road", "def f():\n    from sysid.vehicle_model import contact\n"),
-        ("road", "import sysid.sdof.results\n"),
+        ("road", "import sysid.sdof.drop_results\n"),
         ("estimation", "if TYPE_CHECKING:\n    from sysid import posterior\n"),
         ("campaign", "from ..report import page\n"),
     ],

@@ -19,8 +19,8 @@ from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.mass_lanes import VehicleDraws, histories_of_draws
 from sysid.prediction.measures import impulse_ratio, lift_off_time, load_coefficient, quantiles
+from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.remarks import driven_speeds, remarks
-from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.road.named_shapes import named_shape
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes

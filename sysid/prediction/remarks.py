@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.campaign.records import Axle, Campaign, PredictionRequest
 from sysid.estimation.parameters.suspension_elements import law_elements
-from sysid.prediction.results import FASTER, Quantiles
+from sysid.prediction.predicted_passes import FASTER, Quantiles
 
 #: Load ratio from which on a truck would have hit its stops.
 ARTEFACT_RATIO = 3.0

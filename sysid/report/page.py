@@ -17,7 +17,7 @@ from sysid.estimation.fit.thresholds import MISFIT
 from sysid.export import Results
 from sysid.files import write_text
 from sysid.plot.comparison import Quantity
-from sysid.prediction.modes import calibrated_modes
+from sysid.prediction.calibrated_truck_modes import calibrated_modes
 from sysid.report import agreement, answer, cells, drop_tables, explorer, figures, knowledge, load_tables, tables
 from sysid.report.numbers import MISSING, count, fixed, number, percent, plain_text
 from sysid.report.stops import ARTEFACT_RATIO, artefact_passes, undeclared_travel

@@ -19,7 +19,7 @@ from sysid.report.figures import axle_roads, representative_drops, representativ
 from sysid.report.numbers import speed
 
 if TYPE_CHECKING:
-    from sysid.prediction.results import PassPrediction
+    from sysid.prediction.predicted_passes import PassPrediction
 
 
 def write_paper_figures(results: Results, folder: Path) -> list[Path]:
