@@ -177,7 +177,7 @@ def test_figures_and_report_compute_nothing(path: Path):
 
 
 def test_a_figure_that_computes_is_seen():
-    source = "from sysid.prediction.modes import calibrated_modes\nif TYPE_CHECKING:\n    from sysid.road import scan\n"
+    source = "from sysid.prediction.calibrated_truck_modes import calibrated_modes\nif TYPE_CHECKING:\n    from sysid.road import scan\n"
     tree = ast.parse(source)
     assert runtime_imports(tree, "sysid.plot") == {"prediction.modes"}
     assert checked_names(tree) == [("sysid.road", "scan")]
@@ -187,7 +187,7 @@ def test_a_figure_that_computes_is_seen():
     ("own", "source"),
     [
         ("road", "def f():\n    from sysid.vehicle_model import contact\n"),
-        ("road", "import sysid.sdof.results\n"),
+        ("road", "import sysid.sdof.drop_results\n"),
         ("estimation", "if TYPE_CHECKING:\n    from sysid import posterior\n"),
         ("campaign", "from ..report import page\n"),
     ],

@@ -11,16 +11,16 @@ from sysid.estimates.records import Estimates
 from sysid.estimates.suspension_values import suspension_estimates
 from sysid.estimation.parameters.suspension_elements import LINEAR
 from sysid.prediction.calibrated import calibrated_vehicles
+from sysid.prediction.calibrated_truck_modes import calibrated_modes
 from sysid.prediction.loops import SuspensionLoops, suspension_loops
-from sysid.prediction.modes import calibrated_modes
 from sysid.road.effective import AxleRoad, effective_profiles
 
 if TYPE_CHECKING:
     from sysid.campaign.records import Campaign
     from sysid.estimation.fit.fit_result import FitResult
-    from sysid.posterior.results import Posterior
-    from sysid.road.results import ScanAnalysis
-    from sysid.sdof.results import DropSummary
+    from sysid.posterior.sampled_posterior import Posterior
+    from sysid.road.road_profile import ScanAnalysis
+    from sysid.sdof.drop_results import DropSummary
 
 
 def derive_estimates(

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sysid.prediction.calibrated_elements import CalibratedVehicle
     from sysid.prediction.loops import SuspensionLoops
     from sysid.road.effective import AxleRoad
-    from sysid.vehicle_model.modes import NaturalModes
+    from sysid.vehicle_model.vibration_modes import NaturalModes
 
 
 @dataclass(frozen=True)

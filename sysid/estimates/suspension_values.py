@@ -11,8 +11,8 @@ from sysid.display import Z90
 if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.parameters.estimate import ParameterEstimate
-    from sysid.posterior.results import Posterior
-    from sysid.sdof.results import DropEstimate, DropSummary
+    from sysid.posterior.sampled_posterior import Posterior
+    from sysid.sdof.drop_results import DropEstimate, DropSummary
 
 Quantity = Literal["stiffness", "damping"]
 Source = Literal["paper", "corrected", "free_decay", "model", "fitted", "posterior"]

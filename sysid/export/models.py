@@ -15,7 +15,7 @@ from sysid.files import write_text
 if TYPE_CHECKING:
     from sysid.campaign.records import Campaign
     from sysid.prediction.calibrated_elements import CalibratedVehicle
-    from sysid.prediction.results import Predictions
+    from sysid.prediction.predicted_passes import Predictions
 
 
 def model_texts(campaign: Campaign, vehicles: Iterable[CalibratedVehicle]) -> dict[str, str]:

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 from sysid.export.contents import Results
 from sysid.export.naming import prediction_files, speed_km_h
 from sysid.files import write_text
-from sysid.sdof.results import DropEstimate
+from sysid.sdof.drop_results import DropEstimate
 
 if TYPE_CHECKING:
     from sysid.estimation.parameters.estimate import ParameterEstimate
     from sysid.planning.advice import Prospect
-    from sysid.posterior.results import PosteriorSummary
-    from sysid.prediction.results import PassPrediction
-    from sysid.validation.results import ChannelAgreement, LeftOutRun
+    from sysid.posterior.sampled_posterior import PosteriorSummary
+    from sysid.prediction.predicted_passes import PassPrediction
+    from sysid.validation.channel_agreement import ChannelAgreement, LeftOutRun
 
 SCHEMA_VERSION = 1
 

@@ -23,7 +23,7 @@ from sysid.estimation.residuals.run_unknowns import without_runs
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.mass_effect import mass_columns
 from sysid.estimation.uncertainty.residual_columns import with_columns
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 
 #: Body accelerometers nearer than this to a point on their body [m] are at it.
 NEAR_M = 0.5

@@ -14,7 +14,7 @@ from sysid.plot.style import INK, axes_grid, axes_or_new, axle_color, display, l
 if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.parameters.estimate import ParameterEstimate
-    from sysid.posterior.results import Posterior
+    from sysid.posterior.sampled_posterior import Posterior
 
 _MOST_POINTS = 1500
 

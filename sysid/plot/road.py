@@ -11,7 +11,7 @@ from sysid.plot.style import FAINT, INK, MUTED, axes_or_new, axle_color, styled,
 
 if TYPE_CHECKING:
     from sysid.road.effective import AxleRoad
-    from sysid.road.results import RoadProfile, ScanAnalysis
+    from sysid.road.road_profile import RoadProfile, ScanAnalysis
 
 
 @styled

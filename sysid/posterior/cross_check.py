@@ -21,7 +21,7 @@ from sysid.tabular import Tabular, records_table
 if TYPE_CHECKING:
     import pandas as pd
 
-    from sysid.posterior.results import Posterior
+    from sysid.posterior.sampled_posterior import Posterior
 
 #: (p,) -> log-density and its gradient (p,).
 Gradient = Callable[[np.ndarray], tuple[float, np.ndarray]]

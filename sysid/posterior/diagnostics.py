@@ -9,7 +9,7 @@ import numpy as np
 from arviz_stats.base import array_stats
 
 from sysid.posterior.inference_data import draw_order
-from sysid.posterior.results import PosteriorSummary
+from sysid.posterior.sampled_posterior import PosteriorSummary
 
 #: Draws of one ensemble that R-hat looks at; a longer chain is thinned evenly.
 _RANKED = 50_000

@@ -15,7 +15,7 @@ from sysid.posterior.diagnostics import Diagnosis, diagnose, standstills, summar
 from sysid.posterior.ensembles import Density, Ensemble, advance, first, restored
 from sysid.posterior.history import History
 from sysid.posterior.moves import posterior_moves
-from sysid.posterior.results import Posterior
+from sysid.posterior.sampled_posterior import Posterior
 from sysid.threads import one_blas_thread
 
 Progress = Callable[[str, float], None]

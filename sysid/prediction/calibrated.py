@@ -7,10 +7,10 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.fit_result import FitResult
-from sysid.posterior.results import Posterior
+from sysid.posterior.sampled_posterior import Posterior
 from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
 from sysid.prediction.loops import calibrated_laws
-from sysid.sdof.results import DropSummary
+from sysid.sdof.drop_results import DropSummary
 from sysid.vehicle_model.contact import SOFT_DAMPING, TireLaw
 from sysid.vehicle_model.suspension import (
     REFERENCE_RATE_M_S,

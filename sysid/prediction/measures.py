@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid.prediction.results import Quantiles
+from sysid.prediction.predicted_passes import Quantiles
 
 
 def quantiles(values: np.ndarray) -> Quantiles:

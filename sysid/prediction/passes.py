@@ -20,8 +20,8 @@ from sysid.prediction.driven_range import driven_range, spring_deflection
 from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.mass_lanes import VehicleDraws, histories_of_draws
 from sysid.prediction.measures import impulse_ratio, lift_off_time, load_coefficient, quantiles
+from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.remarks import driven_speeds, remarks
-from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
 from sysid.road.named_shapes import named_shape
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.prediction.bump_stops import BUMP_STOPS, has_bump_stops
-from sysid.prediction.results import Quantiles
+from sysid.prediction.predicted_passes import Quantiles
 from sysid.prediction.trust import MARGIN, Extrapolation
 
 #: Departure of the mean load of the whole truck over a pass from its weight that is worth a sentence.

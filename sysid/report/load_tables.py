@@ -10,7 +10,7 @@ from sysid.report.numbers import MISSING, decimals, fixed, interval, number, spe
 from sysid.report.stops import TRUST_WORDS
 
 if TYPE_CHECKING:
-    from sysid.prediction.results import Quantiles
+    from sysid.prediction.predicted_passes import Quantiles
     from sysid.prediction.trust import Extrapolation
 
 

@@ -19,7 +19,7 @@ from sysid.report.figures import representative_drops, representative_run, run_w
 from sysid.report.numbers import speed
 
 if TYPE_CHECKING:
-    from sysid.prediction.results import PassPrediction
+    from sysid.prediction.predicted_passes import PassPrediction
 
 
 def write_paper_figures(results: Results, folder: Path) -> list[Path]:

@@ -9,7 +9,7 @@ from sysid.prediction.bump_stops import BUMP_STOPS, has_bump_stops, knows_travel
 from sysid.report.numbers import listing, speed
 
 if TYPE_CHECKING:
-    from sysid.prediction.results import PassPrediction
+    from sysid.prediction.predicted_passes import PassPrediction
     from sysid.prediction.trust import What
 
 #: Words for what goes beyond the driven runs, and factor and unit for people.

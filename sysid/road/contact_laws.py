@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.road.enveloping import FootprintMap
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 
 ContactLaw = Literal["footprint", "cams", "point"]
 

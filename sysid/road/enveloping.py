@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.optimize import brentq
 
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 
 #: Exponent of a single spoke; on a flat road the force grows with about deflection^(SPOKE_EXPONENT + 1/2).
 SPOKE_EXPONENT = 0.7

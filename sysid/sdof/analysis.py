@@ -12,10 +12,10 @@ from sysid.errors import DataRejectedError
 from sysid.sdof.damping_choice import more_than_viscous, viscous_alone, without_sticking
 from sysid.sdof.damping_law import fit_damping_law
 from sysid.sdof.decay import PreparedRecord, prepare_record, reading_of, smooth_record
+from sysid.sdof.drop_results import DampingLaw, DecayReading, DropAnalysis, DropEstimate, DropMethod
 from sysid.sdof.equations import directive_damping
 from sysid.sdof.estimates import AxleOnTire, estimate, estimate_by_law, unusable
 from sysid.sdof.free_decay import FreeDecayFit, fit_free_decay
-from sysid.sdof.results import DampingLaw, DecayReading, DropAnalysis, DropEstimate, DropMethod
 from sysid.sdof.settings import DropSettings
 
 _SIDE_DISAGREEMENT = 0.2

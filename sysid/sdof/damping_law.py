@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from sysid.sdof.decay import PreparedRecord
-from sysid.sdof.modes import correlated_covariance
+from sysid.sdof.decay_modes import correlated_covariance
+from sysid.sdof.drop_results import DampingLaw, DampingTerm
 from sysid.sdof.peaks import smoothing_half_width
-from sysid.sdof.results import DampingLaw, DampingTerm
 from sysid.sdof.ring_down import RingDown, ring_down
 from sysid.sdof.smoothing import local_polynomial
 

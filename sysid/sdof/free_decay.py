@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.sdof.decay import PreparedRecord
-from sysid.sdof.modes import ModeFit, fit_modes, mode_curve, scan_single_mode
+from sysid.sdof.decay_modes import ModeFit, fit_modes, mode_curve, scan_single_mode
 
 HOP_RANGE_HZ = (6.0, 20.0)
 _HOP_STARTS_HZ = (8.5, 12.0)

@@ -15,7 +15,7 @@ from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 from sysid.selftest.readings import (
     Instruments,
     as_logged,

@@ -15,7 +15,7 @@ from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.validation.agreement import history_agreement
-from sysid.validation.results import LeftOutRun
+from sysid.validation.channel_agreement import LeftOutRun
 
 Progress = Callable[[str, float], None]
 

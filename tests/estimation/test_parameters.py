@@ -14,7 +14,7 @@ from sysid.estimation.fit.law_choice import check_priors, laws_of_axles
 from sysid.estimation.parameters.campaign_parameters import best_drop_estimates, campaign_parameters
 from sysid.estimation.parameters.lane_laws import stiffness_positions
 from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet, PriorLink
-from sysid.sdof.results import DropEstimate, DropSummary
+from sysid.sdof.drop_results import DropEstimate, DropSummary
 
 BOTH = [empty_run("a", 5.0), empty_run("b", 5.0, load_case="laden")]
 

@@ -14,7 +14,7 @@ from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
 from sysid.road.contact_laws import ContactLaw
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 
 Progress = Callable[[str, float], None]
 

@@ -25,7 +25,7 @@ from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.road.enveloping import FootprintMap, footprint_map
 from sysid.road.plank_road import lifted_onto_plank, plank_table
-from sysid.sdof.results import DropEstimate, DropSummary
+from sysid.sdof.drop_results import DropEstimate, DropSummary
 from sysid.sdof.smoothing import high_frequency_noise
 from sysid.vehicle_model.lanes import EffectiveRoads
 

@@ -30,8 +30,8 @@ from sysid.estimation.parameters.campaign_parameters import campaign_parameters,
 from sysid.estimation.parameters.named_priors import check_named_priors
 from sysid.estimation.parameters.suspension_elements import ELEMENTS, law_elements, law_name
 from sysid.estimation.weights.reweighting import reweighted
-from sysid.road.results import RoadProfile
-from sysid.sdof.results import DropSummary
+from sysid.road.road_profile import RoadProfile
+from sysid.sdof.drop_results import DropSummary
 
 #: Gain in the criterion from which on a richer law is taken.
 DECISIVE = 10.0

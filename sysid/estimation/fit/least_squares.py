@@ -25,7 +25,7 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise as noise_model
 from sysid.estimation.weights.reweighting import reweighted
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.lanes import MapTires
 
 Progress = Callable[[str, float], None]

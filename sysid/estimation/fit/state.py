@@ -17,7 +17,7 @@ from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.road.contact_laws import ContactLaw
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.lanes import MapTires
 
 

@@ -14,7 +14,7 @@ from sysid.estimation.parameters.lane_laws import LawInputs, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.run_data import ChannelLayout, RunGroup, channel_layout, group_runs
 from sysid.road.contact_laws import ContactLaw
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 from sysid.runtime import require_64_bit
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import Timing

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from sysid.campaign.findings import ChannelFinding, QualityReport
     from sysid.campaign.records import Campaign
     from sysid.export.contents import Results
-    from sysid.road.results import ScanAnalysis
-    from sysid.sdof.results import DropSummary
+    from sysid.road.road_profile import ScanAnalysis
+    from sysid.sdof.drop_results import DropSummary
 
 
 # ---------------------------------------------------------------------- check

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from sysid.estimation.residuals.run_history import HistoryBand
     from sysid.export.contents import Results
     from sysid.posterior.cross_check import CrossCheck
-    from sysid.posterior.results import Posterior
+    from sysid.posterior.sampled_posterior import Posterior
     from sysid.workflow.settings import Settings
 
 CHAIN = "chain"

@@ -11,7 +11,7 @@ from matplotlib.patches import Circle
 from sysid.plot.style import FAINT, INK, MUTED, axes_grid, axes_or_new, axle_color, label, styled
 
 if TYPE_CHECKING:
-    from sysid.vehicle_model.modes import NaturalModes
+    from sysid.vehicle_model.vibration_modes import NaturalModes
 
 #: Largest displacement in a figure as a share of the length shown, how far a body reaches beyond its outermost
 #: supports [m], how far bodies are drawn above the wheel centres [m], and the room before and behind the vehicle [m].
