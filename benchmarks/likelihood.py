@@ -12,7 +12,8 @@ import numpy as np
 from benchmarks.bare_kernel import BareKernel
 from benchmarks.rounds import Contender, Sample, timed
 from benchmarks.work import Work, density, engine
-from sysid.estimation.objective import linearise, simulate_runs
+from sysid.estimation.residuals.linearisation import linearise
+from sysid.estimation.residuals.signals import simulate_runs
 from sysid.posterior.log_density import LogDensity, _group_misfit
 from sysid.posterior.moves import posterior_moves
 
@@ -50,14 +51,15 @@ def bare(program: BareKernel, batches: tuple[int, ...]) -> list[Contender]:
 def simulation(work: Work, name: str, every: int = 1) -> Contender:
     """One simulation of one parameter set: filtered signals of all runs."""
     return _in_engine(f"{name} simulation", name, every, 4 if name == "native" else 1)(
-        lambda: simulate_runs(work.model, work.state.log_parameters, work.state.motion)
+        lambda: simulate_runs(work.model, work.state.point.log_parameters, work.state.point.motion)
     )
 
 
 def jacobian(work: Work, name: str, every: int = 1) -> Contender:
     """All residuals with their derivatives by all global parameters, speeds and starts."""
+    point = work.state.point
     return _in_engine(f"{name} Jacobian", name, every, 1)(
-        lambda: linearise(work.model, work.state.weights, work.state.log_parameters, work.state.motion)
+        lambda: linearise(work.model, point.weights, point.log_parameters, point.motion)
     )
 
 
@@ -70,19 +72,19 @@ def gradient(work: Work, ours: LogDensity, every: int) -> Contender:
         return jax.grad(lambda v: sum(_group_misfit(i, v[:, None], shape=s).sum() for i, s in groups))(x)
 
     return _in_engine("jax gradient", "jax", every, 1)(
-        lambda: jax.block_until_ready(slope(jnp.asarray(work.state.log_parameters)))
+        lambda: jax.block_until_ready(slope(jnp.asarray(work.state.point.log_parameters)))
     )
 
 
 def posterior(work: Work, ours: LogDensity) -> Contender:
     """Steps of one ensemble of the posterior stage; per step of all walkers."""
-    count = work.state.log_parameters.size
+    count = work.state.point.log_parameters.size
     walkers = 2 * int(np.ceil(2.1 * count / 2))
     covariance = 1e-6 * np.eye(count)
     sampler = emcee.EnsembleSampler(
-        walkers, count, ours, moves=posterior_moves(work.state.log_parameters, covariance), vectorize=True
+        walkers, count, ours, moves=posterior_moves(work.state.point.log_parameters, covariance), vectorize=True
     )
-    start = work.state.log_parameters + 1e-3 * np.random.default_rng(3).standard_normal((walkers, count))
+    start = work.state.point.log_parameters + 1e-3 * np.random.default_rng(3).standard_normal((walkers, count))
     state = sampler.run_mcmc(start, 1)
     return Contender("native posterior step", timed(lambda: sampler.run_mcmc(state, POSTERIOR_STEPS)), POSTERIOR_STEPS)
 

@@ -14,11 +14,12 @@ import numpy as np
 from sysid.campaign.quality import check_quality
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
-from sysid.estimation import noise
-from sysid.estimation.bump_model import BumpModel, bump_model
-from sysid.estimation.objective import RunMotion, Weights
-from sysid.estimation.parameters import campaign_parameters
-from sysid.estimation.problem import FitState
+from sysid.estimation.fit.state import FitState, state_at
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.residuals.bump_model import BumpModel, bump_model
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.weights import noise
 from sysid.posterior.log_density import LogDensity
 from sysid.road.point_cloud import read_point_cloud
 from sysid.road.results import RoadProfile
@@ -54,9 +55,9 @@ class Work:
 
     def sets(self, count: int) -> np.ndarray:
         """Parameter sets (count, p) scattered by 5 % about the point; the first is the point."""
-        scatter = 0.05 * np.random.default_rng(7).standard_normal((count, self.state.log_parameters.size))
+        scatter = 0.05 * np.random.default_rng(7).standard_normal((count, self.state.point.log_parameters.size))
         scatter[0] = 0.0
-        return np.asarray(self.state.log_parameters + scatter)
+        return np.asarray(self.state.point.log_parameters + scatter)
 
 
 @contextmanager
@@ -110,12 +111,12 @@ def make_work(point: Point, runs: Sequence[int]) -> Work:
     model = bump_model(campaign, parameters, profiles)
     sd = tuple(noise.instrument_noise(group, QUIET_S) for group in model.groups)
     chosen = list(runs)
-    state = FitState(
+    state = state_at(
+        campaign,
         model,
         point.log_parameters,
         RunMotion(point.motion.speed_m_s[chosen], point.motion.start_s[chosen]),
         Weights(sd, tuple(np.ones_like(s) for s in sd)),
-        np.eye(point.log_parameters.size),
     )
     return Work(campaign, model, state)
 
@@ -123,4 +124,4 @@ def make_work(point: Point, runs: Sequence[int]) -> Work:
 def density(work: Work, name: str) -> LogDensity:
     """The product's vectorised log-density by one engine."""
     with engine(name):
-        return LogDensity(work.campaign, work.state)
+        return LogDensity(work.state)

@@ -21,17 +21,15 @@ import pandas as pd
 
 from sysid.campaign import check_quality, read_campaign
 from sysid.campaign.records import Campaign, PriorOverride
-from sysid.estimation.fit_options import FitOptions
-from sysid.estimation.lane_laws import lane_laws, law_inputs
-from sysid.estimation.least_squares import fit_bump_runs
-from sysid.estimation.parameters import campaign_parameters
+from sysid.estimation.fit.least_squares import fit_bump_runs
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.lane_laws import lane_laws, law_inputs
 from sysid.prediction.passes import predict
 from sysid.road import analyse_scan, read_point_cloud
 from sysid.runtime import configure
-from sysid.vehicle_model import engine
-from sysid.vehicle_model.engine import Timing
-from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
-from sysid.vehicle_model.simulation import Motion
+from sysid.vehicle_model.engine import Timing, wheel_road
+from sysid.vehicle_model.lanes import Pass, make_lanes
 
 #: Width of a prior that holds a value.
 HELD = 1e-5
@@ -76,23 +74,22 @@ def main() -> None:
     fit, state = fit_bump_runs(campaign, parameters, profiles, FitOptions(cross_check=False))
     off = max(abs(np.log(p.value / p.prior_median)) for p in fit.parameters if p.quantity in ("stiffness", "damping"))
     print(f"stiffness and damping held within {off:.1e} of the truth")
-    tires = state.model.tires
-    roads = EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, tires=tires)
+    point, roads = state.point, state.model.felt
     worst = []
-    for run, speed, start in zip(campaign.bump_runs, state.motion.speed_m_s, state.motion.start_s, strict=True):
+    for run, speed, start in zip(campaign.bump_runs, point.motion.speed_m_s, point.motion.start_s, strict=True):
         lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [Pass(run.load_case, run.bump)], [])
         laws = law_inputs(campaign.vehicle, parameters, lanes, [run.load_case])
         timing = Timing(round(run.log.duration_s / 0.001), 0.001, 1)
-        motion = Motion(jnp.full((1, 1), speed), jnp.full((1, 1), start))
-        road = engine.wheel_road(lanes.matrices, lanes.road, lanes.axle_x, motion.speed, motion.start_s, timing)
-        suspension, tire = lane_laws(laws, jnp.asarray(state.log_parameters)[:, None])
-        found = engine.simulate_histories(lanes.matrices, suspension, tire, motion, road, timing)
+        motion = jnp.full((1, 1), speed), jnp.full((1, 1), start)
+        road = wheel_road(lanes.matrices, lanes.road, lanes.axle_x, *motion, timing)
+        suspension, tire = lane_laws(laws, jnp.asarray(point.log_parameters)[:, None])
+        found = road.engine.histories(lanes.matrices, suspension, tire, road, timing)
         force = np.asarray(found.tire_force)[:, 0, :, 0]
         e = errors(np.arange(timing.samples) * 0.001, force, forces / run.log.file, run.log.start_time_s)
         worst.append(e.max())
         print(f"{run.log.file}: " + " ".join(f"{100 * x:.2f}" for x in e) + " %")
     print(f"worst run and axle: {100 * max(worst):.2f} %")
-    for p in predict(campaign, parameters, profiles, state.log_parameters, None, tires=tires).passes:
+    for p in predict(state, None, campaign.predictions).passes:
         file = forces / "predictions" / f"{p.load_case}_{3.6 * p.speed_m_s:.0f}kmh.csv"
         true = pd.read_csv(file)
         first = true["tire_force1_kN"].to_numpy()

@@ -7,7 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
 import sysid
 
@@ -15,14 +18,15 @@ ROOT = Path(sysid.__file__).resolve().parent
 
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
-    {"errors", "limits"},
-    {"display", "folder_lock", "output_folder", "runtime", "tabular"},
+    {"errors", "limits", "private_files"},
+    {"display", "folder_lock", "output_folder", "runtime", "tabular", "threads"},
     {"campaign"},
     {"sdof", "road"},
     {"vehicle_model"},
     {"estimation"},
     {"posterior"},
     {"prediction", "selftest", "validation"},
+    {"planning"},
     {"plot"},
     {"export"},
     {"report"},
@@ -31,7 +35,16 @@ LEVELS = (
 )
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}
 
-JAX_PACKAGES = {"runtime", "vehicle_model", "estimation", "posterior", "prediction"}
+#: To be opened.
+STILL_RINGS = (
+    ["sysid.export.contents", "sysid.export.tables"],
+    ["sysid.posterior.inference_data", "sysid.posterior.results"],
+)
+
+#: The rooms of the largest package, from the bottom up.
+ROOMS = {"estimation": ("parameters", "residuals", "weights", "uncertainty", "fit")}
+
+JAX_PACKAGES = {"runtime", "vehicle_model", "estimation", "posterior", "prediction", "planning"}
 
 
 def imported_modules(source: str, package: str) -> set[str]:
@@ -80,6 +93,46 @@ def test_imports_run_downward(path: Path):
         assert "matplotlib" not in roots
     if own not in JAX_PACKAGES:
         assert roots & {"jax", "optimistix", "equinox", "lineax"} == set()
+
+
+@pytest.mark.parametrize(("package", "rooms"), ROOMS.items())
+def test_rooms_import_downward(package: str, rooms: tuple[str, ...]):
+    folder = ROOT / package
+    assert {p.name for p in folder.iterdir() if p.is_dir() and p.name != "__pycache__"} == set(rooms)
+    assert {p.name for p in folder.glob("*.py")} == {"__init__.py"}
+    for number, room in enumerate(rooms):
+        for path in sorted((folder / room).glob("*.py")):
+            modules = imported_modules(path.read_text(encoding="utf-8"), f"sysid.{package}.{room}")
+            above = {f"sysid.{package}.{higher}" for higher in rooms[number + 1 :]} | {f"sysid.{package}"}
+            assert not {
+                m for m in modules if m in above or m.startswith(tuple(f"{a}." for a in above - {f"sysid.{package}"}))
+            }
+
+
+def test_no_two_files_import_each_other():
+    """Nor do three in a ring: what only type checkers read counts too."""
+    names = {".".join(("sysid", *p.relative_to(ROOT).with_suffix("").parts)): p for p in SOURCES}
+    imports = {}
+    for name, path in names.items():
+        modules = imported_modules(path.read_text(encoding="utf-8"), name.rsplit(".", 1)[0])
+        # A package's __init__ only hands names on.
+        imports[name] = (modules & names.keys()) - {name}
+    assert [c for c in circles(imports) if c not in STILL_RINGS] == []
+
+
+def circles(imports: dict[str, set[str]]) -> list[list[str]]:
+    """Groups of modules that reach each other."""
+    order = sorted(imports)
+    index = {name: i for i, name in enumerate(order)}
+    rows, columns = zip(*[(index[a], index[b]) for a in order for b in imports[a]], strict=True)
+    graph = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(len(order), len(order)))
+    count, label = connected_components(graph, directed=True, connection="strong")
+    groups = [[name for name in order if label[index[name]] == k] for k in range(count)]
+    return [group for group in groups if len(group) > 1]
+
+
+def test_a_circle_is_seen():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [["a", "b", "c"]]
 
 
 @pytest.mark.parametrize(

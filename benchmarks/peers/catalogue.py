@@ -111,7 +111,7 @@ def _diffrax(runs: Any, acquisition: Any, unfiltered: Any, add: Any, squares: An
 
 def _squares(work: Work) -> Callable[[np.ndarray], float]:
     """Sum of squared residuals of signals (T, ..., R, C); offsets and gains are not asked of peers."""
-    arrays, noise = work.model.arrays[0], work.state.weights.noise_sd[0]
+    arrays, noise = work.model.arrays[0], work.state.point.weights.noise_sd[0]
     weight = arrays.measured / noise
 
     def total(signals: np.ndarray) -> float:

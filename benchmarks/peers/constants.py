@@ -9,12 +9,11 @@ import numpy as np
 from scipy.signal import lfilter
 
 from benchmarks.work import Work, engine
-from sysid.estimation.bump_model import simulate_group, wheel_road
-from sysid.estimation.lane_laws import lane_laws
+from sysid.estimation.parameters.lane_laws import lane_laws
+from sysid.estimation.residuals.signals import simulate_group, wheel_road
 from sysid.vehicle_model.contact import CELL_POLYNOMIAL
 from sysid.vehicle_model.filters import discretise
 from sysid.vehicle_model.lane_matrices import LaneMatrices
-from sysid.vehicle_model.simulation import Motion
 
 
 class RunConstants(NamedTuple):
@@ -55,7 +54,7 @@ def run_constants(work: Work) -> list[RunConstants]:
     """
     arrays, road = work.model.arrays[0], work.model.roads[0]
     lanes: LaneMatrices = arrays.matrices
-    suspension, tire = lane_laws(arrays.laws, jnp.asarray(work.state.log_parameters)[:, None])
+    suspension, tire = lane_laws(arrays.laws, jnp.asarray(work.state.point.log_parameters)[:, None])
     if lanes.beams is not None or any(value is not None for value in suspension[2:]) or road.stretch is None:
         raise ValueError("the peers know linear suspensions of single axles and the footprint contact only")
     runs = list(work.model.groups[0].runs)
@@ -83,8 +82,8 @@ def run_constants(work: Work) -> list[RunConstants]:
             CELL_POLYNOMIAL,
             road.first_station_m,
             road.step_m,
-            float(work.state.motion.speed_m_s[run]),
-            float(work.state.motion.start_s[run]),
+            float(work.state.point.motion.speed_m_s[run]),
+            float(work.state.point.motion.start_s[run]),
         )
         for r, run in enumerate(runs)
     ]
@@ -125,11 +124,13 @@ def our_signals(work: Work, name: str, refine: int = 1) -> np.ndarray:
     arrays = work.model.arrays[0]
     shape = work.model.shapes[0]._replace(substeps=work.model.shapes[0].substeps * refine)
     runs = list(work.model.groups[0].runs)
-    speed, start = (jnp.asarray(v[runs])[:, None] for v in (work.state.motion.speed_m_s, work.state.motion.start_s))
-    parameters = jnp.asarray(work.state.log_parameters)[:, None]
+    speed, start = (
+        jnp.asarray(v[runs])[:, None] for v in (work.state.point.motion.speed_m_s, work.state.point.motion.start_s)
+    )
+    parameters = jnp.asarray(work.state.point.log_parameters)[:, None]
     with engine(name):
         road = wheel_road(arrays, work.model.roads[0], speed, start, shape)
-        signals = simulate_group(arrays, shape, parameters, Motion(speed, start), road)
+        signals = simulate_group(arrays, shape, parameters, road)
     return np.asarray(signals[..., 0])
 
 

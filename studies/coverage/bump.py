@@ -26,9 +26,9 @@ from sysid.campaign.records import (
     Vehicle,
 )
 from sysid.errors import SysidError
-from sysid.estimation.fit_options import FitOptions
-from sysid.estimation.least_squares import fit_bump_runs
-from sysid.estimation.parameters import campaign_parameters
+from sysid.estimation.fit.least_squares import fit_bump_runs
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.posterior.log_density import LogDensity
 from sysid.road.results import RoadProfile
 from sysid.selftest.readings import Instruments, blank_run, ordinary_instruments, simulated_campaign
@@ -101,9 +101,9 @@ def ranks(number: int, sensors: Instruments, seed: int) -> Record:
         fit, state = fit_bump_runs(campaign, parameters, profiles, _OPTIONS)
     except SysidError as error:
         return {"number": number, "failed": str(error), "entries": []}
-    draws, effective = resampled(LogDensity(campaign, state), state.log_parameters, fit.covariance, random)
+    draws, effective = resampled(LogDensity(state), state.point.log_parameters, fit.covariance, random)
     sd = np.sqrt(np.diag(fit.covariance))
-    z = (world.log_parameters - state.log_parameters) / sd
+    z = (world.log_parameters - state.point.log_parameters) / sd
     below = (draws < world.log_parameters).sum(axis=0)
     entries = [
         {"name": n, "rank": int(below[i]), "z": float(z[i]), "sd": float(sd[i])} for i, n in enumerate(parameters.names)

@@ -10,12 +10,13 @@ import numpy as np
 from studies.coverage.shards import Record
 from studies.coverage.vehicle import Physics, Plan, misfit_world, tractor_trailer
 from sysid.errors import SysidError
-from sysid.estimation.conclusion import conclude
-from sysid.estimation.fit_options import FitOptions
-from sysid.estimation.least_squares import optimise
-from sysid.estimation.objective import Weights
-from sysid.estimation.problem import FitState, Optimum
-from sysid.estimation.results import FitResult
+from sysid.estimation.fit.evaluation import evaluate_optimum
+from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.fit.least_squares import optimise
+from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.residuals.residual_weights import Weights
 from sysid.prediction.passes import predict, predict_pass
 from sysid.prediction.results import Predictions
 from sysid.selftest.readings import ordinary_instruments, simulated_campaign
@@ -55,8 +56,8 @@ def replicate(number: int) -> Record:
         optimum = optimise(campaign, plan.parameters, plan.profiles, _OPTIONS, lambda message, fraction: None)
     except SysidError as error:
         return {**record, "failed": str(error), "entries": []}
-    fit, state = conclude(campaign, optimum, _OPTIONS, lambda message, fraction: None)
-    centres = (posterior_mode(fit, state), state.log_parameters)
+    fit, state = evaluate_optimum(campaign, optimum, _OPTIONS, lambda message, fraction: None)
+    centres = (posterior_mode(fit, state), state.point.log_parameters)
     covariances = (fit.covariance, independent_covariance(optimum))
     sets = [_draws(m, c, random) for m, c in zip(centres, covariances, strict=True)]
     entries = []
@@ -66,12 +67,13 @@ def replicate(number: int) -> Record:
             pairs = zip(centres, halves, strict=True)
             bands = [[float(np.exp(m[i] + s * h)) for s in (-1.0, 0.0, 1.0)] for m, h in pairs]
             entries.append(_entry(p.name, p.quantity, world.values[p.name], *bands))
-    tires = state.model.tires
+    states = [
+        replace(state, point=replace(state.point, log_parameters=m, mass_response=masses))
+        for m, masses in zip(centres, (state.point.mass_response, None), strict=True)
+    ]
     passes = [
-        predict(
-            campaign, plan.parameters, plan.profiles, m, draws, tires=tires, masses=masses, seed=number, sweep_km_h=()
-        )
-        for m, draws, masses in zip(centres, sets, (state.masses, None), strict=True)
+        predict(one, draws, campaign.predictions, seed=number, sweep_km_h=())
+        for one, draws in zip(states, sets, strict=True)
     ]
     entries += _peaks(plan, world, *passes)
     return {
@@ -91,10 +93,11 @@ def posterior_mode(fit: FitResult, state: FitState) -> np.ndarray:
     maps that follow their tires.
     """
     rows, targets = state.model.parameters.prior_rows()
-    pull = rows.T @ (rows @ state.log_parameters - targets)
-    follow = np.eye(pull.size) if state.following is None else state.following
-    flat = np.linalg.solve(follow.T, state.adjustment.T)
-    return np.asarray(state.log_parameters - fit.covariance @ (pull - follow.T @ flat @ (flat @ pull)))
+    point = state.point
+    pull = rows.T @ (rows @ point.log_parameters - targets)
+    follow = np.eye(pull.size) if point.map_following is None else point.map_following
+    flat = np.linalg.solve(follow.T, point.adjustment.T)
+    return np.asarray(point.log_parameters - fit.covariance @ (pull - follow.T @ flat @ (flat @ pull)))
 
 
 def independent_covariance(optimum: Optimum) -> np.ndarray:
@@ -114,7 +117,7 @@ def _peaks(plan: Plan, world: World, reported: Predictions, independent: Predict
     entries = []
     for request, one, two in zip(plan.campaign.predictions, reported.passes, independent.passes, strict=True):
         true = predict_pass(
-            world.campaign, world.parameters, plan.profiles, request, world.log_parameters, None, roads=world.roads
+            world.campaign, world.parameters, world.roads, request, world.log_parameters[None]
         ).peak_ratio_q50
         for axle, truth in enumerate(true):
             bands = [

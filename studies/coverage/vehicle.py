@@ -10,9 +10,10 @@ import numpy as np
 
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
-from sysid.estimation.map_tires import map_tires
-from sysid.estimation.parameters import ParameterSet, campaign_parameters
-from sysid.estimation.uncertain_masses import uncertain_masses
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.map_tires import map_tires
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.road.contact_laws import cam_map
 from sysid.road.enveloping import FootprintMap
 from sysid.road.point_cloud import read_point_cloud

@@ -352,3 +352,9 @@ class Campaign:
     input_sha256: Mapping[str, str]
     messages: tuple[str, ...] = ()
     priors: Mapping[str, NamedPrior] = field(default_factory=dict)
+
+    @property
+    def load_cases_in_use(self) -> tuple[str, ...]:
+        """Names of the load cases in which a bump run was driven or is to be predicted, in the order of the file."""
+        wanted = {run.load_case for run in self.bump_runs} | {request.load_case for request in self.predictions}
+        return tuple(name for name in self.load_cases if name in wanted)

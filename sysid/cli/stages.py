@@ -13,7 +13,7 @@ from typing import Any
 from rich.console import Console
 
 from sysid.cli import tables
-from sysid.cli.invocation import name_of_program, same_command
+from sysid.cli.invocation import configured, name_of_program, same_command
 from sysid.cli.passes import OPTIONS, requested_passes
 from sysid.cli.progress import StageProgress
 from sysid.errors import DataRejectedError, NotConvergedError, OutputError, SysidError
@@ -68,10 +68,9 @@ def _keep_traceback(output: Path) -> str:
 
 
 def _run(name, campaign, output, screen, errors, resume, choices) -> int:
-    from sysid.runtime import configure
     from sysid.workflow import KEPT_CHOICES, Calibration, make_settings, recall
 
-    configure()
+    configured(lambda text: errors.print(f"{name_of_program()} {name}: {text}", markup=False))
     asked = {option: choices.pop(option, None) for option in OPTIONS}
     speeds, profiled = choices.pop("candidate_speeds", ()), choices.pop("profiled", ())
     left_out, all_out = choices.pop("left_out", ()), choices.pop("leave_one_out", False)

@@ -16,11 +16,11 @@ from sysid.tabular import Tabular
 if TYPE_CHECKING:
     import pandas as pd
 
-    from sysid.estimation.profiles import ProfileLikelihood
-    from sysid.estimation.results import FitResult
+    from sysid.estimation.fit.fit_result import FitResult
+    from sysid.estimation.fit.profiles import ProfileLikelihood
+    from sysid.planning.advice import Advice
     from sysid.posterior.cross_check import CrossCheck
     from sysid.posterior.results import Posterior
-    from sysid.prediction.advice_results import Advice
     from sysid.prediction.results import Predictions
     from sysid.validation.results import Validation
 

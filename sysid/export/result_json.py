@@ -14,9 +14,9 @@ from sysid.export.naming import prediction_files, speed_km_h
 from sysid.sdof.results import DropEstimate
 
 if TYPE_CHECKING:
-    from sysid.estimation.results import ParameterEstimate
+    from sysid.estimation.parameters.estimate import ParameterEstimate
+    from sysid.planning.advice import Prospect
     from sysid.posterior.results import PosteriorSummary
-    from sysid.prediction.advice_results import Prospect
     from sysid.prediction.results import PassPrediction
     from sysid.validation.results import ChannelAgreement, LeftOutRun
 

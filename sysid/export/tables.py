@@ -20,7 +20,7 @@ from sysid.tabular import distinct
 from sysid.validation.results import ChannelAgreement
 
 if TYPE_CHECKING:
-    from sysid.estimation.profiles import ProfileLikelihood
+    from sysid.estimation.fit.profiles import ProfileLikelihood
     from sysid.prediction.results import PassPrediction, Predictions, Quantiles
     from sysid.validation.results import Validation
 

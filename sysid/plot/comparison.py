@@ -14,7 +14,8 @@ from sysid.plot.style import INK, axes_or_new, axle_color, label, styled
 from sysid.sdof.results import DropEstimate, DropSummary
 
 if TYPE_CHECKING:
-    from sysid.estimation.results import FitResult, ParameterEstimate
+    from sysid.estimation.fit.fit_result import FitResult
+    from sysid.estimation.parameters.estimate import ParameterEstimate
     from sysid.posterior.results import Posterior
 
 Quantity = Literal["stiffness", "damping"]

@@ -26,7 +26,8 @@ from sysid.plot.style import (
 )
 
 if TYPE_CHECKING:
-    from sysid.estimation.results import FitResult, RunHistory
+    from sysid.estimation.fit.fit_result import FitResult
+    from sysid.estimation.residuals.run_history import RunHistory
 
 POSTERIOR, READING = "90 % posterior", "90 % new readings"
 _ALPHA = {POSTERIOR: 0.45, READING: 0.16}

@@ -13,10 +13,10 @@ from sysid.display import Z90
 from sysid.plot.style import FAINT, INK, MUTED, axes_or_new, axle_color, display, label, styled
 
 if TYPE_CHECKING:
-    from sysid.estimation.profiles import ProfileLikelihood
-    from sysid.estimation.results import FitResult
+    from sysid.estimation.fit.fit_result import FitResult
+    from sysid.estimation.fit.profiles import ProfileLikelihood
+    from sysid.planning.advice import Advice, Prospect
     from sysid.posterior.results import Posterior
-    from sysid.prediction.advice_results import Advice, Prospect
 
 
 @styled

@@ -12,7 +12,8 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 from sysid.plot.style import INK, axes_grid, axes_or_new, axle_color, display, label, shared_legend, styled
 
 if TYPE_CHECKING:
-    from sysid.estimation.results import FitResult, ParameterEstimate
+    from sysid.estimation.fit.fit_result import FitResult
+    from sysid.estimation.parameters.estimate import ParameterEstimate
     from sysid.posterior.results import Posterior
 
 _MOST_POINTS = 1500

@@ -6,12 +6,14 @@ their Gaussian priors leaves, per run,
     -1/2 (r'r - b' N^-1 b),   b = J_eta' r + prior,   N = J_eta' J_eta + prior precision,
 
 so the sampler sees global parameters only. Residuals are tempered by their variance inflation, the likelihood is
-flattened around the optimum for model error and tolerances of masses (:mod:`sysid.estimation.sandwich`), and the
-Gaussian priors of the log parameters are added.  Flattened about the optimum theta_hat, which the priors have pulled
-off the data's own one, the likelihood would keep too much of that pull: its gradient g there becomes C' g, but a
-likelihood of curvature C'HC about the data's optimum has C'C' g.  A linear term makes up the difference.  Footprint
-maps that follow their tires make C D of C (:func:`sysid.estimation.map_tires.following`) and D'C'C' g of C'C' g.
-Sensor offsets and gains are eliminated inside the residuals.
+flattened around the optimum for model error and tolerances of masses
+(:mod:`sysid.estimation.uncertainty.sandwich`), and the Gaussian priors of the log parameters are added.
+
+Flattened about the optimum theta_hat, which the priors have pulled off the data's own one, the likelihood would keep
+too much of that pull: its gradient g there becomes C' g, but a likelihood of curvature C'HC about the data's optimum
+has C'C' g.  A linear term makes up the difference.  Footprint maps that follow their tires make C D of C
+(:mod:`sysid.estimation.uncertainty.map_following`) and D'C'C' g of C'C' g.  Sensor offsets and gains are eliminated
+inside the residuals.
 """
 
 from __future__ import annotations
@@ -23,14 +25,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from sysid.campaign.records import Campaign
-from sysid.estimation.bump_model import GroupArrays, GroupShape, group_residuals, simulate_group, wheel_road
-from sysid.estimation.native_residuals import native_misfits
-from sysid.estimation.objective import SPEED_UNIT, linearise, speed_prior
-from sysid.estimation.problem import FitState
-from sysid.vehicle_model.contact import RoadInput
-from sysid.vehicle_model.engine import LocalColumns, WheelRoad
-from sysid.vehicle_model.simulation import Motion
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.parameters.lane_laws import lane_laws
+from sysid.estimation.residuals.bump_model import GroupArrays, GroupShape
+from sysid.estimation.residuals.linearisation import linearise
+from sysid.estimation.residuals.run_motion import speed_prior
+from sysid.estimation.residuals.run_unknowns import run_normal
+from sysid.estimation.residuals.signals import wheel_road
+from sysid.vehicle_model.engine import WheelRoad
+from sysid.vehicle_model.engines.protocol import LocalColumns
 
 #: What the likelihood is, for people.
 LIKELIHOOD = (
@@ -44,33 +47,29 @@ LIKELIHOOD = (
 class _GroupInputs(NamedTuple):
     arrays: GroupArrays
     road: WheelRoad
-    motion: Motion
     noise_sd: np.ndarray
     tempering: np.ndarray
-    local_columns: np.ndarray
-    gain_columns: np.ndarray
-    local_offset: np.ndarray
-    local_factor: np.ndarray
+    local: LocalColumns
 
 
 @partial(jax.jit, static_argnames=("shape",))
 def _group_misfit(inputs: _GroupInputs, log_parameters: jax.Array, *, shape: GroupShape) -> jax.Array:
     """Sum over runs of r'r - b' N^-1 b for every parameter set, (S,)."""
-    if not isinstance(inputs.road, RoadInput):
-        local = LocalColumns(inputs.local_columns, inputs.gain_columns, inputs.local_offset, inputs.local_factor)
-        weights = (inputs.noise_sd, inputs.tempering)
-        return native_misfits(inputs.arrays, shape, inputs.road, weights, log_parameters, local).sum(axis=0)
-    simulated = simulate_group(inputs.arrays, shape, log_parameters, inputs.motion, inputs.road)
-    residual, gain = group_residuals(inputs.arrays, inputs.noise_sd, inputs.tempering, simulated)
-    squares = (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
-    projections = []
-    for k in range(2):
-        along = (residual * inputs.local_columns[..., k, None]).sum(axis=(0, 2))
-        along = along + (gain * inputs.gain_columns[..., k, None]).sum(axis=1)
-        projections.append(along + inputs.local_offset[:, k, None])
-    b = jnp.stack(projections, axis=1)
-    whitened = jnp.matmul(inputs.local_factor, b)
-    return (squares - (whitened**2).sum(axis=1)).sum(axis=0)
+    arrays, road = inputs.arrays, inputs.road
+    suspension, tire = lane_laws(arrays.laws, log_parameters)
+    readings = arrays.readings(inputs.noise_sd, inputs.tempering)
+    misfits = road.engine.misfits(
+        arrays.matrices,
+        suspension,
+        tire,
+        road,
+        shape.timing,
+        shape.sensors,
+        shape.recursion,
+        readings,
+        inputs.local,
+    )
+    return misfits.sum(axis=0)
 
 
 class LogDensity:
@@ -80,48 +79,42 @@ class LogDensity:
     `rejected` (at most 100 of them) with the number of such sets in `rejected_count`.
     """
 
-    def __init__(self, campaign: Campaign, state: FitState):
-        self._model, self._state = state.model, state
-        self.names = state.model.parameters.names
-        self.centre = np.asarray(state.log_parameters, float)
-        self._adjustment = np.asarray(state.adjustment, float)
-        self._rows, self._targets = state.model.parameters.prior_rows()
+    def __init__(self, state: FitState):
+        point = state.point
+        self._model, self._point = state.model, point
+        self.names = state.parameters.names
+        self.centre = np.asarray(point.log_parameters, float)
+        self._adjustment = np.asarray(point.adjustment, float)
+        self._rows, self._targets = state.parameters.prior_rows()
         # At the optimum the data pull as hard as the priors, the other way.
         pull = -self._rows.T @ (self._rows @ self.centre - self._targets)
-        follow = np.eye(self.centre.size) if state.following is None else state.following
+        follow = np.eye(self.centre.size) if point.map_following is None else point.map_following
         flat = np.linalg.solve(follow.T, self._adjustment.T)
         self._tilt = follow.T @ (flat @ flat - flat) @ pull
         self.rejected: list[np.ndarray] = []
         self.rejected_count = 0
-        expected = speed_prior(campaign.bump_runs)
+        expected = speed_prior(state.campaign.bump_runs)
         count = self.centre.size
         self._inputs = []
-        lin = linearise(state.model, state.weights, self.centre, state.motion)
-        every = state.weights.on(state.model.arrays)
+        lin = linearise(state.model, point.weights, self.centre, point.motion)
+        every = point.weights.on(state.model.arrays)
         for position, group in enumerate(state.model.groups):
             runs = list(group.runs)
-            speed, start = state.motion.speed_m_s[runs], state.motion.start_s[runs]
+            speed, start = point.motion.speed_m_s[runs], point.motion.start_s[runs]
             local = np.asarray(lin[position].residual_jacobian[..., count:])
             gain = np.asarray(lin[position].gain_jacobian[..., count:])
-            nominal, sd = expected.speed_m_s[runs], expected.relative_sd[runs]
-            prior = np.stack([SPEED_UNIT * speed / nominal / sd, np.zeros_like(speed)], axis=1)
-            normal = np.einsum("trck,trcl->rkl", local, local) + np.einsum("rck,rcl->rkl", gain, gain)
-            normal += np.einsum("rk,rl->rkl", prior, prior)
-            pull = ((speed / nominal - 1.0) / sd)[:, None] * prior
-            motion = Motion(jnp.asarray(speed)[:, None], jnp.asarray(start)[:, None])
+            speed_residual, speed_rows = expected.rows(point.motion, runs)
+            normal = run_normal(local, gain, np.einsum("rk,rl->rkl", speed_rows, speed_rows))
+            pull = speed_residual[:, None] * speed_rows
             arrays, shape = every[position], state.model.shapes[position]
-            road = wheel_road(arrays, state.model.roads[position], motion.speed, motion.start_s, shape)
+            road = wheel_road(arrays, state.model.roads[position], speed[:, None], start[:, None], shape)
             self._inputs.append(
                 _GroupInputs(
                     arrays,
                     road,
-                    motion,
-                    state.weights.noise_sd[position],
-                    state.weights.tempering[position],
-                    local,
-                    gain,
-                    pull,
-                    np.linalg.inv(np.linalg.cholesky(normal)),
+                    point.weights.noise_sd[position],
+                    point.weights.tempering[position],
+                    LocalColumns(local, gain, pull, np.linalg.inv(np.linalg.cholesky(normal))),
                 )
             )
 
@@ -148,22 +141,23 @@ class LogDensity:
         With r and J of all residuals of a run at the set, J_eta and N those of the optimum, the sum of squares has the
         gradient 2 (J' r - J' J_eta N^-1 b).
         """
-        x, state = np.asarray(log_parameters, float), self._state
+        x, point = np.asarray(log_parameters, float), self._point
         flattened = self.centre + self._adjustment @ (x - self.centre)
         misfit, slope = 0.0, np.zeros_like(x)
         for inputs, lin in zip(
-            self._inputs, linearise(state.model, state.weights, flattened, state.motion), strict=True
+            self._inputs, linearise(self._model, point.weights, flattened, point.motion), strict=True
         ):
             residual, gain = np.asarray(lin.residual), np.asarray(lin.gain_residual)
             columns = np.asarray(lin.residual_jacobian)[..., : x.size]
             gain_columns = np.asarray(lin.gain_jacobian)[..., : x.size]
-            b = np.einsum("trck,trc->rk", inputs.local_columns, residual) + inputs.local_offset
-            b += np.einsum("rck,rc->rk", inputs.gain_columns, gain)
-            whitened = np.einsum("rkl,rl->rk", inputs.local_factor, b)
-            share = np.einsum("rkl,rk->rl", inputs.local_factor, whitened)
+            own = inputs.local
+            b = np.einsum("trck,trc->rk", own.residual, residual) + own.offset
+            b += np.einsum("rck,rc->rk", own.gain, gain)
+            whitened = np.einsum("rkl,rl->rk", own.factor, b)
+            share = np.einsum("rkl,rk->rl", own.factor, whitened)
             misfit += (residual**2).sum() + (gain**2).sum() - (whitened**2).sum()
-            pull = residual - np.einsum("trck,rk->trc", inputs.local_columns, share)
-            gain_pull = gain - np.einsum("rck,rk->rc", inputs.gain_columns, share)
+            pull = residual - np.einsum("trck,rk->trc", own.residual, share)
+            gain_pull = gain - np.einsum("rck,rk->rc", own.gain, share)
             slope += 2.0 * (np.tensordot(pull, columns, axes=3) + np.tensordot(gain_pull, gain_columns, axes=2))
         off = self._rows @ x - self._targets
         density = -0.5 * (misfit + off @ off) - (x - self.centre) @ self._tilt

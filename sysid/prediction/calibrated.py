@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.results import FitResult
+from sysid.estimation.fit.fit_result import FitResult
 from sysid.posterior.results import Posterior
 from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
 from sysid.prediction.loops import calibrated_laws

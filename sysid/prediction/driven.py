@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.estimation.histories import shown_signals
-from sysid.estimation.problem import FitState
-from sysid.estimation.results import HistoryBand, RunHistory
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.residuals.histories import shown_signals
+from sysid.estimation.residuals.run_history import HistoryBand, RunHistory
 
 #: Number of posterior draws behind the bands.
 DRAWS = 64
@@ -37,17 +37,16 @@ def run_bands(
     random = np.random.default_rng(seed)
     if draws.shape[0] > DRAWS:
         draws = draws[random.choice(draws.shape[0], DRAWS, replace=False)]
-    factors = None if state.masses is None else state.masses.draws(draws, random)
-    of_masses = len(state.model.masses.factors)
+    response = state.point.mass_response
+    amounts = None if response is None else response.draws(draws, random)
     shown: list[list[np.ndarray]] = [[] for _ in state.model.groups]
     for i, draw in enumerate(draws):
         progress("posterior bands of the driven runs", i / len(draws))
         model = state.model
-        if factors is not None:
-            model = model.with_masses(factors[i, :of_masses])
-            if model.departures is not None:
-                model = model.departed(factors[i, of_masses:])
-        for own, one in zip(shown, shown_signals(state, model, draw), strict=True):
+        if amounts is not None:
+            model = state.allowances.moved(model, amounts[i])
+        simulated = shown_signals(model, state.point.weights, state.point.motion, draw)
+        for own, one in zip(shown, simulated, strict=True):
             own.append(one.signals)
     bands: dict[int, HistoryBand] = {}
     for group, signals in zip(state.model.groups, shown, strict=True):

@@ -7,7 +7,7 @@ import numpy as np
 from sysid import limits
 from sysid.campaign.records import PredictionRequest
 from sysid.errors import CampaignError, DataRejectedError
-from sysid.estimation.parameters import ParameterSet
+from sysid.estimation.parameters.parameter_set import ParameterSet
 
 
 def check_duration(request: PredictionRequest, duration_s: float) -> None:

@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.lane_laws import lane_laws, law_inputs
-from sysid.estimation.law_choice import laws_of_axles
-from sysid.estimation.parameters import campaign_parameters
-from sysid.estimation.results import FitResult
+from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.fit.law_choice import laws_of_axles
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.lane_laws import lane_laws, law_inputs
 from sysid.sdof.results import DropSummary
 from sysid.tabular import Tabular
 from sysid.vehicle_model.assembly import assemble

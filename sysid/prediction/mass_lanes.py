@@ -9,13 +9,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from sysid.estimation.departures import Departures
-from sysid.estimation.lane_laws import LawInputs, lane_laws, law_inputs
-from sysid.estimation.parameters import ParameterSet
-from sysid.estimation.uncertain_masses import UncertainMasses
-from sysid.vehicle_model import engine
+from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
-from sysid.vehicle_model.engine import Timing, WheelRoad
+from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.lanes import Lanes, Pass, pass_matrices
 from sysid.vehicle_model.simulation import Motion
 from sysid.vehicle_model.suspension import SuspensionLaw
@@ -28,23 +26,20 @@ TOGETHER = 20
 class VehicleDraws:
     """Vehicles that go with n draws of the parameters.
 
-    `log_factors` (n, m + d): log factors on the m uncertain `masses`, then amplitudes of the d `departures` if any.
+    `amounts` (n, m + d): log factors on the m uncertain masses, then amplitudes of the d departures.
     """
 
-    masses: UncertainMasses
-    departures: Departures | None
-    log_factors: np.ndarray
+    allowances: Allowances
+    amounts: np.ndarray
 
     def __post_init__(self) -> None:
-        width = len(self.masses.factors) + (0 if self.departures is None else len(self.departures.directions))
-        if self.log_factors.shape[1] != width:
-            raise ValueError(
-                f"Draws of {self.log_factors.shape[1]} masses and departures do not fit a vehicle with {width} of them."
-            )
+        given, width = self.amounts.shape[1], self.allowances.count
+        if given != width:
+            raise ValueError(f"Draws of {given} masses and departures do not fit a vehicle with {width} of them.")
 
     def first(self, count: int) -> VehicleDraws:
         """The vehicles of the first draws."""
-        return replace(self, log_factors=self.log_factors[:count])
+        return replace(self, amounts=self.amounts[:count])
 
 
 def histories_of_draws(
@@ -67,29 +62,26 @@ def histories_of_draws(
     motion : speed [m/s] and start [s] (1, 1).
     """
     count = log_parameters.shape[0]
-    masses, departures, of_masses = vehicles.masses, vehicles.departures, len(vehicles.masses.factors)
+    masses, departures = vehicles.allowances.masses, vehicles.allowances.departures
     found = []
     for first in range(0, count, TOGETHER):
         # The last chunk repeats its last draw: one size is compiled once.
         chosen = np.minimum(np.arange(first, first + TOGETHER), count - 1)
         matrices, laws, roads = [], [], []
-        for factors in vehicles.log_factors[chosen]:
-            vehicle, cases = masses.applied(factors[:of_masses])
+        for amounts in vehicles.amounts[chosen]:
+            log_factors, amplitudes = vehicles.allowances.split(amounts)
+            vehicle, cases = masses.applied(log_factors)
             own = replace(lanes, matrices=pass_matrices(vehicle, cases, [driven], []))
             matrices.append(own.matrices)
             inputs = law_inputs(vehicle, parameters, own, [driven.load_case])
-            if departures is None:
-                roads.append(lanes.road)
-            else:
-                inputs = departures.laws(inputs, factors[of_masses:], [driven.load_case])
-                roads.append(departures.road([driven], factors[of_masses:]))
-            laws.append(inputs)
+            laws.append(departures.laws(inputs, amplitudes, [driven.load_case]))
+            roads.append(departures.road([driven], amplitudes))
         stacked = jax.tree.map(lambda *parts: np.concatenate(parts), *matrices)
         inputs = jax.tree.map(lambda *parts: np.stack(parts), *laws)
-        every = Motion(*(jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s)))
-        road = engine.wheel_road(stacked, _joined(roads), lanes.axle_x, every.speed, every.start_s, timing)
+        speed, start_s = (jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s))
+        road = wheel_road(stacked, _joined(roads), lanes.axle_x, speed, start_s, timing)
         sets = jnp.asarray(log_parameters[chosen, :, None])
-        tire, suspension, deflection = _histories(stacked, inputs, road, sets, every, timing=timing)
+        tire, suspension, deflection = _histories(stacked, inputs, road, sets, timing=timing)
         found.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, deflection)])
     tire, suspension, deflection = (np.concatenate(parts, axis=1)[:, :count] for parts in zip(*found, strict=True))
     return np.moveaxis(tire, 1, 2), np.moveaxis(suspension, 1, 2), np.moveaxis(deflection, 1, 2)
@@ -106,9 +98,9 @@ def _joined(roads: list[EffectiveRoad]) -> EffectiveRoad:
 
 
 @partial(jax.jit, static_argnames=("timing",))
-def _histories(matrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, motion: Motion, *, timing: Timing):
+def _histories(matrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *, timing: Timing):
     suspension, tire = _laws(inputs, sets)
-    found = engine.simulate_histories(matrices, suspension, tire, motion, road, timing)
+    found = road.engine.histories(matrices, suspension, tire, road, timing)
     return found.tire_force, found.suspension_force, found.deflection
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.campaign.records import Campaign, LoadCase
 from sysid.errors import SysidError
-from sysid.estimation.results import FitResult
+from sysid.estimation.fit.fit_result import FitResult
 from sysid.posterior.results import Posterior
 from sysid.vehicle_model.contact import SOFT_DAMPING
 from sysid.vehicle_model.modes import NaturalModes, natural_modes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -12,21 +12,18 @@ import numpy as np
 
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.errors import CampaignError
-from sysid.estimation.bump_model import campaign_departures
-from sysid.estimation.lane_laws import lane_laws, law_inputs
-from sysid.estimation.parameters import ParameterSet
-from sysid.estimation.uncertain_masses import MassResponse, uncertain_masses
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.parameters.lane_laws import lane_laws, law_inputs
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.mass_lanes import VehicleDraws, histories_of_draws
 from sysid.prediction.measures import impulse_ratio, lift_off_time, load_coefficient, quantiles
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
-from sysid.road.contact_laws import ContactLaw
 from sysid.road.named_shapes import named_shape
-from sysid.road.results import RoadProfile
-from sysid.vehicle_model import engine
-from sysid.vehicle_model.engine import Timing, WheelRoad
-from sysid.vehicle_model.lanes import EffectiveRoads, MapTires, Pass, make_lanes
+from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
+from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
 from sysid.vehicle_model.simulation import Motion
 
 #: Output interval of predicted histories [s], and how long before and after the passage they reach.
@@ -43,9 +40,9 @@ Progress = Callable[[str, float], None]
 
 
 @partial(jax.jit, static_argnames=("timing",))
-def _histories(matrices, laws, road: WheelRoad, log_parameters, motion: Motion, *, timing: Timing) -> tuple:
+def _histories(matrices, laws, road: WheelRoad, log_parameters, *, timing: Timing) -> tuple:
     suspension, tire = lane_laws(laws, log_parameters)
-    found = engine.simulate_histories(matrices, suspension, tire, motion, road, timing)
+    found = road.engine.histories(matrices, suspension, tire, road, timing)
     return found.tire_force[:, 0], found.suspension_force[:, 0], found.deflection[:, 0]
 
 
@@ -82,8 +79,8 @@ def _simulate(
     timing, motion = Timing(samples, INTERVAL_S, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
     if vehicles is None:
         laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
-        wheels = engine.wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
-        found = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), motion, timing=timing)
+        wheels = wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
+        found = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), timing=timing)
         tire, suspension, deflection = (np.asarray(h) for h in found)
         suspension = suspension + lanes.matrices.carried_load[0]
     else:
@@ -105,39 +102,23 @@ def _simulate(
 def predict_pass(
     campaign: Campaign,
     parameters: ParameterSet,
-    profiles: Mapping[str, RoadProfile],
+    roads: EffectiveRoads,
     request: PredictionRequest,
-    log_parameters: np.ndarray,
-    draws: np.ndarray | None,
-    *,
-    contact: ContactLaw = "footprint",
-    roads: EffectiveRoads | None = None,
-    tires: MapTires | None = None,
+    sets: np.ndarray,
     vehicles: VehicleDraws | None = None,
 ) -> PassPrediction:
-    """Wheel loads of one pass, for the point estimate and for posterior draws.
+    """Wheel loads of one pass, for a point estimate or for posterior draws.
 
     The peak dynamic load ratio of a draw is the maximum over the pass of the unfiltered vertical tire force over the
     static axle load; quantiles are taken over draws, pointwise in time for the bands.
 
     Parameters
     ----------
-    log_parameters : (p,) point estimate, used alone where `draws` is None.
-    draws : (n, p) posterior draws of the log parameters, or None.
-    roads : what the wheels feel, None for `contact` over `profiles` with footprint maps of `tires`.
+    roads : what the wheels feel, see :func:`effective_roads`.
+    sets : (n, p) log parameters: one row, or draws, of which the bands are quantiles.
     vehicles : those that belong to the draws, None for the declared one.
-
-    Raises
-    ------
-    TypeError
-        If neither `roads` nor `tires` is given.
     """
-    if roads is None:
-        if tires is None:
-            raise TypeError("predict_pass needs the tires that the footprint maps are made for, or roads.")
-        roads = effective_roads(campaign, profiles, [request], contact, tires)
-    sets = log_parameters[:, None] if draws is None else draws.T
-    p = _simulate(campaign, parameters, roads, request, sets, vehicles)
+    p = _simulate(campaign, parameters, roads, request, sets.T, vehicles)
     force = quantiles(p.tire_N)
     ratio = quantiles(p.tire_N.max(axis=0) / p.static_N[:, None])
     jounce, rebound = quantiles((-p.deflection_m).max(axis=0)), quantiles(p.deflection_m.max(axis=0))
@@ -217,61 +198,52 @@ def speed_sweep(
     )
 
 
-def effective_roads(
-    campaign: Campaign,
-    profiles: Mapping[str, RoadProfile],
-    requests: Sequence[PredictionRequest],
-    contact: ContactLaw = "footprint",
-    tires: MapTires | None = None,
-) -> EffectiveRoads:
-    """Roads of the scanned bumps and of those that the requests name."""
+def effective_roads(state: FitState, requests: Sequence[PredictionRequest]) -> EffectiveRoads:
+    """What the wheels feel, as in the fit, of the scanned bumps and of those that the requests name."""
     shapes = {r.bump: named_shape(r.shape) for r in requests if r.shape is not None}
-    return EffectiveRoads(campaign.vehicle, campaign.load_cases, {**profiles, **shapes}, contact, tires)
+    campaign, point = state.campaign, state.point
+    profiles = {**state.profiles, **shapes}
+    return EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, point.contact, point.tires)
 
 
 def predict(
-    campaign: Campaign,
-    parameters: ParameterSet,
-    profiles: Mapping[str, RoadProfile],
-    log_parameters: np.ndarray,
+    state: FitState,
     draws: np.ndarray | None,
+    requests: Sequence[PredictionRequest],
     *,
-    tires: MapTires | None,
-    contact: ContactLaw = "footprint",
     seed: int = 0,
-    masses: MassResponse | None = None,
-    requests: Sequence[PredictionRequest] | None = None,
     sweep_km_h: Sequence[float] = SWEEP_KM_H,
     progress: Progress = lambda message, fraction: None,
 ) -> Predictions:
-    """All passes that the campaign asks for, or `requests`, and the load ratio against speed in their load cases.
+    """Wheel loads of passes, and the load ratio against speed in their load cases.
 
-    `draws` (n, p) in log space are thinned to a few hundred at random, for the ratio against speed to a few tens.
-    Every draw gets masses of its own, drawn as `masses` says that they go with the parameters; None for declared ones.
-    `campaign` is the one that was fitted; `tires` are those of the fit's footprint maps, None for the declared ones.
+    Every draw gets masses and departures of its own, as the fit says that they go with the parameters.
+
+    Parameters
+    ----------
+    state : the fit; its optimum alone is used where there are no draws.
+    draws : (n, p) posterior draws of the log parameters, or None; they are thinned at random to :data:`DRAWS`, for the
+        ratio against speed to :data:`SWEEP_DRAWS`.
+    requests : the passes.
+    sweep_km_h : speeds of the ratio against speed [km/h], none for no such table.
 
     Raises
     ------
     CampaignError
         If a pass is in a load case of which the fit knows nothing that the prediction needs.
     """
-    requests = campaign.predictions if requests is None else tuple(requests)
-    _check_load_cases(campaign, parameters, requests, drawn=draws is not None and masses is not None)
+    campaign, parameters, response = state.campaign, state.parameters, state.point.mass_response
+    _check_load_cases(campaign, parameters, requests, drawn=draws is not None and response is not None)
     random = np.random.default_rng(seed)
     if draws is not None and draws.shape[0] > DRAWS:
         draws = draws[random.choice(draws.shape[0], DRAWS, replace=False)]
-    roads = effective_roads(campaign, profiles, requests, contact, tires)
+    roads = effective_roads(state, requests)
     vehicles = None
-    if draws is not None and masses is not None:
-        factors, uncertain = masses.draws(draws, random), uncertain_masses(campaign)
-        departing = factors.shape[1] > len(uncertain.factors)
-        known = campaign_departures(campaign, parameters, roads) if departing else None
-        vehicles = VehicleDraws(uncertain, known, factors)
-    passes = tuple(
-        predict_pass(campaign, parameters, profiles, request, log_parameters, draws, roads=roads, vehicles=vehicles)
-        for request in requests
-    )
-    sets = log_parameters[:, None] if draws is None else draws[:SWEEP_DRAWS].T
+    if draws is not None and response is not None:
+        vehicles = VehicleDraws(campaign_allowances(campaign, parameters, roads), response.draws(draws, random))
+    sets = state.point.log_parameters[None] if draws is None else draws
+    passes = tuple(predict_pass(campaign, parameters, roads, request, sets, vehicles) for request in requests)
+    sets = sets[:SWEEP_DRAWS].T
     few = None if vehicles is None else vehicles.first(SWEEP_DRAWS)
     pairs = dict.fromkeys((r.load_case, r.bump) for r in requests if r.shape is None)
     speeds = [v / 3.6 for v in sweep_km_h]
@@ -287,11 +259,10 @@ def _check_load_cases(
     campaign: Campaign, parameters: ParameterSet, requests: Sequence[PredictionRequest], *, drawn: bool
 ) -> None:
     """Refuse load cases without a stiffness of their own, and where vehicles are drawn those without such draws."""
-    known = {r.load_case for r in campaign.bump_runs} | {p.load_case for p in campaign.predictions}
     for case in dict.fromkeys(r.load_case for r in requests):
         springs = {p.axle for p in parameters.parameters if p.quantity == "stiffness"}
         having = {p.axle for p in parameters.parameters if p.quantity == "stiffness" and p.load_case in (None, case)}
-        if springs != having or (drawn and case not in known):
+        if springs != having or (drawn and case not in campaign.load_cases_in_use):
             raise CampaignError(
                 f"Load case '{case}' is in no run and no prediction of {campaign.file.name}, so the fit says nothing "
                 "of it; list a prediction in it there and fit again."

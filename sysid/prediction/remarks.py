@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid.campaign.records import Axle, Campaign, PredictionRequest
-from sysid.estimation.suspension_elements import law_elements
+from sysid.estimation.parameters.suspension_elements import law_elements
 from sysid.prediction.results import FASTER, Quantiles
 
 #: Load ratio from which on a truck would have hit its stops.

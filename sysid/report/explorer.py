@@ -22,7 +22,7 @@ from sysid.plot.style import INK, display
 from sysid.report.numbers import plain_text, speed
 
 if TYPE_CHECKING:
-    from sysid.estimation.results import RunHistory
+    from sysid.estimation.residuals.run_history import RunHistory
     from sysid.prediction.results import PassPrediction
 
 #: Code of a missing sample.

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 
 from sysid import plot
-from sysid.estimation.suspension_elements import LINEAR
+from sysid.estimation.parameters.suspension_elements import LINEAR
 from sysid.export import Results
 from sysid.plot.comparison import Quantity
 from sysid.prediction.loops import AMPLITUDE_M, FREQUENCY_HZ, suspension_loops
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sysid.campaign.records import LoadCase
-    from sysid.estimation.results import FitResult, RunHistory
+    from sysid.estimation.fit.fit_result import FitResult
+    from sysid.estimation.residuals.run_history import RunHistory
     from sysid.vehicle_model.modes import NaturalModes
 
 _MOST_CORNER = 14

@@ -11,8 +11,8 @@ from sysid.report.cells import Cell, Table, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, number, percent
 
 if TYPE_CHECKING:
-    from sysid.estimation.results import ParameterEstimate
-    from sysid.prediction.advice_results import Prospect
+    from sysid.estimation.parameters.estimate import ParameterEstimate
+    from sysid.planning.advice import Prospect
 
 
 def shrinkage_table(results: Results) -> Table | None:

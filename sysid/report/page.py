@@ -13,7 +13,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from sysid.estimation.thresholds import MISFIT
+from sysid.estimation.fit.thresholds import MISFIT
 from sysid.export import Results, write_text
 from sysid.plot.comparison import Quantity
 from sysid.prediction.modes import calibrated_modes

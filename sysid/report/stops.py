@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from sysid.estimation.law_choice import laws_of_axles
-from sysid.estimation.suspension_elements import law_name
+from sysid.estimation.fit.law_choice import laws_of_axles
+from sysid.estimation.parameters.suspension_elements import law_name
 from sysid.export.contents import Results
 from sysid.prediction.remarks import ARTEFACT_RATIO, BUMP_STOPS, has_bump_stops, knows_travel
 from sysid.report.numbers import listing, speed

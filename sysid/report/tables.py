@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid.campaign.findings import ChannelFinding
 from sysid.display import NOT_DETERMINED, Z90, shown_unit
-from sysid.estimation.thresholds import STEP_HALVING
+from sysid.estimation.fit.thresholds import STEP_HALVING
 from sysid.export import Results
 from sysid.plot import SOURCE_LABELS, SOURCES, AxleEstimates, label, suspension_estimates
 from sysid.plot.comparison import Quantity
@@ -18,7 +18,8 @@ from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, number, percent
 
 if TYPE_CHECKING:
-    from sysid.estimation.results import FitResult, ParameterEstimate
+    from sysid.estimation.fit.fit_result import FitResult
+    from sysid.estimation.parameters.estimate import ParameterEstimate
     from sysid.posterior.cross_check import CrossCheck
     from sysid.posterior.results import Posterior
     from sysid.vehicle_model.modes import NaturalModes

@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from sysid.estimation.thresholds import MISFIT
+from sysid.estimation.fit.thresholds import MISFIT
 from sysid.export.contents import Results
 from sysid.plot import AxleEstimates, Estimate, suspension_estimates
 from sysid.plot.comparison import Quantity

@@ -10,8 +10,9 @@ from scipy.signal import lfilter
 
 from sysid.campaign.quality import check_quality
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor
-from sysid.estimation.bump_model import GAIN_SD, bump_model
-from sysid.estimation.objective import RunMotion, simulate_runs
+from sysid.estimation.residuals.bump_model import GAIN_SD, bump_model
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.signals import simulate_runs
 from sysid.road.results import RoadProfile
 from sysid.selftest.world import World
 

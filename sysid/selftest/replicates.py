@@ -11,10 +11,10 @@ from scipy.stats import binom
 from sysid.campaign.records import Campaign
 from sysid.display import Z90
 from sysid.errors import CampaignError, DataRejectedError
-from sysid.estimation.fit_options import FitOptions
-from sysid.estimation.least_squares import fit_bump_runs
-from sysid.estimation.parameters import campaign_parameters
-from sysid.estimation.results import FitResult
+from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.fit.least_squares import fit_bump_runs
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.road.results import RoadProfile
 from sysid.selftest.readings import (
     Instruments,

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.map_tires import map_tires
-from sysid.estimation.parameters import ParameterSet
-from sysid.estimation.uncertain_masses import uncertain_masses
+from sysid.estimation.parameters.map_tires import map_tires
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.results import RoadProfile
 from sysid.vehicle_model.lanes import EffectiveRoads

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid.estimation.results import FitResult, RunHistory
+from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.residuals.run_history import RunHistory
 from sysid.validation.metrics import dominant_frequency, filled_in, fit_percent, nrmse, peak_error, sprague_geers
 from sysid.validation.objective_rating import objective_ratings
 from sysid.validation.results import ChannelAgreement, Validation, ValidationLimits

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.errors import CampaignError
-from sysid.estimation.fit_options import FitOptions
-from sysid.estimation.left_out import fit_without
-from sysid.estimation.problem import FitState
-from sysid.estimation.results import FitResult, RunHistory
-from sysid.road.results import RoadProfile
+from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.fit.left_out import fit_without
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.residuals.run_history import RunHistory
 from sysid.validation.agreement import history_agreement
 from sysid.validation.results import LeftOutRun
 
@@ -21,10 +21,8 @@ Progress = Callable[[str, float], None]
 
 
 def leave_out(
-    campaign: Campaign,
     fit: FitResult,
     state: FitState,
-    profiles: Mapping[str, RoadProfile],
     runs: Sequence[str],
     options: FitOptions,
     progress: Progress | None = None,
@@ -35,11 +33,11 @@ def leave_out(
 
     Parameters
     ----------
-    campaign, fit, state, profiles : screened campaign with all runs, its fit and its bumps.
+    fit, state : results and state of the fit of all runs.
     runs : files of the runs (:func:`chosen_runs`).
     """
     report = progress or (lambda message, fraction: None)
-    files = [r.log.file for r in campaign.bump_runs]
+    files = [r.log.file for r in state.campaign.bump_runs]
     sd = np.sqrt(np.diag(fit.covariance))
     for number, name in enumerate(runs):
         share = number / len(runs)
@@ -47,12 +45,12 @@ def leave_out(
         def within(message: str, fraction: float, name: str = name, share: float = share) -> None:
             report(f"without {name}, {message}", share + fraction / len(runs))
 
-        found = fit_without(campaign, state, profiles, files.index(name), options, within)
+        found = fit_without(state, files.index(name), options, within)
         history = _in_the_same_noise(found.history, fit)
         yield LeftOutRun(
             run=name,
             values=np.exp(found.log_parameters),
-            shift_sd=(found.log_parameters - state.log_parameters) / sd,
+            shift_sd=(found.log_parameters - state.point.log_parameters) / sd,
             converged=found.converged,
             speed_m_s=history.speed_m_s,
             start_s=history.start_s,

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,25 +15,24 @@ from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.campaign.wording import finish, nearest
 from sysid.errors import CampaignError, DataRejectedError
-from sysid.estimation.bump_model import bump_model
-from sysid.estimation.drop_model import with_model_estimates
-from sysid.estimation.law_choice import check_priors, fit_with_laws, laws_of_axles
-from sysid.estimation.parameters import ParameterSet, campaign_parameters
-from sysid.estimation.problem import FitState, Problem
-from sysid.estimation.profiles import ProfileLikelihood, profile_parameter
-from sysid.estimation.results import FitResult, HistoryBand, RunHistory
+from sysid.estimation.fit.drop_model import with_model_estimates
+from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.fit.law_choice import check_priors, fit_with_laws
+from sysid.estimation.fit.profiles import ProfileLikelihood, profile_parameter
+from sysid.estimation.fit.state import FitPoint, FitState, restored
+from sysid.estimation.residuals.run_history import HistoryBand, RunHistory
 from sysid.export.contents import Results, Status
 from sysid.export.files import write_text
 from sysid.export.inference_data import write_posterior
 from sysid.export.models import write_models
 from sysid.export.result_json import write_result
 from sysid.export.tables import write_parameters, write_predictions, write_profiles, write_validation
+from sysid.planning.advice import Advice
+from sysid.planning.advise import CANDIDATE_KM_H, advise
 from sysid.posterior.cross_check import CrossCheck, cross_check
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
 from sysid.posterior.results import Posterior
 from sysid.posterior.sampling import chain_identity, posterior_so_far, sample_posterior
-from sysid.prediction.advice import CANDIDATE_KM_H, advise
-from sysid.prediction.advice_results import Advice
 from sysid.prediction.calibrated import calibrated_vehicle
 from sysid.prediction.calibrated_elements import CalibratedVehicle
 from sysid.prediction.driven import run_bands, with_bands
@@ -207,11 +205,11 @@ class Calibration:
         The fits take the suspension laws and the drops of the fit of all runs.
         """
         chosen = chosen_runs(self.campaign, runs)
-        fit, state, profiles = self.fit(), self._state(), self._profiles()
+        fit, state = self.fit(), self._state()
         done = {left.run: left for left in self._stages.known("left_out") or ()}
         todo = [run for run in chosen if run not in done]
         options, report = self.settings.fit, self._progress
-        for left in leave_out(self.campaign, fit, state, profiles, todo, options, report):
+        for left in leave_out(fit, state, todo, options, report):
             done[left.run] = left
             kept = tuple(done[r.log.file] for r in self.campaign.bump_runs if r.log.file in done)
             with self._stages.lock:
@@ -357,65 +355,38 @@ class Calibration:
         options = replace(self.settings.fit, weight_rounds=1, tolerance=1e-4)
         return with_model_estimates(self.campaign, summary, options, self._progress)
 
-    def _fit(self) -> tuple[FitResult, dict[str, Any]]:
+    def _fit(self) -> tuple[FitResult, FitPoint]:
         if not self.campaign.bump_runs:
             raise DataRejectedError(
                 "No bump run is left to fit: every log was rejected or none is listed; see the stage 'check'."
             )
         fit, state = fit_with_laws(self.campaign, self.drops(), self._profiles(), self.settings.fit, self._progress)
-        return fit, {
-            "log_parameters": state.log_parameters,
-            "motion": state.motion,
-            "weights": state.weights,
-            "adjustment": state.adjustment,
-            "masses": state.masses,
-            "following": state.following,
-            "tires": state.model.tires,
-        }
+        return fit, state.point
 
     def _state(self) -> FitState:
-        point = dict(self._stages.result("fit", self._fit)[1])
-        options = self.settings.fit
-        model = bump_model(
-            self.campaign,
-            self._parameters(),
-            self._profiles(),
-            target_step_s=options.target_step_s,
-            contact=options.contact,
-            tires=point.pop("tires"),
-        )
-        return FitState(model, **point)
+        point: FitPoint = self._stages.result("fit", self._fit)[1]
+        return restored(self.campaign, self._profiles(), point)
 
     def _advise(self, speeds_km_h: Sequence[float]) -> Advice:
         determined, state = self.fit().identifiability, self._state()
         assert determined is not None
-        return advise(
-            self.campaign,
-            state,
-            determined,
-            self._profiles(),
-            contact=self.settings.fit.contact,
-            target_step_s=self.settings.fit.target_step_s,
-            speeds_km_h=speeds_km_h,
-            progress=self._progress,
-        )
+        return advise(state, determined, speeds_km_h=speeds_km_h, progress=self._progress)
 
     def _profiled(self, names: Sequence[str]) -> Iterator[tuple[str, ProfileLikelihood]]:
         if not names:
             return
         fit, state = self.fit(), self._state()
-        problem = Problem(state.model, self.campaign, state.motion, state.weights)
         for name in names:
-            compute = partial(profile_parameter, problem, state, fit, name, progress=self._progress)
+            compute = partial(profile_parameter, state, fit, name, progress=self._progress)
             yield name, self._stages.timed("profile", compute)
 
     def _sample(self) -> Posterior:
         fit, state = self.fit(), self._state()
-        density = LogDensity(self.campaign, state)
+        density = LogDensity(state)
         return sample_posterior(
             density,
             fit.names,
-            state.log_parameters,
+            state.point.log_parameters,
             fit.covariance,
             LIKELIHOOD,
             self.settings.sampling,
@@ -436,20 +407,20 @@ class Calibration:
 
     def _crosscheck(self) -> CrossCheck:
         fit, posterior, state = self.fit(), self.sample(), self._state()
-        density = LogDensity(self.campaign, state)
+        density = LogDensity(state)
         return cross_check(
             density.gradient,
             posterior,
-            state.log_parameters,
+            state.point.log_parameters,
             fit.covariance,
             seed=self.settings.seed,
             progress=self._progress,
         )
 
-    def _sampled_so_far(self, fit: FitResult, point: dict[str, Any]) -> Posterior | None:
+    def _sampled_so_far(self, fit: FitResult, point: FitPoint) -> Posterior | None:
         """Draws of a chain that another process is still adding to, or that was stopped."""
         options = self.settings.sampling
-        identity = chain_identity(options, point["log_parameters"], fit.covariance, self._chain_inputs())
+        identity = chain_identity(options, point.log_parameters, fit.covariance, self._chain_inputs())
         return posterior_so_far(self.output / "chain", identity, fit.names, LIKELIHOOD, options)
 
     def _chain_inputs(self) -> dict[str, str]:
@@ -469,22 +440,13 @@ class Calibration:
     def _predict(
         self, requests: tuple[PredictionRequest, ...] | None = None, sweep_km_h: Sequence[float] = SWEEP_KM_H
     ) -> Predictions:
-        fit = self.fit()
-        found = self._stages.result("fit", self._fit)[1]
         posterior: Posterior | None = self._stages.known("sample")
-        point = np.log([p.value for p in fit.parameters])
         draws = None if posterior is None else np.log(posterior.draws.reshape(-1, len(posterior.names)))
         return predict(
-            self.campaign,
-            self._parameters(),
-            self._profiles(),
-            point,
+            self._state(),
             draws,
-            contact=self.settings.fit.contact,
-            tires=found["tires"],
+            self.campaign.predictions if requests is None else requests,
             seed=self.settings.seed,
-            masses=found["masses"],
-            requests=requests,
             sweep_km_h=() if self.settings.quick else sweep_km_h,
             progress=self._progress,
         )
@@ -492,10 +454,6 @@ class Calibration:
     def redo(self, name: str) -> None:
         """Forget a stage and all that follow, so that it runs again."""
         self._stages.redo(name)
-
-    def _parameters(self) -> ParameterSet:
-        laws = laws_of_axles(self.campaign.vehicle, self.fit().laws)
-        return campaign_parameters(self.campaign, self.drops(), laws)
 
     def _profiles(self) -> dict[str, RoadProfile]:
         return {name: analysis.profile for name, analysis in self.scan().items()}

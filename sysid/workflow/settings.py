@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
-from sysid.estimation.fit_options import FitOptions
+from sysid.estimation.fit.options import FitOptions
 from sysid.export.files import write_text
 from sysid.posterior.sampling import SamplingOptions
 from sysid.road.contact_laws import ContactLaw

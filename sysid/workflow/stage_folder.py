@@ -13,6 +13,7 @@ from typing import Any
 from sysid.errors import CampaignError
 from sysid.export.files import write_text
 from sysid.folder_lock import FolderLock, cannot_write
+from sysid.threads import one_blas_thread
 from sysid.workflow import store
 from sysid.workflow.settings import Settings, remember
 from sysid.workflow.versions import versions
@@ -118,7 +119,8 @@ class StageFolder:
         self._nested.append(0.0)
         begin = time.perf_counter()
         try:
-            result = compute()
+            with one_blas_thread():
+                result = compute()
         finally:
             elapsed = time.perf_counter() - begin
             within = self._nested.pop()

@@ -17,12 +17,15 @@ import numpy as np
 
 from sysid.campaign import findings
 from sysid.errors import CampaignError
-from sysid.estimation import identifiability, information, objective, profiles, uncertain_masses
-from sysid.estimation import results as estimation_results
+from sysid.estimation.fit import fit_result, profiles, state
+from sysid.estimation.parameters import estimate, parameter_set
+from sysid.estimation.residuals import residual_weights, run_history, run_motion
+from sysid.estimation.uncertainty import identifiability, information, mass_response
+from sysid.estimation.weights import residual_evidence
 from sysid.export.files import write_atomically
+from sysid.planning import advice as advice_results
 from sysid.posterior import cross_check
 from sysid.posterior import results as posterior_results
-from sysid.prediction import advice_results
 from sysid.prediction import results as prediction_results
 from sysid.road import results as road_results
 from sysid.sdof import results as sdof_results
@@ -33,7 +36,10 @@ _MODULES = (
     findings,
     sdof_results,
     road_results,
-    estimation_results,
+    estimate,
+    run_history,
+    residual_evidence,
+    fit_result,
     identifiability,
     profiles,
     posterior_results,
@@ -48,9 +54,13 @@ _CLASSES = {
     for name, value in vars(module).items()
     if isinstance(value, type) and dataclasses.is_dataclass(value)
 } | {
-    "RunMotion": objective.RunMotion,
-    "Weights": objective.Weights,
-    "MassResponse": uncertain_masses.MassResponse,
+    "Parameter": parameter_set.Parameter,
+    "PriorLink": parameter_set.PriorLink,
+    "ParameterSet": parameter_set.ParameterSet,
+    "FitPoint": state.FitPoint,
+    "RunMotion": run_motion.RunMotion,
+    "Weights": residual_weights.Weights,
+    "MassResponse": mass_response.MassResponse,
     "DataInformation": information.DataInformation,
     "MapTires": lanes.MapTires,
 }

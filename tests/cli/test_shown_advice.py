@@ -10,7 +10,7 @@ from rich.console import Console
 from small_results import small_fit, small_profile, small_results
 
 from sysid.cli import tables
-from sysid.estimation.identifiability import UndeterminedGroup
+from sysid.estimation.uncertainty.identifiability import UndeterminedGroup
 
 
 def shown(show, calibration, result) -> str:

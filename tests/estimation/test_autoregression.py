@@ -7,7 +7,12 @@ import pytest
 from scipy.linalg import solve_toeplitz
 from scipy.signal import freqz, lfilter
 
-from sysid.estimation.autoregression import autocorrelation, autoregression, fitted_autoregression, variance_inflation
+from sysid.estimation.weights.autoregression import (
+    autocorrelation,
+    autoregression,
+    fitted_autoregression,
+    variance_inflation,
+)
 
 #: A resonance at a tenth of the sampling rate, and a slow decay.
 PHI = np.array([1.45, -0.8])

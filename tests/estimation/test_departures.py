@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 from rigid_truck import EMPTY, LADEN, VEHICLE, bump, campaign, empty_run
 
-from sysid.campaign.records import AxleGroup
-from sysid.estimation.bump_model import bump_model
-from sysid.estimation.departure_scale import PLAUSIBLE, departure_scale
-from sysid.estimation.departures import ENVELOPE, FRICTION, SPOKES, TIRE_LOAD, Departure
-from sysid.estimation.objective import RunMotion, simulate_runs
-from sysid.estimation.parameters import campaign_parameters
+from sysid.campaign.records import AxleGroup, Campaign
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.residuals.bump_model import BumpModel, bump_model
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.signals import simulate_runs
+from sysid.estimation.uncertainty.allowances import campaign_allowances
+from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE, departure_scale
+from sysid.estimation.uncertainty.departures import ENVELOPE, FRICTION, SPOKES, TIRE_LOAD, Departure, Departures
 from sysid.vehicle_model.lanes import EffectiveRoads
 
 MOTION = RunMotion(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
@@ -27,13 +30,18 @@ def model():
     return data, parameters, bump_model(data, parameters, {"bump": bump()})
 
 
-def amplitudes(model, kind: str, value: float) -> np.ndarray:
-    return np.array([value * (d.kind == kind and d.axle is None) for d in model.departures.directions])
+def known_departures(data: Campaign, parameters: ParameterSet, model: BumpModel) -> Departures:
+    return campaign_allowances(data, parameters, model.felt).departures
+
+
+def amplitudes(known: Departures, kind: str, value: float) -> np.ndarray:
+    return np.array([value * (d.kind == kind and d.axle is None) for d in known.directions])
 
 
 def test_no_departure_is_the_model(model):
-    _, parameters, ours = model
-    moved = ours.departed(np.zeros(len(ours.departures.directions)))
+    data, parameters, ours = model
+    known = known_departures(data, parameters, ours)
+    moved = known.model(ours, np.zeros(len(known.directions)))
     for one, two in zip(
         simulate_runs(ours, parameters.start, MOTION), simulate_runs(moved, parameters.start, MOTION), strict=True
     ):
@@ -42,7 +50,8 @@ def test_no_departure_is_the_model(model):
 
 def test_the_whole_way_to_the_other_contact_law_is_that_law(model):
     data, parameters, ours = model
-    whole = ours.departed(amplitudes(ours, ENVELOPE, 1.0))
+    known = known_departures(data, parameters, ours)
+    whole = known.model(ours, amplitudes(known, ENVELOPE, 1.0))
     cams = bump_model(data, parameters, {"bump": bump()}, contact="cams")
     motion, x = MOTION, parameters.start
     parts = zip(*(simulate_runs(m, x, motion) for m in (ours, whole, cams)), strict=True)
@@ -52,9 +61,8 @@ def test_the_whole_way_to_the_other_contact_law_is_that_law(model):
 
 
 def test_common_direction_moves_every_axle_in_its_own_load_cases_only(model):
-    _, _, ours = model
-    known = ours.departures
-    spread = known.spread(TIRE_LOAD, amplitudes(ours, TIRE_LOAD, 0.05), ["empty", "laden"])
+    known = known_departures(*model)
+    spread = known.spread(TIRE_LOAD, amplitudes(known, TIRE_LOAD, 0.05), ["empty", "laden"])
     np.testing.assert_allclose(spread, [[0.0] * 3, [0.05] * 3])
     assert [d.name for d in known.directions if d.kind == FRICTION] == [f"friction_{i}" for i in (1, 2, 3)] + [FRICTION]
 
@@ -64,8 +72,10 @@ def test_friction_of_a_group_is_a_share_of_what_its_suspension_carries():
     vehicle = replace(VEHICLE, groups=(AxleGroup("bogie", (1, 2), 300.0, 90.0),))
     case = replace(EMPTY, sprung_mass_kg=(EMPTY.sprung_mass_kg[0] - 300.0,))
     data = campaign([empty_run("a.csv", 6.0, samples=150)], load_cases=(case,), vehicle=vehicle)
-    ours = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
-    found = ours.departures.laws(ours.arrays[0].laws, amplitudes(ours, FRICTION, 0.01), ["empty"]).elements["friction"]
+    parameters = campaign_parameters(data, None)
+    ours = bump_model(data, parameters, {"bump": bump()})
+    known = known_departures(data, parameters, ours)
+    found = known.laws(ours.arrays[0].laws, amplitudes(known, FRICTION, 0.01), ["empty"]).elements["friction"]
     own = EMPTY.axle_loads_kg[0] - 520.0, EMPTY.axle_loads_kg[1] + EMPTY.axle_loads_kg[2] - 980.0 - 760.0 - 300.0
     np.testing.assert_allclose(found.neutral[:2], 0.01 * 9.81 * np.array(own), rtol=1e-9)
 
@@ -103,7 +113,8 @@ def test_stiffening_spokes_are_the_maps_of_their_exponent(model):
     own = EffectiveRoads(data.vehicle, data.load_cases, {"bump": bump()}).tires
     stiffer = replace(own, spoke_exponent=own.spoke_exponent + 0.05)
     exact = bump_model(data, parameters, {"bump": bump()}, tires=stiffer)
-    moved = ours.departed(amplitudes(ours, SPOKES, 0.05))
+    known = known_departures(data, parameters, ours)
+    moved = known.model(ours, amplitudes(known, SPOKES, 0.05))
     for plain, one, two in zip(
         *(simulate_runs(m, parameters.start, MOTION) for m in (ours, moved, exact)), strict=True
     ):

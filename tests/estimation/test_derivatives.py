@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from rigid_truck import bump, campaign, empty_run, true_log_parameters
 
-from sysid.estimation.bump_model import BumpModel, bump_model, group_residuals, group_road, simulate_group
-from sysid.estimation.objective import SHIFT_UNIT_M, SPEED_UNIT, Linearisation, linearise_group
-from sysid.estimation.parameters import campaign_parameters
-from sysid.vehicle_model.simulation import Motion
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.residuals.bump_model import BumpModel, bump_model
+from sysid.estimation.residuals.linearisation import Linearisation, linearise_group
+from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT
+from sysid.estimation.residuals.sensor_residuals import group_residuals
+from sysid.estimation.residuals.signals import group_road, simulate_group
 
 #: Just beside the nominal motion, at which half steps fall on the stations of the road: there the fifth derivative of
 #: the road jumps and differences lose an order, see the test of the nominal motion below.
@@ -27,7 +29,7 @@ STEPS = {"log": 1e-5, "speed": 1e-5, "start": 1e-5}
 def signals(arrays, road, x, speed, start, *, shape):
     """Sensor signals (T, R, C, S) of parameter sets (p, S), each with its own speed and start (R, S)."""
     inputs = group_road(road, arrays.axle_x, speed, start, shape)
-    return simulate_group(arrays, shape, x, Motion(speed, start), inputs)
+    return simulate_group(arrays, shape, x, inputs)
 
 
 @pytest.fixture(scope="session")
@@ -131,7 +133,7 @@ def test_forward_equals_reverse_mode(model, point):
     direction = jnp.asarray(random.normal(size=(point.size, 1)))
 
     def run(x):
-        return simulate_group(arrays, shape, x, Motion(SPEED_M_S * one, 0.03 * one), inputs)
+        return simulate_group(arrays, shape, x, inputs)
 
     @jax.jit
     def both(x, direction, weight):

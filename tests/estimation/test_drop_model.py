@@ -11,8 +11,8 @@ import pytest
 
 from sysid.campaign import check_quality, read_campaign
 from sysid.errors import DataRejectedError
-from sysid.estimation.drop_model import fit_drops, with_model_estimates
-from sysid.estimation.fit_options import FitOptions
+from sysid.estimation.fit.drop_model import fit_drops, with_model_estimates
+from sysid.estimation.fit.options import FitOptions
 from sysid.road import read_point_cloud
 from sysid.sdof.summary import analyse_drops
 
@@ -67,7 +67,7 @@ def test_closer_to_the_truth_than_the_paper(found, analysed):
 
 
 def test_estimates_stand_beside_the_single_axle_ones(campaign, analysed, found, monkeypatch):
-    monkeypatch.setattr("sysid.estimation.drop_model.fit_drops", lambda *arguments: tuple(found.values()))
+    monkeypatch.setattr("sysid.estimation.fit.drop_model.fit_drops", lambda *arguments: tuple(found.values()))
     summary = with_model_estimates(campaign, analysed, OPTIONS)
     assert [e.method for e in summary.pooled if e.axle == 2] == ["paper", "corrected", "free_decay", "model"]
 

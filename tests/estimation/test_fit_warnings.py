@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from small_results import small_fit
 
-from sysid.estimation.conclusion import fit_warnings
-from sysid.estimation.levenberg_marquardt import Minimum
+from sysid.estimation.fit.evaluation import fit_warnings
+from sysid.estimation.fit.minimiser import Minimum
 from sysid.report import tables
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import t
 
-from sysid.estimation.heavy_tails import Tails, best_distribution, heavy_tails
+from sysid.estimation.weights.heavy_tails import Tails, best_distribution, heavy_tails
 
 SHAPE = (600, 3, 8)
 

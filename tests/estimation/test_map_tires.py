@@ -9,10 +9,10 @@ import pytest
 from rigid_truck import bump
 from synthetic_fit import synthetic_fit
 
-from sysid.estimation.bump_model import bump_model
-from sysid.estimation.levenberg_marquardt import minimise
-from sysid.estimation.map_tires import map_tires
-from sysid.estimation.problem import Problem
+from sysid.estimation.fit.minimiser import minimise
+from sysid.estimation.parameters.map_tires import map_tires
+from sysid.estimation.residuals.bump_model import bump_model
+from sysid.estimation.residuals.problem import Problem
 from sysid.vehicle_model.lanes import MapTires
 
 
@@ -24,8 +24,8 @@ def fit():
 def optimum(fit, campaign, tires: MapTires) -> np.ndarray:
     """Log parameters of the least-squares optimum under given maps, priors left out of sight by sharp data."""
     model = bump_model(campaign, fit.parameters, {"bump": bump()}, tires=tires)
-    problem = Problem(model, campaign, fit.state.motion, fit.state.weights)
-    start = np.concatenate([fit.state.log_parameters, np.zeros(4)])
+    problem = Problem(model, campaign, fit.state.point.motion, fit.state.point.weights)
+    start = np.concatenate([fit.state.point.log_parameters, np.zeros(4)])
     return minimise(problem.evaluate, start, relative_tolerance=1e-10).point[: fit.truth.size]
 
 
@@ -53,7 +53,7 @@ def test_an_optimum_whose_maps_follow_moves_as_the_matrix_says(fit):
     assert abs(stays[n] - before[n]) > 0.001
     # Without the matrix it would be off by a fifth.
     assert abs((follows - here)[n] / (stays - before)[n] - 1.0) > 0.1
-    moved = fit.state.following @ (follows - here)
+    moved = fit.state.point.map_following @ (follows - here)
     sd = np.sqrt(np.diag(fit.result.covariance))
     np.testing.assert_allclose(moved / sd, (stays - before) / sd, atol=0.05 * np.abs((stays - before) / sd).max())
 

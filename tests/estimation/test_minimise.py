@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from sysid.errors import SysidError
-from sysid.estimation.levenberg_marquardt import minimise, promised_fall
+from sysid.estimation.fit.minimiser import minimise, promised_fall
 
 
 def quadratic(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -106,7 +106,7 @@ def test_without_64_bit_floats_fitting_stops_in_one_sentence(what: str):
         "import numpy as np\n"
         "from synthetic_fit import synthetic_campaign\n"
         "from sysid.errors import SysidError\n"
-        "from sysid.estimation.levenberg_marquardt import minimise\n"
+        "from sysid.estimation.fit.minimiser import minimise\n"
         f"try:\n    {what}\n"
         "except SysidError as error:\n    print(error)\n"
     )

@@ -9,10 +9,11 @@ import pytest
 from rigid_truck import SENSORS, bump, campaign, empty_run, true_log_parameters
 from synthetic_fit import NOISE
 
-from sysid.estimation.bump_model import bump_model
-from sysid.estimation.motion_search import search_motion
-from sysid.estimation.objective import RunMotion, simulate_runs
-from sysid.estimation.parameters import campaign_parameters
+from sysid.estimation.fit.start_search import search_motion
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.residuals.bump_model import bump_model
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.signals import simulate_runs
 
 NOMINAL_M_S = np.array([7.0, 7.0, 7.0, 7.0])
 SPEED_M_S = NOMINAL_M_S * np.array([1.02, 0.985, 1.01, 0.99])

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from figures import record
 
-from sysid.estimation.levenberg_marquardt import minimise
+from sysid.estimation.fit.minimiser import minimise
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "nist_strd"
 

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sysid.estimation.noise import instrument_noise, residual_scale
-from sysid.estimation.objective import Weights
-from sysid.estimation.problem import Optimum
-from sysid.estimation.run_data import RunGroup
+from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_data import RunGroup
+from sysid.estimation.weights.noise import instrument_noise, residual_scale
 
 
 def group(value: np.ndarray, measured: np.ndarray | None = None) -> RunGroup:

@@ -10,9 +10,10 @@ from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, campaign, empty_run
 
 from sysid.campaign.records import AxleGroup, LeafDimensions, NamedPrior, PredictionRequest, PriorOverride
 from sysid.errors import CampaignError
-from sysid.estimation.lane_laws import stiffness_positions
-from sysid.estimation.law_choice import check_priors, laws_of_axles
-from sysid.estimation.parameters import Parameter, ParameterSet, PriorLink, best_drop_estimates, campaign_parameters
+from sysid.estimation.fit.law_choice import check_priors, laws_of_axles
+from sysid.estimation.parameters.campaign_parameters import best_drop_estimates, campaign_parameters
+from sysid.estimation.parameters.lane_laws import stiffness_positions
+from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet, PriorLink
 from sysid.sdof.results import DropEstimate, DropSummary
 
 BOTH = [empty_run("a", 5.0), empty_run("b", 5.0, load_case="laden")]

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from synthetic_fit import synthetic_fit
 
-from sysid.estimation.problem import Problem
-from sysid.estimation.profiles import LIMIT, interval_of, profile_deviance, profile_parameter
+from sysid.estimation.fit.profiles import LIMIT, interval_of, profile_deviance, profile_parameter
 
 
 def linear(seed: int = 1):
@@ -67,11 +66,8 @@ def test_an_uneven_interval_comes_from_the_likelihood_ratio():
 
 def test_a_stiffness_of_the_synthetic_truck():
     fit = synthetic_fit()
-    problem = Problem(fit.state.model, fit.campaign, fit.state.motion, fit.state.weights)
     seen: list[float] = []
-    found = profile_parameter(
-        problem, fit.state, fit.result, "k_2", (-2.0, 2.0), lambda message, share: seen.append(share)
-    )
+    found = profile_parameter(fit.state, fit.result, "k_2", (-2.0, 2.0), lambda message, share: seen.append(share))
     assert found.converged.all()
     assert seen == [0.5, 1.0]
     assert found.inflation >= 1.0

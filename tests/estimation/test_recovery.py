@@ -7,9 +7,11 @@ import pytest
 from rigid_truck import SENSORS
 from synthetic_fit import CLIPPED, LOST, NOISE, NOMINAL_M_S, SAMPLES, SPEED_M_S, START_S, SyntheticFit, synthetic_fit
 
-from sysid.estimation.motion_search import search_motion
-from sysid.estimation.objective import RunMotion, compress, linearise, run_blocks, simulate_runs, speed_prior
-from sysid.estimation.problem import Problem
+from sysid.estimation.fit.start_search import search_motion
+from sysid.estimation.residuals.compressed import compress, run_blocks
+from sysid.estimation.residuals.linearisation import linearise
+from sysid.estimation.residuals.run_motion import RunMotion, speed_prior
+from sysid.estimation.residuals.signals import simulate_runs
 
 
 @pytest.fixture(scope="session")
@@ -77,7 +79,7 @@ def test_clipped_samples_are_kept_apart(fit):
 def test_motion_search_comes_close_from_rough_parameters(fit):
     start = fit.parameters.start
     assert np.abs(start - fit.truth).max() > 0.5
-    instrument = tuple(np.where(np.isfinite(n), n, np.inf) for n in fit.state.weights.noise_sd)
+    instrument = tuple(np.where(np.isfinite(n), n, np.inf) for n in fit.state.point.weights.noise_sd)
     found = search_motion(fit.state.model, fit.campaign, start, instrument)
     # Springs that are twice as stiff shift the histories: near enough for least squares to converge from there.
     np.testing.assert_allclose(found.speed_m_s, SPEED_M_S, rtol=0.06)
@@ -92,8 +94,8 @@ def test_compressed_problem_has_the_squares_and_products_of_the_dense_one(fit):
     state, campaign = fit.state, fit.campaign
     nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
     parameters = fit.truth + 0.02
-    motion = RunMotion(state.motion.speed_m_s * 1.001, state.motion.start_s)
-    lin = linearise(state.model, state.weights, parameters, motion)
+    motion = RunMotion(state.point.motion.speed_m_s * 1.001, state.point.motion.start_s)
+    lin = linearise(state.model, state.point.weights, parameters, motion)
     small = compress(state.model, lin, parameters, motion, speed_prior(campaign.bump_runs))
     p = parameters.size
     residuals, jacobians = [], []
@@ -130,7 +132,7 @@ def test_compressed_problem_has_the_squares_and_products_of_the_dense_one(fit):
 
 def test_local_columns_count_in_units_of_the_reference(fit):
     """Derivatives with respect to the solver's vector by differences, away from the reference motion."""
-    problem = Problem(fit.state.model, fit.campaign, fit.state.motion, fit.state.weights)
+    problem = fit.state.problem()
     vector = np.concatenate([fit.truth, [2.0, -1.0, -1.5, 3.0]])
     residual, jacobian = problem.evaluate(vector)
     gradient = jacobian.T @ residual
@@ -144,5 +146,5 @@ def test_local_columns_count_in_units_of_the_reference(fit):
 
 def test_step_halving_is_reported(fit):
     assert 0.0 < fit.result.step_halving_error < 5e-3
-    coarse = simulate_runs(fit.state.model, fit.state.log_parameters, fit.state.motion)
+    coarse = simulate_runs(fit.state.model, fit.state.point.log_parameters, fit.state.point.motion)
     assert coarse[0].shape == (SAMPLES, 2, 8)

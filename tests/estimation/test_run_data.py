@@ -10,7 +10,7 @@ from rigid_truck import SENSORS, campaign, empty_run, with_values
 
 from sysid.campaign.records import BumpRun, Channel
 from sysid.errors import DataRejectedError
-from sysid.estimation.run_data import channel_layout, group_runs, on_grid
+from sysid.estimation.residuals.run_data import channel_layout, group_runs, on_grid
 
 
 def channel(time: np.ndarray, value: np.ndarray, censored: np.ndarray | None = None) -> Channel:

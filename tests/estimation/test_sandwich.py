@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sysid.estimation.sandwich import adjust, block_scores
+from sysid.estimation.uncertainty.sandwich import adjust, block_scores
 
 
 def linear_blocks(blocks: int, samples: int, shared: float, seed: int) -> tuple[np.ndarray, np.ndarray]:

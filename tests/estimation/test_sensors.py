@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from sysid.estimation.bump_model import GroupArrays, eliminate_sensors, group_residuals
+from sysid.estimation.residuals.bump_model import GroupArrays
+from sysid.estimation.residuals.sensor_residuals import eliminate_sensors, group_residuals
 
 SAMPLES, RUNS, CHANNELS, SETS = 60, 2, 3, 4
 GAIN_SD = np.array([0.005, 0.01, 0.01])

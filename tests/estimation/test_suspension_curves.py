@@ -10,8 +10,8 @@ import pytest
 from rigid_truck import AXLES
 
 from sysid.campaign.records import ForceTable, LeafDimensions
-from sysid.estimation.parameters import leaf_pack_stiffness
-from sysid.estimation.suspension_curves import lash_ramps, stop_ramps, suspension_curves, table_ramps
+from sysid.estimation.parameters.campaign_parameters import leaf_pack_stiffness
+from sysid.estimation.parameters.suspension_curves import lash_ramps, stop_ramps, suspension_curves, table_ramps
 from sysid.vehicle_model.suspension import SuspensionLaw, damper_force, spring_force
 
 EXTENSION = (-0.08, -0.05, -0.02, 0.03, 0.07)

@@ -11,17 +11,19 @@ from rigid_truck import EMPTY, LADEN, VEHICLE, campaign, empty_run
 from synthetic_fit import synthetic_campaign
 
 from sysid.campaign.records import AxleGroup, MassTolerances
-from sysid.estimation.bump_model import bump_model
-from sysid.estimation.fit_options import FitOptions
-from sysid.estimation.information import adjusted_information
-from sysid.estimation.least_squares import fit_bump_runs
-from sysid.estimation.levenberg_marquardt import minimise
-from sysid.estimation.mass_effect import mass_effect
-from sysid.estimation.objective import RunMotion, simulate_runs
-from sysid.estimation.parameters import campaign_parameters
-from sysid.estimation.problem import Problem
-from sysid.estimation.sandwich import adjust
-from sysid.estimation.uncertain_masses import mass_response, uncertain_masses
+from sysid.estimation.fit.least_squares import fit_bump_runs
+from sysid.estimation.fit.minimiser import minimise
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.residuals.bump_model import bump_model
+from sysid.estimation.residuals.problem import Problem
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.signals import simulate_runs
+from sysid.estimation.uncertainty.information import adjusted_information
+from sysid.estimation.uncertainty.mass_effect import mass_effect
+from sysid.estimation.uncertainty.mass_response import mass_response
+from sysid.estimation.uncertainty.sandwich import adjust
+from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.vehicle_model.assembly import assemble
 
 OPTIONS = FitOptions(weight_rounds=1, cross_check=False)
@@ -154,11 +156,10 @@ def test_the_optimum_moves_as_the_covariance_says(fits):
     other = replace(data, vehicle=vehicle, load_cases=cases)
     parameters, tires = state.model.parameters, state.model.tires
     heavier = bump_model(other, parameters, {"bump": rigid_truck.bump()}, tires=tires)
-    problem = Problem(heavier, other, state.motion, state.weights)
-    start = np.concatenate([state.log_parameters, np.zeros(4)])
-    change = minimise(problem.evaluate, start, relative_tolerance=1e-8).point[:-4] - state.log_parameters
-    problem = Problem(state.model, data, state.motion, state.weights)
-    _, effect, _ = adjusted_information(data, problem, start)
+    problem = Problem(heavier, other, state.point.motion, state.point.weights)
+    start = np.concatenate([state.point.log_parameters, np.zeros(4)])
+    change = minimise(problem.evaluate, start, relative_tolerance=1e-8).point[:-4] - state.point.log_parameters
+    _, effect, _ = adjusted_information(data, state.problem(), start, state.allowances)
     names = list(plain.names)
     for name in ("c_2", "kt_2", "ct_2"):
         k = names.index(name)
@@ -167,7 +168,7 @@ def test_the_optimum_moves_as_the_covariance_says(fits):
     assert abs(change[k]) > 0.015
     assert plain.parameters[k].sd > 5.0 * exact.parameters[k].sd
     # The parameters moved as they do where this mass is off, and they say so.
-    told = state.masses.response @ change
+    told = state.point.mass_response.response @ change
     np.testing.assert_allclose(told[:3], off[:3], atol=0.2 * off[1])
 
 
@@ -197,12 +198,12 @@ def test_matrices_are_assembled_again_as_for_a_vehicle_declared_so():
     data = campaign(runs, vehicle=TOLERANT, load_cases=(EMPTY, LADEN))
     parameters, profiles = campaign_parameters(data, None), {"bump": rigid_truck.bump()}
     model = bump_model(data, parameters, profiles)
-    change = 0.5 * model.masses.sd
-    vehicle, cases = model.masses.applied(change)
+    masses = uncertain_masses(data)
+    vehicle, cases = masses.applied(0.5 * masses.sd)
     other = bump_model(replace(data, vehicle=vehicle, load_cases=cases), parameters, profiles)
     motion = RunMotion(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
     x = parameters.start
     for ours, theirs in zip(
-        simulate_runs(model.with_masses(change), x, motion), simulate_runs(other, x, motion), strict=True
+        simulate_runs(model.with_vehicle(vehicle, cases), x, motion), simulate_runs(other, x, motion), strict=True
     ):
         np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)

@@ -12,10 +12,10 @@ import pytest
 from scipy.special import logsumexp
 from synthetic_fit import NOMINAL_M_S, SyntheticFit, synthetic_fit
 
-from sysid.estimation.bump_model import group_residuals, group_road, simulate_group
-from sysid.estimation.objective import SHIFT_UNIT_M, SPEED_UNIT
+from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT
+from sysid.estimation.residuals.sensor_residuals import group_residuals
+from sysid.estimation.residuals.signals import group_road, simulate_group
 from sysid.posterior.log_density import LogDensity
-from sysid.vehicle_model.simulation import Motion
 
 
 @pytest.fixture(scope="session")
@@ -26,7 +26,9 @@ def fit() -> SyntheticFit:
 @pytest.fixture(scope="session")
 def density(fit) -> LogDensity:
     """The density as it is without flattening for model error."""
-    return LogDensity(fit.campaign, replace(fit.state, adjustment=np.eye(fit.truth.size), following=None))
+    return LogDensity(
+        replace(fit.state, point=replace(fit.state.point, adjustment=np.eye(fit.truth.size), map_following=None))
+    )
 
 
 def in_batches(density: LogDensity, points: np.ndarray) -> np.ndarray:
@@ -39,7 +41,7 @@ def in_batches(density: LogDensity, points: np.ndarray) -> np.ndarray:
 def squares(arrays, road, noise, tempering, x, speed, start, *, shape) -> jax.Array:
     """Sum of squared residuals, sensor gains included, of every run and set (R, S), simulated at each set's motion."""
     inputs = group_road(road, arrays.axle_x, speed, start, shape)
-    signals = simulate_group(arrays, shape, x, Motion(speed, start), inputs)
+    signals = simulate_group(arrays, shape, x, inputs)
     residual, gain = group_residuals(arrays, noise, tempering, signals)
     return (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
 
@@ -53,14 +55,14 @@ def log_marginal(fit: SyntheticFit, x: np.ndarray, widths: np.ndarray) -> float:
     first, second = (g.ravel() for g in np.meshgrid(u, u))
     # Whitened grid of each run: speed and shift are strongly correlated.
     local = np.einsum("rkl,ls->rks", widths, np.stack([first, second]))
-    speed0, start0 = state.motion.speed_m_s[runs][:, None], state.motion.start_s[runs][:, None]
+    speed0, start0 = state.point.motion.speed_m_s[runs][:, None], state.point.motion.start_s[runs][:, None]
     speed = speed0 * (1 + SPEED_UNIT * local[:, 0])
     start = start0 + SHIFT_UNIT_M / speed0 * local[:, 1]
     total = squares(
-        state.weights.on(model.arrays)[0],
+        state.point.weights.on(model.arrays)[0],
         model.roads[0],
-        state.weights.noise_sd[0],
-        state.weights.tempering[0],
+        state.point.weights.noise_sd[0],
+        state.point.weights.tempering[0],
         jnp.asarray(np.tile(x[:, None], u.size**2)),
         jnp.asarray(speed),
         jnp.asarray(start),
@@ -73,7 +75,7 @@ def log_marginal(fit: SyntheticFit, x: np.ndarray, widths: np.ndarray) -> float:
 
 
 def test_marginalisation_equals_brute_force_integration(fit, density):
-    centre = fit.state.log_parameters
+    centre = fit.state.point.log_parameters
     sd = np.sqrt(np.diag(fit.result.covariance))
     by_run = {p.run: {} for p in fit.result.run_parameters}
     for p in fit.result.run_parameters:
@@ -81,7 +83,7 @@ def test_marginalisation_equals_brute_force_integration(fit, density):
     files = [fit.campaign.bump_runs[r].log.file for r in fit.state.model.groups[0].runs]
     # Conditional widths for the grid, in the solver's units: a factor of the local normal matrix.
     inputs = density._inputs[0]
-    normal = np.einsum("trck,trcl->rkl", inputs.local_columns, inputs.local_columns)
+    normal = np.einsum("trck,trcl->rkl", inputs.local.residual, inputs.local.residual)
     widths = np.linalg.inv(np.linalg.cholesky(normal)).transpose(0, 2, 1)
     assert all(by_run[f]["speed"] > 0 for f in files)
     random = np.random.default_rng(3)
@@ -95,18 +97,18 @@ def test_marginalisation_equals_brute_force_integration(fit, density):
 
 def test_curvature_is_the_covariance_of_the_fit(fit):
     """One standard deviation along any principal axis of the covariance costs half a unit of log-density."""
-    flattened = LogDensity(fit.campaign, fit.state)
+    flattened = LogDensity(fit.state)
     values, vectors = np.linalg.eigh(fit.result.covariance)
     step = (vectors * np.sqrt(values)).T
-    centre = fit.state.log_parameters
+    centre = fit.state.point.log_parameters
     up, down, here = (in_batches(flattened, x) for x in (centre + step, centre - step, centre[None]))
     np.testing.assert_allclose(0.5 * (up + down) - here, -0.5, rtol=0.04)
 
 
 def test_flattening_moves_the_likelihood_and_not_the_priors(fit, density):
     matrix = np.diag(np.linspace(0.4, 1.0, 13))
-    flattened = LogDensity(fit.campaign, replace(fit.state, adjustment=matrix, following=None))
-    centre = fit.state.log_parameters
+    flattened = LogDensity(replace(fit.state, point=replace(fit.state.point, adjustment=matrix, map_following=None)))
+    centre = fit.state.point.log_parameters
     points = centre + 0.01 * np.random.default_rng(4).normal(size=(5, 13))
     rows, targets = fit.parameters.prior_rows()
 
@@ -122,15 +124,15 @@ def test_flattening_moves_the_likelihood_and_not_the_priors(fit, density):
 
 
 def test_batches_and_single_points_agree(fit, density):
-    points = fit.state.log_parameters + 0.01 * np.random.default_rng(5).normal(size=(5, 13))
+    points = fit.state.point.log_parameters + 0.01 * np.random.default_rng(5).normal(size=(5, 13))
     together = density(points)
     assert together.shape == (5,)
     np.testing.assert_allclose(density(points[0]), together[:1], rtol=1e-10)
 
 
 def test_a_point_without_a_finite_simulation_is_rejected_and_kept(fit):
-    density = LogDensity(fit.campaign, fit.state)
-    points = np.tile(fit.state.log_parameters, (5, 1))
+    density = LogDensity(fit.state)
+    points = np.tile(fit.state.point.log_parameters, (5, 1))
     points[1, 0] = 800.0
     points[3, 2] = np.nan
     found = density(points)
@@ -141,9 +143,11 @@ def test_a_point_without_a_finite_simulation_is_rejected_and_kept(fit):
 
 def test_gradient_is_that_of_the_density(fit):
     """Against central differences of the vectorised density, with flattening and tilt, away from the optimum."""
-    density = LogDensity(fit.campaign, fit.state)
+    density = LogDensity(fit.state)
     random = np.random.default_rng(7)
-    x = fit.state.log_parameters + np.linalg.cholesky(fit.result.covariance) @ random.standard_normal(fit.truth.size)
+    x = fit.state.point.log_parameters + np.linalg.cholesky(fit.result.covariance) @ random.standard_normal(
+        fit.truth.size
+    )
     value, gradient = density.gradient(x)
     assert value == pytest.approx(in_batches(density, x[None])[0], rel=1e-9)
     steps = 1e-5 * np.eye(x.size)

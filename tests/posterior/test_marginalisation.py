@@ -12,7 +12,9 @@ from scipy.stats import multivariate_t
 from synthetic_fit import NOMINAL_M_S, SyntheticFit, synthetic_fit
 from test_log_density import squares
 
-from sysid.estimation.objective import SHIFT_UNIT_M, SPEED_UNIT, compress, linearise, run_order, speed_prior
+from sysid.estimation.residuals.compressed import compress, run_order
+from sysid.estimation.residuals.linearisation import linearise
+from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, speed_prior
 from sysid.posterior.log_density import LogDensity
 
 BATCH = 100
@@ -29,10 +31,10 @@ def joint_density(fit: SyntheticFit, points: np.ndarray) -> np.ndarray:
     runs = list(model.groups[0].runs)
     count = fit.truth.size
     parameters, local = points[:, :count], points[:, count:].reshape(-1, len(runs), 2)
-    speed0, start0 = state.motion.speed_m_s[runs][:, None], state.motion.start_s[runs][:, None]
+    speed0, start0 = state.point.motion.speed_m_s[runs][:, None], state.point.motion.start_s[runs][:, None]
     speed = speed0 * (1.0 + SPEED_UNIT * local[..., 0].T)
     start = start0 + SHIFT_UNIT_M / speed0 * local[..., 1].T
-    weights = (state.weights.noise_sd[0], state.weights.tempering[0])
+    weights = (state.point.weights.noise_sd[0], state.point.weights.tempering[0])
     total = [
         squares(
             model.arrays[0],
@@ -52,7 +54,9 @@ def joint_density(fit: SyntheticFit, points: np.ndarray) -> np.ndarray:
 
 
 def marginal_density(fit: SyntheticFit, points: np.ndarray) -> np.ndarray:
-    density = LogDensity(fit.campaign, replace(fit.state, adjustment=np.eye(fit.truth.size), following=None))
+    density = LogDensity(
+        replace(fit.state, point=replace(fit.state.point, adjustment=np.eye(fit.truth.size), map_following=None))
+    )
     return np.concatenate([density(points[k : k + BATCH]) for k in range(0, len(points), BATCH)])
 
 
@@ -73,10 +77,10 @@ def test_sampled_motions_give_the_same_posterior():
     state, count = fit.state, fit.truth.size
     assert list(run_order(state.model)) == list(state.model.groups[0].runs)
     expected = speed_prior(fit.campaign.bump_runs)
-    lins = linearise(state.model, state.weights, state.log_parameters, state.motion)
-    jacobian = compress(state.model, lins, state.log_parameters, state.motion, expected).jacobian
+    lins = linearise(state.model, state.point.weights, state.point.log_parameters, state.point.motion)
+    jacobian = compress(state.model, lins, state.point.log_parameters, state.point.motion, expected).jacobian
     covariance = np.linalg.inv(jacobian.T @ jacobian)
-    centre = np.concatenate([state.log_parameters, np.zeros(len(covariance) - count)])
+    centre = np.concatenate([state.point.log_parameters, np.zeros(len(covariance) - count)])
     shared = covariance[:count, :count]
 
     sampled, sampled_sd, size = weighted_moments(lambda x: joint_density(fit, x), centre, covariance, 1)

@@ -9,8 +9,10 @@ import pytest
 from figures import record
 from synthetic_fit import SyntheticFit, synthetic_fit
 
-from sysid.estimation.bump_model import bump_model
-from sysid.estimation.objective import RunMotion, Weights
+from sysid.estimation.fit.state import state_at
+from sysid.estimation.residuals.bump_model import bump_model
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.posterior.log_density import LogDensity
 from sysid.posterior.results import Posterior
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
@@ -57,7 +59,7 @@ def test_without_data_the_posterior_is_the_prior(fit):
 
 def slice_of(fit: SyntheticFit, density):
     """The density of stiffness and damping with everything else at the optimum."""
-    centre = fit.state.log_parameters
+    centre = fit.state.point.log_parameters
 
     def conditional(points: np.ndarray) -> np.ndarray:
         full = np.tile(centre, (len(points), 1))
@@ -80,21 +82,22 @@ def doubled(fit: SyntheticFit) -> LogDensity:
     (group,), (old,) = model.groups, fit.state.model.groups
     # A run's weights by its place in the campaign, whatever the order within the group.
     place = [old.runs.index(r % len(runs)) for r in group.runs]
-    scale, tempering = (tuple(w[place] for w in m) for m in (fit.state.weights.noise_sd, fit.state.weights.tempering))
-    # Normal noise: no reading has a weight of its own.
-    assert fit.state.weights.reading is None
-    weights = Weights(scale, tempering)
-    motion = RunMotion(*(np.tile(v, 2) for v in vars(fit.state.motion).values()))
-    state = replace(
-        fit.state, model=model, weights=weights, motion=motion, adjustment=np.eye(fit.truth.size), following=None
+    scale, tempering = (
+        tuple(w[place] for w in m) for m in (fit.state.point.weights.noise_sd, fit.state.point.weights.tempering)
     )
-    return LogDensity(campaign, state)
+    # Normal noise: no reading has a weight of its own.
+    assert fit.state.point.weights.reading is None
+    weights = Weights(scale, tempering)
+    motion = RunMotion(*(np.tile(v, 2) for v in vars(fit.state.point.motion).values()))
+    return LogDensity(state_at(campaign, model, fit.state.point.log_parameters, motion, weights))
 
 
 @pytest.mark.long
 def test_doubled_data_shrink_standard_deviations_by_the_square_root_of_two(fit):
-    once = LogDensity(fit.campaign, replace(fit.state, adjustment=np.eye(fit.truth.size), following=None))
-    centre, covariance = fit.state.log_parameters[:SAMPLED], conditional_covariance(fit)
+    once = LogDensity(
+        replace(fit.state, point=replace(fit.state.point, adjustment=np.eye(fit.truth.size), map_following=None))
+    )
+    centre, covariance = fit.state.point.log_parameters[:SAMPLED], conditional_covariance(fit)
     first = chain(slice_of(fit, once), centre, covariance, 400)
     second = chain(slice_of(fit, doubled(fit)), centre, covariance / 2, 400, seed=2)
     (_, wide), (_, narrow) = moments(first, SAMPLED), moments(second, SAMPLED)

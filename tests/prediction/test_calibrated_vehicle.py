@@ -9,8 +9,8 @@ import pytest
 from rigid_truck import AXLES, DAMPING, EMPTY, EXPONENT, LADEN, STIFFNESS, VEHICLE, campaign, empty_run
 from small_results import small_fit
 
-from sysid.estimation.parameters import campaign_parameters
-from sysid.estimation.results import ParameterEstimate
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.posterior.results import Posterior, PosteriorSummary
 from sysid.prediction import calibrated_vehicle
 from sysid.vehicle_model.contact import RoadInput, contact_force, tire_law

@@ -11,13 +11,16 @@ from scipy import stats
 from synthetic_fit import NOISE, SPEED_M_S, START_S, synthetic_campaign
 
 from sysid.campaign.records import Campaign, MassTolerances
-from sysid.estimation.bump_model import GAIN_SD, bump_model
-from sysid.estimation.histories import run_histories
-from sysid.estimation.objective import RunMotion, Weights, simulate_runs
-from sysid.estimation.parameters import ParameterSet
-from sysid.estimation.problem import FitState
-from sysid.estimation.results import HistoryBand
-from sysid.estimation.uncertain_masses import MassResponse, uncertain_masses
+from sysid.estimation.fit.state import FitState, state_at
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.residuals.bump_model import GAIN_SD, bump_model
+from sysid.estimation.residuals.histories import run_histories
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_history import HistoryBand
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.signals import simulate_runs
+from sysid.estimation.uncertainty.mass_response import MassResponse
+from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.prediction.driven import DRAWS, run_bands, with_bands
 from sysid.road.results import RoadProfile
 
@@ -42,20 +45,20 @@ def fit() -> Case:
     scale = np.where(group.measured.any(axis=0), noise, np.inf)
     truth = true_log_parameters(parameters.names)
     weights = Weights((scale,), (np.full_like(scale, 0.6),))
-    state = FitState(model, truth, RunMotion(SPEED_M_S, START_S), weights, np.eye(len(truth)))
+    state = state_at(data, model, truth, RunMotion(SPEED_M_S, START_S), weights)
     return Case(data, parameters, profiles, state, truth)
 
 
 def shown(campaign: Campaign, parameters, profiles, state: FitState, x: np.ndarray, run: int) -> np.ndarray:
     """Signals (channels, T) of a run, offset and gain of every sensor by dense least squares with the gain's prior."""
-    motion = RunMotion(state.motion.speed_m_s, state.motion.start_s)
+    motion, weights = state.point.motion, state.point.weights
     model = bump_model(campaign, parameters, profiles)
     (group,), (signals,) = model.groups, simulate_runs(model, x, motion)
     r = group.runs.index(run)
     rows = []
     for c, sensor in enumerate(model.layout.sensors):
         y, keep = signals[:, r, c], group.measured[:, r, c] > 0
-        scale = state.weights.noise_sd[0][r, c] / state.weights.tempering[0][r, c]
+        scale = weights.noise_sd[0][r, c] / weights.tempering[0][r, c]
         if not np.isfinite(scale):
             # Nothing but the gain's prior.
             rows.append(np.full(y.size, np.nan))
@@ -75,11 +78,11 @@ def test_a_narrow_posterior_has_the_band_of_a_linear_response(fit):
     direction = np.random.default_rng(3).normal(size=len(fit.truth))
     direction *= 1e-3 / np.linalg.norm(direction)
     t = np.clip(stats.norm.ppf(np.arange(61) / 60.0), -3.0, 3.0)
-    draws = state.log_parameters + t[:, None] * direction
+    draws = state.point.log_parameters + t[:, None] * direction
     bands = run_bands(state, draws)
     for run, band in enumerate(bands):
         up, down = (
-            shown(fit.campaign, fit.parameters, fit.profiles, state, state.log_parameters + s * direction, run)
+            shown(fit.campaign, fit.parameters, fit.profiles, state, state.point.log_parameters + s * direction, run)
             for s in (0.5, -0.5)
         )
         slope, middle = np.abs(up - down), 0.5 * (up + down)
@@ -97,12 +100,13 @@ def test_every_draw_is_a_truck_of_its_own(fit):
     data = replace(fit.campaign, vehicle=vehicle)
     masses = uncertain_masses(data)
     model = bump_model(data, fit.parameters, fit.profiles)
-    count = masses.sd.size + len(model.departures.directions)
+    state = FitState(data, fit.state.point, model)
+    count = state.allowances.count
     response = MassResponse(
-        fit.state.log_parameters, np.zeros((count, len(fit.truth))), np.diag(np.r_[masses.sd, np.zeros(count)][:count])
+        fit.truth, np.zeros((count, len(fit.truth))), np.diag(np.r_[masses.sd, np.zeros(count)][:count])
     )
-    state = replace(fit.state, model=model, masses=response)
-    draws = state.log_parameters + 0.02 * random.normal(size=(5, len(fit.truth)))
+    state = replace(state, point=replace(state.point, mass_response=response))
+    draws = state.point.log_parameters + 0.02 * random.normal(size=(5, len(fit.truth)))
     bands = run_bands(state, draws, seed=4)
     factors = response.draws(draws, np.random.default_rng(4))[:, : masses.sd.size]
     assert np.abs(factors).max() > 0.01
@@ -130,7 +134,10 @@ def test_a_reading_scatters_about_every_draw():
 
 
 def test_histories_get_the_bands_of_their_own_length(fit):
-    histories = run_histories(fit.campaign, fit.state, fit.state.weights.noise_sd)
+    point = fit.state.point
+    histories = run_histories(
+        fit.campaign, fit.state.model, point.weights, point.motion, fit.truth, point.weights.noise_sd
+    )
     count = histories[0].measured.shape
     bands = [HistoryBand(np.zeros((count[0], count[1] + 7)), np.ones((count[0], count[1] + 7)))] * 2
     found = with_bands(histories, bands)

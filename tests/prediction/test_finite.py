@@ -8,18 +8,17 @@ from rigid_truck import VEHICLE, bump, campaign, empty_run, true_log_parameters
 
 from sysid.campaign.records import PredictionRequest
 from sysid.errors import CampaignError, DataRejectedError
-from sysid.estimation.parameters import campaign_parameters
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.prediction import passes
 from sysid.prediction.finite import check_finite
-from sysid.prediction.passes import peak_ratios, predict, predict_pass
-from sysid.vehicle_model.lanes import EffectiveRoads, declared_tires
+from sysid.prediction.passes import peak_ratios, predict_pass, speed_sweep
+from sysid.vehicle_model.lanes import EffectiveRoads
 
 REQUEST = PredictionRequest("empty", 10.0)
 DATA = campaign([empty_run("a.csv", 9.0)], predictions=[REQUEST])
 PARAMETERS = campaign_parameters(DATA, None)
 TRUTH = true_log_parameters(PARAMETERS.names)
-PROFILES = {"bump": bump()}
-TIRES = declared_tires(VEHICLE)
+ROADS = EffectiveRoads(VEHICLE, DATA.load_cases, {"bump": bump()})
 DAMPING = PARAMETERS.names.index("c_2")
 
 
@@ -32,7 +31,7 @@ def changed(value: float) -> np.ndarray:
 @pytest.mark.parametrize("value", [np.log(1e300), 800.0, np.nan])
 def test_a_point_estimate_without_finite_loads_is_an_error(value: float) -> None:
     with pytest.raises(DataRejectedError) as error:
-        predict_pass(DATA, PARAMETERS, PROFILES, REQUEST, changed(value), None, tires=TIRES)
+        predict_pass(DATA, PARAMETERS, ROADS, REQUEST, changed(value)[None])
     text = str(error.value)
     assert text.startswith("The pass of load case 'empty' at 36 km/h gives no finite wheel loads")
     assert "c_2" in text
@@ -43,10 +42,11 @@ def test_a_point_estimate_without_finite_loads_is_an_error(value: float) -> None
 def test_bad_draws_are_counted_and_the_sweep_is_checked_too() -> None:
     draws = np.stack([TRUTH, changed(np.log(1e300)), TRUTH])
     with pytest.raises(DataRejectedError, match="1 of 3 parameter sets; likely cause: c_2 = 1e"):
-        predict(DATA, PARAMETERS, PROFILES, TRUTH, draws, tires=TIRES)
-    roads = EffectiveRoads(VEHICLE, DATA.load_cases, PROFILES)
+        predict_pass(DATA, PARAMETERS, ROADS, REQUEST, draws)
     with pytest.raises(DataRejectedError, match="1 of 3 parameter sets"):
-        peak_ratios(DATA, PARAMETERS, roads, REQUEST, draws)
+        peak_ratios(DATA, PARAMETERS, ROADS, REQUEST, draws)
+    with pytest.raises(DataRejectedError, match="1 of 3 parameter sets"):
+        speed_sweep(DATA, PARAMETERS, "empty", "bump", ROADS, draws.T, [10.0])
 
 
 def test_finite_loads_pass_and_an_axle_without_load_does_not() -> None:
@@ -64,4 +64,4 @@ def test_finite_loads_pass_and_an_axle_without_load_does_not() -> None:
 def test_a_pass_without_end_is_refused_before_memory_is_taken(speed: float, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(passes, "Timing", None)  # nothing is simulated
     with pytest.raises(CampaignError, match=r"at most 300 s are predicted; choose a higher speed"):
-        predict_pass(DATA, PARAMETERS, PROFILES, PredictionRequest("empty", speed / 3.6), TRUTH, None, tires=TIRES)
+        predict_pass(DATA, PARAMETERS, ROADS, PredictionRequest("empty", speed / 3.6), TRUTH[None])

@@ -10,20 +10,36 @@ from rigid_truck import EMPTY, LADEN, VEHICLE, bump, campaign, empty_run
 
 from sysid.campaign.records import AxleGroup, Campaign, MassTolerances, PredictionRequest
 from sysid.errors import CampaignError
-from sysid.estimation.bump_model import bump_model
-from sysid.estimation.parameters import campaign_parameters
-from sysid.estimation.uncertain_masses import MassResponse, uncertain_masses
+from sysid.estimation.fit.state import state_at
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.residuals.bump_model import bump_model
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.uncertainty.allowances import Allowances
+from sysid.estimation.uncertainty.departures import Departures
+from sysid.estimation.uncertainty.mass_response import MassResponse
+from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.prediction.mass_lanes import VehicleDraws
 from sysid.prediction.passes import predict, predict_pass
-from sysid.vehicle_model.lanes import declared_tires
+from sysid.vehicle_model.lanes import EffectiveRoads
 
 REQUEST = PredictionRequest("empty", 10.0)
-TIRES = declared_tires(VEHICLE)
+PROFILES = {"bump": bump()}
 
 
 def made(**changes) -> Campaign:
     vehicle = replace(VEHICLE, tolerances=MassTolerances(), **changes)
     return campaign([empty_run("a.csv", 9.0)], predictions=[REQUEST], vehicle=vehicle)
+
+
+def felt(data: Campaign) -> EffectiveRoads:
+    """What the wheels feel of the bump, by the default contact law and declared tires."""
+    return EffectiveRoads(data.vehicle, data.load_cases, PROFILES)
+
+
+def only_masses(data: Campaign) -> Allowances:
+    """Uncertain masses, and no departure from the model."""
+    return Allowances(uncertain_masses(data), Departures(felt(data), ()))
 
 
 @pytest.mark.parametrize("law", [None, "friction + bump_stops + gas_spring"])
@@ -35,18 +51,16 @@ def test_every_draw_is_a_vehicle_of_its_own(law):
     draws = parameters.start + 0.05 * random.normal(size=(3, parameters.start.size))
     masses = uncertain_masses(data)
     factors = masses.sd * random.normal(size=(3, masses.sd.size))
-    profiles = {"bump": bump()}
-    found = predict_pass(
-        data, parameters, profiles, REQUEST, draws[0], draws, tires=TIRES, vehicles=VehicleDraws(masses, None, factors)
-    )
+    roads = felt(data)
+    found = predict_pass(data, parameters, roads, REQUEST, draws, VehicleDraws(only_masses(data), factors))
     peaks = []
     for x, log_factors in zip(draws, factors, strict=True):
         vehicle, cases = masses.applied(log_factors)
         own = replace(data, vehicle=vehicle, load_cases=cases)
-        peaks.append(predict_pass(own, parameters, profiles, REQUEST, x, None, tires=TIRES).peak_ratio_q50)
+        peaks.append(predict_pass(own, parameters, felt(own), REQUEST, x[None]).peak_ratio_q50)
     for ours, quantile in ((found.peak_ratio_q05, 0.05), (found.peak_ratio_q50, 0.5), (found.peak_ratio_q95, 0.95)):
         np.testing.assert_allclose(ours, np.quantile(peaks, quantile, axis=0), rtol=1e-9)
-    plain = predict_pass(data, parameters, profiles, REQUEST, draws[0], draws, tires=TIRES)
+    plain = predict_pass(data, parameters, roads, REQUEST, draws)
     assert np.abs(plain.peak_ratio_q50 / found.peak_ratio_q50 - 1.0).max() > 1e-3
 
 
@@ -59,13 +73,11 @@ def test_vehicles_with_a_beam():
     masses = uncertain_masses(data)
     assert "beam_mass[bogie]" in [f.name for f in masses.factors]
     factors = np.full((1, masses.sd.size), 0.02)
-    profiles, x = {"bump": bump()}, parameters.start
-    found = predict_pass(
-        data, parameters, profiles, REQUEST, x, x[None], tires=TIRES, vehicles=VehicleDraws(masses, None, factors)
-    )
+    x = parameters.start
+    found = predict_pass(data, parameters, felt(data), REQUEST, x[None], VehicleDraws(only_masses(data), factors))
     vehicle, cases = masses.applied(factors[0])
     own = replace(data, vehicle=vehicle, load_cases=cases)
-    alone = predict_pass(own, parameters, profiles, REQUEST, x, None, tires=TIRES)
+    alone = predict_pass(own, parameters, felt(own), REQUEST, x[None])
     np.testing.assert_allclose(found.tire_force_q50_N, alone.tire_force_q50_N, rtol=1e-9)
 
 
@@ -77,16 +89,16 @@ def asked_of_fit(*requests: PredictionRequest, drawn: bool = True):
     runs = [empty_run("a.csv", 9.0), empty_run("b.csv", 9.0, load_case="laden")]
     vehicle = replace(VEHICLE, tolerances=MassTolerances())
     data = campaign(runs, load_cases=(EMPTY, LADEN, HALF), predictions=[REQUEST], vehicle=vehicle)
-    parameters, profiles = campaign_parameters(data, None), {"bump": bump()}
-    model = bump_model(data, parameters, profiles)
-    count = len(model.masses.factors) + len(model.departures.directions)
+    parameters = campaign_parameters(data, None)
+    model = bump_model(data, parameters, PROFILES)
+    scale = tuple(np.ones((len(g.runs), len(model.layout.sensors))) for g in model.groups)
     x = parameters.start
+    state = state_at(data, model, x, RunMotion(np.full(2, 9.0), np.full(2, 0.5)), Weights(scale, scale))
+    count = state.allowances.count
     # Vehicles that all draws share: exact numbers instead of statistics.
-    masses = MassResponse(x, np.zeros((count, x.size)), np.zeros((count, 1)))
-    return predict(
-        data, parameters, profiles, x, x[None] if drawn else None,
-        tires=None, masses=masses, requests=requests or None, sweep_km_h=(),
-    )  # fmt: skip
+    response = MassResponse(x, np.zeros((count, x.size)), np.zeros((count, 1)))
+    state = replace(state, point=replace(state.point, mass_response=response))
+    return predict(state, x[None] if drawn else None, requests or data.predictions, sweep_km_h=())
 
 
 def test_other_passes_than_those_of_the_file_are_predicted_by_the_same_draws():
@@ -104,13 +116,6 @@ def test_a_load_case_that_the_fit_does_not_know_is_refused_in_one_sentence(drawn
 
 
 def test_draws_of_another_vehicle_are_refused():
-    masses = uncertain_masses(made())
+    masses = only_masses(made())
     with pytest.raises(ValueError, match="do not fit"):
-        VehicleDraws(masses, None, np.zeros((2, masses.sd.size + 1)))
-
-
-def test_a_pass_needs_to_know_the_tires_of_its_maps():
-    data = made()
-    parameters = campaign_parameters(data, None)
-    with pytest.raises(TypeError, match="needs the tires"):
-        predict_pass(data, parameters, {"bump": bump()}, REQUEST, parameters.start, None)
+        VehicleDraws(masses, np.zeros((2, masses.count + 1)))

@@ -9,20 +9,38 @@ import pytest
 from rigid_truck import AXLES, EMPTY, LADEN, STIFFNESS, VEHICLE, bump, campaign, empty_run, true_log_parameters
 
 from sysid.campaign.records import BumpShape, Campaign, PredictionRequest
-from sysid.estimation.parameters import campaign_parameters
+from sysid.estimation.fit.state import FitState, state_at
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.residuals.bump_model import bump_model
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.prediction import passes
 from sysid.prediction.measures import load_coefficient
-from sysid.prediction.passes import predict, predict_pass, speed_sweep
+from sysid.prediction.passes import effective_roads, predict, predict_pass, speed_sweep
 from sysid.prediction.remarks import ARTEFACT_RATIO, remarks
 from sysid.prediction.results import PassPrediction, Quantiles
+from sysid.road.results import RoadProfile
 from sysid.road.shapes import raised_cosine
-from sysid.vehicle_model.lanes import EffectiveRoads, declared_tires
+from sysid.vehicle_model.lanes import EffectiveRoads
 
 SPEED_M_S = 10.0
 REQUEST = PredictionRequest("empty", SPEED_M_S)
 PROFILE = bump()
-TIRES = declared_tires(VEHICLE)
 STATIC_N = np.array(EMPTY.axle_loads_kg) * VEHICLE.gravity_m_s2
+
+
+def felt(data: Campaign, profile: RoadProfile = PROFILE) -> EffectiveRoads:
+    """What the wheels feel of one bump, by the default contact law and declared tires."""
+    return EffectiveRoads(VEHICLE, data.load_cases, {"bump": profile})
+
+
+def fitted(data: Campaign, parameters: ParameterSet, values: np.ndarray) -> FitState:
+    """A fit that ended at given values."""
+    model = bump_model(data, parameters, {"bump": PROFILE})
+    scale = np.ones((1, len(model.layout.sensors)))
+    motion = RunMotion(np.array([SPEED_M_S]), np.array([0.5]))
+    return state_at(data, model, values, motion, Weights((scale,), (scale,)))
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +60,7 @@ def truth(parameters) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def single(data, parameters, truth) -> PassPrediction:
-    return predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, truth, None, tires=TIRES)
+    return predict_pass(data, parameters, felt(data), REQUEST, truth[None])
 
 
 @pytest.fixture(scope="module")
@@ -52,13 +70,13 @@ def draws(truth) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def banded(data, parameters, truth, draws) -> PassPrediction:
-    return predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, truth, draws, tires=TIRES)
+    return predict_pass(data, parameters, felt(data), REQUEST, draws)
 
 
 def test_a_pass_over_a_flat_road_is_static(data, parameters, truth):
     """On the same stations, so that nothing is compiled anew."""
     flat = replace(PROFILE, height_m=0.0 * PROFILE.height_m)
-    found = predict_pass(data, parameters, {"bump": flat}, REQUEST, truth, None, tires=TIRES)
+    found = predict_pass(data, parameters, felt(data, flat), REQUEST, truth[None])
     np.testing.assert_allclose(found.tire_force_q50_N, np.tile(STATIC_N[:, None], found.time_s.size), rtol=1e-9)
     np.testing.assert_allclose(found.peak_ratio_q50, 1.0, rtol=1e-9)
     assert not found.lift_off.any()
@@ -78,7 +96,7 @@ def test_time_is_zero_when_axle_1_passes_the_start_of_the_bump(single, data):
 def test_every_axle_meets_the_bump_later_by_its_distance(data, parameters, truth):
     """Over a bump so low that no wheel leaves it, the steepest rise of each force is its own climb."""
     low = replace(PROFILE, height_m=0.1 * PROFILE.height_m)
-    found = predict_pass(data, parameters, {"bump": low}, REQUEST, truth, None, tires=TIRES)
+    found = predict_pass(data, parameters, felt(data, low), REQUEST, truth[None])
     assert not found.lift_off.any()
     slope = np.gradient(found.tire_force_q50_N, found.time_s, axis=1) / STATIC_N[:, None]
     steepest = found.time_s[np.argmax(slope, axis=1)]
@@ -119,7 +137,7 @@ def test_impulse_of_the_wheel_loads_is_the_weight(single):
 
 
 def test_bands_are_quantiles_over_the_draws(data, parameters, single, banded, draws):
-    alone = [predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, d, None, tires=TIRES) for d in draws]
+    alone = [predict_pass(data, parameters, felt(data), REQUEST, d[None]) for d in draws]
     force = np.stack([p.tire_force_q50_N for p in alone])
     np.testing.assert_allclose(banded.tire_force_q50_N, np.median(force, axis=0), rtol=1e-9, atol=1e-3)
     np.testing.assert_allclose(banded.tire_force_q05_N, np.quantile(force, 0.05, axis=0), rtol=1e-9, atol=1e-3)
@@ -132,18 +150,18 @@ def test_bands_are_quantiles_over_the_draws(data, parameters, single, banded, dr
 
 
 def test_draws_that_are_all_alike_have_no_band(data, parameters, truth, single):
-    found = predict_pass(data, parameters, {"bump": PROFILE}, REQUEST, truth, np.tile(truth, (3, 1)), tires=TIRES)
+    found = predict_pass(data, parameters, felt(data), REQUEST, np.tile(truth, (3, 1)))
     for band in (found.tire_force_q05_N, found.tire_force_q50_N, found.tire_force_q95_N):
         np.testing.assert_allclose(band, single.tire_force_q50_N, rtol=1e-9, atol=1e-3)
 
 
 @pytest.fixture
-def recorded(monkeypatch) -> list[np.ndarray | None]:
-    """The draws that reach each pass, without simulating it."""
-    seen: list[np.ndarray | None] = []
+def recorded(monkeypatch) -> list[np.ndarray]:
+    """The sets of parameters that reach each pass, without simulating it."""
+    seen: list[np.ndarray] = []
 
-    def stand_in(campaign, parameters, profiles, request, log_parameters, draws, *, roads=None, vehicles=None):
-        seen.append(draws)
+    def stand_in(campaign, parameters, roads, request, sets, vehicles=None):
+        seen.append(sets)
         return request
 
     monkeypatch.setattr(passes, "predict_pass", stand_in)
@@ -153,23 +171,24 @@ def recorded(monkeypatch) -> list[np.ndarray | None]:
 def test_all_requests_are_predicted_from_a_seeded_selection_of_draws(data, parameters, truth, recorded):
     two = replace(data, predictions=(REQUEST, PredictionRequest("empty", 12.0)))
     many = truth + np.arange(1000.0)[:, None]
-    found = predict(two, parameters, {"bump": PROFILE}, truth, many, seed=4, tires=None, sweep_km_h=())
+    state = fitted(two, parameters, truth)
+    found = predict(state, many, two.predictions, seed=4, sweep_km_h=())
     assert found.source == "posterior"
     assert found.passes == two.predictions
     assert recorded[0].shape == (passes.DRAWS, truth.size)
     np.testing.assert_array_equal(recorded[0], recorded[1])
     assert len({float(d[0]) for d in recorded[0]}) == passes.DRAWS
-    predict(two, parameters, {"bump": PROFILE}, truth, many, seed=4, tires=None, sweep_km_h=())
+    predict(state, many, two.predictions, seed=4, sweep_km_h=())
     np.testing.assert_array_equal(recorded[0], recorded[2])
-    predict(two, parameters, {"bump": PROFILE}, truth, many, seed=5, tires=None, sweep_km_h=())
+    predict(state, many, two.predictions, seed=5, sweep_km_h=())
     assert not np.array_equal(recorded[0], recorded[4])
 
 
 def test_without_a_posterior_the_source_is_least_squares(data, parameters, truth, recorded):
-    assert (
-        predict(data, parameters, {"bump": PROFILE}, truth, None, tires=None, sweep_km_h=()).source == "least squares"
-    )
-    assert recorded == [None]
+    state = fitted(data, parameters, truth)
+    assert predict(state, None, data.predictions, sweep_km_h=()).source == "least squares"
+    (sets,) = recorded
+    np.testing.assert_array_equal(sets, truth[None])
 
 
 def test_extrapolation_is_said():
@@ -281,9 +300,10 @@ def test_another_bump_by_its_shape_is_the_profile_itself(data, parameters, truth
     """A named shape gives what its profile gives as a scanned bump."""
     shape = BumpShape("sinusoidal", 0.05, 0.8)
     request = PredictionRequest("empty", 10.0, shape.label, shape)
-    named = predict_pass(data, parameters, {}, request, truth, None, tires=TIRES)
-    profiles = {"bump": raised_cosine(0.05, 0.8)}
-    scanned = predict_pass(data, parameters, profiles, PredictionRequest("empty", 10.0), truth, None, tires=TIRES)
+    roads = effective_roads(fitted(data, parameters, truth), [request])
+    named = predict_pass(data, parameters, roads, request, truth[None])
+    roads = felt(data, raised_cosine(0.05, 0.8))
+    scanned = predict_pass(data, parameters, roads, PredictionRequest("empty", 10.0), truth[None])
     np.testing.assert_allclose(named.tire_force_q50_N, scanned.tire_force_q50_N, rtol=1e-12)
     assert named.shape == "sinusoidal 50 mm x 0.8 m"
     assert scanned.shape == ""

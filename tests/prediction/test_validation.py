@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sysid.estimation.results import FitResult, RunHistory
+from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.residuals.run_history import RunHistory
 from sysid.validation import nrmse, validate
 
 

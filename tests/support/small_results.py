@@ -23,13 +23,16 @@ from sysid.campaign.records import (
     Sensor,
     Vehicle,
 )
-from sysid.estimation.identifiability import assess
-from sysid.estimation.information import DataInformation
-from sysid.estimation.profiles import ProfileLikelihood
-from sysid.estimation.results import FitResult, HistoryBand, ParameterEstimate, ResidualEvidence, RunHistory
+from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.fit.profiles import ProfileLikelihood
+from sysid.estimation.parameters.estimate import ParameterEstimate
+from sysid.estimation.residuals.run_history import HistoryBand, RunHistory
+from sysid.estimation.uncertainty.identifiability import assess
+from sysid.estimation.uncertainty.information import DataInformation
+from sysid.estimation.weights.residual_evidence import ResidualEvidence
 from sysid.export import Results
+from sysid.planning.advice import Advice, PeakTarget, Prospect
 from sysid.posterior.results import Posterior, PosteriorSummary
-from sysid.prediction.advice_results import Advice, PeakTarget, Prospect
 from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.road.results import RoadProfile, ScanAnalysis
 from sysid.sdof.results import DecayReading, DropAnalysis, DropEstimate, DropSummary

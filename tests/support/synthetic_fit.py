@@ -9,14 +9,16 @@ import numpy as np
 from rigid_truck import SENSORS, bump, campaign, empty_run, true_log_parameters, with_values
 
 from sysid.campaign.records import Campaign, PredictionRequest
-from sysid.estimation.bump_model import bump_model
-from sysid.estimation.fit_options import FitOptions
-from sysid.estimation.least_squares import fit_bump_runs
-from sysid.estimation.map_tires import map_tires
-from sysid.estimation.objective import RunMotion, simulate_runs
-from sysid.estimation.parameters import ParameterSet, campaign_parameters
-from sysid.estimation.problem import FitState
-from sysid.estimation.results import FitResult
+from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.fit.least_squares import fit_bump_runs
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.map_tires import map_tires
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.residuals.bump_model import bump_model
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.signals import simulate_runs
 from sysid.road.results import RoadProfile
 
 SAMPLES = 360

@@ -10,12 +10,13 @@ from rigid_truck import SENSORS, bump, campaign, empty_run, true_log_parameters,
 from synthetic_fit import NOISE
 
 from sysid.errors import CampaignError
-from sysid.estimation.bump_model import bump_model
-from sysid.estimation.fit_options import FitOptions
-from sysid.estimation.least_squares import fit_bump_runs
-from sysid.estimation.map_tires import map_tires
-from sysid.estimation.objective import RunMotion, simulate_runs
-from sysid.estimation.parameters import campaign_parameters
+from sysid.estimation.fit.least_squares import fit_bump_runs
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.map_tires import map_tires
+from sysid.estimation.residuals.bump_model import bump_model
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.signals import simulate_runs
 from sysid.export.tables import validation_csv
 from sysid.report.agreement import left_out_table
 from sysid.validation import validate
@@ -52,7 +53,7 @@ def left(request):
     data, parameters = measured_campaign()
     options = FitOptions(weight_rounds=1, cross_check=False, contact=request.param)
     fit, state = fit_bump_runs(data, parameters, PROFILES, options)
-    found = tuple(leave_out(data, fit, state, PROFILES, FILES, options))
+    found = tuple(leave_out(fit, state, FILES, options))
     return request.param, fit, LeftOut(fit.names, found, validate(fit).channels)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sysid.estimation.results import FitResult
+from sysid.estimation.fit.fit_result import FitResult
 from sysid.workflow import Calibration
 
 DATA = Path(__file__).parents[2] / "data"

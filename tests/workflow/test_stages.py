@@ -11,7 +11,7 @@ import pytest
 from small_results import small_advice, small_fit, small_profile
 
 from sysid.campaign.records import PredictionRequest
-from sysid.estimation.fit_options import FitOptions
+from sysid.estimation.fit.options import FitOptions
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
 from sysid.workflow import Calibration, Settings, stage_folder
 from sysid.workflow.calibration import Calibration as Stages
@@ -66,7 +66,6 @@ def stubbed(tmp_path: Path, monkeypatch):
     monkeypatch.setattr(Stages, "_fit", lambda self: (fit, {}))
     monkeypatch.setattr(Stages, "_state", lambda self: SimpleNamespace(model=None, motion=None, weights=None))
     monkeypatch.setattr(Stages, "_bands", lambda self, posterior: (float(posterior.draws.shape[1]),))
-    monkeypatch.setattr("sysid.workflow.calibration.Problem", lambda *given: None)
 
     def sample(self):
         return sample_posterior(
@@ -116,7 +115,7 @@ def test_advice_for_other_speeds_is_computed_anew(stubbed, monkeypatch) -> None:
 def test_profiles_of_before_and_those_that_are_done_survive_an_interrupt(stubbed, monkeypatch) -> None:
     calls = []
 
-    def profile(problem, state, fit, name, progress):
+    def profile(state, fit, name, progress):
         calls.append(name)
         if name == "c_1":
             raise KeyboardInterrupt
@@ -134,10 +133,11 @@ def test_profiles_of_before_and_those_that_are_done_survive_an_interrupt(stubbed
 def test_other_passes_are_predicted_for_the_campaign_that_was_fitted(stubbed, monkeypatch) -> None:
     """Draws of masses and departures count the load cases of its runs and predictions."""
     given = {}
-    monkeypatch.setattr(Stages, "_fit", lambda self: (small_fit(), {"tires": None, "masses": None}))
-    monkeypatch.setattr(Stages, "_parameters", lambda self: None)
-    monkeypatch.setattr(Stages, "_profiles", lambda self: {})
-    monkeypatch.setattr("sysid.workflow.calibration.predict", lambda *a, **k: given.update(k, campaign=a[0]))
+    monkeypatch.setattr(Stages, "_state", lambda self: SimpleNamespace(campaign=self.campaign))
+    monkeypatch.setattr(
+        "sysid.workflow.calibration.predict",
+        lambda state, draws, requests, **options: given.update(campaign=state.campaign, requests=requests),
+    )
     calibration = stubbed()
     calibration.predict_passes([PredictionRequest("unloaded", 5.0)])
     assert given["campaign"] is calibration.campaign

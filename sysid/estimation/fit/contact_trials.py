@@ -1,0 +1,48 @@
+"""The fit repeated with the other contact laws of the tires."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.fit.fit_result import ContactTrial
+from sysid.estimation.fit.least_squares import optimise
+from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.options import FitOptions
+from sysid.road.contact_laws import ContactLaw
+from sysid.road.results import RoadProfile
+
+Progress = Callable[[str, float], None]
+
+
+def contact_trials(
+    campaign: Campaign,
+    optimum: Optimum,
+    profiles: Mapping[str, RoadProfile],
+    options: FitOptions,
+    progress: Progress | None = None,
+) -> tuple[ContactTrial, ...]:
+    """The fit repeated with every contact law: how much of the result hangs on the model of the tire's contact.
+
+    Parameters
+    ----------
+    optimum : of the contact law in `options`, whose suspension laws and parameters are kept; it stands first.
+    profiles, options, progress : as :func:`sysid.estimation.fit.law_choice.fit_with_laws`.
+    """
+    report = progress or (lambda message, fraction: None)
+    parameters = optimum.problem.model.parameters
+
+    def trial(contact: str, found: Optimum) -> ContactTrial:
+        values = np.exp(found.vector[: found.problem.count])
+        return ContactTrial(contact, found.misfit, tuple(float(v) for v in values))
+
+    trials = [trial(options.contact, optimum)]
+    for contact in get_args(ContactLaw):
+        if contact != options.contact:
+            how = replace(options, contact=contact)
+            trials.append(trial(contact, optimise(campaign, parameters, profiles, how, report, near=optimum)))
+    return tuple(trials)

@@ -1,0 +1,278 @@
+"""Plank drops fitted by the full vehicle model: coupling of the axles, tires and pitch included.
+
+A drop becomes a run over a road that only the axle under test meets: the end of a plank.  The residuals, weights and
+the minimisation are those of the bump runs; all drops share one set of parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from sysid.campaign.records import BumpRun, Campaign, Channel, LoadCase, PlankDrop, Vehicle
+from sysid.errors import DataRejectedError, SysidError
+from sysid.estimation.fit.evaluation import parameter_sd
+from sysid.estimation.fit.least_squares import optimise_from
+from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.start_search import best_shift
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.residuals.bump_model import BumpModel, bump_model
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.signals import simulate_runs
+from sysid.road.enveloping import FootprintMap, footprint_map
+from sysid.road.plank_road import lifted_onto_plank, plank_table
+from sysid.sdof.results import DropEstimate, DropSummary
+from sysid.sdof.smoothing import high_frequency_noise
+from sysid.vehicle_model.lanes import EffectiveRoads
+
+#: Time before the record [s] in which the simulated axle is lifted onto the plank, and how long it then rests.
+LEAD_S = 3.0
+REST_S = 1.2
+#: Speed of a drop without a declared one: 0.5 to 3 m/s is the 95 % range of a lognormal about this median.
+SPEED_M_S = 1.2
+SPEED_LOG_SD = 0.45
+_SPEEDS = np.geomspace(0.5, 3.5, 10)
+_FINER = np.array([0.86, 0.93, 1.07, 1.15])
+#: Residual over instrument noise from which on the estimates carry a note.
+DOUBT = 1.6
+#: How long after its largest deflection a record is fitted [s]: a truck that has come to rest says nothing more.
+_FIT_S = 2.5
+#: Where a wheel begins to feel the end of the plank [m], and how far the moment may be off [s].
+FOOT_M = 0.15
+SLACK_S = 0.3
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class _Lift:
+    """Road of one drop: the axle on the plank, its height and where the simulated axle is lifted onto it [m]."""
+
+    axle: int
+    height_m: float
+    raised_m: tuple[float, float]
+
+
+class PlankRoads(EffectiveRoads):
+    """Footprint maps of drops by name: the end of a plank under one axle, flat road under all others."""
+
+    def __init__(self, vehicle: Vehicle, load_cases: dict[str, LoadCase]):
+        super().__init__(vehicle, load_cases, {})
+        self._lifts: dict[str, _Lift] = {}
+        self._table = lru_cache(maxsize=None)(plank_table)
+        self._end = lru_cache(maxsize=None)(self._make_end)
+
+    def _make_end(self, load_case: str, number: int, height_m: float) -> FootprintMap:
+        axle, gravity = self.vehicle.axles[number], self.vehicle.gravity_m_s2
+        first = next(iter(self.load_cases.values()))
+        return footprint_map(
+            self._table(height_m, axle.tire_radius_m),
+            self.load_cases[load_case].axle_loads_kg[number] * gravity,
+            first.axle_loads_kg[number] * gravity,
+            axle.tire_stiffness_N_per_m,
+        )
+
+    def place(self, name: str, lift: _Lift) -> None:
+        """Say what the road of a drop is."""
+        self._lifts[name] = lift
+
+    def maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
+        """Footprint map of every axle in a load case for one drop."""
+        lift = self._lifts[bump]
+        under = lifted_onto_plank(self._end(load_case, lift.axle, round(lift.height_m, 6)), lift.raised_m)
+        flat = replace(
+            under,
+            rise_m=np.zeros_like(under.rise_m),
+            stretch=np.zeros_like(under.stretch),
+            drag=np.zeros_like(under.drag),
+            lift_m=np.zeros_like(under.lift_m),
+        )
+        return tuple(under if i == lift.axle else flat for i in range(len(self.vehicle.axles)))
+
+
+def with_model_estimates(
+    campaign: Campaign, drops: DropSummary, options: FitOptions, progress: Progress | None = None
+) -> DropSummary:
+    """The drop analysis with the full model's estimates beside the single-axle ones; a failure becomes a message."""
+    if not any(e.usable for e in drops.pooled):
+        return drops
+    try:
+        found = fit_drops(campaign, drops, options, progress)
+    except SysidError as error:
+        return replace(drops, messages=(*drops.messages, f"The drops were not fitted by the full model: {error}"))
+    return replace(drops, pooled=(*drops.pooled, *found))
+
+
+def fit_drops(
+    campaign: Campaign,
+    drops: DropSummary,
+    options: FitOptions | None = None,
+    progress: Progress | None = None,
+) -> tuple[DropEstimate, ...]:
+    """Stiffness and damping of every axle that was dropped, by least squares of the full model on all drops at once.
+
+    Each drop's speed (declared, else 0.5 to 3 m/s) and the moment at which its wheel passes the end of the plank are
+    estimated with the parameters.  Drops with the dampers removed are left out.
+
+    Parameters
+    ----------
+    campaign : screened campaign; at least one of its plank drops must have been usable in `drops`.
+    drops : the drop analysis, for start values.
+    options, progress : settings of the least squares, and a callback (message, fraction done).
+
+    Returns
+    -------
+    Estimates with method ``model``, one per axle (of a group at its first axle) and load case of its stiffness;
+    standard deviations include what the model does not explain (residual over instrument noise) but no more.
+
+    Raises
+    ------
+    DataRejectedError
+        If no plank drop can be used.
+    """
+    options = options or FitOptions()
+    report = progress or (lambda message, fraction: None)
+    records = [d for d in campaign.plank_drops if d.dampers and d.log.channels]
+    if not records:
+        raise DataRejectedError("No plank drop can be fitted: none was recorded with its dampers in place.")
+    roads = PlankRoads(campaign.vehicle, dict(campaign.load_cases))
+    runs = tuple(_as_run(i, d) for i, d in enumerate(records))
+    as_runs = replace(campaign, bump_runs=runs, predictions=())
+    parameters = campaign_parameters(as_runs, drops)
+    report("searching speeds and releases of the drops", 0.05)
+
+    def model_at(speeds: np.ndarray, starts: np.ndarray) -> BumpModel:
+        for run, drop, speed, start in zip(runs, records, speeds, starts, strict=True):
+            reach = (-speed * (start - 0.15), -speed * (start - LEAD_S + REST_S))
+            roads.place(run.bump, _Lift(drop.axle, drop.plank_height_m, reach))
+        model = bump_model(as_runs, parameters, {}, target_step_s=2.0 * options.target_step_s, roads=roads)
+        # A drop's start is the moment of the axle under test, not of axle 1.
+        return replace(model, arrays=tuple(a._replace(axle_x=np.zeros_like(a.axle_x)) for a in model.arrays))
+
+    released = {a.file: a.release_time_s + LEAD_S for a in drops.files}
+    motion = _search(runs, np.array([released[d.log.file] for d in records]), parameters.start, model_at)
+    model = model_at(motion.speed_m_s, motion.start_s)
+    instrument = _instrument_noise(model, runs)
+    report("fitting the plank drops with the full model", 0.2)
+    optimum = optimise_from(as_runs, model, motion, instrument, parameters.start, options, report)
+    return _estimates(records, optimum)
+
+
+def _as_run(number: int, drop: PlankDrop) -> BumpRun:
+    """A drop as a run: readings shifted by the lead, sensors named by their axle, the tail left out."""
+    channels = []
+    for channel in drop.log.channels:
+        keep = channel.time_s <= _last_time(drop)
+        sensor = replace(channel.sensor, column=f"{channel.sensor.column} of axle {drop.axle + 1}")
+        channels.append(Channel(sensor, channel.time_s[keep] + LEAD_S, channel.value[keep], channel.censored[keep]))
+    declared = drop.nominal_speed_m_s
+    return BumpRun(
+        case=f"drop of axle {drop.axle + 1}",
+        load_case=drop.load_case,
+        nominal_speed_m_s=declared or SPEED_M_S,
+        repeat=number + 1,
+        log=replace(drop.log, channels=tuple(channels)),
+        bump=f"drop {number + 1}",
+        speed_sd=0.1 if declared else SPEED_LOG_SD,
+    )
+
+
+def _last_time(drop: PlankDrop) -> float:
+    """End of the fitted part [s]: some seconds after the fastest deflection of the record."""
+    for channel in drop.log.channels:
+        if channel.sensor.kind == "suspension_deflection":
+            value = np.where(np.isfinite(channel.value), channel.value, 0.0)
+            steepest = channel.time_s[int(np.argmax(np.abs(value - np.median(value))))]
+            return float(steepest) + _FIT_S
+    return float("inf")
+
+
+def _search(
+    runs: Sequence[BumpRun],
+    released_s: np.ndarray,
+    start: np.ndarray,
+    model_at: Callable[[np.ndarray, np.ndarray], BumpModel],
+) -> RunMotion:
+    """Speed and start of every drop: the best of a geometric list of speeds, each with its best shift in time.
+
+    Parameters
+    ----------
+    released_s : when each record begins to move [s]; the wheel's centre passes the end of the plank a little later.
+    start : (p,) log parameters.
+    """
+    count = len(runs)
+    nominal = np.array([r.nominal_speed_m_s for r in runs])
+    reach = np.array([r.speed_sd for r in runs])
+    best = np.full(count, np.inf)
+    speed, begin = nominal.copy(), released_s.copy()
+
+    def trial(speeds: np.ndarray) -> None:
+        starts = released_s + FOOT_M / speeds
+        model = model_at(speeds, starts)
+        noise = _instrument_noise(model, runs)
+        signals = simulate_runs(model, start, RunMotion(speeds, starts))
+        for position, group in enumerate(model.groups):
+            for r, run in enumerate(group.runs):
+                samples = SLACK_S / group.interval_s
+                cost, shift = best_shift(group, r, signals[position][:, r], noise[position][r], (-samples, samples))
+                cost += float(((speeds[run] / nominal[run] - 1.0) / reach[run]) ** 2)
+                if cost < best[run]:
+                    best[run], speed[run] = cost, speeds[run]
+                    begin[run] = starts[run] + shift * group.interval_s
+
+    for factor in _SPEEDS / SPEED_M_S:
+        trial(nominal * np.where(reach > 0.2, factor, 1.0 + (factor - 1.0) * 0.1))
+    for factor in _FINER:
+        trial(speed * factor)
+    return RunMotion(speed, begin)
+
+
+def _instrument_noise(model: BumpModel, runs: Sequence[BumpRun]) -> tuple[np.ndarray, ...]:
+    """Noise (R, C) from the fast differences of every channel, infinite where there is none."""
+    column = {s.column: c for c, s in enumerate(model.layout.sensors)}
+    found = []
+    for group in model.groups:
+        noise = np.full((len(group.runs), len(column)), np.inf)
+        for r, run in enumerate(group.runs):
+            for channel in runs[run].log.channels:
+                good = channel.value[np.isfinite(channel.value)]
+                if good.size >= 8:
+                    smallest = 1e-3 * float(np.std(good)) + 1e-9
+                    noise[r, column[channel.sensor.column]] = max(high_frequency_noise(good), smallest)
+        found.append(noise)
+    return tuple(found)
+
+
+def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEstimate, ...]:
+    parameters = optimum.problem.model.parameters
+    sd = parameter_sd(optimum) * max(1.0, optimum.misfit)
+    found = []
+    # Drops of a group's axles say the same about its one suspension.
+    owner = parameters.suspension_axle
+    dropped = {(owner[d.axle] if owner else d.axle, d.load_case) for d in records}
+    for axle, load_case in sorted(dropped, key=lambda key: (key[1], key[0])):
+        k, c = parameters.index("stiffness", axle, load_case), parameters.index("damping", axle, load_case)
+        stiffness, damping = np.exp(optimum.vector[[k, c]])
+        found.append(
+            DropEstimate(
+                axle=axle,
+                load_case=load_case,
+                file=None,
+                method="model",
+                stiffness=float(stiffness),
+                stiffness_sd=float(stiffness * sd[k]),
+                damping=float(damping),
+                damping_sd=float(damping * sd[c]),
+                damped_period=float("nan"),
+                log_decrement=float("nan"),
+                usable=bool(optimum.minimum.converged),
+                note=""
+                if optimum.misfit < DOUBT
+                else f"the model leaves {optimum.misfit:.1f} times the instrument noise",
+            )
+        )
+    return tuple(found)

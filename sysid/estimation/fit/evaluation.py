@@ -1,0 +1,302 @@
+"""From the least-squares optimum to its result: covariance, checks, histories and warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import least_squares as scipy_least_squares
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.fit.fit_result import FitResult, MassCheck
+from sysid.estimation.fit.minimiser import Minimum
+from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.state import FitPoint, FitState
+from sysid.estimation.fit.thresholds import MISFIT, SOLVERS_APART_SD, STEP_HALVING
+from sysid.estimation.parameters.estimate import ParameterEstimate
+from sysid.estimation.residuals.compressed import Compressed
+from sysid.estimation.residuals.histories import run_histories
+from sysid.estimation.residuals.linearisation import Linearisation
+from sysid.estimation.residuals.problem import Problem
+from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, RunMotion
+from sysid.estimation.residuals.signals import simulate_runs
+from sysid.estimation.uncertainty.allowances import campaign_allowances
+from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, Identifiability, assess
+from sysid.estimation.uncertainty.information import adjusted_information
+from sysid.estimation.uncertainty.mass_effect import MassEffect
+from sysid.estimation.uncertainty.mass_response import MassResponse, mass_response
+from sysid.estimation.uncertainty.sandwich import Adjustment
+from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
+from sysid.estimation.weights.residual_evidence import residual_evidence
+from sysid.estimation.weights.reweighting import residual_inflation
+from sysid.road.contact_laws import CONTACT_LAWS
+
+#: Where the data ask for a mass this many tolerances off, somebody should look at it.
+DOUBTFUL_MASS_SD = 2.0
+
+Progress = Callable[[str, float], None]
+
+
+def evaluate_optimum(
+    campaign: Campaign, optimum: Optimum, options: FitOptions, report: Progress
+) -> tuple[FitResult, FitState]:
+    """Covariance, checks and histories at an optimum; if `options` ask for it SciPy's solver looks for it as well."""
+    problem, vector, minimum = optimum.problem, optimum.vector, optimum.minimum
+    model = problem.model
+    report("covariance and checks", 0.9)
+    parameters, motion = problem.unpack(vector)
+    lin = problem.linearise(vector)
+    inflation = residual_inflation(problem, lin)
+    weights = problem.weights
+
+    difference = float("nan")
+    if options.cross_check:
+        report("cross-check by SciPy's trust-region solver", 0.92)
+        difference = _scipy_difference(problem, vector, optimum.first)
+    compressed = problem.compressed(vector)
+    allowances = campaign_allowances(campaign, model.parameters, model.felt)
+    adjustment, effect, information = adjusted_information(campaign, problem, vector, allowances)
+    covariance = _covariance(problem, compressed, adjustment)
+    scaled = compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0)
+    singular = np.linalg.svd(scaled, compute_uv=False)
+
+    report("step-halving check", 0.96)
+    halving = _step_halving_error(problem, vector, lin)
+    estimates, runs = _estimates(campaign, problem, parameters, motion, covariance)
+    usable = [np.isfinite(n) for n in weights.noise_sd]
+    median_inflation = float(np.median(np.concatenate([v[u] for v, u in zip(inflation, usable, strict=True)])))
+    shared = covariance[: problem.count, : problem.count]
+    determined = assess(estimates, shared, information)
+    warnings = fit_warnings(minimum, optimum.misfit, halving, difference, determined)
+    checks = _mass_checks(allowances.masses, effect)
+    point = FitPoint(
+        parameters=model.parameters,
+        contact=model.felt.contact,
+        tires=model.tires,
+        target_step_s=model.target_step_s,
+        log_parameters=parameters,
+        motion=motion,
+        weights=weights,
+        adjustment=adjustment.matrix,
+        mass_response=_mass_response(parameters, effect, adjustment),
+        map_following=information.map_following,
+    )
+    fit = FitResult(
+        parameters=estimates,
+        run_parameters=runs,
+        covariance=shared,
+        histories=_with_speed_sd(run_histories(campaign, model, weights, motion, parameters, optimum.instrument), runs),
+        converged=minimum.converged,
+        message=minimum.message,
+        iterations=minimum.iterations,
+        cost=minimum.cost,
+        residuals=int(sum(g.measured.sum() for g in model.groups)),
+        weight_rounds=options.weight_rounds,
+        condition_number=float(singular[0] / singular[-1]),
+        step_halving_error=halving,
+        scipy_max_difference_sd=difference,
+        variance_inflation=median_inflation,
+        model_error_inflation=float(np.sqrt(np.mean(adjustment.inflation))),
+        contact=CONTACT_LAWS[options.contact].meaning,
+        residual_evidence=residual_evidence(problem, lin),
+        warnings=(*warnings, *_mass_warnings(checks)),
+        masses=checks,
+        identifiability=determined,
+    )
+    return fit, FitState(campaign, point, model)
+
+
+def _mass_response(parameters: np.ndarray, effect: MassEffect, adjustment: Adjustment) -> MassResponse | None:
+    if not effect.asked.size:
+        return None
+    return mass_response(parameters, effect.by_data, effect.spread, adjustment.information)
+
+
+def _mass_checks(masses: UncertainMasses, effect: MassEffect) -> tuple[MassCheck, ...]:
+    return tuple(
+        MassCheck(f.name, f.quantity, f.words, f.sd, float(np.exp(asked)))
+        for f, asked in zip(masses.factors, effect.asked, strict=False)
+    )
+
+
+def _mass_warnings(checks: tuple[MassCheck, ...]) -> tuple[str, ...]:
+    found = []
+    for check in checks:
+        if abs(np.log(check.asked)) > DOUBTFUL_MASS_SD * check.tolerance:
+            percent, side = 100.0 * abs(check.asked - 1.0), "above" if check.asked > 1.0 else "below"
+            found.append(
+                f"The data ask for a value about {percent:.0f} % {side} the declared one: {check.words}, declared "
+                f"within {100.0 * check.tolerance:g} %. Check it in campaign.toml, or widen its tolerance."
+            )
+    return tuple(found)
+
+
+def parameter_sd(optimum: Optimum) -> np.ndarray:
+    """Standard deviations (p,) of the log parameters from the curvature of the cost at the optimum alone."""
+    jacobian = optimum.problem.compressed(optimum.vector).jacobian
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian))[: optimum.problem.count]))
+
+
+def _covariance(problem: Problem, compressed: Compressed, adjustment: Adjustment) -> np.ndarray:
+    """Covariance of all unknowns: adjusted information of the globals, conditional information of the runs' own."""
+    count = problem.count
+    rows, _ = problem.model.parameters.prior_rows()
+    normal = compressed.jacobian.T @ compressed.jacobian
+    shared = np.linalg.inv(adjustment.information + rows.T @ rows)
+    local = np.linalg.inv(normal[count:, count:])
+    lever = local @ normal[count:, :count]
+    covariance = np.zeros_like(normal)
+    covariance[:count, :count] = shared
+    covariance[count:, :count] = -lever @ shared
+    covariance[:count, count:] = covariance[count:, :count].T
+    covariance[count:, count:] = local + lever @ shared @ lever.T
+    return covariance
+
+
+def _with_speed_sd(histories, run_parameters):
+    sd = {p.run: p.sd for p in run_parameters if p.quantity == "speed"}
+    return tuple(replace(h, speed_sd=sd[h.file]) for h in histories)
+
+
+def _scipy_difference(problem: Problem, optimum: np.ndarray, start: np.ndarray) -> float:
+    """Largest distance, in standard deviations, between the optimum and the one SciPy's solver finds.
+
+    The search starts a tenth of the way back to the start values, so it has to find the optimum by itself.
+    """
+    cache: dict[bytes, Compressed] = {}
+
+    def at(vector: np.ndarray) -> Compressed:
+        key = vector.tobytes()
+        if key not in cache:
+            cache.clear()
+            cache[key] = problem.compressed(vector)
+        return cache[key]
+
+    def residual(vector: np.ndarray) -> np.ndarray:
+        return at(vector).residual
+
+    def jacobian_at(vector: np.ndarray) -> np.ndarray:
+        return at(vector).jacobian
+
+    found = scipy_least_squares(
+        residual,
+        optimum + (start - optimum) / 10.0,
+        jac=jacobian_at,
+        method="trf",
+        x_scale="jac",
+        ftol=1e-7,
+        xtol=1e-7,
+        gtol=1e-7,
+        max_nfev=15,
+    )
+    jacobian = at(optimum).jacobian
+    sd = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    return float(np.max(np.abs(found.x - optimum) / sd))
+
+
+def _step_halving_error(problem: Problem, vector: np.ndarray, coarse: tuple[Linearisation, ...]) -> float:
+    """Largest relative RMS change of any simulated channel when the integration step is halved."""
+    parameters, motion = problem.unpack(vector)
+    fine = simulate_runs(problem.model.with_substeps(2), parameters, motion)
+    worst = 0.0
+    for lin, smooth in zip(coarse, fine, strict=True):
+        rough = np.asarray(lin.simulated)
+        size = np.sqrt((smooth**2).mean(axis=0))
+        error = np.sqrt(((rough - smooth) ** 2).mean(axis=0))
+        worst = max(worst, float(np.max(error / np.maximum(size, 1e-12))))
+    return worst
+
+
+def _estimates(campaign, problem: Problem, log_parameters, motion: RunMotion, covariance):
+    sd = np.sqrt(np.diag(covariance))
+    globals_ = tuple(
+        ParameterEstimate(
+            name=p.name,
+            quantity=p.quantity,
+            unit=p.unit,
+            axle=p.axle,
+            load_case=p.load_case,
+            run=None,
+            law=p.law,
+            transform="log",
+            value=float(np.exp(log_parameters[i])),
+            sd=float(np.exp(log_parameters[i]) * sd[i]),
+            start=p.start,
+            prior_median=p.prior_median,
+            prior_sd=p.prior_sd,
+            identified=bool(sd[i] < IDENTIFIED_SHRINKAGE * p.prior_sd),
+        )
+        for i, p in enumerate(problem.model.parameters.parameters)
+    )
+    local = []
+    for position, run in enumerate(problem.order):
+        record = campaign.bump_runs[run]
+        speed, start = float(motion.speed_m_s[run]), float(motion.start_s[run])
+        speed_sd, shift_sd = sd[problem.count + 2 * position : problem.count + 2 * position + 2]
+        nominal = record.nominal_speed_m_s
+        shared = ParameterEstimate(
+            name=f"speed[{record.log.file}]",
+            quantity="speed",
+            unit="m/s",
+            axle=None,
+            load_case=record.load_case,
+            run=record.log.file,
+            law="constant",
+            transform="none",
+            value=speed,
+            sd=float(speed_sd * SPEED_UNIT * speed),
+            start=nominal,
+            prior_median=nominal,
+            prior_sd=record.speed_sd * nominal,
+            identified=True,
+        )
+        local.append(shared)
+        local.append(
+            replace(
+                shared,
+                name=f"start[{record.log.file}]",
+                quantity="start",
+                unit="s",
+                value=start,
+                sd=float(shift_sd * SHIFT_UNIT_M / speed),
+                start=float(problem.reference.start_s[run]),
+                prior_median=float(problem.reference.start_s[run]),
+                prior_sd=float("inf"),
+            )
+        )
+    return globals_, tuple(local)
+
+
+def fit_warnings(
+    minimum: Minimum, misfit: float, halving: float, cross_check: float, determined: Identifiability
+) -> tuple[str, ...]:
+    """Sentences about a fit that somebody should read before using it.
+
+    Parameters
+    ----------
+    misfit : median over channels of residual over instrument noise.
+    halving : largest relative RMS change of a channel with half the integration step.
+    cross_check : distance of an independent solver's optimum [sd], NaN where none looked for it.
+    """
+    found = []
+    if not minimum.converged:
+        found.append(f"Least squares has not converged ({minimum.message}); the values are not final.")
+    if misfit >= MISFIT:
+        found.append(
+            f"Residuals are {misfit:.1f} times the instrument noise (median over channels): the model does not explain "
+            "everything the sensors saw. Intervals are widened by what these residuals ask for and may not hold all of "
+            "it."
+        )
+    if halving > STEP_HALVING:
+        found.append(
+            f"Halving the integration step changes a channel by {100.0 * halving:.2g} % of its size, more than "
+            f"{100.0 * STEP_HALVING:g} %."
+        )
+    if np.isfinite(cross_check) and cross_check > SOLVERS_APART_SD:
+        found.append(
+            f"An independent solver ends {cross_check:.1f} standard deviations away; the optimum may not be unique."
+        )
+    found += determined.warnings
+    return tuple(found)

@@ -1,0 +1,141 @@
+"""Results of the least-squares fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.estimation.parameters.estimate import ParameterEstimate
+from sysid.estimation.residuals.run_history import RunHistory
+from sysid.estimation.uncertainty.identifiability import Identifiability
+from sysid.estimation.weights.residual_evidence import ResidualEvidence
+from sysid.tabular import Tabular, records_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+_PARAMETER_COLUMNS = (
+    "name",
+    "axle",
+    "quantity",
+    "load_case",
+    "unit",
+    "value",
+    "sd",
+    "start",
+    "prior_median",
+    "prior_sd",
+    "identified",
+)
+
+
+@dataclass(frozen=True)
+class LawTrial:
+    """One set of suspension laws that was fitted: `laws` by axle, number of `parameters`, `cost` (half the weighted sum
+    of squares with priors, same weights for all trials), `misfit` (residual over instrument noise) and `gain` in the
+    information criterion over the first trial.
+    """
+
+    laws: tuple[str, ...]
+    parameters: int
+    cost: float
+    misfit: float
+    gain: float
+
+
+@dataclass(frozen=True)
+class LawComparison(Tabular):
+    """Trials of suspension laws and the one that was `chosen`, by axle."""
+
+    trials: tuple[LawTrial, ...]
+    chosen: tuple[str, ...]
+
+    def summary(self) -> pd.DataFrame:
+        """One row per trial."""
+        return records_table(self.trials, ("laws", "parameters", "cost", "misfit", "gain"))
+
+
+@dataclass(frozen=True)
+class ContactTrial:
+    """The fit repeated with another contact law: `misfit` residual over instrument noise, `values` in the order of the
+    result's parameters.
+    """
+
+    contact: str
+    misfit: float
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class MassCheck:
+    """One declared mass property: `words` say which, `tolerance` is the standard deviation of the logarithm of a factor
+    on it, and `asked` the factor that the data would take for it if it were estimated with all other unknowns.
+    """
+
+    name: str
+    quantity: str
+    words: str
+    tolerance: float
+    asked: float
+
+
+@dataclass(frozen=True)
+class FitResult(Tabular):
+    """The least-squares optimum: global parameters, covariance, residual statistics and diagnostics.
+
+    `covariance` (p, p) of the global parameters in the estimation space (logarithms where `transform` says so),
+    run-local parameters marginalised, inflated for residual autocorrelation, for the tolerances of declared masses
+    and for model error (a sandwich over blocks of residuals, :mod:`sysid.estimation.uncertainty.sandwich`;
+    `model_error_inflation` is its root mean square factor on standard deviations); `residual_evidence` what the
+    residuals are like; `step_halving_error` the largest relative RMS change of any channel when the integration step
+    is halved at the optimum; `scipy_max_difference_sd` the largest difference between the optimum found by SciPy's
+    trust-region solver and this one, in standard deviations; `law_comparison` what was tried where linear laws did not
+    do, or None; `contact_trials` the fit with every contact law where that was asked for, the result's own first;
+    `masses` what the data say about declared masses, whose tolerances `covariance` holds; `identifiability` what the
+    data determine (:mod:`sysid.estimation.uncertainty.identifiability`).
+    """
+
+    parameters: tuple[ParameterEstimate, ...]
+    run_parameters: tuple[ParameterEstimate, ...]
+    covariance: np.ndarray
+    histories: tuple[RunHistory, ...]
+    converged: bool
+    message: str
+    iterations: int
+    cost: float
+    residuals: int
+    weight_rounds: int
+    condition_number: float
+    step_halving_error: float
+    scipy_max_difference_sd: float
+    variance_inflation: float
+    model_error_inflation: float
+    contact: str
+    residual_evidence: ResidualEvidence
+    warnings: tuple[str, ...] = ()
+    law_comparison: LawComparison | None = None
+    contact_trials: tuple[ContactTrial, ...] = ()
+    masses: tuple[MassCheck, ...] = ()
+    identifiability: Identifiability | None = None
+
+    @property
+    def laws(self) -> tuple[str, ...]:
+        """Suspension law of every axle (of a group one, in the place of its first axle), front to rear."""
+        found = {p.axle: p.law for p in self.parameters if p.quantity == "damping"}
+        return tuple(found[axle] for axle in sorted(found, key=lambda a: -1 if a is None else a))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the global parameters in the order of the covariance."""
+        return tuple(p.name for p in self.parameters)
+
+    def summary(self) -> pd.DataFrame:
+        """One row per entry, in SI units."""
+        return records_table(self.parameters, _PARAMETER_COLUMNS)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Global parameters and those of every run."""
+        return records_table((*self.parameters, *self.run_parameters), ("run", "law", *_PARAMETER_COLUMNS))

@@ -1,0 +1,181 @@
+"""Which suspension laws the data support: linear ones against richer families, by an information criterion.
+
+Two sets of laws are compared under the same weights and footprint maps, those of the richest one:
+
+    gain = 2 (cost_poor - cost_rich) - (p_rich - p_poor) ln n
+
+with cost half the sum of squares with priors, and n the number of residuals over their variance inflation.  This is the
+difference of the Bayesian information criterion (G. Schwarz, Estimating the dimension of a model, Annals of Statistics
+6 (1978), doi:10.1214/aos/1176344136) with an effective sample size; a gain above 10 counts as decisive (R. E. Kass and
+A. E. Raftery, Bayes factors, JASA 90 (1995), doi:10.1080/01621459.1995.10476572).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.campaign.records import Axle, Campaign, Vehicle
+from sysid.estimation.fit.contact_trials import contact_trials
+from sysid.estimation.fit.evaluation import evaluate_optimum
+from sysid.estimation.fit.fit_result import FitResult, LawComparison, LawTrial
+from sysid.estimation.fit.least_squares import optimise
+from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.fit.thresholds import MISFIT
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters, declared_laws
+from sysid.estimation.parameters.named_priors import check_named_priors
+from sysid.estimation.parameters.suspension_elements import ELEMENTS, law_elements, law_name
+from sysid.estimation.weights.reweighting import reweighted
+from sysid.road.results import RoadProfile
+from sysid.sdof.results import DropSummary
+
+#: Gain in the criterion from which on a richer law is taken.
+DECISIVE = 10.0
+
+#: Elements worth trying on an axle without a declared law, by the kind of its suspension.
+CANDIDATES = {
+    "leaf": frozenset({"friction", "asymmetric_damper"}),
+    "air": frozenset({"friction", "gas_spring", "asymmetric_damper"}),
+    "other": frozenset({"friction", "asymmetric_damper"}),
+}
+
+Laws = tuple[frozenset[str], ...]
+Progress = Callable[[str, float], None]
+
+
+def fit_with_laws(
+    campaign: Campaign,
+    drops: DropSummary | None,
+    profiles: Mapping[str, RoadProfile],
+    options: FitOptions | None = None,
+    progress: Progress | None = None,
+) -> tuple[FitResult, FitState]:
+    """Least-squares calibration with declared suspension laws, or with the ones that the data support.
+
+    Linear laws come first.  Where they leave residuals of :data:`MISFIT` times the instrument noise or more (or on
+    request) the richest candidate of every axle without a declared law is fitted; elements that the criterion does not
+    miss are taken away again, one family at a time.
+
+    Parameters
+    ----------
+    campaign : screened campaign (quality check applied).
+    drops, profiles : what the drops say, and the road profile of each bump.
+    options, progress : settings, and a callback (message, fraction done).
+
+    Raises
+    ------
+    CampaignError, DataRejectedError
+        As :func:`sysid.estimation.fit.least_squares.fit_bump_runs`.
+    """
+    options = options or FitOptions()
+    report = progress or (lambda message, fraction: None)
+    declared = declared_laws(campaign)
+    chosen = optimise(campaign, campaign_parameters(campaign, drops, declared), profiles, options, report)
+    comparison = None
+    rich = richest_laws(campaign.vehicle.axles, declared)
+    asked = options.laws == "compare" or (options.laws == "auto" and chosen.misfit >= MISFIT)
+    if asked and rich != declared:
+
+        def fitted(laws: Laws, near: Optimum, *, trial: bool = False) -> Optimum:
+            # A trial keeps weights and maps of its neighbour, under which it is compared.
+            how = replace(options, weight_rounds=0, tolerance=max(options.tolerance, 1e-6)) if trial else options
+            parameters = campaign_parameters(campaign, drops, laws)
+            return optimise(campaign, parameters, profiles, how, report, near=near, keep_maps=trial)
+
+        chosen, comparison = _compare(campaign, declared, rich, chosen, fitted)
+    fit, state = evaluate_optimum(campaign, chosen, options, report)
+    trials = contact_trials(campaign, chosen, profiles, options, report) if options.contact_spread else ()
+    return replace(fit, law_comparison=comparison, contact_trials=trials), state
+
+
+def laws_of_axles(vehicle: Vehicle, laws: Sequence[str]) -> Laws:
+    """Law of every axle from the laws of a fit's suspensions, front to rear; a group of axles has one suspension."""
+    owner = vehicle.suspension_axle
+    law_of = dict(zip(sorted(set(owner)), laws, strict=True))
+    return tuple(law_elements(law_of[i]) for i in owner)
+
+
+def richest_laws(axles: Sequence[Axle], declared: Laws) -> Laws:
+    """The candidates of every axle without a declared law; the declared law of all others."""
+    return tuple(
+        law if axle.suspension_law is not None else CANDIDATES[axle.suspension]
+        for axle, law in zip(axles, declared, strict=True)
+    )
+
+
+def check_priors(campaign: Campaign) -> None:
+    """Refuse priors of parameters that neither the declared laws nor the richest candidates have.
+
+    Raises
+    ------
+    CampaignError
+        As :func:`sysid.estimation.parameters.named_priors.check_named_priors`.
+    """
+    if not campaign.priors:
+        return
+    declared = declared_laws(campaign)
+    rich = richest_laws(campaign.vehicle.axles, declared)
+    sets = [campaign_parameters(campaign, None, laws) for laws in (declared, rich)]
+    check_named_priors(campaign, [p for found in sets for p in found.parameters])
+
+
+def _compare(
+    campaign: Campaign,
+    poor_laws: Laws,
+    rich_laws: Laws,
+    poor: Optimum,
+    fitted: Callable[..., Optimum],
+) -> tuple[Optimum, LawComparison]:
+    """The preferred laws' optimum and all trials; every gain is over the laws of the campaign file."""
+    rich = fitted(rich_laws, poor)
+    # Under the weights and maps of the rich laws, as all trials.
+    base = fitted(poor_laws, rich, trial=True)
+    size = effective_residuals(rich)
+
+    def gain_over(other: Optimum, optimum: Optimum) -> float:
+        extra = optimum.problem.count - other.problem.count
+        return float(2.0 * (other.minimum.cost - optimum.minimum.cost) - extra * np.log(size))
+
+    trials = [LawTrial(_names(poor_laws), base.problem.count, base.minimum.cost, poor.misfit, 0.0)]
+    best_laws, best = rich_laws, rich
+    trials.append(_trial(rich_laws, rich, gain_over(base, rich)))
+    for element in ELEMENTS:
+        without = tuple(
+            law if axle.suspension_law is not None else law - {element}
+            for axle, law in zip(campaign.vehicle.axles, best_laws, strict=True)
+        )
+        if without in (best_laws, poor_laws):
+            continue
+        candidate = fitted(without, best, trial=True)
+        trials.append(_trial(without, candidate, gain_over(base, candidate)))
+        if gain_over(candidate, best) < DECISIVE:
+            best_laws, best = without, candidate
+    if gain_over(base, best) < DECISIVE:
+        best_laws, best = poor_laws, poor
+    elif best is not rich:
+        # The trial ran under the rich laws' weights; the result stands on its own.
+        best = fitted(best_laws, best)
+    return best, LawComparison(tuple(trials), _names(best_laws))
+
+
+def effective_residuals(optimum: Optimum) -> float:
+    """Number of residuals over their variance inflation, summed over channels and runs."""
+    total = 0.0
+    for group, tempering in zip(optimum.problem.model.groups, optimum.problem.weights.tempering, strict=True):
+        total += float((group.measured.sum(axis=0) * tempering**2).sum())
+    return max(total, 2.0)
+
+
+def _names(laws: Laws) -> tuple[str, ...]:
+    return tuple(law_name(law) for law in laws)
+
+
+def _trial(laws: Laws, optimum: Optimum, gain: float) -> LawTrial:
+    problem = optimum.problem
+    own = reweighted(problem, problem.linearise(optimum.vector))
+    misfit = replace(optimum, problem=problem.with_weights(own)).misfit
+    return LawTrial(_names(laws), problem.count, optimum.minimum.cost, misfit, gain)

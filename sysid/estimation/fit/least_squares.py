@@ -1,0 +1,230 @@
+"""The least-squares calibration: start values and rounds of re-weighting on the way to the optimum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.errors import DataRejectedError
+from sysid.estimation.fit.evaluation import evaluate_optimum
+from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.fit.minimiser import Minimum, minimise
+from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.start_search import search_motion
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.parameters.map_tires import map_tires
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.residuals.bump_model import BumpModel, bump_model
+from sysid.estimation.residuals.problem import Problem
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.weights import noise as noise_model
+from sysid.estimation.weights.reweighting import reweighted
+from sysid.road.results import RoadProfile
+from sysid.vehicle_model.lanes import MapTires
+
+Progress = Callable[[str, float], None]
+
+#: Footprint maps are made again at most so often; each time their tires come about five times closer to those of the
+#: optimum under them.
+_MAPS = 5
+_ROUGH_TOLERANCE = 1e-5
+
+
+def fit_bump_runs(
+    campaign: Campaign,
+    parameters: ParameterSet,
+    profiles: Mapping[str, RoadProfile],
+    options: FitOptions | None = None,
+    progress: Progress | None = None,
+) -> tuple[FitResult, FitState]:
+    """Calibrate the vehicle against all bump runs by least squares.
+
+    minimise sum ((simulated - measured) / sigma)^2 + priors over the global log parameters and every run's speed and
+    start; sigma per run and channel is re-estimated from the residuals after each round, and residuals that are
+    correlated in time are down-weighted by their variance inflation.
+
+    Parameters
+    ----------
+    campaign : screened campaign (quality check applied).
+    parameters : global parameters with start values and priors.
+    profiles : road profile of each bump.
+    options, progress : settings, and a callback (message, fraction done).
+
+    Raises
+    ------
+    DataRejectedError
+        If no run has a usable channel, or no run's start is found inside its record.
+    """
+    options = options or FitOptions()
+    report = progress or (lambda message, fraction: None)
+    optimum = optimise(campaign, parameters, profiles, options, report)
+    return evaluate_optimum(campaign, optimum, options, report)
+
+
+def optimise(
+    campaign: Campaign,
+    parameters: ParameterSet,
+    profiles: Mapping[str, RoadProfile],
+    options: FitOptions,
+    report: Progress,
+    *,
+    near: Optimum | None = None,
+    keep_maps: bool = False,
+) -> Optimum:
+    """The optimum of one set of suspension laws, all rounds of re-weighting done.
+
+    Footprint maps are made for the declared tires first, and again until they are those of the estimated ones.
+
+    Parameters
+    ----------
+    near : optimum of other laws on the same campaign to start from: its motions, weights and common parameters.
+    keep_maps : keep the footprint maps of `near`.
+    """
+    report("preparing the model", 0.0)
+
+    def prepared(tires: MapTires | None) -> BumpModel:
+        step, contact = options.target_step_s, options.contact
+        return bump_model(campaign, parameters, profiles, target_step_s=step, contact=contact, tires=tires)
+
+    again = options.contact == "footprint" and not keep_maps
+    # For the tires of the maps residuals need not be weighted, nor minimised, to the last.
+    rough = replace(
+        options, weight_rounds=min(options.weight_rounds, 1), tolerance=max(options.tolerance, _ROUGH_TOLERANCE)
+    )
+    how = rough if again else options
+    if near is None:
+        model = prepared(None)
+        motion, instrument = _find_motion(campaign, model, parameters.start, report)
+        found = optimise_from(campaign, model, motion, instrument, parameters.start, how, report)
+    else:
+        model = prepared(near.problem.model.tires)
+        _, motion = near.problem.unpack(near.vector)
+        start, weights = _start_from(parameters, near), near.problem.weights
+        found = optimise_from(campaign, model, motion, near.instrument, start, how, report, weights=weights)
+    if not again:
+        return found
+    for _ in range(_MAPS - 1):
+        found = _with_own_maps(campaign, found, prepared, rough, report)
+        tires = found.problem.model.tires
+        assert tires is not None
+        if tires.like(map_tires(parameters, found.vector[: found.problem.count])):
+            break
+    return _with_own_maps(campaign, found, prepared, options, report)
+
+
+def _with_own_maps(
+    campaign: Campaign,
+    found: Optimum,
+    prepared: Callable[[MapTires], BumpModel],
+    options: FitOptions,
+    report: Progress,
+) -> Optimum:
+    """The optimum under footprint maps of the tires that another optimum has."""
+    report("footprint of the estimated tires", 0.5)
+    values, motion = found.problem.unpack(found.vector)
+    model, weights = prepared(map_tires(found.problem.model.parameters, values)), found.problem.weights
+    again = optimise_from(campaign, model, motion, found.instrument, values, options, report, weights=weights)
+    # The cross-check starts from where the search for all began.
+    first = np.concatenate([found.first[: found.problem.count], np.zeros(again.first.size - found.problem.count)])
+    iterations = found.minimum.iterations + again.minimum.iterations
+    return replace(again, first=first, minimum=replace(again.minimum, iterations=iterations))
+
+
+def optimise_from(
+    campaign: Campaign,
+    model: BumpModel,
+    motion: RunMotion,
+    instrument: tuple[np.ndarray, ...],
+    start: np.ndarray,
+    options: FitOptions,
+    report: Progress,
+    *,
+    weights: Weights | None = None,
+) -> Optimum:
+    """The optimum from given start values, all rounds of re-weighting done.
+
+    Parameters
+    ----------
+    motion : speed and start of every run.
+    instrument : (R, C) instrument noise per group [SI].
+    start : (p,) log parameters.
+    weights : those of the first round; None for weights that suit parameters which are still far off.
+    """
+    first_weights = Weights(_first_scale(model, instrument), tuple(np.ones_like(n) for n in instrument))
+    problem = Problem(model, campaign, motion, weights or first_weights)
+    vector = np.concatenate([start, np.zeros(2 * len(problem.order))])
+    first, iterations, rounds = vector.copy(), 0, options.weight_rounds + 1
+    minimum: Minimum | None = None
+    for number in range(rounds):
+        last = number == rounds - 1
+        minimum = minimise(
+            problem.evaluate,
+            vector,
+            relative_tolerance=options.tolerance if last else 1e-4,
+            max_iterations=options.max_iterations,
+            on_iteration=partial(_report_iteration, report, number, rounds),
+        )
+        vector = minimum.point
+        iterations += minimum.iterations
+        if not last:
+            problem.weights = reweighted(problem, problem.linearise(vector))
+    assert minimum is not None
+    return Optimum(problem, vector, first, replace(minimum, iterations=iterations), instrument)
+
+
+def _start_from(parameters: ParameterSet, near: Optimum) -> np.ndarray:
+    """Start vector that takes common parameters from another optimum."""
+    found = dict(zip(near.problem.model.parameters.names, near.vector, strict=False))
+    return np.array([found.get(p.name, np.log(p.start)) for p in parameters.parameters])
+
+
+def _find_motion(
+    campaign: Campaign, model: BumpModel, start: np.ndarray, report: Progress
+) -> tuple[RunMotion, tuple[np.ndarray, ...]]:
+    """Speed and start of every run from the joint search, and the instrument noise (R, C) per group before them."""
+    quiet = tuple(noise_model.instrument_noise(g, 0.25) for g in model.groups)
+    report("searching speeds and starts", 0.02)
+    motion = search_motion(model, campaign, start, quiet)
+    _check_motion(campaign, model, motion)
+    return motion, instrument_noise(model, motion)
+
+
+def instrument_noise(model: BumpModel, motion: RunMotion) -> tuple[np.ndarray, ...]:
+    """Instrument noise (R, C) per group [SI], from the records before their runs meet the bump."""
+    return tuple(
+        noise_model.instrument_noise(g, noise_model.quiet_time(model, g, motion.start_s, motion.speed_m_s))
+        for g in model.groups
+    )
+
+
+def _report_iteration(report: Progress, number: int, rounds: int, iteration: int, cost: float) -> None:
+    share = (number + iteration / (iteration + 8)) / rounds
+    report(f"least squares, round {number + 1} of {rounds}, iteration {iteration}", 0.1 + 0.8 * share)
+
+
+def _first_scale(model: BumpModel, instrument: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+    """First weights: instrument noise plus a tenth of each channel's RMS, for parameters that are still far off."""
+    scales = []
+    for group, noise in zip(model.groups, instrument, strict=True):
+        count = np.maximum(group.measured.sum(axis=0), 1)
+        mean = (group.measured * group.value).sum(axis=0) / count
+        rms = np.sqrt((group.measured * (group.value - mean) ** 2).sum(axis=0) / count)
+        scales.append(np.hypot(noise, 0.1 * rms))
+    return tuple(scales)
+
+
+def _check_motion(campaign: Campaign, model: BumpModel, motion: RunMotion) -> None:
+    for group in model.groups:
+        for run in group.runs:
+            length = group.samples * group.interval_s
+            if not 0.0 < motion.start_s[run] < length:
+                raise DataRejectedError(
+                    f"{campaign.bump_runs[run].log.file}: the passage of axle 1 over the bump is not inside the record "
+                    f"(found at {motion.start_s[run]:.2f} s of {length:.2f} s); check that the log starts before it."
+                )

@@ -1,0 +1,100 @@
+"""A run predicted by a fit that has not seen it: the parameters of the other runs, its own speed and start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.fit.least_squares import instrument_noise, optimise_from
+from sysid.estimation.fit.minimiser import minimise
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.state import FitState, model_of
+from sysid.estimation.residuals.bump_model import BumpModel
+from sysid.estimation.residuals.histories import run_histories
+from sysid.estimation.residuals.problem import Problem
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_history import RunHistory
+from sysid.estimation.residuals.run_motion import RunMotion
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class LeftOutFit:
+    """`log_parameters` (p,) of the fit without the run, whether it `converged`, and the run's `history` under them."""
+
+    log_parameters: np.ndarray
+    converged: bool
+    history: RunHistory
+
+
+def fit_without(
+    state: FitState,
+    run: int,
+    options: FitOptions,
+    progress: Progress | None = None,
+) -> LeftOutFit:
+    """Fit all runs but one, beginning at the optimum of all, and simulate that one with what they say.
+
+    The run's own speed and start, and offset and gain of its sensors, are found from its record, because nothing else
+    knows them; they are 2 numbers per run and 2 per channel.
+
+    Parameters
+    ----------
+    state : the fit of all runs.
+    run : index of the run in the campaign.
+    """
+    report = progress or (lambda message, fraction: None)
+    others = tuple(i for i in range(len(state.campaign.bump_runs)) if i != run)
+    part, model, motion, weights = _part(state, others)
+    how = replace(options, weight_rounds=min(options.weight_rounds, 1), cross_check=False)
+    noise = instrument_noise(model, motion)
+    optimum = optimise_from(part, model, motion, noise, state.point.log_parameters, how, report, weights=weights)
+    values, _ = optimum.problem.unpack(optimum.vector)
+    part, model, motion, weights = _part(state, (run,))
+    motion = _own_motion(Problem(model, part, motion, weights), values)
+    (history,) = run_histories(part, model, weights, motion, values, instrument_noise(model, motion))
+    return LeftOutFit(values, optimum.minimum.converged, history)
+
+
+def _own_motion(problem: Problem, log_parameters: np.ndarray) -> RunMotion:
+    """Speed and start that suit the records best while the parameters stay as they are."""
+
+    def evaluate(local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        residual, jacobian = problem.evaluate(np.concatenate([log_parameters, local]))
+        return residual, jacobian[:, problem.count :]
+
+    best = minimise(evaluate, np.zeros(2 * len(problem.order)), relative_tolerance=1e-7)
+    return problem.unpack(np.concatenate([log_parameters, best.point]))[1]
+
+
+def _part(state: FitState, runs: tuple[int, ...]) -> tuple[Campaign, BumpModel, RunMotion, Weights]:
+    """Some runs of a campaign as a campaign of their own, with their motions and weights in the fit of all runs."""
+    part = replace(state.campaign, bump_runs=tuple(state.campaign.bump_runs[i] for i in runs))
+    model = model_of(part, state.profiles, state.point)
+    fitted, driven = state.point.weights, state.point.motion
+    chosen = list(runs)
+    motion = RunMotion(driven.speed_m_s[chosen], driven.start_s[chosen])
+    columns = [s.column for s in state.model.layout.sensors]
+    channels = [columns.index(s.column) for s in model.layout.sensors]
+
+    def rows(arrays: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+        of_run = {
+            i: row for g, a in zip(state.model.groups, arrays, strict=True) for i, row in zip(g.runs, a, strict=True)
+        }
+        return tuple(np.array([of_run[chosen[r]][channels] for r in g.runs]) for g in model.groups)
+
+    weights = Weights(rows(fitted.noise_sd), rows(fitted.tempering))
+    if fitted.reading is not None:
+        groups = zip(state.model.groups, fitted.reading, strict=True)
+        of_run = {i: w[:, r] for g, w in groups for r, i in enumerate(g.runs)}
+        reading = tuple(np.ones(g.value.shape) for g in model.groups)
+        for group, found in zip(model.groups, reading, strict=True):
+            for r, i in enumerate(group.runs):
+                own = of_run[chosen[i]][: group.samples, channels]
+                found[: own.shape[0], r] = own
+        weights = replace(weights, reading=reading)
+    return part, model, motion, weights

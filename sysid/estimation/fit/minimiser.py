@@ -1,0 +1,196 @@
+"""Levenberg-Marquardt by optimistix over a residual function that lives on the host.
+
+optimistix sees, at every trial point y_0, the affine function r(y_0) + J(y_0) (y - y_0): its value and forward-mode
+Jacobian at y_0 are those of the true residuals, which is all that a Levenberg-Marquardt step uses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+
+from sysid.errors import SysidError
+from sysid.runtime import require_64_bit
+from sysid.threads import one_blas_thread
+
+#: Consecutive rejected trials after which the damping is so strong that nothing smaller will be found.
+_PATIENCE = 20
+#: Share of the predicted fall of the cost above which the damping is relaxed.
+_GOOD_STEP = 0.75
+#: A point is a minimum where the linear model promises no larger fall than this fraction of the cost, or than so many
+#: times the fall that ends the search.
+_NEGLIGIBLE_FALL, _TOLERANCES = 1e-5, 10.0
+
+Evaluation = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+class _Affine(NamedTuple):
+    point: jax.Array
+    residual: jax.Array
+    jacobian: jax.Array
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """A least-squares minimum: `point` (p,), its `cost` = r'r / 2, and how the search went."""
+
+    point: np.ndarray
+    cost: float
+    converged: bool
+    iterations: int
+    message: str
+
+
+def promised_fall(residual: np.ndarray, jacobian: np.ndarray) -> float:
+    """Fall of the cost r'r / 2 that a full Gauss-Newton step promises: half the square of r projected on J's columns.
+
+    It vanishes with the gradient J'r and, unlike it, has the unit of the cost whatever the scales of the unknowns.
+
+    Parameters
+    ----------
+    residual : (m,) r; jacobian : (m, p) J.
+    """
+    norms = np.linalg.norm(jacobian, axis=0)
+    scaled = jacobian / np.where(norms > 0.0, norms, 1.0)
+    step = np.linalg.lstsq(scaled, residual, rcond=None)[0]
+    shift = scaled @ step
+    return 0.5 * float(shift @ shift)
+
+
+def _affine(y: jax.Array, args: _Affine) -> tuple[jax.Array, None]:
+    return args.residual + args.jacobian @ (y - args.point), None
+
+
+@eqx.filter_jit
+def _init(solver: optx.LevenbergMarquardt, point: jax.Array, args: _Affine):
+    # What a state holds beside arrays belongs to one trace: a state made without compiling would compile `_step` anew.
+    struct = jax.ShapeDtypeStruct(args.residual.shape, jnp.float64)
+    return solver.init(_affine, point, args, {}, struct, None, frozenset())
+
+
+@eqx.filter_jit
+def _step(solver: optx.LevenbergMarquardt, point: jax.Array, args: _Affine, state):
+    # Compiled once per size of the problem, not once per call of `minimise`.
+    return solver.step(_affine, point, args, {}, state, frozenset())
+
+
+@one_blas_thread()
+def minimise(
+    evaluate: Evaluation,
+    start: np.ndarray,
+    *,
+    relative_tolerance: float = 1e-9,
+    step_tolerance: float = 1e-9,
+    max_iterations: int = 60,
+    on_iteration: Callable[[int, float], None] | None = None,
+) -> Minimum:
+    """Minimise r(y)'r(y) / 2 by Levenberg-Marquardt.
+
+    However the search ends, it has converged only where the Gauss-Newton step at its last point promises a negligible
+    further fall of the cost (:func:`promised_fall`): trials may also fail because derivatives and residuals disagree.
+
+    Parameters
+    ----------
+    evaluate : returns residuals (m,) and Jacobian (m, p) at y (p,), m the same at every call.
+    start : (p,) start vector.
+    relative_tolerance : an accepted step ends the search when it lowers the cost by less than this fraction.
+    step_tolerance : so does a proposed step that changes every component by less than this fraction.
+    max_iterations : limit on evaluations of the Jacobian.
+    on_iteration : called with the number of the iteration and the best cost so far.
+
+    Raises
+    ------
+    SysidError
+        If 64-bit floats are off, or the residuals at the start are not finite.
+    """
+    require_64_bit()
+    start = np.asarray(start, float)
+    here = residual, jacobian = evaluate(start)
+    if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
+        raise SysidError("The simulation is not finite at the start values; check masses, stiffnesses and time steps.")
+    # Scaling by the columns of the first Jacobian makes the damping act alike on all unknowns.
+    norms = np.linalg.norm(jacobian, axis=0)
+    by_columns = 1.0 / np.where(norms > 0.0, norms, 1.0)
+    report = on_iteration or (lambda iteration, cost: None)
+    tolerances = relative_tolerance, step_tolerance
+    found = _search(evaluate, start, here, by_columns, tolerances, max_iterations, report)
+    done = found.iterations
+    if found.converged or done >= max_iterations:
+        return found
+    # An unknown that matters only away from the start was hardly damped: once more, with steps in shares of the start.
+    by_start = np.where(start != 0.0, np.abs(start), 1.0)
+    again = _search(
+        evaluate, start, here, by_start, tolerances, max_iterations - done, lambda i, cost: report(done + i, cost)
+    )
+    better = again if again.converged or again.cost < found.cost else found
+    return replace(better, iterations=done + again.iterations)
+
+
+def _search(
+    evaluate: Evaluation,
+    start: np.ndarray,
+    at_start: tuple[np.ndarray, np.ndarray],
+    scale: np.ndarray,
+    tolerances: tuple[float, float],
+    max_iterations: int,
+    on_iteration: Callable[[int, float], None],
+) -> Minimum:
+    """One search, with unknowns in units of `scale` (p,), from residuals and Jacobian `at_start`.
+
+    `tolerances` are that of the cost and that of steps.
+    """
+    relative_tolerance, step_tolerance = tolerances
+    residual, jacobian = at_start
+    solver: optx.LevenbergMarquardt = optx.LevenbergMarquardt(rtol=relative_tolerance, atol=relative_tolerance)
+    solver = eqx.tree_at(lambda s: s.search, solver, optx.ClassicalTrustRegion(high_cutoff=_GOOD_STEP))
+    point = jnp.asarray(start / scale)
+    args = _Affine(point, jnp.asarray(residual), jnp.asarray(jacobian * scale))
+    state = _init(solver, point, args)
+    # The first step is no longer than the start vector: a leap into a flat region is accepted, but never comes back.
+    reach, pull = float(jnp.linalg.norm(point)), float(np.linalg.norm((jacobian * scale).T @ residual))
+    if 0.0 < reach < pull:
+        state = eqx.tree_at(lambda s: s.search_state.step_size, state, jnp.asarray(reach / pull))
+
+    def ended(iteration: int, why: str) -> Minimum:
+        fall = promised_fall(*here)
+        # Below the rounding of the first cost a perfect fit promises falls of the size of its own cost.
+        negligible = max(_NEGLIGIBLE_FALL, _TOLERANCES * relative_tolerance)
+        converged = fall <= negligible * max(best, relative_tolerance**2 * first)
+        if not converged:
+            why += f", but a fall by {100.0 * fall / best:.2g} % is still promised"
+        return Minimum(np.asarray(point) * scale, best, converged, iteration, why)
+
+    best, rejections = np.inf, 0
+    here, first = (residual, jacobian), 0.5 * float(residual @ residual)
+    for iteration in range(1, max_iterations + 1):
+        if iteration > 1:
+            trial = np.asarray(state.y_eval) * scale
+            residual, jacobian = evaluate(trial)
+            # A trial that leaves the domain is rejected like any step that does not lower the cost.
+            finite = np.isfinite(residual).all() and np.isfinite(jacobian).all()
+            residual = residual if finite else np.full_like(residual, 1e150 / np.sqrt(residual.size))
+            jacobian = jacobian if finite else np.zeros_like(jacobian)
+            args = _Affine(state.y_eval, jnp.asarray(residual), jnp.asarray(jacobian * scale))
+        cost = 0.5 * float(residual @ residual)
+        point, state, _ = _step(solver, point, args, state)
+        if np.array_equal(np.asarray(point), np.asarray(args.point)):
+            here = residual, jacobian
+        gain = best - cost
+        rejections = 0 if gain > 0.0 else rejections + 1
+        best = min(best, cost)
+        on_iteration(iteration, best)
+        proposed = np.abs(np.asarray(state.y_eval) - np.asarray(point))
+        if 0.0 <= gain <= relative_tolerance * best:
+            return ended(iteration, "the cost no longer falls")
+        if np.all(proposed <= step_tolerance * (np.abs(np.asarray(point)) + step_tolerance)):
+            return ended(iteration, "the step has become negligible")
+        if rejections >= _PATIENCE:
+            return ended(iteration, "no smaller cost is found nearby")
+    return Minimum(np.asarray(point) * scale, best, False, max_iterations, "the limit of iterations was reached")

@@ -1,0 +1,32 @@
+"""Where least squares ended for one set of suspension laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.estimation.fit.minimiser import Minimum
+from sysid.estimation.residuals.problem import Problem
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Where least squares ended for one set of suspension laws.
+
+    `vector` the optimum and `first` where the last search began from, in the unknowns of `problem`; `minimum` how it
+    ended; `instrument` (R, C) noise of the instruments per group [SI].
+    """
+
+    problem: Problem
+    vector: np.ndarray
+    first: np.ndarray
+    minimum: Minimum
+    instrument: tuple[np.ndarray, ...]
+
+    @property
+    def misfit(self) -> float:
+        """Median over channels and runs of residual scale over instrument noise, where both are known."""
+        pairs = zip(self.problem.weights.noise_sd, self.instrument, strict=True)
+        known = [(n, i, np.isfinite(n) & np.isfinite(i)) for n, i in pairs]
+        return float(np.median(np.concatenate([n[k] / i[k] for n, i, k in known])))

@@ -1,0 +1,113 @@
+"""What a finished fit is for the stages that follow: one record, from which all of them start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.residuals.bump_model import BumpModel, bump_model
+from sysid.estimation.residuals.problem import Problem
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
+from sysid.estimation.uncertainty.mass_response import MassResponse
+from sysid.road.contact_laws import ContactLaw
+from sysid.road.results import RoadProfile
+from sysid.vehicle_model.lanes import MapTires
+
+
+@dataclass(frozen=True)
+class FitPoint:
+    """Where a fit ended and how it got there: all that is kept of it, besides its results for people.
+
+    `parameters` with their priors and laws; `contact`, `tires` of the footprint maps (None for the declared ones) and
+    `target_step_s` of the integration say what was simulated; `log_parameters` (p,) and `motion` the optimum; `weights`
+    of its residuals; `adjustment` (p, p) by which the likelihood is flattened
+    (:mod:`sysid.estimation.uncertainty.sandwich`); `mass_response` says how the masses and departures go with the
+    parameters, None for exact ones; `map_following` (p, p) is the part of the adjustment that is due to footprint maps
+    that follow their tires, None for the unit matrix.
+    """
+
+    parameters: ParameterSet
+    contact: ContactLaw
+    tires: MapTires | None
+    target_step_s: float
+    log_parameters: np.ndarray
+    motion: RunMotion
+    weights: Weights
+    adjustment: np.ndarray
+    mass_response: MassResponse | None = None
+    map_following: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class FitState:
+    """A finished fit: the screened `campaign`, what is kept of it (`point`), and the `model` of its runs."""
+
+    campaign: Campaign
+    point: FitPoint
+    model: BumpModel
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Parameters with their priors and laws."""
+        return self.point.parameters
+
+    @property
+    def profiles(self) -> Mapping[str, RoadProfile]:
+        """Road profile of each bump."""
+        return self.model.felt.profiles
+
+    @cached_property
+    def allowances(self) -> Allowances:
+        """Masses and departures that were not estimated."""
+        return campaign_allowances(self.campaign, self.point.parameters, self.model.felt)
+
+    def problem(self) -> Problem:
+        """The residuals of the fit as a function of one vector, at its weights and about its motions."""
+        return Problem(self.model, self.campaign, self.point.motion, self.point.weights)
+
+
+def restored(campaign: Campaign, profiles: Mapping[str, RoadProfile], point: FitPoint) -> FitState:
+    """The fit of a campaign from what was kept of it.
+
+    Parameters
+    ----------
+    campaign : screened, the one that was fitted.
+    profiles : road profile of each bump, those of the fit.
+    """
+    return FitState(campaign, point, model_of(campaign, profiles, point))
+
+
+def model_of(campaign: Campaign, profiles: Mapping[str, RoadProfile], point: FitPoint) -> BumpModel:
+    """The model of the bump runs of `campaign` as a fit simulates them: same contact, tires, step and parameters."""
+    return bump_model(
+        campaign,
+        point.parameters,
+        profiles,
+        target_step_s=point.target_step_s,
+        contact=point.contact,
+        tires=point.tires,
+    )
+
+
+def state_at(
+    campaign: Campaign, model: BumpModel, log_parameters: np.ndarray, motion: RunMotion, weights: Weights
+) -> FitState:
+    """A fit that ended at log parameters (p,) and run motions with exact masses and independent noise."""
+    point = FitPoint(
+        parameters=model.parameters,
+        contact=model.felt.contact,
+        tires=model.tires,
+        target_step_s=model.target_step_s,
+        log_parameters=log_parameters,
+        motion=motion,
+        weights=weights,
+        adjustment=np.eye(log_parameters.size),
+    )
+    return FitState(campaign, point, model)

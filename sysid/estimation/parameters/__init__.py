@@ -1,0 +1,1 @@
+"""Parameters of a calibration, their priors, and where each enters the laws of the vehicle."""

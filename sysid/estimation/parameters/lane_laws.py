@@ -1,0 +1,142 @@
+"""From the parameter vector to the suspension and tire laws of every lane."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from sysid.campaign.records import Vehicle
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.parameters.suspension_curves import (
+    SuspensionCurves,
+    joined,
+    lash_ramps,
+    stop_ramps,
+    suspension_curves,
+    table_ramps,
+)
+from sysid.estimation.parameters.suspension_elements import coefficients, law_elements, quantities
+from sysid.vehicle_model.contact import TireLaw, tire_law
+from sysid.vehicle_model.lanes import Lanes
+from sysid.vehicle_model.suspension import SuspensionLaw
+
+
+class ElementIndex(NamedTuple):
+    """Where an element's quantity stands in the parameter vector, (na,), and its neutral value.
+
+    Axles without the element have position -1 and take the neutral value.
+    """
+
+    position: np.ndarray
+    neutral: np.ndarray
+
+
+class LawInputs(NamedTuple):
+    """What turns parameters into laws; positions in the parameter vector and constants of R lanes.
+
+    `stiffness` (R, na); `damping`, `tire_stiffness`, `tire_damping` (na,); `exponent` (); `elements` by quantity;
+    `curves` declared by the campaign file; `static_load`, `reference_load`, `carried_load` (R, na, 1) [N]: road load in
+    its lane and in the first load case, load on the suspension; `tire_factor` (R, na, 1) on a lane's tire stiffness.
+    """
+
+    stiffness: np.ndarray
+    damping: np.ndarray
+    tire_stiffness: np.ndarray
+    tire_damping: np.ndarray
+    exponent: np.ndarray
+    elements: Mapping[str, ElementIndex]
+    curves: SuspensionCurves
+    static_load: np.ndarray
+    reference_load: np.ndarray
+    carried_load: np.ndarray
+    tire_factor: np.ndarray
+
+
+def stiffness_positions(parameters: ParameterSet, axles: int, load_cases: list[str]) -> np.ndarray:
+    """Positions (R, na) of every lane's stiffness; `load_cases` names the load case of each lane."""
+    return np.array([[parameters.index("stiffness", i, case) for i in range(axles)] for case in load_cases])
+
+
+def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_cases: list[str]) -> LawInputs:
+    """Where each axle and lane finds its parameters; `load_cases` names the load case of each lane."""
+    axles = range(len(vehicle.axles))
+
+    def per_axle(quantity: str) -> np.ndarray:
+        return np.array([parameters.index(quantity, i) for i in axles])
+
+    stiffness = stiffness_positions(parameters, len(axles), load_cases)
+    laws = [law_elements(parameters.parameters[i].law) for i in stiffness[0]]
+    elements: dict[str, ElementIndex] = {}
+    for quantity, neutral, shared in sorted(
+        {(q.quantity, q.neutral, q.shared) for law in laws for q in quantities(law)}
+    ):
+        having = [any(q.quantity == quantity for q in quantities(laws[i])) for i in axles]
+        position = [parameters.index(quantity, None if shared else i) if having[i] else -1 for i in axles]
+        elements[quantity] = ElementIndex(np.array(position), np.full(len(position), neutral))
+    carried = lanes.matrices.carried_load
+    # A group's suspension carries what its axles carry together.
+    together = np.equal.outer(vehicle.suspension_axle, vehicle.suspension_axle).astype(float)
+    reference = carried[..., 0] + (lanes.reference_load - lanes.matrices.static_load)[..., 0] @ together
+    return LawInputs(
+        stiffness,
+        per_axle("damping"),
+        per_axle("tire_stiffness"),
+        per_axle("tire_damping"),
+        np.array(parameters.index("tire_exponent")),
+        elements,
+        suspension_curves(vehicle.axles, laws, carried[..., 0], reference),
+        lanes.matrices.static_load,
+        lanes.reference_load,
+        carried,
+        np.ones_like(carried),
+    )
+
+
+def lane_laws(inputs: LawInputs, log_parameters: jax.Array) -> tuple[SuspensionLaw, TireLaw]:
+    """Suspension and tire laws of every lane from the log parameters (p, S)."""
+    values = jnp.exp(log_parameters)
+    tire = tire_law(
+        values[inputs.tire_stiffness] * inputs.tire_factor,
+        values[inputs.tire_damping],
+        values[inputs.exponent],
+        inputs.static_load,
+        inputs.reference_load,
+    )
+    stiffness = values[inputs.stiffness]
+    damping = jnp.broadcast_to(values[inputs.damping], stiffness.shape)
+    return _suspension(inputs, values, stiffness, damping), tire
+
+
+def _suspension(inputs: LawInputs, values: jax.Array, stiffness: jax.Array, damping: jax.Array) -> SuspensionLaw:
+    def element(quantity: str) -> jax.Array | None:
+        if quantity not in inputs.elements:
+            return None
+        position, neutral = inputs.elements[quantity]
+        own = jnp.where(position[:, None] >= 0, values[position], neutral[:, None])
+        return jnp.broadcast_to(own, stiffness.shape)
+
+    found: dict[str, jax.Array] = {}
+    for q in coefficients():
+        own = element(q.quantity)
+        if q.field is not None and own is not None:
+            found[q.field] = own if q.coefficient is None else q.coefficient(own, stiffness, inputs.carried_load)
+    curves, ramps, base, stop = inputs.curves, [], stiffness, element("stop_stiffness")
+    if curves.spring is not None:
+        ramps.append(table_ramps(curves.spring, stiffness))
+        base = stiffness * curves.spring.share
+    if curves.stops is not None and stop is not None:
+        ramps.append(stop_ramps(curves.stops, stop))
+    if curves.lash is not None:
+        ramps.append(lash_ramps(curves.lash, stiffness, inputs.carried_load))
+    damper = curves.damper
+    return SuspensionLaw(
+        base,
+        damping if damper is None else damping * damper.share,
+        ramps=joined(ramps),
+        rate_ramps=None if damper is None else table_ramps(damper, damping),
+        **found,
+    )

@@ -1,0 +1,140 @@
+"""Elements that a suspension law is made of, and the parameters with which each enters the calibration.
+
+A law is written in the campaign file as ``linear`` or as elements joined by ``+``, for example
+``friction + asymmetric_damper``; spring and viscous damper are always there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import jax
+
+from sysid.campaign.records import Axle
+
+LINEAR = "linear"
+
+
+@dataclass(frozen=True)
+class ElementQuantity:
+    """One parameter of an element.
+
+    `shared` makes it one parameter for all axles that have the element; `median` gives the prior median from an axle
+    and the static load its suspension carries [N], `sd` is the prior's standard deviation of the logarithm; `neutral`
+    is the value that takes the element out of an axle.  `field` is the coefficient of
+    :class:`sysid.vehicle_model.suspension.SuspensionLaw` that it gives, None where it enters by corners of a curve
+    (:mod:`sysid.estimation.parameters.suspension_curves`); `coefficient` turns its value, the stiffness [N/m] and the
+    load that the suspension carries [N] into that coefficient, None for the value itself.
+    """
+
+    quantity: str
+    symbol: str
+    unit: str
+    shared: bool
+    median: Callable[[Axle, float], float]
+    sd: float
+    neutral: float
+    field: str | None = None
+    coefficient: Callable[[jax.Array, jax.Array, jax.Array], jax.Array] | None = None
+
+
+@dataclass(frozen=True)
+class Element:
+    """A named part of a suspension law with its parameters."""
+
+    name: str
+    meaning: str
+    quantities: tuple[ElementQuantity, ...]
+
+
+#: Share of the carried load at which leaf packs (air-sprung and other axles) rub.
+FRICTION_SHARE = {"leaf": 0.05, "air": 0.02, "other": 0.03}
+
+ELEMENTS = {
+    element.name: element
+    for element in (
+        Element(
+            "friction",
+            "Coulomb friction between leaves or in bushings (Dahl)",
+            (
+                ElementQuantity(
+                    "friction",
+                    "F",
+                    "N",
+                    False,
+                    lambda axle, carried: FRICTION_SHARE[axle.suspension] * carried,
+                    1.0,
+                    0.0,
+                    "friction",
+                ),
+                ElementQuantity("slip_length", "slip", "m", True, lambda axle, carried: 1e-3, 0.7, 1.0, "slip"),
+            ),
+        ),
+        Element(
+            "asymmetric_damper",
+            "damper with different rebound and compression and a knee",
+            (
+                ElementQuantity("damper_asymmetry", "q", "1", False, lambda axle, carried: 1.5, 0.7, 1.0, "asymmetry"),
+                ElementQuantity("damper_knee", "knee", "m/s", False, lambda axle, carried: 0.4, 0.6, 1.0, "saturation"),
+                # Axles without the element have a tail of one, which makes the damper linear.
+                ElementQuantity("damper_tail", "tail", "1", True, lambda axle, carried: 0.3, 0.7, 1.0, "tail"),
+            ),
+        ),
+        Element(
+            "gas_spring",
+            "air spring that stiffens when compressed",
+            (
+                ElementQuantity(
+                    "progressivity",
+                    "progressivity",
+                    "1",
+                    True,
+                    lambda axle, carried: 0.8,
+                    0.6,
+                    0.0,
+                    "softening",
+                    lambda progressivity, stiffness, carried: progressivity * stiffness / carried,
+                ),
+            ),
+        ),
+        Element(
+            "bump_stops",
+            "stops at the declared jounce and rebound travel",
+            (ElementQuantity("stop_stiffness", "stop", "N/m", True, lambda axle, carried: 3e6, 0.7, 0.0),),
+        ),
+        Element("hanger_lash", "free travel between leaf pack and hanger, as declared", ()),
+        Element("spring_table", "force-extension table, scaled by the stiffness", ()),
+        Element("damper_table", "force-rate table, scaled by the damping", ()),
+    )
+}
+
+
+def law_elements(law: str | None) -> frozenset[str]:
+    """Elements of a law as written in the campaign file; None and ``linear`` have none.
+
+    Raises
+    ------
+    ValueError
+        If a part is not the name of an element; the message is that part.
+    """
+    parts = {part.strip() for part in (law or LINEAR).split("+")}
+    for part in sorted(parts - {LINEAR}):
+        if part not in ELEMENTS:
+            raise ValueError(part)
+    return frozenset(parts - {LINEAR})
+
+
+def law_name(elements: frozenset[str]) -> str:
+    """The law as written in the campaign file."""
+    return " + ".join(name for name in ELEMENTS if name in elements) or LINEAR
+
+
+def quantities(elements: frozenset[str]) -> list[ElementQuantity]:
+    """Parameters of all elements of a law."""
+    return [q for name, element in ELEMENTS.items() if name in elements for q in element.quantities]
+
+
+def coefficients() -> list[ElementQuantity]:
+    """Parameters of all elements that are coefficients of the suspension law."""
+    return [q for element in ELEMENTS.values() for q in element.quantities if q.field is not None]

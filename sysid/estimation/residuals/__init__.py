@@ -1,0 +1,1 @@
+"""From parameters to residuals of all bump runs, and their derivatives."""

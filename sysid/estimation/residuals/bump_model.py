@@ -1,0 +1,195 @@
+"""All bump runs of a campaign, ready for simulation: arrays, shapes and roads of groups of runs of similar length."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from sysid.campaign.records import AntiAliasFilter, Campaign, LoadCase, Vehicle
+from sysid.estimation.parameters.lane_laws import LawInputs, law_inputs
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.residuals.run_data import ChannelLayout, RunGroup, channel_layout, group_runs
+from sysid.road.contact_laws import ContactLaw
+from sysid.road.results import RoadProfile
+from sysid.runtime import require_64_bit
+from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.vehicle_model.engine import Timing
+from sysid.vehicle_model.filters import FilterRecursion, discretise
+from sysid.vehicle_model.lane_matrices import LaneMatrices
+from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, MapTires, Pass, make_lanes, pass_matrices
+from sysid.vehicle_model.readings import Readings
+from sysid.vehicle_model.simulation import SensorLayout
+
+#: Standard deviation of a sensor's gain about its calibration.
+GAIN_SD = {"suspension_deflection": 0.005, "axle_acceleration": 0.01, "body_acceleration": 0.01}
+#: Largest integration step; what halving it changes is checked at the optimum.
+TARGET_STEP_S = 0.00125
+
+
+class GroupArrays(NamedTuple):
+    """Arrays of one group of runs that the compiled functions take: model constants, data and weights.
+
+    `measured` (T, R, C) square root of the weight of every plain reading, 0 where there is none.
+    """
+
+    matrices: LaneMatrices
+    laws: LawInputs
+    axle_x: np.ndarray
+    value: np.ndarray
+    measured: np.ndarray
+    censored: np.ndarray
+    gain_sd: np.ndarray
+
+    def readings(self, noise_sd: jax.Array, tempering: jax.Array) -> Readings:
+        """Data of the runs with residual scale [SI] and tempering (R, C)."""
+        return Readings(self.value, self.measured, self.censored, noise_sd, tempering, self.gain_sd)
+
+
+class GroupShape(NamedTuple):
+    """What a compiled function specialises on (hashable)."""
+
+    deflection_axles: tuple[int, ...]
+    acceleration_axles: tuple[int, ...]
+    interval_s: float
+    substeps: int
+    samples: int
+    filter: AntiAliasFilter | None
+
+    @property
+    def timing(self) -> Timing:
+        """Samples, their interval and integration steps per sample."""
+        return Timing(self.samples, self.interval_s, self.substeps)
+
+    @property
+    def sensors(self) -> SensorLayout:
+        """Which signals are observed."""
+        return SensorLayout(self.deflection_axles, self.acceleration_axles)
+
+    @property
+    def recursion(self) -> FilterRecursion | None:
+        """The anti-alias filter on the integration grid."""
+        return None if self.filter is None else discretise(self.filter, self.interval_s / self.substeps)
+
+
+@dataclass(frozen=True)
+class BumpModel:
+    """All bump runs of a campaign as compiled-ready groups, with the parameters that drive them.
+
+    `passes` of every group; `felt` what the wheels feel of every bump, by which contact law; `tires` are those that
+    footprint maps were made for, None for the declared ones; `target_step_s` the largest integration step [s].
+    """
+
+    parameters: ParameterSet
+    layout: ChannelLayout
+    groups: tuple[RunGroup, ...]
+    arrays: tuple[GroupArrays, ...]
+    roads: tuple[EffectiveRoad, ...]
+    lanes: tuple[Lanes, ...]
+    shapes: tuple[GroupShape, ...]
+    passes: tuple[tuple[Pass, ...], ...]
+    felt: EffectiveRoads
+    target_step_s: float
+    tires: MapTires | None = None
+
+    @property
+    def run_count(self) -> int:
+        """Number of runs in all groups."""
+        return sum(len(g.runs) for g in self.groups)
+
+    def with_substeps(self, factor: int) -> BumpModel:
+        """The same model with every sample interval cut into `factor` times as many steps."""
+        shapes = tuple(s._replace(substeps=s.substeps * factor) for s in self.shapes)
+        return replace(self, shapes=shapes)
+
+    def with_vehicle(self, vehicle: Vehicle, load_cases: Mapping[str, LoadCase]) -> BumpModel:
+        """The same runs of another vehicle: its matrices assembled again, what its wheels feel as before."""
+        arrays, group_lanes = [], []
+        for old, lanes, passes in zip(self.arrays, self.lanes, self.passes, strict=True):
+            matrices = pass_matrices(vehicle, load_cases, passes, self.layout.body_points)
+            lanes = replace(lanes, matrices=matrices)
+            laws = law_inputs(vehicle, self.parameters, lanes, [p.load_case for p in passes])
+            arrays.append(old._replace(matrices=matrices, laws=laws))
+            group_lanes.append(lanes)
+        return replace(self, arrays=tuple(arrays), lanes=tuple(group_lanes))
+
+
+def bump_model(
+    campaign: Campaign,
+    parameters: ParameterSet,
+    profiles: Mapping[str, RoadProfile],
+    *,
+    target_step_s: float = TARGET_STEP_S,
+    contact: ContactLaw = "footprint",
+    tires: MapTires | None = None,
+    roads: EffectiveRoads | None = None,
+) -> BumpModel:
+    """Prepare all bump runs of a campaign for simulation.
+
+    Parameters
+    ----------
+    campaign : screened campaign, SI.
+    parameters : global parameters.
+    profiles : road profile of each bump by name.
+    target_step_s : largest integration step [s]; the step divides every run's sample interval.
+    contact : contact law of all tires.
+    tires : those that footprint maps are made for, None for the declared ones.
+    roads : what the wheels feel, None for the contact law over `profiles`.
+
+    Raises
+    ------
+    DataRejectedError
+        If no run has a usable channel.
+    SysidError
+        If 64-bit floats are off.
+    """
+    require_64_bit()
+    layout = channel_layout(campaign.bump_runs)
+    groups = group_runs(campaign, layout)
+    felt = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact, tires)
+    gain_sd = np.array([GAIN_SD[s.kind] for s in layout.sensors])
+    arrays, group_lanes, shapes, group_passes = [], [], [], []
+    for group in groups:
+        runs = [campaign.bump_runs[i] for i in group.runs]
+        passes = tuple(Pass(r.load_case, r.bump, r.speed_held) for r in runs)
+        lanes = make_lanes(campaign.vehicle, campaign.load_cases, felt, passes, layout.body_points)
+        group_passes.append(passes)
+        substeps = max(1, int(np.ceil(group.interval_s / target_step_s - 1e-9)))
+        shapes.append(
+            GroupShape(
+                layout.deflection_axles,
+                layout.acceleration_axles,
+                group.interval_s,
+                substeps,
+                group.samples,
+                campaign.acquisition.filter,
+            )
+        )
+        group_lanes.append(lanes)
+        arrays.append(
+            GroupArrays(
+                lanes.matrices,
+                law_inputs(campaign.vehicle, parameters, lanes, [r.load_case for r in runs]),
+                lanes.axle_x,
+                group.value,
+                group.measured.astype(float),
+                group.censored.astype(float),
+                gain_sd,
+            )
+        )
+    return BumpModel(
+        parameters,
+        layout,
+        groups,
+        tuple(arrays),
+        tuple(lanes.road for lanes in group_lanes),
+        tuple(group_lanes),
+        tuple(shapes),
+        tuple(group_passes),
+        felt,
+        target_step_s,
+        tires,
+    )

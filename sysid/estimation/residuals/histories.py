@@ -1,0 +1,95 @@
+"""Measured against simulated histories of every run at given parameters."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_history import RunHistory
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.sensor_residuals import eliminate_sensors
+from sysid.estimation.residuals.signals import simulate_runs
+
+
+class ShownSignals(NamedTuple):
+    """Simulated signals (T, R, C) of a group with the sensors' `offset` and `gain` (R, C) applied, SI."""
+
+    signals: np.ndarray
+    offset: np.ndarray
+    gain: np.ndarray
+
+
+def shown_signals(
+    model: BumpModel, weights: Weights, motion: RunMotion, log_parameters: np.ndarray
+) -> tuple[ShownSignals, ...]:
+    """What the sensors of every group show of a simulation at log parameters (p,) and the runs' own motions.
+
+    Offset and gain of every channel are those that suit its record best under the weights of the fit.
+
+    Parameters
+    ----------
+    model : that of a fit, or the same runs with other masses or moved along departures.
+    weights, motion : of the fit.
+    """
+    signals = simulate_runs(model, log_parameters, motion)
+    scales = (n / t for n, t in zip(weights.noise_sd, weights.tempering, strict=True))
+    arrays = weights.on(model.arrays)
+    return tuple(_shown(a, s, simulated) for a, s, simulated in zip(arrays, scales, signals, strict=True))
+
+
+def _shown(arrays: GroupArrays, scale: np.ndarray, simulated: np.ndarray) -> ShownSignals:
+    fit = eliminate_sensors(arrays, jnp.asarray(scale), jnp.asarray(simulated)[..., None])
+    offset, gain = np.asarray(fit.offset)[..., 0], np.asarray(fit.gain)[..., 0]
+    return ShownSignals(offset + gain * simulated, offset, gain)
+
+
+def run_histories(
+    campaign: Campaign,
+    model: BumpModel,
+    weights: Weights,
+    motion: RunMotion,
+    log_parameters: np.ndarray,
+    instrument: tuple[np.ndarray, ...],
+) -> tuple[RunHistory, ...]:
+    """Histories of all runs in the order of the campaign, with eliminated sensor offset and gain applied.
+
+    Parameters
+    ----------
+    model, weights, motion, log_parameters : of the fit.
+    instrument : (R, C) instrument noise per group [SI].
+    """
+    found = {}
+    signals = shown_signals(model, weights, motion, log_parameters)
+    for position, group in enumerate(model.groups):
+        noise = weights.noise_sd[position]
+        shown, offset, gain = signals[position]
+        for r, run in enumerate(group.runs):
+            record = campaign.bump_runs[run]
+            length = min(group.samples, round(record.log.duration_s / group.interval_s) + 1)
+            present = group.measured[:length, r] | (group.censored[:length, r] != 0)
+            found[run] = RunHistory(
+                file=record.log.file,
+                case=record.case,
+                load_case=record.load_case,
+                speed_m_s=float(motion.speed_m_s[run]),
+                speed_sd=float("nan"),
+                start_s=float(motion.start_s[run]),
+                columns=tuple(s.column for s in model.layout.sensors),
+                kinds=tuple(s.kind for s in model.layout.sensors),
+                si_units=tuple(s.si_unit for s in model.layout.sensors),
+                axles=tuple(s.axle for s in model.layout.sensors),
+                time_s=np.arange(length) * group.interval_s,
+                measured=np.where(present, group.value[:length, r], np.nan).T,
+                simulated=shown[:length, r].T,
+                censored=group.censored[:length, r].T,
+                noise_sd=noise[r],
+                instrument_noise_sd=instrument[position][r],
+                offset=offset[r],
+                gain=gain[r],
+            )
+    return tuple(found[i] for i in sorted(found))

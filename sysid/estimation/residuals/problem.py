@@ -1,0 +1,66 @@
+"""The campaign's residuals as a function of one vector."""
+
+from __future__ import annotations
+
+from copy import copy
+
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.residuals.bump_model import BumpModel
+from sysid.estimation.residuals.compressed import Compressed, compress, run_order
+from sysid.estimation.residuals.linearisation import Linearisation, linearise
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, RunMotion, speed_prior
+
+
+class Problem:
+    """Campaign residuals as a function of one vector: global log parameters, then scaled changes of the run motions."""
+
+    def __init__(self, model: BumpModel, campaign: Campaign, motion: RunMotion, weights: Weights):
+        self.model, self.reference, self.weights = model, motion, weights
+        self.nominal = speed_prior(campaign.bump_runs)
+        self.order = run_order(model)
+        self.count = len(model.parameters.parameters)
+        # Checks, covariance and the next round ask for the same point again.
+        self._latest: tuple[bytes, Weights, tuple[Linearisation, ...]] | None = None
+
+    def unpack(self, vector: np.ndarray) -> tuple[np.ndarray, RunMotion]:
+        """Log parameters and run motions of a vector."""
+        local = vector[self.count :].reshape(-1, 2)
+        speed, start = self.reference.speed_m_s.copy(), self.reference.start_s.copy()
+        reference = self.reference.speed_m_s[self.order]
+        speed[self.order] = reference * (1.0 + SPEED_UNIT * local[:, 0])
+        start[self.order] = self.reference.start_s[self.order] + SHIFT_UNIT_M / reference * local[:, 1]
+        return vector[: self.count], RunMotion(speed, start)
+
+    def with_weights(self, weights: Weights) -> Problem:
+        """The same residuals under other weights."""
+        other = copy(self)
+        other.weights = weights
+        other._latest = None
+        return other
+
+    def linearise(self, vector: np.ndarray) -> tuple[Linearisation, ...]:
+        """Linearisation of every group at a vector."""
+        key = vector.tobytes()
+        if self._latest is None or self._latest[0] != key or self._latest[1] is not self.weights:
+            parameters, motion = self.unpack(vector)
+            self._latest = (key, self.weights, linearise(self.model, self.weights, parameters, motion))
+        return self._latest[2]
+
+    def evaluate(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Compressed residuals (m,) and Jacobian (m, p + 2 runs)."""
+        problem = self.compressed(vector)
+        return problem.residual, problem.jacobian
+
+    def compressed(self, vector: np.ndarray) -> Compressed:
+        """Compressed residuals and Jacobian with respect to the vector."""
+        parameters, motion = self.unpack(vector)
+        problem = compress(self.model, self.linearise(vector), parameters, motion, self.nominal)
+        # The tangents are taken in units of the current speed, the vector counts in units of the reference speed.
+        jacobian = problem.jacobian.copy()
+        ratio = motion.speed_m_s[self.order] / self.reference.speed_m_s[self.order]
+        jacobian[:, self.count :: 2] /= ratio
+        jacobian[:, self.count + 1 :: 2] *= ratio
+        return Compressed(problem.residual, jacobian)

@@ -1,0 +1,57 @@
+"""What the sensors of all runs show of a simulation."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from sysid.estimation.parameters.lane_laws import lane_laws
+from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays, GroupShape
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.threads import side_by_side
+from sysid.vehicle_model import engine
+from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.vehicle_model.engine import WheelRoad
+from sysid.vehicle_model.engines.reference import REFERENCE
+
+
+def group_road(
+    road: EffectiveRoad, axle_x: jax.Array, speed: jax.Array, start_s: jax.Array, shape: GroupShape
+) -> WheelRoad:
+    """The road of a group for the reference engine: speeds [m/s] and starts [s] may be (R, S), one for every set."""
+    return REFERENCE.prepare(road, axle_x, speed, start_s, shape.timing)
+
+
+def wheel_road(
+    arrays: GroupArrays, road: EffectiveRoad, speed: jax.Array, start_s: jax.Array, shape: GroupShape
+) -> WheelRoad:
+    """The road of a group at speeds [m/s] and starts [s] (R, 1), for the engine of this process."""
+    return engine.wheel_road(arrays.matrices, road, arrays.axle_x, speed, start_s, shape.timing)
+
+
+def simulate_group(arrays: GroupArrays, shape: GroupShape, log_parameters: jax.Array, road: WheelRoad) -> jax.Array:
+    """Filtered sensor signals (T, R, C, S) of one group for log parameters (p, S)."""
+    suspension, tire = lane_laws(arrays.laws, log_parameters)
+    return road.engine.sensors(arrays.matrices, suspension, tire, road, shape.timing, shape.sensors, shape.recursion)
+
+
+@partial(jax.jit, static_argnames=("shape",))
+def _group_signals(arrays, road: WheelRoad, log_parameters, *, shape: GroupShape) -> jax.Array:
+    return simulate_group(arrays, shape, log_parameters[:, None], road)[..., 0]
+
+
+def simulate_runs(model: BumpModel, log_parameters: np.ndarray, motion: RunMotion) -> tuple[np.ndarray, ...]:
+    """Sensor signals (T, R, C) of every group in SI at log parameters (p,)."""
+
+    def one(position: int) -> np.ndarray:
+        runs = list(model.groups[position].runs)
+        arrays, shape = model.arrays[position], model.shapes[position]
+        speed, start = jnp.asarray(motion.speed_m_s[runs]), jnp.asarray(motion.start_s[runs])
+        road = wheel_road(arrays, model.roads[position], speed[:, None], start[:, None], shape)
+        signals = _group_signals(arrays, road, jnp.asarray(log_parameters), shape=shape)
+        return np.asarray(jax.block_until_ready(signals))
+
+    return side_by_side(one, range(len(model.groups)))

@@ -1,0 +1,114 @@
+"""How far the vehicle departs from the model, by the data: residuals along the departures, and the size of each kind.
+
+With the information H and gradient g of parameters x, masses m and departures a at the optimum of x, and y = (m, a),
+
+    S = H_yy - H_yx (H_xx + P)^-1 H_xy,    y | tau ~ N(-(S + L)^-1 g_y, (S + L)^-1),    L = diag(sd_m^-2, tau^-2).
+
+All amplitudes of one kind have one scale tau, what they have in common has another.  They maximise the evidence, found
+by expectation-maximisation (D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992),
+doi:10.1162/neco.1992.4.3.415):
+
+    tau^2 <- mean over the kind of (E[a]^2 + var[a]).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.estimation.residuals.bump_model import BumpModel
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.uncertainty.departures import (
+    ENVELOPE,
+    FOOTPRINT,
+    FRICTION,
+    SPOKES,
+    STEP,
+    TIRE_LOAD,
+    Departure,
+    Departures,
+)
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, trial_residuals
+
+#: Scales at which the search begins, and which it does not exceed: what is plausible without any data.
+PLAUSIBLE = {ENVELOPE: 1.0, FOOTPRINT: 0.2, SPOKES: 0.2, TIRE_LOAD: 0.1, FRICTION: 0.03}
+_ROUNDS = 200
+
+
+@dataclass(frozen=True)
+class DepartureScale:
+    """Scale tau (n,) of every direction, and the amplitudes (n,) that the data ask for with it."""
+
+    sd: np.ndarray
+    asked: np.ndarray
+
+
+def departure_columns(
+    model: BumpModel, known: Departures, weights: Weights, log_parameters: np.ndarray, motion: RunMotion
+) -> tuple[ResidualColumns, ...]:
+    """Derivatives of every group's residuals (T, R, C, n) and gains (R, C, n) by the amplitudes, at amplitude 0."""
+    count = len(known.directions)
+    columns = empty_columns(model, count)
+    if count == 0:
+        return columns
+
+    def residuals(amplitudes: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        return trial_residuals(model, known.model(model, amplitudes), weights, log_parameters, motion)
+
+    base = residuals(np.zeros(count))
+    cases = [np.array([p.load_case for p in passes]) for passes in model.passes]
+    for kind, axle in dict.fromkeys((d.kind, d.axle) for d in known.directions if d.axle is not None):
+        # One simulation moves an axle in all load cases: their runs do not know each other.
+        together = [j for j, d in enumerate(known.directions) if (d.kind, d.axle) == (kind, axle)]
+        amplitudes = np.zeros(count)
+        amplitudes[together] = STEP[kind]
+        moved = residuals(amplitudes)
+        for column, (residual, gain), (here, gain_here), own in zip(columns, moved, base, cases, strict=True):
+            for j in together:
+                case = known.directions[j].load_case
+                lanes = np.ones(own.size, bool) if case is None else own == case
+                column.residual[..., j][:, lanes] = (residual - here)[:, lanes] / STEP[kind]
+                column.gain[..., j][lanes] = (gain - gain_here)[lanes] / STEP[kind]
+    for j, d in enumerate(known.directions):
+        if d.axle is None:
+            members = [i for i, m in enumerate(known.directions) if m.kind == d.kind and m.axle is not None]
+            for column in columns:
+                column.residual[..., j] = column.residual[..., members].sum(axis=-1)
+                column.gain[..., j] = column.gain[..., members].sum(axis=-1)
+    return columns
+
+
+def departure_scale(
+    information: np.ndarray, score: np.ndarray, prior: np.ndarray, mass_sd: np.ndarray, directions: Sequence[Departure]
+) -> DepartureScale:
+    """Scales of the kinds by expectation-maximisation.
+
+    Parameters
+    ----------
+    information : (p + m + n, p + m + n) data information; score : (p + m + n,) gradient of the data at the optimum.
+    prior : (p, p) prior precision; mass_sd : (m,) tolerances; directions : the n directions.
+    """
+    count, masses = prior.shape[0], mass_sd.size
+    cross = information[:count, count:]
+    own = information[count:, count:] - cross.T @ np.linalg.solve(information[:count, :count] + prior, cross)
+    right = score[count:]
+    names = np.array([d.group for d in directions])
+    largest = np.array([PLAUSIBLE[d.kind] for d in directions])
+    tau = largest.copy()
+    asked = np.zeros(names.size)
+    for _ in range(_ROUNDS):
+        sd = np.concatenate([mass_sd, tau])
+        # In units of their scales the unknowns have the unit matrix as prior: safe for scales that go to zero.
+        left = np.linalg.inv(sd[:, None] * own * sd + np.eye(sd.size))
+        asked = (-(left @ (sd * right)) * sd)[masses:]
+        variance = (np.diag(left) * sd**2)[masses:]
+        before = tau.copy()
+        for group in dict.fromkeys(names):
+            of = names == group
+            tau[of] = np.minimum(np.sqrt(np.mean(asked[of] ** 2 + variance[of])), largest[of])
+        if np.allclose(tau, before, rtol=1e-3):
+            break
+    return DepartureScale(tau, asked)

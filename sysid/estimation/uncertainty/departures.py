@@ -1,0 +1,224 @@
+"""Departures of the vehicle from the model: physics that the model leaves out, each with an amplitude.
+
+The model's tire rolls over its footprint in one way, stiffens with load by one exponent, and a linear suspension does
+not rub.  A real truck does a little of everything else.  A departure is a direction in which the simulation can be
+moved towards such other physics: amplitude 0 is the model.  Departures are not estimated; their size is taken from what
+the data ask for (:mod:`sysid.estimation.uncertainty.departure_scale`) and goes into the covariance like the tolerance
+of a mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from sysid.estimation.parameters.lane_laws import ElementIndex, LawInputs
+from sysid.estimation.residuals.bump_model import BumpModel
+from sysid.road.contact_laws import CONTACT_LAWS
+from sysid.road.enveloping import FootprintMap
+from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.vehicle_model.lanes import EffectiveRoads, Pass
+
+ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD, FRICTION = "envelope", "footprint", "spokes", "tire_load", "friction"
+#: What the kinds are, for people.
+WORDS = {
+    ENVELOPE: "how the tire envelops the bump, as a share of the way to another contact law",
+    FOOTPRINT: "size of the footprint, as the logarithm of the tire stiffness that it belongs to",
+    SPOKES: "how single spokes of the tire stiffen, exponent beyond the one that the tire's load law has them have",
+    TIRE_LOAD: "tire stiffness in a further load case, logarithm over that of one exponent for all",
+    FRICTION: "Coulomb friction of the suspension over the load that it carries",
+}
+#: Amplitudes at which the directions are taken: large against rounding, small against what bends the simulation.
+STEP = {ENVELOPE: 0.1, FOOTPRINT: 0.02, SPOKES: 0.02, TIRE_LOAD: 0.01, FRICTION: 0.005}
+#: No draw of a vehicle departs further than this.
+REACH = {ENVELOPE: 2.0, FOOTPRINT: 0.5, SPOKES: 0.5, TIRE_LOAD: 0.3, FRICTION: 0.1}
+_SOFTER, _STIFFENING = 0.1, 0.1
+_SLIP_M = 1e-3
+_WHOLE_M = 0.5
+
+
+@dataclass(frozen=True)
+class Departure:
+    """One direction: its `kind`, the axle index, and the load case, None where it is shared by all.
+
+    Without an axle it is what all directions of its kind have in common: tires of one make envelop a bump alike.
+    """
+
+    kind: str
+    axle: int | None
+    load_case: str | None = None
+
+    @property
+    def name(self) -> str:
+        """Name for tables."""
+        if self.axle is None:
+            return self.kind
+        return f"{self.kind}_{self.axle + 1}" + ("" if self.load_case is None else f"[{self.load_case}]")
+
+    @property
+    def group(self) -> str:
+        """Directions of one group have one scale."""
+        return self.kind if self.axle is not None else f"{self.kind} of all"
+
+
+@dataclass(frozen=True)
+class Departures:
+    """The directions of one vehicle over its bumps; `roads` are what its wheels feel at amplitude 0."""
+
+    roads: EffectiveRoads
+    directions: tuple[Departure, ...]
+    # Maps of a bump take a while: they are made once.
+    _blends: dict[tuple[Pass, ...], BlendedRoad] = field(default_factory=dict, repr=False, compare=False)
+
+    def spread(self, kind: str, amplitudes: np.ndarray, load_cases: Sequence[str]) -> np.ndarray:
+        """Amplitudes (R, na) of one kind in lanes of the given load cases, from those of all directions (n,)."""
+        found = np.zeros((len(load_cases), len(self.roads.vehicle.axles)))
+        of = [(d, v) for d, v in zip(self.directions, amplitudes, strict=True) if d.kind == kind]
+        common = sum(v for d, v in of if d.axle is None)
+        for direction, value in of:
+            if direction.axle is not None:
+                lanes = [direction.load_case in (None, case) for case in load_cases]
+                found[lanes, direction.axle] = np.clip(common + value, -REACH[kind], REACH[kind])
+        return found
+
+    def laws(self, inputs: LawInputs, amplitudes: np.ndarray, load_cases: Sequence[str]) -> LawInputs:
+        """Law inputs of lanes moved along the directions of tires and friction."""
+        stiffer = np.exp(self.spread(TIRE_LOAD, amplitudes, load_cases))[..., None]
+        rubbing = np.maximum(self.spread(FRICTION, amplitudes, load_cases)[0], 0.0)
+        moved = inputs._replace(tire_factor=stiffer)
+        if not any(d.kind == FRICTION for d in self.directions):
+            return moved
+        vehicle, first = self.roads.vehicle, next(iter(self.roads.load_cases.values()))
+        # A group's suspension carries what its axles carry together.
+        together = np.equal.outer(vehicle.suspension_axle, vehicle.suspension_axle).astype(float)
+        carried = together @ (np.array(first.axle_loads_kg) - vehicle.unsprung_mass_kg) * vehicle.gravity_m_s2
+        elements = dict(inputs.elements)
+        none = np.full(carried.size, -1)
+        force, slip = (elements.get(name, ElementIndex(none, 0.0 * carried)) for name in ("friction", "slip_length"))
+        elements["friction"] = force._replace(neutral=rubbing * carried)
+        elements["slip_length"] = slip._replace(neutral=np.full(carried.size, _SLIP_M))
+        return moved._replace(elements=elements)
+
+    def road(self, passes: Sequence[Pass], amplitudes: np.ndarray) -> EffectiveRoad:
+        """The effective road of passes moved along the directions of contact."""
+        if not self.directions:
+            return self.roads.stacked(passes)
+        cases = [p.load_case for p in passes]
+        kinds = (ENVELOPE, FOOTPRINT, SPOKES)
+        return self.blend(tuple(passes)).moved(*(self.spread(kind, amplitudes, cases) for kind in kinds))
+
+    def model(self, model: BumpModel, amplitudes: np.ndarray) -> BumpModel:
+        """The model of bump runs moved along all directions by `amplitudes`, (n,)."""
+        arrays, roads = [], []
+        for old, passes in zip(model.arrays, model.passes, strict=True):
+            cases = [p.load_case for p in passes]
+            arrays.append(old._replace(laws=self.laws(old.laws, amplitudes, cases)))
+            roads.append(self.road(passes, amplitudes))
+        return replace(model, arrays=tuple(arrays), roads=tuple(roads))
+
+    @cached_property
+    def sources(self) -> tuple[EffectiveRoads, ...]:
+        """Roads as the model has them, by another contact law, under softer tires, and by spokes that stiffen more."""
+        here = self.roads
+        softer = replace(
+            here.tires, stiffness_N_per_m=tuple(k * np.exp(-_SOFTER) for k in here.tires.stiffness_N_per_m)
+        )
+        stiffening = replace(here.tires, spoke_exponent=here.tires.spoke_exponent + _STIFFENING)
+        others = ((CONTACT_LAWS[here.contact].other, here.tires), (here.contact, softer), (here.contact, stiffening))
+        return (here, *(EffectiveRoads(here.vehicle, here.load_cases, here.profiles, c, t) for c, t in others))
+
+    def blend(self, passes: tuple[Pass, ...]) -> BlendedRoad:
+        """The effective road of passes, and its differences to those of the other kinds of contact."""
+        if passes not in self._blends:
+            self._blends[passes] = BlendedRoad(*_padded_maps(self, passes))
+        return self._blends[passes]
+
+
+@dataclass(frozen=True)
+class BlendedRoad:
+    """The model's effective road and its changes per unit amplitude of the kinds of contact, on common stations."""
+
+    base: EffectiveRoad
+    envelope: EffectiveRoad
+    footprint: EffectiveRoad
+    spokes: EffectiveRoad
+
+    def moved(self, envelope: np.ndarray, footprint: np.ndarray, spokes: np.ndarray) -> EffectiveRoad:
+        """The road with amplitudes (R, na); splines are linear in their values, so coefficients add up."""
+        base = self.base
+        assert base.stretch is not None
+        assert base.drag is not None
+
+        def sum_of(name: str) -> np.ndarray:
+            ways = ((envelope, self.envelope), (footprint, self.footprint), (spokes, self.spokes))
+            return np.asarray(getattr(base, name) + sum(a[..., None] * getattr(way, name) for a, way in ways))
+
+        return base._replace(rise=sum_of("rise"), stretch=sum_of("stretch"), drag=sum_of("drag"))
+
+
+def departures(roads: EffectiveRoads, used_cases: Sequence[str], rubbing: Sequence[bool]) -> Departures:
+    """Directions of a vehicle in the load cases in use; `rubbing` (axles,) tells whose law has friction already."""
+    axles = range(len(roads.vehicle.axles))
+    first = next(iter(roads.load_cases))
+    found = [Departure(kind, i, case) for kind in (ENVELOPE, FOOTPRINT) for case in used_cases for i in axles]
+    found += [Departure(TIRE_LOAD, i, case) for case in used_cases if case != first for i in axles]
+    # Other contact laws have no spokes.
+    found += [Departure(SPOKES, i) for i in axles if roads.contact == "footprint"]
+    suspended = sorted(set(roads.vehicle.suspension_axle))
+    found += [Departure(FRICTION, i) for i in suspended if not rubbing[i]]
+    common = [Departure(kind, None) for kind in dict.fromkeys(d.kind for d in found)]
+    return Departures(roads, (*found, *common))
+
+
+class _Padded(EffectiveRoads):
+    """Maps of an inner source on stations wide enough for all sources."""
+
+    def __init__(self, inner: EffectiveRoads, reach_m: tuple[float, float]):
+        self._inner, self._reach = inner, reach_m
+
+    def maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
+        return tuple(_widened(m, self._reach) for m in self._inner.maps(load_case, bump))
+
+
+def _widened(m: FootprintMap, reach_m: tuple[float, float]) -> FootprintMap:
+    step = float(m.station_m[1] - m.station_m[0])
+    first, last = (round(x / step) for x in reach_m)
+    before = round(m.station_m[0] / step) - first
+    after = last - first + 1 - before - m.station_m.size
+
+    def padded(values: np.ndarray) -> np.ndarray:
+        return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(before, after)])
+
+    return FootprintMap(
+        np.arange(first, last + 1) * step,
+        padded(m.rise_m),
+        padded(m.stretch),
+        padded(m.drag),
+        padded(m.lift_m),
+        m.misfit_m,
+    )
+
+
+def _padded_maps(known: Departures, passes: Sequence[Pass]) -> tuple[EffectiveRoad, ...]:
+    sources = known.sources
+    every = [m for s in sources for p in passes for m in s.maps(p.load_case, p.bump)]
+    # Whole half metres: what is compiled for one length of table serves other tires as well.
+    first, last = min(float(m.station_m[0]) for m in every), max(float(m.station_m[-1]) for m in every)
+    reach = (float(np.floor(first / _WHOLE_M) * _WHOLE_M), float(np.ceil(last / _WHOLE_M) * _WHOLE_M))
+    base, other, softer, stiffening = (_Padded(s, reach).stacked(passes) for s in sources)
+
+    def minus(one: EffectiveRoad, unit: float, *, lifted: bool = True) -> EffectiveRoad:
+        assert one.stretch is not None
+        assert base.stretch is not None
+        assert one.drag is not None
+        assert base.drag is not None
+        stretch = (one.stretch - base.stretch) / unit
+        if not lifted:
+            # Only radial springs know where the wheel is clear of the road.
+            stretch[3] = 0.0
+        return base._replace(rise=(one.rise - base.rise) / unit, stretch=stretch, drag=(one.drag - base.drag) / unit)
+
+    return base, minus(other, 1.0, lifted=False), minus(softer, -_SOFTER), minus(stiffening, _STIFFENING)

@@ -1,0 +1,253 @@
+"""What the data determine, in words: singular values of the scaled Jacobian, open combinations, correlated pairs.
+
+Columns of the Jacobian are in units of prior standard deviations, the runs' own unknowns eliminated, so that with A the
+data's precision and P that of the priors the squares of the singular values solve A v = s^2 P v.  A combination with
+s = 1 is known from the data as well as from the priors; the data shrink its prior by 1 / sqrt(1 + s^2).  Combinations
+that they shrink to no less than :data:`IDENTIFIED_SHRINKAGE` are undetermined (D. A. Belsley, E. Kuh and R. E. Welsch,
+Regression diagnostics, Wiley, 1980, chapter 3, doi:10.1002/0471725153, look for them in the same way).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import eigh
+
+from sysid.estimation.parameters.estimate import ParameterEstimate
+from sysid.estimation.uncertainty.information import DataInformation
+from sysid.tabular import Tabular
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: The data determine a parameter or a combination when they shrink its prior at least this much.
+IDENTIFIED_SHRINKAGE = 0.7
+#: Correlation from which on two parameters are hard to tell apart.
+CORRELATED = 0.9
+#: Relative standard deviation from which on a stiffness or damping is known only roughly.
+ROUGH = 0.1
+#: Element of the projector on undetermined combinations from which on two parameters belong to one of them.
+_LINKED = 0.2
+#: Coefficients of a combination that differ by less than this factor count as equal.
+_ALIKE = 1.5
+
+
+@dataclass(frozen=True)
+class CorrelatedPair:
+    """Two parameters that the data tell apart poorly: `correlation` of their logarithms."""
+
+    first: str
+    second: str
+    correlation: float
+
+
+@dataclass(frozen=True)
+class UndeterminedGroup:
+    """Parameters that the data leave open together: of their `names` only `known` combinations are determined.
+
+    `kind` is ``sum`` or ``ratio`` where the one known combination is that, ``combination`` for others, and ``none``
+    where none is known; `relative_sd` of a sum or ratio, else NaN.
+    """
+
+    names: tuple[str, ...]
+    known: int
+    kind: str
+    relative_sd: float
+
+
+@dataclass(frozen=True)
+class Identifiability(Tabular):
+    """What the data determine of p parameters.
+
+    `prior_sd`, `sd` (p,) standard deviations of the logarithms before and after the data; `singular_values` (p,) of the
+    Jacobian in units of prior standard deviations, largest first; `groups` that the data leave open, `pairs` that are
+    correlated; `statements` the same in words; `information` for what more data would add.
+    """
+
+    names: tuple[str, ...]
+    prior_sd: np.ndarray
+    sd: np.ndarray
+    singular_values: np.ndarray
+    groups: tuple[UndeterminedGroup, ...]
+    pairs: tuple[CorrelatedPair, ...]
+    statements: tuple[str, ...]
+    information: DataInformation
+
+    @property
+    def shrinkage(self) -> np.ndarray:
+        """Standard deviation after the data over that before, (p,)."""
+        return np.asarray(self.sd / self.prior_sd)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about suspension parameters that the data leave open."""
+        return group_statements([g for g in self.groups if not all(is_tire(name) for name in g.names)])
+
+    @property
+    def determined(self) -> int:
+        """Number of combinations that the data determine."""
+        return int((self.singular_values > _least_singular_value()).sum())
+
+    def summary(self) -> pd.DataFrame:
+        """One row per parameter."""
+        import pandas as pd
+
+        columns = {"name": self.names, "prior_sd": self.prior_sd, "sd": self.sd, "shrinkage": self.shrinkage}
+        return pd.DataFrame(columns)
+
+
+def _least_singular_value() -> float:
+    return float(np.sqrt(IDENTIFIED_SHRINKAGE**-2.0 - 1.0))
+
+
+def assess(
+    estimates: Sequence[ParameterEstimate], covariance: np.ndarray, information: DataInformation
+) -> Identifiability:
+    """What the data determine of the parameters of a fit.
+
+    Parameters
+    ----------
+    estimates : the p global parameters; covariance : (p, p) of their logarithms.
+    information : of the data.
+    """
+    names = tuple(p.name for p in estimates)
+    values = np.array([p.value for p in estimates])
+    prior_sd = np.sqrt(np.diag(np.linalg.inv(information.prior)))
+    squares, vectors = eigh(information.precision(), information.prior)
+    singular = np.sqrt(np.maximum(squares, 0.0))
+    open_ = vectors[:, singular <= _least_singular_value()] / prior_sd[:, None]
+    groups = _groups(names, [p.unit for p in estimates], values, prior_sd, open_, covariance)
+    pairs = correlated_pairs(names, covariance)
+    by_name = {p.name: p for p in estimates}
+    return Identifiability(
+        names,
+        prior_sd,
+        np.sqrt(np.diag(covariance)),
+        singular[::-1],
+        groups,
+        pairs,
+        (*group_statements(groups), *rough_statements(estimates, groups), *pair_statements(by_name, groups, pairs)),
+        information,
+    )
+
+
+def correlated_pairs(
+    names: Sequence[str], covariance: np.ndarray, limit: float = CORRELATED
+) -> tuple[CorrelatedPair, ...]:
+    """Pairs of at least the correlation `limit`, strongest first; covariance (p, p)."""
+    sd = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(sd, sd)
+    first, second = np.nonzero(np.triu(np.abs(correlation) >= limit, 1))
+    order = np.argsort(-np.abs(correlation[first, second]), kind="stable")
+    return tuple(
+        CorrelatedPair(names[first[k]], names[second[k]], float(correlation[first[k], second[k]])) for k in order
+    )
+
+
+def _groups(
+    names: Sequence[str],
+    units: Sequence[str],
+    values: np.ndarray,
+    prior_sd: np.ndarray,
+    open_: np.ndarray,
+    covariance: np.ndarray,
+) -> tuple[UndeterminedGroup, ...]:
+    """Groups of parameters that share undetermined combinations `open_` (p, n), in units of prior sd."""
+    if open_.shape[1] == 0:
+        return ()
+    basis, _ = np.linalg.qr(open_)
+    projector = basis @ basis.T
+    left = [i for i in range(len(names)) if projector[i].max() >= _LINKED or projector[i].min() <= -_LINKED]
+    groups = []
+    while left:
+        members, queue = [], [left[0]]
+        while queue:
+            i = queue.pop()
+            if i in left:
+                left.remove(i)
+                members.append(i)
+                queue += [j for j in left if abs(projector[i, j]) >= _LINKED]
+        groups.append(_group(sorted(members), names, units, values, prior_sd, projector, covariance))
+    return tuple(groups)
+
+
+def _group(members, names, units, values, prior_sd, projector, covariance) -> UndeterminedGroup:
+    block = projector[np.ix_(members, members)]
+    known = len(members) - round(float(np.trace(block)))
+    kind, sd = "combination" if known > 0 else "none", float("nan")
+    if known == 1:
+        # The determined direction, as coefficients of small relative changes.
+        slopes = np.linalg.eigh(block)[1][:, 0] / prior_sd[members]
+        own = values[members]
+        inside = covariance[np.ix_(members, members)]
+        if len({units[i] for i in members}) == 1 and _alike(slopes / own):
+            kind, weights = "sum", own / own.sum()
+        elif len(members) == 2 and _alike(slopes * [1.0, -1.0]):
+            kind, weights = "ratio", np.array([1.0, -1.0])
+        if kind != "combination":
+            sd = float(np.sqrt(weights @ inside @ weights))
+    return UndeterminedGroup(tuple(names[i] for i in members), known, kind, sd)
+
+
+def _alike(coefficients: np.ndarray) -> bool:
+    """Whether coefficients have one sign and about one size."""
+    low, high = np.abs(coefficients).min(), np.abs(coefficients).max()
+    return bool((np.sign(coefficients) == np.sign(coefficients[0])).all() and high <= _ALIKE * low)
+
+
+def group_statements(groups: Sequence[UndeterminedGroup]) -> tuple[str, ...]:
+    """Sentences about what the data leave open."""
+    found = []
+    alone = [name for g in groups if g.known == 0 for name in g.names]
+    if alone:
+        found.append(f"The data do not determine {listed(alone)}: nothing is known there beyond the prior.")
+    for g in groups:
+        if g.kind in ("sum", "ratio"):
+            found.append(
+                f"{listed(g.names)} are only known as a {g.kind} from these sensors and runs "
+                f"({g.kind} \N{PLUS-MINUS SIGN} {100.0 * g.relative_sd:.2g} %), not one by one."
+            )
+        elif g.known > 0:
+            what = "one combination" if g.known == 1 else f"{g.known} combinations"
+            found.append(f"Of {listed(g.names)} these sensors and runs determine only {what}, not one by one.")
+    return tuple(found)
+
+
+def rough_statements(estimates: Sequence[ParameterEstimate], groups: Sequence[UndeterminedGroup]) -> tuple[str, ...]:
+    """A sentence about stiffness and damping that are determined, but only roughly."""
+    said = {name for g in groups for name in g.names}
+    rough = [p for p in estimates if p.quantity in ("stiffness", "damping") and p.sd >= ROUGH * p.value]
+    named = [f"{p.name} (\N{PLUS-MINUS SIGN} {100.0 * p.sd / p.value:.2g} %)" for p in rough if p.name not in said]
+    return (f"Known only roughly: {listed(named)}.",) if named else ()
+
+
+def pair_statements(
+    by_name: Mapping[str, ParameterEstimate], groups: Sequence[UndeterminedGroup], pairs: Sequence[CorrelatedPair]
+) -> tuple[str, ...]:
+    """Sentences about suspension parameters that are determined, but hard to tell apart."""
+    found = []
+    said = {name for g in groups for name in g.names}
+    for pair in pairs:
+        both = (by_name[pair.first], by_name[pair.second])
+        if said & {pair.first, pair.second} or any(is_tire(p.name) for p in both):
+            continue
+        how = "both larger or both smaller" if pair.correlation > 0 else "more of one and less of the other"
+        known = " and ".join(f"{100.0 * p.sd / p.value:.2g} %" for p in both)
+        found.append(
+            f"{pair.first} and {pair.second} are hard to tell apart: {how} fits almost as well (correlation "
+            f"{pair.correlation:+.2f}; known to {known})."
+        )
+    return tuple(found)
+
+
+def is_tire(name: str) -> bool:
+    """Whether a parameter of this name belongs to tires, whose values are no findings."""
+    return name.startswith(("kt_", "ct_", "tire_"))
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as a list in a sentence."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

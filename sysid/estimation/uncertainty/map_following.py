@@ -1,0 +1,37 @@
+"""What it means for an optimum that its footprint maps follow its tires."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.uncertainty.departures import FOOTPRINT, SPOKES, Departure
+from sysid.estimation.uncertainty.mass_effect import shift_by_masses
+
+
+def map_following(
+    information: np.ndarray, parameters: ParameterSet, log_parameters: np.ndarray, directions: Sequence[Departure]
+) -> np.ndarray:
+    """D (p, p): an optimum whose maps follow its tires moves by D^-1 of what it would under maps that stay.
+
+    At the optimum the score J' r(x, a) of the parameters vanishes, a the tires of the maps.  They follow, a = a(x), so
+    near an optimum x_d of the data it is -H D (x - x_d) with D = I + H_xx^-1 H_xa da/dx: log tire stiffness and n.
+
+    Parameters
+    ----------
+    information : (p + n, p + n) data information of parameters and of the n `directions`.
+    log_parameters : (p,).
+    """
+    count = len(parameters.names)
+    change = np.zeros((len(directions), count))
+    for k, p in enumerate(parameters.parameters):
+        for j, d in enumerate(directions):
+            if p.quantity == "tire_stiffness" and d.kind == FOOTPRINT and d.axle is not None and d.axle == p.axle:
+                change[j, k] = 1.0
+            if p.quantity == "tire_exponent" and d.kind == SPOKES and d.axle is not None:
+                change[j, k] = np.exp(log_parameters[k])
+    cross = information[:count, count:] @ change
+    own = information[:count, :count]
+    return np.asarray(np.eye(count) - shift_by_masses(np.block([[own, cross], [cross.T, own]]), count))

@@ -1,0 +1,82 @@
+"""Derivatives of the residuals by what is not estimated: masses and departures from the model.
+
+Both are differences of whole simulations.  The sensors' offset and gain are eliminated and the weights applied as
+everywhere else, so the columns stand beside those of the parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays
+from sysid.estimation.residuals.linearisation import Linearisation
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.sensor_residuals import group_residuals
+from sysid.estimation.residuals.signals import simulate_runs
+
+
+class ResidualColumns(NamedTuple):
+    """Derivatives of the residuals (T, R, C, m) and gain residuals (R, C, m) of a group by m amplitudes."""
+
+    residual: np.ndarray
+    gain: np.ndarray
+
+
+def empty_columns(model: BumpModel, count: int) -> tuple[ResidualColumns, ...]:
+    """Zero columns of every group for `count` amplitudes."""
+    shapes = [group.value.shape for group in model.groups]
+    return tuple(ResidualColumns(np.zeros((*s, count)), np.zeros((*s[1:], count))) for s in shapes)
+
+
+def joined(first: Sequence[ResidualColumns], second: Sequence[ResidualColumns]) -> tuple[ResidualColumns, ...]:
+    """The columns of both, group by group, one kind after the other."""
+    return tuple(
+        ResidualColumns(*(np.concatenate(pair, axis=-1) for pair in zip(a, b, strict=True)))
+        for a, b in zip(first, second, strict=True)
+    )
+
+
+def trial_residuals(
+    model: BumpModel, trial: BumpModel, weights: Weights, log_parameters: np.ndarray, motion: RunMotion
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Weighted residuals (T, R, C) and gain residuals (R, C) of every group, simulated by `trial`.
+
+    Parameters
+    ----------
+    model : holds the readings; trial : the same runs with other masses or moved along departures.
+    log_parameters : (p,); motion : of all runs.
+    """
+    signals = simulate_runs(trial, log_parameters, motion)
+    weighted = zip(weights.on(model.arrays), weights.noise_sd, weights.tempering, signals, strict=True)
+    found = [_residuals(arrays, noise, temper, jnp.asarray(shown)) for arrays, noise, temper, shown in weighted]
+    return [(np.asarray(residual), np.asarray(gain)) for residual, gain in found]
+
+
+@jax.jit
+def _residuals(arrays: GroupArrays, noise_sd, tempering, signals: jax.Array) -> tuple[jax.Array, jax.Array]:
+    residual, gain = group_residuals(arrays, noise_sd, tempering, signals[..., None])
+    return residual[..., 0], gain[..., 0]
+
+
+def with_columns(
+    linearisations: Sequence[Linearisation], columns: Sequence[ResidualColumns]
+) -> tuple[Linearisation, ...]:
+    """Linearisations with the columns between the derivatives by parameters and those by a run's own unknowns."""
+
+    def widened(derivatives: jax.Array, more: np.ndarray) -> np.ndarray:
+        old = np.asarray(derivatives)
+        return np.concatenate([old[..., :-2], more, old[..., -2:]], axis=-1)
+
+    return tuple(
+        lin._replace(
+            residual_jacobian=widened(lin.residual_jacobian, one.residual),
+            gain_jacobian=widened(lin.gain_jacobian, one.gain),
+        )
+        for lin, one in zip(linearisations, columns, strict=True)
+    )

@@ -1,0 +1,122 @@
+"""How much more uncertain the optimum is than independent noise would make it: a sandwich over blocks of residuals.
+
+If the model were right, the scores g_b = J_b' r_b of blocks b (one channel in all repeats of one case) would scatter
+about zero with the covariance of the information H they carry.  Model error makes them scatter more: G = sum g_b g_b'
+exceeds H.  The likelihood is then flattened so that its curvature becomes H G^-1 H: parameters theta enter it as
+theta_hat + C (theta - theta_hat) with C' H C = H G^-1 H (the curvature adjustment of M. Ribatet, D. Cooley and A. C.
+Davison, Bayesian inference from composite likelihoods, Statistica Sinica 22 (2012), doi:10.5705/ss.2009.248).
+Directions in which G does not exceed H by more than blocks of pure noise scatter keep H, so nothing becomes more
+certain than independent noise allows.
+
+Wrong values of declared masses move all scores alike, so blocks cannot show them.  Their tolerances Sigma come in as
+known scatter: scores change by H_xm d when the log masses are d off, so that G gains H_xm Sigma H_mx.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.estimation.residuals.run_unknowns import response_of_runs
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """Result of the sandwich for p global parameters.
+
+    `matrix` C (p, p); `information` (p, p) adjusted data information C' H C; `inflation` (p,) eigenvalues of H^-1 G of
+    the blocks, at least 1; `blocks` number of blocks.
+    """
+
+    matrix: np.ndarray
+    information: np.ndarray
+    inflation: np.ndarray
+    blocks: int
+
+    def after(self, change: np.ndarray, information: np.ndarray) -> Adjustment:
+        """The adjustment of parameters that enter as `change` (p, p) times themselves; `information` (p, p) H."""
+        matrix = self.matrix @ change
+        return replace(self, matrix=matrix, information=matrix.T @ information @ matrix)
+
+
+def block_scores(
+    residual: np.ndarray,
+    jacobian: np.ndarray,
+    gain_residual: np.ndarray,
+    gain_jacobian: np.ndarray,
+    local_prior: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Scores and information of a group of runs with each run's own two unknowns eliminated.
+
+    Parameters
+    ----------
+    residual : (T, R, C); jacobian : (T, R, C, p + 2); gain_residual : (R, C); gain_jacobian : (R, C, p + 2).
+    local_prior : (R, 2, 2) prior precision of the run's own unknowns.
+
+    Returns
+    -------
+    scores (R, C, p) and information (R, p, p) of the data.
+    """
+    scores = np.einsum("trck,trc->rck", jacobian, residual, optimize=True)
+    scores += gain_jacobian * gain_residual[..., None]
+    normal = np.einsum("trck,trcl->rkl", jacobian, jacobian, optimize=True)
+    normal += np.einsum("rck,rcl->rkl", gain_jacobian, gain_jacobian)
+    count = normal.shape[-1] - 2
+    eliminate = response_of_runs(normal, local_prior)
+    information = normal[:, :count, :count] - normal[:, :count, count:] @ eliminate
+    return scores[..., :count] - scores[..., count:] @ eliminate, information
+
+
+def noise_edge(blocks: int, count: int) -> float:
+    """Scatter that blocks of pure noise do not exceed: 99 % quantile of the largest eigenvalue of their covariance.
+
+    With n = blocks - 1 and p parameters, n l = mu + 2.02 sigma, mu = (sqrt(n - 1) + sqrt(p))^2, sigma = (sqrt(n - 1) +
+    sqrt(p)) (1 / sqrt(n - 1) + 1 / sqrt(p))^(1/3) (I. M. Johnstone, On the distribution of the largest eigenvalue in
+    principal components analysis, Annals of Statistics 29 (2001), doi:10.1214/aos/1009210544).
+    """
+    n = max(blocks - 1, 2)
+    root, other = np.sqrt(n - 1.0), np.sqrt(float(count))
+    spread = (root + other) * (1.0 / root + 1.0 / other) ** (1.0 / 3.0)
+    return float(((root + other) ** 2 + 2.02 * spread) / n)
+
+
+def adjust(
+    scores: np.ndarray,
+    keys: Sequence[Hashable],
+    information: np.ndarray,
+    known_scatter: np.ndarray | None = None,
+    *,
+    never_sharper: bool = True,
+) -> Adjustment:
+    """Curvature adjustment from block scores.
+
+    Parameters
+    ----------
+    scores : (n, p) scores; those with equal `keys` belong to one block and are summed.
+    information : (p, p) data information H.
+    known_scatter : (p, p) what the scores scatter by beyond what the blocks show, None for nothing.
+    never_sharper : keep H where the scores scatter no more than noise does (:func:`noise_edge`).
+    """
+    order = {key: i for i, key in enumerate(dict.fromkeys(keys))}
+    sums = np.zeros((len(order), scores.shape[1]))
+    np.add.at(sums, [order[k] for k in keys], scores)
+    # The scores of the data sum to the pull of the priors; that common part is no scatter.
+    sums -= sums.mean(axis=0)
+    scale = np.sqrt(np.diag(information))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    factor = np.linalg.cholesky(information / np.outer(scale, scale) + 1e-10 * np.eye(scale.size))
+    white = np.linalg.solve(factor, (sums / scale).T)
+    values, vectors = np.linalg.eigh(white @ white.T * len(order) / max(len(order) - 1, 1))
+    if never_sharper:
+        inflation = np.where(values > noise_edge(len(order), scale.size), values, 1.0)
+    else:
+        inflation = np.maximum(values, 1e-12)
+    total = inflation
+    if known_scatter is not None:
+        known = np.linalg.solve(factor, np.linalg.solve(factor, known_scatter / np.outer(scale, scale)).T)
+        total, vectors = np.linalg.eigh((vectors * inflation) @ vectors.T + 0.5 * (known + known.T))
+    root = vectors @ np.diag(total**-0.5) @ vectors.T
+    matrix = np.linalg.solve(factor.T, root @ factor.T) * (scale[None, :] / scale[:, None])
+    return Adjustment(matrix, matrix.T @ information @ matrix, inflation, len(order))

@@ -1,0 +1,151 @@
+"""Declared mass properties that may be a little wrong: factors on them, shared by all runs, each with a Gaussian prior.
+
+A factor multiplies an unsprung mass, a body's pitch inertia, the height of its centre of gravity or of its hitch.  Axle
+loads stay as they were weighed: what an unsprung mass gains, the sprung mass of its body loses, and statics find the
+centre of gravity anew.  The logarithm of a factor is normal about zero with the tolerance that the campaign file gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from sysid.campaign.records import Campaign, LoadCase, Vehicle
+
+T = TypeVar("T")
+
+UNSPRUNG, INERTIA, CG_HEIGHT, HITCH_HEIGHT = (
+    "unsprung_mass_factor",
+    "pitch_inertia_factor",
+    "cg_height_factor",
+    "hitch_height_factor",
+)
+#: The simulation sees no factor further from one than this many tolerances.
+REACH_SD = 3.0
+
+
+@dataclass(frozen=True)
+class MassFactor:
+    """One factor: `quantity` of the axle, axle group or body with index `place`, in the named load cases.
+
+    `sd` standard deviation of its logarithm; `words` what it belongs to, for people; `load_case` None where it is
+    shared by all load cases in use.
+    """
+
+    name: str
+    quantity: str
+    words: str
+    place: int
+    sd: float
+    load_cases: tuple[str, ...]
+    axle: int | None = None
+    load_case: str | None = None
+
+
+@dataclass(frozen=True)
+class UncertainMasses:
+    """The declared vehicle and load cases, and the factors on their mass properties."""
+
+    vehicle: Vehicle
+    load_cases: Mapping[str, LoadCase]
+    factors: tuple[MassFactor, ...]
+
+    @property
+    def sd(self) -> np.ndarray:
+        """Prior standard deviations (m,) of the logarithms of the factors."""
+        return np.array([f.sd for f in self.factors])
+
+    def applied(self, log_factors: np.ndarray) -> tuple[Vehicle, dict[str, LoadCase]]:
+        """Vehicle and load cases with the factors exp(`log_factors`), (m,), at most three tolerances from one."""
+        limit = REACH_SD * self.sd
+        values = np.exp(np.clip(log_factors, -limit, limit))
+        vehicle, cases = self.vehicle, dict(self.load_cases)
+        for factor, value in zip(self.factors, values, strict=True):
+            vehicle, cases = _apply(vehicle, cases, factor, float(value))
+        lost = _unsprung_by_body(vehicle) - _unsprung_by_body(self.vehicle)
+        for name, case in cases.items():
+            cases[name] = replace(case, sprung_mass_kg=tuple(np.array(case.sprung_mass_kg) - lost))
+        return vehicle, cases
+
+
+def uncertain_masses(campaign: Campaign) -> UncertainMasses:
+    """Factors on the mass properties of a campaign's vehicle in the load cases of its runs and predictions.
+
+    A property with the same declared value in several load cases is one property: its factor is shared.
+    """
+    vehicle, tolerances = campaign.vehicle, campaign.vehicle.tolerances
+    used = campaign.load_cases_in_use
+    found = []
+    for i, axle in enumerate(vehicle.axles):
+        if axle.unsprung_mass_kg > 0.0:
+            words = f"unsprung mass of axle {i + 1} ({axle.name})"
+            name = f"unsprung_mass_{i + 1}"
+            found.append(MassFactor(name, UNSPRUNG, words, i, tolerances.unsprung_mass, tuple(used), axle=i))
+    for i, group in enumerate(vehicle.groups):
+        if group.mass_kg > 0.0:
+            words, name = f"mass of the beam '{group.name}'", f"beam_mass[{group.name}]"
+            found.append(MassFactor(name, UNSPRUNG, words, i, tolerances.unsprung_mass, tuple(used)))
+    for quantity, key, words, sd in (
+        (INERTIA, "pitch_inertia", "pitch inertia", tolerances.pitch_inertia),
+        (CG_HEIGHT, "cg_height", "height of the centre of gravity", tolerances.cg_height),
+    ):
+        for b, body in enumerate(vehicle.bodies):
+            declared = {name: _declared(campaign.load_cases[name], quantity)[b] for name in used}
+            for value in dict.fromkeys(v for v in declared.values() if v > 0.0):
+                cases = tuple(name for name in used if declared[name] == value)
+                shared = cases == tuple(used)
+                label = body.name if shared else f"{body.name}, {cases[0]}"
+                where = f"{words} of '{body.name}'" + ("" if shared else f" in load case '{cases[0]}'")
+                case = None if shared else cases[0]
+                found.append(MassFactor(f"{key}[{label}]", quantity, where, b, sd, cases, load_case=case))
+    for b, body in enumerate(vehicle.bodies):
+        if body.hitch_height_m:
+            words, name = f"hitch height of '{body.name}'", f"hitch_height[{body.name}]"
+            found.append(MassFactor(name, HITCH_HEIGHT, words, b, tolerances.hitch_height, tuple(used)))
+    return UncertainMasses(vehicle, dict(campaign.load_cases), tuple(f for f in found if f.sd > 0.0))
+
+
+def _declared(case: LoadCase, quantity: str) -> tuple[float, ...]:
+    return case.pitch_inertia_kg_m2 if quantity == INERTIA else case.cg_height_m
+
+
+def _apply(
+    vehicle: Vehicle, cases: dict[str, LoadCase], factor: MassFactor, value: float
+) -> tuple[Vehicle, dict[str, LoadCase]]:
+    at = factor.place
+    if factor.quantity == UNSPRUNG and factor.axle is not None:
+        axle = vehicle.axles[at]
+        axle = replace(axle, unsprung_mass_kg=axle.unsprung_mass_kg * value)
+        return replace(vehicle, axles=_with(vehicle.axles, at, axle)), cases
+    if factor.quantity == UNSPRUNG:
+        # A heavier beam of the same shape turns as much harder.
+        beam = vehicle.groups[at]
+        beam = replace(beam, mass_kg=beam.mass_kg * value, pitch_inertia_kg_m2=beam.pitch_inertia_kg_m2 * value)
+        return replace(vehicle, groups=_with(vehicle.groups, at, beam)), cases
+    if factor.quantity == HITCH_HEIGHT:
+        body = vehicle.bodies[at]
+        body = replace(body, hitch_height_m=(body.hitch_height_m or 0.0) * value)
+        return replace(vehicle, bodies=_with(vehicle.bodies, at, body)), cases
+    changed = dict(cases)
+    for name in factor.load_cases:
+        case = changed[name]
+        values = _with(_declared(case, factor.quantity), at, _declared(case, factor.quantity)[at] * value)
+        if factor.quantity == INERTIA:
+            changed[name] = replace(case, pitch_inertia_kg_m2=values)
+        else:
+            changed[name] = replace(case, cg_height_m=values)
+    return vehicle, changed
+
+
+def _with(values: Sequence[T], at: int, value: T) -> tuple[T, ...]:
+    return (*values[:at], value, *values[at + 1 :])
+
+
+def _unsprung_by_body(vehicle: Vehicle) -> np.ndarray:
+    """Unsprung mass (bodies,) under every body, beams included [kg]."""
+    total = np.zeros(len(vehicle.bodies))
+    np.add.at(total, [a.body for a in vehicle.axles], vehicle.unsprung_mass_kg)
+    return total

@@ -1,0 +1,238 @@
+"""Which run to drive next, and which sensor to add: what each would bring for k, c and a predicted wheel load.
+
+All candidates are judged at the optimum by the information that they would add
+(:mod:`sysid.estimation.uncertainty.information`), with no new data: sd' = sqrt(diag(covariance(H + D))).  A predicted
+peak r has the variance g' covariance g, g its gradient by the log parameters from central differences; masses are as
+declared in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.uncertainty.identifiability import ROUGH, Identifiability, is_tire, listed
+from sysid.estimation.uncertainty.information import DataInformation
+from sysid.planning.advice import Advice, PeakTarget, Prospect
+from sysid.planning.candidate_runs import (
+    RunInformation,
+    RunKind,
+    missing_sensors,
+    recording_sensors,
+    run_information,
+)
+from sysid.prediction.passes import effective_roads, peak_ratios
+
+#: Speeds of candidate runs [km/h].
+CANDIDATE_KM_H = (8.0, 16.0, 24.0, 32.0)
+#: Step of the log parameters in the gradient of a peak.
+_STEP = 0.005
+#: A further run that lowers a standard deviation by less than this share is not worth naming.
+WORTH = 0.05
+#: Mass properties shown, those that would bring most.
+MASSES_SHOWN = 3
+#: Tolerance of a mass that counts as known.
+_EXACT = 1e-8
+
+Progress = Callable[[str, float], None]
+
+
+def advise(
+    state: FitState,
+    determined: Identifiability,
+    *,
+    speeds_km_h: Sequence[float] = CANDIDATE_KM_H,
+    progress: Progress = lambda message, fraction: None,
+) -> Advice:
+    """What one further run, with or without one further sensor, would bring.
+
+    Parameters
+    ----------
+    state : the fit of the runs that were driven; determined : what they determine.
+    speeds_km_h : speeds of the candidates, in every load case that was driven or is predicted, over every bump driven.
+    """
+    campaign = state.campaign
+    progress("runs that could be driven next", 0.1)
+    kinds = candidate_runs(campaign, speeds_km_h)
+    at_hand, new = recording_sensors(state), missing_sensors(campaign, recording_sensors(state))
+    candidates = run_information(state, kinds, (*at_hand, *new))
+    progress("gradient of the predicted wheel load", 0.7)
+    target, gradient = None, None
+    if campaign.predictions:
+        target, gradient = peak_gradient(state, campaign.predictions[0])
+    information = determined.information
+
+    def prospect(run: RunInformation | None, sensor: int | None = None) -> Prospect:
+        sensors = at_hand if sensor is None else (*at_hand, new[sensor])
+        return _prospect(information, gradient, run, None if run is None else run.of(sensors),
+                         "" if sensor is None else new[sensor].column)  # fmt: skip
+
+    now = prospect(None)
+    runs = tuple(prospect(run) for run in candidates)
+    with_sensors = [[prospect(run, k) for run in candidates] for k in range(len(new))]
+    targets = tuple(p.name for p in state.model.parameters.parameters if p.quantity in ("stiffness", "damping"))
+    bare = Advice(determined.names, targets, now, runs, (), target, ())
+    best = tuple(min(row, key=bare.median) for row in with_sensors)
+    every = [p for row in with_sensors for p in row]
+    masses = exact_masses(bare, information, [f.words for f in state.allowances.masses.factors], gradient)
+    statements = (
+        _worst_statement(bare),
+        *_mass_statements(bare, information, masses),
+        *_run_statements(bare),
+        *_sensor_statements(bare, every),
+        *_remedies(bare, determined, every),
+    )
+    return Advice(determined.names, targets, now, runs, best, target, statements, masses)
+
+
+def candidate_runs(campaign: Campaign, speeds_km_h: Sequence[float]) -> tuple[RunKind, ...]:
+    """Every speed in every load case that was driven or is predicted, over every bump that was driven."""
+    bumps = dict.fromkeys(r.bump for r in campaign.bump_runs)
+    return tuple(
+        RunKind(case, bump, v / 3.6) for case in campaign.load_cases_in_use for bump in bumps for v in speeds_km_h
+    )
+
+
+def peak_gradient(state: FitState, request: PredictionRequest) -> tuple[PeakTarget, np.ndarray]:
+    """The largest peak dynamic load ratio of a pass, and its gradient (p,) by the log parameters."""
+    point = state.point.log_parameters
+    steps = _STEP * np.eye(point.size)
+    sets = np.concatenate([point[None], point + steps, point - steps])
+    roads = effective_roads(state, [request])
+    ratios = peak_ratios(state.campaign, state.parameters, roads, request, sets)
+    axle = int(np.argmax(ratios[0]))
+    up, down = ratios[1 : point.size + 1, axle], ratios[point.size + 1 :, axle]
+    target = PeakTarget(axle, request.load_case, request.speed_m_s, float(ratios[0, axle]))
+    return target, (up - down) / (2.0 * _STEP)
+
+
+def _prospect(
+    information: DataInformation,
+    gradient: np.ndarray | None,
+    run: RunInformation | None,
+    more: np.ndarray | None,
+    sensor: str,
+) -> Prospect:
+    covariance = information.covariance(more)
+    peak = float("nan") if gradient is None else float(np.sqrt(gradient @ covariance @ gradient))
+    sd = np.sqrt(np.diag(covariance))
+    if run is None:
+        return Prospect("", "", float("nan"), "", sd, peak)
+    return Prospect(run.kind.load_case, run.kind.bump, run.kind.speed_m_s, sensor, sd, peak)
+
+
+def _percent(sd: float) -> str:
+    return f"{100.0 * sd:.2g} %"
+
+
+def _worst_statement(advice: Advice) -> str:
+    name, sd = advice.worst(advice.now)
+    best = min(advice.runs, key=lambda p: advice.worst(p)[1])
+    then, left = advice.worst(best)
+    start = f"Of k and c, {name} is known worst, to {_percent(sd)}"
+    if left < (1.0 - WORTH) * sd:
+        other = "" if then == name else f", then {then}"
+        return f"{start}; a further run at {best.label} would bring the worst to {_percent(left)}{other}."
+    return f"{start}; no single further run with these sensors would lower that by a twentieth."
+
+
+def _run_statements(advice: Advice) -> list[str]:
+    found = []
+    middle = min(advice.runs, key=advice.median)
+    if advice.median(middle) < (1.0 - WORTH) * advice.median(advice.now):
+        found.append(
+            f"The median of k and c is known to {_percent(advice.median(advice.now))}; a further run at {middle.label} "
+            f"would lower it most, to {_percent(advice.median(middle))}."
+        )
+    if advice.peak is not None:
+        best = min(advice.runs, key=lambda p: p.peak_sd)
+        text = f"The peak load ratio of {advice.peak.label} is {advice.peak.ratio:.2f} with a standard deviation of "
+        text += f"{advice.now.peak_sd:.2g} from the parameters"
+        if best.peak_sd < (1.0 - WORTH) * advice.now.peak_sd:
+            text += f"; a further run at {best.label} would lower it most, to {best.peak_sd:.2g}"
+        found.append(text + ".")
+    return found
+
+
+def exact_masses(
+    advice: Advice, information: DataInformation, words: Sequence[str], gradient: np.ndarray | None
+) -> tuple[Prospect, ...]:
+    """What would be known without a further run if one declared mass property were exact, best first.
+
+    Parameters
+    ----------
+    words : which property each tolerance of `information` belongs to.
+    gradient : (p,) of the predicted peak, or None.
+    """
+    found = []
+    for k, name in enumerate(words):
+        known = np.where(np.arange(len(words)) == k, _EXACT, information.mass_sd)
+        one = _prospect(replace(information, mass_sd=known), gradient, None, None, "")
+        found.append(replace(one, exact=name))
+    return tuple(sorted(found, key=lambda p: advice.worst(p)[1])[:MASSES_SHOWN])
+
+
+def _mass_statements(advice: Advice, information: DataInformation, masses: Sequence[Prospect]) -> list[str]:
+    """Which declared mass property limits what is known, where exact masses would lower the worst of k and c much."""
+    if not masses:
+        return []
+    name, sd = advice.worst(advice.now)
+    at = advice.names.index(name)
+    every = replace(information, mass_sd=np.full_like(information.mass_sd, _EXACT))
+    left = float(np.sqrt(every.covariance()[at, at]))
+    if left > (1.0 - 4.0 * WORTH) * sd:
+        return []
+    best = min(masses, key=lambda p: p.sd[at])
+    share = "most" if left < 0.5 * sd else "part"
+    return [
+        f"Tolerances of declared masses are {share} of it: with all of them exact {name} would be known to "
+        f"{_percent(left)}, with only the {best.exact} exact to {_percent(float(best.sd[at]))}."
+    ]
+
+
+def _sensor_statements(advice: Advice, every: Sequence[Prospect]) -> list[str]:
+    if not every:
+        return ["Every axle has a deflection sensor, an accelerometer and an accelerometer on the frame above it."]
+    best = min(every, key=lambda p: (advice.worst(p)[1], advice.median(p)))
+    alone = min(advice.runs, key=lambda p: advice.worst(p)[1])
+    if advice.worst(best)[1] >= (1.0 - WORTH) * advice.worst(alone)[1]:
+        return ["No single further sensor would lower the worst uncertainty of k and c by a twentieth in one run."]
+    name, sd = advice.worst(best)
+    return [
+        f"With one more sensor, an {best.sensor}, a run at {_without(best)} would bring the worst of k and c to "
+        f"{_percent(sd)} ({name})."
+    ]
+
+
+def _remedies(advice: Advice, determined: Identifiability, every: Sequence[Prospect]) -> list[str]:
+    """The sensor and the run that tell most about suspension parameters that are open or known only roughly."""
+    found = []
+    weak = [g.names for g in determined.groups if not all(is_tire(name) for name in g.names)]
+    said = {name for names in weak for name in names}
+    rough = dict(zip(determined.names, determined.sd >= ROUGH, strict=True))
+    weak += [(name,) for name in advice.targets if rough[name] and name not in said]
+    for names in weak:
+        at = [advice.names.index(name) for name in names]
+
+        def left(p: Prospect, at: list[int] = at) -> float:
+            return float(p.sd[at].max())
+
+        now = left(advice.now)
+        ways = []
+        for word, prospects in (("add an", every), ("drive", advice.runs)):
+            best = min(prospects, key=left, default=None)
+            if best is None or left(best) >= (1.0 - WORTH) * now:
+                continue
+            what = f"{word} {best.sensor} and drive {_without(best)}" if best.sensor else f"{word} {best.label}"
+            ways.append(f"{what} (to {_percent(left(best))})")
+        text = f"{listed(names)}, now known to {_percent(now)}{' at worst' if len(names) > 1 else ''}: "
+        found.append(text + (", or ".join(ways) if ways else "no single further run or sensor helps") + ".")
+    return found
+
+
+def _without(p: Prospect) -> str:
+    return f"{3.6 * p.speed_m_s:.4g} km/h, {p.load_case}"
