@@ -102,7 +102,7 @@ def laws_of_axles(vehicle: Vehicle, laws: Sequence[str]) -> Laws:
 def richest_laws(axles: Sequence[Axle], declared: Laws) -> Laws:
     """The candidates of every axle without a declared law; the declared law of all others."""
     return tuple(
-        law if axle.suspension_law is not None else CANDIDATES[axle.suspension]
+        law if axle.suspension_law is not None else law | CANDIDATES[axle.suspension]
         for axle, law in zip(axles, declared, strict=True)
     )
 
@@ -145,8 +145,7 @@ def _compare(
     trials.append(_trial(rich_laws, rich, gain_over(base, rich)))
     for element in ELEMENTS:
         without = tuple(
-            law if axle.suspension_law is not None else law - {element}
-            for axle, law in zip(campaign.vehicle.axles, best_laws, strict=True)
+            law - ({element} - declared) for law, declared in zip(best_laws, poor_laws, strict=True)
         )
         if without in (best_laws, poor_laws):
             continue

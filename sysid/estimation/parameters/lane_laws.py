@@ -40,7 +40,8 @@ class LawInputs(NamedTuple):
 
     `stiffness` (R, na); `damping`, `tire_stiffness`, `tire_damping` (na,); `exponent` (); `elements` by quantity;
     `curves` declared by the campaign file; `static_load`, `reference_load`, `carried_load` (R, na, 1) [N]: road load in
-    its lane and in the first load case, load on the suspension; `tire_factor` (R, na, 1) on a lane's tire stiffness.
+    its lane and in the first load case, load on the suspension; `load_growth` (R, na, 1) the latter over that in the
+    first load case; `tire_factor` (R, na, 1) on a lane's tire stiffness.
     """
 
     stiffness: np.ndarray
@@ -53,6 +54,7 @@ class LawInputs(NamedTuple):
     static_load: np.ndarray
     reference_load: np.ndarray
     carried_load: np.ndarray
+    load_growth: np.ndarray
     tire_factor: np.ndarray
 
 
@@ -92,6 +94,7 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_ca
         lanes.matrices.static_load,
         lanes.reference_load,
         carried,
+        carried / reference[..., None],
         np.ones_like(carried),
     )
 
@@ -128,7 +131,7 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: jax.Array, damp
         ramps.append(stop_ramps(curves.stops, stop))
     if curves.lash is not None:
         ramps.append(lash_ramps(curves.lash, stiffness, inputs.carried_load))
-    damper = curves.damper
+    damper, friction = curves.damper, element("friction")
     return SuspensionLaw(
         base,
         damping if damper is None else damping * damper.share,
@@ -137,7 +140,8 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: jax.Array, damp
         # Axles without the element have a tail of one, which makes the damper linear.
         tail=element("damper_tail"),
         asymmetry=element("damper_asymmetry"),
-        friction=element("friction"),
+        # Leaves and bushings rub in proportion to what they carry.
+        friction=None if friction is None else friction * inputs.load_growth,
         slip=element("slip_length"),
         ramps=joined(ramps),
         rate_ramps=None if damper is None else table_ramps(damper, damping),

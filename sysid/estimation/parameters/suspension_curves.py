@@ -119,9 +119,14 @@ def table_ramps(corners: TableCorners, slope: jax.Array) -> Ramps:
 
 def stop_ramps(stops: np.ndarray, stiffness: jax.Array) -> Ramps:
     """Ramps of the bump stops with their stiffness (R, na, S) [N/m]."""
-    shape = (*stops.shape[:-1], stiffness.shape[-1])
-    side = jnp.broadcast_to(np.array([1.0, -1.0])[:, None, None, None], shape)
-    return Ramps(jnp.broadcast_to(stops, shape), jnp.broadcast_to(stiffness, shape), side)
+    knots, slopes = np.array([0.0, 0.008, 0.02]), np.array([1.533, 1.333, 1.8])
+    side = np.array([1.0, -1.0])[:, None, None, None]
+    parts = []
+    for knot, slope in zip(knots, slopes, strict=True):
+        shape = (*stops.shape[:-1], stiffness.shape[-1])
+        at = jnp.broadcast_to(stops + side * knot, shape)
+        parts.append(Ramps(at, jnp.broadcast_to(slope * stiffness, shape), jnp.broadcast_to(side, shape)))
+    return joined(parts)
 
 
 def lash_ramps(lash: np.ndarray, stiffness: jax.Array, carried: np.ndarray) -> Ramps:

@@ -75,12 +75,12 @@ ELEMENTS = {
         Element(
             "gas_spring",
             "air spring that stiffens when compressed",
-            (ElementQuantity("progressivity", "progressivity", "1", True, lambda axle, carried: 0.8, 0.6, 0.0),),
+            (ElementQuantity("progressivity", "progressivity", "1", True, lambda axle, carried: 0.4, 1.0, 0.0),),
         ),
         Element(
             "bump_stops",
             "stops at the declared jounce and rebound travel",
-            (ElementQuantity("stop_stiffness", "stop", "N/m", True, lambda axle, carried: 3e6, 0.7, 0.0),),
+            (ElementQuantity("stop_stiffness", "stop", "N/m", False, lambda axle, carried: 2e6, 0.7, 0.0),),
         ),
         Element("hanger_lash", "free travel between leaf pack and hanger, as declared", ()),
         Element("spring_table", "force-extension table, scaled by the stiffness", ()),
