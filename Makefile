@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long test-browser docs bench coverage lint format clean
+.PHONY: run quick test test-long fuzz test-browser docs bench coverage ring-downs lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -17,6 +17,11 @@ test: lint
 
 test-long: $(VENV)/.installed
 	$(BIN)/python -m pytest -m long
+
+# An hour of damaged files for every reader, other ones each time; the figures of docs/robustness.md.
+fuzz: $(VENV)/.installed
+	$(BIN)/python -m pytest -m long tests/limits/test_fuzz_readers.py
+	$(BIN)/python docs/make_robustness.py
 
 # The report in headless Chromium: accessibility (axe-core), console, network, interaction. Needs node and chromium.
 test-browser: $(VENV)/.installed
@@ -35,6 +40,10 @@ bench: $(VENV)/.installed
 # Hours on one core; can be stopped and goes on with what is missing.
 coverage: $(VENV)/.installed
 	$(BIN)/python -m studies.coverage --output build/coverage --document docs/statistics.md
+
+# Some ten minutes on one core: drops with viscous, dry and quadratic damping.
+ring-downs: $(VENV)/.installed
+	$(BIN)/python -m studies.ring_downs --output build/ring_downs --document docs/drops.md
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

@@ -13,7 +13,8 @@ from benchmarks.rounds import Sample
 from benchmarks.work import Work
 from sysid.estimation.parameters.lane_laws import lane_laws
 from sysid.posterior.log_density import LogDensity
-from sysid.vehicle_model.native import build, kernel
+from sysid.vehicle_model.engines.native import misfit_call
+from sysid.vehicle_model.native import build, header
 
 _HERE = Path(__file__).parent / "bare"
 
@@ -31,7 +32,8 @@ def compile_program(folder: Path) -> Path:
         raise build.BuildError("no C++ compiler was found")
     program = folder / "bare_kernel"
     flags = [flag for flag in build.FLAGS if flag not in ("-shared", "-fPIC")]
-    include = ["-I", str(_HERE), "-I", str(Path(build.__file__).parent)]
+    header.write(folder)
+    include = ["-I", str(_HERE), "-I", str(folder), "-I", str(Path(build.__file__).parent)]
     done = subprocess.run(
         [compiler, *flags, *include, str(_HERE / "main.cpp"), "-o", str(program)],
         capture_output=True,
@@ -73,10 +75,17 @@ def write_call(file: Path, work: Work, density: LogDensity, sets: np.ndarray) ->
     """One call of the entry point `misfits` for parameter sets (n, p), in the form that ``main.cpp`` reads."""
     (inputs,) = density._inputs
     arrays, shape = inputs.arrays, work.model.shapes[0]
-    laws = kernel.laws(*lane_laws(arrays.laws, jnp.asarray(sets.T)))
-    local = (inputs.local_columns, inputs.gain_columns, inputs.local_offset, inputs.local_factor)
-    readings = (arrays.value, arrays.measured, arrays.censored, inputs.noise_sd, inputs.tempering, arrays.gain_sd)
-    every = [*kernel._buffers(arrays.matrices, laws, inputs.road, shape.recursion), *readings, *local]
+    call = misfit_call(
+        arrays.matrices,
+        lane_laws(arrays.laws, jnp.asarray(sets.T)),
+        inputs.road,
+        shape.timing,
+        shape.sensors,
+        shape.recursion,
+        arrays.readings(inputs.noise_sd, inputs.tempering),
+        inputs.local,
+    )
+    every, settings = call.ordered(), call.settings
     with file.open("wb") as out:
 
         def put(values: object, kind: str) -> None:
@@ -84,10 +93,11 @@ def write_call(file: Path, work: Work, density: LogDensity, sets: np.ndarray) ->
             out.write(struct.pack("q", flat.size))
             out.write(flat.tobytes())
 
-        put([shape.samples, shape.substeps, laws.elements, *laws.ramps, len(every)], "i8")
-        put([shape.interval_s, laws.growth], "f8")
-        put(shape.deflection_axles, "i8")
-        put(shape.acceleration_axles, "i8")
+        integers = ("samples", "substeps", "elements", "ramps", "rate_ramps")
+        put([*(settings[name] for name in integers), len(every)], "i8")
+        put([settings["interval"], settings["growth"]], "f8")
+        put(settings["deflection_axles"], "i8")
+        put(settings["acceleration_axles"], "i8")
         for buffer in every:
             put(np.shape(buffer), "i8")
             put(buffer, "f8")

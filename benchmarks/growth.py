@@ -82,7 +82,7 @@ def _more_samples(inputs: _GroupInputs, shape: GroupShape, factor: int) -> tuple
 
     dense = arrays._replace(value=often(arrays.value), measured=often(arrays.measured), censored=often(arrays.censored))
     changed = shape._replace(interval_s=shape.interval_s / factor, samples=shape.samples * factor)
-    return inputs._replace(arrays=dense, local_columns=often(inputs.local_columns)), changed
+    return inputs._replace(arrays=dense, local=inputs.local._replace(residual=often(inputs.local.residual))), changed
 
 
 def _more_axles(inputs: _GroupInputs, shape: GroupShape, count: int) -> tuple[_GroupInputs, GroupShape]:
@@ -93,7 +93,7 @@ def _more_axles(inputs: _GroupInputs, shape: GroupShape, count: int) -> tuple[_G
     bodies = arrays.matrices.body_rows.shape[2]
     rows = np.concatenate([index, now + index, 2 * now + np.arange(bodies)])
     columns = np.concatenate([index, now + index])
-    m, laws, road = arrays.matrices, arrays.laws, inputs.road.road
+    m, laws, road = arrays.matrices, arrays.laws, inputs.road.prepared.road
     matrices = LaneMatrices(
         m.position[:, rows],
         m.rate[:, rows],
@@ -114,8 +114,7 @@ def _more_axles(inputs: _GroupInputs, shape: GroupShape, count: int) -> tuple[_G
     )
     axle_x = arrays.axle_x[index]
     with engine("native"):
-        motion = inputs.motion
-        course = wheel_road(matrices, stretched, axle_x, motion.speed, motion.start_s, shape.timing)
+        course = wheel_road(matrices, stretched, axle_x, inputs.road.speed, inputs.road.start_s, shape.timing)
     seen = shape._replace(
         deflection_axles=tuple(i % count for i in shape.deflection_axles),
         acceleration_axles=tuple(i % count for i in shape.acceleration_axles),

@@ -28,10 +28,8 @@ from sysid.estimation.parameters.lane_laws import lane_laws, law_inputs
 from sysid.prediction.passes import predict
 from sysid.road import analyse_scan, read_point_cloud
 from sysid.runtime import configure
-from sysid.vehicle_model import engine
-from sysid.vehicle_model.engine import Timing
+from sysid.vehicle_model.engine import Timing, wheel_road
 from sysid.vehicle_model.lanes import Pass, make_lanes
-from sysid.vehicle_model.simulation import Motion
 
 #: Width of a prior that holds a value.
 HELD = 1e-5
@@ -82,10 +80,10 @@ def main() -> None:
         lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [Pass(run.load_case, run.bump)], [])
         laws = law_inputs(campaign.vehicle, parameters, lanes, [run.load_case])
         timing = Timing(round(run.log.duration_s / 0.001), 0.001, 1)
-        motion = Motion(jnp.full((1, 1), speed), jnp.full((1, 1), start))
-        road = engine.wheel_road(lanes.matrices, lanes.road, lanes.axle_x, motion.speed, motion.start_s, timing)
+        motion = jnp.full((1, 1), speed), jnp.full((1, 1), start)
+        road = wheel_road(lanes.matrices, lanes.road, lanes.axle_x, *motion, timing)
         suspension, tire = lane_laws(laws, jnp.asarray(point.log_parameters)[:, None])
-        found = engine.simulate_histories(lanes.matrices, suspension, tire, motion, road, timing)
+        found = road.engine.histories(lanes.matrices, suspension, tire, road, timing)
         force = np.asarray(found.tire_force)[:, 0, :, 0]
         e = errors(np.arange(timing.samples) * 0.001, force, forces / run.log.file, run.log.start_time_s)
         worst.append(e.max())

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
 #: Normal deviate of the ends of a 90 % interval, from 5 % to 95 %.
 Z90 = 1.6448536269514722
 
@@ -21,3 +24,24 @@ _UNITS = {
 def shown_unit(si_unit: str) -> tuple[float, str]:
     """Factor from an SI unit to the one that people read, and its name: metres as mm, N as kN, others unchanged."""
     return _UNITS.get(si_unit, (1.0, si_unit))
+
+
+@dataclass
+class TextTable:
+    """A table for a terminal, row by row; the first column stands to the left, the others to the right."""
+
+    title: str
+    columns: Sequence[str]
+    rows: list[tuple[str, ...]] = field(default_factory=list)
+
+    def add_row(self, *cells: str) -> None:
+        """Add a row below the others."""
+        self.rows.append(cells)
+
+
+@dataclass(frozen=True)
+class CommandHint:
+    """A sentence that ends with a command to type."""
+
+    text: str
+    command: str

@@ -1,40 +1,90 @@
-"""Process-wide settings that only entry points make: 64-bit floats and the compilation cache of JAX."""
+"""Process-wide settings: 64-bit floats and the compilation cache of JAX, and where compiled code is kept."""
 
 from __future__ import annotations
 
 import os
+import warnings
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 from sysid.errors import SysidError
+from sysid.private_files import NotPrivateError, check_owner_of_all, private_folder
+
+
+class CacheWarning(UserWarning):
+    """Why compiled code is not kept where it was asked for."""
 
 
 def cache_root() -> Path:
     """Folder for whatever is compiled; ``SYSID_CACHE_DIR`` overrides the user's cache folder."""
+    root = os.environ.get("SYSID_CACHE_DIR")
+    return Path(root) if root else _user_cache()
+
+
+def _user_cache() -> Path:
     from platformdirs import user_cache_path
 
-    root = os.environ.get("SYSID_CACHE_DIR")
-    return Path(root) if root else user_cache_path("sysid")
+    return user_cache_path("sysid")
+
+
+def private_cache(name: str, check: Callable[[Path], None] | None = None) -> Path:
+    """Folder of that name for compiled code, below the cache folder or, if others can write there, the user's own.
+
+    The first time that the cache folder is left alone a warning says so.  `check` looks into the folder and raises what
+    is below.
+
+    Raises
+    ------
+    NotPrivateError
+        If others can write to both.
+    OSError
+        If it cannot be made.
+    """
+
+    def usable(root: Path) -> Path:
+        folder = private_folder(root / name)
+        if check is not None:
+            check(folder)
+        return folder
+
+    try:
+        return usable(cache_root())
+    except NotPrivateError as error:
+        remedy = f"because {error}; remove it, make it yours alone, or set SYSID_CACHE_DIR to a folder of your own."
+        try:
+            found = usable(_user_cache())
+        except (NotPrivateError, OSError):
+            _say(f"Compiled code is neither kept nor reused {remedy}")
+            raise error from None
+        _say(f"Compiled code is kept in {_user_cache()} {remedy}")
+        return found
+
+
+@cache
+def _say(sentence: str) -> None:
+    warnings.warn(sentence, CacheWarning, stacklevel=3)
 
 
 def cache_folder() -> Path:
-    """Folder for functions compiled by JAX, one per version of JAX."""
+    """Folder for functions compiled by JAX, one per version of JAX; as :func:`private_cache`."""
     import jax
 
-    return cache_root() / f"jax-{jax.__version__}"
+    return private_cache(f"jax-{jax.__version__}", check_owner_of_all)
 
 
 def configure() -> None:
     """Switch JAX to 64-bit floats and keep its compiled functions between runs.
 
-    A cache folder that cannot be written is done without.
+    A cache folder that cannot be written is done without, and so is, with a warning, one that others can write to
+    (:func:`private_cache`).
     """
     import jax
 
     jax.config.update("jax_enable_x64", True)
     try:
         folder = cache_folder()
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
+    except (NotPrivateError, OSError):
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)

@@ -31,5 +31,20 @@ os.environ.update(_SETTINGS)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """A cache entry that a killed run left half-written costs a compilation, not a failed test."""
+    """A cache entry that a killed run left half-written costs a compilation, not a failed test.
+
+    Nor does a checkout that others can write to, whose build folder is no place for compiled code.
+    """
+    config.addinivalue_line("filterwarnings", "ignore:Compiled code is :UserWarning")
     config.addinivalue_line("filterwarnings", "ignore:Error (reading|writing) persistent compilation cache:UserWarning")
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """What a run without a C++ compiler has left out is seen without an option."""
+    skipped = [r for r in terminalreporter.stats.get("skipped", []) if "no C++ compiler" in str(r.longrepr)]
+    if skipped:
+        terminalreporter.section("native engine not tested", yellow=True)
+        terminalreporter.line(
+            f"{len(skipped)} tests of the native engine were skipped: there is no C++ compiler on this machine. "
+            "Install g++ or clang++, or name one with CXX, and run them again."
+        )

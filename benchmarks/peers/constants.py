@@ -14,7 +14,6 @@ from sysid.estimation.residuals.signals import simulate_group, wheel_road
 from sysid.vehicle_model.contact import CELL_POLYNOMIAL
 from sysid.vehicle_model.filters import discretise
 from sysid.vehicle_model.lane_matrices import LaneMatrices
-from sysid.vehicle_model.simulation import Motion
 
 
 class RunConstants(NamedTuple):
@@ -131,7 +130,7 @@ def our_signals(work: Work, name: str, refine: int = 1) -> np.ndarray:
     parameters = jnp.asarray(work.state.point.log_parameters)[:, None]
     with engine(name):
         road = wheel_road(arrays, work.model.roads[0], speed, start, shape)
-        signals = simulate_group(arrays, shape, parameters, Motion(speed, start), road)
+        signals = simulate_group(arrays, shape, parameters, road)
     return np.asarray(signals[..., 0])
 
 

@@ -1,6 +1,7 @@
 """The measurement campaign: records, reader, statics and quality check (SI units, no physics beyond statics)."""
 
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
+from sysid.campaign.input_file import InputFile
 from sysid.campaign.logs import read_log
 from sysid.campaign.quality import check_quality, quality_table
 from sysid.campaign.read import PointCloudReader, read_campaign
@@ -38,6 +39,7 @@ __all__ = [
     "Campaign",
     "Channel",
     "ChannelFinding",
+    "InputFile",
     "LeafDimensions",
     "LoadCase",
     "Log",

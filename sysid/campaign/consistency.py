@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid import limits
 from sysid.campaign.records import Channel, Vehicle
 
 BAND_HZ = (1.0, 10.0)  # below, drift is integrated twice; above, the displacement sensor shows noise only
@@ -196,7 +197,9 @@ def _common_grid(channels: Sequence[Channel], step_s: float) -> np.ndarray | Non
     pieces = np.split(time, breaks)
     longest = max(pieces, key=lambda p: p[-1] - p[0])
     count = int((longest[-1] - longest[0]) / step_s) + 1
-    return longest[0] + step_s * np.arange(count) if count * step_s >= 1.0 else None
+    if count * step_s < 1.0 or count > limits.GRID_STEPS:
+        return None
+    return longest[0] + step_s * np.arange(count)
 
 
 def _on_grid(channel: Channel, grid: np.ndarray) -> np.ndarray:

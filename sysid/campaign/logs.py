@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from sysid import limits
+from sysid.campaign.input_file import InputFile
 from sysid.campaign.records import Channel, Log, Sensor
 from sysid.campaign.text_table import near_names, read_columns
 from sysid.campaign.units import si_factor
@@ -32,11 +34,12 @@ TIME_NAMES: dict[str, float] = {
 }
 BAD_STAMP_SHARE = 0.01  # up to this share of repeated or empty stamps is a hiccup of the logger, more is a broken log
 SAME_STEP = 1e-3  # rounding of the printed stamps
+_SUGGESTED = 10  # missing columns for which a near name is looked for
 CLIP_TOLERANCE = 1e-4  # of full scale: rounding of the written digits
 SIDE_DISAGREEMENT = 0.3  # roll makes left and right differ by less than this on a bump taken straight
 
 
-def read_log(path: Path, name: str, sensors: Sequence[Sensor], sample_interval_s: float) -> Log:
+def read_log(source: Path | InputFile, name: str, sensors: Sequence[Sensor], sample_interval_s: float) -> Log:
     """Read one log.
 
     Values are value_SI = reading * unit, stamps t = stamp - first stamp.  Sensors on the left and right of the same
@@ -44,8 +47,8 @@ def read_log(path: Path, name: str, sensors: Sequence[Sensor], sample_interval_s
 
     Parameters
     ----------
-    path, name
-        The file and its name for messages and results.
+    source, name
+        The file (or its path) and its name for messages and results.
     sensors
         Sensors with their columns; a missing column leaves its channel out and a message in the log.
     sample_interval_s
@@ -61,12 +64,13 @@ def read_log(path: Path, name: str, sensors: Sequence[Sensor], sample_interval_s
     DataRejectedError
         If the file is no table of numbers, has no time column or none of the sensors, or its time does not advance.
     """
-    layout, columns, first_row = read_columns(path, name, [s.column for s in sensors], TIME_NAMES)
+    layout, columns, first_row = read_columns(source, name, [s.column for s in sensors], TIME_NAMES)
     time_column, to_seconds = _time_column(columns, layout.names, name)
     messages: list[str] = []
     stamps, keep = _clean_stamps(columns[time_column] * to_seconds, name, time_column, first_row, messages)
     time = stamps - stamps[0]
     step = float(np.median(np.diff(time)))
+    _check_span(columns[time_column] * to_seconds, stamps, step, name, time_column, first_row)
     if abs(step / sample_interval_s - 1.0) < SAME_STEP:
         step = sample_interval_s
     _compare_step(step, sample_interval_s, name, time_column, messages)
@@ -78,9 +82,9 @@ def read_log(path: Path, name: str, sensors: Sequence[Sensor], sample_interval_s
             f"{near_names(missing[0], layout.names)}; correct the columns or the sensors in campaign.toml."
         )
     messages += [
-        f"{name}: the column '{shorten(column)}' is missing{near_names(column, layout.names)}; the sensor is left out "
-        "there."
-        for column in missing
+        f"{name}: the column '{shorten(column)}' is missing"
+        f"{near_names(column, layout.names) if i < _SUGGESTED else ''}; the sensor is left out there."
+        for i, column in enumerate(missing)
     ]
     channels = [_channel(s, time, columns[s.column][keep]) for s in sensors if s.column in columns]
     columns.clear()
@@ -143,6 +147,24 @@ def _clean_stamps(
         )
         rows = np.delete(rows, repeated)
     return stamps[rows], rows
+
+
+def _check_span(
+    all_stamps: np.ndarray, stamps: np.ndarray, step: float, label: str, column: str, first_row: int
+) -> None:
+    """Refuse a clock that jumps: whoever lays an even grid over the record would need memory for all of it."""
+    span = float(stamps[-1] - stamps[0])
+    rows = limits.LOG_PAUSES * stamps.size * step + limits.LOG_PAUSE_S
+    most = min(limits.LOG_SECONDS, limits.LOG_STEPS * step, rows)
+    if span <= most:
+        return
+    jump = int(np.argmax(np.diff(stamps)))
+    row = int(np.flatnonzero(all_stamps == stamps[jump + 1])[0]) + first_row
+    raise DataRejectedError(
+        f"{label}: the time in column '{column}' spans {span:.6g} s, at most {most:.6g} s are read of "
+        f"{stamps.size} rows {step:.4g} s apart; it jumps by {stamps[jump + 1] - stamps[jump]:.6g} s in row {row}: "
+        "correct the stamps or cut the log."
+    )
 
 
 def _compare_step(step: float, declared: float, label: str, column: str, messages: list[str]) -> None:

@@ -1,56 +1,53 @@
-"""Input files of a campaign: never outside its folder, hashed, and of a size that can be read."""
+"""Input files of a campaign: never outside its folder, and of a size that can be read."""
 
 from __future__ import annotations
 
 import difflib
-import hashlib
 import os
-import stat
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
+from sysid import limits
+from sysid.campaign.input_file import FileRefusedError, InputFile, read_file, read_file_inside
 from sysid.campaign.wording import finish, shorten
 from sysid.errors import CampaignError, DataRejectedError
-
-CAMPAIGN_BYTES = 5_000_000
-LOG_BYTES = 500_000_000
-SCAN_BYTES = 1_000_000_000
-PROFILE_BYTES = 200_000_000
-_NAME_BYTES = 255  # longest file name of common file systems
-_LISTED_FILES = 5_000
+from sysid.output_folder import has_control_characters
 
 
-def locate_campaign(path: str | Path) -> Path:
-    """Path of the campaign file, given itself or its folder.
+def campaign_file(path: str | Path) -> InputFile:
+    """The campaign file, given its path or its folder.
 
     Raises
     ------
     CampaignError
-        If there is no such file, or it is not a readable file of at most 5 MB.
+        If there is no such file, or it is not a readable file of at most 2 MB.
     """
     text = os.fspath(path)
-    if "\0" in text or len(text) > 4096:
+    if "\0" in text or len(text) > limits.PATH_LENGTH:
         raise CampaignError("The path of the campaign file is not a valid path; give a shorter one.")
     file = Path(text)
     try:
         if file.is_dir():
             file = file / "campaign.toml"
-        status = file.stat()
+        return read_file(file, limits.CAMPAIGN_BYTES)
     except FileNotFoundError:
         raise CampaignError(f"There is no campaign file '{_tail(file)}'; {_near_sibling(file)}.") from None
+    except FileRefusedError as error:
+        raise CampaignError(f"The campaign file '{_tail(file)}' {_campaign_refused(error)}.") from None
     except (OSError, ValueError, RuntimeError) as error:
         raise CampaignError(f"The campaign file '{_tail(file)}' cannot be opened ({_reason(error)}).") from None
-    if not stat.S_ISREG(status.st_mode):
-        raise CampaignError(f"The campaign file '{_tail(file)}' is not a file; give the path of a campaign.toml.")
-    if status.st_size > CAMPAIGN_BYTES:
-        raise CampaignError(
-            f"The campaign file '{_tail(file)}' has {status.st_size / 1e6:.0f} MB, a campaign file has at most 5; "
-            "is it a log?"
-        )
-    return file
 
 
-def input_file(folder: Path, name: str, key: str, limit_bytes: int) -> Path:
-    """Path of an input file named in the campaign file, checked to lie inside the campaign folder.
+def _campaign_refused(error: FileRefusedError) -> str:
+    if error.kind == "size":
+        most = f"{limits.CAMPAIGN_BYTES / 1e6:.0f}"
+        return f"has {error.size / 1e6:.0f} MB, a campaign file has at most {most}; is it a log"
+    if error.kind == "changed":
+        return "changed while it was read; start again when it has been saved"
+    return "is not a file; give the path of a campaign.toml"
+
+
+def input_file(folder: Path, name: str, key: str, limit_bytes: int) -> InputFile:
+    """Read an input file named in the campaign file, which must lie inside the campaign folder.
 
     Parameters
     ----------
@@ -69,76 +66,60 @@ def input_file(folder: Path, name: str, key: str, limit_bytes: int) -> Path:
         If the name is absolute, leads outside the folder (also through a link), is too long, does not exist (the
         nearest existing name is suggested) or is not a file.
     DataRejectedError
-        If the file is larger than the limit.
+        If the file is larger than the limit, or changed while it was read.
+    """
+    check_name(name, key)
+    shown = f"{key} names '{shorten(name, 100)}'"
+    try:
+        return read_file_inside(folder, name, limit_bytes)
+    except (FileNotFoundError, NotADirectoryError):
+        raise CampaignError(finish(f"{shown}, which does not exist; {_near_input(folder, name)}")) from None
+    except FileRefusedError as error:
+        raise _refused(shown, error, limit_bytes) from None
+    except (OSError, ValueError, RuntimeError) as error:
+        raise CampaignError(f"{shown}, which cannot be opened ({_reason(error)}).") from None
+
+
+def check_name(name: str, key: str) -> None:
+    """Refuse a name of an input file that is no relative path inside the campaign folder; `key` is for messages.
+
+    Raises
+    ------
+    CampaignError
+        If the name is empty, absolute, too long, leads outside or holds control characters or backslashes.
     """
     shown = f"{key} names '{shorten(name, 100)}'"
     if "\\" in name:
         raise CampaignError(f"{shown}; write the path with forward slashes.")
     pure = PurePosixPath(name)
-    if not name.strip() or any(ord(c) < 32 for c in name):
+    if not name.strip() or has_control_characters(name):
         raise CampaignError(f"{shown}, which is empty or contains control characters; give the name of a file.")
     if pure.is_absolute() or PureWindowsPath(name).drive or name.startswith("~"):
         raise CampaignError(f"{shown}, an absolute path; file names are relative to the campaign file.")
     if ".." in pure.parts:
         raise CampaignError(f"{shown}, which leads outside the campaign folder; move the file into the folder.")
-    if any(len(os.fsencode(p)) > _NAME_BYTES for p in pure.parts) or len(os.fsencode(name)) > 1000:
+    if any(len(os.fsencode(p)) > limits.NAME_BYTES for p in pure.parts) or len(os.fsencode(name)) > limits.PATH_BYTES:
         raise CampaignError(f"{shown}, a name of {len(name)} characters; give a shorter one.")
-    path = folder / name
-    try:
-        resolved = path.resolve()
-        if not resolved.is_relative_to(folder.resolve()):
-            raise CampaignError(
-                f"{shown}, a link that leads outside the campaign folder; copy the file into the folder."
-            )
-        status = resolved.stat()
-    except (FileNotFoundError, NotADirectoryError):
-        raise CampaignError(finish(f"{shown}, which does not exist; {_near_input(folder, name)}")) from None
-    except (OSError, ValueError, RuntimeError) as error:
-        raise CampaignError(f"{shown}, which cannot be opened ({_reason(error)}).") from None
-    if stat.S_ISDIR(status.st_mode):
-        raise CampaignError(f"{shown}, which is a folder; give the name of a file in it.")
-    if not stat.S_ISREG(status.st_mode):
-        raise CampaignError(f"{shown}, which is not a regular file; give the name of a file.")
-    if status.st_size > limit_bytes:
-        raise DataRejectedError(
-            f"{shown}, a file of {status.st_size / 1e6:.0f} MB, at most {limit_bytes / 1e6:.0f} are read; "
+
+
+def _refused(shown: str, error: FileRefusedError, limit_bytes: int) -> CampaignError | DataRejectedError:
+    if error.kind == "size":
+        return DataRejectedError(
+            f"{shown}, a file of {error.size / 1e6:.0f} MB, at most {limit_bytes / 1e6:.0f} are read; "
             "cut it to the time of the test."
         )
-    return path
+    if error.kind == "changed":
+        return DataRejectedError(f"{shown}, which changed while it was read; start again when it is complete.")
+    reason = {
+        "link": "a link that leads outside the campaign folder; copy the file into the folder",
+        "folder": "which is a folder; give the name of a file in it",
+    }.get(error.kind, "which is not a regular file; give the name of a file")
+    return CampaignError(f"{shown}, {reason}.")
 
 
 def relative_name(name: str) -> str:
     """Normal form of a relative file name (forward slashes, no `./`)."""
     return str(PurePosixPath(name))
-
-
-def sha256(path: Path) -> str:
-    """SHA-256 of a file as hexadecimal text.
-
-    Raises
-    ------
-    CampaignError
-        If the file cannot be read.
-    """
-    try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError as error:
-        raise CampaignError(f"The file '{_tail(path)}' cannot be read ({_reason(error)}).") from None
-
-
-def read_bytes(path: Path) -> bytes:
-    """Content of a file whose size has been checked.
-
-    Raises
-    ------
-    CampaignError
-        If the file cannot be read.
-    """
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise CampaignError(f"The file '{_tail(path)}' cannot be read ({_reason(error)}).") from None
 
 
 def _tail(path: Path) -> str:
@@ -164,7 +145,7 @@ def _near_input(folder: Path, name: str) -> str:
     for root, folders, files in os.walk(folder):
         folders[:] = sorted(f for f in folders if not f.startswith("."))[:100]
         found += [(Path(root) / f).relative_to(folder).as_posix() for f in sorted(files)]
-        if len(found) > _LISTED_FILES:
+        if len(found) > limits.LISTED_FILES:
             break
-    near = difflib.get_close_matches(relative_name(name), found[:_LISTED_FILES], n=1, cutoff=0.5)
+    near = difflib.get_close_matches(relative_name(name), found[: limits.LISTED_FILES], n=1, cutoff=0.5)
     return f"did you mean '{shorten(near[0], 100)}'" if near else "check the name, relative to the campaign file"

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid import limits
 from sysid.campaign import paths
+from sysid.campaign.input_file import InputFile
 from sysid.campaign.logs import read_log
 from sysid.campaign.records import (
     Acquisition,
@@ -28,14 +30,14 @@ from sysid.campaign.records import (
 from sysid.campaign.statics import check_statics
 from sysid.campaign.units import angle_rad, si_factor, speed_m_s
 from sysid.campaign.wording import shorten
-from sysid.errors import CampaignError
+from sysid.errors import CampaignError, DataRejectedError
 
 if TYPE_CHECKING:
     from sysid.campaign import schema as s
     from sysid.campaign.vehicle_tables import VehicleReader
 
-PointCloudReader = Callable[[Path, str], np.ndarray]
-ProfileReader = Callable[[Path, float, str], BumpShape]
+PointCloudReader = Callable[[InputFile, str], np.ndarray]
+ProfileReader = Callable[[InputFile, float, str], BumpShape]
 
 
 def read_campaign(
@@ -52,7 +54,8 @@ def read_campaign(
     path
         The campaign file, or the folder that holds a `campaign.toml`.
     point_cloud_reader
-        Function (file, unit) -> points (n, 3) [m] that reads a scan; without it scans hold no points.
+        Function (file, unit) -> points (n, 3) [m] that reads a scan; without it scans hold no points.  The file has
+        its content as `data` and can be used as a path.
     profile_reader
         Function (file, lateral place [m], name) -> bump that reads the profile of a prediction; without it such bumps
         have no stations.
@@ -75,15 +78,16 @@ def read_campaign(
     from sysid.campaign.toml_errors import parse_toml, validate
     from sysid.campaign.vehicle_tables import VehicleReader
 
-    file = paths.locate_campaign(path)
-    tables = validate(parse_toml(paths.read_bytes(file), file.name), file.name)
+    content = paths.campaign_file(path)
+    file = content.path
+    tables = validate(parse_toml(content.data, file.name), file.name)
     vehicle = VehicleReader(tables, file.name)
     try:
         for load_case in vehicle.load_cases.values():
             check_statics(vehicle.vehicle, load_case)
     except CampaignError as error:
         raise CampaignError(f"{file.name}: {error}") from None
-    reader = _Inputs(file, tables, vehicle, {file.name: paths.sha256(file)}, planned)
+    reader = _Inputs(file, tables, vehicle, {file.name: content.sha256}, planned)
     scans = reader.scans(point_cloud_reader)
     acquisition = tables.acquisition
     low_pass = acquisition.filter
@@ -115,20 +119,40 @@ class _Inputs:
     vehicle: VehicleReader
     hashes: dict[str, str]
     planned: bool
+    totals: dict[str, int] = field(default_factory=dict)
 
-    def _input(self, name: str, key: str, limit: int) -> Path:
-        path = paths.input_file(self.file.parent, name, f"{self.file.name}: {key}", limit)
-        if paths.relative_name(name) not in self.hashes:
-            self.hashes[paths.relative_name(name)] = paths.sha256(path)
-        return path
+    def _input(self, name: str, key: str, limit: int) -> InputFile:
+        label = f"{self.file.name}: {key}"
+        content = paths.input_file(self.file.parent, name, label, limit)
+        # The hash is that of the very bytes that are parsed: a file that two tests name must not change between them.
+        if self.hashes.setdefault(paths.relative_name(name), content.sha256) != content.sha256:
+            raise DataRejectedError(
+                f"{label} names '{shorten(name, 100)}', which changed while the campaign was read; start again when it "
+                "is complete."
+            )
+        self._count("bytes", len(content.data), limits.INPUT_BYTES, label)
+        return content
+
+    def _count(self, what: str, more: int, most: int, label: str) -> None:
+        self.totals[what] = self.totals.get(what, 0) + more
+        if self.totals[what] > most:
+            raise DataRejectedError(
+                f"{label}: the files named so far have {self.totals[what] / 1e6:.0f} million {what}, at most "
+                f"{most / 1e6:.0f} are read; cut the logs to the time of the tests."
+            )
 
     def _log(self, name: str, key: str, sensors: Sequence[Sensor]) -> Log:
         interval = self.tables.acquisition.sample_interval_s
+        if self.planned:
+            paths.check_name(name, f"{self.file.name}: {key}.file")
         if self.planned and not (self.file.parent / name).exists():
             channels = (Channel(s, np.zeros(1), np.zeros(1), np.zeros(1, np.int8)) for s in sensors)
             return Log(paths.relative_name(name), interval, tuple(channels))
-        path = self._input(name, f"{key}.file", paths.LOG_BYTES)
-        return read_log(path, paths.relative_name(name), sensors, interval)
+        content = self._input(name, f"{key}.file", limits.LOG_BYTES)
+        log = read_log(content, paths.relative_name(name), sensors, interval)
+        numbers = sum(channel.value.size for channel in log.channels)
+        self._count("numbers", numbers, limits.INPUT_NUMBERS, f"{self.file.name}: {key}.file")
+        return log
 
     def _load_case(self, name: str, key: str) -> str:
         return self.vehicle.pick(name, list(self.vehicle.load_cases), f"{key}.load_case", "load case")
@@ -146,17 +170,17 @@ class _Inputs:
         result = {}
         for name, table in self.tables.scan.items():
             key = "scan" if len(self.tables.scan) == 1 and name == "bump" else f"scan.{name}"
-            path = self._input(table.file, f"{key}.file", paths.SCAN_BYTES)
+            content = self._input(table.file, f"{key}.file", limits.SCAN_BYTES)
             points = (
                 np.empty((0, 3))
                 if point_cloud_reader is None
-                else point_cloud_reader(path, table.unit.replace("µ", "u"))
+                else point_cloud_reader(content, table.unit.replace("µ", "u"))
             )
             result[name] = Scan(name, paths.relative_name(table.file), angle_rad(table.heading_deg), points)
         return result
 
     def plank_drops(self) -> tuple[PlankDrop, ...]:
-        """Plank drops with their logs, in the order of the file.
+        """Plank drops with their logs, in the order of the file; of a lifted body one for every axle with sensors.
 
         Raises
         ------
@@ -174,23 +198,52 @@ class _Inputs:
                     f"{self.file.name}: {key} needs [sensors.plank_drop], which is missing; "
                     "name the columns of its log there."
                 )
-            index = self.vehicle.axle(entry.axle, f"{key}.axle")
-            axle = self.vehicle.vehicle.axles[index]
-            at = [_sensor(column, table, axle=index, body=axle.body, x_m=axle.x_m) for column, table in sensors.items()]
+            names = [(entry.axle, f"{key}.axle")] if entry.axle is not None else []
+            names += [(name, f"{key}.axles") for name in entry.axles]
+            lifted = [self.vehicle.axle(name, where) for name, where in names]
             first = next(iter(self.vehicle.load_cases))
-            drops.append(
-                PlankDrop(
-                    axle=index,
-                    load_case=first if entry.load_case is None else self._load_case(entry.load_case, key),
-                    plank_height_m=entry.plank_height_m,
-                    log=self._log(entry.file, key, at),
-                    nominal_speed_m_s=None if entry.nominal_speed_km_h is None else speed_m_s(entry.nominal_speed_km_h),
-                    dampers=entry.dampers,
-                    towed=entry.towed,
-                    engine_off=entry.engine_off,
+            load_case = first if entry.load_case is None else self._load_case(entry.load_case, key)
+            speed = None if entry.nominal_speed_km_h is None else speed_m_s(entry.nominal_speed_km_h)
+            for index, at in self._drop_sensors(lifted, key).items():
+                drops.append(
+                    PlankDrop(
+                        axle=index,
+                        load_case=load_case,
+                        plank_height_m=entry.plank_height_m,
+                        log=self._log(entry.file, key, at),
+                        nominal_speed_m_s=speed,
+                        dampers=entry.dampers,
+                        towed=entry.towed,
+                        engine_off=entry.engine_off,
+                        release=entry.release,
+                        lifted=tuple(lifted) if entry.release == "body" else (),
+                    )
                 )
-            )
         return tuple(drops)
+
+    def _drop_sensors(self, lifted: list[int], key: str) -> dict[int, list[Sensor]]:
+        """Sensors of one drop per axle under test; those without an axle of their own are at the only one."""
+        found: dict[int, list[Sensor]] = {}
+        for column, table in self.tables.sensors.plank_drop.items():
+            where = f"sensors.plank_drop.{shorten(column)}"
+            if table.axle is not None:
+                index = self.vehicle.axle(table.axle, f"{where}.axle")
+                if index not in lifted:
+                    continue
+            elif len(lifted) > 1:
+                raise CampaignError(
+                    f"{self.file.name}: {key} has several axles, and {where} does not say at which it is mounted; "
+                    "give it an axle."
+                )
+            else:
+                index = lifted[0]
+            axle = self.vehicle.vehicle.axles[index]
+            found.setdefault(index, []).append(_sensor(column, table, axle=index, body=axle.body, x_m=axle.x_m))
+        if not found:
+            raise CampaignError(
+                f"{self.file.name}: {key} has no sensor at its axle in [sensors.plank_drop]; name its column there."
+            )
+        return dict(sorted(found.items()))
 
     def bump_runs(self, scans: Mapping[str, Scan]) -> tuple[BumpRun, ...]:
         """Bump runs with their logs, in the order of the file.
@@ -256,10 +309,11 @@ class _Inputs:
     def _shape(self, table: s.ShapeTable, key: str, profile_reader: ProfileReader | None) -> BumpShape:
         if table.file is None:
             return _shape(table)
-        path, name = self._input(table.file, f"{key}.file", paths.PROFILE_BYTES), paths.relative_name(table.file)
+        content = self._input(table.file, f"{key}.file", limits.PROFILE_BYTES)
+        name = paths.relative_name(table.file)
         if profile_reader is None:
             return BumpShape("points", source=name)
-        return profile_reader(path, table.lateral_m or 0.0, name)
+        return profile_reader(content, table.lateral_m or 0.0, name)
 
     def messages(self) -> tuple[str, ...]:
         """What somebody should know about the list of tests."""

@@ -257,16 +257,22 @@ class Log:
 
 @dataclass(frozen=True)
 class PlankDrop:
-    """One plank drop: the axle under test rolls off a plank of the given height."""
+    """One drop: the axle under test rolls off a plank of the given height, or the body above it is let go.
+
+    `lifted` are the axles above which a body was lifted that is let go (`release` ``body``, `plank_height_m` None);
+    there is one such record per axle that is measured.
+    """
 
     axle: int
     load_case: str
-    plank_height_m: float
+    plank_height_m: float | None
     log: Log
     nominal_speed_m_s: float | None = None
     dampers: bool = True
     towed: bool | None = None
     engine_off: bool | None = None
+    release: Literal["plank", "body"] = "plank"
+    lifted: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)

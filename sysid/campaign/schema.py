@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StrictBool, StrictStr, model_validator
 
+from sysid import limits
 from sysid.campaign.schema_fields import (
     TEXT_LENGTH,
     LengthUnit,
@@ -86,14 +87,16 @@ class RunSensorTable(_SensorTable):
 
 
 class DropSensorTable(_SensorTable):
-    """[sensors.plank_drop]: column = { kind, unit, range, side }, mounted at the axle under test."""
+    """[sensors.plank_drop]: column = { kind, unit, range, side, axle }, without axle mounted at the axle under test."""
+
+    axle: Name | None = None
 
 
 class SensorsTable(Table):
     """[sensors]: columns of bump-run and plank-drop logs."""
 
-    bump_run: dict[Name, RunSensorTable] = {}
-    plank_drop: dict[Name, DropSensorTable] = {}
+    bump_run: Annotated[dict[Name, RunSensorTable], Field(max_length=limits.SENSORS)] = {}
+    plank_drop: Annotated[dict[Name, DropSensorTable], Field(max_length=limits.SENSORS)] = {}
 
 
 class ScanTable(Table):
@@ -105,16 +108,33 @@ class ScanTable(Table):
 
 
 class PlankDropTable(Table):
-    """One entry of tests.plank_drop."""
+    """One entry of tests.plank_drop: an axle off a plank, or a body that was lifted above one or more axles."""
 
-    axle: Name
+    axle: Name | None = None
+    axles: Annotated[list[Name], Field(max_length=100)] = []
     file: PathText
-    plank_height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1.0)]
+    release: Literal["plank", "body"] = "plank"
+    plank_height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1.0)] | None = None
     load_case: Name | None = None
     nominal_speed_km_h: SpeedKmH | None = None
     dampers: StrictBool = True
     towed: StrictBool | None = None
     engine_off: StrictBool | None = None
+
+    @model_validator(mode="after")
+    def _keys_of_release(self) -> PlankDropTable:
+        if (self.axle is None) == (not self.axles):
+            raise ValueError("needs its axle; give axle, or axles where a body was lifted above several")
+        if len(set(self.axles)) < len(self.axles):
+            raise ValueError("names an axle twice in axles; name each once")
+        if self.release == "plank":
+            if self.axles:
+                raise ValueError("has several axles on the plank; give one axle, or release = 'body' for a lifted body")
+            if self.plank_height_m is None:
+                raise ValueError("has no plank_height_m; give it, or release = 'body' for a body that was let go")
+        elif self.plank_height_m is not None or self.nominal_speed_km_h is not None:
+            raise ValueError("lets a body go; leave out plank_height_m and nominal_speed_km_h, which belong to a plank")
+        return self
 
 
 class BumpRunTable(Table):

@@ -11,10 +11,12 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from sysid.campaign.schema import CampaignFile
+from sysid.campaign.toml_bounds import check_bounds
 from sysid.campaign.wording import finish, nearest, shorten
 from sysid.errors import CampaignError
 
 SHOWN = 3  # problems named in one error
+_COMPARED = 100  # unknown keys compared with missing ones
 
 
 def parse_toml(content: bytes, label: str) -> dict[str, Any]:
@@ -30,13 +32,14 @@ def parse_toml(content: bytes, label: str) -> dict[str, Any]:
     Raises
     ------
     CampaignError
-        If it is not text or not TOML; line and column are named.
+        If it is not text, beyond the bounds of `sysid.limits`, or not TOML; line and column are named.
     """
     encoding = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     try:
         text = content.decode(encoding)
     except UnicodeDecodeError as error:
         raise CampaignError(f"{label} is not UTF-8 text (byte {error.start + 1}); save it as UTF-8.") from None
+    check_bounds(text, label)
     try:
         return tomllib.loads(text.replace("\r\n", "\n"))
     except tomllib.TOMLDecodeError as error:
@@ -63,11 +66,11 @@ def validate(data: dict[str, Any], label: str) -> CampaignFile:
     try:
         return CampaignFile.model_validate(data)
     except ValidationError as error:
-        problems = _problems(error.errors(include_url=False), data)
+        problems, count = _problems(error.errors(include_url=False), data)
     except RecursionError:
-        problems = ["tables are nested too deeply"]
-    more = f"; and {len(problems) - SHOWN} more" if len(problems) > SHOWN else ""
-    raise CampaignError(finish(f"{label}: {'; '.join(problems[:SHOWN])}{more}")) from None
+        problems, count = ["tables are nested too deeply"], 1
+    more = f"; and {count - len(problems)} more" if count > len(problems) else ""
+    raise CampaignError(finish(f"{label}: {'; '.join(problems)}{more}")) from None
 
 
 def _named_scans(data: dict[str, Any]) -> dict[str, Any]:
@@ -78,19 +81,20 @@ def _named_scans(data: dict[str, Any]) -> dict[str, Any]:
     return data
 
 
-def _problems(errors: list[Any], data: dict[str, Any]) -> list[str]:
+def _problems(errors: list[Any], data: dict[str, Any]) -> tuple[list[str], int]:
+    """Sentences about the first problems, and the number of all."""
     unknown = [e["loc"] for e in errors if e["type"] == "extra_forbidden"]
-    result = []
+    told = []
     # Unknown keys first: a misspelled key is the cause, the missing one only its consequence.
     for error in sorted(errors, key=lambda e: e["type"] != "extra_forbidden"):
         loc = tuple(error["loc"])
         if error["type"] == "missing" and any(
             u[:-1] == loc[:-1] and difflib.SequenceMatcher(None, str(u[-1]), str(loc[-1])).ratio() > 0.5
-            for u in unknown
+            for u in unknown[:_COMPARED]
         ):
             continue
-        result.append(_sentence(error, loc, data))
-    return result
+        told.append((error, loc))
+    return [_sentence(error, loc, data) for error, loc in told[:SHOWN]], len(told)
 
 
 def _sentence(error: Any, loc: tuple[str | int, ...], data: dict[str, Any]) -> str:

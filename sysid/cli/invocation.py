@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import shlex
 import subprocess
+import warnings
+from collections.abc import Callable
 
 import click
 from click.core import ParameterSource
@@ -30,6 +32,17 @@ def same_command(*more: str) -> str:
         words += [str(context.info_name), *_given(context)]
     words += [option for option in more if option not in words]
     return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
+
+
+def configured(say: Callable[[str], None]) -> None:
+    """Settings of the process as :func:`sysid.runtime.configure` makes them; its warnings go to `say`, one each."""
+    from sysid.runtime import configure
+
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        configure()
+    for warning in found:
+        say(str(warning.message))
 
 
 def _given(context: click.Context) -> list[str]:

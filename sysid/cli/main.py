@@ -7,11 +7,14 @@ written, 4 not converged (results are still written and marked so), 130 stopped 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
+
+from sysid.workflow.stage import Option
+from sysid.workflow.stages import RECORDS
 
 DEFAULT_CAMPAIGN = "data/campaign.toml"
 DEFAULT_OUTPUT = "output"
@@ -29,8 +32,7 @@ written, 4 not converged (results are still written and marked so), 130 stopped 
 def _options(command: Callable[..., Any]) -> Callable[..., Any]:
     decorators = [
         click.argument("campaign", default=DEFAULT_CAMPAIGN, type=click.Path(path_type=Path)),
-        click.option("--output", default=DEFAULT_OUTPUT, show_default=True, help="Folder for everything written.",
-                     type=click.Path(path_type=Path)),
+        click.option("--output", default=DEFAULT_OUTPUT, show_default=True, help="Folder for everything written."),
         click.option("--quick", is_flag=True, help="Preview: few iterations, a short chain; results are marked so."),
         click.option("--seed", default=None, help="Seed of everything random (default: 0).", type=click.IntRange(0)),
         click.option("--max-steps", default=None, help="Limit of sampling steps per ensemble (default: 1500).",
@@ -50,76 +52,54 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-@click.group(help=_HELP, context_settings={"help_option_names": ["-h", "--help"]})
+class _InOrder(click.Group):
+    """Lists its commands in the order in which they were added: that of the stages."""
+
+    def list_commands(self, context: click.Context) -> list[str]:
+        return list(self.commands)
+
+
+@click.group(cls=_InOrder, help=_HELP, context_settings={"help_option_names": ["-h", "--help"]})
 def cli() -> None:
     """Entry point of all stages."""
 
 
-_PASS_OPTIONS = (
-    click.option("--speed", "speeds", multiple=True, type=click.FloatRange(0.0, 300.0, min_open=True),
-                 help="Predict this speed [km/h] instead of the passes of the campaign; may be repeated."),
-    click.option("--load-case", default=None, help="Load case of --speed (default: the first)."),
-    click.option("--bump", default=None, metavar="NAME|FILE",
-                 help="Bump of --speed: a scan of the campaign (default: the first), or a file with a profile "
-                 "(CSV with station_m and height_m, or OpenCRG)."),
-    click.option("--lateral", default=None, type=click.FloatRange(-1000.0, 1000.0),
-                 help="Long section of an OpenCRG file, metres to the left of its reference line (default: 0)."),
-    click.option("--shape", default=None, help="Another bump by its shape, with --height and --length.",
-                 type=click.Choice(["watts", "sinusoidal", "half_sine", "parabolic", "trapezoid"])),
-    click.option("--height", default=None, help="Height of the shape [m].", type=click.FloatRange(0.001, 1.0)),
-    click.option("--length", default=None, help="Length of the shape [m].", type=click.FloatRange(0.01, 100.0)),
-    click.option("--top", default=None, help="Flat top of a trapezoid [m] (default: a third of its length).",
-                 type=click.FloatRange(0.0, 100.0)),
-)  # fmt: skip
+def _click_option(option: Option) -> Callable[..., Any]:
+    """An option of a stage's record as click takes it."""
+    kind: Any = option.kind
+    if option.choices:
+        kind = click.Choice(list(option.choices))
+    elif option.limits is not None:
+        kind = click.FloatRange(*option.limits, min_open=option.above)
+    if option.kind is bool:
+        return click.option(option.flag, option.name, is_flag=True, help=option.help)
+    return click.option(
+        option.flag,
+        option.name,
+        default=None,
+        multiple=option.multiple,
+        required=option.required,
+        metavar=option.metavar,
+        help=option.help,
+        type=kind,
+    )
 
 
-_ADVICE_OPTIONS = (
-    click.option("--candidate-speed", "candidate_speeds", multiple=True,
-                 type=click.FloatRange(0.0, 300.0, min_open=True),
-                 help="Speed [km/h] of further runs to judge; may be repeated (default: 8, 16, 24, 32)."),
-)  # fmt: skip
-
-_PROFILE_OPTIONS = (
-    click.option("--parameter", "profiled", multiple=True, required=True,
-                 help="Parameter by its name in the fit, for example k_3; may be repeated."),
-)  # fmt: skip
-
-
-_LEAVE_OUT_OPTIONS = (
-    click.option("--leave-out", "left_out", multiple=True, metavar="RUN",
-                 help="Predict this run (its file) by a fit of all others; may be repeated."),
-    click.option("--leave-one-out", is_flag=True, help="Predict every run, each by a fit of all others."),
-)  # fmt: skip
-
-
-def _stage(name: str, text: str, more: tuple[Callable[..., Any], ...] = ()) -> None:
-    def command(campaign: Path, output: Path, resume: bool, **choices: Any) -> None:
+def _add(name: str, text: str, options: Sequence[Option] = ()) -> None:
+    def command(campaign: Path, output: str, resume: bool, **choices: Any) -> None:
         from sysid.cli.stages import run_stage
 
         sys.exit(run_stage(name, campaign, output, resume=resume, **choices))
 
-    for decorate in reversed(more):
-        command = decorate(command)
+    for option in reversed(options):
+        command = _click_option(option)(command)
     cli.command(name, help=text)(_options(command))
 
 
-_stage("check", "Quality of every log and channel: rate, gaps, clipping, wrong units, flipped signs.")
-_stage("drops", "Stiffness and damping of every axle from its plank drops, equations (1)-(3) and corrections.")
-_stage("fit", "Least-squares calibration of the vehicle model against all bump runs.")
-_stage(
-    "validate", "Agreement with the measured histories; of runs that no fit has seen, on request.", _LEAVE_OUT_OPTIONS
-)
-_stage("advise", "What to measure next: further runs and sensors ranked by what they would bring.", _ADVICE_OPTIONS)
-_stage("profile", "Profile of the deviance of chosen parameters, all others optimised anew.", _PROFILE_OPTIONS)
-_stage("sample", "Posterior of all parameters by emcee, continued until it has converged.")
-_stage("crosscheck", "The posterior once more by a gradient-based sampler, and how far both agree; needs nutpie.")
-_stage("predict", "Dynamic wheel loads of the passes that the campaign asks for, or of others.", _PASS_OPTIONS)
-_stage("report", "Write report.html from the stages that have run.")
-_stage(
-    "export",
-    "Write result.json, tables, posterior.nc and files for LS-DYNA, Chrono and bridge codes from finished stages.",
-)
-_stage(
+for _record in RECORDS:
+    if _record.command is not None:
+        _add(_record.name, _record.command.help, _record.command.options)
+_add(
     "run",
     "All stages in order, but for profile, crosscheck, selftest and validate --leave-out; advise not with --quick.",
 )

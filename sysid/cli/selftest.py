@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from sysid.campaign.wording import shorten
-from sysid.cli.invocation import name_of_program
+from sysid.cli.invocation import configured, name_of_program
 from sysid.cli.progress import StageProgress
 from sysid.cli.stages import INTERRUPTED, console, termination_as_interrupt
 from sysid.cli.tables import plain_table
@@ -47,10 +47,9 @@ def _simulated(campaign: Path, count: int, seed: int, errors: Console) -> SelfTe
     from sysid.road.point_cloud import read_point_cloud
     from sysid.road.profile_files import bump_from_file
     from sysid.road.scan import analyse_scan
-    from sysid.runtime import configure
     from sysid.selftest import self_test
 
-    configure()
+    configured(lambda text: errors.print(f"{name_of_program()} selftest: {text}", markup=False))
     with StageProgress(errors) as progress:
         progress.stage("selftest")
         read = read_campaign(campaign, point_cloud_reader=read_point_cloud, profile_reader=bump_from_file, planned=True)

@@ -5,31 +5,39 @@ from __future__ import annotations
 import errno
 import signal
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from sysid.cli import tables
-from sysid.cli.invocation import name_of_program, same_command
-from sysid.cli.passes import OPTIONS, requested_passes
+from sysid.cli.invocation import configured, name_of_program, same_command
 from sysid.cli.progress import StageProgress
-from sysid.errors import DataRejectedError, NotConvergedError, OutputError, SysidError
+from sysid.cli.tables import render, show_run
+from sysid.errors import NotConvergedError, OutputError, SysidError
+from sysid.files import write_text
 from sysid.folder_lock import cannot_write
+from sysid.output_folder import output_folder
+from sysid.workflow.stage import Command, Ending, Stage, Whole
+from sysid.workflow.stages import EXPORT, RECORDS
+
+if TYPE_CHECKING:
+    from sysid.workflow import Calibration
 
 INTERRUPTED = 130
 #: Errors of the system that say no more than that nothing can be written here.
 _NO_WRITING = (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT)
 
 
-def run_stage(name: str, campaign: Path, output: Path, *, resume: bool, **choices: Any) -> int:
+def run_stage(name: str, campaign: Path, output_name: str, *, resume: bool, **choices: Any) -> int:
     """Run one command and return its exit code; `choices` are those of :func:`sysid.workflow.make_settings`."""
     screen, errors = console(False), console(True)
+    output = Path(output_name)
     with termination_as_interrupt():
         try:
-            return _run(name, campaign, output, screen, errors, resume, choices)
+            return _run(name, campaign, output_folder(output_name), screen, errors, resume, choices)
         except SysidError as error:
             errors.print(f"{name_of_program()} {name}: {error}", markup=False)
             return error.exit_code
@@ -61,99 +69,97 @@ def _keep_traceback(output: Path) -> str:
     """Write the traceback of the running exception into the output folder; where it went, in words."""
     try:
         path = output / "error.log"
-        path.write_text(traceback.format_exc(), encoding="utf-8")
+        write_text(path, traceback.format_exc())
     except OSError:
         return ""
     return f" with the file {path}"
 
 
-def _run(name, campaign, output, screen, errors, resume, choices) -> int:
-    from sysid.runtime import configure
+def _run(
+    name: str, campaign: Path, output: Path, screen: Console, errors: Console, resume: bool, choices: dict[str, Any]
+) -> int:
     from sysid.workflow import KEPT_CHOICES, Calibration, make_settings, recall
 
-    configure()
-    asked = {option: choices.pop(option, None) for option in OPTIONS}
-    speeds, profiled = choices.pop("candidate_speeds", ()), choices.pop("profiled", ())
-    left_out, all_out = choices.pop("left_out", ()), choices.pop("leave_one_out", False)
-    passes_only = any(value not in (None, ()) for value in asked.values())
+    configured(lambda text: errors.print(f"{name_of_program()} {name}: {text}", markup=False))
+    record = next((r for r in RECORDS if r.name == name), None)
+    options = () if record is None or record.command is None else record.command.options
+    asked = {option.name: choices.pop(option.name, None) for option in options}
+    asked = {option.name: asked[option.name] for option in options if option.given(asked)}
     # A seed of 0 is a choice as well, and equal to False.
     chosen = any(choices.get(option) is not None and choices[option] is not False for option in KEPT_CHOICES)
-    if (name in ("report", "export", "advise", "profile", "validate", "crosscheck") or passes_only) and not chosen:
-        # These show what is there: without options they take those of the run that filled the folder.
+    if _shows_what_is_there(record, asked) and not chosen:
+        # Without options these take those of the run that filled the folder.
         choices |= recall(output)
-    settings = make_settings(**choices)
-    result: Any
-    written: tuple[Path, ...] = ()
     with StageProgress(errors) as progress:
 
         def notice(text: str) -> None:
             errors.print(f"{name_of_program()} {name}: {text}", markup=False)
 
-        calibration = Calibration(campaign, output, settings, progress.update, resume=resume, notice=notice)
-        if passes_only:
-            from sysid.export.tables import write_passes
-
-            requests = requested_passes(calibration.campaign, asked)
-            progress.stage(name)
-            result = calibration.predict_passes(requests)
-            written = write_passes(result, output)
-        elif name == "advise":
-            calibration.redo(name)
-            progress.stage(name)
-            result = calibration.advise(*([speeds] if speeds else []))
-            calibration.export()
-        elif name == "crosscheck":
-            calibration.redo(name)
-            progress.stage(name)
-            result = calibration.crosscheck()
-            calibration.export()
-        elif name == "profile":
-            progress.stage(name)
-            result = calibration.profile(profiled)
-            calibration.export()
-        elif name == "validate":
-            progress.stage(name)
-            result = (
-                calibration.leave_out(() if all_out else left_out) if left_out or all_out else calibration.validate()
-            )
-            calibration.export()
-        elif name in ("check", "drops", "fit", "sample", "predict"):
-            if not resume:
-                calibration.redo(name)
-            progress.stage(name)
-            result = getattr(calibration, name)()
-            calibration.export()
-        elif name == "report":
-            progress.stage(name)
-            result = calibration.report()
-            calibration.export()
-        elif name == "export":
-            result = calibration.export()
-        else:
-            progress.stage("calibration")
-            result = calibration.run()
-    show = getattr(tables, f"show_{name}")
-    show(screen, calibration, result)
-    for path in written:
+        calibration = Calibration(
+            campaign, output, make_settings(**choices), progress.update, resume=resume, notice=notice
+        )
+        progress.stage(name)
+        found = _computed(record, calibration, asked, resume)
+    blocks = (
+        show_run(found.result, calibration)
+        if record is None
+        else _command(record).show(found.result, calibration.results())
+    )
+    render(screen, blocks)
+    for path in found.written:
         screen.print(str(path), markup=False)
-    return _exit_code(name, calibration)
+    return _exit_code(found, calibration.settings.quick)
 
 
-def _exit_code(name: str, calibration) -> int:
+@dataclass(frozen=True)
+class _Found:
+    """What a command computed, which files it wrote aside, and the error whose exit code is its own."""
+
+    result: Any
+    written: Sequence[Path] = ()
+    fault: type[SysidError] | None = None
+
+
+def _command(record: Stage[Any] | Ending) -> Command[Any]:
+    assert record.command is not None
+    return record.command
+
+
+def _shows_what_is_there(record: Stage[Any] | Ending | None, asked: dict[str, Any]) -> bool:
+    if record is None:
+        return False
+    command = _command(record)
+    return command.recalls or (command.aside is not None and bool(asked))
+
+
+def _computed(
+    record: Stage[Any] | Ending | None, calibration: Calibration, asked: dict[str, Any], resume: bool
+) -> _Found:
+    """Do what a command is for; None is the whole run."""
+    if record is None:
+        results = calibration.run()
+        return _Found(results, fault=None if results.status == "converged" else NotConvergedError)
+    if isinstance(record, Ending):
+        written = calibration.write(record)
+        if record is not EXPORT:
+            calibration.export()
+        return _Found(written)
+    command = _command(record)
+    if command.aside is not None and asked:
+        found = calibration.aside(record, asked)
+        return _Found(found, command.aside.write(found, calibration.output))
+    if not resume and record.in_file and isinstance(record, Whole):
+        calibration.redo(record)
+    result = calibration.result(record, asked)
+    calibration.export()
+    return _Found(result, fault=command.fault(result))
+
+
+def _exit_code(found: _Found, quick: bool) -> int:
     """0; 3 where the check rejects a channel; 4 where what was asked for has not converged; a preview is 0."""
-    if name == "check" and any(f.verdict == "rejected" for f in calibration.check().channels):
-        return DataRejectedError.exit_code
-    if calibration.settings.quick:
+    if found.fault is None or (quick and found.fault is NotConvergedError):
         return 0
-    if name == "fit" and not calibration.fit().converged:
-        return NotConvergedError.exit_code
-    if name == "sample" and not calibration.sample().converged:
-        return NotConvergedError.exit_code
-    if name == "crosscheck" and not calibration.crosscheck().agrees:
-        return NotConvergedError.exit_code
-    if name == "run" and calibration.results().status != "converged":
-        return NotConvergedError.exit_code
-    return 0
+    return found.fault.exit_code
 
 
 def console(stderr: bool) -> Console:

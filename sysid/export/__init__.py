@@ -2,13 +2,12 @@
 
 from sysid.export.chrono import chrono_merged, read_chrono
 from sysid.export.contents import Results
-from sysid.export.files import write_atomically, write_text
+from sysid.export.csv_cells import escape_cell
 from sysid.export.inference_data import posterior_tree, write_posterior
 from sysid.export.models import model_texts, moving_force_texts, write_models
 from sysid.export.naming import prediction_files
 from sysid.export.result_json import result_document, result_schema, write_result
 from sysid.export.tables import (
-    escape_cell,
     parameters_csv,
     prediction_csv,
     validation_csv,
@@ -31,12 +30,10 @@ __all__ = [
     "result_document",
     "result_schema",
     "validation_csv",
-    "write_atomically",
     "write_models",
     "write_parameters",
     "write_posterior",
     "write_predictions",
     "write_result",
-    "write_text",
     "write_validation",
 ]

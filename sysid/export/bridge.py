@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from sysid.campaign.statics import static_equilibrium
-from sysid.export.tables import escape_cell
+from sysid.export.csv_cells import escape_cell
 
 if TYPE_CHECKING:
     from sysid.campaign.records import Campaign

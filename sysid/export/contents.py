@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import Campaign
+from sysid.export.parameter_table import parameter_table
 from sysid.road.results import ScanAnalysis
 from sysid.sdof.results import DropSummary
 from sysid.tabular import Tabular
@@ -32,7 +33,9 @@ STATUSES: tuple[Status, ...] = ("converged", "not_converged", "preview")
 class Results(Tabular):
     """Results of all stages that have run; a stage that has not run yet is None (no scans: an empty mapping).
 
-    `scans` maps the name of a bump to its analysis.  `provenance` may hold ``input_sha256`` (file -> hash),
+    `scans` maps the name of a bump to its analysis; `further` holds results of stages without a field here, by name;
+    `unfinished` names stages that are still running or were stopped, and whose result is what they have got so far.
+    `provenance` may hold ``input_sha256`` (file -> hash),
     ``versions`` (package -> version), ``seed``, ``settings`` (nested mapping) and ``timings`` (stage -> seconds).
 
     Raises ValueError if `status` is none of ``converged``, ``not_converged``, ``preview``.
@@ -49,6 +52,8 @@ class Results(Tabular):
     validation: Validation | None = None
     advice: Advice | None = None
     profiles: tuple[ProfileLikelihood, ...] = ()
+    further: Mapping[str, object] = field(default_factory=dict)
+    unfinished: tuple[str, ...] = ()
     status: Status = "not_converged"
     warnings: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -63,9 +68,8 @@ class Results(Tabular):
 
         import pandas as pd
 
-        from sysid.export.tables import parameters_csv
-
-        return pd.read_csv(io.StringIO(parameters_csv(self)))
+        text = parameter_table(self.campaign.vehicle.axles, self.fit, self.posterior)
+        return pd.read_csv(io.StringIO(text))
 
     @property
     def all_warnings(self) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from sysid.errors import CampaignError
 from sysid.export.contents import Results
-from sysid.export.files import write_atomically
+from sysid.files import write_atomically
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.export.contents import Results
-from sysid.export.files import write_text
 from sysid.export.naming import prediction_files, speed_km_h
+from sysid.files import write_text
 from sysid.sdof.results import DropEstimate
 
 if TYPE_CHECKING:
@@ -98,6 +98,11 @@ def _drop(estimate: DropEstimate) -> dict[str, Any]:
         "log_decrement": _number(estimate.log_decrement),
         "usable": bool(estimate.usable),
         "note": estimate.note,
+        "damping_kind": estimate.damping_kind,
+        "friction_force": _number(estimate.friction_force),
+        "friction_force_sd": _number(estimate.friction_force_sd),
+        "quadratic_damping": _number(estimate.quadratic_damping),
+        "quadratic_damping_sd": _number(estimate.quadratic_damping_sd),
     }
 
 

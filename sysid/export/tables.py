@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,8 +11,10 @@ import numpy as np
 import pandas as pd
 
 from sysid.export.contents import Results
-from sysid.export.files import write_text
+from sysid.export.csv_cells import csv_text, escape_cell, number_cell
 from sysid.export.naming import file_stem, prediction_files, speed_km_h
+from sysid.export.parameter_table import parameter_table
+from sysid.files import write_text
 from sysid.tabular import distinct
 from sysid.validation.results import ChannelAgreement
 
@@ -24,66 +23,10 @@ if TYPE_CHECKING:
     from sysid.prediction.results import PassPrediction, Predictions, Quantiles
     from sysid.validation.results import Validation
 
-PARAMETER_COLUMNS = (
-    "name",
-    "quantity",
-    "axle",
-    "axle_name",
-    "load_case",
-    "run",
-    "law",
-    "unit",
-    "identified",
-    "least_squares_value",
-    "least_squares_sd",
-    "posterior_mean",
-    "posterior_sd",
-    "posterior_q05",
-    "posterior_q50",
-    "posterior_q95",
-    "posterior_ess",
-    "posterior_rhat",
-)
-
-_FORMULA_STARTS = ("=", "+", "-", "@")
-
-
-def escape_cell(text: str) -> str:
-    """`text` on one line, with an apostrophe in front where a spreadsheet would take it for a formula."""
-    # Spreadsheets skip blanks before they look for a formula, and a bare line end would start a row of its own.
-    line = "".join(c if c.isprintable() else " " for c in text)
-    return "'" + line if line.lstrip().startswith(_FORMULA_STARTS) else line
-
 
 def parameters_csv(results: Results) -> str:
     """The text of `parameters.csv`: one row per parameter in SI units, empty cells for what is not known."""
-    axles = results.campaign.vehicle.axles
-    summaries = {} if results.posterior is None else {s.name: s for s in results.posterior.summaries}
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(PARAMETER_COLUMNS)
-    estimates = () if results.fit is None else (*results.fit.parameters, *results.fit.run_parameters)
-    for p in estimates:
-        summary = summaries.get(p.name)
-        posterior = [None] * 7 if summary is None else [getattr(summary, key) for key in _SUMMARY_KEYS]
-        writer.writerow(
-            [
-                escape_cell(p.name),
-                escape_cell(p.quantity),
-                "" if p.axle is None else p.axle + 1,
-                "" if p.axle is None else escape_cell(axles[p.axle].name),
-                escape_cell(p.load_case or ""),
-                escape_cell(p.run or ""),
-                escape_cell(p.law),
-                p.unit,
-                "true" if p.identified else "false",
-                *(_cell(value) for value in (p.value, p.sd, *posterior)),
-            ]
-        )
-    return stream.getvalue()
-
-
-_SUMMARY_KEYS = ("mean", "sd", "q05", "q50", "q95", "ess", "rhat")
+    return parameter_table(results.campaign.vehicle.axles, results.fit, results.posterior)
 
 
 def write_parameters(results: Results, path: Path) -> None:
@@ -96,14 +39,12 @@ def validation_csv(validation: Validation) -> str:
 
     The last column names the limits that a channel does not keep.
     """
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
     names = [f.name for f in fields(ChannelAgreement)]
-    writer.writerow([*names, "outside_limits"])
-    for row in (*validation.channels, *validation.out_of_sample):
-        values = (_validation_cell(name, getattr(row, name)) for name in names)
-        writer.writerow([*values, " ".join(validation.limits.exceeded(row))])
-    return stream.getvalue()
+    rows = (
+        [*(_validation_cell(name, getattr(row, name)) for name in names), " ".join(validation.limits.exceeded(row))]
+        for row in (*validation.channels, *validation.out_of_sample)
+    )
+    return csv_text((*names, "outside_limits"), rows)
 
 
 def _validation_cell(name: str, value: str | int | float | None) -> str | int:
@@ -111,7 +52,7 @@ def _validation_cell(name: str, value: str | int | float | None) -> str | int:
         return "true" if value else "false"
     if name == "axle":
         return "" if value is None else int(value) + 1
-    return escape_cell(value) if isinstance(value, str) else value if isinstance(value, int) else _cell(value)
+    return escape_cell(value) if isinstance(value, str) else value if isinstance(value, int) else number_cell(value)
 
 
 def profile_csv(profile: ProfileLikelihood) -> str:
@@ -166,7 +107,7 @@ def pass_measures_csv(predictions: Predictions) -> str:
             for name, values in _measures(p):
                 if values is not None:
                     rows.append([*head, name, *_bands(values, axle), file])
-    return _csv(("load_case", "speed_km_h", "shape", "axle", "measure", "q05", "q50", "q95", "file"), rows)
+    return csv_text(("load_case", "speed_km_h", "shape", "axle", "measure", "q05", "q50", "q95", "file"), rows)
 
 
 def speed_sweeps_csv(predictions: Predictions) -> str:
@@ -186,7 +127,7 @@ def speed_sweeps_csv(predictions: Predictions) -> str:
         for axle in range(s.peak_ratio.q50.shape[1])
     ]
     names = [f"{name}_{q}" for name in ("peak_dynamic_load_ratio", "load_coefficient") for q in ("q05", "q50", "q95")]
-    return _csv(("load_case", "bump", "speed_km_h", "axle", *names, "extrapolated"), rows)
+    return csv_text(("load_case", "bump", "speed_km_h", "axle", *names, "extrapolated"), rows)
 
 
 def _measures(p: PassPrediction) -> tuple[tuple[str, Quantiles | None], ...]:
@@ -195,15 +136,7 @@ def _measures(p: PassPrediction) -> tuple[tuple[str, Quantiles | None], ...]:
 
 
 def _bands(values: Quantiles, index: int | tuple[int, int]) -> list[str]:
-    return [_cell(None if q is None else float(q[index])) for q in (values.q05, values.q50, values.q95)]
-
-
-def _csv(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(rows)
-    return stream.getvalue()
+    return [number_cell(None if q is None else float(q[index])) for q in (values.q05, values.q50, values.q95)]
 
 
 def write_passes(predictions: Predictions, folder: Path) -> tuple[Path, ...]:
@@ -226,7 +159,3 @@ def write_predictions(results: Results, folder: Path) -> tuple[Path, ...]:
     for name, text in texts.items():
         write_text(Path(folder) / name, text)
     return tuple(Path(folder) / name for name in texts)
-
-
-def _cell(value: float | None) -> str:
-    return "" if value is None or not math.isfinite(value) else repr(float(value))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import emcee
 import numpy as np
 
 from sysid.errors import DataRejectedError
-from sysid.posterior.chain_files import Ending, Segment
+from sysid.posterior.segments import Ending, Segment
+from sysid.threads import side_by_side
 
 Density = Callable[[np.ndarray], np.ndarray]
 
@@ -60,8 +60,7 @@ class Ensemble:
 
 def advance(ensembles: Sequence[Ensemble], steps: int) -> Segment:
     """All ensembles by a stretch of steps; two at a time, for one compiled likelihood keeps one core busy."""
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        results = list(pool.map(lambda ensemble: ensemble.advance(steps), ensembles))
+    results = side_by_side(lambda ensemble: ensemble.advance(steps), ensembles, at_most=2)
     return Segment(*(np.stack(members) for members in zip(*results, strict=True)))
 
 

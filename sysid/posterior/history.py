@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from sysid.posterior.chain_files import Segment
+from sysid.posterior.segments import Segment
 
 
 class History:

@@ -3,17 +3,52 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from sysid.posterior.results import Posterior
 from sysid.tabular import distinct
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+class Summary(Protocol):
+    """What is known of a parameter's draws: its name, effective draws and R-hat."""
+
+    @property
+    def name(self) -> str:
+        """Name of the parameter."""
+
+    @property
+    def ess(self) -> float:
+        """Effective number of draws."""
+
+    @property
+    def rhat(self) -> float:
+        """R-hat over the ensembles."""
+
+
+class Draws(Protocol):
+    """Draws of all ensembles after burn-in, in natural units."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+
+    @property
+    def draws(self) -> np.ndarray:
+        """Draws (ensembles, steps, walkers, parameters)."""
+
+    @property
+    def log_probability(self) -> np.ndarray:
+        """Log-probability up to a constant (ensembles, steps, walkers)."""
+
+    @property
+    def summaries(self) -> Sequence[Summary]:
+        """What is known of every parameter."""
 
 
 @contextmanager
@@ -41,7 +76,7 @@ def variable_names(names: tuple[str, ...]) -> tuple[str, ...]:
     return distinct(name.replace("/", "|").replace("\0", " ").strip().strip(".") or "parameter" for name in names)
 
 
-def posterior_dataset(posterior: Posterior, about: Mapping[str, Mapping[str, Any]] | None = None) -> xr.Dataset:
+def posterior_dataset(posterior: Draws, about: Mapping[str, Mapping[str, Any]] | None = None) -> xr.Dataset:
     """One variable per parameter, (chain, draw) in its natural unit; a chain is one independent ensemble.
 
     Parameters
@@ -62,7 +97,7 @@ def posterior_dataset(posterior: Posterior, about: Mapping[str, Mapping[str, Any
     return xr.Dataset(variables, _coordinates(posterior), {"sample_dims": ["chain", "draw"]})
 
 
-def sample_stats(posterior: Posterior) -> xr.Dataset:
+def sample_stats(posterior: Draws) -> xr.Dataset:
     """Variable ``lp``, the log-probability up to a constant, (chain, draw)."""
     import xarray as xr
 
@@ -70,7 +105,7 @@ def sample_stats(posterior: Posterior) -> xr.Dataset:
     return xr.Dataset({"lp": xr.Variable(("chain", "draw"), lp)}, _coordinates(posterior))
 
 
-def arviz_data(posterior: Posterior) -> Any:
+def arviz_data(posterior: Draws) -> Any:
     """What the installed ArviZ works with; without ArviZ the tree that its versions from 1 on work with."""
     import xarray as xr
 
@@ -85,12 +120,12 @@ def arviz_data(posterior: Posterior) -> Any:
     return xr.DataTree.from_dict(groups) if own is xr.DataTree else own(**groups)
 
 
-def _ordered(posterior: Posterior, values: np.ndarray) -> np.ndarray:
+def _ordered(posterior: Draws, values: np.ndarray) -> np.ndarray:
     ensembles, steps, walkers = values.shape[:3]
     flat = values.reshape(ensembles, steps * walkers, *values.shape[3:])
     return np.asarray(flat[:, draw_order(steps, walkers)])
 
 
-def _coordinates(posterior: Posterior) -> dict[str, np.ndarray]:
+def _coordinates(posterior: Draws) -> dict[str, np.ndarray]:
     ensembles, steps, walkers = posterior.log_probability.shape
     return {"chain": np.arange(ensembles), "draw": np.arange(steps * walkers)}

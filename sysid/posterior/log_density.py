@@ -26,16 +26,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.estimation.fit.state import FitState
+from sysid.estimation.parameters.lane_laws import lane_laws
 from sysid.estimation.residuals.bump_model import GroupArrays, GroupShape
 from sysid.estimation.residuals.linearisation import linearise
-from sysid.estimation.residuals.native_residuals import native_misfits
 from sysid.estimation.residuals.run_motion import speed_prior
 from sysid.estimation.residuals.run_unknowns import run_normal
-from sysid.estimation.residuals.sensor_residuals import group_residuals
-from sysid.estimation.residuals.signals import simulate_group, wheel_road
-from sysid.vehicle_model.contact import RoadInput
-from sysid.vehicle_model.engine import LocalColumns, WheelRoad
-from sysid.vehicle_model.simulation import Motion
+from sysid.estimation.residuals.signals import wheel_road
+from sysid.vehicle_model.engine import WheelRoad
+from sysid.vehicle_model.engines.protocol import LocalColumns
 
 #: What the likelihood is, for people.
 LIKELIHOOD = (
@@ -49,33 +47,29 @@ LIKELIHOOD = (
 class _GroupInputs(NamedTuple):
     arrays: GroupArrays
     road: WheelRoad
-    motion: Motion
     noise_sd: np.ndarray
     tempering: np.ndarray
-    local_columns: np.ndarray
-    gain_columns: np.ndarray
-    local_offset: np.ndarray
-    local_factor: np.ndarray
+    local: LocalColumns
 
 
 @partial(jax.jit, static_argnames=("shape",))
 def _group_misfit(inputs: _GroupInputs, log_parameters: jax.Array, *, shape: GroupShape) -> jax.Array:
     """Sum over runs of r'r - b' N^-1 b for every parameter set, (S,)."""
-    if not isinstance(inputs.road, RoadInput):
-        local = LocalColumns(inputs.local_columns, inputs.gain_columns, inputs.local_offset, inputs.local_factor)
-        weights = (inputs.noise_sd, inputs.tempering)
-        return native_misfits(inputs.arrays, shape, inputs.road, weights, log_parameters, local).sum(axis=0)
-    simulated = simulate_group(inputs.arrays, shape, log_parameters, inputs.motion, inputs.road)
-    residual, gain = group_residuals(inputs.arrays, inputs.noise_sd, inputs.tempering, simulated)
-    squares = (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
-    projections = []
-    for k in range(2):
-        along = (residual * inputs.local_columns[..., k, None]).sum(axis=(0, 2))
-        along = along + (gain * inputs.gain_columns[..., k, None]).sum(axis=1)
-        projections.append(along + inputs.local_offset[:, k, None])
-    b = jnp.stack(projections, axis=1)
-    whitened = jnp.matmul(inputs.local_factor, b)
-    return (squares - (whitened**2).sum(axis=1)).sum(axis=0)
+    arrays, road = inputs.arrays, inputs.road
+    suspension, tire = lane_laws(arrays.laws, log_parameters)
+    readings = arrays.readings(inputs.noise_sd, inputs.tempering)
+    misfits = road.engine.misfits(
+        arrays.matrices,
+        suspension,
+        tire,
+        road,
+        shape.timing,
+        shape.sensors,
+        shape.recursion,
+        readings,
+        inputs.local,
+    )
+    return misfits.sum(axis=0)
 
 
 class LogDensity:
@@ -112,20 +106,15 @@ class LogDensity:
             speed_residual, speed_rows = expected.rows(point.motion, runs)
             normal = run_normal(local, gain, np.einsum("rk,rl->rkl", speed_rows, speed_rows))
             pull = speed_residual[:, None] * speed_rows
-            motion = Motion(jnp.asarray(speed)[:, None], jnp.asarray(start)[:, None])
             arrays, shape = every[position], state.model.shapes[position]
-            road = wheel_road(arrays, state.model.roads[position], motion.speed, motion.start_s, shape)
+            road = wheel_road(arrays, state.model.roads[position], speed[:, None], start[:, None], shape)
             self._inputs.append(
                 _GroupInputs(
                     arrays,
                     road,
-                    motion,
                     point.weights.noise_sd[position],
                     point.weights.tempering[position],
-                    local,
-                    gain,
-                    pull,
-                    np.linalg.inv(np.linalg.cholesky(normal)),
+                    LocalColumns(local, gain, pull, np.linalg.inv(np.linalg.cholesky(normal))),
                 )
             )
 
@@ -161,13 +150,14 @@ class LogDensity:
             residual, gain = np.asarray(lin.residual), np.asarray(lin.gain_residual)
             columns = np.asarray(lin.residual_jacobian)[..., : x.size]
             gain_columns = np.asarray(lin.gain_jacobian)[..., : x.size]
-            b = np.einsum("trck,trc->rk", inputs.local_columns, residual) + inputs.local_offset
-            b += np.einsum("rck,rc->rk", inputs.gain_columns, gain)
-            whitened = np.einsum("rkl,rl->rk", inputs.local_factor, b)
-            share = np.einsum("rkl,rk->rl", inputs.local_factor, whitened)
+            own = inputs.local
+            b = np.einsum("trck,trc->rk", own.residual, residual) + own.offset
+            b += np.einsum("rck,rc->rk", own.gain, gain)
+            whitened = np.einsum("rkl,rl->rk", own.factor, b)
+            share = np.einsum("rkl,rk->rl", own.factor, whitened)
             misfit += (residual**2).sum() + (gain**2).sum() - (whitened**2).sum()
-            pull = residual - np.einsum("trck,rk->trc", inputs.local_columns, share)
-            gain_pull = gain - np.einsum("rck,rk->rc", inputs.gain_columns, share)
+            pull = residual - np.einsum("trck,rk->trc", own.residual, share)
+            gain_pull = gain - np.einsum("rck,rk->rc", own.gain, share)
             slope += 2.0 * (np.tensordot(pull, columns, axes=3) + np.tensordot(gain_pull, gain_columns, axes=2))
         off = self._rows @ x - self._targets
         density = -0.5 * (misfit + off @ off) - (x - self.centre) @ self._tilt

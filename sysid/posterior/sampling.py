@@ -16,6 +16,7 @@ from sysid.posterior.ensembles import Density, Ensemble, advance, first, restore
 from sysid.posterior.history import History
 from sysid.posterior.moves import posterior_moves
 from sysid.posterior.results import Posterior
+from sysid.threads import one_blas_thread
 
 Progress = Callable[[str, float], None]
 Notice = Callable[[str], None]
@@ -48,6 +49,7 @@ class SamplingOptions:
     preview: bool = False
 
 
+@one_blas_thread()
 def sample_posterior(
     density: Density,
     names: tuple[str, ...],

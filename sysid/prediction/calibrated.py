@@ -49,6 +49,22 @@ def calibrated_vehicle(
     return CalibratedVehicle(load_case, source, suspensions, stiffness, damping)
 
 
+def calibrated_vehicles(
+    campaign: Campaign, drops: DropSummary | None, fit: FitResult, posterior: Posterior | None
+) -> tuple[CalibratedVehicle, ...]:
+    """:func:`calibrated_vehicle` of every load case that the data speak of.
+
+    A load case that nobody drove has none where stiffness belongs to a load case.
+    """
+    found = []
+    for name in campaign.load_cases:
+        try:
+            found.append(calibrated_vehicle(campaign, drops, fit, posterior, name))
+        except KeyError:
+            continue
+    return tuple(found)
+
+
 def _suspension(law: SuspensionLaw, axle: int, name: str, words: str, static_load: float) -> CalibratedSuspension:
     def on_axle(function, values: np.ndarray) -> np.ndarray:
         """Force over a row of extensions or rates of this axle."""

@@ -12,9 +12,8 @@ import numpy as np
 from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import Allowances
-from sysid.vehicle_model import engine
 from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
-from sysid.vehicle_model.engine import Timing, WheelRoad
+from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.lanes import Lanes, Pass, pass_matrices
 from sysid.vehicle_model.simulation import Motion
 from sysid.vehicle_model.suspension import SuspensionLaw
@@ -79,10 +78,10 @@ def histories_of_draws(
             roads.append(departures.road([driven], amplitudes))
         stacked = jax.tree.map(lambda *parts: np.concatenate(parts), *matrices)
         inputs = jax.tree.map(lambda *parts: np.stack(parts), *laws)
-        every = Motion(*(jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s)))
-        road = engine.wheel_road(stacked, _joined(roads), lanes.axle_x, every.speed, every.start_s, timing)
+        speed, start_s = (jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s))
+        road = wheel_road(stacked, _joined(roads), lanes.axle_x, speed, start_s, timing)
         sets = jnp.asarray(log_parameters[chosen, :, None])
-        tire, suspension, deflection = _histories(stacked, inputs, road, sets, every, timing=timing)
+        tire, suspension, deflection = _histories(stacked, inputs, road, sets, timing=timing)
         found.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, deflection)])
     tire, suspension, deflection = (np.concatenate(parts, axis=1)[:, :count] for parts in zip(*found, strict=True))
     return np.moveaxis(tire, 1, 2), np.moveaxis(suspension, 1, 2), np.moveaxis(deflection, 1, 2)
@@ -99,9 +98,9 @@ def _joined(roads: list[EffectiveRoad]) -> EffectiveRoad:
 
 
 @partial(jax.jit, static_argnames=("timing",))
-def _histories(matrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, motion: Motion, *, timing: Timing):
+def _histories(matrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *, timing: Timing):
     suspension, tire = _laws(inputs, sets)
-    found = engine.simulate_histories(matrices, suspension, tire, motion, road, timing)
+    found = road.engine.histories(matrices, suspension, tire, road, timing)
     return found.tire_force, found.suspension_force, found.deflection
 
 

@@ -16,13 +16,13 @@ from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.lane_laws import lane_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import campaign_allowances
+from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.mass_lanes import VehicleDraws, histories_of_draws
 from sysid.prediction.measures import impulse_ratio, lift_off_time, load_coefficient, quantiles
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.road.named_shapes import named_shape
-from sysid.vehicle_model import engine
-from sysid.vehicle_model.engine import Timing, WheelRoad
+from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
 from sysid.vehicle_model.simulation import Motion
 
@@ -40,9 +40,9 @@ Progress = Callable[[str, float], None]
 
 
 @partial(jax.jit, static_argnames=("timing",))
-def _histories(matrices, laws, road: WheelRoad, log_parameters, motion: Motion, *, timing: Timing) -> tuple:
+def _histories(matrices, laws, road: WheelRoad, log_parameters, *, timing: Timing) -> tuple:
     suspension, tire = lane_laws(laws, log_parameters)
-    found = engine.simulate_histories(matrices, suspension, tire, motion, road, timing)
+    found = road.engine.histories(matrices, suspension, tire, road, timing)
     return found.tire_force[:, 0], found.suspension_force[:, 0], found.deflection[:, 0]
 
 
@@ -73,16 +73,20 @@ def _simulate(
     last = road.first_station_m + road.step_m * road.rise.shape[-1]
     # The record starts half a second before axle 1 touches the bump and its time is zero over the start of the bump.
     lead = np.ceil((BEFORE_S - road.first_station_m / speed) / INTERVAL_S) * INTERVAL_S
-    samples = int(np.ceil((lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S) / INTERVAL_S))
+    duration = lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S
+    check_duration(request, duration)
+    samples = int(np.ceil(duration / INTERVAL_S))
     timing, motion = Timing(samples, INTERVAL_S, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
     if vehicles is None:
         laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
-        wheels = engine.wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
-        found = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), motion, timing=timing)
+        wheels = wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
+        found = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), timing=timing)
         tire, suspension, deflection = (np.asarray(h) for h in found)
         suspension = suspension + lanes.matrices.carried_load[0]
     else:
         tire, suspension, deflection = histories_of_draws(lanes, parameters, vehicles, wanted, sets.T, motion, timing)
+    static = lanes.matrices.static_load[0, :, 0]
+    check_finite(request, parameters, sets, np.asarray(static), tire, suspension, deflection)
     time = np.round(np.arange(samples) * INTERVAL_S - lead, 6)
     x = lanes.axle_x[:, 0]
     return _Pass(
@@ -90,7 +94,7 @@ def _simulate(
         tire,
         suspension,
         deflection,
-        lanes.matrices.static_load[0, :, 0],
+        static,
         (time[:, None] >= (road.first_station_m + x) / speed) & (time[:, None] <= (last + x) / speed + AFTER_S),
     )
 

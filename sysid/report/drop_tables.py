@@ -25,6 +25,7 @@ def pooled_drops_table(results: Results, drops: DropSummary) -> Table:
     for e in drops.pooled:
         groups.setdefault((e.axle, e.load_case), {})[e.method] = e
     methods = [s for s in SOURCES if any(s in found for found in groups.values())]
+    rubbing = [m for m in methods if any(np.isfinite(e.friction_force) for e in drops.pooled if e.method == m)]
     rows = []
     for (axle, load_case), found in sorted(groups.items()):
         cells: list[Any] = [axle_name(results, axle, load_case)]
@@ -32,9 +33,13 @@ def pooled_drops_table(results: Results, drops: DropSummary) -> Table:
         cells += [number(reading.damped_period), number(reading.log_decrement)] if reading.usable else [MISSING] * 2
         cells += [_pooled_cell(found.get(m), "stiffness") for m in methods]
         cells += [_pooled_cell(found.get(m), "damping") for m in methods]
+        if rubbing:
+            cells += [_friction_cell(found.get(m)) for m in rubbing]
+        cells.append(reading.damping_kind)
         rows.append(cells)
     head = ["axle", "period τ_d [s]", "decrement δ [-]"]
     head += [f"k {SOURCE_LABELS[m]} [kN/m]" for m in methods] + [f"c {SOURCE_LABELS[m]} [kN s/m]" for m in methods]
+    head += [f"F {SOURCE_LABELS[m]} [kN]" for m in rubbing] + ["damping"]
     return table("Plank drops, mean ± standard deviation pooled over the repeats", head, rows)
 
 
@@ -52,6 +57,10 @@ def _pooled_cell(e: DropEstimate | None, quantity: Quantity) -> str:
         return MISSING
     value, sd = (e.stiffness, e.stiffness_sd) if quantity == "stiffness" else (e.damping, e.damping_sd)
     return _plus_minus(value / 1e3, sd / 1e3)
+
+
+def _friction_cell(e: DropEstimate | None) -> str:
+    return MISSING if e is None or not e.usable else _plus_minus(e.friction_force / 1e3, e.friction_force_sd / 1e3)
 
 
 def _plus_minus(value: float, sd: float) -> str:
@@ -72,12 +81,20 @@ def files_table(results: Results, drops: DropSummary) -> Table:
                 f"{int(np.sum(r.used))} of {len(r.used)}",
                 _plus_minus(r.damped_period, r.damped_period_se),
                 _plus_minus(r.log_decrement, r.log_decrement_se),
-                r.damping_kind,
+                Cell(a.damping_kind, note=_shares(a)),
                 Cell("yes" if r.usable else "no", note=r.note),
             ]
         )
     head = ("file", "peaks used", "period ± se [s]", "decrement ± se [-]", "damping looks", "usable")
     return table("Readings of every drop", head, rows)
+
+
+def _shares(a: DropAnalysis) -> str:
+    """How much of the amplitude each kind of damping takes, where there are several."""
+    if a.law is None:
+        return ""
+    named = zip(("viscous", "dry friction", "quadratic"), a.law.shares, strict=True)
+    return ", ".join(f"{name} {percent(float(share), 2)}" for name, share in named if share > 0.0)
 
 
 def without_dampers(results: Results) -> frozenset[str]:

@@ -14,7 +14,8 @@ import jinja2
 from markupsafe import Markup
 
 from sysid.estimation.fit.thresholds import MISFIT
-from sysid.export import Results, write_text
+from sysid.export import Results
+from sysid.files import write_text
 from sysid.plot.comparison import Quantity
 from sysid.prediction.modes import calibrated_modes
 from sysid.report import agreement, answer, cells, drop_tables, explorer, figures, knowledge, load_tables, tables

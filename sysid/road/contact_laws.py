@@ -6,6 +6,8 @@ effective height would make it carry, and its force stands at right angles to th
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -14,11 +16,6 @@ from sysid.road.enveloping import FootprintMap
 from sysid.road.results import RoadProfile
 
 ContactLaw = Literal["footprint", "cams", "point"]
-CONTACT_LAWS: dict[str, str] = {
-    "footprint": "footprint map of radial springs, power-law stiffening, forward force",
-    "cams": "tandem elliptical cams, power-law stiffening, forward force",
-    "point": "point follower, power-law stiffening, forward force",
-}
 
 #: Shape of the cams for ordinary tires: spacing as a share of the contact length, half axes as multiples of the radius,
 #: exponent of the ellipse (A. J. C. Schmeitz, A semi-empirical three-dimensional model of the pneumatic tyre rolling
@@ -77,3 +74,27 @@ def cam_map(profile: RoadProfile, radius_m: float, deflection_m: float) -> Footp
     station = _stations(profile, half + spacing)
     front, rear = cam(station + spacing / 2.0), cam(station - spacing / 2.0)
     return _map(station, 0.5 * (front + rear), (front - rear) / spacing)
+
+
+@dataclass(frozen=True)
+class ContactKind:
+    """A contact law: its `meaning` for people, and the `other` law that stands for what it may leave out.
+
+    `geometric_map` makes the map of a tire from the bump's profile, the wheel's radius and the static deflection [m];
+    None for radial springs, whose map follows the tires' stiffness (:mod:`sysid.road.enveloping`).
+    """
+
+    meaning: str
+    other: ContactLaw
+    geometric_map: Callable[[RoadProfile, float, float], FootprintMap] | None = None
+
+
+CONTACT_LAWS: dict[ContactLaw, ContactKind] = {
+    "footprint": ContactKind("footprint map of radial springs, power-law stiffening, forward force", "cams"),
+    "cams": ContactKind("tandem elliptical cams, power-law stiffening, forward force", "footprint", cam_map),
+    "point": ContactKind(
+        "point follower, power-law stiffening, forward force",
+        "footprint",
+        lambda profile, radius_m, deflection_m: point_map(profile),
+    ),
+}

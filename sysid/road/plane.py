@@ -110,7 +110,10 @@ def refine_plane(points_m: np.ndarray, noise_m: float, start: RoadPlane, *, cell
         if np.count_nonzero(weight) < 4:
             return start
         weighted = design * weight[:, None]
-        update = np.linalg.solve(weighted.T @ design, weighted.T @ z)
+        try:
+            update = np.linalg.solve(weighted.T @ design, weighted.T @ z)
+        except np.linalg.LinAlgError:  # what is left of the road lies on one line
+            return start
         change = float(np.max(np.abs(design[[0, -1]] @ (update - solution))))
         solution, residual = update, z - design @ update
         scale = max(1.4826 * float(np.median(np.abs(residual[weight > 0]))), NOISE_FLOOR_M)
@@ -132,6 +135,11 @@ def _cell_covariance(design: np.ndarray, influence: np.ndarray, slope: np.ndarra
     cell -= cell.min(axis=0)
     label = np.unique(cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1], return_inverse=True)[1]
     score = np.column_stack([np.bincount(label, weights=influence * column) for column in design.T])
-    bread = np.linalg.inv((design * slope[:, None]).T @ design)
+    # Where points on one line leave a slope open the pseudo-inverse gives the covariance of what is determined.
+    information = (design * slope[:, None]).T @ design
+    try:
+        bread = np.linalg.inv(information)
+    except np.linalg.LinAlgError:
+        bread = np.linalg.pinv(information)
     cells = score.shape[0]
     return bread @ (score.T @ score) @ bread * cells / max(cells - 3, 1)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid import limits
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.road.bump_search import Stretch, raised_stretches
 from sysid.road.results import RoadProfile, ScanAnalysis
@@ -90,7 +91,24 @@ def analyse_scan(scan: Scan, *, options: ScanOptions | None = None) -> ScanAnaly
     `scan.points_m` (n, 3) [m]; the result is in metres and radians.  Raises DataRejectedError (one sentence) where the
     cloud holds no usable bump.
     """
-    options = options or ScanOptions()
+    try:
+        analysis = _analysis(scan, options or ScanOptions())
+    except np.linalg.LinAlgError:
+        raise _undetermined(scan) from None
+    profile = analysis.profile
+    if not (np.isfinite(profile.height_m).all() and np.isfinite(profile.height_sd_m).all()):
+        raise _undetermined(scan)
+    return analysis
+
+
+def _undetermined(scan: Scan) -> DataRejectedError:
+    return DataRejectedError(
+        f"Scan {scan.file}: its points do not determine a road plane and a profile (they lie on few lines or repeat "
+        "each other); scan an area of at least 0.5 m across the lane."
+    )
+
+
+def _analysis(scan: Scan, options: ScanOptions) -> ScanAnalysis:
     points, repeated = checked_points(scan, options.minimum_points)
     rng = np.random.default_rng(0)
     sample = points[rng.permutation(points.shape[0])[:_SAMPLE_POINTS]]
@@ -125,6 +143,12 @@ def _level(points: np.ndarray, frame: RoadFrame, noise: float, scan: Scan, optio
             raise DataRejectedError(
                 f"Scan {scan.file} shows no bump of {1e3 * HEIGHT_M[0]:.0f} mm or more in the wheel-track strip; "
                 "check strip and heading."
+            )
+        length = bumps[-1].end_m - bumps[0].start_m
+        if length > limits.PROFILE_LENGTH_M:
+            raise DataRejectedError(
+                f"Scan {scan.file}: what rises from the road reaches over {length:.0f} m, at most "
+                f"{limits.PROFILE_LENGTH_M:g} m are read; crop the cloud to the road around the bump."
             )
         flat = _flat_road(frame.road_coordinates(points)[0], (*bumps, *rises))
         if np.count_nonzero(flat) < 30:

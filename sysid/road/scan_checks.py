@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid import limits
 from sysid.errors import DataRejectedError
 from sysid.road.bump_search import crest_direction, smooth_heights
 from sysid.road.road_frame import RoadFrame
@@ -32,7 +33,7 @@ def checked_points(scan: Scan, minimum_points: int) -> tuple[np.ndarray, int]:
         raise DataRejectedError(
             f"Scan {scan.file}: the points have shape {points.shape}; columns x, y and z are expected."
         )
-    points, repeated = _distinct(points[np.isfinite(points).all(axis=1)])
+    points, repeated = _distinct(_near_points(points))
     if points.shape[0] < minimum_points:
         raise DataRejectedError(
             f"Scan {scan.file} has {points.shape[0]} points; at least {minimum_points} are needed for a profile: "
@@ -59,6 +60,16 @@ def checked_points(scan: Scan, minimum_points: int) -> tuple[np.ndarray, int]:
             f"a strip of {LEAST_WIDTH_M:g} m or more, or average several lines."
         )
     return points, repeated
+
+
+def _near_points(points: np.ndarray) -> np.ndarray:
+    """Points with three numbers that do not lie far outside the scan: strays would cost memory for the way to them."""
+    points = points[(np.abs(points) <= limits.COORDINATE_M).all(axis=1)]
+    if points.shape[0] == 0:
+        return points
+    near = (np.abs(points - np.median(points, axis=0)) <= 2.0 * EXTENT_M[1]).all(axis=1)
+    # Most of them far apart is no scan with strays but another unit, which is said below.
+    return points[near] if np.count_nonzero(near) > 0.9 * near.size else points
 
 
 def _distinct(points: np.ndarray) -> tuple[np.ndarray, int]:

@@ -1,7 +1,8 @@
 """Plank drops: peaks, damped period and decrement, stiffness and damping per axle by equations (1)-(3) and beyond."""
 
 from sysid.sdof.analysis import analyse_drop
-from sysid.sdof.decay import read_decay
+from sysid.sdof.damping_law import fit_damping_law
+from sysid.sdof.decay import prepare_record, read_decay
 from sysid.sdof.equations import (
     corrected_damping,
     corrected_stiffness,
@@ -17,11 +18,12 @@ from sysid.sdof.equations import (
     series_damping,
     series_stiffness,
 )
-from sysid.sdof.results import DecayReading, DropAnalysis, DropEstimate, DropMethod, DropSummary
+from sysid.sdof.results import DampingLaw, DecayReading, DropAnalysis, DropEstimate, DropMethod, DropSummary
 from sysid.sdof.settings import DropSettings
 from sysid.sdof.summary import analyse_drops, summary_table
 
 __all__ = [
+    "DampingLaw",
     "DecayReading",
     "DropAnalysis",
     "DropEstimate",
@@ -37,10 +39,12 @@ __all__ = [
     "directive_damping",
     "exact_damping",
     "exact_stiffness",
+    "fit_damping_law",
     "invert_quarter_car",
     "log_decrement",
     "paper_damping",
     "paper_stiffness",
+    "prepare_record",
     "read_decay",
     "series_damping",
     "series_stiffness",

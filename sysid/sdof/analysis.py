@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from sysid.campaign.records import Channel, LoadCase, PlankDrop, Vehicle
 from sysid.campaign.statics import static_equilibrium
 from sysid.errors import DataRejectedError
+from sysid.sdof.damping_choice import more_than_viscous, viscous_alone, without_sticking
+from sysid.sdof.damping_law import fit_damping_law
 from sysid.sdof.decay import PreparedRecord, prepare_record, reading_of, smooth_record
 from sysid.sdof.equations import directive_damping
-from sysid.sdof.estimates import AxleOnTire, estimate, unusable
+from sysid.sdof.estimates import AxleOnTire, estimate, estimate_by_law, unusable
 from sysid.sdof.free_decay import FreeDecayFit, fit_free_decay
-from sysid.sdof.results import DecayReading, DropAnalysis, DropEstimate
+from sysid.sdof.results import DampingLaw, DecayReading, DropAnalysis, DropEstimate, DropMethod
 from sysid.sdof.settings import DropSettings
 
 _SIDE_DISAGREEMENT = 0.2
@@ -26,7 +30,8 @@ def analyse_drop(
 
     Methods ``paper`` (equations (1)-(3) on the picked peaks), ``corrected`` (the same reading, tire in series, tire
     damping and unsprung mass taken out exactly, see `invert_quarter_car`) and ``free_decay`` (that inversion on the
-    body-mode eigenvalue of a fitted model).  All three take the axle for the only one under its body.
+    body-mode eigenvalue of a fitted model).  All three take the axle for the only one under its body.  Where the record
+    shows dry friction or quadratic damping (`fit_damping_law`), all three take the viscous part of it.
 
     Parameters
     ----------
@@ -51,11 +56,26 @@ def analyse_drop(
     time, deflection, remarks = _deflection(drop, vehicle)
     axle = axle_on_tire(drop.axle, vehicle, load_case)
     record, fit = _read(drop, vehicle, time, deflection, settings)
+    mixture = fit_damping_law(record, from_release=drop.release == "body")
+    law = more_than_viscous(mixture, record, fit)
+    if law is not None:
+        record = without_sticking(_with_period(record, time, deflection, drop, settings, law), law)
     reading = reading_of(record)
+    if law is not None and reading.usable:
+        # Dry friction shifts the extrema, the more the smaller the swing: the fitted motion knows the period.
+        period_se = float(np.sqrt(law.covariance[0, 0]))
+        reading = replace(reading, damped_period=law.damped_period, damped_period_se=period_se)
     free_decay = np.full(time.size, np.nan)
     if fit.usable:
         inside = (time >= fit.window_s[0]) & (time <= fit.window_s[1])
         free_decay[inside] = np.interp(time[inside], fit.time_s, fit.model)
+    kind = law.kind if law is not None else reading.damping_kind
+    if kind == "unknown" and viscous_alone(mixture, record):
+        kind = "viscous"
+    note = fit.note
+    if law is not None:
+        free_decay, note = np.interp(time, law.time_s, law.model, left=np.nan, right=np.nan), ""
+    period = reading.damped_period if reading.usable or law is None else law.damped_period
     return DropAnalysis(
         axle=drop.axle,
         load_case=load_case.name,
@@ -67,10 +87,16 @@ def analyse_drop(
         release_time_s=record.release.time_s if record.release is not None else float("nan"),
         reading=reading,
         free_decay_m=free_decay,
-        free_decay_note=fit.note,
-        estimates=_estimates(axle, settings, drop.log.file, reading, fit, remarks),
-        frequency_hz=1.0 / reading.damped_period,
+        free_decay_note=note,
+        estimates=tuple(
+            replace(e, damping_kind=kind) for e in _estimates(axle, settings, drop.log.file, reading, fit, remarks)
+        )
+        if law is None
+        else _estimates_by_law(axle, settings, drop.log.file, law, remarks),
+        frequency_hz=1.0 / period,
         damping_ratio_directive=float(directive_damping(reading.log_decrement)),
+        damping_kind=kind,
+        law=law,
     )
 
 
@@ -138,18 +164,20 @@ def _read(
     """Prepared record and free-decay fit, the peaks sought only where the motion is free.
 
     That is after the first turn (the axle is falling until then), after the tire has left the plank's edge if the speed
-    is declared, and from where the free-decay model fits, if it does.
+    is declared, and from where the free-decay model fits, if it does.  A body that is let go is free at once.
     """
-    search = settings.frequency_range_hz
-    record = prepare_record(time, deflection, frequency_range_hz=search, skip_first_turn=True)
+    search, falling = settings.frequency_range_hz, drop.release == "plank"
+    record = prepare_record(time, deflection, frequency_range_hz=search, skip_first_turn=falling)
     if record.release is None or record.extrema is None:
         return record, fit_free_decay(record)
     earliest = -np.inf
-    if drop.nominal_speed_m_s:
+    if drop.nominal_speed_m_s and drop.plank_height_m is not None:
         radius, height = vehicle.axles[drop.axle].tire_radius_m, drop.plank_height_m
         way = np.sqrt(max(2.0 * radius * height - height**2, 0.0)) + _CONTACT_LENGTH_RADII * radius
         earliest = record.release.time_s + way / drop.nominal_speed_m_s
     fit = fit_free_decay(record, earliest_s=earliest)
+    if not falling:
+        return record, fit  # a fitted hop would take a part of the friction along, and nothing shakes the wheels here
     if fit.usable and not fit.poor:
         record = prepare_record(
             time,
@@ -163,6 +191,26 @@ def _read(
     elif np.isfinite(earliest):
         record = prepare_record(time, deflection, frequency_range_hz=search, earliest_s=earliest, skip_first_turn=True)
     return record, fit
+
+
+def _with_period(
+    record: PreparedRecord,
+    time: np.ndarray,
+    deflection: np.ndarray,
+    drop: PlankDrop,
+    settings: DropSettings,
+    law: DampingLaw,
+) -> PreparedRecord:
+    """The record with extrema sought at the law's period, where the one of a viscous mode has missed them."""
+    if record.extrema is not None and record.extrema.used.sum() >= 5:
+        return record
+    return prepare_record(
+        time,
+        deflection,
+        frequency_range_hz=settings.frequency_range_hz,
+        period_s=law.damped_period,
+        skip_first_turn=drop.release == "plank",
+    )
 
 
 def _estimates(
@@ -195,6 +243,23 @@ def _estimates(
         *found,
         estimate("free_decay", axle, settings, file, fit.damped_period, fit.log_decrement, covariance, note),
     )
+
+
+def _estimates_by_law(
+    axle: AxleOnTire, settings: DropSettings, file: str, law: DampingLaw, remarks: list[str]
+) -> tuple[DropEstimate, ...]:
+    """All three methods on the viscous part of a mixture of damping."""
+    shares = " + ".join(
+        f"{100.0 * share:.0f} % {name}"
+        for name, share in zip(("viscous", "dry friction", "quadratic"), law.shares, strict=True)
+        if share > 0.0
+    )
+    notes = [f"damping of the swings: {shares}"]
+    if np.isfinite(law.stick_time_s):
+        notes.append(f"sticks {1e3 * abs(float(law.model[-1]) - law.level):.1f} mm beside the level")
+    note = "; ".join([*notes, *([law.note] if law.note else []), *remarks])
+    methods: tuple[DropMethod, ...] = ("paper", "corrected", "free_decay")
+    return tuple(estimate_by_law(method, axle, settings, file, law, note) for method in methods)
 
 
 def _disagreement(reading: DecayReading, fit: FreeDecayFit, fit_variance: float) -> str:

@@ -15,7 +15,7 @@ from sysid.sdof.equations import (
     paper_stiffness,
     propagate,
 )
-from sysid.sdof.results import DropEstimate, DropMethod
+from sysid.sdof.results import DampingLaw, DropEstimate, DropMethod
 from sysid.sdof.settings import DropSettings
 
 
@@ -129,6 +129,59 @@ def estimate(
         log_decrement=decrement,
         usable=True,
         note="; ".join(notes),
+    )
+
+
+def estimate_by_law(
+    method: DropMethod, axle: AxleOnTire, settings: DropSettings, file: str, law: DampingLaw, note: str
+) -> DropEstimate:
+    """The viscous part of a damping law through the equations of `method`, dry friction and quadratic damping apart.
+
+    F = f k (1 + k/kt) and Q = q m (1 + k/kt) from f [m] and q [1/m] of the law, k/kt = 0 for the paper's method: by the
+    energy at two successive turning points a swing loses 2 F / (k (1 + k/kt)) of its amplitude where the tire gives way
+    while the suspension sticks.  A viscous part that the tire's own damping explains is zero.
+    """
+    notes = [note] if note else []
+    covariance = law.covariance[:2, :2]
+    result = invert(method, axle, settings, law.damped_period, law.log_decrement, covariance)
+    if not 0.0 < result.stiffness < np.inf:
+        notes.append("the measured stiffness is not below the tire's, so no suspension stiffness can be told from it")
+        return unusable(method, axle, file, "; ".join(notes), law.damped_period, law.log_decrement)
+    sd = np.sqrt(np.diagonal(result.reading_covariance + result.declared_covariance))
+    if "viscous" not in law.terms:
+        notes.append("viscous damping cannot be told from zero")
+    ratio = 0.0 if method == "paper" else result.stiffness / axle.tire_stiffness
+    if ratio > STIFFNESS_RATIO_LIMIT:
+        notes.append(f"k/kt = {ratio:.2f} is above {STIFFNESS_RATIO_LIMIT:g}, where the correction is not reliable")
+    nan = float("nan")
+    force, force_sd, drag, drag_sd = nan, nan, nan, nan
+    if "friction" in law.terms:
+        per_metre = result.stiffness * (1.0 + ratio)
+        force = law.friction_m * per_metre
+        slope = law.friction_m * (1.0 + 2.0 * ratio)
+        force_sd = float(np.hypot(np.sqrt(law.covariance[2, 2]) * per_metre, slope * sd[0]))
+    if "quadratic" in law.terms:
+        mass = axle.mass * (1.0 + ratio)
+        drag = law.quadratic_per_m * mass
+        drag_sd = float(np.hypot(np.sqrt(law.covariance[3, 3]) * mass, drag * settings.tributary_mass_tolerance))
+    return DropEstimate(
+        axle=axle.axle,
+        load_case=axle.load_case,
+        file=file,
+        method=method,
+        stiffness=result.stiffness,
+        stiffness_sd=float(sd[0]),
+        damping=max(result.damping, 0.0),
+        damping_sd=float(sd[1]),
+        damped_period=law.damped_period,
+        log_decrement=law.log_decrement,
+        usable=True,
+        note="; ".join(notes),
+        damping_kind=law.kind,
+        friction_force=force,
+        friction_force_sd=force_sd,
+        quadratic_damping=drag,
+        quadratic_damping_sd=drag_sd,
     )
 
 

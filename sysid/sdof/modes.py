@@ -9,6 +9,7 @@ from scipy.optimize import least_squares
 
 _GRID_DAMPING_RATIOS = (0.003, 0.01, 0.03, 0.06, 0.1, 0.16, 0.25, 0.4)
 _GRID_SAMPLES = 250  # enough for a start value; the refinement uses every sample
+_MOST_GRID_SAMPLES = 20_000
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,8 @@ def _thin(time_s: np.ndarray, value: np.ndarray, high_hz: float) -> tuple[np.nda
     """Block means, not coarser than eight per cycle of the highest frequency, to bound the cost of the scan."""
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     block = int(min(max(1, time_s.size // _GRID_SAMPLES), max(1, rate // (8.0 * high_hz))))
+    # A gap makes the mean rate small and the block with it; the scan must not take memory for every sample then.
+    block = max(block, -(-time_s.size // _MOST_GRID_SAMPLES))
     length = time_s.size // block * block
     return time_s[:length].reshape(-1, block).mean(axis=1), value[:length].reshape(-1, block).mean(axis=1)
 

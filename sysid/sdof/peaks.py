@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.sdof.smoothing import local_polynomial, robust_sd
+from sysid.sdof.time_grid import even_times
 
 _WIDEST, _NARROWEST = 0.4, 0.2  # half window of the smoothing in body periods: passes 0.96 to 1.00 of the body mode
 _HOP_HALF_WIDTH_S = 0.18  # passes at most a tenth of a wheel hop of 7 Hz and more
@@ -60,7 +61,7 @@ def find_extrema(time_s: np.ndarray, value: np.ndarray, period_s: float, start_s
     """
     half_width = smoothing_half_width(period_s)
     step = period_s / 60.0
-    grid = np.arange(time_s[0], time_s[-1] + 0.5 * step, step)
+    grid = even_times(time_s, step, half_width)
     _, slope, _, _ = local_polynomial(time_s, value, grid, half_width)
     crossing = np.flatnonzero(np.isfinite(slope[:-1] * slope[1:]) & (slope[:-1] * slope[1:] < 0.0))
     times = _refine(time_s, value, half_width, grid[crossing], grid[crossing + 1], slope[crossing], slope[crossing + 1])

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 DropMethod = Literal["paper", "corrected", "free_decay", "model"]
+DampingTerm = Literal["viscous", "friction", "quadratic"]
 
 
 _COLUMNS = (
@@ -27,7 +28,53 @@ _COLUMNS = (
     "log_decrement",
     "usable",
     "note",
+    "damping_kind",
+    "friction_force",
+    "friction_force_sd",
+    "quadratic_damping",
+    "quadratic_damping_sd",
 )
+
+
+@dataclass(frozen=True)
+class DampingLaw:
+    """Viscous, dry and quadratic damping of one record, each apart, by a fit to its readings.
+
+    x'' + 2 beta x' + q |x'| x' + f omega^2 sign(x') + omega^2 (x - x0) = 0.  `terms` are those the record shows;
+    `runner_up` the next best mixture, `evidence` by how much its information criterion is worse.  `damped_period` [s]
+    and `log_decrement` [-] are those of omega and beta alone, what the equations of a viscous axle take; `friction_m`
+    is f = F/k [m], `quadratic_per_m` is q [1/m].  `covariance` (4, 4) is that of these four, zero where the term is
+    absent (the decrement is fitted along in any case).  `shares` (3,) of viscous, dry and quadratic damping in the
+    amplitude lost over `window_s` [s].  `stick_time_s` when the mass sticks, infinite where it does not; `level` x0
+    [m]; `stiffening_per_m2` e of a spring force k y (1 + e y^2), 0 where the record does not ask for it.  `time_s`,
+    `model` (n,) the fitted motion; `noise_ratio` residual over the noise at rest.  `usable` False (NaN numbers, no
+    terms) where `note` says why.
+    """
+
+    terms: tuple[DampingTerm, ...]
+    runner_up: tuple[DampingTerm, ...]
+    evidence: float
+    damped_period: float
+    log_decrement: float
+    friction_m: float
+    quadratic_per_m: float
+    covariance: np.ndarray
+    shares: np.ndarray
+    level: float
+    stiffening_per_m2: float
+    stick_time_s: float
+    window_s: tuple[float, float]
+    time_s: np.ndarray
+    model: np.ndarray
+    residual_rms: float
+    noise_ratio: float
+    usable: bool
+    note: str
+
+    @property
+    def kind(self) -> str:
+        """The terms in words, ``unknown`` where there are none."""
+        return " + ".join(self.terms) or "unknown"
 
 
 @dataclass(frozen=True)
@@ -66,6 +113,10 @@ class DropEstimate:
 
     `stiffness_sd` and `damping_sd` are standard deviations (of the file's own estimate, or the scatter-based one of the
     pooled mean); NaN numbers with `usable` False mean that the record yields none, and `note` says why.
+    `damping_kind` says which damping the record shows: ``viscous``, ``friction`` (dry), ``quadratic``, mixtures joined
+    by " + ", or ``unknown``.  Where it shows more than viscous damping, `damping`, `damped_period` and `log_decrement`
+    are those of the viscous part alone, `friction_force` [N] is the dry friction and `quadratic_damping` [N s^2/m^2]
+    the force over the squared velocity, each with its standard deviation; NaN where the record shows none.
     """
 
     axle: int
@@ -80,6 +131,11 @@ class DropEstimate:
     log_decrement: float
     usable: bool
     note: str = ""
+    damping_kind: str = "unknown"
+    friction_force: float = float("nan")
+    friction_force_sd: float = float("nan")
+    quadratic_damping: float = float("nan")
+    quadratic_damping_sd: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -90,6 +146,8 @@ class DropAnalysis(Tabular):
     `release_time_s` is when the axle leaves the plank; `free_decay_m` (n,) the fitted decay model, NaN outside its
     window.
     `frequency_hz` and `damping_ratio_directive` (D = ln(A1/A2)/2pi) are the EU 96/53/EC Annex II / VSB 11 indicator.
+    `law` is the mixture of viscous, dry and quadratic damping that explains the record better than viscous damping of
+    body and wheel hop does, None where none does; `damping_kind` what the record shows, as in `DropEstimate`.
     """
 
     axle: int
@@ -106,6 +164,8 @@ class DropAnalysis(Tabular):
     estimates: tuple[DropEstimate, ...]
     frequency_hz: float
     damping_ratio_directive: float
+    damping_kind: str = "unknown"
+    law: DampingLaw | None = None
 
     def summary(self) -> pd.DataFrame:
         """One row per method, in SI units."""

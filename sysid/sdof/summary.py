@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict
 
@@ -80,19 +81,21 @@ def _pool(estimates: list[DropEstimate], axle: AxleOnTire, settings: DropSetting
         float(np.mean([getattr(e, name) for e in usable])) for name in ("damped_period", "log_decrement")
     )
     declared = invert(method, axle, settings, period, decrement, np.zeros((2, 2))).declared_covariance
+    alike, said = _alike(usable)
     values = {}
-    for index, name in enumerate(("stiffness", "damping")):
-        value = np.array([getattr(e, name) for e in usable])
-        sd = np.array([getattr(e, f"{name}_sd") for e in usable])
+    for index, (name, group) in enumerate((("stiffness", usable), ("damping", alike))):
         own = [
             invert(method, axle, settings, e.damped_period, e.log_decrement, np.zeros((2, 2))).declared_covariance
-            for e in usable
+            for e in group
         ]
-        reading = np.maximum(sd**2 - np.array([c[index, index] for c in own]), (1e-6 * value) ** 2)
-        mean, error = mean_with_scatter(value, np.diag(reading))
+        mean, error = _mean(group, name, np.array([c[index, index] for c in own]))
         values[name] = mean
         values[f"{name}_sd"] = float(np.sqrt(error**2 + declared[index, index]))
-    notes = _distinct(part for e in usable for part in e.note.split("; ") if part)
+    for name in ("friction_force", "quadratic_damping"):
+        group = [e for e in alike if np.isfinite(getattr(e, name))]
+        if 2 * len(group) >= len(alike) and group:
+            values[name], values[f"{name}_sd"] = _mean(group, name, np.zeros(len(group)))
+    notes = [*said, *_distinct(part for e in usable for part in e.note.split("; ") if part)]
     if len(usable) < len(estimates):
         notes.insert(0, f"{len(usable)} of {len(estimates)} records usable")
     elif len(usable) == 1:
@@ -106,8 +109,31 @@ def _pool(estimates: list[DropEstimate], axle: AxleOnTire, settings: DropSetting
         log_decrement=decrement,
         usable=True,
         note="; ".join(notes),
+        damping_kind=Counter(e.damping_kind for e in alike).most_common(1)[0][0],
         **values,
     )
+
+
+def _mean(group: list[DropEstimate], name: str, declared_variance: np.ndarray) -> tuple[float, float]:
+    """Random-effects mean of one quantity and its standard error; what is declared for all repeats is left out."""
+    value = np.array([getattr(e, name) for e in group])
+    sd = np.array([getattr(e, f"{name}_sd") for e in group])
+    reading = np.maximum(sd**2 - declared_variance, (1e-6 * value) ** 2 + 1e-12)
+    return mean_with_scatter(value, np.diag(reading))
+
+
+def _alike(usable: list[DropEstimate]) -> tuple[list[DropEstimate], list[str]]:
+    """Repeats whose damping means the same, viscous alone or viscous beside other damping, and a note on the others."""
+    mixed = [e for e in usable if _more_than_viscous(e.damping_kind)]
+    if not mixed or len(mixed) == len(usable):
+        return usable, []
+    alike = mixed if 2 * len(mixed) >= len(usable) else [e for e in usable if e not in mixed]
+    which = "show" if alike is mixed else "do not show"
+    return alike, [f"damping from the {len(alike)} of {len(usable)} records that {which} more than viscous damping"]
+
+
+def _more_than_viscous(kind: str) -> bool:
+    return "friction" in kind or "quadratic" in kind
 
 
 def _distinct(sentences: Iterable[str]) -> list[str]:
@@ -131,28 +157,24 @@ def _messages(
             "cure."
         )
     names = [axle.name for axle in vehicle.axles]
-    unread = sorted({a.axle for a in files if not a.reading.usable})
+    unread = sorted({a.axle for a in files if _without_numbers(a)})
     for axle in unread:
-        count = sum(not a.reading.usable for a in files if a.axle == axle)
+        count = sum(_without_numbers(a) for a in files if a.axle == axle)
         total = sum(a.axle == axle for a in files)
-        why = next(a.reading.note for a in files if a.axle == axle and not a.reading.usable)
+        why = next(a.reading.note for a in files if a.axle == axle and _without_numbers(a))
         messages.append(f"Axle '{names[axle]}': {count} of {total} records give no two-peak decrement ({why}).")
     for axle in sorted({a.axle for a in files} - set(unread)):
-        doubtful = [a for a in files if a.axle == axle and a.reading.log_decrement_se > 0.2 * a.reading.log_decrement]
+        doubtful = [
+            a
+            for a in files
+            if a.axle == axle and a.law is None and a.reading.log_decrement_se > 0.2 * a.reading.log_decrement
+        ]
         if doubtful:
             messages.append(
                 f"Axle '{names[axle]}': the decrement of {len(doubtful)} records scatters by more than 20 %, its "
                 "swings are not those of one mode; do not rely on the damping of methods paper and corrected."
             )
-    for axle in sorted({a.axle for a in files}):
-        group = [a for a in files if a.axle == axle]
-        rubbing = sum(a.reading.damping_kind == "friction" for a in group)
-        if 2 * rubbing > len(group):
-            messages.append(
-                f"Axle '{names[axle]}': the decrement rises as the amplitude falls in {rubbing} of {len(group)} "
-                "records, as with dry friction between leaves; the damping coefficient holds for the amplitudes of the "
-                "drop only."
-            )
+    messages += _friction_messages(names, files, pooled)
     for item in pooled:
         if item.method == "corrected" and "k/kt" in item.note:
             messages.append(
@@ -162,6 +184,35 @@ def _messages(
     for analysis in without_dampers:
         messages.append(f"{analysis.file}: dampers removed, so it is not pooled with the other drops.")
     return tuple(messages)
+
+
+def _without_numbers(analysis: DropAnalysis) -> bool:
+    return not analysis.reading.usable and analysis.law is None
+
+
+def _friction_messages(names: list[str], files: tuple[DropAnalysis, ...], pooled: list[DropEstimate]) -> list[str]:
+    """One sentence per axle most of whose records show dry friction: how much, or that it could not be told apart."""
+    messages = []
+    for axle, load_case in sorted({(a.axle, a.load_case) for a in files}):
+        group = [a for a in files if (a.axle, a.load_case) == (axle, load_case)]
+        rubbing = sum("friction" in a.damping_kind for a in group)
+        if 2 * rubbing <= len(group):
+            continue
+        found = [e for e in pooled if (e.axle, e.load_case) == (axle, load_case) and np.isfinite(e.friction_force)]
+        best = next((e for m in ("corrected", "paper") for e in found if e.method == m), None)
+        told = f"Axle '{names[axle]}' ({load_case}): {rubbing} of {len(group)} records show dry friction"
+        if best is not None:
+            force, sd = 1e-3 * best.friction_force, 1e-3 * best.friction_force_sd
+            messages.append(
+                f"{told} of {force:.2f} ± {sd:.2f} kN (method {best.method}); the damping coefficient is the viscous "
+                "part beside it."
+            )
+        else:
+            messages.append(
+                f"{told}, the decrement rises as the amplitude falls; it could not be told apart from viscous damping, "
+                "so the damping coefficient holds for the amplitudes of the drop only."
+            )
+    return messages
 
 
 def _coupled(vehicle: Vehicle) -> bool:

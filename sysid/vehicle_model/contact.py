@@ -113,6 +113,8 @@ def tire_law(
 #: Deflection, as a fraction of the reference, below which the damping falls off linearly instead of as a square root:
 #: a vertical tangent at lift-off would ask for much smaller time steps.
 SOFT_DAMPING = 0.1
+#: Relative deflection below which the elastic force counts as zero, with a zero derivative.
+NO_DEFLECTION = 1e-12
 
 
 def contact_force(
@@ -169,8 +171,8 @@ def _advanced(orders: MapOrders, advance: jax.Array) -> tuple[list[jax.Array], l
 def _odd_power(x: jax.Array, exponent: jax.Array) -> jax.Array:
     """sign(x) |x|^n for n about 1 or more, with finite derivatives at zero."""
     size = jnp.abs(x)
-    safe = jnp.where(size > 1e-12, size, 1.0)
-    return jnp.where(size > 1e-12, jnp.sign(x) * jnp.exp(exponent * jnp.log(safe)), 0.0)
+    safe = jnp.where(size > NO_DEFLECTION, size, 1.0)
+    return jnp.where(size > NO_DEFLECTION, jnp.sign(x) * jnp.exp(exponent * jnp.log(safe)), 0.0)
 
 
 class EffectiveRoad(NamedTuple):

@@ -1,39 +1,34 @@
 """Which engine integrates the vehicle: C++ compiled for this machine where there is a compiler, else JAX.
 
-Both have one contract, the same inputs and the same outputs to rounding.  ``SYSID_ENGINE`` chooses: `auto` (the
-default) takes the native engine where it can be built, `native` insists on it, `jax` does without.  Only the JAX engine
-can be differentiated from outside and takes a motion per parameter set.
+Both keep one protocol (:mod:`sysid.vehicle_model.engines.protocol`) with the same results to rounding.
+``SYSID_ENGINE`` chooses: `auto` (the default) takes the native engine where it can be built, `native` insists on it,
+`reference` (or `jax`) does without.  The choice is made here, where a road is prepared, and nowhere else.
 """
 
 from __future__ import annotations
 
 import os
-from functools import cache, partial
-from typing import Literal, get_args
+from functools import cache
 
 import jax
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.vehicle_model import simulation
-from sysid.vehicle_model.contact import EffectiveRoad, RoadInput, TireLaw, road_input
-from sysid.vehicle_model.filters import FilterRecursion
+from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.vehicle_model.engines.native import NATIVE
+from sysid.vehicle_model.engines.protocol import Engine, Timing, WheelRoad
+from sysid.vehicle_model.engines.reference import REFERENCE
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.native import kernel
 from sysid.vehicle_model.native.build import BuildError
-from sysid.vehicle_model.native.kernel import Course, LocalColumns, Readings, Timing
-from sysid.vehicle_model.simulation import Histories, Motion, SensorLayout, stage_times
-from sysid.vehicle_model.suspension import SuspensionLaw
 
-Choice = Literal["auto", "native", "jax"]
-#: What the time loop gets of the road: looked up beforehand (JAX), or where to look it up (native).
-WheelRoad = RoadInput | Course
+_CHOICES = ("auto", "native", "reference", "jax")
 
-__all__ = ["LocalColumns", "Readings", "Timing", "WheelRoad", "engine_name", "wheel_road"]
+__all__ = ["Timing", "WheelRoad", "engine_name", "engine_of_process", "wheel_road"]
 
 
-def engine_name() -> Literal["native", "jax"]:
-    """The engine of this process.
+def engine_of_process() -> Engine:
+    """The engine of this process, for vehicles that it takes.
 
     Raises
     ------
@@ -41,16 +36,21 @@ def engine_name() -> Literal["native", "jax"]:
         If SYSID_ENGINE names no engine, or insists on the native one where it cannot be had.
     """
     choice = os.environ.get("SYSID_ENGINE", "auto")
-    if choice not in get_args(Choice):
-        raise SysidError(f"SYSID_ENGINE is '{choice}'; set it to auto, native or jax.")
-    if choice == "jax":
-        return "jax"
+    if choice not in _CHOICES:
+        raise SysidError(f"SYSID_ENGINE is '{choice}'; set it to auto, native or reference.")
+    if choice in ("reference", "jax"):
+        return REFERENCE
     problem = _problem()
     if problem is None:
-        return "native"
+        return NATIVE
     if choice == "native":
         raise SysidError(f"The native engine cannot be used: {problem}; set SYSID_ENGINE=auto to do without it.")
-    return "jax"
+    return REFERENCE
+
+
+def engine_name() -> str:
+    """Name of the engine of this process (raises as :func:`engine_of_process`)."""
+    return engine_of_process().name
 
 
 @cache
@@ -73,57 +73,10 @@ def wheel_road(
     start_s: jax.Array,
     timing: Timing,
 ) -> WheelRoad:
-    """The road of R runs at speeds [m/s] and starts [s] (R, 1), as the engine of this process wants it."""
-    if engine_name() == "native" and kernel.supports(lanes):
-        return Course(road, axle_x, speed, start_s)
-    return _looked_up(road, axle_x, speed, start_s, timing=timing)
+    """The road of R runs at speeds [m/s] and starts [s] (R, 1), prepared by the engine of this process.
 
-
-@partial(jax.jit, static_argnames=("timing",))
-def _looked_up(road: EffectiveRoad, axle_x, speed, start_s, *, timing: Timing) -> RoadInput:
-    return looked_up(road, axle_x, speed, start_s, timing)
-
-
-def looked_up(
-    road: EffectiveRoad, axle_x: jax.Array, speed: jax.Array, start_s: jax.Array, timing: Timing
-) -> RoadInput:
-    """Road input at every half step for speeds [m/s] and starts [s] (R, S)."""
-    times = stage_times(timing.samples, timing.interval_s, timing.substeps)[:, None, None, None]
-    return road_input(road, speed[:, None] * (times - start_s[:, None]) - axle_x)
-
-
-def simulate_sensors(
-    lanes: LaneMatrices,
-    suspension: SuspensionLaw,
-    tire: TireLaw,
-    motion: Motion,
-    road: WheelRoad,
-    layout: SensorLayout,
-    recursion: FilterRecursion | None,
-    timing: Timing,
-) -> jax.Array:
-    """Filtered sensor signals (T, R, C, S), see :func:`sysid.vehicle_model.simulation.simulate_sensors`."""
-    if isinstance(road, Course):
-        return kernel.sensors(lanes, kernel.laws(suspension, tire), road, timing, layout, recursion)
-    return simulation.simulate_sensors(
-        lanes,
-        suspension,
-        tire,
-        motion,
-        road,
-        layout,
-        recursion,
-        interval_s=timing.interval_s,
-        substeps=timing.substeps,
-    )
-
-
-def simulate_histories(
-    lanes: LaneMatrices, suspension: SuspensionLaw, tire: TireLaw, motion: Motion, road: WheelRoad, timing: Timing
-) -> Histories:
-    """Unfiltered histories, see :func:`sysid.vehicle_model.simulation.simulate_histories`."""
-    if isinstance(road, Course):
-        return kernel.histories(lanes, kernel.laws(suspension, tire), road, timing)
-    return simulation.simulate_histories(
-        lanes, suspension, tire, motion, road, interval_s=timing.interval_s, substeps=timing.substeps
-    )
+    Vehicles that this engine does not take get the reference engine.
+    """
+    engine = engine_of_process()
+    chosen = engine if engine.takes(lanes) else REFERENCE
+    return chosen.prepare(road, axle_x, speed, start_s, timing)

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from sysid.campaign.records import Axle, LoadCase, SpeedHeld, Vehicle
-from sysid.road.contact_laws import ContactLaw, cam_map, point_map
+from sysid.road.contact_laws import CONTACT_LAWS, ContactLaw
 from sysid.road.enveloping import SPOKE_EXPONENT, FootprintMap, SpokeTable, footprint_map, spoke_table
 from sysid.road.results import RoadProfile
 from sysid.vehicle_model.assembly import assemble
@@ -99,10 +99,9 @@ class EffectiveRoads:
         def one(i: int, axle: Axle) -> FootprintMap:
             load, reference = case.axle_loads_kg[i] * gravity, first.axle_loads_kg[i] * gravity
             stiffness = self.tires.stiffness_N_per_m[i]
-            if self.contact == "point":
-                return point_map(self.profiles[bump])
-            if self.contact == "cams":
-                return cam_map(self.profiles[bump], axle.tire_radius_m, load / stiffness)
+            geometric_map = CONTACT_LAWS[self.contact].geometric_map
+            if geometric_map is not None:
+                return geometric_map(self.profiles[bump], axle.tire_radius_m, load / stiffness)
             table = self._table(bump, axle.tire_radius_m)
             return footprint_map(table, load, reference, stiffness)
 

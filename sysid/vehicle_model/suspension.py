@@ -20,7 +20,7 @@ from sysid.vehicle_model.kink import clipped_integrals
 #: Rate at which a nonlinear damper's coefficient is stated: c is the secant |D| / |v| there, mean of both directions.
 REFERENCE_RATE_M_S = 0.5
 #: A gas spring is not compressed below this share of its static length.
-_SHORTEST = 0.05
+SHORTEST = 0.05
 
 
 class Ramps(NamedTuple):
@@ -60,6 +60,16 @@ class SuspensionLaw(NamedTuple):
     rate_ramps: Ramps | None = None
 
 
+#: Elements with smooth coefficients, and the fields of :class:`SuspensionLaw` that are theirs: the native engine leaves
+#: out those that no axle has.
+ELEMENT_FIELDS: dict[str, tuple[str, ...]] = {
+    "gas_spring": ("softening",),
+    "saturating": ("saturation", "tail"),
+    "asymmetric": ("asymmetry",),
+    "friction": ("friction", "slip"),
+}
+
+
 def _ramp_force(ramps: Ramps, x: jax.Array) -> jax.Array:
     at, slope, side = ramps
     return jnp.asarray((side * slope * jnp.maximum(side * (x - at), 0.0)).sum(axis=0))
@@ -69,7 +79,7 @@ def spring_force(law: SuspensionLaw, extension: jax.Array) -> jax.Array:
     """Elastic force S(e) with the ramps [N], positive when it pulls axle and body together."""
     force = law.stiffness * extension
     if law.softening is not None:
-        force = force / jnp.maximum(1.0 + extension * law.softening, _SHORTEST)
+        force = force / jnp.maximum(1.0 + extension * law.softening, SHORTEST)
     if law.ramps is not None:
         force = force + _ramp_force(law.ramps, extension)
     return jnp.asarray(force)

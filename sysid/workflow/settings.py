@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 from sysid.estimation.fit.options import FitOptions
-from sysid.export.files import write_text
+from sysid.files import read_bytes, write_text
 from sysid.posterior.sampling import SamplingOptions
 from sysid.road.contact_laws import ContactLaw
 from sysid.validation.results import ValidationLimits
@@ -38,6 +38,8 @@ class Settings:
         return asdict(self)
 
 
+#: How the suspension laws of axles without a declared one may be found.
+LAWS = ("auto", "compare", "declared")
 #: Choices of the command line that a later report of the same folder takes over.
 KEPT_CHOICES = {"quick": bool, "seed": int, "laws": str, "contact": str, "contact_spread": bool}
 
@@ -51,10 +53,12 @@ def remember(folder: Path, settings: Settings) -> None:
 def recall(folder: Path) -> dict[str, Any]:
     """What :func:`remember` kept in an output folder; empty if nothing was kept or it cannot be read."""
     try:
-        kept = json.loads((folder / "stages" / "settings.json").read_text(encoding="utf-8"))
-        return {name: kind(kept[name]) for name, kind in KEPT_CHOICES.items()}
-    except (OSError, ValueError, KeyError, TypeError):
+        kept = json.loads(read_bytes(folder / "stages" / "settings.json") or b"")
+        found = {name: kept[name] for name, kind in KEPT_CHOICES.items() if type(kept[name]) is kind}
+        known = found["laws"] in LAWS and found["contact"] in get_args(ContactLaw) and found["seed"] >= 0
+    except (ValueError, KeyError, TypeError, RecursionError):
         return {}
+    return found if known and len(found) == len(KEPT_CHOICES) else {}
 
 
 def make_settings(

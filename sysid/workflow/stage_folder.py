@@ -1,57 +1,50 @@
-"""Results of the stages under ``stages/`` of an output folder: what is known, what is stale, how long it took."""
+"""Results of the stages under ``stages/`` of an output folder: what is known, what is stale, how long it took.
+
+A result is kept with a fingerprint and is read back as long as the fingerprint is the same.  It covers the contents of
+the input files that the stage reads, the settings that its record names, the schema of its result, the version and the
+sources of the code behind it, and the fingerprints of the stages that it rests on.  So a stage is stale with those
+below it, and there is no number to raise by hand when a result or an equation changes.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import time
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from sysid.campaign.records import Campaign
 from sysid.errors import CampaignError
-from sysid.export.files import write_text
+from sysid.files import read_bytes, write_text
 from sysid.folder_lock import FolderLock, cannot_write
+from sysid.threads import one_blas_thread
 from sysid.workflow import store
+from sysid.workflow.schema import result_hint, schema_digest
 from sysid.workflow.settings import Settings, remember
+from sysid.workflow.sources import code_digest
+from sysid.workflow.stage import Stage
+from sysid.workflow.stages import STAGES
 from sysid.workflow.versions import versions
 
-#: Stages in order; a result depends on those before it.
-STAGES = ("check", "drops", "scan", "fit", "advise", "profile", "sample", "crosscheck", "bands", "predict")
-#: Stages on whose results no other depends.
-ENDS = ("advise", "profile", "crosscheck", "bands")
-#: On which stages the numbers of each rest; those of runs left out are kept beside the stages.
-_RESTS_ON = {
-    "check": (),
-    "drops": ("check",),
-    "scan": ("check",),
-    "fit": ("drops", "scan"),
-    "advise": ("fit",),
-    "profile": ("fit",),
-    "left_out": ("fit",),
-    "sample": ("fit",),
-    "crosscheck": ("sample",),
-    "bands": ("sample",),
-    "predict": ("sample",),
-}
-#: Raised when a stage's result gains or loses a field, or its numbers change: files of before, and those of stages that
-#: rest on it, are then computed again.
-_CONTENT = dict.fromkeys(_RESTS_ON, 3)
+T = TypeVar("T")
 SUCCESS_MARKER = "SUCCESS"
 
 
 class StageFolder:
     """One output folder and the stages' results in it.
 
-    A result is kept with a fingerprint of the inputs and settings that it depends on and is read back as long as they
-    are the same.
-
     Parameters
     ----------
     output : the folder; made if it does not exist.
     settings : of all stages.
-    input_sha256 : hash of every input file.
+    campaign : as read; names the input files and their hashes.
+    stages : all there are.
 
     Raises
     ------
@@ -61,72 +54,62 @@ class StageFolder:
         If the folder cannot be written, or another process computes a stage in it.
     """
 
-    def __init__(self, output: Path, settings: Settings, input_sha256: Mapping[str, str]):
+    def __init__(self, output: Path, settings: Settings, campaign: Campaign, stages: Sequence[Stage[Any]] = STAGES):
         if output.exists() and not output.is_dir():
             raise CampaignError(f"--output names a file, {output.name}; give a folder instead.")
-        self._output = output
-        self._settings = settings
-        self._inputs = dict(input_sha256)
-        self._results: dict[str, Any] = {}
-        self._nested: list[float] = []
+        self.path, self._settings, self._campaign, self._all = output, settings, campaign, stages
+        self._results: dict[Stage[Any], Any] = {}
+        self._fingerprints: dict[Stage[Any], str] = {}
+        self._version = versions()["sysid"]
         self.lock = FolderLock(output)
         self.write(lambda: (output / "stages").mkdir(parents=True, exist_ok=True))
-        #: Seconds of every stage, those that it ran first not counted.
+        #: Seconds of every stage and of its parts, those that it ran first not counted.
         self.timings: dict[str, float] = self._read_timings()
 
-    def result(self, name: str, compute: Callable[[], Any], *, again: bool = False) -> Any:
-        """The result of a stage: known already, else (or `again`) computed, timed and kept; later ones are stale."""
-        known = None if again else self.known(name)
-        if known is not None:
-            return known
-        with self.lock:
-            result = self.timed(name, compute)
-            if name not in ENDS:
-                self.forget(STAGES[STAGES.index(name) + 1 :])
-                self.write(partial((self._output / SUCCESS_MARKER).unlink, missing_ok=True))
-            self.keep(name, result)
-        return result
-
-    def known(self, name: str) -> Any | None:
+    def known(self, stage: Stage[T]) -> T | None:
         """The result of a stage if it has run on these inputs and settings."""
-        if name not in self._results:
-            stored = store.load(self._path(name), self._fingerprint(name))
-            if stored is None:
-                return None
-            self._results[name] = stored
-        return self._results[name]
-
-    def keep(self, name: str, result: Any) -> None:
-        """Keep a result, and the settings for commands that show what is there."""
-        self._results[name] = result
-        self.write(lambda: remember(self._output, self._settings))
-        self.write(lambda: store.save(self._path(name), result, self._fingerprint(name)))
-
-    def redo(self, name: str) -> None:
-        """Forget a stage and all that follow, so that it runs again."""
-        with self.lock:
-            self.forget((name,) if name in ENDS else STAGES[STAGES.index(name) :])
-
-    def forget(self, names: tuple[str, ...]) -> None:
-        """Forget the results of some stages; left-out runs go with the fit."""
-        for name in (*names, *(("left_out",) if "fit" in names else ())):
-            self._results.pop(name, None)
-            self.write(partial(self._path(name).unlink, missing_ok=True))
-
-    def timed(self, name: str, compute: Callable[[], Any]) -> Any:
-        """Run a stage and keep its own time: a stage that runs its predecessors first is not charged for them."""
-        self._nested.append(0.0)
-        begin = time.perf_counter()
-        try:
-            result = compute()
-        finally:
-            elapsed = time.perf_counter() - begin
-            within = self._nested.pop()
-            if self._nested:
-                self._nested[-1] += elapsed
-        self.timings[name] = elapsed - within
-        self.write(lambda: write_text(self._timings_file, json.dumps(self.timings)))
+        if stage not in self._results and stage.in_file:
+            stored = store.load(self._path(stage), self.fingerprint(stage), result_hint(stage))
+            if stored is not None:
+                self._results[stage] = stored
+        result: T | None = self._results.get(stage)
         return result
+
+    def keep(self, stage: Stage[T], result: T) -> None:
+        """Keep a result, and the settings for commands that show what is there; what rests on it is forgotten."""
+        self.forget(dependents(stage, self._all))
+        if stage.in_run == "always":
+            self.no_success()
+        self._results[stage] = result
+        if stage.in_file:
+            self.write(lambda: remember(self.path, self._settings))
+            try:
+                self.write(lambda: store.save(self._path(stage), result, self.fingerprint(stage), result_hint(stage)))
+            except TypeError as error:
+                # A fault of this program; better than to lose a result of minutes.
+                warnings.warn(f"The result of '{stage.name}' is not kept: {error}.", stacklevel=2)
+
+    def forget(self, stages: Iterable[Stage[Any]]) -> None:
+        """Forget the results of some stages."""
+        for stage in stages:
+            self._results.pop(stage, None)
+            if stage.in_file:
+                self.write(partial(self._path(stage).unlink, missing_ok=True))
+
+    def no_success(self) -> None:
+        """Take the marker of a finished run away."""
+        self.write(lambda: (self.path / SUCCESS_MARKER).unlink(missing_ok=True))
+
+    @contextmanager
+    def timed(self, name: str, parts: Callable[[], dict[str, float]] = dict) -> Iterator[None]:
+        """Keep the time of a stage or an ending, and of its `parts` by name."""
+        begin = time.perf_counter()
+        with one_blas_thread():
+            yield
+        elapsed = time.perf_counter() - begin
+        others = {key: value for key, value in self.timings.items() if key.split(": ")[0] != name}
+        self.timings = {**others, name: elapsed, **parts()}
+        self.write(lambda: write_text(self._timings_file, json.dumps(self.timings)))
 
     def write(self, action: Callable[[], Any]) -> None:
         """Do something that writes into the folder.
@@ -136,36 +119,52 @@ class StageFolder:
         try:
             action()
         except OSError as error:
-            raise cannot_write(self._output, error) from error
+            raise cannot_write(self.path, error) from error
 
-    def _path(self, name: str) -> Path:
-        return self._output / "stages" / f"{name}.npz"
+    def fingerprint(self, stage: Stage[Any]) -> str:
+        """Hash of everything that the numbers of a stage depend on."""
+        if stage not in self._fingerprints:
+            files = self._campaign.input_sha256
+            names = files if stage.inputs is None else stage.inputs(self._campaign)
+            relevant = {
+                "inputs": {name: files[name] for name in names},
+                "settings": {name: self._setting(name) for name in stage.settings},
+                "schema": schema_digest(result_hint(stage)),
+                "version": self._version,
+                "code": code_digest(stage.code),
+                "rests on": [self.fingerprint(before) for before in (*stage.needs, *stage.uses)],
+            }
+            text = json.dumps(relevant, sort_keys=True)
+            self._fingerprints[stage] = hashlib.sha256(text.encode()).hexdigest()
+        return self._fingerprints[stage]
+
+    def _setting(self, name: str) -> Any:
+        value: Any = self._settings
+        for part in name.split("."):
+            value = getattr(value, part)
+        return dataclasses.asdict(value) if dataclasses.is_dataclass(value) else value  # type: ignore[arg-type]
+
+    def _path(self, stage: Stage[Any]) -> Path:
+        return self.path / "stages" / f"{stage.name}.npz"
 
     @property
     def _timings_file(self) -> Path:
-        return self._output / "stages" / "timings.json"
-
-    def _fingerprint(self, name: str) -> str:
-        """Hash of the inputs, the version and the settings that a stage depends on, and of the stages it rests on."""
-        settings = self._settings.as_dict()
-        relevant: dict[str, Any] = {
-            "inputs": self._inputs,
-            "version": versions()["sysid"],
-            "content": _CONTENT[name],
-            "rests on": [self._fingerprint(before) for before in _RESTS_ON[name]],
-        }
-        if name in ("drops", "fit"):
-            relevant["fit"] = settings["fit"]
-        if name == "drops":
-            relevant["drop_model"] = self._settings.drop_model
-        if name == "sample":
-            # How long to go on decides when a chain ends, not what it is.
-            limits = ("max_steps", "min_steps", "rhat_limit", "min_effective")
-            relevant["sampling"] = {k: v for k, v in settings["sampling"].items() if k not in limits}
-        return hashlib.sha256(json.dumps(relevant, sort_keys=True).encode()).hexdigest()
+        return self.path / "stages" / "timings.json"
 
     def _read_timings(self) -> dict[str, float]:
+        content = read_bytes(self._timings_file)
         try:
-            return dict(json.loads(self._timings_file.read_text(encoding="utf-8")))
-        except (OSError, ValueError):
+            found = json.loads(content or b"{}")
+        except (ValueError, RecursionError):
             return {}
+        whole = isinstance(found, dict) and all(type(seconds) in (int, float) for seconds in found.values())
+        return found if whole else {}
+
+
+def dependents(stage: Stage[Any], stages: Sequence[Stage[Any]] = STAGES) -> tuple[Stage[Any], ...]:
+    """Stages that rest on one, directly or not, itself not among them."""
+    found: list[Stage[Any]] = []
+    for other in stages:
+        if any(before is stage or before in found for before in (*other.needs, *other.uses)):
+            found.append(other)
+    return tuple(found)

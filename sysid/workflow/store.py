@@ -1,126 +1,133 @@
 """Results of the stages on disk: one file per stage, frozen dataclasses in and out, no pickle.
 
-A stage file is an .npz whose entry ``tree`` is JSON text and whose other entries are the arrays it refers to.  Only
-dataclasses of this package that are listed here are ever built from a file.
+The file is that of :mod:`sysid.array_file`; its fields hold the fingerprint and the result as nested JSON, in which
+arrays stand by their name.  A file is decoded along the type of the stage's result: what has another class, another
+member, a member of another type, or any damage is not there.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import io
-import json
-import zipfile
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, Union, get_args
 
 import numpy as np
 
-from sysid.campaign import findings
-from sysid.errors import CampaignError
-from sysid.estimation.fit import fit_result, profiles, state
-from sysid.estimation.parameters import estimate, parameter_set
-from sysid.estimation.residuals import residual_weights, run_history, run_motion
-from sysid.estimation.uncertainty import identifiability, information, mass_response
-from sysid.estimation.weights import residual_evidence
-from sysid.export.files import write_atomically
-from sysid.planning import advice as advice_results
-from sysid.posterior import cross_check
-from sysid.posterior import results as posterior_results
-from sysid.prediction import results as prediction_results
-from sysid.road import results as road_results
-from sysid.sdof import results as sdof_results
-from sysid.validation import results as validation_results
-from sysid.vehicle_model import lanes
-
-_MODULES = (
-    findings,
-    sdof_results,
-    road_results,
-    estimate,
-    run_history,
-    residual_evidence,
-    fit_result,
-    identifiability,
-    profiles,
-    posterior_results,
-    cross_check,
-    prediction_results,
-    advice_results,
-    validation_results,
-)
-_CLASSES = {
-    name: value
-    for module in _MODULES
-    for name, value in vars(module).items()
-    if isinstance(value, type) and dataclasses.is_dataclass(value)
-} | {
-    "Parameter": parameter_set.Parameter,
-    "PriorLink": parameter_set.PriorLink,
-    "ParameterSet": parameter_set.ParameterSet,
-    "FitPoint": state.FitPoint,
-    "RunMotion": run_motion.RunMotion,
-    "Weights": residual_weights.Weights,
-    "MassResponse": mass_response.MassResponse,
-    "DataInformation": information.DataInformation,
-    "MapTires": lanes.MapTires,
-}
+from sysid import array_file
+from sysid.workflow.schema import PLAIN, field_hints, kind_of
 
 
-def save(path: Path, result: Any, fingerprint: str) -> None:
-    """Write a stage result atomically, marked with the fingerprint of its inputs."""
+def save(path: Path, result: Any, fingerprint: str, hint: Any) -> None:
+    """Write a stage result of type `hint`, complete or not at all, marked with the fingerprint of what it depends on.
+
+    Raises
+    ------
+    TypeError
+        If the result is not of its type, so that nobody would read it back.
+    OSError
+        If the folder cannot be written.
+    """
     arrays: dict[str, np.ndarray] = {}
-    tree = json.dumps({"fingerprint": fingerprint, "result": _encode(result, arrays)})
-    arrays["tree"] = np.frombuffer(tree.encode("utf-8"), dtype=np.uint8)
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
-
-    def write(temporary: Path) -> None:
-        temporary.write_bytes(buffer.getvalue())
-
-    write_atomically(path, write)
+    tree = _encoded(result, arrays)
+    try:
+        _decoded(tree, hint, arrays)
+    except (ValueError, KeyError) as error:
+        raise TypeError(str(error)) from error
+    array_file.write(path, {"fingerprint": fingerprint, "result": tree}, arrays)
 
 
-def load(path: Path, fingerprint: str) -> Any | None:
-    """Read a stage result; None if there is none, it is damaged, or its inputs have changed since."""
-    if not path.is_file():
+def load(path: Path, fingerprint: str, hint: Any) -> Any | None:
+    """Read a stage result of type `hint`; None if there is none, it is damaged, or has another fingerprint."""
+    content = array_file.read(path)
+    if content is None or content.fields.get("fingerprint") != fingerprint:
         return None
     try:
-        with path.open("rb") as handle, np.load(handle, allow_pickle=False) as data:
-            tree = json.loads(data["tree"].tobytes().decode("utf-8"))
-            if tree["fingerprint"] != fingerprint:
-                return None
-            return _decode(tree["result"], data)
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        return _decoded(content.fields["result"], hint, content.arrays)
+    except Exception:
+        # Not what was declared; a class may refuse members that do not fit each other in any way it likes.
         return None
 
 
-def _encode(value: Any, arrays: dict[str, np.ndarray]) -> Any:
+def _encoded(value: Any, arrays: dict[str, np.ndarray]) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        name = type(value).__name__
-        if name not in _CLASSES:
-            raise CampaignError(f"{name} is not a stage result and cannot be kept.")
-        members = {f.name: _encode(getattr(value, f.name), arrays) for f in dataclasses.fields(value)}
-        return {"class": name, "members": members}
+        members = {f.name: _encoded(getattr(value, f.name), arrays) for f in dataclasses.fields(value)}
+        return {"class": type(value).__name__, "members": members}
     if isinstance(value, np.ndarray):
-        key = f"array_{len(arrays)}"
-        arrays[key] = value
-        return {"array": key}
+        name = f"array_{len(arrays)}"
+        arrays[name] = value
+        return {"array": name}
     if isinstance(value, tuple | list):
-        return {"tuple": [_encode(v, arrays) for v in value]}
-    if isinstance(value, dict):
-        return {"dict": [[k, _encode(v, arrays)] for k, v in value.items()]}
+        return [_encoded(v, arrays) for v in value]
+    if isinstance(value, Mapping):
+        return {"items": [[_encoded(k, arrays), _encoded(v, arrays)] for k, v in value.items()]}
     if isinstance(value, np.generic):
         return value.item()
-    return value
-
-
-def _decode(value: Any, arrays: Any) -> Any:
-    if not isinstance(value, dict):
+    if isinstance(value, PLAIN):
         return value
-    if "class" in value:
-        return _CLASSES[value["class"]](**{k: _decode(v, arrays) for k, v in value["members"].items()})
-    if "array" in value:
-        return arrays[value["array"]]
-    if "tuple" in value:
-        return tuple(_decode(v, arrays) for v in value["tuple"])
-    return {k: _decode(v, arrays) for k, v in value["dict"]}
+    raise TypeError(f"a stage result holds a {type(value).__name__}, which no stage file can hold")
+
+
+def _decoded(tree: Any, hint: Any, arrays: Mapping[str, np.ndarray]) -> Any:
+    """The value of a type; raises ValueError, KeyError or TypeError where the tree is none of it."""
+    if hint in PLAIN:
+        return _plain(tree, hint)
+    if hint is np.ndarray:
+        return arrays[_only(tree, "array")]
+    if dataclasses.is_dataclass(hint):
+        return _instance(tree, hint, arrays)
+    kind, parts = kind_of(hint), get_args(hint)
+    if kind is Union:
+        return _any_of(tree, parts, arrays)
+    if kind is Literal:
+        return _one_of(tree, parts)
+    if kind is dict:
+        pairs = _only(tree, "items")
+        return {_decoded(key, parts[0], arrays): _decoded(value, parts[1], arrays) for key, value in pairs}
+    if not isinstance(tree, list):
+        raise TypeError("a list is expected")
+    each = parts[:1] * len(tree) if parts[-1] is ... else parts
+    return tuple(_decoded(value, part, arrays) for value, part in zip(tree, each, strict=True))
+
+
+def _plain(tree: Any, kind: Any) -> Any:
+    # An integer is a number too; True, though an int to Python, is none.
+    if type(tree) is kind or (tree is None and kind is type(None)) or (kind is float and type(tree) is int):
+        return tree
+    raise TypeError(f"a {kind.__name__} is expected")
+
+
+def _only(tree: Any, key: str) -> Any:
+    if not isinstance(tree, dict) or tree.keys() != {key}:
+        raise TypeError(f"'{key}' alone is expected")
+    return tree[key]
+
+
+def _instance(tree: Any, cls: Any, arrays: Mapping[str, np.ndarray]) -> Any:
+    hints = field_hints(cls)
+    if tree["class"] != cls.__name__ or tree["members"].keys() != hints.keys():
+        raise ValueError(f"a {cls.__name__} is expected")
+    members = {}
+    for name, hint in hints.items():
+        try:
+            members[name] = _decoded(tree["members"][name], hint, arrays)
+        except (ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"{cls.__name__}.{name}: {error}") from error
+    return cls(**members)
+
+
+def _any_of(tree: Any, hints: tuple[Any, ...], arrays: Mapping[str, np.ndarray]) -> Any:
+    reasons = []
+    for hint in hints:
+        try:
+            return _decoded(tree, hint, arrays)
+        except (ValueError, KeyError, TypeError) as error:
+            reasons.append(str(error))
+    raise ValueError(" or ".join(reasons))
+
+
+def _one_of(tree: Any, values: tuple[Any, ...]) -> Any:
+    for value in values:
+        if type(value) is type(tree) and value == tree:
+            return value
+    raise ValueError("none of the values that are possible")

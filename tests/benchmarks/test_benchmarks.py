@@ -9,10 +9,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from native_engine import needs_compiler
 
 from benchmarks.document import goal_of
 from benchmarks.rounds import Contender, Sample, ratio, run_rounds, spread
-from sysid.vehicle_model.native.build import find_compiler
 
 ROOT = Path(__file__).parents[2]
 
@@ -58,7 +58,7 @@ def test_a_goal_says_whether_it_was_kept(name: str, found: float, text: str):
 
 
 @pytest.mark.long
-@pytest.mark.skipif(find_compiler() is None, reason="no C++ compiler on this machine")
+@needs_compiler
 def test_the_smallest_configuration_runs(tmp_path: Path):
     command = [sys.executable, "-m", "benchmarks", "--quick", "--no-peers", "--output", str(tmp_path)]
     environment = {**os.environ, "SYSID_ENGINE": "auto"}

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import jax
 import pytest
 from click.testing import CliRunner
 
+from sysid import runtime
 from sysid.cli.main import cli
 from sysid.cli.stages import run_stage
 
@@ -139,6 +142,24 @@ def test_the_untouched_campaign_passes_the_check(campaign: Path, tmp_path: Path,
     code, text = check(campaign, tmp_path / "out", capsys)
     assert (code, text) == (0, "")
     assert (tmp_path / "out" / "result.json").is_file()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="folders have other modes on Windows")
+def test_a_cache_folder_that_others_can_write_to_is_one_sentence(campaign: Path, tmp_path: Path, capsys, monkeypatch):
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o777)
+    monkeypatch.setenv("SYSID_CACHE_DIR", str(shared))
+    monkeypatch.setattr(runtime, "_user_cache", lambda: tmp_path / "own")
+    runtime._say.cache_clear()
+    before = jax.config.jax_compilation_cache_dir
+    try:
+        code, text = check(campaign, tmp_path / "output", capsys)
+    finally:
+        jax.config.update("jax_compilation_cache_dir", before)
+    assert code == 0
+    (line,) = (" ".join(text.split())).split("calibrate.py check: ")[1:]
+    assert line.startswith(f"Compiled code is kept in {tmp_path / 'own'} because {shared} can be written by others")
 
 
 def test_output_that_is_a_file_is_refused(campaign: Path, tmp_path: Path, capsys) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from pathlib import Path
+from typing import get_args
 
 import click
 import pytest
@@ -14,6 +15,7 @@ from sysid.cli.main import cli
 from sysid.cli.stages import INTERRUPTED
 from sysid.planning.advise import CANDIDATE_KM_H
 from sysid.posterior.sampling import SamplingOptions
+from sysid.road.contact_laws import CONTACT_LAWS, ContactLaw
 from sysid.workflow import Calibration, make_settings
 
 ROOT = Path(__file__).parents[2]
@@ -71,6 +73,14 @@ def test_defaults_in_the_help_are_those_of_the_settings(stage: str, option: str,
     (found,) = [p for p in cli.commands[stage].params if option in p.opts]
     assert isinstance(found, click.Option)
     assert f"(default: {default})" in str(found.help)
+
+
+def test_the_choices_of_contact_laws_are_the_laws_that_there_are() -> None:
+    (found,) = [p for p in cli.commands["run"].params if "--contact" in p.opts]
+    assert isinstance(found.type, click.Choice)
+    assert tuple(found.type.choices) == get_args(ContactLaw) == tuple(CONTACT_LAWS)
+    (row,) = [line for line in README.splitlines() if line.startswith("| `--contact LAW`")]
+    assert set(re.findall(r"`(\w+)`", row)) == set(CONTACT_LAWS)
 
 
 def stopped(monkeypatch: pytest.MonkeyPatch, arguments: list[str], program: str = "calibrate.py") -> list[str]:

@@ -8,8 +8,8 @@ import pytest
 from small_results import small_campaign
 
 from sysid.cli.main import cli
-from sysid.cli.passes import OPTIONS, requested_passes
 from sysid.errors import CampaignError, DataRejectedError
+from sysid.workflow.passes import OPTIONS, requested_passes
 
 CAMPAIGN = replace(small_campaign(), scans={"one": None, "two": None})
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
-from types import SimpleNamespace
 
 from rich.console import Console
 from small_results import small_fit, small_profile, small_results
 
-from sysid.cli import tables
+from sysid.cli.tables import render
 from sysid.estimation.uncertainty.identifiability import UndeterminedGroup
+from sysid.workflow.stages.fit import KeptFit, show_fit, show_profile
+from sysid.workflow.stages.loads import show_advise
 
 
-def shown(show, calibration, result) -> str:
+def shown(show, result, results=None) -> str:
     console = Console(width=200, record=True, file=io.StringIO())
-    show(console, calibration, result)
+    render(console, show(result, results))
     return console.export_text()
 
 
@@ -28,26 +29,26 @@ def open_fit():
 
 
 def test_a_parameter_that_is_not_determined_is_no_number():
-    text = shown(tables.show_fit, None, open_fit())
+    text = shown(show_fit, KeptFit(open_fit(), None))
     (line,) = [line for line in text.splitlines() if line.startswith("k_1")]
     assert "not determined" in line
     assert "420" not in line
     assert "504 ± 40 %" in line
     assert "Of k_1 and c_1 only one combination." in text
     assert "calibrate.py advise" in text
-    assert "calibrate.py advise" not in shown(tables.show_fit, None, small_fit())
+    assert "calibrate.py advise" not in shown(show_fit, KeptFit(small_fit(), None))
 
 
 def test_advice_is_a_row_per_run_and_sentences():
     results = small_results()
-    text = shown(tables.show_advise, SimpleNamespace(fit=lambda: results.fit), results.advice)
+    text = shown(show_advise, results.advice, results)
     assert "20 km/h, laden, with LVDT at axle 2" in text
     assert "2.5 % (c_2)" in text
     assert "one remark" in text
 
 
 def test_a_profile_shows_both_intervals():
-    text = shown(tables.show_profile, None, (small_profile(),))
+    text = shown(show_profile, {"k_1": small_profile()})
     # 400 exp(+-0.1 x 1.645) kN/m.
     assert text.count("339.33 to 471.51 kN/m") == 2
     assert "is a parabola" in text

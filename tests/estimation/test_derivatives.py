@@ -17,7 +17,6 @@ from sysid.estimation.residuals.linearisation import Linearisation, linearise_gr
 from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT
 from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import group_road, simulate_group
-from sysid.vehicle_model.simulation import Motion
 
 #: Just beside the nominal motion, at which half steps fall on the stations of the road: there the fifth derivative of
 #: the road jumps and differences lose an order, see the test of the nominal motion below.
@@ -30,7 +29,7 @@ STEPS = {"log": 1e-5, "speed": 1e-5, "start": 1e-5}
 def signals(arrays, road, x, speed, start, *, shape):
     """Sensor signals (T, R, C, S) of parameter sets (p, S), each with its own speed and start (R, S)."""
     inputs = group_road(road, arrays.axle_x, speed, start, shape)
-    return simulate_group(arrays, shape, x, Motion(speed, start), inputs)
+    return simulate_group(arrays, shape, x, inputs)
 
 
 @pytest.fixture(scope="session")
@@ -134,7 +133,7 @@ def test_forward_equals_reverse_mode(model, point):
     direction = jnp.asarray(random.normal(size=(point.size, 1)))
 
     def run(x):
-        return simulate_group(arrays, shape, x, Motion(SPEED_M_S * one, 0.03 * one), inputs)
+        return simulate_group(arrays, shape, x, inputs)
 
     @jax.jit
     def both(x, direction, weight):

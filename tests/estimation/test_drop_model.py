@@ -77,3 +77,34 @@ def test_drops_without_dampers_are_not_fitted(campaign, analysed):
     with pytest.raises(DataRejectedError, match="dampers"):
         fit_drops(bare, analysed, OPTIONS)
     assert "dampers" in with_model_estimates(bare, analysed, OPTIONS).messages[-1]
+
+
+@pytest.mark.parametrize(
+    "failure",
+    [np.linalg.LinAlgError("SVD did not converge"), FloatingPointError("overflow"), RuntimeError("nonfinite solve")],
+)
+def test_a_fit_that_breaks_down_costs_its_estimates_only(campaign, analysed, monkeypatch, failure):
+    def broken(*arguments):
+        raise failure
+
+    monkeypatch.setattr("sysid.estimation.drop_model.fit_drops", broken)
+    summary = with_model_estimates(campaign, analysed, OPTIONS)
+    assert summary.pooled == analysed.pooled
+    assert summary.files is analysed.files
+    assert summary.messages[: len(analysed.messages)] == analysed.messages
+    assert str(failure) in summary.messages[-1]
+
+
+def test_numbers_that_are_not_finite_are_no_estimates(campaign, analysed, found, monkeypatch):
+    bad = replace(found[0], stiffness=float("nan"))
+    monkeypatch.setattr("sysid.estimation.drop_model.fit_drops", lambda *arguments: (bad, found[2]))
+    summary = with_model_estimates(campaign, analysed, OPTIONS)
+    assert [e.axle for e in summary.pooled if e.method == "model"] == [2]
+    assert "no finite numbers" in summary.messages[-1]
+
+
+def test_bodies_that_are_let_go_are_not_fitted(campaign, analysed):
+    bodies = tuple(replace(d, release="body", plank_height_m=None) for d in campaign.plank_drops)
+    summary = with_model_estimates(replace(campaign, plank_drops=bodies), analysed, OPTIONS)
+    assert summary.pooled == analysed.pooled
+    assert "let go" in summary.messages[-1]

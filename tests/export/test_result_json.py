@@ -47,7 +47,8 @@ def test_every_key_of_the_published_example_is_there():
     ]  # fmt: skip
     assert set(document["drops"][0]) == {
         "axle", "load_case", "file", "method", "stiffness", "damping", "stiffness_sd", "damping_sd", "damped_period",
-        "log_decrement", "usable", "note",
+        "log_decrement", "usable", "note", "damping_kind", "friction_force", "friction_force_sd", "quadratic_damping",
+        "quadratic_damping_sd",
     }  # fmt: skip
     assert set(document["parameters"][0]) == {
         "name", "axle", "quantity", "load_case", "run", "law", "unit", "identified", "least_squares", "posterior",

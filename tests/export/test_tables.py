@@ -15,13 +15,12 @@ from sysid.export import (
     prediction_csv,
     prediction_files,
     validation_csv,
-    write_atomically,
     write_parameters,
     write_predictions,
-    write_text,
     write_validation,
 )
 from sysid.export.tables import write_profiles
+from sysid.files import write_atomically, write_text
 
 
 def test_parameters_come_back_with_pandas(tmp_path):

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from killed_chain import CENTRE, COVARIANCE, NAMES, OPTIONS
 
+from sysid import files
 from sysid.errors import DataRejectedError, OutputError
 from sysid.folder_lock import FolderLock
-from sysid.posterior import chain_files
 from sysid.posterior.checkpoint import read_chain
 from sysid.posterior.sampling import chain_identity, posterior_so_far
 
@@ -97,7 +97,7 @@ def test_a_read_only_folder_is_one_sentence(tmp_path):
 
 @pytest.mark.parametrize("call", range(6))
 def test_whichever_write_fails_first_nothing_is_lost(whole, tmp_path, monkeypatch, call: int):
-    """Every write that waits for the disk fails once: identity, its folder, segment, state, folder, segment ..."""
+    """Every write that waits for the disk fails once: segment, its folder, the next segment ..."""
     calls = iter(range(100_000))
     fsync = os.fsync
 
@@ -107,7 +107,7 @@ def test_whichever_write_fails_first_nothing_is_lost(whole, tmp_path, monkeypatc
         fsync(handle)
 
     folder = tmp_path / "chain"
-    monkeypatch.setattr(chain_files.os, "fsync", failing)
+    monkeypatch.setattr(files.os, "fsync", failing)
     with pytest.raises(OutputError, match="No space left on device") as caught:
         killed_chain.sample(folder)
     assert (caught.value.exit_code, "\n" in str(caught.value)) == (DataRejectedError.exit_code, False)

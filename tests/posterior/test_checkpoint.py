@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import shutil
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import pytest
 from sysid.errors import CampaignError, DataRejectedError, OutputError
 from sysid.posterior.checkpoint import Checkpoint
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.posterior.segments import read_segments, segment_file, segment_files
 
 NAMES = ("k_1", "k_2", "c_1")
 CENTRE = np.array([12.0, 13.0, 9.0])
@@ -65,21 +65,20 @@ def test_keeping_the_chain_changes_nothing(whole):
 
 @pytest.mark.parametrize("kept", range(7))
 def test_a_run_stopped_after_any_segment_continues_bit_by_bit(whole, tmp_path, kept: int):
-    """Also over what a killed process leaves: half a segment behind the committed ones, half a state."""
+    """Also beside what a killed process leaves: half a segment under another name."""
     folder = tmp_path / "chain"
-    if kept:
-        sample(folder, options=dataclasses.replace(OPTIONS, max_steps=10 * kept))
-    else:
-        with Checkpoint(folder, stored_identity(whole[0])) as checkpoint:
-            checkpoint.open(resume=False)
-    with (folder / "draws.bin").open("ab") as handle:
-        handle.write((whole[0] / "draws.bin").read_bytes()[:3000])
-    (folder / "state.tmp").write_bytes(b"half a state")
+    shutil.copytree(whole[0], folder)
+    for path in segment_files(folder)[kept:]:
+        path.unlink()
+    (folder / ".writing-abc.npz").write_bytes(segment_file(whole[0], 0).read_bytes()[:3000])
     notes: list[str] = []
     same(whole[1], sample(folder, resume=True, notice=notes.append))
     assert notes == []
-    for name in ("draws.bin", "state.bin"):
-        assert (folder / name).read_bytes() == (whole[0] / name).read_bytes()
+    assert contents(folder) == contents(whole[0])
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 def test_a_larger_limit_goes_on_where_the_chain_ended(whole, tmp_path):
@@ -94,9 +93,9 @@ def test_a_chain_that_has_converged_does_not_grow_when_resumed(tmp_path):
     easy = dataclasses.replace(OPTIONS, max_steps=400, min_steps=40, min_effective=50.0, rhat_limit=1.5)
     first = sample(folder, options=easy)
     assert first.converged
-    before = (folder / "draws.bin").read_bytes()
+    before = contents(folder)
     same(first, sample(folder, options=easy, resume=True))
-    assert (folder / "draws.bin").read_bytes() == before
+    assert contents(folder) == before
 
 
 def damaged(content: bytes, how: str) -> bytes:
@@ -107,68 +106,66 @@ def damaged(content: bytes, how: str) -> bytes:
     return {"cut": content[: len(content) // 2], "empty": b"", "garbage": b"x" * 3000}[how]
 
 
-@pytest.mark.parametrize("how", ["cut", "flipped", "empty", "garbage"])
-@pytest.mark.parametrize(
-    ("files", "said"),
-    [
-        (["draws.bin"], "draws.bin is damaged"),
-        (["state.bin"], "state.bin is damaged"),
-        (["state.previous.bin"], ""),
-        (["state.bin", "state.previous.bin"], "state.bin is damaged"),
-        (["state.bin", "state.previous.bin", "draws.bin"], "state.bin is damaged"),
-        (["identity.json"], ""),
-    ],
-)
-def test_damage_is_said_and_costs_no_draw(whole, tmp_path, files: list[str], said: str, how: str):
+@pytest.mark.parametrize("how", ["cut", "flipped", "empty", "garbage", "lost"])
+@pytest.mark.parametrize("numbers", [[0], [3], [5], [2, 4], [0, 1, 2, 3, 4, 5]])
+def test_damage_is_said_and_costs_no_draw(whole, tmp_path, numbers: list[int], how: str):
     folder = tmp_path / "chain"
     shutil.copytree(whole[0], folder)
-    for name in files:
-        (folder / name).write_bytes(damaged((folder / name).read_bytes(), how))
+    for path in [segment_file(folder, number) for number in numbers]:
+        if how == "lost":
+            path.unlink()
+        else:
+            path.write_bytes(damaged(path.read_bytes(), how))
     notes: list[str] = []
-    # A state that fits is used first; without one, and with the draws cut, the last whole segment is.
     same(whole[1], sample(folder, resume=True, notice=notes.append))
-    assert len(notes) == (1 if said else 0)
-    assert said in "".join(notes)
+    # A chain that ends earlier than it did is whole.
+    silent = how == "lost" and numbers in ([5], [0, 1, 2, 3, 4, 5])
+    assert [" is damaged: " in note for note in notes] == ([] if silent else [True])
+    assert contents(folder) == contents(whole[0])
     again: list[str] = []
     same(whole[1], sample(folder, resume=True, notice=again.append))
     assert again == []
 
 
-def test_a_damaged_state_costs_one_segment_and_a_lost_one_none(whole, tmp_path):
+def test_a_damaged_segment_costs_itself_and_those_behind_it(whole, tmp_path):
     folder = tmp_path / "chain"
     shutil.copytree(whole[0], folder)
     identity = stored_identity(folder)
     assert len(Checkpoint(folder, identity).open(resume=True).segments) == 6
-    (folder / "state.bin").write_bytes(b"x")
-    (folder / "state.previous.bin").write_bytes(b"x")
-    assert len(Checkpoint(folder, identity).open(resume=True).segments) == 6
-    shutil.copyfile(whole[0] / "state.previous.bin", folder / "state.previous.bin")
-    (folder / "state.bin").write_bytes(b"x")
-    assert len(Checkpoint(folder, identity).open(resume=True).segments) == 5
+    segment_file(folder, 4).write_bytes(b"x")
+    assert len(Checkpoint(folder, identity).open(resume=True).segments) == 4
 
 
-@pytest.mark.parametrize("name", ["draws.bin", "state.bin", "state.previous.bin"])
-def test_no_flipped_bit_raises_or_changes_a_draw(whole, tmp_path, name: str):
-    """Forty flips over the whole file: what is found are the first segments as written, and how they end."""
+def test_a_segment_of_another_place_or_chain_is_no_continuation(whole, tmp_path):
+    folder, other = tmp_path / "chain", tmp_path / "other"
+    shutil.copytree(whole[0], folder)
+    shutil.copyfile(segment_file(folder, 2), segment_file(folder, 4))
+    assert len(read_segments(folder).segments) == 4
+    sample(other, options=dataclasses.replace(OPTIONS, seed=9))
+    shutil.copyfile(segment_file(other, 3), segment_file(folder, 3))
+    assert len(read_segments(folder).segments) == 3
+
+
+def test_no_flipped_bit_raises_or_changes_a_draw(whole, tmp_path):
+    """A hundred flips over all files: what is found are the first segments as written, and how they end."""
     random = np.random.default_rng(2)
     folder = tmp_path / "chain"
-    shutil.copytree(whole[0], folder)
-    identity = stored_identity(folder)
-    written = Checkpoint(folder, identity).open(resume=True).segments
-    content = (folder / name).read_bytes()
-    for place in random.choice(len(content), 40):
-        shutil.copytree(whole[0], folder, dirs_exist_ok=True)
-        flipped = bytearray(content)
-        flipped[place] ^= 1 << random.integers(8)
-        (folder / name).write_bytes(bytes(flipped))
+    written = read_segments(whole[0]).segments
+    identity = stored_identity(whole[0])
+    for number in random.integers(6, size=100):
+        shutil.copytree(whole[0], folder)
+        flipped = bytearray(segment_file(folder, number).read_bytes())
+        flipped[random.integers(len(flipped))] ^= 1 << random.integers(8)
+        segment_file(folder, number).write_bytes(bytes(flipped))
         found = Checkpoint(folder, identity).open(resume=True)
-        assert len(found.segments) >= (5 if name != "draws.bin" else 0)
+        assert len(found.segments) == number
         for one, other in zip(found.segments, written, strict=False):
             equal(one, other)
         if found.segments:
             equal(found.ending, written[len(found.segments) - 1].ending)
         else:
             assert found.ending is None
+        shutil.rmtree(folder)
 
 
 def equal(first: object, second: object) -> None:
@@ -177,7 +174,9 @@ def equal(first: object, second: object) -> None:
 
 
 def stored_identity(folder: Path) -> dict[str, str]:
-    return json.loads((folder / "identity.json").read_text())
+    identity = read_segments(folder).identity
+    assert identity is not None
+    return identity
 
 
 @pytest.mark.parametrize(
@@ -196,20 +195,13 @@ def test_changed_data_or_settings_are_refused_by_name(whole, tmp_path, change: d
     shutil.copytree(whole[0], folder)
     with pytest.raises(CampaignError, match=named):
         sample(folder, resume=True, **change)
+    # Also where the beginning of the other chain cannot be read.
+    first = segment_file(folder, 0).read_bytes()
+    segment_file(folder, 0).write_bytes(b"x")
+    with pytest.raises(CampaignError, match=named):
+        sample(folder, resume=True, **change)
+    segment_file(folder, 0).write_bytes(first)
     same(whole[1], sample(folder, resume=True))
-
-
-@pytest.mark.parametrize("content", [b"", b"{", b"\xff\xfe", b'"word"'])
-def test_a_damaged_identity_without_a_state_is_refused_in_words(whole, tmp_path, content: bytes):
-    folder = tmp_path / "chain"
-    shutil.copytree(whole[0], folder)
-    (folder / "identity.json").write_bytes(content)
-    for name in ("state.bin", "state.previous.bin"):
-        (folder / name).unlink()
-    draws = (folder / "draws.bin").read_bytes()
-    with pytest.raises(CampaignError, match=r"identity\.json is damaged"):
-        sample(folder, resume=True)
-    assert (folder / "draws.bin").read_bytes() == draws
 
 
 def test_without_resume_an_old_chain_is_replaced(whole, tmp_path):

@@ -16,7 +16,6 @@ from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT
 from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import group_road, simulate_group
 from sysid.posterior.log_density import LogDensity
-from sysid.vehicle_model.simulation import Motion
 
 
 @pytest.fixture(scope="session")
@@ -42,7 +41,7 @@ def in_batches(density: LogDensity, points: np.ndarray) -> np.ndarray:
 def squares(arrays, road, noise, tempering, x, speed, start, *, shape) -> jax.Array:
     """Sum of squared residuals, sensor gains included, of every run and set (R, S), simulated at each set's motion."""
     inputs = group_road(road, arrays.axle_x, speed, start, shape)
-    signals = simulate_group(arrays, shape, x, Motion(speed, start), inputs)
+    signals = simulate_group(arrays, shape, x, inputs)
     residual, gain = group_residuals(arrays, noise, tempering, signals)
     return (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
 
@@ -84,7 +83,7 @@ def test_marginalisation_equals_brute_force_integration(fit, density):
     files = [fit.campaign.bump_runs[r].log.file for r in fit.state.model.groups[0].runs]
     # Conditional widths for the grid, in the solver's units: a factor of the local normal matrix.
     inputs = density._inputs[0]
-    normal = np.einsum("trck,trcl->rkl", inputs.local_columns, inputs.local_columns)
+    normal = np.einsum("trck,trcl->rkl", inputs.local.residual, inputs.local.residual)
     widths = np.linalg.inv(np.linalg.cholesky(normal)).transpose(0, 2, 1)
     assert all(by_run[f]["speed"] > 0 for f in files)
     random = np.random.default_rng(3)

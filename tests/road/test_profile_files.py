@@ -145,7 +145,7 @@ def test_cut_and_changed_files_never_show_a_traceback(tmp_path):
     section = b"D:long section at v = 1e30,m\n"
     pieces = (b"1e308", b"-1", b"999999999", b"NaN", b"\0", b"$", section, b"*missing*", b"A" * 300)
     read, refused = 0, []
-    for _ in range(120):
+    for _ in range(40):
         content = bytearray(GOOD)
         for _ in range(random.integers(1, 5)):
             at = int(random.integers(len(content) if random.random() < 0.3 else 600))

@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid.posterior.chain_files import STATE
 from sysid.posterior.checkpoint import read_chain
 from sysid.posterior.results import Posterior
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.posterior.segments import segment_file
 
 NAMES = ("k_1", "k_2", "c_1")
 CENTRE = np.array([12.0, 13.0, 9.0])
@@ -78,8 +78,8 @@ def main(folder: Path, kills: int, seed: int) -> dict[str, object]:
         try:
             found = read_chain(chain)
             places.add((completed, 0 if found is None else len(found[1])))
-            if (chain / STATE).exists() and found is None:
-                faults.append("a committed state without draws")
+            if segment_file(chain, 0).exists() and found is None:
+                faults.append("a segment that cannot be read")
         except Exception as error:
             faults.append(repr(error))
     for old in range(completed):

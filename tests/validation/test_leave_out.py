@@ -21,7 +21,7 @@ from sysid.export.tables import validation_csv
 from sysid.report.agreement import left_out_table
 from sysid.validation import validate
 from sysid.validation.leave_out import chosen_runs, leave_out
-from sysid.validation.results import LeftOut
+from sysid.validation.results import LeftOut, LeftOutRun
 from sysid.workflow import store
 
 FILES = ("runs/slow.csv", "runs/middle.csv", "runs/fast.csv")
@@ -116,8 +116,8 @@ def test_marked_in_table_csv_and_report(left):
 
 def test_left_out_runs_are_kept_between_calls(left, tmp_path):
     _, _, result = left
-    store.save(tmp_path / "left.npz", result.runs, "x")
-    back = store.load(tmp_path / "left.npz", "x")
+    store.save(tmp_path / "left.npz", result.runs, "x", tuple[LeftOutRun, ...])
+    back = store.load(tmp_path / "left.npz", "x", tuple[LeftOutRun, ...])
     assert back[2].channels == result.runs[2].channels
     np.testing.assert_array_equal(back[1].values, result.runs[1].values)
 

@@ -1,11 +1,8 @@
-"""The native engine against the JAX engine, and what happens where it cannot be had."""
+"""The native engine against the reference engine: signals and histories."""
 
 from __future__ import annotations
 
-import os
-import stat
 from dataclasses import replace
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -13,20 +10,17 @@ import numpy as np
 import pytest
 import rigid_truck
 import verification_case
+from native_engine import needs_compiler
 
 from sysid.campaign.records import AntiAliasFilter, AxleGroup, LoadCase, Vehicle
-from sysid.errors import SysidError
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import TireLaw, effective_road, tire_law
 from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.filters import discretise
 from sysid.vehicle_model.lane_matrices import LaneMatrices, lane_matrices
-from sysid.vehicle_model.native import build, kernel
-from sysid.vehicle_model.simulation import Motion, SensorLayout
+from sysid.vehicle_model.simulation import SensorLayout
 from sysid.vehicle_model.suspension import Ramps, SuspensionLaw
-
-needs_compiler = pytest.mark.skipif(build.find_compiler() is None, reason="no C++ compiler on this machine")
 
 SPEED_M_S, START_S = np.array([[7.0], [9.5]]), np.array([[0.31], [0.27]])
 #: The first bump throws every wheel into the air, the second none.
@@ -74,32 +68,29 @@ class Case:
         """Signals (T, R, C, S) by the engine of the process."""
         step = self.timing.interval_s / self.timing.substeps
         recursion = None if antialias is None else discretise(antialias, step)
-        wheels, motion = self._wheels()
+        wheels = self._wheels()
 
         @jax.jit
         def run(suspension, tire, wheels):
             tire = tire._replace(growth=self.tire.growth)
-            return engine.simulate_sensors(
-                self.lanes, suspension, tire, motion, wheels, self.layout, recursion, self.timing
-            )
+            return wheels.engine.sensors(self.lanes, suspension, tire, wheels, self.timing, self.layout, recursion)
 
         suspension, tire = self.only(sets)
         return np.asarray(run(suspension, tire._replace(growth=None), wheels))
 
     def histories(self):
         """Unfiltered histories by the engine of the process."""
-        wheels, motion = self._wheels()
+        wheels = self._wheels()
 
         @jax.jit
         def run(wheels):
-            return engine.simulate_histories(self.lanes, self.suspension, self.tire, motion, wheels, self.timing)
+            return wheels.engine.histories(self.lanes, self.suspension, self.tire, wheels, self.timing)
 
         return run(wheels)
 
     def _wheels(self):
         speed, start = jnp.asarray(SPEED_M_S), jnp.asarray(START_S)
-        wheels = engine.wheel_road(self.lanes, self.road, self.axle_x, speed, start, self.timing)
-        return wheels, Motion(speed, start)
+        return engine.wheel_road(self.lanes, self.road, self.axle_x, speed, start, self.timing)
 
 
 def truck(**options) -> Case:
@@ -122,11 +113,11 @@ def assert_same(ours: np.ndarray, theirs: np.ndarray, tolerance: float = 1e-12) 
 
 @pytest.fixture
 def both(monkeypatch):
-    """Calls a function with the native engine and with the JAX engine."""
+    """Calls a function with the native engine and with the reference engine."""
 
     def call(function):
         found = []
-        for name in ("native", "jax"):
+        for name in ("native", "reference"):
             monkeypatch.setenv("SYSID_ENGINE", name)
             found.append(function())
         return found
@@ -244,71 +235,3 @@ def test_a_set_that_is_not_finite_spoils_no_other(monkeypatch):
     finite = np.isfinite(found).all(axis=(0, 1, 2))
     np.testing.assert_array_equal(finite, ~np.isin(np.arange(SETS), (4, 6)))
     np.testing.assert_array_equal(found[..., finite], good[..., finite])
-
-
-@needs_compiler
-@needs_compiler
-def test_the_library_is_built_once(monkeypatch, tmp_path):
-    calls = []
-    monkeypatch.setenv("SYSID_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(build, "_compile", lambda compiler, made: (calls.append(compiler), made.write_bytes(b"")))
-    first = build.library()
-    assert build.library() == first
-    assert len(calls) == 1
-    assert [p.name for p in tmp_path.iterdir()] == [first.name]
-
-
-def fake_compiler(folder: Path) -> Path:
-    """A compiler that answers to --version and fails at everything else."""
-    path = folder / "broken-c++"
-    path.write_text('#!/bin/sh\n[ "$1" = --version ] && exit 0\necho "error: out of order" >&2\nexit 1\n')
-    path.chmod(path.stat().st_mode | stat.S_IXUSR)
-    return path
-
-
-@pytest.fixture
-def unregistered(monkeypatch, tmp_path):
-    """A process that has not loaded the engine yet, with an empty cache folder."""
-    monkeypatch.setenv("SYSID_CACHE_DIR", str(tmp_path / "cache"))
-    caches = (engine._problem, kernel._registered)
-    for cache in caches:
-        cache.cache_clear()
-    yield tmp_path
-    for cache in caches:
-        cache.cache_clear()
-
-
-@pytest.mark.skipif(os.name == "nt", reason="the broken compiler is a shell script")
-def test_a_broken_compiler_means_the_jax_engine(monkeypatch, unregistered):
-    monkeypatch.setenv("CXX", str(fake_compiler(unregistered)))
-    monkeypatch.setenv("SYSID_ENGINE", "auto")
-    assert engine.engine_name() == "jax"
-    assert not isinstance(truck(footprint=True)._wheels()[0], kernel.Course)
-    monkeypatch.setenv("SYSID_ENGINE", "native")
-    with pytest.raises(SysidError, match="out of order"):
-        engine.engine_name()
-
-
-def test_no_compiler_means_the_jax_engine(monkeypatch, unregistered):
-    monkeypatch.setenv("CXX", "no-such-compiler")
-    monkeypatch.setenv("SYSID_ENGINE", "auto")
-    assert engine.engine_name() == "jax"
-
-
-@needs_compiler
-def test_an_unwritable_cache_folder_means_the_jax_engine(monkeypatch, unregistered):
-    (unregistered / "cache").write_text("a file where the folder should be")
-    monkeypatch.setenv("SYSID_ENGINE", "auto")
-    assert engine.engine_name() == "jax"
-
-
-def test_jax_on_request(monkeypatch):
-    monkeypatch.setenv("SYSID_ENGINE", "jax")
-    assert engine.engine_name() == "jax"
-    assert not isinstance(truck(footprint=True)._wheels()[0], kernel.Course)
-
-
-def test_an_unknown_engine_is_refused(monkeypatch):
-    monkeypatch.setenv("SYSID_ENGINE", "fortran")
-    with pytest.raises(SysidError, match="auto, native or jax"):
-        engine.engine_name()

@@ -40,9 +40,12 @@ def contact_trials(
         values = np.exp(found.vector[: found.problem.count])
         return ContactTrial(contact, found.misfit, tuple(float(v) for v in values))
 
+    def repeating(message: str, fraction: float) -> None:
+        report(f"other contact laws, {message}", fraction)
+
     trials = [trial(options.contact, optimum)]
     for contact in get_args(ContactLaw):
         if contact != options.contact:
             how = replace(options, contact=contact)
-            trials.append(trial(contact, optimise(campaign, parameters, profiles, how, report, near=optimum)))
+            trials.append(trial(contact, optimise(campaign, parameters, profiles, how, repeating, near=optimum)))
     return tuple(trials)

@@ -45,6 +45,8 @@ _FIT_S = 2.5
 FOOT_M = 0.15
 SLACK_S = 0.3
 
+_BODIES_ONLY = "The full model fits wheels that roll off a plank, not bodies that are let go: no estimates by it here."
+
 Progress = Callable[[str, float], None]
 
 
@@ -97,14 +99,33 @@ class PlankRoads(EffectiveRoads):
 def with_model_estimates(
     campaign: Campaign, drops: DropSummary, options: FitOptions, progress: Progress | None = None
 ) -> DropSummary:
-    """The drop analysis with the full model's estimates beside the single-axle ones; a failure becomes a message."""
+    """The drop analysis with the full model's estimates beside the single-axle ones; a failure becomes a message.
+
+    Whatever goes wrong numerically in the fit costs its estimates only: what the drops gave by then is kept.
+    """
     if not any(e.usable for e in drops.pooled):
         return drops
+    if (left_out := sum(d.release == "body" for d in campaign.plank_drops)) == len(campaign.plank_drops):
+        return replace(drops, messages=(*drops.messages, _BODIES_ONLY))
+    said = () if not left_out else (f"The full model leaves out {left_out} drops of a body that was let go.",)
     try:
         found = fit_drops(campaign, drops, options, progress)
-    except SysidError as error:
-        return replace(drops, messages=(*drops.messages, f"The drops were not fitted by the full model: {error}"))
-    return replace(drops, pooled=(*drops.pooled, *found))
+    except (SysidError, ArithmeticError, ValueError, RuntimeError) as error:
+        # LinAlgError is a ValueError, JAX's and optimistix's errors are RuntimeErrors.
+        why = _reason(error)
+        return replace(drops, messages=(*drops.messages, *said, f"The drops were not fitted by the full model: {why}"))
+    finite = tuple(e for e in found if np.all(np.isfinite([e.stiffness, e.damping, e.stiffness_sd, e.damping_sd])))
+    if len(finite) < len(found):
+        said = (*said, "The full model gave no finite numbers for some axles; the readings of the drops stand.")
+    return replace(drops, pooled=(*drops.pooled, *finite), messages=(*drops.messages, *said))
+
+
+def _reason(error: Exception) -> str:
+    """Why a fit failed, in one sentence."""
+    if isinstance(error, SysidError):
+        return str(error)
+    first = " ".join(str(error).split())[:120].rstrip(".") or type(error).__name__
+    return f"its least squares broke down ({first}); the readings above are not touched by that."
 
 
 def fit_drops(
@@ -116,7 +137,7 @@ def fit_drops(
     """Stiffness and damping of every axle that was dropped, by least squares of the full model on all drops at once.
 
     Each drop's speed (declared, else 0.5 to 3 m/s) and the moment at which its wheel passes the end of the plank are
-    estimated with the parameters.  Drops with the dampers removed are left out.
+    estimated with the parameters.  Drops with the dampers removed, and bodies that are let go, are left out.
 
     Parameters
     ----------
@@ -136,7 +157,7 @@ def fit_drops(
     """
     options = options or FitOptions()
     report = progress or (lambda message, fraction: None)
-    records = [d for d in campaign.plank_drops if d.dampers and d.log.channels]
+    records = [d for d in campaign.plank_drops if d.dampers and d.log.channels and d.release == "plank"]
     if not records:
         raise DataRejectedError("No plank drop can be fitted: none was recorded with its dampers in place.")
     roads = PlankRoads(campaign.vehicle, dict(campaign.load_cases))
@@ -148,7 +169,7 @@ def fit_drops(
     def model_at(speeds: np.ndarray, starts: np.ndarray) -> BumpModel:
         for run, drop, speed, start in zip(runs, records, speeds, starts, strict=True):
             reach = (-speed * (start - 0.15), -speed * (start - LEAD_S + REST_S))
-            roads.place(run.bump, _Lift(drop.axle, drop.plank_height_m, reach))
+            roads.place(run.bump, _Lift(drop.axle, drop.plank_height_m or 0.0, reach))
         model = bump_model(as_runs, parameters, {}, target_step_s=2.0 * options.target_step_s, roads=roads)
         # A drop's start is the moment of the axle under test, not of axle 1.
         return replace(model, arrays=tuple(a._replace(axle_x=np.zeros_like(a.axle_x)) for a in model.arrays))

@@ -99,7 +99,7 @@ def evaluate_optimum(
         scipy_max_difference_sd=difference,
         variance_inflation=median_inflation,
         model_error_inflation=float(np.sqrt(np.mean(adjustment.inflation))),
-        contact=CONTACT_LAWS[options.contact],
+        contact=CONTACT_LAWS[options.contact].meaning,
         residual_evidence=residual_evidence(problem, lin),
         warnings=(*warnings, *_mass_warnings(checks)),
         masses=checks,

@@ -80,11 +80,14 @@ def fit_with_laws(
     asked = options.laws == "compare" or (options.laws == "auto" and chosen.misfit >= MISFIT)
     if asked and rich != declared:
 
+        def comparing(message: str, fraction: float) -> None:
+            report(f"comparing suspension laws, {message}", fraction)
+
         def fitted(laws: Laws, near: Optimum, *, trial: bool = False) -> Optimum:
             # A trial keeps weights and maps of its neighbour, under which it is compared.
             how = replace(options, weight_rounds=0, tolerance=max(options.tolerance, 1e-6)) if trial else options
             parameters = campaign_parameters(campaign, drops, laws)
-            return optimise(campaign, parameters, profiles, how, report, near=near, keep_maps=trial)
+            return optimise(campaign, parameters, profiles, how, comparing, near=near, keep_maps=trial)
 
         chosen, comparison = _compare(campaign, declared, rich, chosen, fitted)
     fit, state = evaluate_optimum(campaign, chosen, options, report)

@@ -18,6 +18,7 @@ import optimistix as optx
 
 from sysid.errors import SysidError
 from sysid.runtime import require_64_bit
+from sysid.threads import one_blas_thread
 
 #: Consecutive rejected trials after which the damping is so strong that nothing smaller will be found.
 _PATIENCE = 20
@@ -80,6 +81,7 @@ def _step(solver: optx.LevenbergMarquardt, point: jax.Array, args: _Affine, stat
     return solver.step(_affine, point, args, {}, state, frozenset())
 
 
+@one_blas_thread()
 def minimise(
     evaluate: Evaluation,
     start: np.ndarray,

@@ -198,7 +198,7 @@ def _suspension_parameter(
     else:
         # A drop far outside the generic range (a wheel hop taken for the body) is pulled back towards it.
         limit = 2.0 * generic[1]
-        shifts = np.clip(np.log(np.array(values) / generic[0]), -limit, limit)
+        shifts = np.clip(np.log(np.maximum(values, 1e-6 * generic[0]) / generic[0]), -limit, limit)
         median, sd = generic[0] * float(np.exp(shifts).mean()), spread
         if by_model:
             sd = MODEL_STIFFNESS_SD if quantity == "stiffness" else MODEL_DAMPING_SD
@@ -222,6 +222,7 @@ def best_drop_estimates(drops: DropSummary | None, load_case: str) -> Mapping[in
         for estimate in drops.pooled:
             if estimate.method != method or not estimate.usable or estimate.load_case != load_case:
                 continue
-            if estimate.stiffness > 0 and estimate.damping > 0:
+            # A suspension with dry friction alone has no viscous damping.
+            if estimate.stiffness > 0 and estimate.damping >= 0:
                 chosen[estimate.axle] = estimate
     return chosen

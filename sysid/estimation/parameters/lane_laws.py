@@ -19,7 +19,7 @@ from sysid.estimation.parameters.suspension_curves import (
     suspension_curves,
     table_ramps,
 )
-from sysid.estimation.parameters.suspension_elements import law_elements, quantities
+from sysid.estimation.parameters.suspension_elements import coefficients, law_elements, quantities
 from sysid.vehicle_model.contact import TireLaw, tire_law
 from sysid.vehicle_model.lanes import Lanes
 from sysid.vehicle_model.suspension import SuspensionLaw
@@ -122,8 +122,13 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: jax.Array, damp
         own = jnp.where(position[:, None] >= 0, values[position], neutral[:, None])
         return jnp.broadcast_to(own, stiffness.shape)
 
-    progressivity, curves = element("progressivity"), inputs.curves
-    ramps, base, stop = [], stiffness, element("stop_stiffness")
+    found: dict[str, jax.Array] = {}
+    for q in coefficients():
+        own = element(q.quantity)
+        if q.field is not None and own is not None:
+            loads = (inputs.carried_load, inputs.load_growth)
+            found[q.field] = own if q.coefficient is None else q.coefficient(own, stiffness, *loads)
+    curves, ramps, base, stop = inputs.curves, [], stiffness, element("stop_stiffness")
     if curves.spring is not None:
         ramps.append(table_ramps(curves.spring, stiffness))
         base = stiffness * curves.spring.share
@@ -131,18 +136,11 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: jax.Array, damp
         ramps.append(stop_ramps(curves.stops, stop))
     if curves.lash is not None:
         ramps.append(lash_ramps(curves.lash, stiffness, inputs.carried_load))
-    damper, friction = curves.damper, element("friction")
+    damper = curves.damper
     return SuspensionLaw(
         base,
         damping if damper is None else damping * damper.share,
-        softening=None if progressivity is None else progressivity * stiffness / inputs.carried_load,
-        saturation=element("damper_knee"),
-        # Axles without the element have a tail of one, which makes the damper linear.
-        tail=element("damper_tail"),
-        asymmetry=element("damper_asymmetry"),
-        # Leaves and bushings rub in proportion to what they carry.
-        friction=None if friction is None else friction * inputs.load_growth,
-        slip=element("slip_length"),
         ramps=joined(ramps),
         rate_ramps=None if damper is None else table_ramps(damper, damping),
+        **found,
     )

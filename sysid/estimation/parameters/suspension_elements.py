@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import jax
+
 from sysid.campaign.records import Axle
 
 LINEAR = "linear"
@@ -20,7 +22,11 @@ class ElementQuantity:
 
     `shared` makes it one parameter for all axles that have the element; `median` gives the prior median from an axle
     and the static load its suspension carries [N], `sd` is the prior's standard deviation of the logarithm; `neutral`
-    is the value that takes the element out of an axle.
+    is the value that takes the element out of an axle.  `field` is the coefficient of
+    :class:`sysid.vehicle_model.suspension.SuspensionLaw` that it gives, None where it enters by corners of a curve
+    (:mod:`sysid.estimation.parameters.suspension_curves`); `coefficient` turns its value, the stiffness [N/m], the load
+    that the suspension carries [N] and that load over the one in the first load case into that coefficient, None for
+    the value itself.
     """
 
     quantity: str
@@ -30,6 +36,8 @@ class ElementQuantity:
     median: Callable[[Axle, float], float]
     sd: float
     neutral: float
+    field: str | None = None
+    coefficient: Callable[[jax.Array, jax.Array, jax.Array, jax.Array], jax.Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -41,6 +49,11 @@ class Element:
     quantities: tuple[ElementQuantity, ...]
 
 
+#: Assumed share of a bellows' pressure stiffness that its progressivity shows: auxiliary volumes and rubber leave less
+#: than the 1 of a closed isothermal volume; the wide prior leaves room for either.
+PROGRESSIVITY = 0.4
+#: Assumed stiffness of a pair of rubber stops where they begin to act [N/m]; they stiffen as they are compressed.
+STOP_STIFFNESS = 2e6
 #: Share of the carried load at which leaf packs (air-sprung and other axles) rub.
 FRICTION_SHARE = {"leaf": 0.05, "air": 0.02, "other": 0.03}
 
@@ -59,28 +72,44 @@ ELEMENTS = {
                     lambda axle, carried: FRICTION_SHARE[axle.suspension] * carried,
                     1.0,
                     0.0,
+                    "friction",
+                    # Leaves and bushings rub in proportion to what they carry: one number for all load cases.
+                    lambda friction, stiffness, carried, growth: friction * growth,
                 ),
-                ElementQuantity("slip_length", "slip", "m", True, lambda axle, carried: 1e-3, 0.7, 1.0),
+                ElementQuantity("slip_length", "slip", "m", True, lambda axle, carried: 1e-3, 0.7, 1.0, "slip"),
             ),
         ),
         Element(
             "asymmetric_damper",
             "damper with different rebound and compression and a knee",
             (
-                ElementQuantity("damper_asymmetry", "q", "1", False, lambda axle, carried: 1.5, 0.7, 1.0),
-                ElementQuantity("damper_knee", "knee", "m/s", False, lambda axle, carried: 0.4, 0.6, 1.0),
-                ElementQuantity("damper_tail", "tail", "1", True, lambda axle, carried: 0.3, 0.7, 1.0),
+                ElementQuantity("damper_asymmetry", "q", "1", False, lambda axle, carried: 1.5, 0.7, 1.0, "asymmetry"),
+                ElementQuantity("damper_knee", "knee", "m/s", False, lambda axle, carried: 0.4, 0.6, 1.0, "saturation"),
+                # Axles without the element have a tail of one, which makes the damper linear.
+                ElementQuantity("damper_tail", "tail", "1", True, lambda axle, carried: 0.3, 0.7, 1.0, "tail"),
             ),
         ),
         Element(
             "gas_spring",
             "air spring that stiffens when compressed",
-            (ElementQuantity("progressivity", "progressivity", "1", True, lambda axle, carried: 0.4, 1.0, 0.0),),
+            (
+                ElementQuantity(
+                    "progressivity",
+                    "progressivity",
+                    "1",
+                    True,
+                    lambda axle, carried: PROGRESSIVITY,
+                    1.0,
+                    0.0,
+                    "softening",
+                    lambda progressivity, stiffness, carried, growth: progressivity * stiffness / carried,
+                ),
+            ),
         ),
         Element(
             "bump_stops",
-            "stops at the declared jounce and rebound travel",
-            (ElementQuantity("stop_stiffness", "stop", "N/m", False, lambda axle, carried: 2e6, 0.7, 0.0),),
+            "stops at the end of the declared jounce and rebound travel; they are part of every law whose axle declares one",
+            (ElementQuantity("stop_stiffness", "stop", "N/m", False, lambda axle, carried: STOP_STIFFNESS, 0.7, 0.0),),
         ),
         Element("hanger_lash", "free travel between leaf pack and hanger, as declared", ()),
         Element("spring_table", "force-extension table, scaled by the stiffness", ()),
@@ -112,3 +141,8 @@ def law_name(elements: frozenset[str]) -> str:
 def quantities(elements: frozenset[str]) -> list[ElementQuantity]:
     """Parameters of all elements of a law."""
     return [q for name, element in ELEMENTS.items() if name in elements for q in element.quantities]
+
+
+def coefficients() -> list[ElementQuantity]:
+    """Parameters of all elements that are coefficients of the suspension law."""
+    return [q for element in ELEMENTS.values() for q in element.quantities if q.field is not None]

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 from sysid.campaign.records import AntiAliasFilter, Campaign, LoadCase, Vehicle
@@ -20,6 +21,7 @@ from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.filters import FilterRecursion, discretise
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, MapTires, Pass, make_lanes, pass_matrices
+from sysid.vehicle_model.readings import Readings
 from sysid.vehicle_model.simulation import SensorLayout
 
 #: Standard deviation of a sensor's gain about its calibration.
@@ -41,6 +43,10 @@ class GroupArrays(NamedTuple):
     measured: np.ndarray
     censored: np.ndarray
     gain_sd: np.ndarray
+
+    def readings(self, noise_sd: jax.Array, tempering: jax.Array) -> Readings:
+        """Data of the runs with residual scale [SI] and tempering (R, C)."""
+        return Readings(self.value, self.measured, self.censored, noise_sd, tempering, self.gain_sd)
 
 
 class GroupShape(NamedTuple):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import jax
@@ -13,17 +11,18 @@ import numpy as np
 from sysid.estimation.parameters.lane_laws import lane_laws
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays, GroupShape
 from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.threads import side_by_side
 from sysid.vehicle_model import engine
-from sysid.vehicle_model.contact import EffectiveRoad, RoadInput
+from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import WheelRoad
-from sysid.vehicle_model.simulation import Motion
+from sysid.vehicle_model.engines.reference import REFERENCE
 
 
 def group_road(
     road: EffectiveRoad, axle_x: jax.Array, speed: jax.Array, start_s: jax.Array, shape: GroupShape
-) -> RoadInput:
-    """Road input of a group at every half step for speeds [m/s] and starts [s] (R, S), for the JAX engine."""
-    return engine.looked_up(road, axle_x, speed, start_s, shape.timing)
+) -> WheelRoad:
+    """The road of a group for the reference engine: speeds [m/s] and starts [s] may be (R, S), one for every set."""
+    return REFERENCE.prepare(road, axle_x, speed, start_s, shape.timing)
 
 
 def wheel_road(
@@ -33,20 +32,15 @@ def wheel_road(
     return engine.wheel_road(arrays.matrices, road, arrays.axle_x, speed, start_s, shape.timing)
 
 
-def simulate_group(
-    arrays: GroupArrays, shape: GroupShape, log_parameters: jax.Array, motion: Motion, road: WheelRoad
-) -> jax.Array:
+def simulate_group(arrays: GroupArrays, shape: GroupShape, log_parameters: jax.Array, road: WheelRoad) -> jax.Array:
     """Filtered sensor signals (T, R, C, S) of one group for log parameters (p, S)."""
     suspension, tire = lane_laws(arrays.laws, log_parameters)
-    return engine.simulate_sensors(
-        arrays.matrices, suspension, tire, motion, road, shape.sensors, shape.recursion, shape.timing
-    )
+    return road.engine.sensors(arrays.matrices, suspension, tire, road, shape.timing, shape.sensors, shape.recursion)
 
 
 @partial(jax.jit, static_argnames=("shape",))
-def _group_signals(arrays, road: WheelRoad, log_parameters, speed, start, *, shape: GroupShape) -> jax.Array:
-    motion = Motion(speed[:, None], start[:, None])
-    return simulate_group(arrays, shape, log_parameters[:, None], motion, road)[..., 0]
+def _group_signals(arrays, road: WheelRoad, log_parameters, *, shape: GroupShape) -> jax.Array:
+    return simulate_group(arrays, shape, log_parameters[:, None], road)[..., 0]
 
 
 def simulate_runs(model: BumpModel, log_parameters: np.ndarray, motion: RunMotion) -> tuple[np.ndarray, ...]:
@@ -57,8 +51,7 @@ def simulate_runs(model: BumpModel, log_parameters: np.ndarray, motion: RunMotio
         arrays, shape = model.arrays[position], model.shapes[position]
         speed, start = jnp.asarray(motion.speed_m_s[runs]), jnp.asarray(motion.start_s[runs])
         road = wheel_road(arrays, model.roads[position], speed[:, None], start[:, None], shape)
-        signals = _group_signals(arrays, road, jnp.asarray(log_parameters), speed, start, shape=shape)
+        signals = _group_signals(arrays, road, jnp.asarray(log_parameters), shape=shape)
         return np.asarray(jax.block_until_ready(signals))
 
-    with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
-        return tuple(pool.map(one, range(len(model.groups))))
+    return side_by_side(one, range(len(model.groups)))

@@ -17,7 +17,7 @@ import numpy as np
 
 from sysid.estimation.parameters.lane_laws import ElementIndex, LawInputs
 from sysid.estimation.residuals.bump_model import BumpModel
-from sysid.road.contact_laws import ContactLaw
+from sysid.road.contact_laws import CONTACT_LAWS
 from sysid.road.enveloping import FootprintMap
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass
@@ -38,7 +38,6 @@ REACH = {ENVELOPE: 2.0, FOOTPRINT: 0.5, SPOKES: 0.5, TIRE_LOAD: 0.3, FRICTION: 0
 _SOFTER, _STIFFENING = 0.1, 0.1
 _SLIP_M = 1e-3
 _WHOLE_M = 0.5
-_OTHER: dict[ContactLaw, ContactLaw] = {"footprint": "cams", "cams": "footprint", "point": "footprint"}
 
 
 @dataclass(frozen=True)
@@ -128,7 +127,7 @@ class Departures:
             here.tires, stiffness_N_per_m=tuple(k * np.exp(-_SOFTER) for k in here.tires.stiffness_N_per_m)
         )
         stiffening = replace(here.tires, spoke_exponent=here.tires.spoke_exponent + _STIFFENING)
-        others = ((_OTHER[here.contact], here.tires), (here.contact, softer), (here.contact, stiffening))
+        others = ((CONTACT_LAWS[here.contact].other, here.tires), (here.contact, softer), (here.contact, stiffening))
         return (here, *(EffectiveRoads(here.vehicle, here.load_cases, here.profiles, c, t) for c, t in others))
 
     def blend(self, passes: tuple[Pass, ...]) -> BlendedRoad:

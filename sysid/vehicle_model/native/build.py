@@ -1,7 +1,8 @@
-"""Compiles the native engine for this machine and keeps the library in the user's cache folder."""
+"""Compiles the native engine for this machine and keeps the library where only its user can write."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import platform
@@ -11,13 +12,16 @@ import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
-from sysid.runtime import cache_root
+from sysid.private_files import PRIVATE_MODE, NotPrivateError, check_private, write_private
+from sysid.runtime import private_cache
+from sysid.vehicle_model.native import header
 
-#: Files that make up the engine; the first is the one to compile.
+#: Files that make up the engine beside the header that is made for it; the first is the one to compile.
 SOURCES = ("engine.cpp", "residuals.h", "vehicle.h", "suspension.h", "contact.h", "row.h", "pack.h")
 #: Optimisation for exactly this processor; -O3 keeps the rules of IEEE arithmetic.
-FLAGS = ("-std=c++17", "-O3", "-march=native", "-shared", "-fPIC", "-pthread", "-w")
+FLAGS = ("-std=c++17", "-O3", "-march=native", "-shared", "-fPIC", "-pthread", "-Wall", "-Wextra")
 TIMEOUT_S = 300.0
+_NAME = "engine.so"
 
 
 class BuildError(Exception):
@@ -37,37 +41,67 @@ def find_compiler() -> str | None:
 def library() -> Path:
     """The compiled engine, from the cache or built now (about half a minute, once per machine and version).
 
-    Its name holds a hash of the sources, the compiler, the headers' version and the processor.  It is written under
-    another name and renamed, so that processes which build it at the same time do not meet half a file.
+    Its folder is named by a hash of the sources, the compiler, the headers' version and the processor.  A library that
+    is there already is used only if it is what this user has put there (:mod:`sysid.private_files`).  The folder is
+    filled under another name and renamed, so that processes which build at the same time do not meet half a file.
 
     Raises
     ------
     BuildError
-        If there is no compiler, it fails, or the cache folder cannot be written.
+        If there is no compiler, it fails, or the cache folder cannot be written or is open to others.
     """
     compiler = find_compiler()
     if compiler is None:
         raise BuildError("no C++ compiler was found")
-    target = cache_root() / f"engine-{_key(compiler)}.so"
-    if target.exists():
-        return target
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=target.parent, prefix="engine-") as folder:
-            made = Path(folder) / target.name
-            _compile(compiler, made)
-            os.replace(made, target)
+        home = private_cache("engine") / _key(compiler)
+        if not _sound(home):
+            _fill(compiler, home)
+    except NotPrivateError as error:
+        raise BuildError(str(error)) from error
     except OSError as error:
         raise BuildError(f"the cache folder cannot be written ({error.strerror})") from error
-    return target
+    return home / _NAME
 
 
-def _compile(compiler: str, made: Path) -> None:
+def _sound(home: Path) -> bool:
+    try:
+        check_private(home / _NAME)
+    except (NotPrivateError, OSError):
+        return False
+    return True
+
+
+def _fill(compiler: str, home: Path) -> None:
+    with tempfile.TemporaryDirectory(dir=home.parent, prefix="build-") as scratch:
+        folder = Path(scratch)
+        compiled = folder / _NAME
+        compile_engine(compiler, compiled)
+        made = folder / "made"
+        made.mkdir(mode=PRIVATE_MODE)
+        write_private(made / _NAME, compiled.read_bytes())
+        with contextlib.suppress(OSError):
+            os.rename(made, home)
+        if not _sound(home):
+            # What stands there is not ours: out of the way with it.
+            os.rename(home, folder / "unsound")
+            os.rename(made, home)
+
+
+def compile_engine(compiler: str, made: Path, *flags: str) -> None:
+    """Compile the library to the file `made`, its header beside it.
+
+    Raises
+    ------
+    BuildError
+        If the compiler fails.
+    """
     import jax
 
     source = Path(__file__).parent / SOURCES[0]
-    command = [compiler, *FLAGS, "-isystem", jax.ffi.include_dir(), str(source), "-o", str(made)]
-    done = _run(command)
+    header.write(made.parent)
+    include = ["-I", str(made.parent), "-isystem", jax.ffi.include_dir()]
+    done = _run([compiler, *FLAGS, *flags, *include, str(source), "-o", str(made)])
     if done.returncode != 0 or not made.exists():
         lines = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
         raise BuildError(f"the compiler {compiler} failed ({lines[0].strip() if lines else 'without a message'})")
@@ -84,6 +118,7 @@ def _key(compiler: str) -> str:
     digest = hashlib.sha256()
     for name in SOURCES:
         digest.update((Path(__file__).parent / name).read_bytes())
+    digest.update(header.header().encode())
     digest.update(_run([compiler, "--version"]).stdout.encode())
     digest.update(" ".join([*FLAGS, version("jaxlib"), _processor()]).encode())
     return digest.hexdigest()[:16]

@@ -2,12 +2,12 @@
 
 #pragma once
 
+#include "buffers.h"
 #include "row.h"
 
 namespace sysid {
 
-constexpr double kSoftDamping = 0.1;
-constexpr int kMapRows = 8;  // rise, alpha_1, alpha_2, alpha_3, lift, beta_0, beta_1, beta_2
+constexpr int kMapRows = 1 + kStretchRows + kDragRows;  // rise, alpha_1, alpha_2, alpha_3, lift, beta_0, beta_1, beta_2
 constexpr int kOrders = 5;   // value and four derivatives along the road
 
 // ---------------------------------------------------------------------------------------------------------- the road
@@ -45,7 +45,7 @@ class WheelRoad {
     point.flat = flat_;
     if (flat_) return;
     const double t = scaled - static_cast<double>(cell);
-    static constexpr double kFactor[kOrders][6] = {
+    static constexpr double kFactor[kOrders][kCellPowers] = {
         {1, 1, 1, 1, 1, 1}, {1, 2, 3, 4, 5, 0}, {2, 6, 12, 20, 0, 0}, {6, 24, 60, 0, 0, 0}, {24, 120, 0, 0, 0, 0}};
     double scale = 1.0;
     for (int order = 0; order < kOrders; ++order) {
@@ -59,24 +59,24 @@ class WheelRoad {
  private:
   // Polynomials of the cell; it is flat where no coefficient can be felt (outside the bump they are zero).
   void enter(int64_t cell) {
-    MapRow weight[6];
+    MapRow weight[kCellPowers];
     bool nothing = true;
-    for (int k = 0; k < 6; ++k) {
+    for (int k = 0; k < kCellPowers; ++k) {
       const int64_t at = axle_ * table_.stations + cell - 2 + k;
       MapRow w = {};
       w[0] = table_.rise[at];
       if (table_.stretch != nullptr) {
-        for (int row = 0; row < 4; ++row) w[1 + row] = table_.stretch[row * table_.stretch_stride + at];
-        for (int row = 0; row < 3; ++row) w[5 + row] = table_.drag[row * table_.drag_stride + at];
+        for (int row = 0; row < kStretchRows; ++row) w[1 + row] = table_.stretch[row * table_.stretch_stride + at];
+        for (int row = 0; row < kDragRows; ++row) w[1 + kStretchRows + row] = table_.drag[row * table_.drag_stride + at];
       }
       for (int row = 0; row < kMapRows; ++row) nothing = nothing && std::abs(w[row]) < 1e-22;
       weight[k] = w;
     }
     cell_ = cell;
     flat_ = nothing;
-    for (int power = 0; power < 6; ++power) {
+    for (int power = 0; power < kCellPowers; ++power) {
       term_[power] = MapRow{};
-      for (int k = 0; k < 6; ++k) term_[power] += table_.polynomial[6 * power + k] * weight[k];
+      for (int k = 0; k < kCellPowers; ++k) term_[power] += table_.polynomial[kCellPowers * power + k] * weight[k];
     }
   }
 
@@ -84,7 +84,7 @@ class WheelRoad {
   int64_t axle_;
   int64_t cell_ = -1;
   bool flat_ = true;
-  MapRow term_[6];
+  MapRow term_[kCellPowers];
 };
 
 // --------------------------------------------------------------------------------------------------- tire and contact
@@ -145,7 +145,7 @@ inline T tire_force(const T& deflection, const T& rate, const T& inverse_referen
                     Pack reference_load, double growth) {
   const T relative = deflection * inverse_reference;
   const T size = absolute(relative);
-  const Pack sign = select(value(size) > 1e-12, sign_of(value(relative)), Pack{});
+  const Pack sign = select(value(size) > kNoDeflection, sign_of(value(relative)), Pack{});
   const T elastic = (reference_load * sign) * exponential(exponent * logarithm(size));
   const T length = (std::sqrt(1.0 + kSoftDamping) * size) / square_root(size + splat(kSoftDamping));
   const T grown = select(value(relative) >= 0.0, rate, -absolute(rate)) * length;

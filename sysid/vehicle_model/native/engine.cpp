@@ -1,11 +1,13 @@
 // Entry points of the native engine: XLA custom calls that run many passes side by side.
 //
 // A task is one run with one pack of parameter sets, or one run with one block of derivatives; tasks share nothing that
-// is written, so results do not depend on the number of threads.  Buffers come in the order of the enumerations below.
+// is written, so results do not depend on the number of threads.  Buffers come in the order of buffers.h, which is made
+// from buffers.py.
 
 #include <atomic>
 #include <memory>
 #include <string>
+#include <system_error>
 #include <thread>
 
 #include "residuals.h"
@@ -15,8 +17,8 @@ namespace ffi = xla::ffi;
 
 namespace sysid {
 
-// Attributes of a call: timing, which elements suspensions have (bits: gas spring, saturating damper, asymmetric damper,
-// friction; numbers of ramps), and which axles are observed.
+// Attributes of a call: timing, which elements suspensions have (bits of SmoothElements; numbers of ramps), and which
+// axles are observed.
 struct Settings {
   int64_t samples, substeps;
   double interval;
@@ -39,41 +41,13 @@ namespace {
 
 using Buffer = ffi::Buffer<ffi::F64>;
 
-// Buffers that all entry points take first (R runs, na axles, nb body coordinates, nr body sensors, n stations).
-enum Common {
-  kPosition,         // (R, 2 na + nb, nb)
-  kRate,             // (R, 2 na + nb, nb)
-  kAcceleration,     // (R, nb, 2 na)
-  kInverseUnsprung,  // (R, na, 1)
-  kStaticLoad,       // (R, na, 1)
-  kBodyRows,         // (R, nr, nb)
-  kRise,             // (R, na, n)
-  kStretch,          // (4, R, na, n), or empty for a point follower
-  kDrag,             // (3, R, na, n), or empty
-  kGrid,             // (2,) first station and step [m]
-  kPolynomial,       // (6, 6)
-  kAxleX,            // (na, 1)
-  kMotion,           // (2, R) speed [m/s] and start [s]
-  kReferenceLoad,    // (R, na, 1)
-  kFilter,           // (poles, 10): decay, start, middle, weight, feed, each as real and imaginary part
-  kWheel,            // (R, na, na) of LaneBeams, or empty without axle groups
-  kTirePush,         // (R, na, na)
-  kBeamPull,         // (R, na, na)
-  kCarries,          // (R, na, 1)
-  kSides,            // (J, R, na, S) sides of all ramps, those of the damper last
-  kLaws,             // (L, R, na, S) coefficients, in the order of `Inputs::read`
-  kCommon
-};
-// Then, for the linearisation with P unknowns,
-enum Tangents { kLawTangents = kCommon /* (L, R, na, P) */, kMotionTangents /* (2, R, P) */, kLinearisationData };
-// and for residuals, from `first` on, (T, R, C), (T, R, C), (T, R, C), (R, C), (R, C), (C,);
-enum Data { kValue, kMeasured, kCensored, kNoise, kTempering, kGain, kDataCount };
-// for the misfit also (T, R, C, 2), (R, C, 2), (R, 2), (R, 2, 2).
-enum Marginal { kAlong, kGainColumns, kLocalOffset, kLocalFactor };
-
 class Inputs {
  public:
-  Inputs(ffi::RemainingArgs args, const Settings& settings) : args_(args) {
+  Inputs(ffi::RemainingArgs args, const Settings& settings, size_t count) : args_(args) {
+    if (args.size() != count) {
+      problem = "the native engine got another number of arrays than it was compiled for";
+      return;
+    }
     for (size_t k = 0; k < args.size(); ++k) {
       const ffi::ErrorOr<Buffer> found = args.get<Buffer>(k);
       if (!found.has_value()) {
@@ -90,10 +64,7 @@ class Inputs {
     if (axles > kMaxAxles) problem = "too many axles for the native engine";
     clock = {settings.samples, settings.substeps, settings.interval};
     growth = settings.growth;
-    elements.gas_spring = settings.elements & 1;
-    elements.saturating = settings.elements & 2;
-    elements.asymmetric = settings.elements & 4;
-    elements.friction = settings.elements & 8;
+    elements.set(settings.elements);
     elements.ramps = static_cast<int>(settings.ramps);
     elements.rate_ramps = static_cast<int>(settings.rate_ramps);
     for (const int64_t i : settings.deflection_axles) channels.deflection.push_back(static_cast<int>(i));
@@ -101,7 +72,7 @@ class Inputs {
     channels.body = static_cast<int>(body_sensors);
     filter.direct = 0.0;
     for (int64_t k = 0; k < buffer_[kFilter].dimensions()[0]; ++k) {
-      const double* p = data(kFilter) + 10 * k;
+      const double* p = data(kFilter) + kPoleNumbers * k;
       filter.pole.push_back({{p[0], p[1]}, {p[2], p[3]}, {p[4], p[5]}, {p[6], p[7]}});
       filter.direct += p[6] * p[8] - p[7] * p[9];
     }
@@ -162,7 +133,7 @@ class Inputs {
   // Laws of run r with the derivatives with respect to the unknowns from `first` on.
   template <int T>
   Laws<Jet<T>> jets(int64_t r, int64_t first) const {
-    const int64_t unknowns = shape(kLawTangents)[3];
+    const int64_t unknowns = shape(kLineariseTangents + kLawTangents)[3];
     const auto jet = [&](double value, const double* tangents) {
       Jet<T> x{};
       x.set_value(value);
@@ -172,13 +143,13 @@ class Inputs {
     };
     // Ahead of the looked-up road by d speed (t - start) - speed d start.
     const double speed = data(kMotion)[r];
-    const Jet<T> faster = jet(0.0, data(kMotionTangents) + r * unknowns);
-    const Jet<T> later = jet(0.0, data(kMotionTangents) + (runs + r) * unknowns);
+    const Jet<T> faster = jet(0.0, data(kLineariseTangents + kMotionTangents) + r * unknowns);
+    const Jet<T> later = jet(0.0, data(kLineariseTangents + kMotionTangents) + (runs + r) * unknowns);
     Laws<Jet<T>> found = read<Jet<T>>(
         r,
         [&](int64_t row, int64_t i) {
           const int64_t at = (row * runs + r) * axles + i;
-          return jet(data(kLaws)[at], data(kLawTangents) + at * unknowns);
+          return jet(data(kLaws)[at], data(kLineariseTangents + kLawTangents) + at * unknowns);
         },
         [&](int64_t row, int64_t i) { return data(kSides)[(row * runs + r) * axles + i]; }, speed + faster, faster,
         -speed * later);
@@ -203,7 +174,7 @@ class Inputs {
   Readings readings(int64_t r, int first) const {
     const int64_t c = channels.count();
     return {data(first + kValue) + r * c,  data(first + kMeasured) + r * c,  data(first + kCensored) + r * c,
-            data(first + kNoise) + r * c,  data(first + kTempering) + r * c, data(first + kGain),
+            data(first + kNoiseSd) + r * c, data(first + kTempering) + r * c, data(first + kGainSd),
             clock.samples,                 runs * c};
   }
 
@@ -227,31 +198,10 @@ class Inputs {
     for (int64_t i = 0; i < axles; ++i) {
       int64_t row = 0;
       const auto next = [&] { return coefficient(row++, i); };
-      SuspensionLaw<V> law{};
-      TireLaw<V> tire;
-      law.stiffness = next();
-      law.damping = next();
-      tire.static_deflection = next();
-      tire.inverse_reference = reciprocal(next());
-      tire.exponent = next();
-      tire.damping = next();
-      tire.reference_load = data(kReferenceLoad)[r * axles + i];
-      if (elements.gas_spring) law.softening = next();
-      if (elements.saturating) {
-        law.saturation = next();
-        law.tail = next();
-        law.stated = damper_shape(law, constant_row<V>(Scalar<V>{} + kReferenceRate));
-      }
-      if (elements.asymmetric) {
-        const V q = next();
-        law.compression = 2.0 * reciprocal(1.0 + q);
-        law.rebound = q * law.compression;
-        law.corner = law.rebound - law.compression;
-      }
-      if (elements.friction) {
-        law.friction = next();
-        law.slip = next();
-      }
+      const Coefficients<V> c = read_coefficients<V>(elements, next);
+      SuspensionLaw<V> law = suspension_law(elements, c);
+      const TireLaw<V> tire = {c.static_deflection, reciprocal(c.reference_deflection), c.exponent, c.tire_damping,
+                               data(kReferenceLoad)[r * axles + i]};
       for (int j = 0; j < elements.ramps + elements.rate_ramps; ++j) {
         std::vector<Ramp<V>>& ramps = j < elements.ramps ? law.ramps : law.rate_ramps;
         const V at = next(), slope = next();
@@ -267,43 +217,52 @@ class Inputs {
   std::vector<Buffer> buffer_;
 };
 
-// Runs task(0) ... task(count - 1) on all cores.
+// How many threads a call may use; 0 stands for all that the machine has.
+std::atomic<int64_t> thread_limit{0};
+
+int64_t threads() {
+  const int64_t limit = thread_limit;
+  return limit > 0 ? limit : std::max<int64_t>(1, std::thread::hardware_concurrency());
+}
+
+// Runs task(0) ... task(count - 1) on the threads that a call may use.
 template <class Task>
 void share(int64_t count, Task&& task) {
   std::atomic<int64_t> next{0};
   const auto work = [&] {
     for (int64_t k = next++; k < count; k = next++) task(k);
   };
-  const int64_t cores = std::max<int64_t>(1, std::thread::hardware_concurrency());
   std::vector<std::thread> others;
-  for (int64_t k = 1; k < std::min(cores, count); ++k) others.emplace_back(work);
+  const int64_t most = std::min(threads(), count);
+  try {
+    for (int64_t k = 1; k < most; ++k) others.emplace_back(work);
+  } catch (const std::system_error&) {
+    // The system grants no further thread: those that there are do the work.
+  }
   work();
   for (std::thread& other : others) other.join();
 }
 
-// Integrates with the number of body coordinates known to the compiler; false if it is not one of these.
-template <class V, class Sink>
+// Integrates with the number of body coordinates known to the compiler; false if it is not compiled for it.
+template <class V, int NB = kLeastCoordinates, class Sink>
 bool simulate(const Inputs& in, int64_t r, const Laws<V>& laws, Sink&& sink) {
-  const Run run = in.run(r);
-  const auto with = [&](auto coordinates) {
-    constexpr int nb = decltype(coordinates)::value;
+  if constexpr (NB > kMostCoordinates) {
+    return false;
+  } else if (in.coordinates != NB) {
+    return simulate<V, NB + 1>(in, r, laws, sink);
+  } else {
+    const Run run = in.run(r);
     if (in.filter.pole.empty())
-      integrate<V, nb, false>(run, laws, in.channels, in.filter, in.clock, sink);
+      integrate<V, NB, false>(run, laws, in.channels, in.filter, in.clock, sink);
     else
-      integrate<V, nb, true>(run, laws, in.channels, in.filter, in.clock, sink);
+      integrate<V, NB, true>(run, laws, in.channels, in.filter, in.clock, sink);
     return true;
-  };
-  switch (in.coordinates) {
-    case 3: return with(std::integral_constant<int, 3>());
-    case 4: return with(std::integral_constant<int, 4>());
-    case 5: return with(std::integral_constant<int, 5>());
-    case 6: return with(std::integral_constant<int, 6>());
   }
-  return false;
 }
 
 ffi::Error finish(bool known) {
-  return known ? ffi::Error::Success() : ffi::Error::InvalidArgument("the native engine takes 3 to 6 body coordinates");
+  return known ? ffi::Error::Success()
+               : ffi::Error::InvalidArgument("the native engine is not compiled for so many body coordinates");
 }
 
 // Writes the lanes that belong to sets from `first` on to out[set].
@@ -316,9 +275,9 @@ int64_t packs(int64_t sets) { return (sets + kLanes - 1) / kLanes; }
 
 // Signals (T, R, C, S).
 ffi::Error sensors(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings settings) {
-  const Inputs in(args, settings);
+  const Inputs in(args, settings, kSensorsCount);
   if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
-  double* out = (*rets.get<Buffer>(0))->typed_data();
+  double* out = (*rets.get<Buffer>(kSensorsSignals))->typed_data();
   const int64_t channels = in.channels.count(), blocks = packs(in.sets);
   std::atomic<bool> known{true};
   share(in.runs * blocks, [&](int64_t task) {
@@ -333,10 +292,10 @@ ffi::Error sensors(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings se
 
 // Unfiltered histories in the order of the fields of Histories, (T, R, na | nr | nb, S); all axles are observed.
 ffi::Error histories(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings settings) {
-  const Inputs in(args, settings);
+  const Inputs in(args, settings, kHistoriesCount);
   if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
-  double* out[7];
-  for (int k = 0; k < 7; ++k) out[k] = (*rets.get<Buffer>(k))->typed_data();
+  double* out[kHistoriesResults];
+  for (int k = 0; k < kHistoriesResults; ++k) out[k] = (*rets.get<Buffer>(k))->typed_data();
   const int64_t blocks = packs(in.sets), na = in.axles;
   std::atomic<bool> known{true};
   share(in.runs * blocks, [&](int64_t task) {
@@ -346,14 +305,15 @@ ffi::Error histories(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings 
         store(x, out[field] + ((t * in.runs + r) * width + k) * in.sets, first, in.sets);
       };
       for (int64_t i = 0; i < na; ++i) {
-        put(0, na, i, shown[i]);
-        put(1, na, i, shown[na + i]);
-        put(3, na, i, positive(now.unclipped[i]));
-        put(4, na, i, now.horizontal[i]);
-        put(5, na, i, -now.pull[i]);
+        put(kHistoriesDeflection, na, i, shown[i]);
+        put(kHistoriesAxleAcceleration, na, i, shown[na + i]);
+        put(kHistoriesTireForce, na, i, positive(now.unclipped[i]));
+        put(kHistoriesHorizontalForce, na, i, now.horizontal[i]);
+        put(kHistoriesSuspensionForce, na, i, -now.pull[i]);
       }
-      for (int64_t k = 0; k < in.body_sensors; ++k) put(2, in.body_sensors, k, shown[2 * na + k]);
-      for (int64_t k = 0; k < in.coordinates; ++k) put(6, in.coordinates, k, state.body[k]);
+      for (int64_t k = 0; k < in.body_sensors; ++k)
+        put(kHistoriesBodyAcceleration, in.body_sensors, k, shown[2 * na + k]);
+      for (int64_t k = 0; k < in.coordinates; ++k) put(kHistoriesBody, in.coordinates, k, state.body[k]);
     });
   });
   return finish(known);
@@ -361,11 +321,10 @@ ffi::Error histories(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings 
 
 // Misfit (R, S) of every run and set; the signals of a task never leave the cache.
 ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings settings) {
-  const Inputs in(args, settings);
+  const Inputs in(args, settings, kMisfitsCount);
   if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
-  double* out = (*rets.get<Buffer>(0))->typed_data();
+  double* out = (*rets.get<Buffer>(kMisfitsMisfit))->typed_data();
   const int64_t channels = in.channels.count(), blocks = packs(in.sets);
-  constexpr int local = kCommon + kDataCount;
   std::atomic<bool> known{true};
   share(in.runs * blocks, [&](int64_t task) {
     const int64_t r = task / blocks, first = task % blocks * kLanes;
@@ -373,29 +332,29 @@ ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings se
     known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
       for (int64_t c = 0; c < channels; ++c) signal[c * in.clock.samples + t] = shown[c];
     });
-    const LocalColumns columns = {in.data(local + kAlong) + r * channels * 2,
-                                  in.data(local + kGainColumns) + r * channels * 2,
-                                  in.data(local + kLocalOffset) + r * 2,
-                                  in.data(local + kLocalFactor) + r * 4,
+    const LocalColumns columns = {in.data(kMisfitsLocal + kLocalResidual) + r * channels * 2,
+                                  in.data(kMisfitsLocal + kLocalGain) + r * channels * 2,
+                                  in.data(kMisfitsLocal + kLocalOffset) + r * 2,
+                                  in.data(kMisfitsLocal + kLocalFactor) + r * 4,
                                   in.runs * channels * 2};
-    store(misfit(in.readings(r, kCommon), columns, signal.get(), static_cast<int>(channels)), out + r * in.sets, first,
-          in.sets);
+    const Pack found = misfit(in.readings(r, kMisfitsReadings), columns, signal.get(), static_cast<int>(channels));
+    store(found, out + r * in.sets, first, in.sets);
   });
   return finish(known);
 }
 
 // One block of derivatives of one run: signals, residuals (T, R, C[, P]) and gain residuals (R, C[, P]).
 template <int T>
-bool linearise_block(const Inputs& in, int64_t r, int64_t first, double* const (&out)[5]) {
+bool linearise_block(const Inputs& in, int64_t r, int64_t first, double* const (&out)[kLineariseResults]) {
   const int64_t channels = in.channels.count(), samples = in.clock.samples;
-  const int64_t unknowns = in.shape(kLawTangents)[3];
+  const int64_t unknowns = in.shape(kLineariseTangents + kLawTangents)[3];
   const int64_t last = std::min<int64_t>(unknowns, first + T * kLanes - 1);
   const std::unique_ptr<Jet<T>[]> signal(new Jet<T>[samples * channels]);  // (C, T)
   const bool known =
       simulate(in, r, in.jets<T>(r, first), [&](int64_t t, const auto&, const auto&, const Jet<T>* shown) {
         for (int64_t c = 0; c < channels; ++c) signal[c * samples + t] = shown[c];
       });
-  const Readings data = in.readings(r, kLinearisationData);
+  const Readings data = in.readings(r, kLineariseReadings);
   const auto put = [&](const Jet<T>& x, int64_t at, double* values, double* derivatives) {
     if (first == 0) values[at] = value(x);
     const double* lane = reinterpret_cast<const double*>(x.d) + 1;
@@ -404,26 +363,26 @@ bool linearise_block(const Inputs& in, int64_t r, int64_t first, double* const (
   std::vector<SensorFit<Jet<T>>> fit;
   for (int c = 0; c < channels; ++c) {
     fit.push_back(fit_sensor(data, &signal[c * samples], c));
-    put(fit[c].gain_residual, r * channels + c, out[2], out[3]);
+    put(fit[c].gain_residual, r * channels + c, out[kLineariseGainResidual], out[kLineariseGainJacobian]);
   }
   for (int64_t t = 0; t < samples; ++t)
     for (int c = 0; c < channels; ++c) {
       const int64_t at = (t * in.runs + r) * channels + c;
       const Jet<T>& y = signal[c * samples + t];
-      put(residual(data, fit[c], y, t, c), at, out[0], out[1]);
-      if (first == 0) out[4][at] = value(y);
+      put(residual(data, fit[c], y, t, c), at, out[kLineariseResidual], out[kLineariseResidualJacobian]);
+      if (first == 0) out[kLineariseSimulated][at] = value(y);
     }
   return known;
 }
 
 // Residuals, their derivatives, gain residuals, their derivatives, signals.
 ffi::Error linearise(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings settings) {
-  const Inputs in(args, settings);
+  const Inputs in(args, settings, kLineariseCount);
   if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
-  double* out[5];
-  for (int k = 0; k < 5; ++k) out[k] = (*rets.get<Buffer>(k))->typed_data();
+  double* out[kLineariseResults];
+  for (int k = 0; k < kLineariseResults; ++k) out[k] = (*rets.get<Buffer>(k))->typed_data();
   constexpr int narrow = 16 / kLanes, wide = 32 / kLanes;
-  const int64_t unknowns = in.shape(kLawTangents)[3], block = wide * kLanes - 1;
+  const int64_t unknowns = in.shape(kLineariseTangents + kLawTangents)[3], block = wide * kLanes - 1;
   const int64_t blocks = (unknowns + block - 1) / block;
   std::atomic<bool> known{true};
   share(in.runs * blocks, [&](int64_t task) {
@@ -439,6 +398,12 @@ ffi::Error linearise(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings 
 }  // namespace
 }  // namespace sysid
 
+extern "C" {
+// The description that this library was compiled with.
+const char* sysid_fingerprint() { return sysid::kFingerprint; }
+// All calls from now on use at most so many threads; 0: as many as the machine has.
+void sysid_use_threads(int64_t limit) { sysid::thread_limit = limit; }
+}
 
 #define SYSID_ENTRY(name, function) \
   XLA_FFI_DEFINE_HANDLER_SYMBOL(    \

@@ -49,7 +49,8 @@ inline Pack sign_of(Pack x) { return (Pack)(((Bits)x & (uint64_t{1} << 63)) | (B
 
 inline Pack square_root(Pack x) {
 #if defined(__AVX512F__) && defined(__AVX512DQ__)
-  return (Pack)_mm512_sqrt_pd((__m512d)x);
+  // Unmasked, GCC 12 warns of the intrinsic's own uninitialised operand; this compiles to the same instruction.
+  return (Pack)_mm512_maskz_sqrt_pd((__mmask8)-1, (__m512d)x);
 #elif defined(__AVX__)
   return (Pack)_mm256_sqrt_pd((__m256d)x);
 #else

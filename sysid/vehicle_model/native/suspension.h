@@ -8,9 +8,6 @@
 
 namespace sysid {
 
-constexpr double kReferenceRate = 0.5;  // [m/s], at which a nonlinear damper's coefficient is stated
-constexpr double kShortest = 0.05;      // share of its static length below which a gas spring is not compressed
-
 // side * slope * max(0, side (x - at)) of a piecewise linear curve.
 template <class V>
 struct Ramp {
@@ -19,11 +16,10 @@ struct Ramp {
 };
 
 // Which elements a group of runs has: what none of its axles needs is not computed.
-struct Elements {
-  bool gas_spring = false, saturating = false, asymmetric = false, friction = false;
+struct Elements : SmoothElements {
   int ramps = 0, rate_ramps = 0;
   bool corners() const { return asymmetric || ramps > 0 || rate_ramps > 0; }
-  bool linear() const { return !gas_spring && !saturating && !friction && !corners(); }
+  bool linear() const { return !any() && !corners(); }
 };
 
 // pull = S(e) + D(v) + F_c phi, positive when it pulls body and axle together; e extension from rest, v its rate.
@@ -119,6 +115,28 @@ inline V slip_after_step(const SuspensionLaw<V>& law, const V& phi, const V& e0,
   const V cubic = e0 + s * ((h * rest * rest) * v0 + s * ((3.0 - 2.0 * s) * change - (h * rest) * v1));
   const V turned = select(turns, cubic, e0);
   return slide(law, slide(law, phi, turned - e0), e1 - turned);
+}
+
+// The law of an axle, without its ramps.
+template <class V>
+inline SuspensionLaw<V> suspension_law(const Elements& has, const Coefficients<V>& c) {
+  SuspensionLaw<V> law{};
+  law.stiffness = c.stiffness;
+  law.damping = c.damping;
+  law.softening = c.softening;
+  if (has.saturating) {
+    law.saturation = c.saturation;
+    law.tail = c.tail;
+    law.stated = damper_shape(law, constant_row<V>(Scalar<V>{} + kReferenceRate));
+  }
+  if (has.asymmetric) {
+    law.compression = 2.0 * reciprocal(1.0 + c.asymmetry);
+    law.rebound = c.asymmetry * law.compression;
+    law.corner = law.rebound - law.compression;
+  }
+  law.friction = c.friction;
+  law.slip = c.slip;
+  return law;
 }
 
 // What the stages miss of the pull at the corners of its law: mean force and first moment over the step.

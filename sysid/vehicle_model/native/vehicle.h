@@ -9,8 +9,6 @@
 
 namespace sysid {
 
-constexpr int kMaxAxles = 24;
-
 // Rigid beams that carry axle groups, as in LaneBeams: (na, na), (na, na), (na, na), (na,); null without groups.
 struct Beams {
   const double *wheel = nullptr, *tire = nullptr, *pull = nullptr, *carries = nullptr;
@@ -109,7 +107,7 @@ inline void contacts(const Run& run, const Laws<Pack>& laws, const RoadPoint* ro
 }
 
 // Inputs of a contact; a row of partial derivatives has one lane for each, behind the lane of the value.
-enum { kRest = 1, kAdvance, kSpeed, kRise, kRiseRate, kAhead };
+enum { kByRest = 1, kByAdvance, kBySpeed, kByRise, kByRiseRate, kByAhead };
 using Partials = Jet<8 / kLanes>;
 
 inline Partials partials(double value, int input, double slope) {
@@ -123,7 +121,7 @@ inline double slope(const Partials& x, int input) { return x.d[input / kLanes][i
 // Rows of the road; looked up `ahead` further on, the value moves with the next derivative.
 inline RoadRows<Partials> ahead_rows(const RoadPoint& point) {
   const MapRow* order = point.order;
-  const auto row = [&](int n, int which) { return partials(order[n][which], kAhead, order[n + 1][which]); };
+  const auto row = [&](int n, int which) { return partials(order[n][which], kByAhead, order[n + 1][which]); };
   RoadRows<Partials> rows;
   rows.rise = row(0, 0), rows.slope = row(1, 0), rows.second = row(2, 0), rows.third = row(3, 0);
   for (int n = 0; n < 3; ++n) {
@@ -153,10 +151,10 @@ void contacts(const Run& run, const Laws<Jet<T>>& laws, const RoadPoint* road, d
         rate[k] = -rise_rate;
         continue;
       }
-      squashed[k] = squash(ahead_rows(road[i]), partials(tires.static_deflection[k], kRest, 1.0),
-                           partials(value(wheel.advance[i]), kAdvance, 1.0),
-                           partials(value(wheel.speed[i]), kSpeed, 1.0), partials(rise, kRise, 1.0),
-                           partials(rise_rate, kRiseRate, 1.0));
+      squashed[k] = squash(ahead_rows(road[i]), partials(tires.static_deflection[k], kByRest, 1.0),
+                           partials(value(wheel.advance[i]), kByAdvance, 1.0),
+                           partials(value(wheel.speed[i]), kBySpeed, 1.0), partials(rise, kByRise, 1.0),
+                           partials(rise_rate, kByRiseRate, 1.0));
       deflection[k] = value(squashed[k].deflection);
       rate[k] = value(squashed[k].rate);
     }
@@ -176,12 +174,12 @@ void contacts(const Run& run, const Laws<Jet<T>>& laws, const RoadPoint* road, d
       } else {
         const Jet<T> ahead = (time - run.start) * laws.ahead_rate + laws.ahead_start;
         const Partials by = by_deflection * squashed[k].deflection + by_rate * squashed[k].rate;
-        slopes += slope(by, kRest) * law.static_deflection + slope(by, kAdvance) * wheel.advance[i] +
-                  slope(by, kSpeed) * wheel.speed[i] + slope(by, kRise) * wheel.rise[i] +
-                  slope(by, kRiseRate) * wheel.rise_rate[i] + slope(by, kAhead) * ahead;
+        slopes += slope(by, kByRest) * law.static_deflection + slope(by, kByAdvance) * wheel.advance[i] +
+                  slope(by, kBySpeed) * wheel.speed[i] + slope(by, kByRise) * wheel.rise[i] +
+                  slope(by, kByRiseRate) * wheel.rise_rate[i] + slope(by, kByAhead) * ahead;
         const Partials& h = squashed[k].drag;
-        drag[i] = slope(h, kRest) * law.static_deflection + slope(h, kAdvance) * wheel.advance[i] +
-                  slope(h, kRise) * wheel.rise[i] + slope(h, kAhead) * ahead;
+        drag[i] = slope(h, kByRest) * law.static_deflection + slope(h, kByAdvance) * wheel.advance[i] +
+                  slope(h, kByRise) * wheel.rise[i] + slope(h, kByAhead) * ahead;
         drag[i].set_value(value(h));
       }
       slopes.set_value(force.v[k]);

@@ -5,13 +5,17 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sysid.campaign.records import BumpShape, Campaign, PredictionRequest
 from sysid.errors import CampaignError
 
-#: Options of `predict` that are no settings of a calibration.
+if TYPE_CHECKING:
+    from sysid.campaign.records import BumpShape, Campaign, PredictionRequest
+
+#: Options that name passes.
 OPTIONS = ("speeds", "load_case", "bump", "lateral", "shape", "height", "length", "top")
+#: Shapes that a bump may have by name.
+BUMP_SHAPES = ("watts", "sinusoidal", "half_sine", "parabolic", "trapezoid")
 
 
 def requested_passes(campaign: Campaign, options: Mapping[str, Any]) -> tuple[PredictionRequest, ...]:
@@ -40,6 +44,8 @@ def requested_passes(campaign: Campaign, options: Mapping[str, Any]) -> tuple[Pr
     elif options.get("lateral") is not None:
         raise CampaignError("--lateral chooses a long section of an OpenCRG file; name that file by --bump.")
     bump = _bump(campaign, bump, shape)
+    from sysid.campaign.records import PredictionRequest
+
     return tuple(PredictionRequest(case, speed / 3.6, bump, shape) for speed in speeds)
 
 
@@ -53,6 +59,8 @@ def _shape(options: Mapping[str, Any]) -> BumpShape | None:
         raise CampaignError(f"--shape {name} needs its size: add --height and --length in metres.")
     if top is not None and name != "trapezoid":
         raise CampaignError(f"--top belongs to a trapezoid, not to the shape {name}; leave it out.")
+    from sysid.campaign.records import BumpShape
+
     return BumpShape(name, height, length, top)
 
 

@@ -1,0 +1,287 @@
+"""Numbers in text files, the same for logs, profiles and point clouds: encoding, lines, cells, decimal mark."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, TextIO
+
+import numpy as np
+
+from sysid import limits
+from sysid.errors import DataRejectedError
+
+#: Delimiter of columns that white space separates.
+WHITE_SPACE = r"\s+"
+DECIMAL_COMMA = re.compile(r'^\s*"?[-+]?\d*,\d+([eE][-+]?\d+)?"?\s*$')
+#: What stands in a cell without a reading, in small letters.
+MISSING = frozenset(
+    ["", "nan", "+nan", "-nan", "na", "n/a", "#n/a", "<na>", "null", "none", "-", "--", "over"]
+    + [sign + word for sign in ("", "+", "-") for word in ("inf", "infinity")]
+)
+_PIECE_ROWS = 100_000
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+class LongRowError(ValueError):
+    """A row (line `number` of the file, from 1) with more cells than there are columns."""
+
+    def __init__(self, number: int, cells: int):
+        super().__init__(f"line {number} has {cells} cells")
+        self.number = number
+        self.cells = cells
+
+
+class CellError(ValueError):
+    """A cell that is no number: index of its row among those read (from 0), place of its column (from 0), its text."""
+
+    def __init__(self, row: int, place: int, text: str):
+        super().__init__(f"row {row}, column {place}: {text}")
+        self.row = row
+        self.place = place
+        self.text = text
+
+
+@dataclass(frozen=True)
+class NumberTable:
+    """How the numbers of a text file are written.
+
+    `label` begins every sentence about it; `skip_lines` stand before the first row, whose cells belong to `names`; with
+    `blank_rows` a blank line is a row without readings, else it is skipped; `strict` refuses bytes that are no text.
+    """
+
+    data: bytes
+    label: str
+    encoding: str
+    delimiter: str
+    decimal: str
+    skip_lines: int
+    names: tuple[str, ...]
+    blank_rows: bool = True
+    strict: bool = False
+    line_length: int = limits.LINE_LENGTH
+    most_rows: int = limits.LOG_ROWS
+
+    def rows_of_text(self) -> TextIO:
+        """The text behind the lines to skip."""
+        stream = self._stream()
+        for _ in range(self.skip_lines):
+            stream.readline()
+        return stream
+
+    def lines(self) -> Iterator[str]:
+        """All lines, cut at one more character than a line may have."""
+        stream = self._stream()
+        return iter(lambda: stream.readline(self.line_length + 1), "")
+
+    def _stream(self) -> TextIO:
+        errors = "strict" if self.strict else "replace"
+        return io.TextIOWrapper(io.BytesIO(self.data), encoding=self.encoding, errors=errors)
+
+
+def encoding_of(data: bytes) -> str:
+    """Encoding of a text by its first megabyte: UTF-8, UTF-16 with or without its mark, else Latin-1."""
+    head = data[: limits.LINE_LENGTH]
+    if head[:2] in _UTF16:
+        return "utf-16"
+    even, odd = head[0:4096:2].count(0), head[1:4096:2].count(0)
+    if max(even, odd) > 0.4 * min(len(head), 4096) / 2 and min(even, odd) == 0:
+        return "utf-16-be" if even > odd else "utf-16-le"
+    try:
+        # A character of several bytes cut by the end of the head is no fault.
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8-sig"
+
+
+def head_lines(data: bytes, encoding: str, size: int) -> list[str]:
+    """Complete lines of the first `size` bytes; one that is cut, where it is the only one."""
+    text = codecs.decode(data[: size // 2 * 2], encoding, "replace").lstrip("\ufeff")
+    lines = re.split(r"\r\n|\r|\n", text)
+    return lines[:-1] if len(data) > size and len(lines) > 1 else lines
+
+
+def cells_of(line: str, delimiter: str) -> list[str]:
+    """Cells of a line without quotation marks and space around them."""
+    if delimiter == WHITE_SPACE:
+        return [c.strip("\"'") for c in line.split()]
+    try:
+        return [c.strip() for c in next(csv.reader([line], delimiter=delimiter), [])]
+    except csv.Error:
+        return [c.strip().strip('"') for c in line.split(delimiter)]
+
+
+def count_rows(table: NumberTable) -> tuple[int, int]:
+    """Number of rows and the largest number of cells in one, at most as many as there are names.
+
+    Raises
+    ------
+    DataRejectedError
+        If there are NUL bytes, lines without end, or more rows than are read.
+    LongRowError
+        If a row has more cells than there are names: the parser would shift its numbers into other columns.
+    UnicodeDecodeError
+        If the table is strict and holds bytes that are no text.
+    """
+    label, names = table.label, len(table.names)
+    lines = max(table.data.count(b"\n"), table.data.count(b"\r"))
+    # Blank lines are allowed for, but not without end.
+    if lines > table.skip_lines + (1 if table.blank_rows else 3) * table.most_rows:
+        raise DataRejectedError(
+            f"{label} has {lines} lines, at most {table.most_rows} rows are read; cut or thin it, and remove blank "
+            "lines."
+        )
+    width = rows = 0
+    for number, line in enumerate(table.lines(), start=1):
+        if "\0" in line:
+            raise DataRejectedError(
+                f"{label}: line {number} contains NUL bytes (zero bytes), as a file cut off while it was written does; "
+                "export it again or delete what follows."
+            )
+        if len(line) > table.line_length:
+            raise DataRejectedError(
+                f"{label}: line {number} is longer than {table.line_length} characters; export the file as a table."
+            )
+        if number <= table.skip_lines:
+            continue
+        count = len(line.split()) if table.delimiter == WHITE_SPACE else line.count(table.delimiter) + 1
+        if count > names:
+            count = _exact_count(line, number, table)
+        width = max(width, count)
+        rows += table.blank_rows or not line.isspace()
+        if rows > table.most_rows:
+            raise DataRejectedError(f"{label} has more rows than the {table.most_rows} that are read; cut or thin it.")
+    return rows, width
+
+
+def _exact_count(line: str, number: int, table: NumberTable) -> int:
+    names = len(table.names)
+    cells = cells_of(line.split("#")[0].rstrip("\n"), table.delimiter)
+    count = len(cells)
+    while len(cells) > names and not cells[-1]:
+        cells.pop()
+    if len(cells) > names:
+        raise LongRowError(number, len(cells))
+    return count
+
+
+def read_numbers(table: NumberTable, places: Mapping[int, str], rows: int, width: int) -> dict[str, np.ndarray]:
+    """Read columns of a table as float64, NaN where a cell is empty or says so.
+
+    Parameters
+    ----------
+    places
+        Place of every wanted column (from 0, below `width`) with its name.
+    rows, width
+        From :func:`count_rows`.
+
+    Raises
+    ------
+    CellError
+        If a cell is no number and no mark of absence.
+    DataRejectedError
+        If the text is no regular table or does not fit into memory.
+    UnicodeDecodeError
+        If the table is strict and holds bytes that are no text.
+    """
+    import pandas as pd
+
+    if rows * len(places) > limits.LOG_NUMBERS + limits.CLOUD_POINTS:
+        raise DataRejectedError(
+            f"{table.label} holds {rows * len(places)} numbers, at most {limits.LOG_NUMBERS} are read; cut it to the "
+            "time of the test."
+        )
+    try:
+        return _filled(table, places, rows, width, _numeric)
+    except pd.errors.EmptyDataError:
+        return {name: np.empty(0) for name in places.values()}
+    except pd.errors.ParserError as error:
+        raise DataRejectedError(f"{table.label} is not a regular table of numbers: {_reason(error)}.") from None
+    except MemoryError:
+        raise DataRejectedError(f"{table.label} does not fit into memory; cut or thin it.") from None
+    except UnicodeDecodeError:
+        raise
+    except (ValueError, OverflowError):
+        # A cell is no number: read again as text, which is slower, to accept a mark of absence or to name the cell.
+        return _as_text(table, places, rows, width)
+
+
+def _as_text(table: NumberTable, places: Mapping[int, str], rows: int, width: int) -> dict[str, np.ndarray]:
+    import pandas as pd
+
+    try:
+        return _filled(table, places, rows, width, _textual)
+    except (CellError, UnicodeDecodeError):
+        raise
+    except pd.errors.ParserError as error:
+        raise DataRejectedError(f"{table.label} is not a regular table of numbers: {_reason(error)}.") from None
+    except (ValueError, OverflowError, MemoryError):
+        raise DataRejectedError(
+            f"{table.label} has text among its numbers; remove it and mark lines of text with '#'."
+        ) from None
+
+
+def _filled(table: NumberTable, places: Mapping[int, str], rows: int, width: int, way: Any) -> dict[str, np.ndarray]:
+    # Filled piece by piece: a large file then needs the memory of its numbers only.
+    result = {name: np.full(rows, np.nan) for name in places.values()}
+    filled = 0
+    with table.rows_of_text() as stream, _pieces(table, stream, places, width, way is _textual) as pieces:
+        for piece in pieces:
+            for place, name in places.items():
+                result[name][filled : filled + len(piece)] = way(table, piece[place], filled, place)
+            filled += len(piece)
+    return {name: values[:filled] for name, values in result.items()}
+
+
+def _pieces(table: NumberTable, stream: TextIO, places: Mapping[int, str], width: int, text: bool) -> Any:
+    import pandas as pd
+
+    return pd.read_csv(
+        stream,
+        sep=table.delimiter,
+        decimal=table.decimal,
+        header=None,
+        names=list(range(width)),
+        usecols=list(places),
+        index_col=False,
+        skipinitialspace=True,
+        skip_blank_lines=not table.blank_rows,
+        comment="#",
+        engine="c",
+        low_memory=False,
+        chunksize=_PIECE_ROWS,
+        dtype=str if text else np.float64,
+        na_values=None if text else ["-", "--", "NAN", "Inf", "none", "OVER", "over"],
+        keep_default_na=not text,
+    )
+
+
+def _numeric(table: NumberTable, column: Any, start: int, place: int) -> np.ndarray:
+    return column.to_numpy()
+
+
+def _textual(table: NumberTable, column: Any, start: int, place: int) -> np.ndarray:
+    import pandas as pd
+
+    text = column.fillna("").str.strip()
+    if table.decimal == ",":
+        text = text.str.replace(",", ".", regex=False)
+    number = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
+    strange = np.flatnonzero(np.isnan(number) & ~text.str.lower().isin(MISSING).to_numpy())
+    if strange.size:
+        row = int(strange[0])
+        raise CellError(start + row, place, str(column.iloc[row]))
+    return number
+
+
+def _reason(error: Exception) -> str:
+    if "EOF inside string" in str(error):
+        return "a quotation mark is never closed; remove it"
+    if "out of memory" in str(error).lower():
+        return "it does not fit into memory; cut or thin it"
+    return "its rows and cells cannot be told apart; export it again"

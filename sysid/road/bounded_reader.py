@@ -1,0 +1,80 @@
+"""Starts the child process that reads what cannot be bounded, and turns its end into an answer or a sentence."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid import limits
+from sysid.errors import DataRejectedError
+
+_WORKER = Path(__file__).with_name("read_worker.py")
+_LONGEST_ANSWER = 16 * 1024
+
+
+def read_in_child(task: str, data: bytes, label: str, **request: Any) -> tuple[dict[str, Any], np.ndarray]:
+    """Let a child process read the content of a file.
+
+    Parameters
+    ----------
+    task
+        ``las``, ``ply`` or ``crg``.
+    data
+        Content of the file.
+    label
+        Name of the file, which begins every sentence.
+    request
+        What else the task takes, see :mod:`sysid.road.read_worker`.
+
+    Returns
+    -------
+    answer, array
+        What the task says; `answer` holds ``error`` and ``text`` where the library refused the file.
+
+    Raises
+    ------
+    DataRejectedError
+        If reading takes more memory or time than `sysid.limits` allows, or the library ends the process.
+    """
+    order = {"task": task, "memory_bytes": limits.READER_BYTES, "seconds": limits.READER_SECONDS, **request}
+    # A new interpreter, not a fork: threads of JAX do not survive a fork.  -P: the folder of the script holds modules
+    # of this package whose names must not hide others.
+    command = [sys.executable, "-P", str(_WORKER)]
+    # Every thread of the algebra library would take address space of its own.
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    try:
+        done = subprocess.run(
+            command,
+            input=json.dumps(order).encode() + b"\n" + data,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            timeout=limits.READER_SECONDS,
+            env=environment,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise DataRejectedError(
+            f"{label} takes longer than {limits.READER_SECONDS:g} s to read; export it again, or thin it."
+        ) from None
+    except OSError as error:
+        raise DataRejectedError(
+            f"{label} cannot be read: no process for its reader can be started ({error.strerror})."
+        ) from None
+    line, _, rest = done.stdout.partition(b"\n")
+    try:
+        answer = dict(json.loads(line[:_LONGEST_ANSWER]))
+        array = np.load(io.BytesIO(rest), allow_pickle=False)
+    except (ValueError, EOFError, TypeError):
+        raise DataRejectedError(f"{label} is damaged: its reader gave up; export it again.") from None
+    if answer.get("error") == "memory":
+        raise DataRejectedError(
+            f"{label} takes more than {limits.READER_BYTES / 1e6:.0f} MB of memory to read; export it again or thin it."
+        )
+    return answer, array

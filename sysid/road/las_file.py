@@ -1,0 +1,91 @@
+"""Points of LAS files: uncompressed ones are read from their header, compressed ones (LAZ) by laspy in a child process.
+
+Header of LAS 1.0 to 1.4 as in the ASPRS LAS Specification 1.4 R15, table 3; every point record begins with X, Y and Z
+as 32-bit integers.  The variable-length records between header and points, of which a header can promise billions, are
+not needed.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+
+from sysid.errors import DataRejectedError
+from sysid.road.bounded_reader import read_in_child
+
+_HEADER_BYTES = 227
+_HEADER_BYTES_1_4 = 375
+#: Shortest record of point formats 0 to 10.
+_RECORD_BYTES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
+_COMPRESSED = 0x80 | 0x40
+_VLR_BYTES, _EVLR_BYTES = 54, 60
+
+
+def las_points(data: bytes, label: str, most_points: int) -> np.ndarray:
+    """Coordinates (n, 3) float64 of a LAS or LAZ file in its unit: X times scale plus offset.
+
+    Raises
+    ------
+    DataRejectedError
+        If the header does not fit the file, there are no points or more than `most_points`, or the file is compressed
+        and no decompressor is installed.
+    """
+    if len(data) < _HEADER_BYTES:
+        raise _unreadable(label, "it ends within its header")
+    minor = data[25]
+    header_bytes, begin, records, kind, size, count = struct.unpack_from("<HIIBHI", data, 94)
+    scale, offset = np.frombuffer(data, "<f8", 6, 131).reshape(2, 3)
+    extended = 0
+    if minor >= 4:
+        if len(data) < _HEADER_BYTES_1_4:
+            raise _unreadable(label, "it ends within its header")
+        extended, count = struct.unpack_from("<IQ", data, 243)
+    if header_bytes < _HEADER_BYTES or not header_bytes <= begin <= len(data):
+        raise _unreadable(label, "the place of its points is outside the file")
+    if records * _VLR_BYTES > begin - header_bytes or extended * _EVLR_BYTES > len(data):
+        raise _unreadable(label, f"it promises {records + extended} further records for which it has no room")
+    if kind & 0x3F >= len(_RECORD_BYTES) or size < _RECORD_BYTES[kind & 0x3F]:
+        raise _unreadable(label, f"it has points of format {kind & 0x3F} with {size} bytes each")
+    check_count(label, count, most_points)
+    if kind & _COMPRESSED:
+        return _decompressed(data, label, most_points)
+    if begin + count * size > len(data):
+        raise DataRejectedError(f"{label} promises {count} points but is cut short; copy or export it again.")
+    layout = np.dtype({"names": ["xyz"], "formats": ["(3,)<i4"], "offsets": [0], "itemsize": size})
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.frombuffer(data, layout, count, begin)["xyz"] * scale + offset
+
+
+def _decompressed(data: bytes, label: str, most_points: int) -> np.ndarray:
+    answer, points = read_in_child("las", data, label, most_points=most_points)
+    text = str(answer.get("text", ""))
+    if "backend" in text.lower():
+        raise DataRejectedError(
+            f"{label} is compressed (LAZ) and no decompressor is installed; install 'lazrs' or export the cloud as LAS."
+        )
+    if "error" in answer:
+        raise _unreadable(label, text.partition("\n")[0][:160] or answer["error"])
+    check_count(label, answer.get("points", len(points)), most_points)
+    return points
+
+
+def check_count(label: str, count: int, most_points: int) -> None:
+    """Refuse a cloud without points, or with more than are read.
+
+    Raises
+    ------
+    DataRejectedError
+        In these two cases.
+    """
+    if count > most_points:
+        raise DataRejectedError(
+            f"{label} has {count} points, more than the {most_points} that are read; crop the cloud to a few metres "
+            "around the bump or thin it."
+        )
+    if count == 0:
+        raise DataRejectedError(f"{label} holds no points; check the export of the scanner.")
+
+
+def _unreadable(label: str, reason: str) -> DataRejectedError:
+    return DataRejectedError(f"{label} is not a readable LAS file ({reason}); export it again.")

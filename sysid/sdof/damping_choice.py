@@ -1,0 +1,63 @@
+"""Whether a record shows more than viscous damping, and what of it is left to read when the mass sticks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.sdof.decay import PreparedRecord
+from sysid.sdof.free_decay import FreeDecayFit
+from sysid.sdof.peaks import smoothing_half_width
+from sysid.sdof.results import DampingLaw
+
+_SMALLEST_SHARE = 0.10  # of the amplitude lost, by all that is not viscous
+_SMALLEST_PART = 0.25  # of the motion after the release that the fitted swings must be
+_EVIDENCE = 10.0  # of the information criterion, against two viscous modes
+_MODES_COEFFICIENTS = 9
+
+
+def more_than_viscous(law: DampingLaw, record: PreparedRecord, modes: FreeDecayFit) -> DampingLaw | None:
+    """The damping law where the record shows dry friction or quadratic damping beyond doubt, else None.
+
+    Body mode and wheel hop of a linear vehicle can look like either over a few swings, so the law must explain the
+    common readings better than they do, by a Bayesian information criterion of 10, lose a tenth of the amplitude
+    otherwise than viscously, and rest on swings that are a quarter of the motion.
+    """
+    if not _speaks_for(law, record) or law.terms == ("viscous",) or law.shares[1:].sum() < _SMALLEST_SHARE:
+        return None
+    if not modes.usable:
+        return law
+    value = np.interp(law.time_s, record.time_s, record.value)
+    common = (law.time_s >= modes.window_s[0]) & (law.time_s <= modes.window_s[1])
+    count = int(common.sum())
+    if count < law.time_s.size // 2:
+        return law
+    linear = np.interp(law.time_s[common], modes.time_s, modes.model) - value[common]
+    mixed = law.model[common] - value[common]
+    gain = count * np.log(max(float(np.mean(linear**2)), 1e-300) / max(float(np.mean(mixed**2)), 1e-300))
+    gain += (_MODES_COEFFICIENTS - 4 - len(law.terms)) * np.log(count)
+    return law if gain > _EVIDENCE else None
+
+
+def viscous_alone(law: DampingLaw, record: PreparedRecord) -> bool:
+    """Whether the record shows viscous damping and, against every other mixture, nothing else."""
+    return _speaks_for(law, record) and law.terms == ("viscous",) and law.evidence > _EVIDENCE
+
+
+def _speaks_for(law: DampingLaw, record: PreparedRecord) -> bool:
+    """Whether the fitted swings are a fair part of the motion after the release."""
+    if not law.usable or record.release is None:
+        return False
+    moving = record.value[record.time_s >= record.release.time_s]
+    return float(np.ptp(law.model)) >= _SMALLEST_PART * float(np.ptp(moving))
+
+
+def without_sticking(record: PreparedRecord, law: DampingLaw) -> PreparedRecord:
+    """The record without the extrema that sticking touches: those the smoothing mixes with rest, or within F/k."""
+    if record.extrema is None or not np.isfinite(law.stick_time_s):
+        return record
+    extrema = record.extrema
+    moving = law.stick_time_s - smoothing_half_width(record.period_s)
+    free = (extrema.time_s < moving) & (np.abs(extrema.value - law.level) > law.friction_m)
+    return replace(record, extrema=replace(extrema, used=extrema.used & free))

@@ -1,0 +1,491 @@
+"""Which damping a record shows, viscous, dry, quadratic or a mixture, and how much of each, by fits to the readings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from sysid.sdof.decay import PreparedRecord
+from sysid.sdof.modes import correlated_covariance
+from sysid.sdof.peaks import smoothing_half_width
+from sysid.sdof.results import DampingLaw, DampingTerm
+from sysid.sdof.ring_down import RingDown, ring_down
+from sysid.sdof.smoothing import local_polynomial
+
+TERMS: tuple[DampingTerm, ...] = ("viscous", "friction", "quadratic")
+_START_PERIODS, _TAIL_PERIODS = 0.125, 0.25  # after the first and the last extremum used
+_FEWEST_EXTREMA = 3
+_SMALLEST_SHARE = 0.03  # of the amplitude lost: a term below that is no part of the kind
+_AR_ORDER = 2
+_FEWEST_READINGS = 40
+_STIFFENING_SWINGS = 6
+_POOR_NOISE, _POOR_SHARE = 3.0, 0.04
+_STIFFENING_EVIDENCE = 20.0  # of the information criterion, before a spring counts as nonlinear
+_HOPELESS = 500.0  # of the sum of squares over the variance, far beyond what curvature can make of it
+_HELD, _HELD_NOISE = 0.8, 1.2
+_GAP_STEPS = 1.8
+_OMEGA, _LEVEL, _PLACE, _RATE, _STIFFENING = 0, 1, 2, 3, 7
+_OF_TERM = {"viscous": 4, "friction": 5, "quadratic": 6}
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Readings of the free motion: times [s] from the start, readings, amplitude [m], angular frequency [rad/s].
+
+    `direction` of the motion at the first reading; `start` (8,) parameters of `ring_down` without damping; `loss` the
+    amplitude lost per swing at the middle amplitude `middle` [m]; `swings` the half ranges of successive extrema [m].
+    """
+
+    begin_s: float
+    time: np.ndarray
+    value: np.ndarray
+    amplitude: float
+    direction: float
+    start: np.ndarray
+    swings: np.ndarray
+    first_of_run: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Least squares of one kind: `free` parameters, all `parameters` (8,), whitened residual and Jacobian."""
+
+    terms: tuple[DampingTerm, ...]
+    free: list[int]
+    parameters: np.ndarray
+    residual: np.ndarray
+    whitened: np.ndarray
+    jacobian: np.ndarray
+    motion: RingDown
+
+    @property
+    def criterion(self) -> float:
+        """Bayesian information criterion of normal residuals of unknown variance."""
+        n = self.whitened.size
+        return n * float(np.log(max(np.mean(self.whitened**2), 1e-300))) + len(self.free) * float(np.log(n))
+
+
+def fit_damping_law(record: PreparedRecord, *, from_release: bool = False) -> DampingLaw:
+    """Fit one mass with viscous, dry and quadratic damping to the free motion and choose the terms that it shows.
+
+    All seven mixtures of the three terms are fitted by least squares from the first extremum used to a quarter period
+    after the last one, so a mass that sticks counts only briefly.  They are compared by the Bayesian information
+    criterion of residuals whitened by an autoregression of second order, taken from the fullest mixture.  A term that
+    explains less than 3 % of the amplitude lost is not considered.  Standard deviations allow for what correlation is
+    left.  A spring that stiffens with the amplitude is added where the criterion demands it.
+
+    Parameters
+    ----------
+    record
+        From `prepare_record`.
+    from_release
+        Whether the motion is free from the release on, as of a body that is let go: then the swing before the first
+        turning point counts, unless the readings contradict it.
+
+    Returns
+    -------
+    DampingLaw
+        `usable` False with a note where there are too few swings or no mixture can be fitted.
+    """
+    window, start = _started(record, from_release)
+    if isinstance(start, str):
+        return _unusable(start)
+    whitener = _autoregression(start.residual, window.first_of_run)
+    full = _fit(window, TERMS, whitener, [start.parameters]) or start
+    curved = False
+    if window.swings.size >= _STIFFENING_SWINGS:
+        stiffening = _fit(window, TERMS, whitener, [full.parameters], stiffening=True)
+        if stiffening is not None and stiffening.criterion < full.criterion - _STIFFENING_EVIDENCE:
+            full, curved = stiffening, True
+    fits = {TERMS: full}
+
+    def add(terms: tuple[DampingTerm, ...], like: _Fit) -> None:
+        starts = [_moved(window, like.parameters, terms), like.parameters]
+        if (fit := _fit(window, terms, whitener, starts, stiffening=curved)) is not None:
+            fits[terms] = fit
+
+    for terms in _mixtures():
+        if _price(full, terms) < _HOPELESS:
+            add(terms, full)
+    # A mixture that does worse than a part of it has stopped too early.
+    least = min(fits.values(), key=lambda f: float(np.sum(f.whitened**2)))
+    if least is not full:
+        add(TERMS, least)
+    rivals = [f for f in fits.values() if _shares(window, f).min() >= _SMALLEST_SHARE] or [full]
+    best = min(rivals, key=lambda f: f.criterion)
+    if _with_viscous(best.terms) not in fits:
+        add(_with_viscous(best.terms), best)
+    noise = record.release.noise_sd if record.release is not None else 0.0
+    if _rms(best) > max(_POOR_NOISE * noise, _POOR_SHARE * window.amplitude):
+        return _unusable("the motion is not that of one mass with viscous, dry or quadratic damping")
+    return _law(record, window, best, rivals, fits)
+
+
+def _started(record: PreparedRecord, from_release: bool) -> tuple[_Window, _Fit | str]:
+    """The part to fit and the first fit of the fullest mixture, without whitening; or why there is none."""
+    later = _window(record)
+    window = (_window_from_release(record) or later) if from_release else later
+    if isinstance(window, str):
+        return None, window  # type: ignore[return-value]
+    start = _first_fit(window, record)
+    if from_release and not isinstance(later, str) and (start is None or _held(start, record)):
+        # Something still touched the body after the release: what comes after the first turn is free.
+        alternative = _first_fit(later, record)
+        if alternative is not None and (start is None or _rms(alternative) < _HELD * _rms(start)):
+            window, start = later, alternative
+    return window, start or "no damped oscillation can be fitted to the readings"
+
+
+def _first_fit(window: _Window, record: PreparedRecord) -> _Fit | None:
+    """The fullest mixture from one start or, where that leaves far more than the noise, from others."""
+    fit = _fit(window, TERMS, np.zeros(0), [_first_start(window)])
+    if fit is not None and not _held(fit, record):
+        return fit
+    starts = [_first_start(window, factor, loss) for factor in (0.85, 1.0, 1.15) for loss in (0.15, 0.4)]
+    return _fit(window, TERMS, np.zeros(0), ([] if fit is None else [fit.parameters]) + starts)
+
+
+def _first_start(window: _Window, factor: float = 1.0, loss: float | None = None) -> np.ndarray:
+    """Start values in which the three terms share the amplitude lost, `loss` of it per swing."""
+    start = window.start.copy()
+    start[_OMEGA] *= factor
+    if loss is None:
+        mean = float(np.mean(-np.diff(window.swings))) if window.swings.size > 1 else 0.1 * window.amplitude
+        loss = float(np.clip(mean / window.swings.mean(), 0.01, 1.0))
+    start[4] = loss / np.pi * start[_OMEGA]
+    return _moved(window, start, TERMS)
+
+
+def _with_viscous(terms: tuple[DampingTerm, ...]) -> tuple[DampingTerm, ...]:
+    return tuple(t for t in TERMS if t in terms or t == "viscous")
+
+
+def _rms(fit: _Fit) -> float:
+    return float(np.sqrt(np.mean(fit.residual**2)))
+
+
+def _held(fit: _Fit, record: PreparedRecord) -> bool:
+    """Whether a fit leaves clearly more than the noise."""
+    return record.release is not None and _rms(fit) > _HELD_NOISE * record.release.noise_sd
+
+
+def _price(full: _Fit, terms: tuple[DampingTerm, ...]) -> float:
+    """Increase of the sum of squares over the variance when other terms than `terms` go, by the full fit's slopes."""
+    gone = [full.free.index(_OF_TERM[t]) for t in TERMS if t not in terms]
+    scale = np.maximum(np.linalg.norm(full.jacobian, axis=0), 1e-300)
+    scaled = full.jacobian / scale
+    covariance = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12) * float(np.mean(full.whitened**2))
+    value = full.parameters[[full.free[i] for i in gone]] * scale[gone]
+    return float(value @ np.linalg.pinv(covariance[np.ix_(gone, gone)]) @ value)
+
+
+def _mixtures() -> list[tuple[DampingTerm, ...]]:
+    return [terms for count in (2, 1) for terms in combinations(TERMS, count)]
+
+
+def _window(record: PreparedRecord) -> _Window | str:
+    """The part of a record to fit, or why there is none."""
+    if record.extrema is None or record.mode is None or record.release is None:
+        return record.note
+    used = np.flatnonzero(record.extrema.used)
+    if used.size < _FEWEST_EXTREMA:
+        return "too few swings to tell kinds of damping apart"
+    times, heights = record.extrema.time_s[used], record.extrema.value[used]
+    period = 2.0 * float(np.median(np.diff(times) / np.diff(record.extrema.index[used])))
+    return _cut(record, period, times[0], times[-1], heights, float(np.sign(heights[1] - heights[0])))
+
+
+def _window_from_release(record: PreparedRecord) -> _Window | None:
+    """The part of a record from the release to the end of the motion, None where there is too little of it."""
+    if record.extrema is None or record.release is None or not np.isfinite(record.release.rest_level):
+        return None
+    begin, noise = record.release.time_s, record.release.noise_sd
+    later = record.time_s > begin
+    value = record.value[later]
+    final = float(np.median(value[-max(5, value.size // 10) :]))
+    moving = np.flatnonzero(np.abs(value - final) > 5.0 * max(noise, 1e-3 * float(np.ptp(value))))
+    times, heights = _large_turns(record, begin, 5.0 * noise)
+    if moving.size == 0 or times.size < 2:
+        return None
+    period = 2.0 * float(np.median(np.diff(times)))
+    heights = np.concatenate([[record.release.rest_level], heights])
+    end = min(max(float(record.time_s[later][moving[-1]]), times[-1]), times[-1] + 0.5 * period)
+    cut = _cut(record, period, begin, end, heights, float(np.sign(heights[1] - heights[0])))
+    return None if isinstance(cut, str) else cut
+
+
+def _large_turns(record: PreparedRecord, begin_s: float, floor: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times and readings of the turning points from the release to a pause or a swing below 5 % of the largest."""
+    assert record.extrema is not None
+    after = record.extrema.time_s > begin_s + 0.2 * record.period_s
+    times, heights = record.extrema.time_s[after], record.extrema.value[after]
+    swings, gaps = np.abs(np.diff(heights)), np.diff(times)
+    last = (swings < max(floor, 0.05 * float(swings.max(initial=0.0)))) | (gaps > 1.5 * gaps[:1].sum())
+    count = int(np.argmax(last)) + 1 if last.any() else times.size
+    return times[:count], heights[:count]
+
+
+def _cut(
+    record: PreparedRecord, period: float, first_s: float, last_s: float, heights: np.ndarray, direction: float
+) -> _Window | str:
+    """Readings from shortly after the first to shortly after the last turning point, and start values."""
+    begin, end = first_s + _START_PERIODS * period, last_s + _TAIL_PERIODS * period
+    inside = (record.time_s >= begin) & (record.time_s <= end)
+    time, value = record.time_s[inside], record.value[inside]
+    if time.size < _FEWEST_READINGS or time[0] > begin + 0.25 * period:
+        return "too few readings to tell kinds of damping apart"
+    place, rate, _, _ = local_polynomial(record.time_s, record.value, time[:1], 0.1 * period)
+    if not np.isfinite(rate[0]):
+        place, rate, _, _ = local_polynomial(record.time_s, record.value, time[:1], smoothing_half_width(period))
+    swings = 0.5 * np.abs(np.diff(heights))
+    omega = 2.0 * np.pi / period
+    level = 0.25 * (heights[0] + 2.0 * heights[1] + heights[2])
+    speed = direction * max(direction * float(np.nan_to_num(rate[0])), 0.2 * omega * swings[0])
+    start = np.array([omega, level, float(np.nan_to_num(place[0], nan=value[0])), speed, 0.0, 0.0, 0.0, 0.0])
+    step = np.diff(time)
+    first = np.concatenate([[True], step > _GAP_STEPS * float(np.median(step))])
+    return _Window(float(time[0]), time - time[0], value, float(swings[0]), direction, start, swings, first)
+
+
+def _loss_terms(window: _Window, parameters: np.ndarray) -> np.ndarray:
+    """Amplitude lost per swing by each term, averaged over the swings: pi zeta X, 2 f and 4/3 q X^2 (3,) [m]."""
+    x = window.swings
+    omega, beta, friction, quadratic = parameters[[_OMEGA, 4, 5, 6]]
+    return np.array(
+        [np.pi * beta / omega * x.mean(), 2.0 * min(friction, x.mean()), 4.0 / 3.0 * quadratic * (x**2).mean()]
+    )
+
+
+def _shares(window: _Window, fit: _Fit) -> np.ndarray:
+    """Share of each term of a fit in the amplitude lost."""
+    loss = _loss_terms(window, fit.parameters)
+    return np.array([loss[TERMS.index(t)] for t in fit.terms]) / max(float(loss.sum()), 1e-300)
+
+
+def _moved(window: _Window, parameters: np.ndarray, terms: tuple[DampingTerm, ...]) -> np.ndarray:
+    """Parameters in which `terms` share the losses of all."""
+    total = float(_loss_terms(window, parameters).sum())
+    moved = parameters.copy()
+    for term in TERMS:
+        index = _OF_TERM[term]
+        if term not in terms:
+            moved[index] = 0.0
+            continue
+        unit = parameters.copy()
+        unit[4:7] = 0.0
+        # A small unit keeps the friction below the cap of `_loss_terms`.
+        unit[index] = 1e-6
+        per_unit = float(_loss_terms(window, unit).sum()) / 1e-6
+        own = float(_loss_terms(window, parameters)[TERMS.index(term)])
+        kept = sum(float(_loss_terms(window, parameters)[TERMS.index(t)]) for t in terms)
+        moved[index] = (own + (total - kept) / len(terms)) / per_unit
+    return moved
+
+
+def _fit(
+    window: _Window,
+    terms: tuple[DampingTerm, ...],
+    whitener: np.ndarray,
+    starts: list[np.ndarray],
+    stiffening: bool = False,
+) -> _Fit | None:
+    """Least squares of one mixture, the best from several starts; None where none ends in finite numbers."""
+    fits = [_fit_from(window, terms, whitener, start, stiffening) for start in starts]
+    return min((f for f in fits if f is not None), key=lambda f: float(np.sum(f.whitened**2)), default=None)
+
+
+def _fit_from(
+    window: _Window, terms: tuple[DampingTerm, ...], whitener: np.ndarray, start: np.ndarray, stiffening: bool
+) -> _Fit | None:
+    amplitude, omega = window.amplitude, float(window.start[_OMEGA])
+    unit = np.array(
+        [omega, amplitude, amplitude, amplitude * omega, omega, amplitude, 1.0 / amplitude, 1.0 / amplitude**2]
+    )
+    free = [_OMEGA, _LEVEL, _PLACE, _RATE, *(_OF_TERM[t] for t in terms), *([_STIFFENING] if stiffening else [])]
+    lower, upper = _bounds(window.direction)
+    base = np.zeros(8)
+    base[free] = np.clip(start / unit, lower + 1e-6, upper - 1e-6)[free]
+    kept: dict[bytes, tuple[np.ndarray, np.ndarray, RingDown]] = {}
+
+    def everything(p: np.ndarray) -> tuple[np.ndarray, np.ndarray, RingDown]:
+        key = p.tobytes()
+        if key not in kept:
+            kept.clear()
+            kept[key] = _residual_and_jacobian(window, base, unit, free, p)
+        return kept[key]
+
+    try:
+        solution = least_squares(
+            lambda p: _whiten(everything(p)[0], whitener, window.first_of_run),
+            base[free],
+            jac=lambda p: _whiten(everything(p)[1], whitener, window.first_of_run),
+            bounds=(lower[free], upper[free]),
+            x_scale="jac",
+            xtol=1e-7,
+            ftol=1e-7,
+            gtol=1e-10,
+            max_nfev=60,
+        )
+    except (ValueError, FloatingPointError, np.linalg.LinAlgError):
+        return None
+    residual, jacobian, motion = everything(solution.x)
+    found = np.zeros(8)
+    found[free] = solution.x * unit[free]
+    whitened = _whiten(residual, whitener, window.first_of_run) * amplitude
+    scaled = _whiten(jacobian, whitener, window.first_of_run) * amplitude / unit[free]
+    if not (np.all(np.isfinite(whitened)) and np.all(np.isfinite(scaled))):
+        return None
+    return _Fit(terms, free, found, residual * amplitude, whitened, scaled, motion)
+
+
+def _bounds(direction: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest parameters (8,) over their units."""
+    lower, upper = np.full(8, -1e6), np.full(8, 1e6)
+    lower[_OMEGA], upper[_OMEGA] = 0.75, 1.3
+    lower[4:7], upper[4:7] = 0.0, (0.8, 0.6, 3.0)
+    lower[_STIFFENING], upper[_STIFFENING] = -0.3, 0.5
+    lower[_RATE], upper[_RATE] = (0.05, 1e6) if direction > 0 else (-1e6, -0.05)
+    return lower, upper
+
+
+def _residual_and_jacobian(
+    window: _Window, base: np.ndarray, unit: np.ndarray, free: list[int], p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, RingDown]:
+    """Residual over the amplitude (n,), its forward differences (n, free) and the motion."""
+    step = 1e-6
+    rows = np.tile(base, (len(free) + 1, 1))
+    rows[:, free] = p
+    rows[np.arange(1, len(free) + 1), free] += step
+    with np.errstate(over="ignore", invalid="ignore"):
+        motion = ring_down(rows * unit, window.time, window.direction)
+    value = motion.value / window.amplitude
+    return value[0] - window.value / window.amplitude, (value[1:] - value[0]).T / step, motion
+
+
+def _autoregression(residual: np.ndarray, first_of_run: np.ndarray) -> np.ndarray:
+    """Coefficients of an autoregression of second order by least squares, none where the residual shows none.
+
+    What is left of white noise after a fit is correlated negatively over long times; whitened by that, the fit would
+    seem surer than it is.
+    """
+    rows = _history(first_of_run)
+    past = np.stack([residual[rows - lag] for lag in range(1, _AR_ORDER + 1)], axis=1)
+    coefficients = np.linalg.lstsq(past, residual[rows], rcond=None)[0]
+    before = float(np.mean(residual[rows] ** 2))
+    after = float(np.mean((residual[rows] - past @ coefficients) ** 2))
+    gain = rows.size * np.log(max(before, 1e-300) / max(after, 1e-300)) - _AR_ORDER * np.log(rows.size)
+    slow = after / max((1.0 - float(coefficients.sum())) ** 2, 1e-6)
+    return coefficients if gain > 0.0 and slow > before else np.zeros(0)
+
+
+def _history(first_of_run: np.ndarray) -> np.ndarray:
+    """Readings with as many others before them, without a gap, as the autoregression needs."""
+    run = np.cumsum(first_of_run)
+    rows = np.arange(_AR_ORDER, run.size)
+    return rows[run[rows] == run[rows - _AR_ORDER]]
+
+
+def _whiten(value: np.ndarray, coefficients: np.ndarray, first_of_run: np.ndarray) -> np.ndarray:
+    """What the autoregression does not tell from the readings before, (m,) or (m, p)."""
+    if coefficients.size == 0:
+        return value
+    rows = _history(first_of_run)
+    return value[rows] - sum(c * value[rows - lag - 1] for lag, c in enumerate(coefficients))
+
+
+def _law(
+    record: PreparedRecord, window: _Window, best: _Fit, rivals: list[_Fit], fits: dict[tuple[DampingTerm, ...], _Fit]
+) -> DampingLaw:
+    """The chosen mixture; the viscous part of a mixture without it comes from the one that has it besides."""
+    runner_up = min((f for f in rivals if f is not best), key=lambda f: f.criterion, default=None)
+    found = best
+    if "viscous" not in best.terms:
+        found = fits.get(_with_viscous(best.terms), best)
+    values, covariance = _quantities(found)
+    if found is not best:
+        # What the record shows comes from the fit without the term it does not show.
+        own, own_covariance = _quantities(best)
+        others = [0, 2, 3]
+        values[others] = own[others]
+        covariance[np.ix_(others, others)] = own_covariance[np.ix_(others, others)]
+        covariance[1, others] = covariance[others, 1] = 0.0
+    covariance = covariance + np.diag(_spread(best, rivals))
+    noise = record.release.noise_sd if record.release is not None else float("nan")
+    rms = float(np.sqrt(np.mean(best.residual**2)))
+    loss = np.array([_loss_terms(window, best.parameters)[TERMS.index(t)] if t in best.terms else 0.0 for t in TERMS])
+    return DampingLaw(
+        terms=best.terms,
+        runner_up=runner_up.terms if runner_up is not None else (),
+        evidence=runner_up.criterion - best.criterion if runner_up is not None else float("inf"),
+        damped_period=float(values[0]),
+        log_decrement=float(values[1]),
+        friction_m=float(values[2]),
+        quadratic_per_m=float(values[3]),
+        covariance=covariance,
+        shares=loss / max(float(loss.sum()), 1e-300),
+        level=float(best.parameters[_LEVEL]),
+        stiffening_per_m2=float(best.parameters[_STIFFENING]),
+        stick_time_s=float(best.motion.stick_s[0]) + window.begin_s,
+        window_s=(window.begin_s, window.begin_s + float(window.time[-1])),
+        time_s=window.begin_s + window.time,
+        model=best.motion.value[0],
+        residual_rms=rms,
+        noise_ratio=rms / noise if noise > 1e-9 * window.amplitude else float("nan"),
+        usable=True,
+        note="",
+    )
+
+
+def _spread(best: _Fit, rivals: list[_Fit]) -> np.ndarray:
+    """Variance (4,) of the quantities over the mixtures that have them, weighted by their evidence."""
+    weight = np.array([np.exp(-0.5 * min(f.criterion - best.criterion, 1400.0)) for f in rivals])
+    values = np.array([_quantities(f)[0] for f in rivals])
+    has = np.array([[True, *(t in f.terms for t in TERMS)] for f in rivals])
+    own = _quantities(best)[0]
+    variance = np.zeros(4)
+    for i in range(4):
+        w = np.where(has[:, i], weight, 0.0)
+        if has[rivals.index(best), i]:
+            variance[i] = float(np.sum(w * (values[:, i] - own[i]) ** 2) / w.sum())
+    return variance
+
+
+def _quantities(fit: _Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Damped period, viscous decrement, f and q (4,) with their covariance (4, 4)."""
+    omega, beta, friction, quadratic = fit.parameters[[_OMEGA, 4, 5, 6]]
+    damped = np.sqrt(omega**2 - beta**2)
+    values = np.array([2.0 * np.pi / damped, 2.0 * np.pi * beta / damped, friction, quadratic])
+    slope = np.zeros((4, 8))
+    slope[0, _OMEGA], slope[0, 4] = -2.0 * np.pi * omega / damped**3, 2.0 * np.pi * beta / damped**3
+    slope[1, _OMEGA], slope[1, 4] = -2.0 * np.pi * beta * omega / damped**3, 2.0 * np.pi * omega**2 / damped**3
+    slope[2, 5] = slope[3, 6] = 1.0
+    own = correlated_covariance(fit.jacobian, fit.whitened, np.arange(fit.whitened.size))
+    return values, slope[:, fit.free] @ own @ slope[:, fit.free].T
+
+
+def _unusable(note: str) -> DampingLaw:
+    nan, empty = float("nan"), np.zeros(0)
+    return DampingLaw(
+        (),
+        (),
+        nan,
+        nan,
+        nan,
+        nan,
+        nan,
+        np.full((4, 4), nan),
+        np.full(3, nan),
+        nan,
+        nan,
+        nan,
+        (nan, nan),
+        empty,
+        empty,
+        nan,
+        nan,
+        False,
+        note,
+    )

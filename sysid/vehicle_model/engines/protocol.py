@@ -1,0 +1,151 @@
+"""What an engine of the time integration does, and the records that go in and out.
+
+An engine prepares the road of a group of runs for itself; whoever holds a prepared road calls the engine through it and
+need not know which one it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple, Protocol
+
+import jax
+
+from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
+from sysid.vehicle_model.filters import FilterRecursion
+from sysid.vehicle_model.lane_matrices import LaneMatrices
+from sysid.vehicle_model.readings import Readings
+from sysid.vehicle_model.simulation import Histories, SensorLayout
+from sysid.vehicle_model.suspension import SuspensionLaw
+
+#: Suspension and tire laws of all lanes, as a function of parameters (p, S).
+LawFunction = Callable[[jax.Array], tuple[SuspensionLaw, TireLaw]]
+
+
+class Timing(NamedTuple):
+    """Samples of a run, their interval [s], and integration steps per sample."""
+
+    samples: int
+    interval_s: float
+    substeps: int
+
+
+class Unknowns(NamedTuple):
+    """A parameter set, and P directions in which parameters and motions of the runs move from it.
+
+    `value` (p,) parameters; `parameters` (p, P), `speed` (R, P) [m/s] and `start_s` (R, P) [s] derivatives with respect
+    to the P unknowns.
+    """
+
+    value: jax.Array
+    parameters: jax.Array
+    speed: jax.Array
+    start_s: jax.Array
+
+
+class Linearisation(NamedTuple):
+    """Residuals of R runs and their derivatives by P unknowns.
+
+    `residual` (T, R, C) and `gain_residual` (R, C) with derivatives (..., P), and `simulated` (T, R, C) sensor signals
+    in SI.
+    """
+
+    residual: jax.Array
+    residual_jacobian: jax.Array
+    gain_residual: jax.Array
+    gain_jacobian: jax.Array
+    simulated: jax.Array
+
+
+class LocalColumns(NamedTuple):
+    """What marginalises speed and start of every run.
+
+    `residual` (T, R, C, 2) and `gain` (R, C, 2) the columns J of their residuals, `offset` (R, 2) what their priors add
+    to b = J'r, `factor` (R, 2, 2) the inverse Cholesky factor of their normal matrix.
+    """
+
+    residual: jax.Array
+    gain: jax.Array
+    offset: jax.Array
+    factor: jax.Array
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=["prepared", "speed", "start_s"], meta_fields=["engine"])
+@dataclass(frozen=True)
+class WheelRoad:
+    """The road that the wheels of R runs meet, prepared by the engine that can use it.
+
+    `speed` [m/s] and `start_s` [s] of the runs, (R, 1); `prepared` is the engine's own.
+    """
+
+    engine: Engine
+    prepared: Any
+    speed: jax.Array
+    start_s: jax.Array
+
+
+class Engine(Protocol):
+    """Integrates R runs with S parameter sets; all engines give the same results to rounding."""
+
+    @property
+    def name(self) -> str:
+        """What it is called in settings and results."""
+
+    def takes(self, lanes: LaneMatrices) -> bool:
+        """Whether it can integrate vehicles of this size."""
+
+    def prepare(
+        self,
+        road: EffectiveRoad,
+        axle_x: jax.Array,
+        speed: jax.Array,
+        start_s: jax.Array,
+        timing: Timing,
+    ) -> WheelRoad:
+        """The road of runs with axles at `axle_x` (na, 1) [m], at speeds [m/s] and starts [s] (R, 1)."""
+
+    def sensors(
+        self,
+        lanes: LaneMatrices,
+        suspension: SuspensionLaw,
+        tire: TireLaw,
+        road: WheelRoad,
+        timing: Timing,
+        layout: SensorLayout,
+        recursion: FilterRecursion | None,
+    ) -> jax.Array:
+        """Sensor signals (T, R, C, S) through the filter, see :func:`sysid.vehicle_model.simulate_sensors`."""
+
+    def histories(
+        self, lanes: LaneMatrices, suspension: SuspensionLaw, tire: TireLaw, road: WheelRoad, timing: Timing
+    ) -> Histories:
+        """Unfiltered histories, see :func:`sysid.vehicle_model.simulate_histories`."""
+
+    def linearise(
+        self,
+        lanes: LaneMatrices,
+        laws: LawFunction,
+        unknowns: Unknowns,
+        road: WheelRoad,
+        timing: Timing,
+        layout: SensorLayout,
+        recursion: FilterRecursion | None,
+        readings: Readings,
+    ) -> Linearisation:
+        """Residuals of one parameter set and their exact derivatives by P unknowns."""
+
+    def misfits(
+        self,
+        lanes: LaneMatrices,
+        suspension: SuspensionLaw,
+        tire: TireLaw,
+        road: WheelRoad,
+        timing: Timing,
+        layout: SensorLayout,
+        recursion: FilterRecursion | None,
+        readings: Readings,
+        local: LocalColumns,
+    ) -> jax.Array:
+        """r'r - b' N^-1 b of every run and set (R, S): squares with the runs' own unknowns marginalised."""

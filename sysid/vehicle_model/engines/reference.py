@@ -1,0 +1,146 @@
+"""The engine in JAX: runs wherever JAX does, differentiable from outside, a motion per parameter set if wanted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+
+from sysid.vehicle_model import simulation
+from sysid.vehicle_model.contact import EffectiveRoad, RoadInput, TireLaw, road_input
+from sysid.vehicle_model.engines.protocol import (
+    LawFunction,
+    Linearisation,
+    LocalColumns,
+    Timing,
+    Unknowns,
+    WheelRoad,
+)
+from sysid.vehicle_model.filters import FilterRecursion
+from sysid.vehicle_model.lane_matrices import LaneMatrices
+from sysid.vehicle_model.readings import Readings, standardised_residuals
+from sysid.vehicle_model.simulation import Histories, Motion, SensorLayout, stage_times
+from sysid.vehicle_model.suspension import SuspensionLaw
+
+
+@partial(jax.jit, static_argnames=("timing",))
+def _looked_up(road: EffectiveRoad, axle_x, speed, start_s, *, timing: Timing) -> RoadInput:
+    times = stage_times(timing.samples, timing.interval_s, timing.substeps)[:, None, None, None]
+    return road_input(road, speed[:, None] * (times - start_s[:, None]) - axle_x)
+
+
+@dataclass(frozen=True)
+class ReferenceEngine:
+    """The pure JAX twin; see :class:`sysid.vehicle_model.engines.protocol.Engine`.
+
+    The road is looked up at every half step before the time loop.  Speeds and starts may be (R, S), one motion per
+    parameter set.
+    """
+
+    name: str = "reference"
+
+    def takes(self, lanes: LaneMatrices) -> bool:
+        """Vehicles of any size."""
+        return True
+
+    def prepare(
+        self, road: EffectiveRoad, axle_x: jax.Array, speed: jax.Array, start_s: jax.Array, timing: Timing
+    ) -> WheelRoad:
+        """The road at every half step."""
+        return WheelRoad(self, _looked_up(road, axle_x, speed, start_s, timing=timing), speed, start_s)
+
+    def sensors(
+        self,
+        lanes: LaneMatrices,
+        suspension: SuspensionLaw,
+        tire: TireLaw,
+        road: WheelRoad,
+        timing: Timing,
+        layout: SensorLayout,
+        recursion: FilterRecursion | None,
+    ) -> jax.Array:
+        """Filtered sensor signals (T, R, C, S)."""
+        motion = Motion(road.speed, road.start_s)
+        return _sensors(lanes, suspension, tire, motion, road, timing, layout, recursion)
+
+    def histories(
+        self, lanes: LaneMatrices, suspension: SuspensionLaw, tire: TireLaw, road: WheelRoad, timing: Timing
+    ) -> Histories:
+        """Unfiltered histories."""
+        return simulation.simulate_histories(
+            lanes,
+            suspension,
+            tire,
+            Motion(road.speed, road.start_s),
+            road.prepared,
+            interval_s=timing.interval_s,
+            substeps=timing.substeps,
+        )
+
+    def linearise(
+        self,
+        lanes: LaneMatrices,
+        laws: LawFunction,
+        unknowns: Unknowns,
+        road: WheelRoad,
+        timing: Timing,
+        layout: SensorLayout,
+        recursion: FilterRecursion | None,
+        readings: Readings,
+    ) -> Linearisation:
+        """Forward-mode derivatives: one lane for each unknown."""
+
+        def residuals(parameters: jax.Array, speed: jax.Array, start_s: jax.Array):
+            suspension, tire = laws(parameters)
+            motion = Motion(road.speed, road.start_s, speed, start_s)
+            simulated = _sensors(lanes, suspension, tire, motion, road, timing, layout, recursion)
+            return (*standardised_residuals(readings, simulated), simulated)
+
+        tangents = unknowns.parameters, unknowns.speed, unknowns.start_s
+        at = jnp.broadcast_to(unknowns.value[:, None], unknowns.parameters.shape)
+        still = jnp.zeros_like(unknowns.speed)
+        (residual, gain, simulated), (columns, gain_columns, _) = jax.jvp(residuals, (at, still, still), tangents)
+        return Linearisation(residual[..., 0], columns, gain[..., 0], gain_columns, simulated[..., 0])
+
+    def misfits(
+        self,
+        lanes: LaneMatrices,
+        suspension: SuspensionLaw,
+        tire: TireLaw,
+        road: WheelRoad,
+        timing: Timing,
+        layout: SensorLayout,
+        recursion: FilterRecursion | None,
+        readings: Readings,
+        local: LocalColumns,
+    ) -> jax.Array:
+        """r'r - b' N^-1 b, (R, S)."""
+        simulated = self.sensors(lanes, suspension, tire, road, timing, layout, recursion)
+        residual, gain = standardised_residuals(readings, simulated)
+        squares = (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
+        projections = []
+        for k in range(2):
+            along = (residual * local.residual[..., k, None]).sum(axis=(0, 2))
+            along = along + (gain * local.gain[..., k, None]).sum(axis=1)
+            projections.append(along + local.offset[:, k, None])
+        whitened = jnp.matmul(local.factor, jnp.stack(projections, axis=1))
+        return squares - (whitened**2).sum(axis=1)
+
+
+def _sensors(lanes, suspension, tire, motion: Motion, road: WheelRoad, timing: Timing, layout, recursion) -> jax.Array:
+    return simulation.simulate_sensors(
+        lanes,
+        suspension,
+        tire,
+        motion,
+        road.prepared,
+        layout,
+        recursion,
+        interval_s=timing.interval_s,
+        substeps=timing.substeps,
+    )
+
+
+REFERENCE = ReferenceEngine()

@@ -1,0 +1,64 @@
+"""Puts the results of all stages that have run together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from sysid.export.contents import Results, Status
+from sysid.vehicle_model.engine import engine_name
+from sysid.workflow.inputs import Inputs
+from sysid.workflow.runner import Runner
+from sysid.workflow.settings import Settings
+from sysid.workflow.stage import Stage
+from sysid.workflow.stages import STAGES
+from sysid.workflow.versions import versions
+
+
+def assembled(runner: Runner, inputs: Inputs, settings: Settings) -> Results:
+    """Everything that has been computed so far for these inputs and settings."""
+    results = Results(campaign=inputs.campaign)
+    of_stages: list[str] = []
+    for stage in STAGES:
+        found = runner.known(stage)
+        if found is None:
+            found = runner.so_far(stage)
+            if found is not None:
+                results = replace(results, unfinished=(*results.unfinished, stage.name))
+        if found is not None:
+            results = _with(results, stage, found)
+            of_stages += stage.warnings(found, settings.quick and stage.name not in results.unfinished)
+    return replace(
+        results,
+        status=_status(results, settings),
+        warnings=(*inputs.read.messages, *_general_warnings(results, settings), *of_stages),
+        provenance={
+            "input_sha256": dict(inputs.sha256),
+            # Building an engine takes time: its name is known where one has been used.
+            "versions": versions() | ({} if results.fit is None else {"engine": engine_name()}),
+            "seed": settings.seed,
+            "settings": settings.as_dict(),
+            "timings": {name: round(seconds, 3) for name, seconds in runner.folder.timings.items()},
+        },
+    )
+
+
+def _with(results: Results, stage: Stage[Any], found: Any) -> Results:
+    if stage.put is None:
+        return replace(results, further={**results.further, stage.name: found})
+    return stage.put(results, found)
+
+
+def _status(results: Results, settings: Settings) -> Status:
+    if settings.quick:
+        return "preview"
+    done = results.fit is not None and results.fit.converged
+    return "converged" if done and results.posterior is not None and results.posterior.converged else "not_converged"
+
+
+def _general_warnings(results: Results, settings: Settings) -> list[str]:
+    if settings.quick:
+        return ["Preview: few iterations and a short chain; run without --quick before using any number."]
+    if results.posterior is None:
+        return ["The posterior has not been sampled: there are no credible intervals yet."]
+    return []

@@ -1,0 +1,50 @@
+"""The campaign that stages work on: as read, and as screened by the quality check."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+
+from sysid.campaign.findings import QualityReport
+from sysid.campaign.quality import check_quality
+from sysid.campaign.read import read_campaign
+from sysid.campaign.records import Campaign
+from sysid.estimation.fit.law_choice import check_priors
+from sysid.road.point_cloud import read_point_cloud
+from sysid.road.profile_files import bump_from_file
+
+
+class Inputs:
+    """One campaign, read and screened once.
+
+    Raises
+    ------
+    CampaignError
+        If the campaign file is wrong.
+    DataRejectedError
+        If a log cannot be read.
+    """
+
+    def __init__(self, campaign: str | Path):
+        self.read = read_campaign(campaign, point_cloud_reader=read_point_cloud, profile_reader=bump_from_file)
+        check_priors(self.read)
+
+    @property
+    def sha256(self) -> Mapping[str, str]:
+        """Hash of every input file."""
+        return self.read.input_sha256
+
+    @property
+    def campaign(self) -> Campaign:
+        """The campaign with rejected channels removed and clipped samples marked."""
+        return self._screened[0]
+
+    @property
+    def quality(self) -> QualityReport:
+        """What the check found in every channel."""
+        return self._screened[1]
+
+    @cached_property
+    def _screened(self) -> tuple[Campaign, QualityReport]:
+        return check_quality(self.read)

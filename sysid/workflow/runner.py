@@ -1,0 +1,159 @@
+"""Runs stages: those that one needs first, each once, and only what is not known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, TypeVar
+
+from sysid.workflow.inputs import Inputs
+from sysid.workflow.progress import Steps
+from sysid.workflow.settings import Settings
+from sysid.workflow.stage import Context, Itemwise, Notice, Stage, Whole
+from sysid.workflow.stage_folder import StageFolder, dependents
+from sysid.workflow.stages import STAGES
+from sysid.workflow.versions import versions
+
+T = TypeVar("T")
+NOTHING: Mapping[str, Any] = {}
+
+
+class Runner:
+    """Computes results of stages for one campaign into one output folder.
+
+    Parameters
+    ----------
+    inputs, settings, folder : what is computed from, and where it is kept.
+    steps : told of all progress.
+    notice : callback for what the user should know about a stored chain.
+    resume : whether unfinished results go on.
+    """
+
+    def __init__(
+        self, inputs: Inputs, settings: Settings, folder: StageFolder, steps: Steps, notice: Notice | None, resume: bool
+    ):
+        self._inputs, self._settings, self.folder, self.steps = inputs, settings, folder, steps
+        self._notice, self.resume = notice, resume
+
+    def result(self, stage: Stage[T], asked: Mapping[str, Any] = NOTHING) -> T:
+        """The result of a stage: known already, else computed and kept, with those that run along with it."""
+        missing = self.missing((stage,), asked)
+        with self.steps.planned({s.name: s.effort for s in missing}):
+            if isinstance(stage, Itemwise):
+                # A name that there is not is said before anything is computed that it does not take.
+                stage.chosen(self.context(stage, asked, at_once=False))
+            for other in missing:
+                self._result(other, asked if other is stage else NOTHING)
+            return self._result(stage, asked)
+
+    def known(self, stage: Stage[T]) -> T | None:
+        """The result of a stage if it has run on these inputs and settings; one without a file if what it needs has."""
+        found = self.folder.known(stage)
+        if found is None and not stage.in_file and all(self.known(before) is not None for before in stage.needs):
+            found = self._result(stage)
+        return found
+
+    def so_far(self, stage: Stage[T]) -> T | None:
+        """What a stage that has not finished has got; None if nothing."""
+        if stage.so_far is None or any(self.known(before) is None for before in stage.needs):
+            return None
+        return stage.so_far(self.context(stage))
+
+    def redo(self, stage: Stage[Any]) -> None:
+        """Forget a stage and all that rest on it, so that it runs again."""
+        with self.folder.lock:
+            self.folder.forget((stage, *dependents(stage)))
+
+    def missing(self, stages: Sequence[Stage[Any]], asked: Mapping[str, Any] = NOTHING) -> list[Stage[Any]]:
+        """The stages that have to be computed for some, in an order in which they can be."""
+        found: list[Stage[Any]] = []
+
+        def visit(stage: Stage[Any], own: Mapping[str, Any]) -> None:
+            if stage in found:
+                return
+            if self._again(stage, own):
+                for before in stage.needs:
+                    visit(before, NOTHING)
+                found.append(stage)
+            for other in STAGES:
+                if other.along_with is stage and (stage in found or self._again(other, NOTHING)):
+                    found.append(other)
+
+        for stage in stages:
+            visit(stage, asked)
+        return found
+
+    def context(self, stage: Stage[Any], asked: Mapping[str, Any] = NOTHING, *, at_once: bool = True) -> Context:
+        """What the functions of a stage are given; stages that it needs are computed `at_once` or when asked for."""
+        results = _OnDemand(self._result, stage.needs)
+        if at_once:
+            for before in stage.needs:
+                results[before] = self._result(before)
+        results |= {before: self.known(before) for before in stage.uses}
+        return Context(
+            inputs=self._inputs,
+            settings=self._settings,
+            asked=asked,
+            folder=self.folder.path,
+            progress=self.steps,
+            notice=self._notice,
+            resume=self.resume,
+            version=versions(),
+            results=results,
+        )
+
+    def _again(self, stage: Stage[Any], asked: Mapping[str, Any]) -> bool:
+        """Whether a stage has to be computed (an itemwise one: whether anything at all is asked for)."""
+        if isinstance(stage, Itemwise):
+            return bool(asked)
+        known = self.folder.known(stage)
+        if known is None:
+            return True
+        return not stage.answers(known, asked) or (self.resume and stage.unfinished(known, self._settings))
+
+    def _result(self, stage: Stage[T], asked: Mapping[str, Any] = NOTHING) -> T:
+        if isinstance(stage, Itemwise):
+            return self._items(stage, asked)
+        assert isinstance(stage, Whole)
+        if self._again(stage, asked):
+            context = self.context(stage, asked)
+            # What is in memory only may be asked for beside another process that computes.
+            with self.folder.lock if stage.in_file else nullcontext():
+                with self._timed(stage.name), self.steps.step(stage.name):
+                    result = stage.compute(context)
+                self.folder.keep(stage, result)
+            return result
+        known = self.folder.known(stage)
+        assert known is not None
+        return known
+
+    def _items(self, stage: Itemwise[Any], asked: Mapping[str, Any]) -> Any:
+        """The items that are asked for; those of earlier calls are kept, and each is as soon as it is there."""
+        context = self.context(stage, asked)
+        chosen = stage.chosen(context)
+        kept: dict[str, Any] | None = self.folder.known(stage)
+        found = dict(kept or {})
+        wanted = [name for name in chosen if name not in found]
+        if wanted:
+            with self.folder.lock, self._timed(stage.name), self.steps.step(stage.name):
+                for name, item in stage.each(context, wanted):
+                    found[name] = item
+                    self.folder.keep(stage, dict(found))
+        return {name: found[name] for name in chosen}
+
+    def _timed(self, name: str) -> AbstractContextManager[None]:
+        return self.folder.timed(name, lambda: self.steps.parts)
+
+
+class _OnDemand(dict[Stage[Any], Any]):
+    """Results of the stages that another needs, of no others, each computed when it is asked for."""
+
+    def __init__(self, compute: Callable[[Stage[Any]], Any], needs: Sequence[Stage[Any]]):
+        super().__init__()
+        self._compute, self._needs = compute, needs
+
+    def __missing__(self, stage: Stage[Any]) -> Any:
+        if stage not in self._needs:
+            raise KeyError(f"'{stage.name}' is none of the stages that the record names")
+        self[stage] = self._compute(stage)
+        return self[stage]

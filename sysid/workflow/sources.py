@@ -1,0 +1,72 @@
+"""Which code a stage's numbers come from: a hash of the sources of the packages that it uses.
+
+The version of this package alone would do for releases.  Between them, in a checkout that is edited or pulled, numbers
+change while the version stays; so the sources are hashed too, of the packages that a stage's record names in `code` and
+of all packages that these import.  Comments, docstrings and layout do not count: a Python file is hashed by its syntax
+tree without them.  The hash is sound as far as imports show what is used, and errs on the safe side: any change of code
+in a package makes all stages stale that reach it.  What the version covers alone is the workflow's own code, whose
+compute functions only hand settings and results on.  Without sources on disk (a frozen program) the hash says nothing
+and the version decides.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import re
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+_IMPORT = re.compile(rb"^\s*(?:from|import)\s+sysid\.(\w+)", re.MULTILINE)
+_FROM_ROOT = re.compile(rb"^\s*from\s+sysid\s+import\s+([\w, ]+)", re.MULTILINE)
+
+
+def code_digest(packages: Iterable[str]) -> str:
+    """Hash of the sources of packages (or single modules) of `sysid` and of all that they import."""
+    digest = hashlib.sha256()
+    for name in sorted(imported_by(packages)):
+        digest.update(name.encode() + _own(name)[0])
+    return digest.hexdigest()
+
+
+def imported_by(packages: Iterable[str]) -> set[str]:
+    """Names of packages and of everything that they import within `sysid`, directly or not."""
+    found: set[str] = set()
+    left = set(packages)
+    while left:
+        name = left.pop()
+        found.add(name)
+        left |= _own(name)[1] - found
+    return found
+
+
+@cache
+def _own(name: str) -> tuple[bytes, frozenset[str]]:
+    """Hash of the sources of one package or module, and which others it imports."""
+    folder, module = ROOT / name, ROOT / f"{name}.py"
+    files = [p for p in folder.rglob("*") if p.suffix in (".py", ".cpp", ".h")] if folder.is_dir() else [module]
+    digest = hashlib.sha256()
+    imported: set[str] = set()
+    for path in sorted(files):
+        if not path.is_file():
+            continue
+        text = path.read_bytes()
+        digest.update(path.relative_to(ROOT).as_posix().encode() + hashlib.sha256(_meaning(path, text)).digest())
+        imported |= {match.decode() for match in _IMPORT.findall(text)}
+        for names in _FROM_ROOT.findall(text):
+            imported |= {part.split()[0] for part in names.decode().split(",") if part.split()}
+    known = {n for n in imported if (ROOT / n).is_dir() or (ROOT / f"{n}.py").is_file()}
+    return digest.digest(), frozenset(known - {name})
+
+
+def _meaning(path: Path, text: bytes) -> bytes:
+    """What of a source file decides what it does."""
+    if path.suffix != ".py":
+        return text
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:]
+    return ast.dump(tree).encode()

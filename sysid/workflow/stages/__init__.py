@@ -1,0 +1,53 @@
+"""All stages of a calibration, in the order in which they run and in which the command line lists them.
+
+To add a stage, write its record beside its functions and name it here.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sysid.workflow.stage import Ending, Stage
+from sysid.workflow.stages.data import CHECK, DROPS, SCAN
+from sysid.workflow.stages.endings import EXPORT, REPORT
+from sysid.workflow.stages.fit import FIT, LEFT_OUT, PROFILE, VALIDATE
+from sysid.workflow.stages.loads import ADVISE, PREDICT
+from sysid.workflow.stages.posterior import BANDS, CROSSCHECK, SAMPLE
+
+STAGES: tuple[Stage[Any], ...] = (
+    CHECK,
+    DROPS,
+    SCAN,
+    FIT,
+    LEFT_OUT,
+    VALIDATE,
+    PROFILE,
+    SAMPLE,
+    BANDS,
+    CROSSCHECK,
+    PREDICT,
+    ADVISE,
+)
+ENDINGS: tuple[Ending, ...] = (REPORT, EXPORT)
+#: Whatever may have a command of its own.
+RECORDS: tuple[Stage[Any] | Ending, ...] = (*STAGES, *ENDINGS)
+
+__all__ = [
+    "ADVISE",
+    "BANDS",
+    "CHECK",
+    "CROSSCHECK",
+    "DROPS",
+    "ENDINGS",
+    "EXPORT",
+    "FIT",
+    "LEFT_OUT",
+    "PREDICT",
+    "PROFILE",
+    "RECORDS",
+    "REPORT",
+    "SAMPLE",
+    "SCAN",
+    "STAGES",
+    "VALIDATE",
+]

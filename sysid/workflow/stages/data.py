@@ -1,0 +1,182 @@
+"""Stages that work on the measured data alone: quality check, plank drops, scan of the bump."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from sysid.display import TextTable
+from sysid.errors import DataRejectedError, SysidError
+from sysid.workflow.stage import Blocks, Command, Context, Whole
+from sysid.workflow.stages.cells import finite_cell, value_cell
+
+if TYPE_CHECKING:
+    from sysid.campaign.findings import ChannelFinding, QualityReport
+    from sysid.campaign.records import Campaign
+    from sysid.export.contents import Results
+    from sysid.road.results import ScanAnalysis
+    from sysid.sdof.results import DropSummary
+
+
+# ---------------------------------------------------------------------- check
+
+
+def _check(context: Context) -> QualityReport:
+    return context.inputs.quality
+
+
+def _rejected(report: QualityReport) -> list[ChannelFinding]:
+    return [f for f in report.channels if f.verdict == "rejected"]
+
+
+def _check_warnings(report: QualityReport, quick: bool) -> Sequence[str]:
+    left_out = [f"{f.file}, {f.column} was left out: {' '.join(f.messages)}" for f in _rejected(report)]
+    return (*report.messages, *left_out)
+
+
+def _check_fault(report: QualityReport) -> type[SysidError] | None:
+    return DataRejectedError if _rejected(report) else None
+
+
+def show_check(report: QualityReport, results: Results) -> Blocks:
+    """One line per log for its good channels and one per other channel, the findings in words, and the sum."""
+    table = TextTable(
+        "Data quality", ("log", "channel", "Hz", "jitter ms", "missing", "clipped", "rest", "noise", "verdict")
+    )
+    good = Counter(f.file for f in report.channels if f.verdict == "good")
+    said: set[str] = set()
+    for f in report.channels:
+        if good[f.file] and f.file not in said:
+            said.add(f.file)
+            table.add_row(f.file, f"{good[f.file]} channels", f"{f.rate_hz:.1f}", *[""] * 5, "good")
+        if f.verdict != "good":
+            table.add_row(*_finding_cells(f))
+    yield table
+    for f in report.channels:
+        yield from (f"{f.file}, {f.column}: {message}" for message in f.messages)
+    yield from report.messages
+    verdicts = Counter(f.verdict for f in report.channels)
+    yield (
+        f"{len(report.channels)} channel records: {verdicts['good']} good, {verdicts['usable']} usable with findings, "
+        f"{verdicts['rejected']} rejected. Every channel with its noise stands in the report."
+    )
+
+
+def _finding_cells(f: ChannelFinding) -> tuple[str, ...]:
+    scale, unit = (1e-3, "mm") if f.si_unit == "m" else (9.80665, "g")
+
+    def level(value: float | None, digits: str) -> str:
+        return "-" if value is None else f"{value / scale:{digits}} {unit}"
+
+    return (
+        f.file,
+        f.column,
+        f"{f.rate_hz:.1f}",
+        f"{1e3 * f.jitter_s:.2f}",
+        str(f.missing),
+        str(f.clipped) if f.clip_level is None else f"{f.clipped} at {level(f.clip_level, '.3g')}",
+        level(f.rest_level, ".2f"),
+        level(f.noise_rms, ".3f"),
+        f.verdict,
+    )
+
+
+CHECK = Whole(
+    name="check",
+    compute=_check,
+    code=("campaign",),
+    put=lambda results, report: replace(results, quality=report),
+    warnings=_check_warnings,
+    in_run="always",
+    effort=1.0,
+    command=Command(
+        help="Quality of every log and channel: rate, gaps, clipping, wrong units, flipped signs.",
+        show=show_check,
+        fault=_check_fault,
+    ),
+)
+
+
+# ---------------------------------------------------------------------- drops
+
+
+def _drops(context: Context) -> DropSummary:
+    from sysid.estimation.fit.drop_model import with_model_estimates
+    from sysid.estimation.fit.options import FitOptions
+    from sysid.sdof.summary import analyse_drops
+
+    context.progress("readings of the drops", 0.0)
+    summary = analyse_drops(context.campaign)
+    if not context.settings.drop_model or not context.campaign.plank_drops:
+        return summary
+    fit = context.settings.fit
+    # Only what is named in the record: other settings of the fit leave the drops as they are.
+    options = FitOptions(
+        weight_rounds=1, tolerance=1e-4, max_iterations=fit.max_iterations, target_step_s=fit.target_step_s
+    )
+    return with_model_estimates(context.campaign, summary, options, context.progress)
+
+
+def show_drops(summary: DropSummary, results: Results) -> Blocks:
+    """Pooled k and c per axle and method."""
+    axles = results.campaign.vehicle.axles
+    table = TextTable(
+        "Plank drops, pooled", ("axle", "method", "k kN/m", "c kN s/m", "friction kN", "period s", "decrement", "note")
+    )
+    for e in summary.pooled:
+        table.add_row(
+            f"{e.axle + 1} {axles[e.axle].name}",
+            e.method,
+            value_cell(e.stiffness, e.stiffness_sd, 1e-3),
+            value_cell(e.damping, e.damping_sd, 1e-3),
+            value_cell(e.friction_force, e.friction_force_sd, 1e-3),
+            finite_cell(e.damped_period, ".3f"),
+            finite_cell(e.log_decrement, ".3f"),
+            "" if e.usable else e.note,
+        )
+    yield table
+    yield from summary.messages
+
+
+DROPS = Whole(
+    name="drops",
+    compute=_drops,
+    needs=(CHECK,),
+    settings=("drop_model", "fit.max_iterations", "fit.target_step_s"),
+    code=("sdof", "estimation"),
+    put=lambda results, summary: replace(results, drops=summary),
+    in_run="always",
+    effort=20.0,
+    command=Command(
+        help="Stiffness and damping of every axle from its plank drops, equations (1)-(3) and corrections.",
+        show=show_drops,
+    ),
+)
+
+
+# ---------------------------------------------------------------------- scan
+
+
+def _scan(context: Context) -> dict[str, ScanAnalysis]:
+    from sysid.road.scan import analyse_scan
+
+    return {name: analyse_scan(scan) for name, scan in context.campaign.scans.items()}
+
+
+def all_but_logs(campaign: Campaign) -> Collection[str]:
+    """The campaign file, scans and whatever else is no log."""
+    logs = {drop.log.file for drop in campaign.plank_drops} | {run.log.file for run in campaign.bump_runs}
+    return [name for name in campaign.input_sha256 if name not in logs]
+
+
+SCAN = Whole(
+    name="scan",
+    compute=_scan,
+    inputs=all_but_logs,
+    code=("road",),
+    put=lambda results, scans: replace(results, scans=scans),
+    in_run="always",
+    effort=3.0,
+)

@@ -1,0 +1,89 @@
+"""What is written from the results of all stages that have run: the report, and files for other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sysid.workflow.stage import Blocks, Command, Ending, Progress
+
+if TYPE_CHECKING:
+    from sysid.export.contents import Results
+
+
+# ---------------------------------------------------------------------- report
+
+
+def _report(results: Results, folder: Path, progress: Progress) -> Sequence[Path]:
+    from sysid.report import write_paper_figures, write_report
+
+    progress("report.html", 0.0)
+    write_report(results, folder / "report.html")
+    progress("figures", 0.7)
+    write_paper_figures(results, folder / "figures")
+    return (folder / "report.html",)
+
+
+def show_report(paths: Sequence[Path], results: Results) -> Blocks:
+    """Where the report is."""
+    yield f"Report: {paths[0]}"
+
+
+REPORT = Ending(
+    name="report",
+    write=_report,
+    effort=10.0,
+    command=Command(help="Write report.html from the stages that have run.", show=show_report, recalls=True),
+)
+
+
+# ---------------------------------------------------------------------- export
+
+
+def _export(results: Results, folder: Path, progress: Progress) -> Sequence[Path]:
+    from sysid.export.inference_data import write_posterior
+    from sysid.export.models import write_models
+    from sysid.export.result_json import write_result
+    from sysid.export.tables import write_parameters, write_predictions, write_profiles, write_validation
+    from sysid.prediction.calibrated import calibrated_vehicles
+
+    written = [folder / "result.json"]
+    if results.fit is not None:
+        progress("tables", 0.0)
+        write_parameters(results, folder / "parameters.csv")
+        write_validation(results, folder / "validation.csv")
+        written += [folder / "parameters.csv", folder / "validation.csv"]
+        progress("files for other programs", 0.3)
+        # A chain that is still written has no values to pass on yet.
+        posterior = None if "sample" in results.unfinished else results.posterior
+        vehicles = calibrated_vehicles(results.campaign, results.drops, results.fit, posterior)
+        written += write_models(results.campaign, vehicles, results.predictions, folder)
+    written += write_profiles(results.profiles, folder)
+    if results.predictions is not None:
+        written += write_predictions(results, folder)
+    if results.posterior is not None:
+        progress("posterior.nc", 0.8)
+        write_posterior(results, folder / "posterior.nc")
+        written.append(folder / "posterior.nc")
+    progress("result.json", 0.9)
+    write_result(results, folder / "result.json")
+    return written
+
+
+def show_export(paths: Sequence[Path], results: Results) -> Blocks:
+    """Which files were written."""
+    return map(str, paths)
+
+
+EXPORT = Ending(
+    name="export",
+    write=_export,
+    effort=5.0,
+    command=Command(
+        help="Write result.json, tables, posterior.nc and files for LS-DYNA, Chrono and bridge codes from finished "
+        "stages.",
+        show=show_export,
+        recalls=True,
+    ),
+)

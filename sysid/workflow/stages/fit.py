@@ -1,0 +1,291 @@
+"""Stages of least squares: the fit, its agreement with the records, runs left out, and profiles of the deviance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from sysid.display import NOT_DETERMINED, CommandHint, TextTable, shown_unit
+from sysid.errors import CampaignError, DataRejectedError, NotConvergedError, SysidError
+from sysid.workflow.stage import Blocks, Command, Context, Itemwise, Option, Whole
+from sysid.workflow.stages.cells import finite_cell, value_cell
+from sysid.workflow.stages.data import CHECK, DROPS, SCAN
+
+if TYPE_CHECKING:
+    from sysid.estimation.fit.fit_result import FitResult
+    from sysid.estimation.fit.profiles import ProfileLikelihood
+    from sysid.estimation.fit.state import FitPoint, FitState
+    from sysid.estimation.uncertainty.identifiability import Identifiability
+    from sysid.export.contents import Results
+    from sysid.road.results import RoadProfile
+    from sysid.validation.results import ChannelAgreement, LeftOutRun, Validation
+
+
+# ---------------------------------------------------------------------- fit
+
+
+@dataclass(frozen=True)
+class KeptFit:
+    """The result of least squares, and the point from which the stages that follow start."""
+
+    fit: FitResult
+    point: FitPoint
+
+
+def _fit(context: Context) -> KeptFit:
+    from sysid.estimation.fit.law_choice import fit_with_laws
+
+    if not context.campaign.bump_runs:
+        raise DataRejectedError(
+            "No bump run is left to fit: every log was rejected or none is listed; see the stage 'check'."
+        )
+    options = context.settings.fit
+    fit, state = fit_with_laws(context.campaign, context[DROPS], profiles(context), options, context.progress)
+    return KeptFit(fit, state.point)
+
+
+def profiles(context: Context) -> dict[str, RoadProfile]:
+    """Road profile of every bump, for stages that need SCAN."""
+    return {name: analysis.profile for name, analysis in context[SCAN].items()}
+
+
+def fit_state(context: Context) -> FitState:
+    """The finished fit, for stages that need SCAN and FIT."""
+    from sysid.estimation.fit.state import restored
+
+    return restored(context.campaign, profiles(context), context[FIT].point)
+
+
+def _fit_fault(kept: KeptFit) -> type[SysidError] | None:
+    return None if kept.fit.converged else NotConvergedError
+
+
+def show_fit(kept: KeptFit, results: Results) -> Blocks:
+    """Least-squares values of all parameters beside their priors, and what the data determine."""
+    yield from shown_fit(kept.fit)
+
+
+def shown_fit(fit: FitResult) -> Blocks:
+    """Tables and sentences of a fit."""
+    yield from _laws(fit)
+    columns = ("parameter", "value", "unit", "prior", "sd / prior sd", "known from the data")
+    table = TextTable("Least squares", columns)
+    for p in fit.parameters:
+        factor, unit = shown_unit(p.unit)
+        table.add_row(
+            p.name,
+            value_cell(p.value, p.sd, factor) if p.identified else NOT_DETERMINED,
+            unit,
+            f"{p.prior_median * factor:.4g} ± {100.0 * p.prior_sd:.2g} %",
+            f"{p.sd / p.value / p.prior_sd:.2f}",
+            "yes" if p.identified else "no",
+        )
+    yield table
+    yield f"{fit.iterations} iterations, {fit.residuals} residuals: {fit.message}."
+    yield from shown_determined(fit.identifiability)
+    for warning in fit.warnings:
+        if fit.identifiability is None or warning not in fit.identifiability.statements:
+            yield warning
+
+
+def _laws(fit: FitResult) -> Blocks:
+    if fit.law_comparison is None:
+        return
+    table = TextTable("Suspension laws tried", ("laws", "parameters", "residual / noise", "gain", "chosen"))
+    for t in fit.law_comparison.trials:
+        laws = t.laws[0] if len(set(t.laws)) == 1 else "; ".join(f"{i + 1}: {law}" for i, law in enumerate(t.laws))
+        chosen = "yes" if t.laws == fit.law_comparison.chosen else ""
+        table.add_row(laws, str(t.parameters), f"{t.misfit:.2f}", f"{t.gain:.4g}", chosen)
+    yield table
+
+
+def shown_determined(found: Identifiability | None) -> Blocks:
+    """What the data determine, in words."""
+    if found is None:
+        return
+    yield (
+        f"The data determine {found.determined} of {len(found.names)} combinations of the parameters better than the "
+        "priors do."
+    )
+    yield from found.statements
+    if found.warnings:
+        yield CommandHint("Which run or sensor would help", "advise")
+
+
+FIT = Whole(
+    name="fit",
+    compute=_fit,
+    needs=(CHECK, DROPS, SCAN),
+    settings=("fit",),
+    code=("estimation",),
+    put=lambda results, kept: replace(results, fit=kept.fit),
+    in_run="always",
+    effort=60.0,
+    command=Command(
+        help="Least-squares calibration of the vehicle model against all bump runs.",
+        show=show_fit,
+        fault=_fit_fault,
+    ),
+)
+
+
+# ---------------------------------------------------------------------- left_out
+
+
+def _left_out(context: Context, runs: Sequence[str]) -> Iterator[tuple[str, LeftOutRun]]:
+    from sysid.validation.leave_out import leave_out
+
+    options = context.settings.fit
+    for left in leave_out(context[FIT].fit, fit_state(context), runs, options, context.progress):
+        yield left.run, left
+
+
+def _runs(context: Context) -> Sequence[str]:
+    """All runs, or the named ones, or none where no option asks for any."""
+    from sysid.validation.leave_out import chosen_runs
+
+    named = tuple(context.asked.get("left_out") or ())
+    every = bool(context.asked.get("leave_one_out"))
+    return chosen_runs(context.campaign, () if every else named) if every or named else ()
+
+
+LEFT_OUT = Itemwise(
+    name="left_out",
+    chosen=_runs,
+    each=_left_out,
+    needs=(SCAN, FIT),
+    settings=("fit",),
+    code=("validation",),
+    # They are shown with the agreement of the fitted runs.
+    put=lambda results, left: results,
+    effort=60.0,
+)
+
+
+# ---------------------------------------------------------------------- validate
+
+
+def _validate(context: Context) -> Validation:
+    from sysid.validation.agreement import validate
+    from sysid.validation.results import LeftOut
+
+    fit = context[FIT].fit
+    found = validate(fit, context.settings.validation)
+    kept = context.known(LEFT_OUT) or {}
+    left = tuple(kept[h.file] for h in fit.histories if h.file in kept)
+    return replace(found, left_out=LeftOut(fit.names, left, found.channels)) if left else found
+
+
+def show_validate(validation: Validation, results: Results) -> Blocks:
+    """Medians over the channels of every run, with the run in the fit and without it."""
+    left = {} if validation.left_out is None else {run.run: run for run in validation.left_out.runs}
+    head = ("run", "residual / noise", "NRMSE", "R")
+    table = TextTable(
+        "Agreement, medians over channels", head + (tuple(f"without it: {h}" for h in head[1:]) if left else ())
+    )
+    for run in dict.fromkeys(row.run for row in validation.channels):
+        cells = _medians([row for row in validation.channels if row.run == run])
+        if left:
+            cells += _medians(left[run].channels) if run in left else ("-",) * 3
+        table.add_row(run, *cells)
+    yield table
+    yield f"{len(validation.outside)} of {len(validation.channels)} fitted channels are outside a limit."
+    for other in left.values():
+        if not other.converged:
+            yield f"The fit without {other.run} did not end at a minimum."
+
+
+def _medians(rows: Sequence[ChannelAgreement]) -> tuple[str, ...]:
+    from sysid.validation.results import channel_median
+
+    digits = {"residual_over_noise": ".2f", "nrmse": ".2%", "iso18571": ".3f"}
+    return tuple(finite_cell(channel_median(rows, name), how) for name, how in digits.items())
+
+
+VALIDATE = Whole(
+    name="validate",
+    compute=_validate,
+    needs=(FIT,),
+    uses=(LEFT_OUT,),
+    settings=("validation",),
+    code=("validation",),
+    # Seconds, and in memory only as long as the fit.
+    in_file=False,
+    put=lambda results, validation: replace(results, validation=validation),
+    command=Command(
+        help="Agreement with the measured histories; of runs that no fit has seen, on request.",
+        show=show_validate,
+        recalls=True,
+        options=(
+            Option(
+                "--leave-out", "Predict this run (its file) by a fit of all others; may be repeated.", "left_out",
+                multiple=True, metavar="RUN",
+            ),
+            Option("--leave-one-out", "Predict every run, each by a fit of all others.", "leave_one_out", kind=bool),
+        ),
+    ),
+)  # fmt: skip
+
+
+# ---------------------------------------------------------------------- profile
+
+
+def _profiles(context: Context, names: Sequence[str]) -> Iterator[tuple[str, ProfileLikelihood]]:
+    from sysid.estimation.fit.profiles import profile_parameter
+
+    fit, state = context[FIT].fit, fit_state(context)
+    for name in names:
+        yield name, profile_parameter(state, fit, name, progress=context.progress)
+
+
+def _profiled(context: Context) -> Sequence[str]:
+    from sysid.campaign.wording import finish, nearest
+
+    names = context[FIT].fit.names
+    chosen: list[str] = []
+    for name in context.asked.get("profiled") or ():
+        # k_3 stands for the stiffness of axle 3 in every load case.
+        found = [n for n in names if n == name or n.startswith(f"{name}[")]
+        if not found:
+            raise CampaignError(finish(f"The fit has no parameter '{name}'; {nearest(name, names)}"))
+        chosen += found
+    return tuple(dict.fromkeys(chosen))
+
+
+def show_profile(found: Mapping[str, ProfileLikelihood], results: Results) -> Blocks:
+    """Deviance over value of every profiled parameter, and both intervals."""
+    for p in found.values():
+        factor, unit = shown_unit(p.unit)
+        table = TextTable(f"Profile of {p.name}", ("value", "unit", "deviance", "adjusted", "converged"))
+        for value, deviance, adjusted, converged in zip(p.value, p.deviance, p.adjusted, p.converged, strict=True):
+            table.add_row(
+                f"{value * factor:.5g}", unit, f"{deviance:.4g}", f"{adjusted:.3f}", "yes" if converged else "no"
+            )
+        yield table
+        for what, (low, high) in (("likelihood ratio", p.interval), ("covariance", p.covariance_interval)):
+            ends = [f"{end * factor:.5g}" if end == end else "open" for end in (low, high)]
+            yield f"90 % interval by {what}: {ends[0]} to {ends[1]} {unit}"
+        yield p.message
+
+
+PROFILE = Itemwise(
+    name="profile",
+    chosen=_profiled,
+    each=_profiles,
+    needs=(SCAN, FIT),
+    code=("estimation",),
+    put=lambda results, found: replace(results, profiles=tuple(found.values())),
+    effort=120.0,
+    command=Command(
+        help="Profile of the deviance of chosen parameters, all others optimised anew.",
+        show=show_profile,
+        recalls=True,
+        options=(
+            Option(
+                "--parameter", "Parameter by its name in the fit, for example k_3; may be repeated.", "profiled",
+                multiple=True, required=True,
+            ),
+        ),
+    ),
+)  # fmt: skip

@@ -1,0 +1,222 @@
+"""Stages that sample: the posterior by ensembles, the bands of the driven runs, and a second sampler."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from sysid.display import NOT_DETERMINED, TextTable, shown_unit
+from sysid.errors import NotConvergedError, SysidError
+from sysid.workflow.sources import code_digest
+from sysid.workflow.stage import Blocks, Command, Context, Whole
+from sysid.workflow.stages.data import SCAN
+from sysid.workflow.stages.fit import FIT, fit_state
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from sysid.estimation.residuals.run_history import HistoryBand
+    from sysid.export.contents import Results
+    from sysid.posterior.cross_check import CrossCheck
+    from sysid.posterior.results import Posterior
+    from sysid.workflow.settings import Settings
+
+CHAIN = "chain"
+
+
+# ---------------------------------------------------------------------- sample
+
+
+def _sample(context: Context) -> Posterior:
+    from sysid.posterior.log_density import LIKELIHOOD, LogDensity
+    from sysid.posterior.sampling import sample_posterior
+
+    fit, state = context[FIT].fit, fit_state(context)
+    return sample_posterior(
+        LogDensity(state),
+        fit.names,
+        state.point.log_parameters,
+        fit.covariance,
+        LIKELIHOOD,
+        context.settings.sampling,
+        folder=context.folder / CHAIN,
+        fingerprint=_chain_inputs(context),
+        resume=context.resume,
+        progress=context.progress,
+        notice=context.notice,
+    )
+
+
+def _chain_inputs(context: Context) -> dict[str, str]:
+    """What the draws depend on besides the settings: files, engine, versions and code."""
+    from sysid.vehicle_model.engine import engine_name
+
+    files = {f"file {name}": digest for name, digest in context.inputs.sha256.items()}
+    used = {f"version of {name}": context.version[name] for name in ("sysid", "numpy", "jaxlib", "emcee")}
+    return {**files, **used, "engine": engine_name(), "program code": code_digest(SAMPLE.code)}
+
+
+def _sampled_so_far(context: Context) -> Posterior | None:
+    """Draws of a chain that another process is still adding to, or that was stopped."""
+    from sysid.posterior.log_density import LIKELIHOOD
+    from sysid.posterior.sampling import chain_identity, posterior_so_far
+
+    kept, options = context[FIT], context.settings.sampling
+    identity = chain_identity(options, kept.point.log_parameters, kept.fit.covariance, _chain_inputs(context))
+    return posterior_so_far(context.folder / CHAIN, identity, kept.fit.names, LIKELIHOOD, options)
+
+
+def _can_go_on(posterior: Posterior, settings: Settings) -> bool:
+    steps = posterior.burn_in + posterior.thin * posterior.draws.shape[1]
+    return not posterior.converged and steps < settings.sampling.max_steps
+
+
+def _sample_warnings(posterior: Posterior, quick: bool) -> Sequence[str]:
+    said = () if posterior.converged or quick else (posterior.message,)
+    return (*said, *posterior.warnings)
+
+
+def _sample_fault(posterior: Posterior) -> type[SysidError] | None:
+    return None if posterior.converged else NotConvergedError
+
+
+def show_sample(posterior: Posterior, results: Results) -> Blocks:
+    """Posterior medians with 90 % credible intervals; those that repeat the prior are named as such."""
+    columns = ("parameter", "median", "90 % credible interval", "unit", "effective draws", "R-hat")
+    table = TextTable("Posterior", columns)
+    parameters = {} if results.fit is None else {p.name: p for p in results.fit.parameters}
+    for s in posterior.summaries:
+        factor, shown = shown_unit(parameters[s.name].unit)
+        table.add_row(
+            s.name,
+            f"{s.q50 * factor:.4g}" if parameters[s.name].identified else NOT_DETERMINED,
+            f"{s.q05 * factor:.4g} to {s.q95 * factor:.4g}",
+            shown,
+            f"{s.ess:.0f}",
+            f"{s.rhat:.3f}",
+        )
+    yield table
+    yield posterior.message
+
+
+SAMPLE = Whole(
+    name="sample",
+    compute=_sample,
+    needs=(SCAN, FIT),
+    # How long to go on decides when a chain ends, not what it is.
+    settings=tuple(
+        f"sampling.{name}"
+        for name in ("ensembles", "walkers_per_parameter", "segment_steps", "start_inflation", "seed", "preview")
+    ),
+    code=("posterior",),
+    unfinished=_can_go_on,
+    so_far=_sampled_so_far,
+    put=lambda results, posterior: replace(results, posterior=posterior),
+    warnings=_sample_warnings,
+    in_run="always",
+    effort=120.0,
+    command=Command(
+        help="Posterior of all parameters by emcee, continued until it has converged.",
+        show=show_sample,
+        fault=_sample_fault,
+    ),
+)
+
+
+def log_draws(posterior: Posterior) -> np.ndarray:
+    """Draws (n, p) of the log parameters, one behind the other."""
+    import numpy as np
+
+    return np.log(posterior.draws.reshape(-1, len(posterior.names)))
+
+
+# ---------------------------------------------------------------------- bands
+
+
+def _bands(context: Context) -> tuple[HistoryBand, ...]:
+    from sysid.prediction.driven import run_bands
+
+    draws = log_draws(context[SAMPLE])
+    return run_bands(fit_state(context), draws, seed=context.settings.seed, progress=context.progress)
+
+
+def _with_bands(results: Results, bands: tuple[HistoryBand, ...]) -> Results:
+    from sysid.prediction.driven import with_bands
+
+    if results.fit is None:
+        return results
+    return replace(results, fit=replace(results.fit, histories=with_bands(results.fit.histories, bands)))
+
+
+BANDS = Whole(
+    name="bands",
+    compute=_bands,
+    needs=(SCAN, FIT, SAMPLE),
+    along_with=SAMPLE,
+    settings=("sampling.seed",),
+    code=("prediction",),
+    put=_with_bands,
+    in_run="always",
+    effort=15.0,
+)
+
+
+# ---------------------------------------------------------------------- crosscheck
+
+
+def _crosscheck(context: Context) -> CrossCheck:
+    from sysid.posterior.cross_check import cross_check
+    from sysid.posterior.log_density import LogDensity
+
+    state = fit_state(context)
+    return cross_check(
+        LogDensity(state).gradient,
+        context[SAMPLE],
+        state.point.log_parameters,
+        context[FIT].fit.covariance,
+        seed=context.settings.seed,
+        progress=context.progress,
+    )
+
+
+def _crosscheck_warnings(checked: CrossCheck, quick: bool) -> Sequence[str]:
+    return () if checked.agrees else (checked.message,)
+
+
+def _crosscheck_fault(checked: CrossCheck) -> type[SysidError] | None:
+    return None if checked.agrees else NotConvergedError
+
+
+def show_crosscheck(checked: CrossCheck, results: Results) -> Blocks:
+    """Both samplers' means and spreads, parameter by parameter."""
+    table = TextTable(
+        "Ensembles against the gradient-based sampler", ("parameter", "means apart [sd]", "sd ratio", "agree")
+    )
+    for p in checked.parameters:
+        table.add_row(
+            p.name,
+            f"{p.shift:+.2f} ± {p.shift_error:.2f}",
+            f"{p.sd_ratio:.2f} ± {p.sd_ratio_error:.2f}",
+            "yes" if p.agrees else "no",
+        )
+    yield table
+    yield checked.message
+
+
+CROSSCHECK = Whole(
+    name="crosscheck",
+    compute=_crosscheck,
+    needs=(SCAN, FIT, SAMPLE),
+    settings=("sampling.seed",),
+    code=("posterior",),
+    put=lambda results, checked: replace(results, crosscheck=checked),
+    warnings=_crosscheck_warnings,
+    effort=60.0,
+    command=Command(
+        help="The posterior once more by a gradient-based sampler, and how far both agree; needs nutpie.",
+        show=show_crosscheck,
+        recalls=True,
+        fault=_crosscheck_fault,
+    ),
+)

@@ -1,0 +1,77 @@
+"""The number of threads: the setting, the cores that the process may use, and that work keeps its order."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+import scipy.linalg  # noqa: F401
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from sysid import threads
+from sysid.errors import SysidError
+
+
+def test_the_setting_counts(monkeypatch):
+    monkeypatch.setenv("SYSID_THREADS", "7")
+    assert threads.thread_count() == 7
+
+
+@pytest.mark.parametrize("text", ["0", "-2", "two", "1.5", "²"])
+def test_a_setting_that_is_no_number_is_refused(monkeypatch, text):
+    monkeypatch.setenv("SYSID_THREADS", text)
+    with pytest.raises(SysidError, match=f"SYSID_THREADS is '{text}'; set it to the number of threads"):
+        threads.thread_count()
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="cores cannot be assigned on this system")
+def test_without_it_the_cores_that_the_process_may_use():
+    code = (
+        "import os; from sysid.threads import thread_count\n"
+        "every = sorted(os.sched_getaffinity(0)); print(thread_count() == len(every))\n"
+        "os.sched_setaffinity(0, every[:1]); print(thread_count() == 1)"
+    )
+    environment = {k: v for k, v in os.environ.items() if k != "SYSID_THREADS"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "True"]
+
+
+@pytest.mark.parametrize(("count", "at_most", "expected"), [("3", None, 3), ("3", 2, 2), ("1", None, 1)])
+def test_so_many_work_at_once_and_results_keep_their_order(monkeypatch, count, at_most, expected):
+    """All that may be at work wait for each other; one more would be seen."""
+    monkeypatch.setenv("SYSID_THREADS", count)
+    barrier, lock, running, most = threading.Barrier(expected), threading.Lock(), [0], [0]
+
+    def work(item: int) -> int:
+        with lock:
+            running[0] += 1
+            most[0] = max(most[0], running[0])
+        barrier.wait(timeout=30.0)
+        time.sleep(0.1)
+        with lock:
+            running[0] -= 1
+        return item * item
+
+    items = range(2 * expected * (1 if expected > 1 else 2))
+    assert threads.side_by_side(work, items, at_most=at_most) == tuple(i * i for i in items)
+    assert most[0] == expected
+
+
+def blas_threads() -> set[int]:
+    """Threads of every linear algebra library that is loaded: NumPy's and SciPy's."""
+    return {found["num_threads"] for found in threadpool_info() if found["user_api"] == "blas"}
+
+
+def test_linear_algebra_has_one_thread_while_we_compute_and_its_own_number_again_afterwards():
+    @threads.one_blas_thread()
+    def inside() -> set[int]:
+        return blas_threads()
+
+    with threadpool_limits(limits=2, user_api="blas"):
+        assert blas_threads() == {2}
+        assert inside() == {1}
+        assert blas_threads() == {2}
