@@ -26,7 +26,7 @@ class ElementQuantity:
     :class:`sysid.vehicle_model.suspension.SuspensionLaw` that it gives, None where it enters by corners of a curve
     (:mod:`sysid.estimation.parameters.suspension_curves`); `coefficient` turns its value, the stiffness [N/m], the load
     that the suspension carries [N] and that load over the one in the first load case into that coefficient, None for
-    the value itself.
+    the value itself; `decides` whether the element acts only where this value is not the neutral one.
     """
 
     quantity: str
@@ -38,6 +38,7 @@ class ElementQuantity:
     neutral: float
     field: str | None = None
     coefficient: Callable[[jax.Array, jax.Array, jax.Array, jax.Array], jax.Array] | None = None
+    decides: bool = True
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,9 @@ ELEMENTS = {
                     # Leaves and bushings rub in proportion to what they carry: one number for all load cases.
                     lambda friction, stiffness, carried, growth: friction * growth,
                 ),
-                ElementQuantity("slip_length", "slip", "m", True, lambda axle, carried: 1e-3, 0.7, 1.0, "slip"),
+                ElementQuantity(
+                    "slip_length", "slip", "m", True, lambda axle, carried: 1e-3, 0.7, 1.0, "slip", decides=False
+                ),
             ),
         ),
         Element(
@@ -84,7 +87,17 @@ ELEMENTS = {
             "damper with different rebound and compression and a knee",
             (
                 ElementQuantity("damper_asymmetry", "q", "1", False, lambda axle, carried: 1.5, 0.7, 1.0, "asymmetry"),
-                ElementQuantity("damper_knee", "knee", "m/s", False, lambda axle, carried: 0.4, 0.6, 1.0, "saturation"),
+                ElementQuantity(
+                    "damper_knee",
+                    "knee",
+                    "m/s",
+                    False,
+                    lambda axle, carried: 0.4,
+                    0.6,
+                    1.0,
+                    "saturation",
+                    decides=False,
+                ),
                 # Axles without the element have a tail of one, which makes the damper linear.
                 ElementQuantity("damper_tail", "tail", "1", True, lambda axle, carried: 0.3, 0.7, 1.0, "tail"),
             ),
@@ -108,7 +121,7 @@ ELEMENTS = {
         ),
         Element(
             "bump_stops",
-            "stops at the end of the declared jounce and rebound travel; they are part of every law whose axle declares one",
+            "stops at the end of the declared jounce and rebound travel, on every axle that declares one",
             (ElementQuantity("stop_stiffness", "stop", "N/m", False, lambda axle, carried: STOP_STIFFNESS, 0.7, 0.0),),
         ),
         Element("hanger_lash", "free travel between leaf pack and hanger, as declared", ()),
