@@ -74,7 +74,9 @@ def test_stops_act_beyond_the_declared_travel_alone():
         for e, sign in ((0.06 + d, 1.0), (-0.09 - d, -1.0)):
             found_N = sign * float(spring_force(law, column(e))[0, 0, 0])
             exact = any(abs(d - knot) < 1e-9 for knot in (0.006, 0.014))
-            assert found_N == pytest.approx(force, rel=1e-9 if exact else 0.0, abs=0.0 if exact else 2e6 * 0.008**2 / (4.0 * 0.015) + 1e-3)
+            assert found_N == pytest.approx(
+                force, rel=1e-9 if exact else 0.0, abs=0.0 if exact else 2e6 * 0.008**2 / (4.0 * 0.015) + 1e-3
+            )
 
 
 def test_a_slack_hanger_carries_nothing_until_it_has_moved():

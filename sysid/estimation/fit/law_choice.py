@@ -207,7 +207,7 @@ def _sure(campaign: Campaign, optimum: Optimum, laws: Laws, without: Laws, size:
     jacobian = optimum.problem.compressed(optimum.vector).jacobian
     covariance = np.linalg.inv(jacobian.T @ jacobian)[np.ix_(index, index)]
     rise = float(np.array(distance) @ np.linalg.solve(covariance, distance))
-    return rise > SURE * (DECISIVE + len(index) * np.log(size))
+    return bool(rise > SURE * (DECISIVE + len(index) * np.log(size)))
 
 
 def effective_residuals(optimum: Optimum) -> float:
