@@ -76,6 +76,7 @@ def optimise(
     *,
     near: Optimum | None = None,
     keep_maps: bool = False,
+    rough: bool = False,
 ) -> Optimum:
     """The optimum of one set of suspension laws, all rounds of re-weighting done.
 
@@ -85,6 +86,7 @@ def optimise(
     ----------
     near : optimum of other laws on the same campaign to start from: its motions, weights and common parameters.
     keep_maps : keep the footprint maps of `near`.
+    rough : end before the last search, under the weights of one round: enough to judge residuals by.
     """
     report("preparing the model", 0.0)
 
@@ -94,10 +96,10 @@ def optimise(
 
     again = options.contact == "footprint" and not keep_maps
     # For the tires of the maps residuals need not be weighted, nor minimised, to the last.
-    rough = replace(
+    hasty = replace(
         options, weight_rounds=min(options.weight_rounds, 1), tolerance=max(options.tolerance, _ROUGH_TOLERANCE)
     )
-    how = rough if again else options
+    how = hasty if again or rough else options
     if near is None:
         model = prepared(None)
         motion, instrument = _find_motion(campaign, model, parameters.start, report)
@@ -110,12 +112,12 @@ def optimise(
     if not again:
         return found
     for _ in range(_MAPS - 1):
-        found = _with_own_maps(campaign, found, prepared, rough, report)
+        found = _with_own_maps(campaign, found, prepared, hasty, report)
         tires = found.problem.model.tires
         assert tires is not None
         if tires.like(map_tires(parameters, found.vector[: found.problem.count])):
             break
-    return _with_own_maps(campaign, found, prepared, options, report)
+    return found if rough else _with_own_maps(campaign, found, prepared, options, report)
 
 
 def _with_own_maps(

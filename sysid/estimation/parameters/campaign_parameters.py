@@ -27,9 +27,11 @@ DROP_DAMPING_SD = 0.7
 TIRE_STIFFNESS_SD = 0.10
 TIRE_DAMPING_SD = 0.5
 TIRE_EXPONENT = (1.2, 0.08)
-#: An air spring's stiffness follows its load with an exponent of about 1/2 to 1; the link leaves room for either.
-AIR_LOAD_EXPONENT = 0.5
-AIR_LINK_SD = 0.5
+#: Exponent with which an air spring's stiffness follows the load it carries, and its standard deviation: 0.6 to 1 is
+#: the 80 % range (levelling valves keep the height, so the pressure rises with the load while the volume stays).
+AIR_LOAD_EXPONENT = (0.8, 0.16)
+#: Smallest standard deviation of such a link, for load cases of nearly the same load.
+AIR_LINK_LEAST_SD = 0.05
 
 #: Young's modulus of spring steel [Pa], and the spread of the leaf formula about real packs: clamped length,
 #: full-length leaves and shackles.
@@ -45,6 +47,8 @@ MODEL_DAMPING_SD = 0.4
 def declared_laws(campaign: Campaign) -> tuple[frozenset[str], ...]:
     """Elements of every axle's suspension law as the campaign file declares them; no law is a linear one.
 
+    An axle with a declared travel has bump stops, whatever its law says.
+
     Raises
     ------
     CampaignError
@@ -53,12 +57,13 @@ def declared_laws(campaign: Campaign) -> tuple[frozenset[str], ...]:
     laws = []
     for axle in campaign.vehicle.axles:
         try:
-            laws.append(law_elements(axle.suspension_law))
+            law = law_elements(axle.suspension_law)
         except ValueError as error:
             raise CampaignError(
                 f"{campaign.file.name}: axle '{axle.name}' asks for suspension_law = '{axle.suspension_law}'; "
                 f"'{error}' is unknown, give '{LINEAR}' or elements joined by '+': {', '.join(ELEMENTS)}."
             ) from error
+        laws.append(law | {"bump_stops"} if axle.has_stops else law)
     return tuple(laws)
 
 
@@ -92,6 +97,8 @@ def campaign_parameters(
             growth = {case: _air_growth(campaign, i, first, case) for case in used_cases}
             base = used_cases[0]
             for case in used_cases:
+                rise = growth[case] - growth[base]
+                sd = max(AIR_LOAD_EXPONENT[1] * abs(rise) / AIR_LOAD_EXPONENT[0], AIR_LINK_LEAST_SD)
                 factor = float(np.exp(growth[case]))
                 name = f"k_{i + 1}[{case}]"
                 parameters.append(
@@ -101,11 +108,11 @@ def campaign_parameters(
                         load_case=case,
                         start=stiffness.start * factor,
                         prior_median=stiffness.prior_median * factor,
-                        prior_sd=stiffness.prior_sd if case == base else np.hypot(stiffness.prior_sd, AIR_LINK_SD),
+                        prior_sd=stiffness.prior_sd if case == base else float(np.hypot(stiffness.prior_sd, sd)),
                     )
                 )
                 if case != base:
-                    links.append(PriorLink(f"k_{i + 1}[{base}]", name, growth[case] - growth[base], AIR_LINK_SD))
+                    links.append(PriorLink(f"k_{i + 1}[{base}]", name, rise, sd))
         else:
             parameters.append(stiffness)
     for i in suspended:
@@ -153,7 +160,7 @@ def _air_growth(campaign: Campaign, axle: int, first: str, case: str) -> float:
     on = _carried_by(campaign.vehicle, axle)
     unsprung = sum(campaign.vehicle.unsprung_mass_kg[j] for j in on)
     carried = [sum(campaign.load_cases[name].axle_loads_kg[j] for j in on) - unsprung for name in (case, first)]
-    return AIR_LOAD_EXPONENT * float(np.log(carried[0] / carried[1]))
+    return AIR_LOAD_EXPONENT[0] * float(np.log(carried[0] / carried[1]))
 
 
 def _override(axle: Axle, quantity: str, median: float, sd: float) -> tuple[float, float]:

@@ -40,7 +40,8 @@ class LawInputs(NamedTuple):
 
     `stiffness` (R, na); `damping`, `tire_stiffness`, `tire_damping` (na,); `exponent` (); `elements` by quantity;
     `curves` declared by the campaign file; `static_load`, `reference_load`, `carried_load` (R, na, 1) [N]: road load in
-    its lane and in the first load case, load on the suspension; `tire_factor` (R, na, 1) on a lane's tire stiffness.
+    its lane and in the first load case, load on the suspension; `load_growth` (R, na, 1) the latter over that in the
+    first load case; `tire_factor` (R, na, 1) on a lane's tire stiffness.
     """
 
     stiffness: np.ndarray
@@ -53,6 +54,7 @@ class LawInputs(NamedTuple):
     static_load: np.ndarray
     reference_load: np.ndarray
     carried_load: np.ndarray
+    load_growth: np.ndarray
     tire_factor: np.ndarray
 
 
@@ -92,6 +94,7 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_ca
         lanes.matrices.static_load,
         lanes.reference_load,
         carried,
+        carried / reference[..., None],
         np.ones_like(carried),
     )
 
@@ -123,7 +126,8 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: jax.Array, damp
     for q in coefficients():
         own = element(q.quantity)
         if q.field is not None and own is not None:
-            found[q.field] = own if q.coefficient is None else q.coefficient(own, stiffness, inputs.carried_load)
+            loads = (inputs.carried_load, inputs.load_growth)
+            found[q.field] = own if q.coefficient is None else q.coefficient(own, stiffness, *loads)
     curves, ramps, base, stop = inputs.curves, [], stiffness, element("stop_stiffness")
     if curves.spring is not None:
         ramps.append(table_ramps(curves.spring, stiffness))
