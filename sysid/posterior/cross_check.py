@@ -16,6 +16,7 @@ import numpy as np
 from sysid.errors import CampaignError
 from sysid.posterior.diagnostics import effective_draws
 from sysid.posterior.inference_data import draw_order, without_arviz_notice
+from sysid.progress import Progress, unwatched
 from sysid.tabular import Tabular, records_table
 
 if TYPE_CHECKING:
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
 #: (p,) -> log-density and its gradient (p,).
 Gradient = Callable[[np.ndarray], tuple[float, np.ndarray]]
-Progress = Callable[[str, float], None]
-
 #: Differences up to so many Monte Carlo errors are chance, with some tens of parameters.
 ERRORS = 4.0
 CHAINS, TUNING, DRAWS = 2, 150, 250
@@ -179,7 +178,7 @@ def gradient_draws(
         ) from error
     # In these coordinates the posterior is nearly a unit normal: the sampler has little to adapt.
     factor, count = np.linalg.cholesky(covariance), centre.size
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     calls, expected = 0, 4.0 * chains * (tuning + draws)
 
     def density(y: np.ndarray) -> tuple[float, np.ndarray]:

@@ -16,9 +16,9 @@ from sysid.posterior.ensembles import Density, Ensemble, advance, first, restore
 from sysid.posterior.history import History
 from sysid.posterior.moves import posterior_moves
 from sysid.posterior.sampled_posterior import Posterior
+from sysid.progress import Progress, unwatched
 from sysid.threads import one_blas_thread
 
-Progress = Callable[[str, float], None]
 Notice = Callable[[str], None]
 
 #: Segments after which convergence is judged at every second one only, after twice as many at every fourth, and so on:
@@ -85,7 +85,7 @@ def sample_posterior(
         If the folder cannot be written or another process writes to it.
     """
     options = options or SamplingOptions()
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     identity = chain_identity(options, centre, covariance, fingerprint or {})
     with nullcontext() if folder is None else Checkpoint(folder, identity) as checkpoint:
         found = Resumed([], None, "") if checkpoint is None else checkpoint.open(resume=resume)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -21,6 +21,7 @@ from sysid.prediction.mass_lanes import VehicleDraws, histories_of_draws
 from sysid.prediction.measures import impulse_ratio, lift_off_time, load_coefficient, quantiles
 from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.remarks import driven_speeds, remarks
+from sysid.progress import Progress, unwatched
 from sysid.road.named_shapes import named_shape
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
@@ -35,8 +36,6 @@ DRAWS = 200
 SWEEP_DRAWS = 50
 #: Speeds [km/h] of the ratio against speed.
 SWEEP_KM_H = (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0, 32.0, 36.0, 42.0, 48.0, 54.0, 60.0)
-
-Progress = Callable[[str, float], None]
 
 
 @partial(jax.jit, static_argnames=("timing",))
@@ -170,7 +169,7 @@ def speed_sweep(
     roads: EffectiveRoads,
     sets: np.ndarray,
     speeds_m_s: Sequence[float],
-    progress: Progress = lambda message, fraction: None,
+    progress: Progress = unwatched,
     vehicles: VehicleDraws | None = None,
 ) -> SpeedSweep:
     """Peak load ratio and dynamic load coefficient of one load case over a bump against speed.
@@ -213,7 +212,7 @@ def predict(
     *,
     seed: int = 0,
     sweep_km_h: Sequence[float] = SWEEP_KM_H,
-    progress: Progress = lambda message, fraction: None,
+    progress: Progress = unwatched,
 ) -> Predictions:
     """Wheel loads of passes, and the load ratio against speed in their load cases.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -31,12 +30,11 @@ from sysid.estimation.uncertainty.sandwich import Adjustment
 from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
 from sysid.estimation.weights.residual_evidence import residual_evidence
 from sysid.estimation.weights.reweighting import residual_inflation
+from sysid.progress import Progress
 from sysid.road.contact_laws import CONTACT_LAWS
 
 #: Where the data ask for a mass this many tolerances off, somebody should look at it.
 DOUBTFUL_MASS_SD = 2.0
-
-Progress = Callable[[str, float], None]
 
 
 def evaluate_optimum(

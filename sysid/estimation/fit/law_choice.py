@@ -30,6 +30,7 @@ from sysid.estimation.parameters.campaign_parameters import campaign_parameters,
 from sysid.estimation.parameters.named_priors import check_named_priors
 from sysid.estimation.parameters.suspension_elements import ELEMENTS, law_elements, law_name
 from sysid.estimation.weights.reweighting import reweighted
+from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
 from sysid.sdof.drop_results import DropSummary
 
@@ -44,7 +45,6 @@ CANDIDATES = {
 }
 
 Laws = tuple[frozenset[str], ...]
-Progress = Callable[[str, float], None]
 
 
 def fit_with_laws(
@@ -72,7 +72,7 @@ def fit_with_laws(
         As :func:`sysid.estimation.fit.least_squares.fit_bump_runs`.
     """
     options = options or FitOptions()
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     declared = declared_laws(campaign)
     chosen = optimise(campaign, campaign_parameters(campaign, drops, declared), profiles, options, report)
     comparison = None

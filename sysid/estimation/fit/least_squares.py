@@ -25,10 +25,9 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise as noise_model
 from sysid.estimation.weights.reweighting import reweighted
+from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.lanes import MapTires
-
-Progress = Callable[[str, float], None]
 
 #: Footprint maps are made again at most so often; each time their tires come about five times closer to those of the
 #: optimum under them.
@@ -62,7 +61,7 @@ def fit_bump_runs(
         If no run has a usable channel, or no run's start is found inside its record.
     """
     options = options or FitOptions()
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     optimum = optimise(campaign, parameters, profiles, options, report)
     return evaluate_optimum(campaign, optimum, options, report)
 

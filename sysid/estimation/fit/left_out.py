@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,8 +17,7 @@ from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.residuals.run_motion import RunMotion
-
-Progress = Callable[[str, float], None]
+from sysid.progress import Progress, unwatched
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ def fit_without(
     state : the fit of all runs.
     run : index of the run in the campaign.
     """
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     others = tuple(i for i in range(len(state.campaign.bump_runs)) if i != run)
     part, model, motion, weights = _part(state, others)
     how = replace(options, weight_rounds=min(options.weight_rounds, 1), cross_check=False)
