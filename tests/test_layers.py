@@ -18,7 +18,7 @@ ROOT = Path(sysid.__file__).resolve().parent
 
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
-    {"errors", "files", "limits", "private_files", "progress"},
+    {"arrays", "errors", "files", "limits", "private_files", "progress"},
     {"array_file", "display", "folder_lock", "output_folder", "runtime", "tabular", "threads"},
     {"campaign"},
     {"sdof", "road"},

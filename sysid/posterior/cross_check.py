@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.errors import CampaignError
 from sysid.posterior.diagnostics import effective_draws
 from sysid.posterior.inference_data import draw_order, without_arviz_notice
@@ -85,8 +86,8 @@ class CrossCheck(Tabular):
 def cross_check(
     gradient: Gradient,
     posterior: Posterior,
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    centre: Parameters,
+    covariance: ParametersByParameters,
     *,
     seed: int = 0,
     progress: Progress | None = None,
@@ -152,8 +153,8 @@ def _span(values: Any) -> str:
 
 def gradient_draws(
     gradient: Gradient,
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    centre: Parameters,
+    covariance: ParametersByParameters,
     *,
     chains: int = CHAINS,
     tuning: int = TUNING,

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.posterior.checkpoint import Checkpoint, Resumed, read_chain
 from sysid.posterior.diagnostics import Diagnosis, diagnose, standstills, summarise
 from sysid.posterior.ensembles import Density, Ensemble, advance, first, restored
@@ -53,8 +54,8 @@ class SamplingOptions:
 def sample_posterior(
     density: Density,
     names: tuple[str, ...],
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    centre: Parameters,
+    covariance: ParametersByParameters,
     likelihood: str,
     options: SamplingOptions | None = None,
     *,
@@ -120,7 +121,7 @@ def posterior_so_far(
 
 
 def chain_identity(
-    options: SamplingOptions, centre: np.ndarray, covariance: np.ndarray, fingerprint: dict[str, str]
+    options: SamplingOptions, centre: Parameters, covariance: ParametersByParameters, fingerprint: dict[str, str]
 ) -> dict[str, str]:
     """What a chain depends on, by name: files, settings, and the Laplace approximation."""
     settings = {k: str(v) for k, v in asdict(options).items() if k not in ("max_steps", "min_effective", "rhat_limit")}
@@ -133,8 +134,8 @@ def chain_identity(
 def _ensembles(
     density: Density,
     names: tuple[str, ...],
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    centre: Parameters,
+    covariance: ParametersByParameters,
     options: SamplingOptions,
     found: Resumed,
 ) -> list[Ensemble]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid.arrays import DrawsByParameters
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.residuals.histories import shown_signals
 from sysid.estimation.residuals.run_history import HistoryBand, RunHistory
@@ -18,7 +19,7 @@ DRAWS = 64
 
 def run_bands(
     state: FitState,
-    draws: np.ndarray,
+    draws: DrawsByParameters,
     *,
     seed: int = 0,
     progress: Progress = unwatched,

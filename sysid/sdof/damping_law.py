@@ -385,7 +385,7 @@ def _history(first_of_run: np.ndarray) -> np.ndarray:
     """Readings with as many others before them, without a gap, as the autoregression needs."""
     run = np.cumsum(first_of_run)
     rows = np.arange(_AR_ORDER, run.size)
-    return rows[run[rows] == run[rows - _AR_ORDER]]
+    return np.asarray(rows[run[rows] == run[rows - _AR_ORDER]])
 
 
 def _whiten(value: np.ndarray, coefficients: np.ndarray, first_of_run: np.ndarray) -> np.ndarray:
@@ -393,7 +393,7 @@ def _whiten(value: np.ndarray, coefficients: np.ndarray, first_of_run: np.ndarra
     if coefficients.size == 0:
         return value
     rows = _history(first_of_run)
-    return value[rows] - sum(c * value[rows - lag - 1] for lag, c in enumerate(coefficients))
+    return np.asarray(value[rows] - sum(c * value[rows - lag - 1] for lag, c in enumerate(coefficients)))
 
 
 def _law(

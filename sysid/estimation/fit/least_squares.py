@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from sysid.arrays import Parameters, RunsByChannels
 from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit.evaluation import evaluate_optimum
@@ -139,8 +140,8 @@ def optimise_from(
     campaign: Campaign,
     model: BumpModel,
     motion: RunMotion,
-    instrument: tuple[np.ndarray, ...],
-    start: np.ndarray,
+    instrument: tuple[RunsByChannels, ...],
+    start: Parameters,
     options: FitOptions,
     report: Progress,
     *,
@@ -184,7 +185,7 @@ def _start_from(parameters: ParameterSet, near: Optimum) -> np.ndarray:
 
 
 def _find_motion(
-    campaign: Campaign, model: BumpModel, start: np.ndarray, report: Progress
+    campaign: Campaign, model: BumpModel, start: Parameters, report: Progress
 ) -> tuple[RunMotion, tuple[np.ndarray, ...]]:
     """Speed and start of every run from the joint search, and the instrument noise (R, C) per group before them."""
     quiet = tuple(noise_model.instrument_noise(g, 0.25) for g in model.groups)
@@ -207,7 +208,7 @@ def _report_iteration(report: Progress, number: int, rounds: int, iteration: int
     report(f"least squares, round {number + 1} of {rounds}, iteration {iteration}", 0.1 + 0.8 * share)
 
 
-def _first_scale(model: BumpModel, instrument: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+def _first_scale(model: BumpModel, instrument: tuple[RunsByChannels, ...]) -> tuple[np.ndarray, ...]:
     """First weights: instrument noise plus a tenth of each channel's RMS, for parameters that are still far off."""
     scales = []
     for group, noise in zip(model.groups, instrument, strict=True):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.arrays import Parameters
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.least_squares import instrument_noise, optimise_from
 from sysid.estimation.fit.minimiser import minimise
@@ -24,7 +25,7 @@ from sysid.progress import Progress, unwatched
 class LeftOutFit:
     """`log_parameters` (p,) of the fit without the run, whether it `converged`, and the run's `history` under them."""
 
-    log_parameters: np.ndarray
+    log_parameters: Parameters
     converged: bool
     history: RunHistory
 
@@ -58,7 +59,7 @@ def fit_without(
     return LeftOutFit(values, optimum.minimum.converged, history)
 
 
-def _own_motion(problem: Problem, log_parameters: np.ndarray) -> RunMotion:
+def _own_motion(problem: Problem, log_parameters: Parameters) -> RunMotion:
     """Speed and start that suit the records best while the parameters stay as they are."""
 
     def evaluate(local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from sysid.arrays import UnknownsOfFit
 from sysid.display import Z90
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.minimiser import Evaluation, minimise
@@ -66,7 +67,7 @@ class ProfileLikelihood(Tabular):
 
 def profile_deviance(
     evaluate: Evaluation,
-    optimum: np.ndarray,
+    optimum: UnknownsOfFit,
     index: int,
     values: np.ndarray,
     *,

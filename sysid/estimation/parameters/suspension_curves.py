@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import RunsByAxles
 from sysid.campaign.records import Axle, ForceTable
+from sysid.vehicle_model.lane_arrays import AxleLanes
 from sysid.vehicle_model.suspension import REFERENCE_RATE_M_S, Ramps
 
 #: Place of a corner that is never reached, for axles with fewer corners than others.
@@ -47,7 +48,7 @@ class SuspensionCurves(NamedTuple):
 
 
 def suspension_curves(
-    axles: Sequence[Axle], laws: Sequence[frozenset[str]], carried_N: np.ndarray, reference_N: np.ndarray
+    axles: Sequence[Axle], laws: Sequence[frozenset[str]], carried_N: RunsByAxles, reference_N: RunsByAxles
 ) -> SuspensionCurves:
     """Curves that the laws of the axles ask for.
 
@@ -107,7 +108,7 @@ def _corners(tables: list[ForceTable | None], rest: np.ndarray, secant_at: float
     return TableCorners(share[..., None], at[..., None], np.where(at > 0.0, 1.0, -1.0)[..., None], change[..., None])
 
 
-def table_ramps(corners: TableCorners, slope: jax.Array) -> Ramps:
+def table_ramps(corners: TableCorners, slope: AxleLanes) -> Ramps:
     """Ramps of a table for stiffness or damping `slope` (R, na, S); its slope at rest is `corners.share * slope`."""
     shape = (*corners.at.shape[:-1], slope.shape[-1])
     return Ramps(
@@ -117,14 +118,14 @@ def table_ramps(corners: TableCorners, slope: jax.Array) -> Ramps:
     )
 
 
-def stop_ramps(stops: np.ndarray, stiffness: jax.Array) -> Ramps:
+def stop_ramps(stops: np.ndarray, stiffness: AxleLanes) -> Ramps:
     """Ramps of the bump stops with their stiffness (R, na, S) [N/m]."""
     shape = (*stops.shape[:-1], stiffness.shape[-1])
     side = jnp.broadcast_to(np.array([1.0, -1.0])[:, None, None, None], shape)
     return Ramps(jnp.broadcast_to(stops, shape), jnp.broadcast_to(stiffness, shape), side)
 
 
-def lash_ramps(lash: np.ndarray, stiffness: jax.Array, carried: np.ndarray) -> Ramps:
+def lash_ramps(lash: np.ndarray, stiffness: AxleLanes, carried: np.ndarray) -> Ramps:
     """Ramps of the hanger lash: the spring is slack from where it carries nothing until its hanger has moved `lash`.
 
     Parameters
