@@ -22,7 +22,7 @@ from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise
 from sysid.posterior.log_density import LogDensity
 from sysid.road.point_cloud import read_point_cloud
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 from sysid.road.scan import analyse_scan
 
 ROOT = Path(__file__).resolve().parents[1]

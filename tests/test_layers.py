@@ -18,7 +18,7 @@ ROOT = Path(sysid.__file__).resolve().parent
 
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
-    {"errors", "files", "limits", "private_files"},
+    {"arrays", "errors", "files", "limits", "private_files", "progress"},
     {"array_file", "display", "folder_lock", "output_folder", "runtime", "tabular", "threads"},
     {"campaign"},
     {"sdof", "road"},
@@ -86,7 +86,7 @@ def test_imports_run_downward(path: Path):
     if own not in ("plot", "report"):
         assert "matplotlib" not in roots
     if own not in JAX_PACKAGES:
-        assert roots & {"jax", "optimistix", "equinox", "lineax"} == set()
+        assert roots & {"jax", "optimistix", "equinox"} == set()
 
 
 @pytest.mark.parametrize(("package", "rooms"), ROOMS.items())
@@ -133,7 +133,7 @@ def test_a_circle_is_seen():
     ("own", "source"),
     [
         ("road", "def f():\n    from sysid.vehicle_model import contact\n"),
-        ("road", "import sysid.sdof.results\n"),
+        ("road", "import sysid.sdof.drop_results\n"),
         ("estimation", "if TYPE_CHECKING:\n    from sysid import posterior\n"),
         ("campaign", "from ..report import page\n"),
     ],

@@ -18,7 +18,7 @@ from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.prediction.passes import predict, predict_pass
-from sysid.prediction.results import Predictions
+from sysid.prediction.predicted_passes import Predictions
 from sysid.selftest.readings import ordinary_instruments, simulated_campaign
 from sysid.selftest.world import World
 

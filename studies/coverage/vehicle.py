@@ -17,9 +17,9 @@ from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.road.contact_laws import cam_map
 from sysid.road.enveloping import FootprintMap
 from sysid.road.point_cloud import read_point_cloud
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 from sysid.road.scan import analyse_scan
-from sysid.sdof.results import DropEstimate, DropSummary
+from sysid.sdof.drop_results import DropEstimate, DropSummary
 from sysid.selftest.readings import planned_campaign
 from sysid.selftest.world import World, draw_parameters
 from sysid.vehicle_model.lanes import EffectiveRoads, MapTires

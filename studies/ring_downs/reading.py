@@ -10,7 +10,7 @@ from studies.coverage.shards import Record as Replicate
 from studies.ring_downs.motion import INTERVAL_S, Record, draw
 from sysid.campaign.records import Axle, Body, Channel, LoadCase, Log, PlankDrop, Sensor, Vehicle
 from sysid.sdof.analysis import analyse_drop
-from sysid.sdof.results import DropAnalysis
+from sysid.sdof.drop_results import DropAnalysis
 from sysid.sdof.settings import DropSettings
 
 SEED = 2026

@@ -42,7 +42,7 @@ def _chains(vehicle: Vehicle) -> list[list[int]]:
 
 
 def _tributary_mass(vehicle: Vehicle, load_case: LoadCase) -> np.ndarray:
-    return np.array(load_case.axle_loads_kg, float) - np.array(vehicle.unsprung_mass_kg, float)
+    return np.asarray(np.array(load_case.axle_loads_kg, float) - np.array(vehicle.unsprung_mass_kg, float))
 
 
 def check_statics(vehicle: Vehicle, load_case: LoadCase) -> None:

@@ -142,10 +142,10 @@ def _explain(trio: Trio, fit: Fit, evidence: _Evidence, found: dict[str, list[Su
 
 def _causes(sensor: Sensor) -> list[_Cause]:
     dimension = "length" if sensor.si_unit == "m" else "acceleration"
-    declared = si_factor(sensor.unit, dimension)  # type: ignore[arg-type]
+    declared = si_factor(sensor.unit, dimension)
     causes = [_Cause(1.0, None), _Cause(-1.0, None)]
     for unit in _ACTUAL_UNITS[dimension]:
-        factor = declared / si_factor(unit, dimension)  # type: ignore[arg-type]
+        factor = declared / si_factor(unit, dimension)
         if abs(np.log(factor)) > 0.1:
             causes += [_Cause(factor, unit), _Cause(-factor, unit)]
     return causes

@@ -16,7 +16,7 @@ from sysid.export.csv_cells import escape_cell
 if TYPE_CHECKING:
     from sysid.campaign.records import Campaign
     from sysid.prediction.calibrated_elements import CalibratedVehicle
-    from sysid.prediction.results import PassPrediction
+    from sysid.prediction.predicted_passes import PassPrediction
 
 VEHICLE_COLUMNS = (
     "kind",

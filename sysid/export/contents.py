@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import Campaign
 from sysid.export.parameter_table import parameter_table
-from sysid.road.results import ScanAnalysis
-from sysid.sdof.results import DropSummary
+from sysid.road.road_profile import ScanAnalysis
+from sysid.sdof.drop_results import DropSummary
 from sysid.tabular import Tabular
 
 # For annotations only: at run time these packages would load JAX, which exports and report do without.
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from sysid.estimation.fit.profiles import ProfileLikelihood
     from sysid.planning.advice import Advice
     from sysid.posterior.cross_check import CrossCheck
-    from sysid.posterior.results import Posterior
-    from sysid.prediction.results import Predictions
-    from sysid.validation.results import Validation
+    from sysid.posterior.sampled_posterior import Posterior
+    from sysid.prediction.predicted_passes import Predictions
+    from sysid.validation.channel_agreement import Validation
 
 Status = Literal["converged", "not_converged", "preview"]
 STATUSES: tuple[Status, ...] = ("converged", "not_converged", "preview")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from sysid.tabular import distinct
 
 if TYPE_CHECKING:
-    from sysid.prediction.results import PassPrediction
+    from sysid.prediction.predicted_passes import PassPrediction
 
 
 _LONGEST_NAME = 60

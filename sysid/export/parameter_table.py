@@ -10,7 +10,7 @@ from sysid.export.csv_cells import csv_text, escape_cell, number_cell
 
 if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult
-    from sysid.posterior.results import Posterior
+    from sysid.posterior.sampled_posterior import Posterior
 
 PARAMETER_COLUMNS = (
     "name",

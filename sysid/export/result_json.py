@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 from sysid.export.contents import Results
 from sysid.export.naming import prediction_files, speed_km_h
 from sysid.files import write_text
-from sysid.sdof.results import DropEstimate
+from sysid.sdof.drop_results import DropEstimate
 
 if TYPE_CHECKING:
     from sysid.estimation.parameters.estimate import ParameterEstimate
     from sysid.planning.advice import Prospect
-    from sysid.posterior.results import PosteriorSummary
-    from sysid.prediction.results import PassPrediction
-    from sysid.validation.results import ChannelAgreement, LeftOutRun
+    from sysid.posterior.sampled_posterior import PosteriorSummary
+    from sysid.prediction.predicted_passes import PassPrediction
+    from sysid.validation.channel_agreement import ChannelAgreement, LeftOutRun
 
 SCHEMA_VERSION = 1
 
@@ -53,7 +53,9 @@ def result_document(results: Results) -> dict[str, Any]:
 
 def result_schema() -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of `result.json`."""
-    return json.loads(resources.files("sysid.export").joinpath("result.schema.json").read_text(encoding="utf-8"))
+    text = resources.files("sysid.export").joinpath("result.schema.json").read_text(encoding="utf-8")
+    schema: dict[str, Any] = json.loads(text)
+    return schema
 
 
 def result_text(results: Results) -> str:

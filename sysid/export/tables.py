@@ -16,12 +16,12 @@ from sysid.export.naming import file_stem, prediction_files, speed_km_h
 from sysid.export.parameter_table import parameter_table
 from sysid.files import write_text
 from sysid.tabular import distinct
-from sysid.validation.results import ChannelAgreement
+from sysid.validation.channel_agreement import ChannelAgreement
 
 if TYPE_CHECKING:
     from sysid.estimation.fit.profiles import ProfileLikelihood
-    from sysid.prediction.results import PassPrediction, Predictions, Quantiles
-    from sysid.validation.results import Validation
+    from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles
+    from sysid.validation.channel_agreement import Validation
 
 
 def parameters_csv(results: Results) -> str:

@@ -8,7 +8,7 @@ declared in it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +26,7 @@ from sysid.planning.candidate_runs import (
     run_information,
 )
 from sysid.prediction.passes import effective_roads, peak_ratios
+from sysid.progress import Progress, unwatched
 
 #: Speeds of candidate runs [km/h].
 CANDIDATE_KM_H = (8.0, 16.0, 24.0, 32.0)
@@ -38,15 +39,13 @@ MASSES_SHOWN = 3
 #: Tolerance of a mass that counts as known.
 _EXACT = 1e-8
 
-Progress = Callable[[str, float], None]
-
 
 def advise(
     state: FitState,
     determined: Identifiability,
     *,
     speeds_km_h: Sequence[float] = CANDIDATE_KM_H,
-    progress: Progress = lambda message, fraction: None,
+    progress: Progress = unwatched,
 ) -> Advice:
     """What one further run, with or without one further sensor, would bring.
 

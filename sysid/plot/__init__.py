@@ -12,7 +12,7 @@ from sysid.plot.histories import (
 )
 from sysid.plot.knowledge import likelihood_profile, next_runs, prior_against_posterior
 from sysid.plot.loops import suspension_loop, suspension_loop_pair
-from sysid.plot.modes import mode_shape, mode_shapes
+from sysid.plot.mode_figures import mode_shape, mode_shapes
 from sysid.plot.posterior import (
     corner,
     correlation,

@@ -11,12 +11,12 @@ from matplotlib.axes import Axes
 
 from sysid.display import Z90
 from sysid.plot.style import INK, axes_or_new, axle_color, label, styled
-from sysid.sdof.results import DropEstimate, DropSummary
+from sysid.sdof.drop_results import DropEstimate, DropSummary
 
 if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.parameters.estimate import ParameterEstimate
-    from sysid.posterior.results import Posterior
+    from sysid.posterior.sampled_posterior import Posterior
 
 Quantity = Literal["stiffness", "damping"]
 Source = Literal["paper", "corrected", "free_decay", "model", "fitted", "posterior"]

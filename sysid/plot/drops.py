@@ -20,7 +20,7 @@ from sysid.plot.style import (
     styled,
     thin,
 )
-from sysid.sdof.results import DropAnalysis
+from sysid.sdof.drop_results import DropAnalysis
 
 
 @styled

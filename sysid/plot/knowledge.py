@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.fit.profiles import ProfileLikelihood
     from sysid.planning.advice import Advice, Prospect
-    from sysid.posterior.results import Posterior
+    from sysid.posterior.sampled_posterior import Posterior
 
 
 @styled

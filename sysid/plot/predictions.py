@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from sysid.plot.style import MUTED, axes_or_new, axle_color, figure, styled, thin
 
 if TYPE_CHECKING:
-    from sysid.prediction.results import PassPrediction, SpeedSweep
+    from sysid.prediction.predicted_passes import PassPrediction, SpeedSweep
 
 
 @styled

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from sysid.plot.style import FAINT, INK, MUTED, axes_or_new, axle_color, styled, thin
 from sysid.road.effective import AxleRoad
-from sysid.road.results import RoadProfile, ScanAnalysis
+from sysid.road.road_profile import RoadProfile, ScanAnalysis
 
 
 @styled

@@ -2,7 +2,7 @@
 
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
 from sysid.posterior.moves import LaplaceMove, posterior_moves
-from sysid.posterior.results import Posterior, PosteriorSummary
+from sysid.posterior.sampled_posterior import Posterior, PosteriorSummary
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
 
 __all__ = [

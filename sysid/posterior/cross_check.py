@@ -13,20 +13,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.errors import CampaignError
 from sysid.posterior.diagnostics import effective_draws
 from sysid.posterior.inference_data import draw_order, without_arviz_notice
+from sysid.progress import Progress, unwatched
 from sysid.tabular import Tabular, records_table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from sysid.posterior.results import Posterior
+    from sysid.posterior.sampled_posterior import Posterior
 
 #: (p,) -> log-density and its gradient (p,).
 Gradient = Callable[[np.ndarray], tuple[float, np.ndarray]]
-Progress = Callable[[str, float], None]
-
 #: Differences up to so many Monte Carlo errors are chance, with some tens of parameters.
 ERRORS = 4.0
 CHAINS, TUNING, DRAWS = 2, 150, 250
@@ -86,8 +86,8 @@ class CrossCheck(Tabular):
 def cross_check(
     gradient: Gradient,
     posterior: Posterior,
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    centre: Parameters,
+    covariance: ParametersByParameters,
     *,
     seed: int = 0,
     progress: Progress | None = None,
@@ -153,8 +153,8 @@ def _span(values: Any) -> str:
 
 def gradient_draws(
     gradient: Gradient,
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    centre: Parameters,
+    covariance: ParametersByParameters,
     *,
     chains: int = CHAINS,
     tuning: int = TUNING,
@@ -179,7 +179,7 @@ def gradient_draws(
         ) from error
     # In these coordinates the posterior is nearly a unit normal: the sampler has little to adapt.
     factor, count = np.linalg.cholesky(covariance), centre.size
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     calls, expected = 0, 4.0 * chains * (tuning + draws)
 
     def density(y: np.ndarray) -> tuple[float, np.ndarray]:

@@ -10,15 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.posterior.checkpoint import Checkpoint, Resumed, read_chain
 from sysid.posterior.diagnostics import Diagnosis, diagnose, standstills, summarise
 from sysid.posterior.ensembles import Density, Ensemble, advance, first, restored
 from sysid.posterior.history import History
 from sysid.posterior.moves import posterior_moves
-from sysid.posterior.results import Posterior
+from sysid.posterior.sampled_posterior import Posterior
+from sysid.progress import Progress, unwatched
 from sysid.threads import one_blas_thread
 
-Progress = Callable[[str, float], None]
 Notice = Callable[[str], None]
 
 #: Segments after which convergence is judged at every second one only, after twice as many at every fourth, and so on:
@@ -53,8 +54,8 @@ class SamplingOptions:
 def sample_posterior(
     density: Density,
     names: tuple[str, ...],
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    centre: Parameters,
+    covariance: ParametersByParameters,
     likelihood: str,
     options: SamplingOptions | None = None,
     *,
@@ -85,7 +86,7 @@ def sample_posterior(
         If the folder cannot be written or another process writes to it.
     """
     options = options or SamplingOptions()
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     identity = chain_identity(options, centre, covariance, fingerprint or {})
     with nullcontext() if folder is None else Checkpoint(folder, identity) as checkpoint:
         found = Resumed([], None, "") if checkpoint is None else checkpoint.open(resume=resume)
@@ -120,7 +121,7 @@ def posterior_so_far(
 
 
 def chain_identity(
-    options: SamplingOptions, centre: np.ndarray, covariance: np.ndarray, fingerprint: dict[str, str]
+    options: SamplingOptions, centre: Parameters, covariance: ParametersByParameters, fingerprint: dict[str, str]
 ) -> dict[str, str]:
     """What a chain depends on, by name: files, settings, and the Laplace approximation."""
     settings = {k: str(v) for k, v in asdict(options).items() if k not in ("max_steps", "min_effective", "rhat_limit")}
@@ -133,8 +134,8 @@ def chain_identity(
 def _ensembles(
     density: Density,
     names: tuple[str, ...],
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    centre: Parameters,
+    covariance: ParametersByParameters,
     options: SamplingOptions,
     found: Resumed,
 ) -> list[Ensemble]:

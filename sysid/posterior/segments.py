@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid import array_file
+from sysid.arrays import EnsemblesByWalkers, WalkerDraws
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,9 @@ class Segment:
     `accepted` (E, W) counts accepted proposals, `rejected` (E,) proposals without a finite density.
     """
 
-    draws: np.ndarray
+    draws: WalkerDraws
     log_probability: np.ndarray
-    accepted: np.ndarray
+    accepted: EnsemblesByWalkers
     rejected: np.ndarray
     random_keys: np.ndarray
     random_places: np.ndarray

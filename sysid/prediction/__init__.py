@@ -2,9 +2,9 @@
 
 from sysid.prediction.calibrated import calibrated_vehicle
 from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
-from sysid.prediction.modes import calibrated_modes
+from sysid.prediction.calibrated_truck_modes import calibrated_modes
 from sysid.prediction.passes import predict, predict_pass, speed_sweep
-from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
+from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 
 __all__ = [
     "CalibratedSuspension",

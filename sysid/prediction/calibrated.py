@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.fit_result import FitResult
-from sysid.posterior.results import Posterior
+from sysid.posterior.sampled_posterior import Posterior
 from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
 from sysid.prediction.loops import calibrated_laws
-from sysid.sdof.results import DropSummary
+from sysid.sdof.drop_results import DropSummary
 from sysid.vehicle_model.contact import SOFT_DAMPING, TireLaw
 from sysid.vehicle_model.suspension import (
     REFERENCE_RATE_M_S,
@@ -66,10 +69,10 @@ def calibrated_vehicles(
 
 
 def _suspension(law: SuspensionLaw, axle: int, name: str, words: str, static_load: float) -> CalibratedSuspension:
-    def on_axle(function, values: np.ndarray) -> np.ndarray:
+    def on_axle(function: Callable[[SuspensionLaw, jax.Array], jax.Array], values: np.ndarray) -> np.ndarray:
         """Force over a row of extensions or rates of this axle."""
         rows = np.broadcast_to(values, (*law.stiffness.shape[:2], len(values)))
-        return np.asarray(function(law, jnp.asarray(rows)))[0, axle]
+        return np.asarray(np.asarray(function(law, jnp.asarray(rows)))[0, axle])
 
     extension, rate = _grid(_EXTENSION_M, law.ramps, axle), _grid(_RATE_M_S, law.rate_ramps, axle)
     low, high = on_axle(spring_force, np.array([-_SMALL_M, _SMALL_M]))

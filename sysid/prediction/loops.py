@@ -14,7 +14,7 @@ from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.law_choice import laws_of_axles
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.lane_laws import lane_laws, law_inputs
-from sysid.sdof.results import DropSummary
+from sysid.sdof.drop_results import DropSummary
 from sysid.tabular import Tabular
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import TireLaw, effective_road

@@ -9,11 +9,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import DrawsByParameters
 from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
+from sysid.vehicle_model.lane_arrays import ParametersBySets
+from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.lanes import Lanes, Pass, pass_matrices
 from sysid.vehicle_model.simulation import Motion
 from sysid.vehicle_model.suspension import SuspensionLaw
@@ -47,7 +50,7 @@ def histories_of_draws(
     parameters: ParameterSet,
     vehicles: VehicleDraws,
     driven: Pass,
-    log_parameters: np.ndarray,
+    log_parameters: DrawsByParameters,
     motion: Motion,
     timing: Timing,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -90,15 +93,21 @@ def histories_of_draws(
 def _joined(roads: list[EffectiveRoad]) -> EffectiveRoad:
     """The roads of several lanes as one."""
 
-    def joined(name: str) -> np.ndarray | None:
-        tables = [getattr(road, name) for road in roads]
-        return None if tables[0] is None else np.concatenate(tables, axis=-3)
+    def joined(tables: list[np.ndarray | None]) -> np.ndarray | None:
+        present = [t for t in tables if t is not None]
+        return np.concatenate(present, axis=-3) if present else None
 
-    return roads[0]._replace(rise=joined("rise"), stretch=joined("stretch"), drag=joined("drag"))
+    return roads[0]._replace(
+        rise=np.concatenate([r.rise for r in roads], axis=-3),
+        stretch=joined([r.stretch for r in roads]),
+        drag=joined([r.drag for r in roads]),
+    )
 
 
 @partial(jax.jit, static_argnames=("timing",))
-def _histories(matrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *, timing: Timing):
+def _histories(
+    matrices: LaneMatrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *, timing: Timing
+) -> tuple[jax.Array, jax.Array, jax.Array]:
     suspension, tire = _laws(inputs, sets)
     found = road.engine.histories(matrices, suspension, tire, road, timing)
     return found.tire_force, found.suspension_force, found.deflection
@@ -107,7 +116,7 @@ def _histories(matrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *,
 def _laws(inputs: LawInputs, sets: jax.Array) -> tuple[SuspensionLaw, TireLaw]:
     """Laws with one lane per draw from inputs stacked along the draws and parameters (n, p, 1)."""
 
-    def one(own: LawInputs, x: jax.Array):
+    def one(own: LawInputs, x: ParametersBySets) -> tuple[SuspensionLaw, tuple[jax.Array, ...]]:
         suspension, tire = lane_laws(own, x)
         lane = suspension.stiffness.shape
         return suspension, tuple(jnp.broadcast_to(v, lane) for v in tire[:-1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,19 +10,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import Axles, DrawsByParameters, Samples, SamplesByAxlesBySets
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitState
-from sysid.estimation.parameters.lane_laws import lane_laws, law_inputs
+from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.mass_lanes import VehicleDraws, histories_of_draws
 from sysid.prediction.measures import impulse_ratio, lift_off_time, load_coefficient, quantiles
+from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.remarks import driven_speeds, remarks
-from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
+from sysid.progress import Progress, unwatched
 from sysid.road.named_shapes import named_shape
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
+from sysid.vehicle_model.lane_arrays import ParametersBySets
+from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
 from sysid.vehicle_model.simulation import Motion
 
@@ -36,11 +40,11 @@ SWEEP_DRAWS = 50
 #: Speeds [km/h] of the ratio against speed.
 SWEEP_KM_H = (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0, 32.0, 36.0, 42.0, 48.0, 54.0, 60.0)
 
-Progress = Callable[[str, float], None]
-
 
 @partial(jax.jit, static_argnames=("timing",))
-def _histories(matrices, laws, road: WheelRoad, log_parameters, *, timing: Timing) -> tuple:
+def _histories(
+    matrices: LaneMatrices, laws: LawInputs, road: WheelRoad, log_parameters: ParametersBySets, *, timing: Timing
+) -> tuple[jax.Array, jax.Array, jax.Array]:
     suspension, tire = lane_laws(laws, log_parameters)
     found = road.engine.histories(matrices, suspension, tire, road, timing)
     return found.tire_force[:, 0], found.suspension_force[:, 0], found.deflection[:, 0]
@@ -50,11 +54,11 @@ def _histories(matrices, laws, road: WheelRoad, log_parameters, *, timing: Timin
 class _Pass:
     """Histories (T, axles, S) of one pass, its static loads (axles,), and when each axle rings, (T, axles)."""
 
-    time_s: np.ndarray
-    tire_N: np.ndarray
-    suspension_N: np.ndarray
-    deflection_m: np.ndarray
-    static_N: np.ndarray
+    time_s: Samples
+    tire_N: SamplesByAxlesBySets
+    suspension_N: SamplesByAxlesBySets
+    deflection_m: SamplesByAxlesBySets
+    static_N: Axles
     passing: np.ndarray
 
 
@@ -120,6 +124,7 @@ def predict_pass(
     """
     p = _simulate(campaign, parameters, roads, request, sets.T, vehicles)
     force = quantiles(p.tire_N)
+    suspension = quantiles(p.suspension_N)
     ratio = quantiles(p.tire_N.max(axis=0) / p.static_N[:, None])
     jounce, rebound = quantiles((-p.deflection_m).max(axis=0)), quantiles(p.deflection_m.max(axis=0))
     together = float(np.median(p.tire_N.sum(axis=1).mean(axis=0))) / float(p.static_N.sum())
@@ -136,7 +141,7 @@ def predict_pass(
         peak_ratio_q95=ratio.q95,
         lift_off=(p.tire_N.min(axis=0) <= 0.0).mean(axis=1) >= 0.5,
         warnings=remarks(campaign, request, ratio.q50, (jounce, rebound), together),
-        suspension_force_N=Quantiles(*(_transposed(q) for q in vars(quantiles(p.suspension_N)).values())),
+        suspension_force_N=Quantiles(_transposed(suspension.q05), suspension.q50.T, _transposed(suspension.q95)),
         load_coefficient=quantiles(load_coefficient(p.tire_N, p.static_N, p.passing)),
         lift_off_s=quantiles(lift_off_time(p.tire_N, INTERVAL_S)),
         jounce_m=jounce,
@@ -170,7 +175,7 @@ def speed_sweep(
     roads: EffectiveRoads,
     sets: np.ndarray,
     speeds_m_s: Sequence[float],
-    progress: Progress = lambda message, fraction: None,
+    progress: Progress = unwatched,
     vehicles: VehicleDraws | None = None,
 ) -> SpeedSweep:
     """Peak load ratio and dynamic load coefficient of one load case over a bump against speed.
@@ -208,12 +213,12 @@ def effective_roads(state: FitState, requests: Sequence[PredictionRequest]) -> E
 
 def predict(
     state: FitState,
-    draws: np.ndarray | None,
+    draws: DrawsByParameters | None,
     requests: Sequence[PredictionRequest],
     *,
     seed: int = 0,
     sweep_km_h: Sequence[float] = SWEEP_KM_H,
-    progress: Progress = lambda message, fraction: None,
+    progress: Progress = unwatched,
 ) -> Predictions:
     """Wheel loads of passes, and the load ratio against speed in their load cases.
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from sysid.arrays import Axles
 from sysid.campaign.records import Axle, Campaign, PredictionRequest
 from sysid.estimation.parameters.suspension_elements import law_elements
-from sysid.prediction.results import FASTER, Quantiles
+from sysid.prediction.predicted_passes import FASTER, Quantiles
 
 #: Load ratio from which on a truck would have hit its stops.
 ARTEFACT_RATIO = 3.0
@@ -34,7 +35,7 @@ def driven_speeds(campaign: Campaign, load_case: str) -> list[float]:
 def remarks(
     campaign: Campaign,
     request: PredictionRequest,
-    peak_ratio: np.ndarray,
+    peak_ratio: Axles,
     travel: tuple[Quantiles, Quantiles],
     impulse: float,
 ) -> tuple[str, ...]:
@@ -73,7 +74,7 @@ def _extrapolation(campaign: Campaign, request: PredictionRequest, name: str) ->
     return found
 
 
-def _travel(campaign: Campaign, name: str, peak_ratio: np.ndarray, travel: tuple[Quantiles, Quantiles]) -> list[str]:
+def _travel(campaign: Campaign, name: str, peak_ratio: Axles, travel: tuple[Quantiles, Quantiles]) -> list[str]:
     axles = campaign.vehicle.axles
     found = []
     for word, key, predicted in (

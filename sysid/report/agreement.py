@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from sysid.report.cells import Cell, Table, table
 from sysid.report.numbers import MISSING, fixed, percent
 from sysid.report.verdict import is_misfit
-from sysid.validation.results import channel_median
+from sysid.validation.channel_agreement import channel_median
 
 if TYPE_CHECKING:
-    from sysid.validation.results import ChannelAgreement, LeftOut, Validation
+    from sysid.validation.channel_agreement import ChannelAgreement, LeftOut, Validation
 
 _KINDS = {
     "suspension_deflection": "deflection",

@@ -13,7 +13,7 @@ from sysid.plot import SOURCE_LABELS, SOURCES
 from sysid.plot.comparison import Quantity
 from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.report.numbers import MISSING, decimals, fixed, number, percent
-from sysid.sdof.results import DropAnalysis, DropEstimate, DropSummary
+from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropSummary
 
 if TYPE_CHECKING:
     pass

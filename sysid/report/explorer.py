@@ -23,7 +23,7 @@ from sysid.report.numbers import plain_text, speed
 
 if TYPE_CHECKING:
     from sysid.estimation.residuals.run_history import RunHistory
-    from sysid.prediction.results import PassPrediction
+    from sysid.prediction.predicted_passes import PassPrediction
 
 #: Code of a missing sample.
 MISSING_CODE = -32768

@@ -17,7 +17,7 @@ from sysid.prediction.loops import AMPLITUDE_M, FREQUENCY_HZ, suspension_loops
 from sysid.report.drop_tables import without_dampers
 from sysid.report.numbers import count, number, percent, speed
 from sysid.road import AxleRoad, effective_profiles
-from sysid.sdof.results import DropAnalysis
+from sysid.sdof.drop_results import DropAnalysis
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from sysid.campaign.records import LoadCase
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.residuals.run_history import RunHistory
-    from sysid.vehicle_model.modes import NaturalModes
+    from sysid.vehicle_model.vibration_modes import NaturalModes
 
 _MOST_CORNER = 14
 _MOST_MARGINALS = 48

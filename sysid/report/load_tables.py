@@ -9,7 +9,7 @@ from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, number, speed
 
 if TYPE_CHECKING:
-    from sysid.prediction.results import Quantiles
+    from sysid.prediction.predicted_passes import Quantiles
 
 
 def prediction_tables(results: Results) -> list[Table]:

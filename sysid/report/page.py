@@ -17,10 +17,11 @@ from sysid.estimation.fit.thresholds import MISFIT
 from sysid.export import Results
 from sysid.files import write_text
 from sysid.plot.comparison import Quantity
-from sysid.prediction.modes import calibrated_modes
+from sysid.prediction.calibrated_truck_modes import calibrated_modes
+from sysid.prediction.remarks import ARTEFACT_RATIO
 from sysid.report import agreement, answer, cells, drop_tables, explorer, figures, knowledge, load_tables, tables
 from sysid.report.numbers import MISSING, count, fixed, number, percent, plain_text
-from sysid.report.stops import ARTEFACT_RATIO, artefact_passes, undeclared_travel
+from sysid.report.stops import artefact_passes, undeclared_travel
 from sysid.report.verdict import verdict
 
 _QUANTITIES: tuple[Quantity, ...] = ("stiffness", "damping")

@@ -19,7 +19,7 @@ from sysid.report.figures import axle_roads, representative_drops, representativ
 from sysid.report.numbers import speed
 
 if TYPE_CHECKING:
-    from sysid.prediction.results import PassPrediction
+    from sysid.prediction.predicted_passes import PassPrediction
 
 
 def write_paper_figures(results: Results, folder: Path) -> list[Path]:
@@ -68,7 +68,8 @@ def _bump(results: Results, name: str) -> Axes:
     plot.profile(analysis, axes[1])
     if (roads := axle_roads(results, name)) is not None:
         plot.effective_profile(analysis.profile, roads, axes[2])
-    return axes[0]
+    first: Axes = axes[0]
+    return first
 
 
 @styled
@@ -82,4 +83,5 @@ def _first_axle(passes: tuple[PassPrediction, ...], kind: str) -> Axes:
             plot.suspension_force(p, 0, ax)
         ax.set_title(plot.label(f"axle 1, {p.load_case}, {speed(p.speed_m_s)} km/h", 60))
         ax.legend(loc="upper right")
-    return axes[0]
+    first: Axes = axes[0]
+    return first

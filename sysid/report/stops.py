@@ -12,7 +12,7 @@ from sysid.prediction.remarks import ARTEFACT_RATIO, BUMP_STOPS, has_bump_stops,
 from sysid.report.numbers import listing, speed
 
 if TYPE_CHECKING:
-    from sysid.prediction.results import PassPrediction
+    from sysid.prediction.predicted_passes import PassPrediction
 
 
 def pass_name(p: PassPrediction) -> str:

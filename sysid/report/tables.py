@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.parameters.estimate import ParameterEstimate
     from sysid.posterior.cross_check import CrossCheck
-    from sysid.posterior.results import Posterior
-    from sysid.vehicle_model.modes import NaturalModes
+    from sysid.posterior.sampled_posterior import Posterior
+    from sysid.vehicle_model.vibration_modes import NaturalModes
 
 
 def masses_table(fit: FitResult) -> Table | None:

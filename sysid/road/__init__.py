@@ -4,7 +4,7 @@ from sysid.road.effective import AxleRoad, effective_profiles
 from sysid.road.enveloping import SPOKE_EXPONENT, SpokeTable, effective_profile, spoke_table, static_deflection
 from sysid.road.named_shapes import named_shape
 from sysid.road.point_cloud import read_point_cloud, read_point_cloud_counted
-from sysid.road.results import RoadProfile, ScanAnalysis
+from sysid.road.road_profile import RoadProfile, ScanAnalysis
 from sysid.road.scan import ScanOptions, analyse_scan
 from sysid.road.shapes import (
     half_sine,

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.campaign.records import LoadCase, Vehicle
 from sysid.road.enveloping import effective_profile, spoke_table
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.optimize import brentq
 
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 
 #: Exponent of a single spoke; on a flat road the force grows with about deflection^(SPOKE_EXPONENT + 1/2).
 SPOKE_EXPONENT = 0.7
@@ -108,7 +108,9 @@ def _known_shape(stations: bytes, heights: bytes, start_m: float, radius_m: floa
     )
 
 
-def _compression(station, height, radius, road_s, road_z) -> np.ndarray:
+def _compression(
+    station: np.ndarray, height: np.ndarray, radius: float, road_s: np.ndarray, road_z: np.ndarray
+) -> np.ndarray:
     """Compression (spokes, stations, levels) of all spokes for given centre heights (stations, levels)."""
     found = np.empty((_SPOKES, *height.shape))
     for i, phi in enumerate(_ANGLE_RAD):
@@ -148,7 +150,7 @@ def static_deflection(table: SpokeTable, load_N: float, stiffness_N_per_m: float
     target = load_N / stiffness_N_per_m
 
     def mismatch(u: float) -> float:
-        return u / np.interp(u, table.deflection_m, slope) - target
+        return float(u / np.interp(u, table.deflection_m, slope) - target)
 
     deepest = float(table.deflection_m[-1])
     if mismatch(deepest) < 0.0:

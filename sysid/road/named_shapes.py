@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.campaign.records import BumpShape
 from sysid.errors import CampaignError
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 from sysid.road.shapes import half_sine, parabolic, profile_from_points, raised_cosine, trapezoid, watts
 
 _SIZED = {"watts": watts, "sinusoidal": raised_cosine, "half_sine": half_sine, "parabolic": parabolic}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid.road.enveloping import FootprintMap, SpokeTable, spoke_table
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 
 #: Length over which the plank's end falls off: the tread spans a gap of this size, so its exact shape is not felt.
 EDGE_M = 0.01

@@ -11,8 +11,8 @@ import numpy as np
 from sysid import limits
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.road.bump_search import Stretch, raised_stretches
-from sysid.road.results import RoadProfile, ScanAnalysis
 from sysid.road.road_frame import RoadFrame, level_frame
+from sysid.road.road_profile import RoadProfile, ScanAnalysis
 from sysid.road.scan_checks import HEIGHT_M, UNUSUAL_HEIGHT_M, checked_points, crest_angle, unit_hint
 from sysid.road.shapes import make_profile
 from sysid.road.strip_profile import StripFit, StripProfile, fit_strip, settle_ends

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from sysid.errors import CampaignError
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 
 STATION_STEP_M = 0.002
 FLAT_M = 0.3

@@ -205,7 +205,7 @@ def _likely(fits: list[SplineFit], inflation: float) -> tuple[list[SplineFit], n
 def _lane_weights(lane: np.ndarray, count: int) -> np.ndarray:
     points = np.bincount(lane, minlength=count)
     typical = float(np.median(points[points > 0]))
-    return np.clip(typical / np.maximum(points, 1), 1 / 3, 3.0)[lane]
+    return np.asarray(np.clip(typical / np.maximum(points, 1), 1 / 3, 3.0)[lane])
 
 
 @dataclass(frozen=True)
@@ -249,7 +249,7 @@ def _lane_departure(
     real = (size >= 5) & (np.abs(median) > 4 * scale / np.sqrt(size))
     departure[order] = np.repeat(np.where(real, median, 0.0), size)
     limit = _LARGEST_WEAR * np.abs(height) + 2 * scale
-    return np.clip(departure, -limit, limit)
+    return np.asarray(np.clip(departure, -limit, limit))
 
 
 def _excess(patches: _Patches, chosen: np.ndarray, scale: float) -> float:
@@ -291,7 +291,7 @@ def _running_median(along: np.ndarray, height: np.ndarray) -> np.ndarray:
     groups = np.split(order, first[1:])
     station = np.array([np.mean(along[group]) for group in groups])
     level = np.array([np.median(height[group]) for group in groups])
-    return np.interp(along, station, level)
+    return np.asarray(np.interp(along, station, level))
 
 
 def _mad(residual: np.ndarray) -> float:

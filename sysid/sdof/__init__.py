@@ -3,6 +3,7 @@
 from sysid.sdof.analysis import analyse_drop
 from sysid.sdof.damping_law import fit_damping_law
 from sysid.sdof.decay import prepare_record, read_decay
+from sysid.sdof.drop_results import DampingLaw, DecayReading, DropAnalysis, DropEstimate, DropMethod, DropSummary
 from sysid.sdof.equations import (
     corrected_damping,
     corrected_stiffness,
@@ -18,7 +19,6 @@ from sysid.sdof.equations import (
     series_damping,
     series_stiffness,
 )
-from sysid.sdof.results import DampingLaw, DecayReading, DropAnalysis, DropEstimate, DropMethod, DropSummary
 from sysid.sdof.settings import DropSettings
 from sysid.sdof.summary import analyse_drops, summary_table
 

@@ -12,10 +12,10 @@ from sysid.errors import DataRejectedError
 from sysid.sdof.damping_choice import more_than_viscous, viscous_alone, without_sticking
 from sysid.sdof.damping_law import fit_damping_law
 from sysid.sdof.decay import PreparedRecord, prepare_record, reading_of, smooth_record
+from sysid.sdof.drop_results import DampingLaw, DecayReading, DropAnalysis, DropEstimate, DropMethod
 from sysid.sdof.equations import directive_damping
 from sysid.sdof.estimates import AxleOnTire, estimate, estimate_by_law, unusable
 from sysid.sdof.free_decay import FreeDecayFit, fit_free_decay
-from sysid.sdof.results import DampingLaw, DecayReading, DropAnalysis, DropEstimate, DropMethod
 from sysid.sdof.settings import DropSettings
 
 _SIDE_DISAGREEMENT = 0.2
@@ -155,7 +155,7 @@ def _measured(channel: Channel, time: np.ndarray) -> np.ndarray:
     value = np.where(channel.censored == 0, channel.value, np.nan)
     if channel.time_s.shape == time.shape and np.array_equal(channel.time_s, time):
         return value
-    return np.interp(time, channel.time_s, value, left=np.nan, right=np.nan)
+    return np.asarray(np.interp(time, channel.time_s, value, left=np.nan, right=np.nan))
 
 
 def _read(

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.sdof.decay import PreparedRecord
+from sysid.sdof.drop_results import DampingLaw
 from sysid.sdof.free_decay import FreeDecayFit
 from sysid.sdof.peaks import smoothing_half_width
-from sysid.sdof.results import DampingLaw
 
 _SMALLEST_SHARE = 0.10  # of the amplitude lost, by all that is not viscous
 _SMALLEST_PART = 0.25  # of the motion after the release that the fitted swings must be

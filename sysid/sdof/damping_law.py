@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from sysid.sdof.decay import PreparedRecord
-from sysid.sdof.modes import correlated_covariance
+from sysid.sdof.decay_modes import correlated_covariance
+from sysid.sdof.drop_results import DampingLaw, DampingTerm
 from sysid.sdof.peaks import smoothing_half_width
-from sysid.sdof.results import DampingLaw, DampingTerm
 from sysid.sdof.ring_down import RingDown, ring_down
 from sysid.sdof.smoothing import local_polynomial
 
@@ -385,7 +385,7 @@ def _history(first_of_run: np.ndarray) -> np.ndarray:
     """Readings with as many others before them, without a gap, as the autoregression needs."""
     run = np.cumsum(first_of_run)
     rows = np.arange(_AR_ORDER, run.size)
-    return rows[run[rows] == run[rows - _AR_ORDER]]
+    return np.asarray(rows[run[rows] == run[rows - _AR_ORDER]])
 
 
 def _whiten(value: np.ndarray, coefficients: np.ndarray, first_of_run: np.ndarray) -> np.ndarray:
@@ -393,7 +393,7 @@ def _whiten(value: np.ndarray, coefficients: np.ndarray, first_of_run: np.ndarra
     if coefficients.size == 0:
         return value
     rows = _history(first_of_run)
-    return value[rows] - sum(c * value[rows - lag - 1] for lag, c in enumerate(coefficients))
+    return np.asarray(value[rows] - sum(c * value[rows - lag - 1] for lag, c in enumerate(coefficients)))
 
 
 def _law(

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from sysid.sdof.averages import mean_with_scatter, random_effects
-from sysid.sdof.modes import ModeFit, fit_modes, scan_single_mode
+from sysid.sdof.decay_modes import ModeFit, fit_modes, scan_single_mode
+from sysid.sdof.drop_results import DecayReading
 from sysid.sdof.peaks import Extrema, find_extrema, smoothing_half_width
 from sysid.sdof.release import Release, find_release
-from sysid.sdof.results import DecayReading
 from sysid.sdof.smoothing import local_polynomial, spike_mask
 
 DampingKind = Literal["viscous", "friction", "quadratic", "unknown"]

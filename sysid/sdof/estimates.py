@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.sdof.drop_results import DampingLaw, DropEstimate, DropMethod
 from sysid.sdof.equations import (
     STIFFNESS_RATIO_LIMIT,
     corrected_damping,
@@ -15,7 +16,6 @@ from sysid.sdof.equations import (
     paper_stiffness,
     propagate,
 )
-from sysid.sdof.results import DampingLaw, DropEstimate, DropMethod
 from sysid.sdof.settings import DropSettings
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.sdof.decay import PreparedRecord
-from sysid.sdof.modes import ModeFit, fit_modes, mode_curve, scan_single_mode
+from sysid.sdof.decay_modes import ModeFit, fit_modes, mode_curve, scan_single_mode
 
 HOP_RANGE_HZ = (6.0, 20.0)
 _HOP_STARTS_HZ = (8.5, 12.0)
@@ -207,7 +207,7 @@ def _earned(simple: ModeFit, rich: ModeFit, extra: int) -> bool:
     before, after = simple.residual_rms**2, rich.residual_rms**2
     if before <= 1e-18 * float(simple.amplitude[0]) ** 2:
         return False
-    return samples * np.log(before / max(after, 1e-300)) > extra * np.log(samples)
+    return bool(samples * np.log(before / max(after, 1e-300)) > extra * np.log(samples))
 
 
 def _envelope_note(fit: ModeFit, time: np.ndarray, value: np.ndarray) -> list[str]:

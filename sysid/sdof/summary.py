@@ -13,8 +13,8 @@ import pandas as pd
 from sysid.campaign.records import Campaign, Vehicle
 from sysid.sdof.analysis import analyse_drop, axle_on_tire
 from sysid.sdof.averages import mean_with_scatter
+from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropMethod, DropSummary
 from sysid.sdof.estimates import AxleOnTire, invert, unusable
-from sysid.sdof.results import DropAnalysis, DropEstimate, DropMethod, DropSummary
 from sysid.sdof.settings import DropSettings
 
 METHODS: tuple[DropMethod, ...] = ("paper", "corrected", "free_decay")

@@ -13,7 +13,7 @@ from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor
 from sysid.estimation.residuals.bump_model import GAIN_SD, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 from sysid.selftest.world import World
 
 #: Integration step behind simulated readings [s], finer than that of a fit.

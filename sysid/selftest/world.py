@@ -12,7 +12,7 @@ from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.road.contact_laws import ContactLaw
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.lanes import EffectiveRoads
 
 

@@ -1,6 +1,7 @@
 """Agreement between simulated and measured histories."""
 
 from sysid.validation.agreement import validate
+from sysid.validation.channel_agreement import ChannelAgreement, Validation, ValidationLimits
 from sysid.validation.metrics import (
     PeakError,
     SpragueGeers,
@@ -11,7 +12,6 @@ from sysid.validation.metrics import (
     sprague_geers,
 )
 from sysid.validation.objective_rating import ObjectiveRating, objective_ratings
-from sysid.validation.results import ChannelAgreement, Validation, ValidationLimits
 
 __all__ = [
     "ChannelAgreement",

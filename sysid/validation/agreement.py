@@ -6,9 +6,9 @@ import numpy as np
 
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.residuals.run_history import RunHistory
+from sysid.validation.channel_agreement import ChannelAgreement, Validation, ValidationLimits
 from sysid.validation.metrics import dominant_frequency, filled_in, fit_percent, nrmse, peak_error, sprague_geers
 from sysid.validation.objective_rating import objective_ratings
-from sysid.validation.results import ChannelAgreement, Validation, ValidationLimits
 
 #: Above this share of missing or clipped samples a channel gets no objective rating: interpolation would rate itself.
 _MOST_MISSING = 0.05

@@ -6,7 +6,6 @@ from sysid.vehicle_model.filters import FilterRecursion, discretise
 from sysid.vehicle_model.lane_matrices import LaneMatrices, lane_matrices
 from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, Pass, make_lanes
 from sysid.vehicle_model.measured_road import measured_road
-from sysid.vehicle_model.modes import NaturalModes, natural_modes
 from sysid.vehicle_model.simulation import (
     Histories,
     Motion,
@@ -16,6 +15,7 @@ from sysid.vehicle_model.simulation import (
     stage_times,
 )
 from sysid.vehicle_model.suspension import SuspensionLaw
+from sysid.vehicle_model.vibration_modes import NaturalModes, natural_modes
 
 __all__ = [
     "EffectiveRoad",

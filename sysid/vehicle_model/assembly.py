@@ -25,6 +25,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from sysid.arrays import Axles
 from sysid.campaign.records import LoadCase, Vehicle
 from sysid.campaign.statics import static_equilibrium
 from sysid.vehicle_model.beams import Beams, assemble_beams, unsprung_names
@@ -46,13 +47,13 @@ class PlanarMatrices:
 
     mass: np.ndarray
     tilt: np.ndarray
-    unsprung_mass: np.ndarray
+    unsprung_mass: Axles
     attachment: np.ndarray
     travel: np.ndarray
     drive: np.ndarray
     chain_mass: np.ndarray
-    static_load: np.ndarray
-    carried_load: np.ndarray
+    static_load: Axles
+    carried_load: Axles
     heave_rows: np.ndarray
     travel_rows: np.ndarray
     pitch_rows: np.ndarray
@@ -61,7 +62,7 @@ class PlanarMatrices:
 
     def body_point(self, body: int, x_m: float) -> np.ndarray:
         """Row (nb,) that gives the vertical motion of a point of `body` at `x_m` behind axle 1."""
-        return self.heave_rows[body] - self.pitch_rows[body] * (x_m - self.cg_x[body])
+        return np.asarray(self.heave_rows[body] - self.pitch_rows[body] * (x_m - self.cg_x[body]))
 
 
 def chains(vehicle: Vehicle) -> list[list[int]]:

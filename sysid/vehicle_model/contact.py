@@ -29,6 +29,8 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.ndimage import spline_filter1d
 
+from sysid.vehicle_model.lane_arrays import AxleLanes, HostOrDevice
+
 #: Flat stations added at both ends: the filter's response has died out over them.
 _PADDING = 24
 
@@ -45,11 +47,11 @@ class TireLaw(NamedTuple):
     contact length, 0 where it is constant.
     """
 
-    static_deflection: jax.Array
-    reference_deflection: jax.Array
-    reference_load: jax.Array
+    static_deflection: AxleLanes
+    reference_deflection: AxleLanes
+    reference_load: HostOrDevice
     exponent: jax.Array
-    damping: jax.Array
+    damping: AxleLanes
     growth: float = 1.0
 
 
@@ -87,11 +89,11 @@ def _orders(values: list[jax.Array]) -> MapOrders:
 
 
 def tire_law(
-    stiffness: jax.Array,
-    damping: jax.Array,
+    stiffness: AxleLanes,
+    damping: AxleLanes,
     exponent: jax.Array,
-    static_load: jax.Array,
-    reference_load: jax.Array,
+    static_load: HostOrDevice,
+    reference_load: HostOrDevice,
 ) -> TireLaw:
     """Coefficients of the contact law from the tangent stiffness at the reference load.
 
@@ -118,7 +120,12 @@ NO_DEFLECTION = 1e-12
 
 
 def contact_force(
-    law: TireLaw, road: RoadInput, advance: jax.Array, speed: jax.Array, rise: jax.Array, rise_rate: jax.Array
+    law: TireLaw,
+    road: RoadInput,
+    advance: AxleLanes,
+    speed: AxleLanes,
+    rise: AxleLanes,
+    rise_rate: AxleLanes,
 ) -> tuple[jax.Array, jax.Array]:
     """Unclipped vertical contact force [N] and ratio of forward to vertical force [-], both (R, na, S).
 
@@ -157,10 +164,10 @@ def contact_force(
     length = size * jnp.sqrt((1.0 + SOFT_DAMPING) / (size + SOFT_DAMPING))
     # Off the ground the force goes on falling, so that it crosses zero with one slope when a wheel lands.
     grown = jnp.where(relative >= 0.0, rate, -jnp.abs(rate)) * length
-    return elastic + law.damping * (rate + law.growth * (grown - rate)), drag
+    return jnp.asarray(elastic + law.damping * (rate + law.growth * (grown - rate))), drag
 
 
-def _advanced(orders: MapOrders, advance: jax.Array) -> tuple[list[jax.Array], list[jax.Array]]:
+def _advanced(orders: MapOrders, advance: AxleLanes) -> tuple[list[jax.Array], list[jax.Array]]:
     """The rows of a map and their slopes `advance` [m] further on, by their Taylor series."""
     value, first, second, _ = orders
     rows = range(value.shape[-4])
@@ -191,7 +198,7 @@ class EffectiveRoad(NamedTuple):
 def spline_coefficients(values: np.ndarray) -> np.ndarray:
     """Coefficients of the interpolating quintic B-spline along the last axis, zero-padded at both ends."""
     padding = [(0, 0)] * (values.ndim - 1) + [(_PADDING, _PADDING)]
-    return spline_filter1d(np.pad(values, padding), order=5, axis=-1, mode="mirror", output=np.float64)
+    return np.asarray(spline_filter1d(np.pad(values, padding), order=5, axis=-1, mode="mirror", output=np.float64))
 
 
 def effective_road(

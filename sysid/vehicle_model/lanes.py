@@ -11,7 +11,7 @@ import numpy as np
 from sysid.campaign.records import Axle, LoadCase, SpeedHeld, Vehicle
 from sysid.road.contact_laws import CONTACT_LAWS, ContactLaw
 from sysid.road.enveloping import SPOKE_EXPONENT, FootprintMap, SpokeTable, footprint_map, spoke_table
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import EffectiveRoad, effective_road
 from sysid.vehicle_model.lane_matrices import SPEED_HOLD_S, LaneMatrices, lane_matrices

@@ -17,22 +17,23 @@ from sysid.output_folder import output_folder
 from sysid.planning.advice import Advice
 from sysid.planning.advise import CANDIDATE_KM_H
 from sysid.posterior.cross_check import CrossCheck
-from sysid.posterior.results import Posterior
+from sysid.posterior.sampled_posterior import Posterior
 from sysid.prediction.calibrated import calibrated_vehicles
 from sysid.prediction.calibrated_elements import CalibratedVehicle
 from sysid.prediction.driven import with_bands
-from sysid.prediction.results import Predictions
-from sysid.road.results import ScanAnalysis
+from sysid.prediction.predicted_passes import Predictions
+from sysid.progress import Progress, unwatched
+from sysid.road.road_profile import ScanAnalysis
 from sysid.runtime import configure
-from sysid.sdof.results import DropSummary
-from sysid.validation.results import Validation
+from sysid.sdof.drop_results import DropSummary
+from sysid.validation.channel_agreement import Validation
 from sysid.workflow import stages
 from sysid.workflow.assembly import assembled
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
 from sysid.workflow.runner import NOTHING, Runner
 from sysid.workflow.settings import Settings
-from sysid.workflow.stage import Aside, Ending, Itemwise, Notice, Progress, Stage
+from sysid.workflow.stage import Aside, Ending, Itemwise, Notice, Stage
 from sysid.workflow.stage_folder import SUCCESS_MARKER, StageFolder
 
 T = TypeVar("T")
@@ -77,7 +78,7 @@ class Calibration:
         self.settings = settings or Settings()
         self.output = output_folder(output)
         self._inputs = Inputs(campaign)
-        self._steps = Steps(progress or (lambda message, fraction: None))
+        self._steps = Steps(progress or unwatched)
         self._folder = StageFolder(self.output, self.settings, self._inputs.read)
         self._runner = Runner(self._inputs, self.settings, self._folder, self._steps, notice, resume)
 

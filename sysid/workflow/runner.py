@@ -113,17 +113,18 @@ class Runner:
 
     def _result(self, stage: Stage[T], asked: Mapping[str, Any] = NOTHING) -> T:
         if isinstance(stage, Itemwise):
-            return self._items(stage, asked)
+            items: T = self._items(stage, asked)
+            return items
         assert isinstance(stage, Whole)
         if self._again(stage, asked):
             context = self.context(stage, asked)
             # What is in memory only may be asked for beside another process that computes.
             with self.folder.lock if stage.in_file else nullcontext():
                 with self._timed(stage.name), self.steps.step(stage.name):
-                    result = stage.compute(context)
+                    result: T = stage.compute(context)
                 self.folder.keep(stage, result)
             return result
-        known = self.folder.known(stage)
+        known: T | None = self.folder.known(stage)
         assert known is not None
         return known
 

@@ -11,7 +11,7 @@ from sysid.estimation.fit.options import FitOptions
 from sysid.files import read_bytes, write_text
 from sysid.posterior.sampling import SamplingOptions
 from sysid.road.contact_laws import ContactLaw
-from sysid.validation.results import ValidationLimits
+from sysid.validation.channel_agreement import ValidationLimits
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from sysid.campaign.units import angle_rad, pressure_pa, si_factor, speed_m_s
 from sysid.errors import CampaignError, DataRejectedError, SysidError
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.vehicle_model.lanes import declared_tires
-from sysid.vehicle_model.modes import natural_modes
+from sysid.vehicle_model.vibration_modes import natural_modes
 
 
 def one_sentence(error: pytest.ExceptionInfo[SysidError]) -> str:

@@ -15,7 +15,7 @@ from sysid.estimation.parameters.campaign_parameters import best_drop_estimates,
 from sysid.estimation.parameters.lane_laws import lane_laws, stiffness_positions
 from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet, PriorLink
 from sysid.estimation.residuals.bump_model import bump_model
-from sysid.sdof.results import DropEstimate, DropSummary
+from sysid.sdof.drop_results import DropEstimate, DropSummary
 
 BOTH = [empty_run("a", 5.0), empty_run("b", 5.0, load_case="laden")]
 

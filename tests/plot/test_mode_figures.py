@@ -8,7 +8,7 @@ from matplotlib.patches import Circle
 from vehicles import example_vehicle
 
 from sysid import plot
-from sysid.vehicle_model.modes import natural_modes
+from sysid.vehicle_model.vibration_modes import natural_modes
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from arviz_stats.base import array_stats
 
 from sysid.posterior.diagnostics import diagnose, summarise
 from sysid.posterior.inference_data import arviz_data, draw_order
-from sysid.posterior.results import Posterior
+from sysid.posterior.sampled_posterior import Posterior
 
 ENSEMBLES, STEPS, WALKERS, PHI = 4, 1501, 20, 0.8
 

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from sysid.errors import CampaignError
 from sysid.posterior.cross_check import compared, cross_check, gradient_draws
-from sysid.posterior.results import Posterior, PosteriorSummary
+from sysid.posterior.sampled_posterior import Posterior, PosteriorSummary
 
 CENTRE = np.array([13.0, 9.2, 0.2])
 COVARIANCE = np.array([[4e-4, 2e-4, 0.0], [2e-4, 9e-4, -1e-4], [0.0, -1e-4, 1e-4]])

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from small_results import small_fit, small_results
 
-from sysid.prediction.modes import calibrated_modes
+from sysid.prediction.calibrated_truck_modes import calibrated_modes
 from sysid.vehicle_model.contact import RoadInput, contact_force, tire_law
-from sysid.vehicle_model.modes import natural_modes
+from sysid.vehicle_model.vibration_modes import natural_modes
 
 
 def test_every_load_case_has_its_own_stiffness_and_tire_tangent():

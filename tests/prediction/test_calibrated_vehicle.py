@@ -11,7 +11,7 @@ from small_results import small_fit
 
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.estimate import ParameterEstimate
-from sysid.posterior.results import Posterior, PosteriorSummary
+from sysid.posterior.sampled_posterior import Posterior, PosteriorSummary
 from sysid.prediction import calibrated_vehicle
 from sysid.vehicle_model.contact import RoadInput, contact_force, tire_law
 

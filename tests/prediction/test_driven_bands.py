@@ -22,7 +22,7 @@ from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.prediction.driven import DRAWS, run_bands, with_bands
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.prediction import passes
 from sysid.prediction.measures import load_coefficient
 from sysid.prediction.passes import effective_roads, predict, predict_pass, speed_sweep
+from sysid.prediction.predicted_passes import PassPrediction, Quantiles
 from sysid.prediction.remarks import ARTEFACT_RATIO, remarks
-from sysid.prediction.results import PassPrediction, Quantiles
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 from sysid.road.shapes import raised_cosine
 from sysid.vehicle_model.lanes import EffectiveRoads
 

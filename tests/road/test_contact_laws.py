@@ -9,7 +9,7 @@ from sysid.road import contact_laws
 from sysid.road.contact_laws import cam_map, point_map
 from sysid.road.enveloping import footprint_map
 from sysid.road.plank_road import lifted_onto_plank, plank_end, plank_table
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 
 R = 0.5
 LOAD_N, STIFFNESS = 30e3, 2.5e6

@@ -8,8 +8,8 @@ from decay_oracles import damped_cosine, nonlinear_decay
 
 from sysid.sdof.averages import mean_with_scatter, random_effects
 from sysid.sdof.decay import prepare_record
+from sysid.sdof.decay_modes import correlated_covariance
 from sysid.sdof.free_decay import fit_free_decay
-from sysid.sdof.modes import correlated_covariance
 
 TIME = np.arange(0.0, 5.0, 0.005)
 

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.posterior.checkpoint import read_chain
-from sysid.posterior.results import Posterior
+from sysid.posterior.sampled_posterior import Posterior
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
 from sysid.posterior.segments import segment_file
 from sysid.threads import one_blas_thread

@@ -23,7 +23,7 @@ from sysid.campaign.records import (
     Sensor,
     Vehicle,
 )
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 
 AXLES = (
     Axle("steer", 0, 0.0, 520.0, 1.7e6, 2500.0, 0.48, "leaf"),

@@ -32,11 +32,11 @@ from sysid.estimation.uncertainty.information import DataInformation
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
 from sysid.export import Results
 from sysid.planning.advice import Advice, PeakTarget, Prospect
-from sysid.posterior.results import Posterior, PosteriorSummary
-from sysid.prediction.results import PassPrediction, Predictions, Quantiles, SpeedSweep
-from sysid.road.results import RoadProfile, ScanAnalysis
-from sysid.sdof.results import DecayReading, DropAnalysis, DropEstimate, DropSummary
-from sysid.validation.results import ChannelAgreement, Validation
+from sysid.posterior.sampled_posterior import Posterior, PosteriorSummary
+from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
+from sysid.road.road_profile import RoadProfile, ScanAnalysis
+from sysid.sdof.drop_results import DecayReading, DropAnalysis, DropEstimate, DropSummary
+from sysid.validation.channel_agreement import ChannelAgreement, Validation
 
 PERIOD = 0.6
 DECREMENT = 0.7

@@ -35,7 +35,7 @@ from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.contact import EffectiveRoad, road_input
 from sysid.vehicle_model.filters import discretise
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes

@@ -19,7 +19,7 @@ from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 
 SAMPLES = 360
 NOMINAL_M_S = (6.0, 8.5)

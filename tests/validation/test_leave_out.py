@@ -20,8 +20,8 @@ from sysid.estimation.residuals.signals import simulate_runs
 from sysid.export.tables import validation_csv
 from sysid.report.agreement import left_out_table
 from sysid.validation import validate
+from sysid.validation.channel_agreement import LeftOut, LeftOutRun
 from sysid.validation.leave_out import chosen_runs, leave_out
-from sysid.validation.results import LeftOut, LeftOutRun
 from sysid.workflow import store
 
 FILES = ("runs/slow.csv", "runs/middle.csv", "runs/fast.csv")

@@ -23,7 +23,6 @@ from sysid.errors import CampaignError
 from sysid.vehicle_model.assembly import assemble, coordinate_names
 from sysid.vehicle_model.contact import effective_road, road_input, tire_law
 from sysid.vehicle_model.lane_matrices import SPEED_HOLD_S, lane_matrices
-from sysid.vehicle_model.modes import natural_modes
 from sysid.vehicle_model.simulation import (
     Motion,
     SensorLayout,
@@ -32,6 +31,7 @@ from sysid.vehicle_model.simulation import (
     stage_times,
 )
 from sysid.vehicle_model.suspension import Ramps, SuspensionLaw
+from sysid.vehicle_model.vibration_modes import natural_modes
 
 AXLES = (
     Axle("steer", 0, 0.0, 540.0, 1.7e6, 2500.0, 0.48, "leaf"),

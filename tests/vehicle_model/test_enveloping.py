@@ -20,7 +20,7 @@ from sysid.road.enveloping import (
     spoke_table,
     static_deflection,
 )
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "enveloping"
 RADIUS_M = 0.5

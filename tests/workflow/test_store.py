@@ -24,8 +24,8 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.posterior.cross_check import CheckedParameter, CrossCheck
 from sysid.road.shapes import raised_cosine
-from sysid.sdof.results import DropEstimate, DropSummary
-from sysid.validation.results import ChannelAgreement, LeftOutRun, Validation
+from sysid.sdof.drop_results import DropEstimate, DropSummary
+from sysid.validation.channel_agreement import ChannelAgreement, LeftOutRun, Validation
 from sysid.vehicle_model.lanes import MapTires
 from sysid.workflow import Settings, recall, store
 from sysid.workflow.schema import result_hint

@@ -15,7 +15,7 @@ from sysid.campaign import check_quality, read_campaign
 from sysid.campaign.schema import CampaignFile
 from sysid.campaign.statics import check_statics
 from sysid.road import analyse_scan, read_point_cloud
-from sysid.vehicle_model.modes import natural_modes
+from sysid.vehicle_model.vibration_modes import natural_modes
 
 SMALL = Physics(speeds_km_h=(25.0,), drops_per_axle=1, bump_length_m=0.6, scan_points=6000, seed=5, axle_range_g=50.0)
 

@@ -23,9 +23,10 @@ from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
+from sysid.progress import Progress, unwatched
 from sysid.road.enveloping import FootprintMap, footprint_map
 from sysid.road.plank_road import lifted_onto_plank, plank_table
-from sysid.sdof.results import DropEstimate, DropSummary
+from sysid.sdof.drop_results import DropEstimate, DropSummary
 from sysid.sdof.smoothing import high_frequency_noise
 from sysid.vehicle_model.lanes import EffectiveRoads
 
@@ -46,8 +47,6 @@ FOOT_M = 0.15
 SLACK_S = 0.3
 
 _BODIES_ONLY = "The full model fits wheels that roll off a plank, not bodies that are let go: no estimates by it here."
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -156,7 +155,7 @@ def fit_drops(
         If no plank drop can be used.
     """
     options = options or FitOptions()
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     records = [d for d in campaign.plank_drops if d.dampers and d.log.channels and d.release == "plank"]
     if not records:
         raise DataRejectedError("No plank drop can be fitted: none was recorded with its dampers in place.")

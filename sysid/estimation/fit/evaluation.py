@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import least_squares as scipy_least_squares
 
+from sysid.arrays import Parameters
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.fit_result import FitResult, MassCheck
 from sysid.estimation.fit.minimiser import Minimum
@@ -18,8 +18,8 @@ from sysid.estimation.fit.thresholds import MISFIT, SOLVERS_APART_SD, STEP_HALVI
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.residuals.compressed import Compressed
 from sysid.estimation.residuals.histories import run_histories
-from sysid.estimation.residuals.linearisation import Linearisation
 from sysid.estimation.residuals.problem import Problem
+from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
@@ -31,12 +31,12 @@ from sysid.estimation.uncertainty.sandwich import Adjustment
 from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
 from sysid.estimation.weights.residual_evidence import residual_evidence
 from sysid.estimation.weights.reweighting import residual_inflation
+from sysid.progress import Progress
 from sysid.road.contact_laws import CONTACT_LAWS
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 #: Where the data ask for a mass this many tolerances off, somebody should look at it.
 DOUBTFUL_MASS_SD = 2.0
-
-Progress = Callable[[str, float], None]
 
 
 def evaluate_optimum(
@@ -152,10 +152,12 @@ def _covariance(problem: Problem, compressed: Compressed, adjustment: Adjustment
     covariance[count:, :count] = -lever @ shared
     covariance[:count, count:] = covariance[count:, :count].T
     covariance[count:, count:] = local + lever @ shared @ lever.T
-    return covariance
+    return np.asarray(covariance)
 
 
-def _with_speed_sd(histories, run_parameters):
+def _with_speed_sd(
+    histories: tuple[RunHistory, ...], run_parameters: tuple[ParameterEstimate, ...]
+) -> tuple[RunHistory, ...]:
     sd = {p.run: p.sd for p in run_parameters if p.quantity == "speed"}
     return tuple(replace(h, speed_sd=sd[h.file]) for h in histories)
 
@@ -209,7 +211,9 @@ def _step_halving_error(problem: Problem, vector: np.ndarray, coarse: tuple[Line
     return worst
 
 
-def _estimates(campaign, problem: Problem, log_parameters, motion: RunMotion, covariance):
+def _estimates(
+    campaign: Campaign, problem: Problem, log_parameters: Parameters, motion: RunMotion, covariance: np.ndarray
+) -> tuple[tuple[ParameterEstimate, ...], tuple[ParameterEstimate, ...]]:
     sd = np.sqrt(np.diag(covariance))
     globals_ = tuple(
         ParameterEstimate(

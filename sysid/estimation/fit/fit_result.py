@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from sysid.arrays import ParametersByParameters
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.uncertainty.identifiability import Identifiability
@@ -100,7 +99,7 @@ class FitResult(Tabular):
 
     parameters: tuple[ParameterEstimate, ...]
     run_parameters: tuple[ParameterEstimate, ...]
-    covariance: np.ndarray
+    covariance: ParametersByParameters
     histories: tuple[RunHistory, ...]
     converged: bool
     message: str

@@ -30,8 +30,9 @@ from sysid.estimation.parameters.campaign_parameters import campaign_parameters,
 from sysid.estimation.parameters.named_priors import check_named_priors
 from sysid.estimation.parameters.suspension_elements import law_elements, law_name, quantities
 from sysid.estimation.weights.reweighting import reweighted
-from sysid.road.results import RoadProfile
-from sysid.sdof.results import DropSummary
+from sysid.progress import Progress, unwatched
+from sysid.road.road_profile import RoadProfile
+from sysid.sdof.drop_results import DropSummary
 
 #: Gain in the criterion from which on a richer law is taken.
 DECISIVE = 10.0
@@ -57,7 +58,6 @@ FAMILIES = (
 SURE = 5.0
 
 Laws = tuple[frozenset[str], ...]
-Progress = Callable[[str, float], None]
 
 
 def fit_with_laws(
@@ -86,7 +86,7 @@ def fit_with_laws(
         As :func:`sysid.estimation.fit.least_squares.fit_bump_runs`.
     """
     options = options or FitOptions()
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     declared = declared_laws(campaign)
     rich = richest_laws(campaign.vehicle.axles, declared)
     open_laws = rich != declared and options.laws != "declared"

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from sysid.arrays import Parameters, RunsByChannels
 from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit.evaluation import evaluate_optimum
@@ -25,10 +26,9 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise as noise_model
 from sysid.estimation.weights.reweighting import reweighted
-from sysid.road.results import RoadProfile
+from sysid.progress import Progress, unwatched
+from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.lanes import MapTires
-
-Progress = Callable[[str, float], None]
 
 #: Footprint maps are made again at most so often; each time their tires come about five times closer to those of the
 #: optimum under them.
@@ -62,7 +62,7 @@ def fit_bump_runs(
         If no run has a usable channel, or no run's start is found inside its record.
     """
     options = options or FitOptions()
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     optimum = optimise(campaign, parameters, profiles, options, report)
     return evaluate_optimum(campaign, optimum, options, report)
 
@@ -142,8 +142,8 @@ def optimise_from(
     campaign: Campaign,
     model: BumpModel,
     motion: RunMotion,
-    instrument: tuple[np.ndarray, ...],
-    start: np.ndarray,
+    instrument: tuple[RunsByChannels, ...],
+    start: Parameters,
     options: FitOptions,
     report: Progress,
     *,
@@ -187,7 +187,7 @@ def _start_from(parameters: ParameterSet, near: Optimum) -> np.ndarray:
 
 
 def _find_motion(
-    campaign: Campaign, model: BumpModel, start: np.ndarray, report: Progress
+    campaign: Campaign, model: BumpModel, start: Parameters, report: Progress
 ) -> tuple[RunMotion, tuple[np.ndarray, ...]]:
     """Speed and start of every run from the joint search, and the instrument noise (R, C) per group before them."""
     quiet = tuple(noise_model.instrument_noise(g, 0.25) for g in model.groups)
@@ -210,7 +210,7 @@ def _report_iteration(report: Progress, number: int, rounds: int, iteration: int
     report(f"least squares, round {number + 1} of {rounds}, iteration {iteration}", 0.1 + 0.8 * share)
 
 
-def _first_scale(model: BumpModel, instrument: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+def _first_scale(model: BumpModel, instrument: tuple[RunsByChannels, ...]) -> tuple[np.ndarray, ...]:
     """First weights: instrument noise plus a tenth of each channel's RMS, for parameters that are still far off."""
     scales = []
     for group, noise in zip(model.groups, instrument, strict=True):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
+from sysid.arrays import Residuals, ResidualsByUnknowns, UnknownsOfFit
 from sysid.errors import SysidError
 from sysid.runtime import require_64_bit
 from sysid.threads import one_blas_thread
@@ -27,6 +28,9 @@ _GOOD_STEP = 0.75
 #: A point is a minimum where the linear model promises no larger fall than this fraction of the cost, or than so many
 #: times the fall that ends the search.
 _NEGLIGIBLE_FALL, _TOLERANCES = 1e-5, 10.0
+
+#: What optimistix keeps between two steps has no public type.
+_Solver: TypeAlias = "optx.LevenbergMarquardt[Any, Any, Any]"
 
 Evaluation = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -41,14 +45,14 @@ class _Affine(NamedTuple):
 class Minimum:
     """A least-squares minimum: `point` (p,), its `cost` = r'r / 2, and how the search went."""
 
-    point: np.ndarray
+    point: UnknownsOfFit
     cost: float
     converged: bool
     iterations: int
     message: str
 
 
-def promised_fall(residual: np.ndarray, jacobian: np.ndarray) -> float:
+def promised_fall(residual: Residuals, jacobian: ResidualsByUnknowns) -> float:
     """Fall of the cost r'r / 2 that a full Gauss-Newton step promises: half the square of r projected on J's columns.
 
     It vanishes with the gradient J'r and, unlike it, has the unit of the cost whatever the scales of the unknowns.
@@ -69,14 +73,14 @@ def _affine(y: jax.Array, args: _Affine) -> tuple[jax.Array, None]:
 
 
 @eqx.filter_jit
-def _init(solver: optx.LevenbergMarquardt, point: jax.Array, args: _Affine):
+def _init(solver: _Solver, point: jax.Array, args: _Affine) -> Any:
     # What a state holds beside arrays belongs to one trace: a state made without compiling would compile `_step` anew.
     struct = jax.ShapeDtypeStruct(args.residual.shape, jnp.float64)
     return solver.init(_affine, point, args, {}, struct, None, frozenset())
 
 
 @eqx.filter_jit
-def _step(solver: optx.LevenbergMarquardt, point: jax.Array, args: _Affine, state):
+def _step(solver: _Solver, point: jax.Array, args: _Affine, state: Any) -> Any:
     # Compiled once per size of the problem, not once per call of `minimise`.
     return solver.step(_affine, point, args, {}, state, frozenset())
 
@@ -84,7 +88,7 @@ def _step(solver: optx.LevenbergMarquardt, point: jax.Array, args: _Affine, stat
 @one_blas_thread()
 def minimise(
     evaluate: Evaluation,
-    start: np.ndarray,
+    start: UnknownsOfFit,
     *,
     relative_tolerance: float = 1e-9,
     step_tolerance: float = 1e-9,
@@ -135,9 +139,9 @@ def minimise(
 
 def _search(
     evaluate: Evaluation,
-    start: np.ndarray,
+    start: UnknownsOfFit,
     at_start: tuple[np.ndarray, np.ndarray],
-    scale: np.ndarray,
+    scale: UnknownsOfFit,
     tolerances: tuple[float, float],
     max_iterations: int,
     on_iteration: Callable[[int, float], None],
@@ -148,7 +152,7 @@ def _search(
     """
     relative_tolerance, step_tolerance = tolerances
     residual, jacobian = at_start
-    solver: optx.LevenbergMarquardt = optx.LevenbergMarquardt(rtol=relative_tolerance, atol=relative_tolerance)
+    solver: _Solver = optx.LevenbergMarquardt(rtol=relative_tolerance, atol=relative_tolerance)
     solver = eqx.tree_at(lambda s: s.search, solver, optx.ClassicalTrustRegion(high_cutoff=_GOOD_STEP))
     point = jnp.asarray(start / scale)
     args = _Affine(point, jnp.asarray(residual), jnp.asarray(jacobian * scale))

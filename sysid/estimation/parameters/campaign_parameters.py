@@ -15,7 +15,7 @@ from sysid.errors import CampaignError
 from sysid.estimation.parameters.named_priors import with_named_priors
 from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet, PriorLink
 from sysid.estimation.parameters.suspension_elements import ELEMENTS, LINEAR, law_elements, law_name, quantities
-from sysid.sdof.results import DropEstimate, DropSummary
+from sysid.sdof.drop_results import DropEstimate, DropSummary
 
 #: Generic lognormal priors (median, log sd) where neither a drop nor the user says more; per axle, both sides.
 GENERIC_STIFFNESS = {"leaf": (1.0e6, 0.8), "air": (3.5e5, 0.7), "other": (7.0e5, 0.9)}

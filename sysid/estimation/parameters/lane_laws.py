@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import Axles, RunsByAxles
 from sysid.campaign.records import Vehicle
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.parameters.suspension_curves import (
@@ -21,6 +22,7 @@ from sysid.estimation.parameters.suspension_curves import (
 )
 from sysid.estimation.parameters.suspension_elements import coefficients, law_elements, quantities
 from sysid.vehicle_model.contact import TireLaw, tire_law
+from sysid.vehicle_model.lane_arrays import AxleLanes, ParametersBySets
 from sysid.vehicle_model.lanes import Lanes
 from sysid.vehicle_model.suspension import SuspensionLaw
 
@@ -31,8 +33,8 @@ class ElementIndex(NamedTuple):
     Axles without the element have position -1 and take the neutral value.
     """
 
-    position: np.ndarray
-    neutral: np.ndarray
+    position: Axles
+    neutral: Axles
 
 
 class LawInputs(NamedTuple):
@@ -44,10 +46,10 @@ class LawInputs(NamedTuple):
     first load case; `tire_factor` (R, na, 1) on a lane's tire stiffness.
     """
 
-    stiffness: np.ndarray
-    damping: np.ndarray
-    tire_stiffness: np.ndarray
-    tire_damping: np.ndarray
+    stiffness: RunsByAxles
+    damping: Axles
+    tire_stiffness: Axles
+    tire_damping: Axles
     exponent: np.ndarray
     elements: Mapping[str, ElementIndex]
     curves: SuspensionCurves
@@ -99,7 +101,7 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_ca
     )
 
 
-def lane_laws(inputs: LawInputs, log_parameters: jax.Array) -> tuple[SuspensionLaw, TireLaw]:
+def lane_laws(inputs: LawInputs, log_parameters: ParametersBySets) -> tuple[SuspensionLaw, TireLaw]:
     """Suspension and tire laws of every lane from the log parameters (p, S)."""
     values = jnp.exp(log_parameters)
     tire = tire_law(
@@ -114,7 +116,7 @@ def lane_laws(inputs: LawInputs, log_parameters: jax.Array) -> tuple[SuspensionL
     return _suspension(inputs, values, stiffness, damping), tire
 
 
-def _suspension(inputs: LawInputs, values: jax.Array, stiffness: jax.Array, damping: jax.Array) -> SuspensionLaw:
+def _suspension(inputs: LawInputs, values: jax.Array, stiffness: AxleLanes, damping: AxleLanes) -> SuspensionLaw:
     def element(quantity: str) -> jax.Array | None:
         if quantity not in inputs.elements:
             return None

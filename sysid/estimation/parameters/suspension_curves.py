@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import RunsByAxles
 from sysid.campaign.records import Axle, ForceTable
+from sysid.vehicle_model.lane_arrays import AxleLanes
 from sysid.vehicle_model.suspension import REFERENCE_RATE_M_S, Ramps
 
 #: Compression [m] at which a rubber stop is three times as stiff as where it begins to act: an assumption.
@@ -51,7 +52,7 @@ class SuspensionCurves(NamedTuple):
 
 
 def suspension_curves(
-    axles: Sequence[Axle], laws: Sequence[frozenset[str]], carried_N: np.ndarray, reference_N: np.ndarray
+    axles: Sequence[Axle], laws: Sequence[frozenset[str]], carried_N: RunsByAxles, reference_N: RunsByAxles
 ) -> SuspensionCurves:
     """Curves that the laws of the axles ask for.
 
@@ -111,7 +112,7 @@ def _corners(tables: list[ForceTable | None], rest: np.ndarray, secant_at: float
     return TableCorners(share[..., None], at[..., None], np.where(at > 0.0, 1.0, -1.0)[..., None], change[..., None])
 
 
-def table_ramps(corners: TableCorners, slope: jax.Array) -> Ramps:
+def table_ramps(corners: TableCorners, slope: AxleLanes) -> Ramps:
     """Ramps of a table for stiffness or damping `slope` (R, na, S); its slope at rest is `corners.share * slope`."""
     shape = (*corners.at.shape[:-1], slope.shape[-1])
     return Ramps(
@@ -121,7 +122,7 @@ def table_ramps(corners: TableCorners, slope: jax.Array) -> Ramps:
     )
 
 
-def stop_ramps(stops: np.ndarray, stiffness: jax.Array) -> Ramps:
+def stop_ramps(stops: np.ndarray, stiffness: AxleLanes) -> Ramps:
     """Ramps of rubber stops, F = k d (1 + d / l) at a travel d beyond the free one, as straight pieces.
 
     The pieces meet the curve at :data:`STOP_KNOTS_M`; beyond the last of them the force goes on as steeply as the curve
@@ -149,7 +150,7 @@ def stop_ramps(stops: np.ndarray, stiffness: jax.Array) -> Ramps:
     )
 
 
-def lash_ramps(lash: np.ndarray, stiffness: jax.Array, carried: np.ndarray) -> Ramps:
+def lash_ramps(lash: np.ndarray, stiffness: AxleLanes, carried: np.ndarray) -> Ramps:
     """Ramps of the hanger lash: the spring is slack from where it carries nothing until its hanger has moved `lash`.
 
     Parameters

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import jax
 
 from sysid.campaign.records import Axle
+from sysid.vehicle_model.lane_arrays import HostOrDevice
 
 LINEAR = "linear"
 
@@ -37,7 +38,7 @@ class ElementQuantity:
     sd: float
     neutral: float
     field: str | None = None
-    coefficient: Callable[[jax.Array, jax.Array, jax.Array, jax.Array], jax.Array] | None = None
+    coefficient: Callable[[jax.Array, jax.Array, HostOrDevice, HostOrDevice], jax.Array] | None = None
     decides: bool = True
 
 

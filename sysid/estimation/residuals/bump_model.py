@@ -6,19 +6,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
+from sysid.arrays import Channels, SamplesByRunsByChannels
 from sysid.campaign.records import AntiAliasFilter, Campaign, LoadCase, Vehicle
 from sysid.estimation.parameters.lane_laws import LawInputs, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.run_data import ChannelLayout, RunGroup, channel_layout, group_runs
 from sysid.road.contact_laws import ContactLaw
-from sysid.road.results import RoadProfile
+from sysid.road.road_profile import RoadProfile
 from sysid.runtime import require_64_bit
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.filters import FilterRecursion, discretise
+from sysid.vehicle_model.lane_arrays import HostOrDevice
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, MapTires, Pass, make_lanes, pass_matrices
 from sysid.vehicle_model.readings import Readings
@@ -39,12 +40,12 @@ class GroupArrays(NamedTuple):
     matrices: LaneMatrices
     laws: LawInputs
     axle_x: np.ndarray
-    value: np.ndarray
-    measured: np.ndarray
-    censored: np.ndarray
-    gain_sd: np.ndarray
+    value: SamplesByRunsByChannels
+    measured: SamplesByRunsByChannels
+    censored: SamplesByRunsByChannels
+    gain_sd: Channels
 
-    def readings(self, noise_sd: jax.Array, tempering: jax.Array) -> Readings:
+    def readings(self, noise_sd: HostOrDevice, tempering: HostOrDevice) -> Readings:
         """Data of the runs with residual scale [SI] and tempering (R, C)."""
         return Readings(self.value, self.measured, self.censored, noise_sd, tempering, self.gain_sd)
 

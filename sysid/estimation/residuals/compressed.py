@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sysid.arrays import Parameters, Residuals, ResidualsByUnknowns
 from sysid.estimation.residuals.bump_model import BumpModel
-from sysid.estimation.residuals.linearisation import Linearisation
 from sysid.estimation.residuals.run_motion import RunMotion, SpeedPrior
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 
 class Compressed(NamedTuple):
@@ -20,8 +21,8 @@ class Compressed(NamedTuple):
     speed and start of the first run of the first group, and so on.
     """
 
-    residual: np.ndarray
-    jacobian: np.ndarray
+    residual: Residuals
+    jacobian: ResidualsByUnknowns
 
 
 def run_order(model: BumpModel) -> list[int]:
@@ -58,7 +59,7 @@ def square_factor(block: np.ndarray) -> np.ndarray:
 def compress(
     model: BumpModel,
     linearisations: Sequence[Linearisation],
-    log_parameters: np.ndarray,
+    log_parameters: Parameters,
     motion: RunMotion,
     nominal: SpeedPrior,
 ) -> Compressed:

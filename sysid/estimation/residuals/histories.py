@@ -7,6 +7,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import Parameters, RunsByChannels, SamplesByRunsByChannels
 from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays
 from sysid.estimation.residuals.residual_weights import Weights
@@ -19,13 +20,13 @@ from sysid.estimation.residuals.signals import simulate_runs
 class ShownSignals(NamedTuple):
     """Simulated signals (T, R, C) of a group with the sensors' `offset` and `gain` (R, C) applied, SI."""
 
-    signals: np.ndarray
-    offset: np.ndarray
-    gain: np.ndarray
+    signals: SamplesByRunsByChannels
+    offset: RunsByChannels
+    gain: RunsByChannels
 
 
 def shown_signals(
-    model: BumpModel, weights: Weights, motion: RunMotion, log_parameters: np.ndarray
+    model: BumpModel, weights: Weights, motion: RunMotion, log_parameters: Parameters
 ) -> tuple[ShownSignals, ...]:
     """What the sensors of every group show of a simulation at log parameters (p,) and the runs' own motions.
 
@@ -53,8 +54,8 @@ def run_histories(
     model: BumpModel,
     weights: Weights,
     motion: RunMotion,
-    log_parameters: np.ndarray,
-    instrument: tuple[np.ndarray, ...],
+    log_parameters: Parameters,
+    instrument: tuple[RunsByChannels, ...],
 ) -> tuple[RunHistory, ...]:
     """Histories of all runs in the order of the campaign, with eliminated sensor offset and gain applied.
 

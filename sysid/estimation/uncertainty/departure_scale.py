@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.arrays import Masses, Parameters, ParametersByParameters
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
@@ -47,7 +48,7 @@ class DepartureScale:
 
 
 def departure_columns(
-    model: BumpModel, known: Departures, weights: Weights, log_parameters: np.ndarray, motion: RunMotion
+    model: BumpModel, known: Departures, weights: Weights, log_parameters: Parameters, motion: RunMotion
 ) -> tuple[ResidualColumns, ...]:
     """Derivatives of every group's residuals (T, R, C, n) and gains (R, C, n) by the amplitudes, at amplitude 0."""
     count = len(known.directions)
@@ -82,7 +83,11 @@ def departure_columns(
 
 
 def departure_scale(
-    information: np.ndarray, score: np.ndarray, prior: np.ndarray, mass_sd: np.ndarray, directions: Sequence[Departure]
+    information: np.ndarray,
+    score: np.ndarray,
+    prior: ParametersByParameters,
+    mass_sd: Masses,
+    directions: Sequence[Departure],
 ) -> DepartureScale:
     """Scales of the kinds by expectation-maximisation.
 

@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
+from sysid.arrays import RunsByAxles
 from sysid.estimation.parameters.lane_laws import ElementIndex, LawInputs
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.road.contact_laws import CONTACT_LAWS
@@ -146,7 +147,7 @@ class BlendedRoad:
     footprint: EffectiveRoad
     spokes: EffectiveRoad
 
-    def moved(self, envelope: np.ndarray, footprint: np.ndarray, spokes: np.ndarray) -> EffectiveRoad:
+    def moved(self, envelope: RunsByAxles, footprint: RunsByAxles, spokes: RunsByAxles) -> EffectiveRoad:
         """The road with amplitudes (R, na); splines are linear in their values, so coefficients add up."""
         base = self.base
         assert base.stretch is not None

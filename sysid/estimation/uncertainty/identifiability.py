@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import eigh
 
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.uncertainty.information import DataInformation
 from sysid.tabular import Tabular
@@ -68,9 +69,9 @@ class Identifiability(Tabular):
     """
 
     names: tuple[str, ...]
-    prior_sd: np.ndarray
-    sd: np.ndarray
-    singular_values: np.ndarray
+    prior_sd: Parameters
+    sd: Parameters
+    singular_values: Parameters
     groups: tuple[UndeterminedGroup, ...]
     pairs: tuple[CorrelatedPair, ...]
     statements: tuple[str, ...]
@@ -104,7 +105,7 @@ def _least_singular_value() -> float:
 
 
 def assess(
-    estimates: Sequence[ParameterEstimate], covariance: np.ndarray, information: DataInformation
+    estimates: Sequence[ParameterEstimate], covariance: ParametersByParameters, information: DataInformation
 ) -> Identifiability:
     """What the data determine of the parameters of a fit.
 
@@ -135,7 +136,7 @@ def assess(
 
 
 def correlated_pairs(
-    names: Sequence[str], covariance: np.ndarray, limit: float = CORRELATED
+    names: Sequence[str], covariance: ParametersByParameters, limit: float = CORRELATED
 ) -> tuple[CorrelatedPair, ...]:
     """Pairs of at least the correlation `limit`, strongest first; covariance (p, p)."""
     sd = np.sqrt(np.diag(covariance))
@@ -150,10 +151,10 @@ def correlated_pairs(
 def _groups(
     names: Sequence[str],
     units: Sequence[str],
-    values: np.ndarray,
-    prior_sd: np.ndarray,
+    values: Parameters,
+    prior_sd: Parameters,
     open_: np.ndarray,
-    covariance: np.ndarray,
+    covariance: ParametersByParameters,
 ) -> tuple[UndeterminedGroup, ...]:
     """Groups of parameters that share undetermined combinations `open_` (p, n), in units of prior sd."""
     if open_.shape[1] == 0:
@@ -174,7 +175,15 @@ def _groups(
     return tuple(groups)
 
 
-def _group(members, names, units, values, prior_sd, projector, covariance) -> UndeterminedGroup:
+def _group(
+    members: list[int],
+    names: Sequence[str],
+    units: Sequence[str],
+    values: Parameters,
+    prior_sd: Parameters,
+    projector: ParametersByParameters,
+    covariance: ParametersByParameters,
+) -> UndeterminedGroup:
     block = projector[np.ix_(members, members)]
     known = len(members) - round(float(np.trace(block)))
     kind, sd = "combination" if known > 0 else "none", float("nan")

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.arrays import Masses, ParametersByParameters, UnknownsOfFit
 from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.uncertainty.allowances import Allowances
@@ -36,10 +37,10 @@ class DataInformation:
     """
 
     matrix: np.ndarray
-    flattening: np.ndarray
-    prior: np.ndarray
-    mass_sd: np.ndarray
-    map_following: np.ndarray | None = None
+    flattening: ParametersByParameters
+    prior: ParametersByParameters
+    mass_sd: Masses
+    map_following: ParametersByParameters | None = None
 
     def precision(self, more: np.ndarray | None = None) -> np.ndarray:
         """Precision (p, p) of the parameters by the data alone; `more` (p + m, p + m) is the information of others."""
@@ -61,7 +62,7 @@ class DataInformation:
 
 
 def adjusted_information(
-    campaign: Campaign, problem: Problem, vector: np.ndarray, allowances: Allowances
+    campaign: Campaign, problem: Problem, vector: UnknownsOfFit, allowances: Allowances
 ) -> tuple[Adjustment, MassEffect, DataInformation]:
     """Sandwich over blocks (one channel in all repeats of one case) and over tolerances of masses, and its parts.
 

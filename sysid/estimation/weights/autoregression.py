@@ -39,7 +39,7 @@ class Autoregression:
         """Power (F, ...) over the variance at frequencies (F,) in cycles per sample; its mean over 0 to 0.5 is 1."""
         lags = np.arange(1, self.coefficients.shape[0] + 1)
         turn = np.exp(-2j * np.pi * np.outer(cycles, lags))
-        return self.innovation / np.abs(1.0 - np.tensordot(turn, self.coefficients, axes=1)) ** 2
+        return np.asarray(self.innovation / np.abs(1.0 - np.tensordot(turn, self.coefficients, axes=1)) ** 2)
 
     def innovations(self, measured: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Innovations (T, ...) of residuals (T, ...), NaN where one of the predecessors was not `measured`."""

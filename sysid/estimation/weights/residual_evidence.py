@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import welch
 
-from sysid.estimation.residuals.linearisation import Linearisation
+from sysid.arrays import Channels
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.weights.autoregression import autocorrelation
 from sysid.estimation.weights.heavy_tails import heavy_tails
 from sysid.estimation.weights.reweighting import lags_of, plain_residual, residual_models
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 _SEGMENT = 128
 
@@ -36,7 +37,7 @@ class ResidualEvidence:
     autocorrelation_before: np.ndarray
     autocorrelation_after: np.ndarray
     columns: tuple[str, ...]
-    degrees_of_freedom: np.ndarray
+    degrees_of_freedom: Channels
 
 
 def residual_evidence(problem: Problem, linearisations: Sequence[Linearisation]) -> ResidualEvidence:

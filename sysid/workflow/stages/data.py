@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from sysid.campaign.findings import ChannelFinding, QualityReport
     from sysid.campaign.records import Campaign
     from sysid.export.contents import Results
-    from sysid.road.results import ScanAnalysis
-    from sysid.sdof.results import DropSummary
+    from sysid.road.road_profile import ScanAnalysis
+    from sysid.sdof.drop_results import DropSummary
 
 
 # ---------------------------------------------------------------------- check
@@ -115,7 +115,10 @@ def _drops(context: Context) -> DropSummary:
     # Only what is named in the record: other settings of the fit leave the drops as they are.
     options = FitOptions(
         # Drops start further from where they end than runs, which start from the drops.
-        weight_rounds=1, tolerance=1e-4, max_iterations=2 * fit.max_iterations, target_step_s=fit.target_step_s
+        weight_rounds=1,
+        tolerance=1e-4,
+        max_iterations=2 * fit.max_iterations,
+        target_step_s=fit.target_step_s,
     )
     return with_model_estimates(context.campaign, summary, options, context.progress)
 

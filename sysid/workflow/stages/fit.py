@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from sysid.estimation.fit.state import FitPoint, FitState
     from sysid.estimation.uncertainty.identifiability import Identifiability
     from sysid.export.contents import Results
-    from sysid.road.results import RoadProfile
-    from sysid.validation.results import ChannelAgreement, LeftOutRun, Validation
+    from sysid.road.road_profile import RoadProfile
+    from sysid.validation.channel_agreement import ChannelAgreement, LeftOutRun, Validation
 
 
 # ---------------------------------------------------------------------- fit
@@ -168,7 +168,7 @@ LEFT_OUT = Itemwise(
 
 def _validate(context: Context) -> Validation:
     from sysid.validation.agreement import validate
-    from sysid.validation.results import LeftOut
+    from sysid.validation.channel_agreement import LeftOut
 
     fit = context[FIT].fit
     found = validate(fit, context.settings.validation)
@@ -197,7 +197,7 @@ def show_validate(validation: Validation, results: Results) -> Blocks:
 
 
 def _medians(rows: Sequence[ChannelAgreement]) -> tuple[str, ...]:
-    from sysid.validation.results import channel_median
+    from sysid.validation.channel_agreement import channel_median
 
     digits = {"residual_over_noise": ".2f", "nrmse": ".2%", "iso18571": ".3f"}
     return tuple(finite_cell(channel_median(rows, name), how) for name, how in digits.items())

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from sysid.campaign.records import PredictionRequest
     from sysid.export.contents import Results
     from sysid.planning.advice import Advice
-    from sysid.prediction.results import Predictions
+    from sysid.prediction.predicted_passes import Predictions
 
 
 # ---------------------------------------------------------------------- predict

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from sysid.estimation.residuals.run_history import HistoryBand
     from sysid.export.contents import Results
     from sysid.posterior.cross_check import CrossCheck
-    from sysid.posterior.results import Posterior
+    from sysid.posterior.sampled_posterior import Posterior
     from sysid.workflow.settings import Settings
 
 CHAIN = "chain"
@@ -128,7 +128,7 @@ def log_draws(posterior: Posterior) -> np.ndarray:
     """Draws (n, p) of the log parameters, one behind the other."""
     import numpy as np
 
-    return np.log(posterior.draws.reshape(-1, len(posterior.names)))
+    return np.asarray(np.log(posterior.draws.reshape(-1, len(posterior.names))))
 
 
 # ---------------------------------------------------------------------- bands

@@ -11,7 +11,7 @@ from vehicles import example_vehicle
 
 from sysid.campaign.records import Axle, Body, LoadCase, Vehicle
 from sysid.errors import SysidError
-from sysid.vehicle_model.modes import natural_modes
+from sysid.vehicle_model.vibration_modes import natural_modes
 
 #: VEqMon2D, articulated vehicle with eight axles: computed in Abaqus [Hz].
 ABAQUS_HZ = [

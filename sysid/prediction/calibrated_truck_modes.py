@@ -7,9 +7,9 @@ import numpy as np
 from sysid.campaign.records import Campaign, LoadCase
 from sysid.errors import SysidError
 from sysid.estimation.fit.fit_result import FitResult
-from sysid.posterior.results import Posterior
+from sysid.posterior.sampled_posterior import Posterior
 from sysid.vehicle_model.contact import SOFT_DAMPING
-from sysid.vehicle_model.modes import NaturalModes, natural_modes
+from sysid.vehicle_model.vibration_modes import NaturalModes, natural_modes
 
 
 def calibrated_modes(campaign: Campaign, fit: FitResult, posterior: Posterior | None) -> tuple[NaturalModes, ...]:

@@ -181,7 +181,7 @@ def fit_modes(
     free = np.full(linear.size, np.inf)
 
     def residual(p: np.ndarray) -> np.ndarray:
-        return _design(p[:count], u, modes, curved, drift)[0] @ p[count:] - y
+        return np.asarray(_design(p[:count], u, modes, curved, drift)[0] @ p[count:] - y)
 
     def jacobian(p: np.ndarray) -> np.ndarray:
         return _jacobian(p, u, modes, curved, drift)
@@ -228,7 +228,7 @@ def mode_curve(fit: ModeFit, time_s: np.ndarray, mode: int) -> np.ndarray:
     u = time_s - fit.start_s
     cosine, sine = fit.parameters[2 * fit.decay_rate.size + 2 * mode :][:2]
     phase = fit.angular_frequency[mode] * u
-    return np.exp(-fit.decay_rate[mode] * u) * (cosine * np.cos(phase) + sine * np.sin(phase))
+    return np.asarray(np.exp(-fit.decay_rate[mode] * u) * (cosine * np.cos(phase) + sine * np.sin(phase)))
 
 
 def correlated_covariance(jacobian: np.ndarray, residual: np.ndarray, time_s: np.ndarray) -> np.ndarray:
@@ -263,4 +263,4 @@ def correlated_covariance(jacobian: np.ndarray, residual: np.ndarray, time_s: np
     correlation_source = robust if np.all(np.diagonal(robust) > 0.0) else independent
     spread = np.sqrt(np.maximum(np.diagonal(correlation_source), 1e-300))
     sd = np.sqrt(np.maximum(np.diagonal(independent), 0.0)) * inflation
-    return (correlation_source / np.outer(spread, spread)) * np.outer(sd, sd) / np.outer(scale, scale)
+    return np.asarray((correlation_source / np.outer(spread, spread)) * np.outer(sd, sd) / np.outer(scale, scale))

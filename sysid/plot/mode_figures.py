@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 from sysid.plot.style import FAINT, INK, MUTED, axes_grid, axes_or_new, axle_color, label, styled
-from sysid.vehicle_model.modes import NaturalModes
+from sysid.vehicle_model.vibration_modes import NaturalModes
 
 #: Largest displacement in a figure as a share of the length shown, how far a body reaches beyond its outermost
 #: supports [m], how far bodies are drawn above the wheel centres [m], and the room before and behind the vehicle [m].
@@ -94,7 +94,7 @@ def _lines(modes: NaturalModes, mode: int) -> list[tuple[np.ndarray, np.ndarray,
 
     def rise_of(body: int, place: np.ndarray) -> np.ndarray:
         _, heave, pitch = modes.body_motion[body, :, mode]
-        return heave - pitch * (place - modes.cg_x_m[body])
+        return np.asarray(heave - pitch * (place - modes.cg_x_m[body]))
 
     for b, body in enumerate(vehicle.bodies):
         supports = [a.x_m for a in vehicle.axles if a.body == b]

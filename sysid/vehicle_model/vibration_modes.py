@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg import block_diag, eig, eigh
 from scipy.optimize import linear_sum_assignment
 
+from sysid.arrays import Axles
 from sysid.campaign.records import LoadCase, Vehicle
 from sysid.errors import SysidError
 from sysid.tabular import Tabular
@@ -80,10 +81,10 @@ class NaturalModes(Tabular):
 def natural_modes(
     vehicle: Vehicle,
     load_case: LoadCase,
-    stiffness: np.ndarray,
-    damping: np.ndarray | None = None,
-    tire_stiffness: np.ndarray | None = None,
-    tire_damping: np.ndarray | None = None,
+    stiffness: Axles,
+    damping: Axles | None = None,
+    tire_stiffness: Axles | None = None,
+    tire_damping: Axles | None = None,
 ) -> NaturalModes:
     """Natural frequencies, damping ratios and mode shapes of a vehicle on its tires.
 
@@ -206,7 +207,15 @@ def _damped(omega: np.ndarray, modal_damping: np.ndarray) -> tuple[np.ndarray, n
     return ratio, pole
 
 
-def _result(vehicle, load_case, matrices: PlanarMatrices, omega, ratio, pole, shapes) -> NaturalModes:
+def _result(
+    vehicle: Vehicle,
+    load_case: LoadCase,
+    matrices: PlanarMatrices,
+    omega: np.ndarray,
+    ratio: np.ndarray,
+    pole: np.ndarray,
+    shapes: np.ndarray,
+) -> NaturalModes:
     names = coordinate_names(vehicle)
     scale = _lengths(vehicle, names)
     size = np.abs(shapes) * scale[:, None]
