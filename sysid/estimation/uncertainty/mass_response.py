@@ -44,4 +44,5 @@ def mass_response(
     values, vectors = np.linalg.eigh(moved.T @ solved)
     # What the parameters do not say about the masses; rounding must not make it negative.
     left = np.sqrt(np.clip(1.0 - values, 0.0, 1.0))
-    return MassResponse(centre, spread @ solved.T, spread @ (vectors * left))
+    # The symmetric root is one only, so that rounding does not turn the draws.
+    return MassResponse(centre, spread @ solved.T, spread @ (vectors * left) @ vectors.T)
