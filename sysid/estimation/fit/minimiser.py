@@ -17,7 +17,7 @@ import numpy as np
 import optimistix as optx
 
 from sysid.arrays import Residuals, ResidualsByUnknowns, UnknownsOfFit
-from sysid.errors import SysidError
+from sysid.errors import DataRejectedError
 from sysid.runtime import require_64_bit
 from sysid.threads import one_blas_thread
 
@@ -112,13 +112,17 @@ def minimise(
     Raises
     ------
     SysidError
-        If 64-bit floats are off, or the residuals at the start are not finite.
+        If 64-bit floats are off.
+    DataRejectedError
+        If the residuals at the start are not finite.
     """
     require_64_bit()
     start = np.asarray(start, float)
     here = residual, jacobian = evaluate(start)
     if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
-        raise SysidError("The simulation is not finite at the start values; check masses, stiffnesses and time steps.")
+        raise DataRejectedError(
+            "The simulation is not finite at the start values; check masses, tire stiffnesses, units and priors."
+        )
     # Scaling by the columns of the first Jacobian makes the damping act alike on all unknowns.
     norms = np.linalg.norm(jacobian, axis=0)
     by_columns = 1.0 / np.where(norms > 0.0, norms, 1.0)

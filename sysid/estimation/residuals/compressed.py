@@ -47,9 +47,11 @@ def square_factor(block: np.ndarray) -> np.ndarray:
 
     From the eigenvalues of the normal matrix with columns scaled to unit length: for thousands of rows and tens of
     columns a small part of the time of an orthogonal factorisation, and exact enough for scaled condition numbers far
-    below 1e8.
+    below 1e8.  Of a block that is not finite it is NaN: a trial of a search, which is rejected for that.
     """
     normal = block.T @ block
+    if not np.isfinite(normal).all():
+        return np.full_like(normal, np.nan)
     length = np.sqrt(np.diag(normal))
     scale = np.where(length > 0.0, length, 1.0)
     values, vectors = np.linalg.eigh(normal / scale[:, None] / scale)
