@@ -9,7 +9,7 @@ doi:10.1080/00423117508968461).  Its stiffness is fixed by the tire's declared v
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -214,6 +214,28 @@ class FootprintMap:
     drag: np.ndarray
     lift_m: np.ndarray
     misfit_m: float
+
+    @property
+    def step_m(self) -> float:
+        """Distance of the stations [m]."""
+        return float(self.station_m[1] - self.station_m[0])
+
+    def widened(self, first: int, last: int) -> FootprintMap:
+        """The map on stations `first` to `last`, in steps from the start of the bump: flat road where it had none."""
+        before = round(self.station_m[0] / self.step_m) - first
+        after = last - first + 1 - before - self.station_m.size
+
+        def padded(values: np.ndarray) -> np.ndarray:
+            return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(before, after)])
+
+        return replace(
+            self,
+            station_m=np.arange(first, last + 1) * self.step_m,
+            rise_m=padded(self.rise_m),
+            stretch=padded(self.stretch),
+            drag=padded(self.drag),
+            lift_m=padded(self.lift_m),
+        )
 
 
 def footprint_map(

@@ -115,10 +115,6 @@ def fit_strip(
     raised = bump.height_m > 0.3 * bump.height_m.max(initial=0.0)
     inflation = max(1.0, float(np.mean(bump.size * bump.mean_m**2)) / scale**2) if bump.size.size else 1.0
     waviness, flat_lateral = _flat_road(along_m[flat], across_m[flat], height_m[flat], scale)
-    # Steps have no slope: where the spline makes one up, it must not decide about the heading.
-    slope = np.clip(fit.slope(along), -1.0, 1.0)
-    lever = across - np.average(across, weights=weight * slope**2 + 1e-12)
-    moment = float(np.sum(weight * (lever * slope) ** 2))
     return StripFit(
         data=data,
         wide=fit,
@@ -131,9 +127,18 @@ def fit_strip(
         waviness_sd_m=waviness,
         lateral_sd_m=float(np.sqrt(max(_excess(bump, raised, scale) - flat_lateral, 0.0))),
         lanes=lane_count,
-        crest_turn_rad=float(np.sum(weight * lever * slope * residual)) / moment if moment > 0 else 0.0,
+        crest_turn_rad=_crest_turn(fit.slope(along), across, weight, residual),
         outliers=int(np.sum(robust == 0) + np.sum(np.abs(height_m[flat & ~inside]) > _REJECT * scale)),
     )
+
+
+def _crest_turn(slope: np.ndarray, across: np.ndarray, weight: np.ndarray, residual: np.ndarray) -> float:
+    """Angle [rad] by which the bump is turned against the strip: residuals (n,) that grow across it where it slopes."""
+    # Steps have no slope: where the spline makes one up, it must not decide about the heading.
+    slope = np.clip(slope, -1.0, 1.0)
+    lever = across - np.average(across, weights=weight * slope**2 + 1e-12)
+    moment = float(np.sum(weight * (lever * slope) ** 2))
+    return float(np.sum(weight * lever * slope * residual)) / moment if moment > 0 else 0.0
 
 
 def settle_ends(fit: StripFit, *, step_m: float, knot_spacing_m: float) -> StripProfile:

@@ -119,6 +119,29 @@ SOFT_DAMPING = 0.1
 NO_DEFLECTION = 1e-12
 
 
+def tangents(
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    exponent: np.ndarray | float,
+    deflection: np.ndarray,
+    growth: float = 1.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Tangent stiffness [N/m] and damping [N s/m] of tires (axles,) away from the reference load, at rest.
+
+    They are k_t x^(n - 1) and c (1 + g (l - 1)) with l = x sqrt((1 + s) / (x + s)) the length of contact over that at
+    the reference load, and s = :data:`SOFT_DAMPING`.
+
+    Parameters
+    ----------
+    stiffness, damping : (axles,) k_t [N/m] and c [N s/m] at the reference load.
+    exponent : n.
+    deflection : (axles,) x, static deflection over that at the reference load.
+    growth : g, 1 where damping grows with the length of contact, 0 where it does not.
+    """
+    length = deflection * np.sqrt((1.0 + SOFT_DAMPING) / (deflection + SOFT_DAMPING))
+    return np.asarray(stiffness * deflection ** (exponent - 1.0)), np.asarray(damping * (1.0 + growth * (length - 1.0)))
+
+
 def contact_force(
     law: TireLaw,
     road: RoadInput,

@@ -149,7 +149,7 @@ def _unsprung_acceleration(lanes: LaneMatrices, tire: jax.Array, pull: jax.Array
     return push if pull is None else push + jnp.matmul(lanes.beams.pull, pull)
 
 
-def _step(
+def _stages(
     lanes: LaneMatrices,
     suspension: SuspensionLaw,
     tire: TireLaw,
@@ -159,8 +159,8 @@ def _step(
     h: float,
     state: _State,
     first: _Forces,
-) -> tuple[_State, _Forces]:
-    """One Nystrom step from `state`, whose forces are `first`; returns the new state and the mid-step forces."""
+) -> tuple[_Forces, _Forces, _Forces, _Forces]:
+    """Forces of the four stages of a Nystrom step from `state`, whose forces are `first`."""
     half = 0.5 * h
     b, vb, z, vz, slip = state
 
@@ -196,7 +196,24 @@ def _step(
         z + h * (vz + half * second.axle_acceleration),
         vz + h * third.axle_acceleration,
     )
-    stages = (first, second, third, fourth)
+    return first, second, third, fourth
+
+
+def _step(
+    lanes: LaneMatrices,
+    suspension: SuspensionLaw,
+    tire: TireLaw,
+    motion: Motion,
+    roads: list[RoadInput],
+    time_s: jax.Array,
+    h: float,
+    state: _State,
+    first: _Forces,
+) -> tuple[_State, _Forces]:
+    """One Nystrom step from `state`, whose forces are `first`; returns the new state and the mid-step forces."""
+    b, vb, z, vz, slip = state
+    stages = _stages(lanes, suspension, tire, motion, roads, time_s, h, state, first)
+    _, second, third, _ = stages
     impulse, moment = _missed_by_stages(lanes, suspension, stages)
 
     def advance(

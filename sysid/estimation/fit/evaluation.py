@@ -24,7 +24,7 @@ from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, RunM
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, Identifiability, assess
-from sysid.estimation.uncertainty.information import adjusted_information
+from sysid.estimation.uncertainty.information import DataInformation, adjusted_information
 from sysid.estimation.uncertainty.mass_effect import MassEffect
 from sysid.estimation.uncertainty.mass_response import MassResponse, mass_response
 from sysid.estimation.uncertainty.sandwich import Adjustment
@@ -71,18 +71,7 @@ def evaluate_optimum(
     determined = assess(estimates, shared, information)
     warnings = fit_warnings(minimum, optimum.misfit, halving, difference, determined)
     checks = _mass_checks(allowances.masses, effect)
-    point = FitPoint(
-        parameters=model.parameters,
-        contact=model.felt.contact,
-        tires=model.tires,
-        target_step_s=model.target_step_s,
-        log_parameters=parameters,
-        motion=motion,
-        weights=weights,
-        adjustment=adjustment.matrix,
-        mass_response=_mass_response(parameters, effect, adjustment),
-        map_following=information.map_following,
-    )
+    point = _fit_point(problem, vector, effect, adjustment, information)
     fit = FitResult(
         parameters=estimates,
         run_parameters=runs,
@@ -106,6 +95,30 @@ def evaluate_optimum(
         identifiability=determined,
     )
     return fit, FitState(campaign, point, model)
+
+
+def _fit_point(
+    problem: Problem,
+    vector: np.ndarray,
+    effect: MassEffect,
+    adjustment: Adjustment,
+    information: DataInformation,
+) -> FitPoint:
+    """All that is kept of where the fit ended, at the unknowns `vector`."""
+    model = problem.model
+    parameters, motion = problem.unpack(vector)
+    return FitPoint(
+        parameters=model.parameters,
+        contact=model.felt.contact,
+        tires=model.tires,
+        target_step_s=model.target_step_s,
+        log_parameters=parameters,
+        motion=motion,
+        weights=problem.weights,
+        adjustment=adjustment.matrix,
+        mass_response=_mass_response(parameters, effect, adjustment),
+        map_following=information.map_following,
+    )
 
 
 def _mass_response(parameters: np.ndarray, effect: MassEffect, adjustment: Adjustment) -> MassResponse | None:

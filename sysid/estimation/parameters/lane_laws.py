@@ -11,6 +11,7 @@ import numpy as np
 
 from sysid.arrays import Axles, RunsByAxles
 from sysid.campaign.records import Vehicle
+from sysid.campaign.statics import carried_by_suspensions
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.parameters.suspension_curves import (
     SuspensionCurves,
@@ -82,9 +83,9 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_ca
         position = [parameters.index(quantity, None if shared else i) if having[i] else -1 for i in axles]
         elements[quantity] = ElementIndex(np.array(position), np.full(len(position), neutral))
     carried = lanes.matrices.carried_load
-    # A group's suspension carries what its axles carry together.
-    together = np.equal.outer(vehicle.suspension_axle, vehicle.suspension_axle).astype(float)
-    reference = carried[..., 0] + (lanes.reference_load - lanes.matrices.static_load)[..., 0] @ together
+    reference = carried[..., 0] + (lanes.reference_load - lanes.matrices.static_load)[..., 0] @ carried_by_suspensions(
+        vehicle
+    )
     return LawInputs(
         stiffness,
         per_axle("damping"),

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from sysid.arrays import RunsByAxles
+from sysid.campaign.statics import carried_by_suspensions
 from sysid.estimation.parameters.lane_laws import ElementIndex, LawInputs
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.road.contact_laws import CONTACT_LAWS
@@ -93,9 +94,11 @@ class Departures:
         if not any(d.kind == FRICTION for d in self.directions):
             return moved
         vehicle, first = self.roads.vehicle, next(iter(self.roads.load_cases.values()))
-        # A group's suspension carries what its axles carry together.
-        together = np.equal.outer(vehicle.suspension_axle, vehicle.suspension_axle).astype(float)
-        carried = together @ (np.array(first.axle_loads_kg) - vehicle.unsprung_mass_kg) * vehicle.gravity_m_s2
+        carried = (
+            carried_by_suspensions(vehicle)
+            @ (np.array(first.axle_loads_kg) - vehicle.unsprung_mass_kg)
+            * vehicle.gravity_m_s2
+        )
         elements = dict(inputs.elements)
         none = np.full(carried.size, -1)
         force, slip = (elements.get(name, ElementIndex(none, 0.0 * carried)) for name in ("friction", "slip_length"))
@@ -178,29 +181,12 @@ class _Padded(EffectiveRoads):
     """Maps of an inner source on stations wide enough for all sources."""
 
     def __init__(self, inner: EffectiveRoads, reach_m: tuple[float, float]):
-        self._inner, self._reach = inner, reach_m
+        self._inner, self._reach_m = inner, reach_m
 
     def maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
-        return tuple(_widened(m, self._reach) for m in self._inner.maps(load_case, bump))
-
-
-def _widened(m: FootprintMap, reach_m: tuple[float, float]) -> FootprintMap:
-    step = float(m.station_m[1] - m.station_m[0])
-    first, last = (round(x / step) for x in reach_m)
-    before = round(m.station_m[0] / step) - first
-    after = last - first + 1 - before - m.station_m.size
-
-    def padded(values: np.ndarray) -> np.ndarray:
-        return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(before, after)])
-
-    return FootprintMap(
-        np.arange(first, last + 1) * step,
-        padded(m.rise_m),
-        padded(m.stretch),
-        padded(m.drag),
-        padded(m.lift_m),
-        m.misfit_m,
-    )
+        maps = self._inner.maps(load_case, bump)
+        first, last = (round(x / maps[0].step_m) for x in self._reach_m)
+        return tuple(m.widened(first, last) for m in maps)
 
 
 def _padded_maps(known: Departures, passes: Sequence[Pass]) -> tuple[EffectiveRoad, ...]:
