@@ -42,10 +42,11 @@ def imports(name: str, tree: ast.Module, known: set[str]) -> set[str]:
 
 
 def definitions(tree: ast.Module, kind: type[ast.AST]) -> Iterator[tuple[int, str]]:
-    """Lines and name of every definition of a kind."""
+    """Lines, docstring not counted, and name of every definition of a kind."""
     for node in ast.walk(tree):
         if isinstance(node, kind) and isinstance(node, ast.FunctionDef | ast.ClassDef):
-            yield (node.end_lineno or node.lineno) - node.lineno + 1, node.name
+            words = ast.get_docstring(node, clean=False) or ""
+            yield (node.end_lineno or node.lineno) - node.lineno + 1 - len(words.splitlines()), node.name
 
 
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
