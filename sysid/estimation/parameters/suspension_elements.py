@@ -49,7 +49,8 @@ class Element:
     quantities: tuple[ElementQuantity, ...]
 
 
-#: Share of the carried load at which leaf packs (air-sprung and other axles) rub.
+#: Share of the carried load at which leaf packs (air-sprung and other axles) rub: assumptions inside the 2 to 10 % that
+#: are generally known of leaf packs.
 FRICTION_SHARE = {"leaf": 0.05, "air": 0.02, "other": 0.03}
 
 ELEMENTS = {
