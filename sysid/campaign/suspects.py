@@ -14,7 +14,8 @@ from sysid.campaign.records import Channel, Log, Sensor, Vehicle
 from sysid.campaign.units import si_factor
 
 _ACTUAL_UNITS = {"length": ("m", "cm", "mm", "in"), "acceleration": ("m/s^2", "g", "mg", "mm/s^2")}
-# Largest departures [SI] that sensors of road vehicles show on a bump or plank, with room to spare on both sides.
+# Largest departures [SI] that sensors of road vehicles show on a bump or plank, with room to spare on both sides:
+# assumptions; axles reach 100 to 200 m/s2 on a bump of 90 mm in simulation.
 _PLAUSIBLE = {
     "suspension_deflection": (1e-3, 0.5),
     "axle_acceleration": (0.2, 600.0),

@@ -111,15 +111,15 @@ def run_information(state: FitState, kinds: Sequence[RunKind], sensors: Sequence
         mass_columns(model, state.allowances.masses, weights, point.log_parameters, motion),
     )
     order = [sensors.index(s) for s in model.layout.sensors]
-    found: dict[int, RunInformation] = {}
+    by_run: dict[int, RunInformation] = {}
     for group, lin in zip(model.groups, lins, strict=True):
         for r, run in enumerate(group.runs):
             normal = np.empty((len(sensors), *(lin.residual_jacobian.shape[-1],) * 2))
             for c, at in enumerate(order):
                 normal[at] = _normal(lin, r, c)
             own = np.diag([(SPEED_UNIT / runs[run].speed_sd) ** 2, 0.0])
-            found[run] = RunInformation(kinds[run], sensors, normal, own)
-    return tuple(found[i] for i in range(len(kinds)))
+            by_run[run] = RunInformation(kinds[run], sensors, normal, own)
+    return tuple(by_run[i] for i in range(len(kinds)))
 
 
 def _normal(lin: Linearisation, run: int, channel: int) -> np.ndarray:

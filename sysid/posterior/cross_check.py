@@ -113,7 +113,7 @@ def compared(posterior: Posterior, draws: np.ndarray, divergences: int = 0) -> C
     """Compare draws (chains, n, p) of log parameters with a posterior."""
     ensembles, steps, walkers, count = posterior.draws.shape
     ours = np.log(posterior.draws).reshape(ensembles, -1, count)[:, draw_order(steps, walkers)]
-    found = []
+    compared_parameters = []
     for i, name in enumerate(posterior.names):
         pair = draws[..., i], ours[..., i]
         means, sds = [float(x.mean()) for x in pair], [float(x.std(ddof=1)) for x in pair]
@@ -121,7 +121,7 @@ def compared(posterior: Posterior, draws: np.ndarray, divergences: int = 0) -> C
         # Draws that alternate tell the mean better than the spread, so squares are counted by themselves.
         squares = [effective_draws((x - m) ** 2) for x, m in zip(pair, means, strict=True)]
         ratio = sds[0] / sds[1]
-        found.append(
+        compared_parameters.append(
             CheckedParameter(
                 name,
                 (means[0] - means[1]) / sds[1],
@@ -131,7 +131,7 @@ def compared(posterior: Posterior, draws: np.ndarray, divergences: int = 0) -> C
                 effective[0],
             )
         )
-    parameters = tuple(found)
+    parameters = tuple(compared_parameters)
     apart = [p.name for p in parameters if not p.agrees]
     worst = max(parameters, key=lambda p: abs(p.shift))
     figures = (
@@ -147,8 +147,8 @@ def compared(posterior: Posterior, draws: np.ndarray, divergences: int = 0) -> C
 
 
 def _span(values: Any) -> str:
-    found = list(values)
-    return f"{min(found):.2f} to {max(found):.2f}"
+    numbers = list(values)
+    return f"{min(numbers):.2f} to {max(numbers):.2f}"
 
 
 def gradient_draws(
@@ -199,6 +199,6 @@ def gradient_draws(
         ["x"],
         make_initial_point_fn=lambda seed: np.random.default_rng(seed).standard_normal(count),
     )
-    found = nutpie.sample(model, draws=draws, tune=tuning, chains=chains, cores=1, seed=seed + 1, progress_bar=False)
-    y = np.asarray(found.posterior["x"])
-    return centre + y @ factor.T, int(np.asarray(found.sample_stats["diverging"]).sum())
+    trace = nutpie.sample(model, draws=draws, tune=tuning, chains=chains, cores=1, seed=seed + 1, progress_bar=False)
+    y = np.asarray(trace.posterior["x"])
+    return centre + y @ factor.T, int(np.asarray(trace.sample_stats["diverging"]).sum())

@@ -98,7 +98,7 @@ class LogDensity:
         count = self.centre.size
         self._inputs = []
         lin = linearise(state.model, point.weights, self.centre, point.motion)
-        every = point.weights.on(state.model.arrays)
+        weighted = point.weights.on(state.model.arrays)
         for position, group in enumerate(state.model.groups):
             runs = list(group.runs)
             speed, start = point.motion.speed_m_s[runs], point.motion.start_s[runs]
@@ -107,7 +107,7 @@ class LogDensity:
             speed_residual, speed_rows = expected.rows(point.motion, runs)
             normal = run_normal(local, gain, np.einsum("rk,rl->rkl", speed_rows, speed_rows))
             pull = speed_residual[:, None] * speed_rows
-            arrays, shape = every[position], state.model.shapes[position]
+            arrays, shape = weighted[position], state.model.shapes[position]
             road = wheel_road(arrays, state.model.roads[position], speed[:, None], start[:, None], shape)
             self._inputs.append(
                 _GroupInputs(

@@ -89,11 +89,11 @@ def sample_posterior(
     report = progress or unwatched
     identity = chain_identity(options, centre, covariance, fingerprint or {})
     with nullcontext() if folder is None else Checkpoint(folder, identity) as checkpoint:
-        found = Resumed([], None, "") if checkpoint is None else checkpoint.open(resume=resume)
-        if found.note and notice is not None:
-            notice(found.note)
-        history = History(found.segments)
-        ensembles = _ensembles(density, names, centre, covariance, options, found)
+        resumed = Resumed([], None, "") if checkpoint is None else checkpoint.open(resume=resume)
+        if resumed.note and notice is not None:
+            notice(resumed.note)
+        history = History(resumed.segments)
+        ensembles = _ensembles(density, names, centre, covariance, options, resumed)
         # A chain that had already converged when it is resumed must not grow.
         diagnosis = diagnose(history.draws) if _due(history.steps, options) else None
         while not _finished(diagnosis, history.steps, options):
@@ -113,10 +113,10 @@ def posterior_so_far(
 
     It is never called converged: the sampling stage alone decides that.
     """
-    found = read_chain(folder)
-    if found is None or found[0] != identity:
+    stored = read_chain(folder)
+    if stored is None or stored[0] != identity:
         return None
-    history = History(found[1])
+    history = History(stored[1])
     return _posterior(names, history, diagnose(history.draws), likelihood, options, finished=False)
 
 
@@ -137,10 +137,10 @@ def _ensembles(
     centre: Parameters,
     covariance: ParametersByParameters,
     options: SamplingOptions,
-    found: Resumed,
+    resumed: Resumed,
 ) -> list[Ensemble]:
-    if found.ending is not None:
-        states = [restored(found.ending, e) for e in range(options.ensembles)]
+    if resumed.ending is not None:
+        states = [restored(resumed.ending, e) for e in range(options.ensembles)]
     else:
         count = len(names)
         walkers = 2 * int(np.ceil(max(options.walkers_per_parameter * count, 2 * count + 2) / 2))
@@ -232,18 +232,18 @@ def _posterior(
 
 
 def _warnings(history: History, diagnosis: Diagnosis, rejected_share: float) -> tuple[str, ...]:
-    found = []
+    sentences = []
     if rejected_share > _MANY_REJECTED:
-        found.append(
+        sentences.append(
             f"{100 * rejected_share:.0f} % of the parameter sets that the sampler proposed have no finite simulation: "
             "the posterior reaches to where the vehicle model fails; give the widest parameters priors."
         )
     stuck = standstills(history.draws, diagnosis.burn_in)
     if stuck.any():
         ensemble, walker = np.unravel_index(int(stuck.argmax()), stuck.shape)
-        found.append(
+        sentences.append(
             f"{np.count_nonzero(stuck)} of {stuck.size} walkers are stuck: walker {walker + 1} of ensemble "
             f"{ensemble + 1} did not move for {stuck.max()} steps while the others did; the posterior may have a "
             "second mode there: do not trust its intervals before another --seed gives the same."
         )
-    return tuple(found)
+    return tuple(sentences)

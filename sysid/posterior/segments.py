@@ -116,8 +116,8 @@ def start(identity: dict[str, str]) -> str:
 
 
 def _identity(content: array_file.Content) -> dict[str, str] | None:
-    found = content.fields.get("identity")
-    return {str(k): str(v) for k, v in found.items()} if isinstance(found, dict) else None
+    identity = content.fields.get("identity")
+    return {str(k): str(v) for k, v in identity.items()} if isinstance(identity, dict) else None
 
 
 def _complete(content: array_file.Content) -> bool:

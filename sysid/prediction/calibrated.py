@@ -59,13 +59,13 @@ def calibrated_vehicles(
 
     A load case that nobody drove has none where stiffness belongs to a load case.
     """
-    found = []
+    vehicles = []
     for name in campaign.load_cases:
         try:
-            found.append(calibrated_vehicle(campaign, drops, fit, posterior, name))
+            vehicles.append(calibrated_vehicle(campaign, drops, fit, posterior, name))
         except KeyError:
             continue
-    return tuple(found)
+    return tuple(vehicles)
 
 
 def _suspension(law: SuspensionLaw, axle: int, name: str, words: str, static_load: float) -> CalibratedSuspension:

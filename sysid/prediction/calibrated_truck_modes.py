@@ -20,14 +20,14 @@ def calibrated_modes(campaign: Campaign, fit: FitResult, posterior: Posterior | 
     """
     medians = {} if posterior is None else {s.name: s.q50 for s in posterior.summaries}
     values = {(p.quantity, p.axle, p.load_case): medians.get(p.name, p.value) for p in fit.parameters}
-    found = []
+    modes = []
     for case in campaign.load_cases.values():
         try:
-            found.append(_modes(campaign, case, values))
+            modes.append(_modes(campaign, case, values))
         except (KeyError, SysidError):
             # A load case nobody drove has no stiffness of its own; values far off may not even stand.
             continue
-    return tuple(found)
+    return tuple(modes)
 
 
 def _modes(campaign: Campaign, case: LoadCase, values: dict[tuple[str, int | None, str | None], float]) -> NaturalModes:

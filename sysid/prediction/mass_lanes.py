@@ -66,7 +66,7 @@ def histories_of_draws(
     """
     count = log_parameters.shape[0]
     masses, departures = vehicles.allowances.masses, vehicles.allowances.departures
-    found = []
+    chunks = []
     for first in range(0, count, TOGETHER):
         # The last chunk repeats its last draw: one size is compiled once.
         chosen = np.minimum(np.arange(first, first + TOGETHER), count - 1)
@@ -85,8 +85,8 @@ def histories_of_draws(
         road = wheel_road(stacked, _joined(roads), lanes.axle_x, speed, start_s, timing)
         sets = jnp.asarray(log_parameters[chosen, :, None])
         tire, suspension, deflection = _histories(stacked, inputs, road, sets, timing=timing)
-        found.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, deflection)])
-    tire, suspension, deflection = (np.concatenate(parts, axis=1)[:, :count] for parts in zip(*found, strict=True))
+        chunks.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, deflection)])
+    tire, suspension, deflection = (np.concatenate(parts, axis=1)[:, :count] for parts in zip(*chunks, strict=True))
     return np.moveaxis(tire, 1, 2), np.moveaxis(suspension, 1, 2), np.moveaxis(deflection, 1, 2)
 
 
@@ -109,8 +109,8 @@ def _histories(
     matrices: LaneMatrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *, timing: Timing
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     suspension, tire = _laws(inputs, sets)
-    found = road.engine.histories(matrices, suspension, tire, road, timing)
-    return found.tire_force, found.suspension_force, found.deflection
+    histories = road.engine.histories(matrices, suspension, tire, road, timing)
+    return histories.tire_force, histories.suspension_force, histories.deflection
 
 
 def _laws(inputs: LawInputs, sets: jax.Array) -> tuple[SuspensionLaw, TireLaw]:

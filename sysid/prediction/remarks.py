@@ -50,33 +50,33 @@ def remarks(
     name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
     if request.shape is not None:
         name += f", {request.shape.label}"
-    found = [*_extrapolation(campaign, request, name), *_travel(campaign, name, peak_ratio, travel)]
+    sentences = [*_extrapolation(campaign, request, name), *_travel(campaign, name, peak_ratio, travel)]
     if abs(impulse - 1.0) > _IMPULSE:
-        found.append(
+        sentences.append(
             f"{name}: the wheel loads together carry {impulse:.3f} times the weight over the pass; the truck is not at "
             "rest again at the end of the record."
         )
-    return tuple(found)
+    return tuple(sentences)
 
 
 def _extrapolation(campaign: Campaign, request: PredictionRequest, name: str) -> list[str]:
-    found = []
+    sentences = []
     driven = driven_speeds(campaign, request.load_case)
     if not driven:
-        found.append(f"{name}: no run was driven in this load case; the prediction is an extrapolation.")
+        sentences.append(f"{name}: no run was driven in this load case; the prediction is an extrapolation.")
     elif request.speed_m_s > FASTER * max(driven):
-        found.append(
+        sentences.append(
             f"{name}: faster than any run of this load case ({3.6 * max(driven):g} km/h); the prediction is an "
             "extrapolation."
         )
     if request.shape is not None:
-        found.append(f"{name}: no run crossed this bump; the prediction is an extrapolation.")
-    return found
+        sentences.append(f"{name}: no run crossed this bump; the prediction is an extrapolation.")
+    return sentences
 
 
 def _travel(campaign: Campaign, name: str, peak_ratio: Axles, travel: tuple[Quantiles, Quantiles]) -> list[str]:
     axles = campaign.vehicle.axles
-    found = []
+    sentences = []
     for word, key, predicted in (
         ("compresses", "jounce_travel_m", travel[0]),
         ("extends", "rebound_travel_m", travel[1]),
@@ -84,16 +84,16 @@ def _travel(campaign: Campaign, name: str, peak_ratio: Axles, travel: tuple[Quan
         for i, axle in enumerate(axles):
             limit, most = getattr(axle, key), float((predicted.q50 if predicted.q95 is None else predicted.q95)[i])
             if limit is not None and most > limit and not has_bump_stops(axle):
-                found.append(
+                sentences.append(
                     f"{name}: axle {i + 1} {word} by up to {1e3 * most:.0f} mm, more than its {key} of "
                     f"{1e3 * limit:.0f} mm, and its suspension_law has no {BUMP_STOPS}: the load ratio there is not "
                     "that of the truck."
                 )
     unknown = np.array([not knows_travel(axle) for axle in axles])
     if np.any(peak_ratio[unknown] >= ARTEFACT_RATIO):
-        found.append(
+        sentences.append(
             f"{name}: load ratios of {ARTEFACT_RATIO:g} and more come from a model without bump stops, and no "
             "suspension travel is declared in campaign.toml to judge whether the stops would be reached; do not use "
             "them as wheel loads."
         )
-    return found
+    return sentences

@@ -261,14 +261,14 @@ def road_input(road: EffectiveRoad, position_m: jax.Array) -> RoadInput:
         # Six B-spline coefficients become the six coefficients of the polynomial in t on this cell.
         weights = jnp.stack([jnp.take_along_axis(table, cell + k, axis=2) for k in range(-2, 4)])
         terms = jnp.tensordot(jnp.asarray(CELL_POLYNOMIAL), weights, axes=1)
-        found = []
+        by_order = []
         for order in range(orders):
             factors = [math.perm(power, order) for power in range(order, 6)]
             value = factors[-1] * terms[5]
             for power in range(4, order - 1, -1):
                 value = value * t + factors[power - order] * terms[power]
-            found.append(jnp.moveaxis(value.reshape(moved.shape), (0, 1), (-3, -2)) / road.step_m**order)
-        return found
+            by_order.append(jnp.moveaxis(value.reshape(moved.shape), (0, 1), (-3, -2)) / road.step_m**order)
+        return by_order
 
     def stacked(tables: np.ndarray | None) -> MapOrders | None:
         if tables is None:

@@ -261,8 +261,8 @@ def _missed_by_stages(
             _Missed(_unsprung_acceleration(lanes, impulse), None),
             _Missed(_unsprung_acceleration(lanes, moment), None),
         )
-    every = kink_corrections(suspension, tuple(f.extension for f in stages), tuple(f.rate for f in stages))
-    missed = tuple(_carried(lanes, one) for one in every)
+    corrections = kink_corrections(suspension, tuple(f.extension for f in stages), tuple(f.rate for f in stages))
+    missed = tuple(_carried(lanes, one) for one in corrections)
     turn = lanes.acceleration[:, :, : lanes.static_load.shape[1]]
     return (
         _Missed(_unsprung_acceleration(lanes, impulse, missed[0]), jnp.matmul(turn, missed[0])),
@@ -391,5 +391,5 @@ def simulate_histories(
         return state, record
 
     steps = jnp.arange(samples * substeps, dtype=jnp.float64)
-    found = jax.lax.scan(body, state, (steps, _step_slices(road, samples * substeps)))[1]
-    return Histories(*(values[::substeps] for values in found))
+    histories = jax.lax.scan(body, state, (steps, _step_slices(road, samples * substeps)))[1]
+    return Histories(*(values[::substeps] for values in histories))

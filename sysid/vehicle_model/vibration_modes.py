@@ -143,17 +143,17 @@ def natural_modes(
 
 
 def _per_axle(name: str, values: np.ndarray, vehicle: Vehicle) -> np.ndarray:
-    found = np.array(values, float)
-    if found.shape != (len(vehicle.axles),):
+    checked = np.array(values, float)
+    if checked.shape != (len(vehicle.axles),):
         raise SysidError(
-            f"{name} has the shape {found.shape}, expected one value for each of {len(vehicle.axles)} axles."
+            f"{name} has the shape {checked.shape}, expected one value for each of {len(vehicle.axles)} axles."
         )
     if name in ("stiffness", "damping"):
-        found[np.not_equal(vehicle.suspension_axle, np.arange(len(vehicle.axles)))] = 0.0
-    if not np.all(found >= 0.0):
-        worst = int(np.argmin(np.where(np.isfinite(found), found, -np.inf)))
-        raise SysidError(f"{name} of axle {worst + 1} is {found[worst]:g}, expected a number of zero or more.")
-    return found
+        checked[np.not_equal(vehicle.suspension_axle, np.arange(len(vehicle.axles)))] = 0.0
+    if not np.all(checked >= 0.0):
+        worst = int(np.argmin(np.where(np.isfinite(checked), checked, -np.inf)))
+        raise SysidError(f"{name} of axle {worst + 1} is {checked[worst]:g}, expected a number of zero or more.")
+    return checked
 
 
 def _rows(m: PlanarMatrices) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -248,9 +248,9 @@ def _lengths(vehicle: Vehicle, names: tuple[str, ...]) -> np.ndarray:
     """Length (c,) that makes a pitch comparable with a heave: half the distance between the outermost supports."""
     spans = {}
     for b, body in enumerate(vehicle.bodies):
-        following = vehicle.bodies[b + 1].hitch_x_m if b + 1 < len(vehicle.bodies) else None
+        next_hitch_m = vehicle.bodies[b + 1].hitch_x_m if b + 1 < len(vehicle.bodies) else None
         supports = [a.x_m for a in vehicle.axles if a.body == b]
-        supports += [x for x in (body.hitch_x_m, following) if x is not None]
+        supports += [x for x in (body.hitch_x_m, next_hitch_m) if x is not None]
         spans[f"pitch {body.name}"] = 0.5 * (max(supports) - min(supports))
     for group in vehicle.groups:
         spans[f"pitch {group.name}"] = 0.5 * (vehicle.axles[group.axles[-1]].x_m - vehicle.axles[group.axles[0]].x_m)

@@ -35,9 +35,9 @@ def contact_trials(
     report = progress or unwatched
     parameters = optimum.problem.model.parameters
 
-    def trial(contact: str, found: Optimum) -> ContactTrial:
-        values = np.exp(found.vector[: found.problem.count])
-        return ContactTrial(contact, found.misfit, tuple(float(v) for v in values))
+    def trial(contact: str, optimum: Optimum) -> ContactTrial:
+        values = np.exp(optimum.vector[: optimum.problem.count])
+        return ContactTrial(contact, optimum.misfit, tuple(float(v) for v in values))
 
     def repeating(message: str, fraction: float) -> None:
         report(f"other contact laws, {message}", fraction)

@@ -135,15 +135,15 @@ def _mass_checks(masses: UncertainMasses, effect: MassEffect) -> tuple[MassCheck
 
 
 def _mass_warnings(checks: tuple[MassCheck, ...]) -> tuple[str, ...]:
-    found = []
+    sentences = []
     for check in checks:
         if abs(np.log(check.asked)) > DOUBTFUL_MASS_SD * check.tolerance:
             percent, side = 100.0 * abs(check.asked - 1.0), "above" if check.asked > 1.0 else "below"
-            found.append(
+            sentences.append(
                 f"The data ask for a value about {percent:.0f} % {side} the declared one: {check.words}, declared "
                 f"within {100.0 * check.tolerance:g} %. Check it in campaign.toml, or widen its tolerance."
             )
-    return tuple(found)
+    return tuple(sentences)
 
 
 def parameter_sd(optimum: Optimum) -> np.ndarray:
@@ -195,7 +195,7 @@ def _scipy_difference(problem: Problem, optimum: np.ndarray, start: np.ndarray) 
     def jacobian_at(vector: np.ndarray) -> np.ndarray:
         return at(vector).jacobian
 
-    found = scipy_least_squares(
+    minimum = scipy_least_squares(
         residual,
         optimum + (start - optimum) / 10.0,
         jac=jacobian_at,
@@ -208,7 +208,7 @@ def _scipy_difference(problem: Problem, optimum: np.ndarray, start: np.ndarray) 
     )
     jacobian = at(optimum).jacobian
     sd = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
-    return float(np.max(np.abs(found.x - optimum) / sd))
+    return float(np.max(np.abs(minimum.x - optimum) / sd))
 
 
 def _step_halving_error(problem: Problem, vector: np.ndarray, coarse: tuple[Linearisation, ...]) -> float:
@@ -297,23 +297,23 @@ def fit_warnings(
     halving : largest relative RMS change of a channel with half the integration step.
     cross_check : distance of an independent solver's optimum [sd], NaN where none looked for it.
     """
-    found = []
+    sentences = []
     if not minimum.converged:
-        found.append(f"Least squares has not converged ({minimum.message}); the values are not final.")
+        sentences.append(f"Least squares has not converged ({minimum.message}); the values are not final.")
     if misfit >= MISFIT:
-        found.append(
+        sentences.append(
             f"Residuals are {misfit:.1f} times the instrument noise (median over channels): the model does not explain "
             "everything the sensors saw. Intervals are widened by what these residuals ask for and may not hold all of "
             "it."
         )
     if halving > STEP_HALVING:
-        found.append(
+        sentences.append(
             f"Halving the integration step changes a channel by {100.0 * halving:.2g} % of its size, more than "
             f"{100.0 * STEP_HALVING:g} %."
         )
     if np.isfinite(cross_check) and cross_check > SOLVERS_APART_SD:
-        found.append(
+        sentences.append(
             f"An independent solver ends {cross_check:.1f} standard deviations away; the optimum may not be unique."
         )
-    found += determined.warnings
-    return tuple(found)
+    sentences += determined.warnings
+    return tuple(sentences)

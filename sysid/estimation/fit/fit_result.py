@@ -123,8 +123,8 @@ class FitResult(Tabular):
     @property
     def laws(self) -> tuple[str, ...]:
         """Suspension law of every axle (of a group one, in the place of its first axle), front to rear."""
-        found = {p.axle: p.law for p in self.parameters if p.quantity == "damping"}
-        return tuple(found[axle] for axle in sorted(found, key=lambda a: -1 if a is None else a))
+        laws = {p.axle: p.law for p in self.parameters if p.quantity == "damping"}
+        return tuple(laws[axle] for axle in sorted(laws, key=lambda a: -1 if a is None else a))
 
     @property
     def names(self) -> tuple[str, ...]:

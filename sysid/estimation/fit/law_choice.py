@@ -140,7 +140,7 @@ def check_priors(campaign: Campaign) -> None:
     declared = declared_laws(campaign)
     rich = richest_laws(campaign.vehicle.axles, declared)
     sets = [campaign_parameters(campaign, None, laws) for laws in (declared, rich)]
-    check_named_priors(campaign, [p for found in sets for p in found.parameters])
+    check_named_priors(campaign, [p for parameters in sets for p in parameters.parameters])
 
 
 def _compare(

@@ -103,38 +103,38 @@ def optimise(
     if near is None:
         model = prepared(None)
         motion, instrument = _find_motion(campaign, model, parameters.start, report)
-        found = optimise_from(campaign, model, motion, instrument, parameters.start, how, report)
+        optimum = optimise_from(campaign, model, motion, instrument, parameters.start, how, report)
     else:
         model = prepared(near.problem.model.tires)
         _, motion = near.problem.unpack(near.vector)
         start, weights = _start_from(parameters, near), near.problem.weights
-        found = optimise_from(campaign, model, motion, near.instrument, start, how, report, weights=weights)
+        optimum = optimise_from(campaign, model, motion, near.instrument, start, how, report, weights=weights)
     if not again:
-        return found
+        return optimum
     for _ in range(_MAPS - 1):
-        found = _with_own_maps(campaign, found, prepared, hasty, report)
-        tires = found.problem.model.tires
+        optimum = _with_own_maps(campaign, optimum, prepared, hasty, report)
+        tires = optimum.problem.model.tires
         assert tires is not None
-        if tires.like(map_tires(parameters, found.vector[: found.problem.count])):
+        if tires.like(map_tires(parameters, optimum.vector[: optimum.problem.count])):
             break
-    return found if rough else _with_own_maps(campaign, found, prepared, options, report)
+    return optimum if rough else _with_own_maps(campaign, optimum, prepared, options, report)
 
 
 def _with_own_maps(
     campaign: Campaign,
-    found: Optimum,
+    before: Optimum,
     prepared: Callable[[MapTires], BumpModel],
     options: FitOptions,
     report: Progress,
 ) -> Optimum:
     """The optimum under footprint maps of the tires that another optimum has."""
     report("footprint of the estimated tires", 0.5)
-    values, motion = found.problem.unpack(found.vector)
-    model, weights = prepared(map_tires(found.problem.model.parameters, values)), found.problem.weights
-    again = optimise_from(campaign, model, motion, found.instrument, values, options, report, weights=weights)
+    values, motion = before.problem.unpack(before.vector)
+    model, weights = prepared(map_tires(before.problem.model.parameters, values)), before.problem.weights
+    again = optimise_from(campaign, model, motion, before.instrument, values, options, report, weights=weights)
     # The cross-check starts from where the search for all began.
-    first = np.concatenate([found.first[: found.problem.count], np.zeros(again.first.size - found.problem.count)])
-    iterations = found.minimum.iterations + again.minimum.iterations
+    first = np.concatenate([before.first[: before.problem.count], np.zeros(again.first.size - before.problem.count)])
+    iterations = before.minimum.iterations + again.minimum.iterations
     return replace(again, first=first, minimum=replace(again.minimum, iterations=iterations))
 
 
@@ -182,8 +182,8 @@ def optimise_from(
 
 def _start_from(parameters: ParameterSet, near: Optimum) -> np.ndarray:
     """Start vector that takes common parameters from another optimum."""
-    found = dict(zip(near.problem.model.parameters.names, near.vector, strict=False))
-    return np.array([found.get(p.name, np.log(p.start)) for p in parameters.parameters])
+    nearby = dict(zip(near.problem.model.parameters.names, near.vector, strict=False))
+    return np.array([nearby.get(p.name, np.log(p.start)) for p in parameters.parameters])
 
 
 def _find_motion(

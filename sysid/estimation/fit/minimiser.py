@@ -128,16 +128,16 @@ def minimise(
     by_columns = 1.0 / np.where(norms > 0.0, norms, 1.0)
     report = on_iteration or (lambda iteration, cost: None)
     tolerances = relative_tolerance, step_tolerance
-    found = _search(evaluate, start, here, by_columns, tolerances, max_iterations, report)
-    done = found.iterations
-    if found.converged or done >= max_iterations:
-        return found
+    first = _search(evaluate, start, here, by_columns, tolerances, max_iterations, report)
+    done = first.iterations
+    if first.converged or done >= max_iterations:
+        return first
     # An unknown that matters only away from the start was hardly damped: once more, with steps in shares of the start.
     by_start = np.where(start != 0.0, np.abs(start), 1.0)
     again = _search(
         evaluate, start, here, by_start, tolerances, max_iterations - done, lambda i, cost: report(done + i, cost)
     )
-    better = again if again.converged or again.cost < found.cost else found
+    better = again if again.converged or again.cost < first.cost else first
     return replace(better, iterations=done + again.iterations)
 
 

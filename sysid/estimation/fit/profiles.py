@@ -101,10 +101,10 @@ def profile_deviance(
                 residual, jacobian = evaluate(whole)
                 return residual, jacobian[:, free]
 
-            found = minimise(fixed, start[free], relative_tolerance=relative_tolerance, max_iterations=max_iterations)
+            minimum = minimise(fixed, start[free], relative_tolerance=relative_tolerance, max_iterations=max_iterations)
             at = start.copy()
-            at[free] = found.point
-            deviance[k], converged[k] = 2.0 * found.cost - lowest, found.converged
+            at[free] = minimum.point
+            deviance[k], converged[k] = 2.0 * minimum.cost - lowest, minimum.converged
             done += 1
             on_value(done)
     return deviance, converged

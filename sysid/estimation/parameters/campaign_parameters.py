@@ -18,12 +18,15 @@ from sysid.estimation.parameters.suspension_elements import ELEMENTS, LINEAR, la
 from sysid.sdof.drop_results import DropEstimate, DropSummary
 
 #: Generic lognormal priors (median, log sd) where neither a drop nor the user says more; per axle, both sides.
+#: Assumptions: general knowledge of heavy vehicles, wide enough for steer and trailer axles, empty and laden.
 GENERIC_STIFFNESS = {"leaf": (1.0e6, 0.8), "air": (3.5e5, 0.7), "other": (7.0e5, 0.9)}
 GENERIC_DAMPING = (1.2e4, 0.8)
 #: Spread of the log of k and c around a drop estimate: axle coupling and the tire in series bias drops this much.
+#: The tire alone leaves 1/(1 + k/kt) of k and its square of c: 0.6 to 0.8 and 0.4 to 0.6 at usual ratios k/kt.
 DROP_STIFFNESS_SD = 0.4
 DROP_DAMPING_SD = 0.7
 #: Spread of data-book tire values, and the exponent of the tire's load-deflection law (1 linear, 1.5 radial springs).
+#: Assumptions: data books state neither their spread nor, mostly, the load that a stiffness belongs to.
 TIRE_STIFFNESS_SD = 0.10
 TIRE_DAMPING_SD = 0.5
 TIRE_EXPONENT = (1.2, 0.08)
@@ -33,13 +36,14 @@ AIR_LOAD_EXPONENT = (0.8, 0.16)
 #: Smallest standard deviation of such a link, for load cases of nearly the same load.
 AIR_LINK_LEAST_SD = 0.05
 
-#: Young's modulus of spring steel [Pa], and the spread of the leaf formula about real packs: clamped length,
-#: full-length leaves and shackles.
+#: Young's modulus of spring steel [Pa] (material data), and the spread of the leaf formula about real packs, an
+#: assumption: clamped length, full-length leaves and shackles.
 SPRING_STEEL_PA = 2.06e11
 LEAF_FORMULA_SD = 0.3
 
 METHOD_PREFERENCE = ("model", "free_decay", "corrected", "paper")
-#: The full model leaves friction and tire law to doubt, but not the coupling of the axles.
+#: The full model leaves friction and tire law to doubt, but not the coupling of the axles: half of the spread above,
+#: an assumption.
 MODEL_STIFFNESS_SD = 0.2
 MODEL_DAMPING_SD = 0.4
 
@@ -131,7 +135,7 @@ def campaign_parameters(
 
 def _element_parameters(campaign: Campaign, laws: Sequence[frozenset[str]]) -> list[Parameter]:
     """Parameters of all other elements than spring and damper; a shared one has its prior from its first axle."""
-    found: dict[str, Parameter] = {}
+    by_name: dict[str, Parameter] = {}
     vehicle, loads = campaign.vehicle, next(iter(campaign.load_cases.values())).axle_loads_kg
     for i in sorted(set(vehicle.suspension_axle)):
         axle = vehicle.axles[i]
@@ -141,8 +145,8 @@ def _element_parameters(campaign: Campaign, laws: Sequence[frozenset[str]]) -> l
             median = q.median(axle, carried)
             axle_index = None if q.shared else i
             law = law_name(laws[i])
-            found.setdefault(name, Parameter(name, q.quantity, q.unit, median, median, q.sd, axle_index, law=law))
-    return list(found.values())
+            by_name.setdefault(name, Parameter(name, q.quantity, q.unit, median, median, q.sd, axle_index, law=law))
+    return list(by_name.values())
 
 
 def leaf_pack_stiffness(leaf: LeafDimensions) -> float:
@@ -188,10 +192,10 @@ def _suspension_parameter(
     else:
         symbol, unit, spread = "c", "N s/m", DROP_DAMPING_SD
         generic = GENERIC_DAMPING
-    every = best_drop_estimates(drops, load_case)
-    by_model = i in every and every[i].method == "model"
+    by_axle = best_drop_estimates(drops, load_case)
+    by_model = i in by_axle and by_axle[i].method == "model"
     values = [
-        getattr(every[j], quantity) / (len(on) if by_model else 1) for j in ([i] if by_model else on) if j in every
+        getattr(by_axle[j], quantity) / (len(on) if by_model else 1) for j in ([i] if by_model else on) if j in by_axle
     ]
     if not values:
         median, sd = generic

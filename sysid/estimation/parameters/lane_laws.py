@@ -125,12 +125,12 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: AxleLanes, damp
         own = jnp.where(position[:, None] >= 0, values[position], neutral[:, None])
         return jnp.broadcast_to(own, stiffness.shape)
 
-    found: dict[str, jax.Array] = {}
+    given: dict[str, jax.Array] = {}
     for q in coefficients():
         own = element(q.quantity)
         if q.field is not None and own is not None:
             loads = (inputs.carried_load, inputs.load_growth)
-            found[q.field] = own if q.coefficient is None else q.coefficient(own, stiffness, *loads)
+            given[q.field] = own if q.coefficient is None else q.coefficient(own, stiffness, *loads)
     curves, ramps, base, stop = inputs.curves, [], stiffness, element("stop_stiffness")
     if curves.spring is not None:
         ramps.append(table_ramps(curves.spring, stiffness))
@@ -145,5 +145,5 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: AxleLanes, damp
         damping if damper is None else damping * damper.share,
         ramps=joined(ramps),
         rate_ramps=None if damper is None else table_ramps(damper, damping),
-        **found,
+        **given,
     )

@@ -56,7 +56,8 @@ class Element:
 PROGRESSIVITY = 0.4
 #: Assumed stiffness of a pair of rubber stops where they begin to act [N/m]; they stiffen as they are compressed.
 STOP_STIFFNESS = 2e6
-#: Share of the carried load at which leaf packs (air-sprung and other axles) rub.
+#: Share of the carried load at which leaf packs (air-sprung and other axles) rub: assumptions inside the 2 to 10 % that
+#: are generally known of leaf packs.
 FRICTION_SHARE = {"leaf": 0.05, "air": 0.02, "other": 0.03}
 
 ELEMENTS = {

@@ -25,7 +25,7 @@ from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, MapTires, Pass, mak
 from sysid.vehicle_model.readings import Readings
 from sysid.vehicle_model.simulation import SensorLayout
 
-#: Standard deviation of a sensor's gain about its calibration.
+#: Standard deviation of a sensor's gain about its calibration: assumptions, no data sheet stands behind them.
 GAIN_SD = {"suspension_deflection": 0.005, "axle_acceleration": 0.01, "body_acceleration": 0.01}
 #: Largest integration step; what halving it changes is checked at the optimum.
 TARGET_STEP_S = 0.00125

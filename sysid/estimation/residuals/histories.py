@@ -64,7 +64,7 @@ def run_histories(
     model, weights, motion, log_parameters : of the fit.
     instrument : (R, C) instrument noise per group [SI].
     """
-    found = {}
+    by_run = {}
     signals = shown_signals(model, weights, motion, log_parameters)
     for position, group in enumerate(model.groups):
         noise = weights.noise_sd[position]
@@ -73,7 +73,7 @@ def run_histories(
             record = campaign.bump_runs[run]
             length = min(group.samples, round(record.log.duration_s / group.interval_s) + 1)
             present = group.measured[:length, r] | (group.censored[:length, r] != 0)
-            found[run] = RunHistory(
+            by_run[run] = RunHistory(
                 file=record.log.file,
                 case=record.case,
                 load_case=record.load_case,
@@ -93,4 +93,4 @@ def run_histories(
                 offset=offset[r],
                 gain=gain[r],
             )
-    return tuple(found[i] for i in sorted(found))
+    return tuple(by_run[i] for i in sorted(by_run))

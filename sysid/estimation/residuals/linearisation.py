@@ -40,8 +40,8 @@ def linearise_group(
     The last two columns belong to each run's own speed and start in scaled units.
     """
     inputs = wheel_road(arrays, road, speed[:, None], start[:, None], shape)
-    found: Linearisation = _linearise(arrays, inputs, noise_sd, tempering, log_parameters, speed, shape=shape)
-    return found
+    linearised: Linearisation = _linearise(arrays, inputs, noise_sd, tempering, log_parameters, speed, shape=shape)
+    return linearised
 
 
 @partial(jax.jit, static_argnames=("shape",))
@@ -82,13 +82,13 @@ def linearise(
 ) -> tuple[Linearisation, ...]:
     """Linearisation of every group at global log parameters (p,) and run motions."""
 
-    every = weights.on(model.arrays)
+    weighted = weights.on(model.arrays)
 
     def one(position: int) -> Linearisation:
         runs = list(model.groups[position].runs)
-        found: Linearisation = jax.block_until_ready(
+        linearised: Linearisation = jax.block_until_ready(
             linearise_group(
-                every[position],
+                weighted[position],
                 model.roads[position],
                 weights.noise_sd[position],
                 weights.tempering[position],
@@ -98,7 +98,7 @@ def linearise(
                 shape=model.shapes[position],
             )
         )
-        return found
+        return linearised
 
     # A compiled loop keeps one core busy; threads let the groups share the cores.
     return side_by_side(one, range(len(model.groups)))

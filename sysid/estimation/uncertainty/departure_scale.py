@@ -34,7 +34,9 @@ from sysid.estimation.uncertainty.departures import (
 )
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, trial_residuals
 
-#: Scales at which the search begins, and which it does not exceed: what is plausible without any data.
+#: Scales at which the search begins, and which it does not exceed: what is plausible without any data.  Assumptions:
+#: the whole way to another contact law; 0.2 in the footprint's log stiffness and in the spokes' exponent; 10 % of a
+#: tire's stiffness beyond its load law; 3 % of the load as friction (leaf packs have 2 to 10 %, general knowledge).
 PLAUSIBLE = {ENVELOPE: 1.0, FOOTPRINT: 0.2, SPOKES: 0.2, TIRE_LOAD: 0.1, FRICTION: 0.03}
 _ROUNDS = 200
 

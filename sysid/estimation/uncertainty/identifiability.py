@@ -209,20 +209,20 @@ def _alike(coefficients: np.ndarray) -> bool:
 
 def group_statements(groups: Sequence[UndeterminedGroup]) -> tuple[str, ...]:
     """Sentences about what the data leave open."""
-    found = []
+    sentences = []
     alone = [name for g in groups if g.known == 0 for name in g.names]
     if alone:
-        found.append(f"The data do not determine {listed(alone)}: nothing is known there beyond the prior.")
+        sentences.append(f"The data do not determine {listed(alone)}: nothing is known there beyond the prior.")
     for g in groups:
         if g.kind in ("sum", "ratio"):
-            found.append(
+            sentences.append(
                 f"{listed(g.names)} are only known as a {g.kind} from these sensors and runs "
                 f"({g.kind} \N{PLUS-MINUS SIGN} {100.0 * g.relative_sd:.2g} %), not one by one."
             )
         elif g.known > 0:
             what = "one combination" if g.known == 1 else f"{g.known} combinations"
-            found.append(f"Of {listed(g.names)} these sensors and runs determine only {what}, not one by one.")
-    return tuple(found)
+            sentences.append(f"Of {listed(g.names)} these sensors and runs determine only {what}, not one by one.")
+    return tuple(sentences)
 
 
 def rough_statements(estimates: Sequence[ParameterEstimate], groups: Sequence[UndeterminedGroup]) -> tuple[str, ...]:
@@ -237,7 +237,7 @@ def pair_statements(
     by_name: Mapping[str, ParameterEstimate], groups: Sequence[UndeterminedGroup], pairs: Sequence[CorrelatedPair]
 ) -> tuple[str, ...]:
     """Sentences about suspension parameters that are determined, but hard to tell apart."""
-    found = []
+    sentences = []
     said = {name for g in groups for name in g.names}
     for pair in pairs:
         both = (by_name[pair.first], by_name[pair.second])
@@ -245,11 +245,11 @@ def pair_statements(
             continue
         how = "both larger or both smaller" if pair.correlation > 0 else "more of one and less of the other"
         known = " and ".join(f"{100.0 * p.sd / p.value:.2g} %" for p in both)
-        found.append(
+        sentences.append(
             f"{pair.first} and {pair.second} are hard to tell apart: {how} fits almost as well (correlation "
             f"{pair.correlation:+.2f}; known to {known})."
         )
-    return tuple(found)
+    return tuple(sentences)
 
 
 def is_tire(name: str) -> bool:

@@ -80,7 +80,7 @@ def adjusted_information(
         runs = list(group.runs)
         _, speed_rows = problem.nominal.rows(motion, runs)
         prior = np.einsum("rk,rl->rkl", speed_rows, speed_rows)
-        found, data = block_scores(
+        run_scores, data = block_scores(
             np.asarray(lin.residual),
             np.asarray(lin.residual_jacobian),
             np.asarray(lin.gain_residual),
@@ -92,7 +92,7 @@ def adjusted_information(
             record = campaign.bump_runs[run]
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
             used = group.measured[:, r].any(axis=0)
-            scores += [found[r, c] for c in np.flatnonzero(used)]
+            scores += [run_scores[r, c] for c in np.flatnonzero(used)]
             keys += [(*case, int(c)) for c in np.flatnonzero(used)]
     rows, _ = problem.model.parameters.prior_rows()
     prior_precision, mass_sd = rows.T @ rows, masses.sd

@@ -56,8 +56,8 @@ def trial_residuals(
     """
     signals = simulate_runs(trial, log_parameters, motion)
     weighted = zip(weights.on(model.arrays), weights.noise_sd, weights.tempering, signals, strict=True)
-    found = [_residuals(arrays, noise, temper, jnp.asarray(shown)) for arrays, noise, temper, shown in weighted]
-    return [(np.asarray(residual), np.asarray(gain)) for residual, gain in found]
+    residuals = [_residuals(arrays, noise, temper, jnp.asarray(shown)) for arrays, noise, temper, shown in weighted]
+    return [(np.asarray(residual), np.asarray(gain)) for residual, gain in residuals]
 
 
 @jax.jit

@@ -65,8 +65,8 @@ def heavy_tails(measured: np.ndarray, residual: np.ndarray, reading: np.ndarray)
         nu[c], scale = best_distribution(u)
         if np.isfinite(nu[c]):
             for r, own in enumerate(standing):
-                found = (nu[c] + 1.0) / (nu[c] + (np.nan_to_num(own) / scale) ** 2)
-                weight[:, r, c] = np.where(np.isfinite(own) & ~_lasting(found < _LOW), found, 1.0)
+                t_weight = (nu[c] + 1.0) / (nu[c] + (np.nan_to_num(own) / scale) ** 2)
+                weight[:, r, c] = np.where(np.isfinite(own) & ~_lasting(t_weight < _LOW), t_weight, 1.0)
     return Tails(nu, weight)
 
 

@@ -71,8 +71,8 @@ class NativeEngine:
         self, lanes: LaneMatrices, suspension: SuspensionLaw, tire: TireLaw, road: WheelRoad, timing: Timing
     ) -> Histories:
         """Unfiltered histories."""
-        every = tuple(range(lanes.static_load.shape[1]))
-        call = _call("histories", lanes, (suspension, tire), road, timing, SensorLayout(every, every), None)
+        all_axles = tuple(range(lanes.static_load.shape[1]))
+        call = _call("histories", lanes, (suspension, tire), road, timing, SensorLayout(all_axles, all_axles), None)
         return Histories(*kernel.run(call))
 
     def linearise(
