@@ -24,6 +24,10 @@ class DataRejectedError(SysidError):
     exit_code = 3
 
 
+class NumericsError(DataRejectedError):
+    """A stage's linear algebra broke down on finite data: they do not determine what it looks for (exit code 3)."""
+
+
 class OutputError(DataRejectedError):
     """The output folder cannot be written: full, read-only, or another process writes to it (exit code 3)."""
 

@@ -77,6 +77,8 @@ PROFILE_LENGTH_M: Final = 100.0
 PROFILE_HEIGHT_M: Final = 1.0
 
 # ---------------------------------------------------------------- child process of readers that cannot be bounded
-#: Memory beyond that of the interpreter and its libraries [bytes], and time [s].
+#: Memory beyond that of the interpreter and its libraries [bytes], processor time [s], and time on the clock [s], which
+#: is long enough for a machine that does ten things at once.
 READER_BYTES: Final = 400_000_000
 READER_SECONDS: Final = 30.0
+READER_WAIT_S: Final = 300.0

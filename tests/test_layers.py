@@ -21,7 +21,7 @@ ROOT = Path(sysid.__file__).resolve().parent
 
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
-    {"errors", "files", "limits", "private_files"},
+    {"arrays", "errors", "files", "limits", "private_files", "progress"},
     {"array_file", "display", "folder_lock", "output_folder", "runtime", "tabular", "threads"},
     {"campaign"},
     {"sdof", "road"},
@@ -89,7 +89,7 @@ def test_imports_run_downward(path: Path):
     if own not in ("plot", "report"):
         assert "matplotlib" not in roots
     if own not in JAX_PACKAGES:
-        assert roots & {"jax", "optimistix", "equinox", "lineax"} == set()
+        assert roots & {"jax", "optimistix", "equinox"} == set()
 
 
 @pytest.mark.parametrize(("package", "rooms"), ROOMS.items())
@@ -177,9 +177,9 @@ def test_figures_and_report_compute_nothing(path: Path):
 
 
 def test_a_figure_that_computes_is_seen():
-    source = "from sysid.prediction.calibrated_truck_modes import calibrated_modes\nif TYPE_CHECKING:\n    from sysid.road import scan\n"
+    source = "from sysid.prediction.passes import predict\nif TYPE_CHECKING:\n    from sysid.road import scan\n"
     tree = ast.parse(source)
-    assert runtime_imports(tree, "sysid.plot") == {"prediction.modes"}
+    assert runtime_imports(tree, "sysid.plot") == {"prediction.passes"}
     assert checked_names(tree) == [("sysid.road", "scan")]
 
 

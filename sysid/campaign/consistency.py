@@ -199,12 +199,12 @@ def _common_grid(channels: Sequence[Channel], step_s: float) -> np.ndarray | Non
     count = int((longest[-1] - longest[0]) / step_s) + 1
     if count * step_s < 1.0 or count > limits.GRID_STEPS:
         return None
-    return longest[0] + step_s * np.arange(count)
+    return np.asarray(longest[0] + step_s * np.arange(count))
 
 
 def _on_grid(channel: Channel, grid: np.ndarray) -> np.ndarray:
     good = np.isfinite(channel.value)
-    return np.interp(grid, channel.time_s[good], channel.value[good])
+    return np.asarray(np.interp(grid, channel.time_s[good], channel.value[good]))
 
 
 def _stacked(spectrum: np.ndarray) -> np.ndarray:

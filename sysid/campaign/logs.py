@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -92,7 +92,7 @@ def read_log(source: Path | InputFile, name: str, sensors: Sequence[Sensor], sam
     return Log(name, step, tuple(channels), float(stamps[0]), tuple(messages))
 
 
-def _time_column(columns: dict, names: Sequence[str], label: str) -> tuple[str, float]:
+def _time_column(columns: Mapping[str, np.ndarray], names: Sequence[str], label: str) -> tuple[str, float]:
     found = {n.casefold(): n for n in columns if n.casefold() in TIME_NAMES}
     for spelling, factor in TIME_NAMES.items():
         if spelling in found:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.campaign import defects
+from sysid.campaign.exchanges import Suspicion
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop, Vehicle
-from sysid.campaign.suspects import Suspicion, suspicions
+from sysid.campaign.suspects import suspicions
 from sysid.campaign.units import si_factor
 from sysid.campaign.wording import say_once, shorten
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,15 +12,13 @@ import numpy as np
 from sysid import limits
 from sysid.campaign import paths
 from sysid.campaign.input_file import InputFile
-from sysid.campaign.logs import read_log
+from sysid.campaign.named_files import NamedFiles
 from sysid.campaign.records import (
     Acquisition,
     AntiAliasFilter,
     BumpRun,
     BumpShape,
     Campaign,
-    Channel,
-    Log,
     NamedPrior,
     PlankDrop,
     PredictionRequest,
@@ -30,7 +28,7 @@ from sysid.campaign.records import (
 from sysid.campaign.statics import check_statics
 from sysid.campaign.units import angle_rad, si_factor, speed_m_s
 from sysid.campaign.wording import shorten
-from sysid.errors import CampaignError, DataRejectedError
+from sysid.errors import CampaignError
 
 if TYPE_CHECKING:
     from sysid.campaign import schema as s
@@ -87,7 +85,8 @@ def read_campaign(
             check_statics(vehicle.vehicle, load_case)
     except CampaignError as error:
         raise CampaignError(f"{file.name}: {error}") from None
-    reader = _Inputs(file, tables, vehicle, {file.name: content.sha256}, planned)
+    files = NamedFiles(file, tables.acquisition.sample_interval_s, {file.name: content.sha256}, planned)
+    reader = _Inputs(file, tables, vehicle, files)
     scans = reader.scans(point_cloud_reader)
     acquisition = tables.acquisition
     low_pass = acquisition.filter
@@ -106,7 +105,7 @@ def read_campaign(
         bump_runs=reader.bump_runs(scans),
         scans=scans,
         predictions=reader.predictions(scans, profile_reader),
-        input_sha256=reader.hashes,
+        input_sha256=files.hashes,
         messages=reader.messages(),
         priors={name: NamedPrior(*table.lognormal()) for name, table in tables.priors.items()},
     )
@@ -117,42 +116,7 @@ class _Inputs:
     file: Path
     tables: s.CampaignFile
     vehicle: VehicleReader
-    hashes: dict[str, str]
-    planned: bool
-    totals: dict[str, int] = field(default_factory=dict)
-
-    def _input(self, name: str, key: str, limit: int) -> InputFile:
-        label = f"{self.file.name}: {key}"
-        content = paths.input_file(self.file.parent, name, label, limit)
-        # The hash is that of the very bytes that are parsed: a file that two tests name must not change between them.
-        if self.hashes.setdefault(paths.relative_name(name), content.sha256) != content.sha256:
-            raise DataRejectedError(
-                f"{label} names '{shorten(name, 100)}', which changed while the campaign was read; start again when it "
-                "is complete."
-            )
-        self._count("bytes", len(content.data), limits.INPUT_BYTES, label)
-        return content
-
-    def _count(self, what: str, more: int, most: int, label: str) -> None:
-        self.totals[what] = self.totals.get(what, 0) + more
-        if self.totals[what] > most:
-            raise DataRejectedError(
-                f"{label}: the files named so far have {self.totals[what] / 1e6:.0f} million {what}, at most "
-                f"{most / 1e6:.0f} are read; cut the logs to the time of the tests."
-            )
-
-    def _log(self, name: str, key: str, sensors: Sequence[Sensor]) -> Log:
-        interval = self.tables.acquisition.sample_interval_s
-        if self.planned:
-            paths.check_name(name, f"{self.file.name}: {key}.file")
-        if self.planned and not (self.file.parent / name).exists():
-            channels = (Channel(s, np.zeros(1), np.zeros(1), np.zeros(1, np.int8)) for s in sensors)
-            return Log(paths.relative_name(name), interval, tuple(channels))
-        content = self._input(name, f"{key}.file", limits.LOG_BYTES)
-        log = read_log(content, paths.relative_name(name), sensors, interval)
-        numbers = sum(channel.value.size for channel in log.channels)
-        self._count("numbers", numbers, limits.INPUT_NUMBERS, f"{self.file.name}: {key}.file")
-        return log
+    files: NamedFiles
 
     def _load_case(self, name: str, key: str) -> str:
         return self.vehicle.pick(name, list(self.vehicle.load_cases), f"{key}.load_case", "load case")
@@ -170,7 +134,7 @@ class _Inputs:
         result = {}
         for name, table in self.tables.scan.items():
             key = "scan" if len(self.tables.scan) == 1 and name == "bump" else f"scan.{name}"
-            content = self._input(table.file, f"{key}.file", limits.SCAN_BYTES)
+            content = self.files.content(table.file, f"{key}.file", limits.SCAN_BYTES)
             points = (
                 np.empty((0, 3))
                 if point_cloud_reader is None
@@ -210,7 +174,7 @@ class _Inputs:
                         axle=index,
                         load_case=load_case,
                         plank_height_m=entry.plank_height_m,
-                        log=self._log(entry.file, key, at),
+                        log=self.files.log(entry.file, key, at),
                         nominal_speed_m_s=speed,
                         dampers=entry.dampers,
                         towed=entry.towed,
@@ -271,7 +235,7 @@ class _Inputs:
                     load_case=self._load_case(entry.load_case, key),
                     nominal_speed_m_s=speed_m_s(entry.nominal_speed_km_h),
                     repeat=entry.repeat,
-                    log=self._log(entry.file, key, sensors),
+                    log=self.files.log(entry.file, key, sensors),
                     bump=self._bump(entry.bump, key, scans),
                     speed_held=entry.speed_held,
                 )
@@ -309,7 +273,7 @@ class _Inputs:
     def _shape(self, table: s.ShapeTable, key: str, profile_reader: ProfileReader | None) -> BumpShape:
         if table.file is None:
             return _shape(table)
-        content = self._input(table.file, f"{key}.file", limits.PROFILE_BYTES)
+        content = self.files.content(table.file, f"{key}.file", limits.PROFILE_BYTES)
         name = paths.relative_name(table.file)
         if profile_reader is None:
             return BumpShape("points", source=name)

@@ -84,6 +84,11 @@ class Axle:
     leaf: LeafDimensions | None = None
     priors: Mapping[str, PriorOverride] = field(default_factory=dict)
 
+    @property
+    def has_stops(self) -> bool:
+        """Whether a travel is declared, so that bump stops act at its end."""
+        return self.jounce_travel_m is not None or self.rebound_travel_m is not None
+
 
 @dataclass(frozen=True)
 class Body:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, StrictBool, StrictStr, model_validator
 
@@ -53,7 +53,7 @@ class _SensorTable(Table):
     side: Literal["left", "right"] | None = None
 
     @model_validator(mode="after")
-    def _unit_of_kind(self):
+    def _unit_of_kind(self) -> Self:
         dimension: Literal["length", "acceleration"] = (
             "length" if self.kind == "suspension_deflection" else "acceleration"
         )

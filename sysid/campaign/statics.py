@@ -30,19 +30,27 @@ class StaticEquilibrium:
     tire_load_N: np.ndarray
 
 
-def _chains(vehicle: Vehicle) -> list[list[int]]:
+def chains(vehicle: Vehicle) -> list[list[int]]:
     """Indices of the bodies of each chain, front to rear; a body without hitch keys starts a new one."""
-    chains: list[list[int]] = []
+    result: list[list[int]] = []
     for index, body in enumerate(vehicle.bodies):
         if index == 0 or body.hitch_x_m is None:
-            chains.append([index])
+            result.append([index])
         else:
-            chains[-1].append(index)
-    return chains
+            result[-1].append(index)
+    return result
+
+
+def carried_by_suspensions(vehicle: Vehicle) -> np.ndarray:
+    """Matrix (axles, axles) that adds up the loads of the axles of a group: their suspension carries them together.
+
+    Times the load on every axle it gives the load on the suspension of every axle, the same for all axles of a group.
+    """
+    return np.equal.outer(vehicle.suspension_axle, vehicle.suspension_axle).astype(float)
 
 
 def _tributary_mass(vehicle: Vehicle, load_case: LoadCase) -> np.ndarray:
-    return np.array(load_case.axle_loads_kg, float) - np.array(vehicle.unsprung_mass_kg, float)
+    return np.asarray(np.array(load_case.axle_loads_kg, float) - np.array(vehicle.unsprung_mass_kg, float))
 
 
 def check_statics(vehicle: Vehicle, load_case: LoadCase) -> None:
@@ -68,7 +76,7 @@ def check_statics(vehicle: Vehicle, load_case: LoadCase) -> None:
                 f"load case '{load_case.name}': the axle load of '{axle.name}' ({load:g} kg) does not exceed the "
                 f"unsprung mass under it ({load - mass:g} kg); check axle_loads_kg, which includes the unsprung mass."
             )
-    for chain in _chains(vehicle):
+    for chain in chains(vehicle):
         names = ", ".join(vehicle.bodies[b].name for b in chain)
         on_chain = [i for i, axle in enumerate(vehicle.axles) if axle.body in chain]
         if not on_chain:
@@ -132,7 +140,7 @@ def _equilibrium(vehicle: Vehicle, load_case: LoadCase, tributary: np.ndarray) -
     support = tributary * g
     cg_x = np.zeros(len(vehicle.bodies))
     hitch = np.zeros(len(vehicle.bodies))
-    for chain in _chains(vehicle):
+    for chain in chains(vehicle):
         carried, carried_x = 0.0, 0.0
         for position, b in reversed(list(enumerate(chain))):
             on_body = body_of == b

@@ -14,7 +14,8 @@ from sysid.campaign.records import Channel, Log, Sensor, Vehicle
 from sysid.campaign.units import si_factor
 
 _ACTUAL_UNITS = {"length": ("m", "cm", "mm", "in"), "acceleration": ("m/s^2", "g", "mg", "mm/s^2")}
-# Largest departures [SI] that sensors of road vehicles show on a bump or plank, with room to spare on both sides.
+# Largest departures [SI] that sensors of road vehicles show on a bump or plank, with room to spare on both sides:
+# assumptions; axles reach 100 to 200 m/s2 on a bump of 90 mm in simulation.
 _PLAUSIBLE = {
     "suspension_deflection": (1e-3, 0.5),
     "axle_acceleration": (0.2, 600.0),
@@ -142,10 +143,10 @@ def _explain(trio: Trio, fit: Fit, evidence: _Evidence, found: dict[str, list[Su
 
 def _causes(sensor: Sensor) -> list[_Cause]:
     dimension = "length" if sensor.si_unit == "m" else "acceleration"
-    declared = si_factor(sensor.unit, dimension)  # type: ignore[arg-type]
+    declared = si_factor(sensor.unit, dimension)
     causes = [_Cause(1.0, None), _Cause(-1.0, None)]
     for unit in _ACTUAL_UNITS[dimension]:
-        factor = declared / si_factor(unit, dimension)  # type: ignore[arg-type]
+        factor = declared / si_factor(unit, dimension)
         if abs(np.log(factor)) > 0.1:
             causes += [_Cause(factor, unit), _Cause(-factor, unit)]
     return causes

@@ -262,7 +262,7 @@ def _pieces(table: NumberTable, stream: TextIO, places: Mapping[int, str], width
 
 
 def _numeric(table: NumberTable, column: Any, start: int, place: int) -> np.ndarray:
-    return column.to_numpy()
+    return np.asarray(column.to_numpy())
 
 
 def _textual(table: NumberTable, column: Any, start: int, place: int) -> np.ndarray:
@@ -276,7 +276,7 @@ def _textual(table: NumberTable, column: Any, start: int, place: int) -> np.ndar
     if strange.size:
         row = int(strange[0])
         raise CellError(start + row, place, str(column.iloc[row]))
-    return number
+    return np.asarray(number)
 
 
 def _reason(error: Exception) -> str:

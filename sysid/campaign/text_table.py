@@ -55,7 +55,7 @@ class Layout:
 
 def read_columns(
     source: Path | InputFile, label: str, wanted: Sequence[str], time_names: Iterable[str]
-) -> tuple[Layout, dict, int]:
+) -> tuple[Layout, dict[str, np.ndarray], int]:
     """Read the wanted columns of a log.
 
     Parameters

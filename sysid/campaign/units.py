@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from sysid.campaign.wording import finish, nearest, shorten
 from sysid.errors import CampaignError
+
+if TYPE_CHECKING:
+    import pint
 
 Dimension = Literal["length", "acceleration", "speed", "angle", "pressure"]
 
@@ -54,7 +57,7 @@ def unit_names(dimension: Dimension) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=1)
-def _registry():
+def _registry() -> pint.UnitRegistry[float]:
     import pint
 
     return pint.UnitRegistry()

@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from sysid.cli.output_option import OutputFolder
 from sysid.workflow.stage import Option
 from sysid.workflow.stages import RECORDS
 
@@ -32,7 +33,8 @@ written, 4 not converged (results are still written and marked so), 130 stopped 
 def _options(command: Callable[..., Any]) -> Callable[..., Any]:
     decorators = [
         click.argument("campaign", default=DEFAULT_CAMPAIGN, type=click.Path(path_type=Path)),
-        click.option("--output", default=DEFAULT_OUTPUT, show_default=True, help="Folder for everything written."),
+        click.option("--output", default=DEFAULT_OUTPUT, show_default=True, help="Folder for everything written.",
+                     type=OutputFolder()),
         click.option("--quick", is_flag=True, help="Preview: few iterations, a short chain; results are marked so."),
         click.option("--seed", default=None, help="Seed of everything random (default: 0).", type=click.IntRange(0)),
         click.option("--max-steps", default=None, help="Limit of sampling steps per ensemble (default: 1500).",
@@ -86,7 +88,7 @@ def _click_option(option: Option) -> Callable[..., Any]:
 
 
 def _add(name: str, text: str, options: Sequence[Option] = ()) -> None:
-    def command(campaign: Path, output: str, resume: bool, **choices: Any) -> None:
+    def command(campaign: Path, output: Path, resume: bool, **choices: Any) -> None:
         from sysid.cli.stages import run_stage
 
         sys.exit(run_stage(name, campaign, output, resume=resume, **choices))

@@ -10,7 +10,7 @@ from sysid.errors import CampaignError
 from sysid.output_folder import output_folder
 
 
-class OutputFolder(click.ParamType):
+class OutputFolder(click.ParamType[Path]):
     """Name of the output folder as a path; the text is checked before it becomes one."""
 
     name = "folder"

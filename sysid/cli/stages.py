@@ -19,7 +19,6 @@ from sysid.cli.tables import render, show_run
 from sysid.errors import NotConvergedError, OutputError, SysidError
 from sysid.files import write_text
 from sysid.folder_lock import cannot_write
-from sysid.output_folder import output_folder
 from sysid.workflow.stage import Command, Ending, Stage, Whole
 from sysid.workflow.stages import EXPORT, RECORDS
 
@@ -31,13 +30,12 @@ INTERRUPTED = 130
 _NO_WRITING = (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT)
 
 
-def run_stage(name: str, campaign: Path, output_name: str, *, resume: bool, **choices: Any) -> int:
+def run_stage(name: str, campaign: Path, output: Path, *, resume: bool, **choices: Any) -> int:
     """Run one command and return its exit code; `choices` are those of :func:`sysid.workflow.make_settings`."""
     screen, errors = console(False), console(True)
-    output = Path(output_name)
     with termination_as_interrupt():
         try:
-            return _run(name, campaign, output_folder(output_name), screen, errors, resume, choices)
+            return _run(name, campaign, output, screen, errors, resume, choices)
         except SysidError as error:
             errors.print(f"{name_of_program()} {name}: {error}", markup=False)
             return error.exit_code

@@ -93,7 +93,7 @@ def chrono_merged(template: Mapping[str, Any], patch: Mapping[str, Any]) -> dict
     CampaignError
         If the template has no spring with two locations where the patch has a spring, or one whose stops press at rest.
     """
-    merged = _merged(template, patch)
+    merged: dict[str, Any] = _merged(template, patch)
     if "Spring" in patch:
         spring = merged["Spring"]
         ends = [spring.get(f"Location {end}") for end in _ENDS]

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from sysid.export.bridge import moving_forces_csv, vehicle_csv
 from sysid.export.chrono import chrono_suspension, chrono_text, chrono_tire
 from sysid.export.lsdyna import lsdyna_text
-from sysid.export.naming import distinct, file_stem, prediction_files
+from sysid.export.naming import file_stem, prediction_files
 from sysid.files import write_text
+from sysid.tabular import distinct
 
 if TYPE_CHECKING:
     from sysid.campaign.records import Campaign

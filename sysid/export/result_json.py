@@ -53,7 +53,9 @@ def result_document(results: Results) -> dict[str, Any]:
 
 def result_schema() -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of `result.json`."""
-    return json.loads(resources.files("sysid.export").joinpath("result.schema.json").read_text(encoding="utf-8"))
+    text = resources.files("sysid.export").joinpath("result.schema.json").read_text(encoding="utf-8")
+    schema: dict[str, Any] = json.loads(text)
+    return schema
 
 
 def result_text(results: Results) -> str:

@@ -8,7 +8,7 @@ declared in it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +26,7 @@ from sysid.planning.candidate_runs import (
     run_information,
 )
 from sysid.prediction.passes import effective_roads, peak_ratios
+from sysid.progress import Progress, unwatched
 
 #: Speeds of candidate runs [km/h].
 CANDIDATE_KM_H = (8.0, 16.0, 24.0, 32.0)
@@ -38,15 +39,13 @@ MASSES_SHOWN = 3
 #: Tolerance of a mass that counts as known.
 _EXACT = 1e-8
 
-Progress = Callable[[str, float], None]
-
 
 def advise(
     state: FitState,
     determined: Identifiability,
     *,
     speeds_km_h: Sequence[float] = CANDIDATE_KM_H,
-    progress: Progress = lambda message, fraction: None,
+    progress: Progress = unwatched,
 ) -> Advice:
     """What one further run, with or without one further sensor, would bring.
 
@@ -77,14 +76,14 @@ def advise(
     targets = tuple(p.name for p in state.model.parameters.parameters if p.quantity in ("stiffness", "damping"))
     bare = Advice(determined.names, targets, now, runs, (), target, ())
     best = tuple(min(row, key=bare.median) for row in with_sensors)
-    every = [p for row in with_sensors for p in row]
+    all_sensors = [p for row in with_sensors for p in row]
     masses = exact_masses(bare, information, [f.words for f in state.allowances.masses.factors], gradient)
     statements = (
         _worst_statement(bare),
         *_mass_statements(bare, information, masses),
         *_run_statements(bare),
-        *_sensor_statements(bare, every),
-        *_remedies(bare, determined, every),
+        *_sensor_statements(bare, all_sensors),
+        *_remedies(bare, determined, all_sensors),
     )
     return Advice(determined.names, targets, now, runs, best, target, statements, masses)
 
@@ -142,10 +141,10 @@ def _worst_statement(advice: Advice) -> str:
 
 
 def _run_statements(advice: Advice) -> list[str]:
-    found = []
+    sentences = []
     middle = min(advice.runs, key=advice.median)
     if advice.median(middle) < (1.0 - WORTH) * advice.median(advice.now):
-        found.append(
+        sentences.append(
             f"The median standard deviation of k and c is {_percent(advice.median(advice.now))}. One more run at "
             f"{middle.label} would lower it most, to {_percent(advice.median(middle))}."
         )
@@ -155,8 +154,8 @@ def _run_statements(advice: Advice) -> list[str]:
         text += f"{advice.now.peak_sd:.2g} from the parameters"
         if best.peak_sd < (1.0 - WORTH) * advice.now.peak_sd:
             text += f"; one more run at {best.label} would lower it most, to {best.peak_sd:.2g}"
-        found.append(text + ".")
-    return found
+        sentences.append(text + ".")
+    return sentences
 
 
 def exact_masses(
@@ -169,12 +168,12 @@ def exact_masses(
     words : which property each tolerance of `information` belongs to.
     gradient : (p,) of the predicted peak, or None.
     """
-    found = []
+    prospects = []
     for k, name in enumerate(words):
         known = np.where(np.arange(len(words)) == k, _EXACT, information.mass_sd)
         one = _prospect(replace(information, mass_sd=known), gradient, None, None, "")
-        found.append(replace(one, exact=name))
-    return tuple(sorted(found, key=lambda p: advice.worst(p)[1])[:MASSES_SHOWN])
+        prospects.append(replace(one, exact=name))
+    return tuple(sorted(prospects, key=lambda p: advice.worst(p)[1])[:MASSES_SHOWN])
 
 
 def _mass_statements(advice: Advice, information: DataInformation, masses: Sequence[Prospect]) -> list[str]:
@@ -196,10 +195,10 @@ def _mass_statements(advice: Advice, information: DataInformation, masses: Seque
     ]
 
 
-def _sensor_statements(advice: Advice, every: Sequence[Prospect]) -> list[str]:
-    if not every:
+def _sensor_statements(advice: Advice, prospects: Sequence[Prospect]) -> list[str]:
+    if not prospects:
         return ["Every axle has a deflection sensor, an accelerometer and an accelerometer on the frame above it."]
-    best = min(every, key=lambda p: (advice.worst(p)[1], advice.median(p)))
+    best = min(prospects, key=lambda p: (advice.worst(p)[1], advice.median(p)))
     alone = min(advice.runs, key=lambda p: advice.worst(p)[1])
     if advice.worst(best)[1] >= (1.0 - WORTH) * advice.worst(alone)[1]:
         return [
@@ -213,9 +212,9 @@ def _sensor_statements(advice: Advice, every: Sequence[Prospect]) -> list[str]:
     ]
 
 
-def _remedies(advice: Advice, determined: Identifiability, every: Sequence[Prospect]) -> list[str]:
+def _remedies(advice: Advice, determined: Identifiability, sensors: Sequence[Prospect]) -> list[str]:
     """The sensor and the run that tell most about suspension parameters that are open or known only roughly."""
-    found = []
+    sentences = []
     weak = [g.names for g in determined.groups if not all(is_tire(name) for name in g.names)]
     said = {name for names in weak for name in names}
     rough = dict(zip(determined.names, determined.sd >= ROUGH, strict=True))
@@ -228,15 +227,15 @@ def _remedies(advice: Advice, determined: Identifiability, every: Sequence[Prosp
 
         now = left(advice.now)
         ways = []
-        for word, prospects in (("add an", every), ("drive", advice.runs)):
+        for word, prospects in (("add an", sensors), ("drive", advice.runs)):
             best = min(prospects, key=left, default=None)
             if best is None or left(best) >= (1.0 - WORTH) * now:
                 continue
             what = f"{word} {best.sensor} and drive {_without(best)}" if best.sensor else f"{word} {best.label}"
             ways.append(f"{what} (to {_percent(left(best))})")
         text = f"{listed(names)}, now known to {_percent(now)}{' at worst' if len(names) > 1 else ''}: "
-        found.append(text + (", or ".join(ways) if ways else "no single further run or sensor helps") + ".")
-    return found
+        sentences.append(text + (", or ".join(ways) if ways else "no single further run or sensor helps") + ".")
+    return sentences
 
 
 def _without(p: Prospect) -> str:

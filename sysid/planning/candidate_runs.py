@@ -15,7 +15,7 @@ import numpy as np
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor, SensorKind
 from sysid.estimation.fit.state import FitState, model_of
 from sysid.estimation.residuals.bump_model import BumpModel
-from sysid.estimation.residuals.linearisation import Linearisation, linearise
+from sysid.estimation.residuals.linearisation import linearise
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_data import RunGroup
 from sysid.estimation.residuals.run_motion import SPEED_UNIT, RunMotion
@@ -24,6 +24,7 @@ from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.mass_effect import mass_columns
 from sysid.estimation.uncertainty.residual_columns import with_columns
 from sysid.road.road_profile import RoadProfile
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 #: Body accelerometers nearer than this to a point on their body [m] are at it.
 NEAR_M = 0.5
@@ -57,7 +58,7 @@ class RunInformation:
         """Information (p + m, p + m) of the run recorded by some of its sensors."""
         chosen = [k for k, s in enumerate(self.sensors) if s in sensors]
         normal = self.channels[chosen].sum(axis=0)
-        return without_runs(normal[None], self.own_prior[None])[0]
+        return np.asarray(without_runs(normal[None], self.own_prior[None])[0])
 
 
 def recording_sensors(state: FitState) -> tuple[Sensor, ...]:
@@ -110,15 +111,15 @@ def run_information(state: FitState, kinds: Sequence[RunKind], sensors: Sequence
         mass_columns(model, state.allowances.masses, weights, point.log_parameters, motion),
     )
     order = [sensors.index(s) for s in model.layout.sensors]
-    found: dict[int, RunInformation] = {}
+    by_run: dict[int, RunInformation] = {}
     for group, lin in zip(model.groups, lins, strict=True):
         for r, run in enumerate(group.runs):
             normal = np.empty((len(sensors), *(lin.residual_jacobian.shape[-1],) * 2))
             for c, at in enumerate(order):
                 normal[at] = _normal(lin, r, c)
             own = np.diag([(SPEED_UNIT / runs[run].speed_sd) ** 2, 0.0])
-            found[run] = RunInformation(kinds[run], sensors, normal, own)
-    return tuple(found[i] for i in range(len(kinds)))
+            by_run[run] = RunInformation(kinds[run], sensors, normal, own)
+    return tuple(by_run[i] for i in range(len(kinds)))
 
 
 def _normal(lin: Linearisation, run: int, channel: int) -> np.ndarray:

@@ -96,7 +96,7 @@ def _lines(modes: NaturalModes, mode: int) -> list[tuple[np.ndarray, np.ndarray,
 
     def rise_of(body: int, place: np.ndarray) -> np.ndarray:
         _, heave, pitch = modes.body_motion[body, :, mode]
-        return heave - pitch * (place - modes.cg_x_m[body])
+        return np.asarray(heave - pitch * (place - modes.cg_x_m[body]))
 
     for b, body in enumerate(vehicle.bodies):
         supports = [a.x_m for a in vehicle.axles if a.body == b]

@@ -164,14 +164,14 @@ def posterior_correlation(posterior: Posterior) -> np.ndarray:
     centred = flat - flat.mean(axis=0)
     sd = np.sqrt(np.mean(centred**2, axis=0))
     sd = np.where(sd > 0.0, sd, np.nan)
-    return centred.T @ centred / len(flat) / np.outer(sd, sd)
+    return np.asarray(centred.T @ centred / len(flat) / np.outer(sd, sd))
 
 
 def covariance_correlation(covariance: np.ndarray) -> np.ndarray:
     """Correlation (p, p) that belongs to a covariance; NaN where a variance is not positive."""
     variance = np.diag(covariance)
     sd = np.sqrt(np.where(variance > 0.0, variance, np.nan))
-    return covariance / np.outer(sd, sd)
+    return np.asarray(covariance / np.outer(sd, sd))
 
 
 def _parameter(fit: FitResult | None, name: str) -> ParameterEstimate | None:
@@ -198,6 +198,6 @@ def _prior_density(parameter: ParameterEstimate, x: np.ndarray) -> np.ndarray:
         return np.full_like(x, np.nan)
     if parameter.transform == "log":
         z = (np.log(x) - math.log(parameter.prior_median)) / sd
-        return np.exp(-0.5 * z**2) / (x * sd * math.sqrt(2.0 * math.pi))
+        return np.asarray(np.exp(-0.5 * z**2) / (x * sd * math.sqrt(2.0 * math.pi)))
     z = (x - parameter.prior_median) / sd
     return np.exp(-0.5 * z**2) / (sd * math.sqrt(2.0 * math.pi))

@@ -128,7 +128,7 @@ def axes_grid(rows: int, columns: int, cell_in: tuple[float, float], margins_in:
     height = bottom + top + rows * cell_in[1] + (rows - 1) * gap_y
     fig = figure(width, height, margins_in)
     grid_spec = {"wspace": gap_x / cell_in[0], "hspace": gap_y / cell_in[1]}
-    return fig.subplots(rows, columns, squeeze=False, gridspec_kw=grid_spec, **kwargs)
+    return np.asarray(fig.subplots(rows, columns, squeeze=False, gridspec_kw=grid_spec, **kwargs))
 
 
 def figure_of(ax: Axes | np.ndarray) -> Figure:

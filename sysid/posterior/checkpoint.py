@@ -66,26 +66,26 @@ class Checkpoint:
         OutputError
             If the folder cannot be written.
         """
-        found = read_segments(self._folder) if resume else StoredChain(None)
-        if found.identity is not None:
-            self._compare(found.identity)
+        stored = read_segments(self._folder) if resume else StoredChain(None)
+        if stored.identity is not None:
+            self._compare(stored.identity)
         try:
             remove_unfinished(self._folder)
             # The last goes first: a kill in between leaves a shorter chain, not one with a gap.
-            for path in reversed(segment_files(self._folder)[len(found.segments) :]):
+            for path in reversed(segment_files(self._folder)[len(stored.segments) :]):
                 path.unlink()
         except OSError as error:
             raise cannot_write(self._folder, error) from error
-        if found.segments:
-            self._count, self._digest = len(found.segments), found.digests[-1]
+        if stored.segments:
+            self._count, self._digest = len(stored.segments), stored.digests[-1]
         note = ""
-        if found.damaged:
+        if stored.damaged:
             used = "the checkpoint before it is used" if self._count else "the chain begins anew"
             note = (
-                f"{self._folder.name}/{found.damaged} is damaged: {used}; what is missing is drawn again and the chain "
-                "is the same."
+                f"{self._folder.name}/{stored.damaged} is damaged: {used}; what is missing is drawn again and the "
+                "chain is the same."
             )
-        return Resumed(found.segments, found.segments[-1].ending if found.segments else None, note)
+        return Resumed(stored.segments, stored.segments[-1].ending if stored.segments else None, note)
 
     def append(self, segment: Segment) -> None:
         """Keep the next segment."""
@@ -111,5 +111,5 @@ def read_chain(folder: Path) -> tuple[dict[str, str], list[Segment]] | None:
 
     A damaged file shortens the chain to what is before it.
     """
-    found = read_segments(folder)
-    return (found.identity, found.segments) if found.identity is not None and found.segments else None
+    stored = read_segments(folder)
+    return (stored.identity, stored.segments) if stored.identity is not None and stored.segments else None

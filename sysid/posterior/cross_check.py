@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.errors import CampaignError
 from sysid.posterior.diagnostics import effective_draws
 from sysid.posterior.inference_data import draw_order, without_arviz_notice
+from sysid.progress import Progress, unwatched
 from sysid.tabular import Tabular, records_table
 
 if TYPE_CHECKING:
@@ -25,8 +27,6 @@ if TYPE_CHECKING:
 
 #: (p,) -> log-density and its gradient (p,).
 Gradient = Callable[[np.ndarray], tuple[float, np.ndarray]]
-Progress = Callable[[str, float], None]
-
 #: Differences up to so many Monte Carlo errors are chance, with some tens of parameters.
 ERRORS = 4.0
 CHAINS, TUNING, DRAWS = 2, 150, 250
@@ -86,8 +86,8 @@ class CrossCheck(Tabular):
 def cross_check(
     gradient: Gradient,
     posterior: Posterior,
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    centre: Parameters,
+    covariance: ParametersByParameters,
     *,
     seed: int = 0,
     progress: Progress | None = None,
@@ -113,7 +113,7 @@ def compared(posterior: Posterior, draws: np.ndarray, divergences: int = 0) -> C
     """Compare draws (chains, n, p) of log parameters with a posterior."""
     ensembles, steps, walkers, count = posterior.draws.shape
     ours = np.log(posterior.draws).reshape(ensembles, -1, count)[:, draw_order(steps, walkers)]
-    found = []
+    compared_parameters = []
     for i, name in enumerate(posterior.names):
         pair = draws[..., i], ours[..., i]
         means, sds = [float(x.mean()) for x in pair], [float(x.std(ddof=1)) for x in pair]
@@ -121,7 +121,7 @@ def compared(posterior: Posterior, draws: np.ndarray, divergences: int = 0) -> C
         # Draws that alternate tell the mean better than the spread, so squares are counted by themselves.
         squares = [effective_draws((x - m) ** 2) for x, m in zip(pair, means, strict=True)]
         ratio = sds[0] / sds[1]
-        found.append(
+        compared_parameters.append(
             CheckedParameter(
                 name,
                 (means[0] - means[1]) / sds[1],
@@ -131,7 +131,7 @@ def compared(posterior: Posterior, draws: np.ndarray, divergences: int = 0) -> C
                 effective[0],
             )
         )
-    parameters = tuple(found)
+    parameters = tuple(compared_parameters)
     apart = [p.name for p in parameters if not p.agrees]
     worst = max(parameters, key=lambda p: abs(p.shift))
     figures = (
@@ -147,14 +147,14 @@ def compared(posterior: Posterior, draws: np.ndarray, divergences: int = 0) -> C
 
 
 def _span(values: Any) -> str:
-    found = list(values)
-    return f"{min(found):.2f} to {max(found):.2f}"
+    numbers = list(values)
+    return f"{min(numbers):.2f} to {max(numbers):.2f}"
 
 
 def gradient_draws(
     gradient: Gradient,
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    centre: Parameters,
+    covariance: ParametersByParameters,
     *,
     chains: int = CHAINS,
     tuning: int = TUNING,
@@ -179,7 +179,7 @@ def gradient_draws(
         ) from error
     # In these coordinates the posterior is nearly a unit normal: the sampler has little to adapt.
     factor, count = np.linalg.cholesky(covariance), centre.size
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     calls, expected = 0, 4.0 * chains * (tuning + draws)
 
     def density(y: np.ndarray) -> tuple[float, np.ndarray]:
@@ -199,6 +199,6 @@ def gradient_draws(
         ["x"],
         make_initial_point_fn=lambda seed: np.random.default_rng(seed).standard_normal(count),
     )
-    found = nutpie.sample(model, draws=draws, tune=tuning, chains=chains, cores=1, seed=seed + 1, progress_bar=False)
-    y = np.asarray(found.posterior["x"])
-    return centre + y @ factor.T, int(np.asarray(found.sample_stats["diverging"]).sum())
+    trace = nutpie.sample(model, draws=draws, tune=tuning, chains=chains, cores=1, seed=seed + 1, progress_bar=False)
+    y = np.asarray(trace.posterior["x"])
+    return centre + y @ factor.T, int(np.asarray(trace.sample_stats["diverging"]).sum())

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import emcee
 import numpy as np
-from arviz_stats.base import array_stats
+from arviz_stats.base import array_stats  # type: ignore[attr-defined]  # its way of naming what is public
 
+from sysid.arrays import DrawsByParameters, Parameters, WalkerDraws
 from sysid.posterior.inference_data import draw_order
 from sysid.posterior.sampled_posterior import PosteriorSummary
 
@@ -24,12 +25,12 @@ class Diagnosis:
     """State of a run: `burn_in` steps to drop, `autocorrelation_time`, `ess`, `rhat` (p,)."""
 
     burn_in: int
-    autocorrelation_time: np.ndarray
-    ess: np.ndarray
-    rhat: np.ndarray
+    autocorrelation_time: Parameters
+    ess: Parameters
+    rhat: Parameters
 
 
-def diagnose(draws: np.ndarray) -> Diagnosis:
+def diagnose(draws: WalkerDraws) -> Diagnosis:
     """Judge draws (E, steps, W, p).
 
     tau is averaged over the ensembles, burn-in is five times the largest tau but at most half of the run. Effective
@@ -60,14 +61,14 @@ def effective_draws(chains: np.ndarray) -> float:
     return float(array_stats.ess(chains, chain_axis=0, draw_axis=1, method="bulk"))
 
 
-def _autocorrelation_time(draws: np.ndarray) -> np.ndarray:
+def _autocorrelation_time(draws: WalkerDraws) -> np.ndarray:
     # A walker that never moved has no autocorrelation; its ensemble then counts as one long correlation.
     with np.errstate(divide="ignore", invalid="ignore"):
         times = [emcee.autocorr.integrated_time(chain, c=5, tol=0, quiet=True) for chain in draws]
-    return np.maximum(np.nan_to_num(np.mean(times, axis=0), nan=float(draws.shape[1])), 1.0)
+    return np.asarray(np.maximum(np.nan_to_num(np.mean(times, axis=0), nan=float(draws.shape[1])), 1.0))
 
 
-def standstills(draws: np.ndarray, burn_in: int) -> np.ndarray:
+def standstills(draws: WalkerDraws, burn_in: int) -> np.ndarray:
     """Longest standstill [steps] of every walker (E, W) that lasts into the kept steps; 0 where chance explains it.
 
     With the median share a of moves over all walkers, n steps without a move are expected about E W steps (1 - a/2)^n
@@ -87,7 +88,9 @@ def standstills(draws: np.ndarray, burn_in: int) -> np.ndarray:
     return np.where(longest > max(by_chance, _SHORT_STANDSTILL), longest, 0)
 
 
-def summarise(names: tuple[str, ...], natural_draws: np.ndarray, diagnosis: Diagnosis) -> tuple[PosteriorSummary, ...]:
+def summarise(
+    names: tuple[str, ...], natural_draws: DrawsByParameters, diagnosis: Diagnosis
+) -> tuple[PosteriorSummary, ...]:
     """Marginal summaries of draws (n, p) in natural units."""
     q05, q50, q95 = np.quantile(natural_draws, [0.05, 0.5, 0.95], axis=0)
     mean, sd = natural_draws.mean(axis=0), natural_draws.std(axis=0, ddof=1)

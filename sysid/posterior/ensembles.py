@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import emcee
 import numpy as np
 
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.errors import DataRejectedError
 from sysid.posterior.segments import Ending, Segment
 from sysid.threads import side_by_side
@@ -35,7 +36,7 @@ class FiniteDensity:
 class Ensemble:
     """One emcee ensemble and the state that it is in."""
 
-    def __init__(self, density: Density, moves: list, state: emcee.State):
+    def __init__(self, density: Density, moves: list[tuple[emcee.moves.Move, float]], state: emcee.State):
         walkers, dimension = state.coords.shape
         self._density = FiniteDensity(density)
         self._sampler = emcee.EnsembleSampler(walkers, dimension, self._density, moves=moves, vectorize=True)
@@ -78,8 +79,8 @@ def restored(ending: Ending, ensemble: int) -> emcee.State:
 def first(
     density: Density,
     names: Sequence[str],
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    centre: Parameters,
+    covariance: ParametersByParameters,
     walkers: int,
     seed: np.random.SeedSequence,
 ) -> emcee.State:

@@ -116,7 +116,7 @@ def arviz_data(posterior: Draws) -> Any:
     except ImportError:
         return xr.DataTree.from_dict(groups)
     # From version 1 on the name stands for xarray's tree.
-    own = getattr(arviz, "InferenceData", xr.DataTree)
+    own: Any = getattr(arviz, "InferenceData", xr.DataTree)
     return xr.DataTree.from_dict(groups) if own is xr.DataTree else own(**groups)
 
 

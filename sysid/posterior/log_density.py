@@ -25,6 +25,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import Parameters, RunsByChannels
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.lane_laws import lane_laws
 from sysid.estimation.residuals.bump_model import GroupArrays, GroupShape
@@ -47,8 +48,8 @@ LIKELIHOOD = (
 class _GroupInputs(NamedTuple):
     arrays: GroupArrays
     road: WheelRoad
-    noise_sd: np.ndarray
-    tempering: np.ndarray
+    noise_sd: RunsByChannels
+    tempering: RunsByChannels
     local: LocalColumns
 
 
@@ -97,7 +98,7 @@ class LogDensity:
         count = self.centre.size
         self._inputs = []
         lin = linearise(state.model, point.weights, self.centre, point.motion)
-        every = point.weights.on(state.model.arrays)
+        weighted = point.weights.on(state.model.arrays)
         for position, group in enumerate(state.model.groups):
             runs = list(group.runs)
             speed, start = point.motion.speed_m_s[runs], point.motion.start_s[runs]
@@ -106,7 +107,7 @@ class LogDensity:
             speed_residual, speed_rows = expected.rows(point.motion, runs)
             normal = run_normal(local, gain, np.einsum("rk,rl->rkl", speed_rows, speed_rows))
             pull = speed_residual[:, None] * speed_rows
-            arrays, shape = every[position], state.model.shapes[position]
+            arrays, shape = weighted[position], state.model.shapes[position]
             road = wheel_road(arrays, state.model.roads[position], speed[:, None], start[:, None], shape)
             self._inputs.append(
                 _GroupInputs(
@@ -118,7 +119,7 @@ class LogDensity:
                 )
             )
 
-    def __call__(self, log_parameters: np.ndarray) -> np.ndarray:
+    def __call__(self, log_parameters: Parameters) -> np.ndarray:
         """Log-density (n,) of parameter sets (n, p)."""
         points = np.atleast_2d(np.asarray(log_parameters, float))
         # The likelihood is flattened around the optimum; the priors are not.
@@ -133,9 +134,9 @@ class LogDensity:
             self.rejected_count += int(bad.sum())
             self.rejected += list(points[bad][: max(0, 100 - len(self.rejected))])
             density = np.where(bad, -np.inf, density)
-        return density
+        return np.asarray(density)
 
-    def gradient(self, log_parameters: np.ndarray) -> tuple[float, np.ndarray]:
+    def gradient(self, log_parameters: Parameters) -> tuple[float, np.ndarray]:
         """Log-density of one parameter set (p,) and its exact gradient (p,).
 
         With r and J of all residuals of a run at the set, J_eta and N those of the optimum, the sum of squares has the

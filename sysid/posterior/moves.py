@@ -9,8 +9,10 @@ import emcee
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from sysid.arrays import Parameters, ParametersByParameters
 
-class LaplaceMove(emcee.moves.MHMove):
+
+class LaplaceMove(emcee.moves.MHMove):  # type: ignore[misc]  # emcee has no types
     """Metropolis-Hastings with proposals from a multivariate t around the least-squares optimum.
 
     A proposal q is accepted with probability min(1, pi(q) t(x) / (pi(x) t(q))): draws of a posterior that is close to
@@ -21,7 +23,7 @@ class LaplaceMove(emcee.moves.MHMove):
     centre : (p,) optimum; covariance : (p, p) of the Laplace approximation; degrees_of_freedom of the t.
     """
 
-    def __init__(self, centre: np.ndarray, covariance: np.ndarray, degrees_of_freedom: float = 12.0):
+    def __init__(self, centre: Parameters, covariance: ParametersByParameters, degrees_of_freedom: float = 12.0):
         self._centre = np.asarray(centre, float)
         self._factor = np.linalg.cholesky(covariance)
         self._nu = float(degrees_of_freedom)
@@ -37,10 +39,10 @@ class LaplaceMove(emcee.moves.MHMove):
     def _log_t(self, points: np.ndarray) -> np.ndarray:
         """Logarithm of the t density at points (n, p), up to a constant."""
         white = solve_triangular(self._factor, (points - self._centre).T, lower=True)
-        return -0.5 * (self._nu + points.shape[1]) * np.log1p((white**2).sum(axis=0) / self._nu)
+        return np.asarray(-0.5 * (self._nu + points.shape[1]) * np.log1p((white**2).sum(axis=0) / self._nu))
 
 
-def posterior_moves(centre: np.ndarray, covariance: np.ndarray) -> list[tuple[emcee.moves.Move, float]]:
+def posterior_moves(centre: Parameters, covariance: ParametersByParameters) -> list[tuple[emcee.moves.Move, float]]:
     """Moves and their probabilities for a posterior with a known Laplace approximation."""
     return [
         (LaplaceMove(centre, covariance), 0.6),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.arrays import EnsemblesByStepsByWalkers, Parameters, WalkerDraws
 from sysid.tabular import Tabular, records_table
 
 if TYPE_CHECKING:
@@ -39,11 +40,11 @@ class Posterior(Tabular):
     """
 
     names: tuple[str, ...]
-    draws: np.ndarray
-    log_probability: np.ndarray
+    draws: WalkerDraws
+    log_probability: EnsemblesByStepsByWalkers
     burn_in: int
     thin: int
-    autocorrelation_time: np.ndarray
+    autocorrelation_time: Parameters
     acceptance: np.ndarray
     summaries: tuple[PosteriorSummary, ...]
     converged: bool

@@ -10,15 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.posterior.checkpoint import Checkpoint, Resumed, read_chain
 from sysid.posterior.diagnostics import Diagnosis, diagnose, standstills, summarise
 from sysid.posterior.ensembles import Density, Ensemble, advance, first, restored
 from sysid.posterior.history import History
 from sysid.posterior.moves import posterior_moves
 from sysid.posterior.sampled_posterior import Posterior
+from sysid.progress import Progress, unwatched
 from sysid.threads import one_blas_thread
 
-Progress = Callable[[str, float], None]
 Notice = Callable[[str], None]
 
 #: Segments after which convergence is judged at every second one only, after twice as many at every fourth, and so on:
@@ -53,8 +54,8 @@ class SamplingOptions:
 def sample_posterior(
     density: Density,
     names: tuple[str, ...],
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    centre: Parameters,
+    covariance: ParametersByParameters,
     likelihood: str,
     options: SamplingOptions | None = None,
     *,
@@ -85,14 +86,14 @@ def sample_posterior(
         If the folder cannot be written or another process writes to it.
     """
     options = options or SamplingOptions()
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     identity = chain_identity(options, centre, covariance, fingerprint or {})
     with nullcontext() if folder is None else Checkpoint(folder, identity) as checkpoint:
-        found = Resumed([], None, "") if checkpoint is None else checkpoint.open(resume=resume)
-        if found.note and notice is not None:
-            notice(found.note)
-        history = History(found.segments)
-        ensembles = _ensembles(density, names, centre, covariance, options, found)
+        resumed = Resumed([], None, "") if checkpoint is None else checkpoint.open(resume=resume)
+        if resumed.note and notice is not None:
+            notice(resumed.note)
+        history = History(resumed.segments)
+        ensembles = _ensembles(density, names, centre, covariance, options, resumed)
         # A chain that had already converged when it is resumed must not grow.
         diagnosis = diagnose(history.draws) if _due(history.steps, options) else None
         while not _finished(diagnosis, history.steps, options):
@@ -112,15 +113,15 @@ def posterior_so_far(
 
     It is never called converged: the sampling stage alone decides that.
     """
-    found = read_chain(folder)
-    if found is None or found[0] != identity:
+    stored = read_chain(folder)
+    if stored is None or stored[0] != identity:
         return None
-    history = History(found[1])
+    history = History(stored[1])
     return _posterior(names, history, diagnose(history.draws), likelihood, options, finished=False)
 
 
 def chain_identity(
-    options: SamplingOptions, centre: np.ndarray, covariance: np.ndarray, fingerprint: dict[str, str]
+    options: SamplingOptions, centre: Parameters, covariance: ParametersByParameters, fingerprint: dict[str, str]
 ) -> dict[str, str]:
     """What a chain depends on, by name: files, settings, and the Laplace approximation."""
     settings = {k: str(v) for k, v in asdict(options).items() if k not in ("max_steps", "min_effective", "rhat_limit")}
@@ -133,13 +134,13 @@ def chain_identity(
 def _ensembles(
     density: Density,
     names: tuple[str, ...],
-    centre: np.ndarray,
-    covariance: np.ndarray,
+    centre: Parameters,
+    covariance: ParametersByParameters,
     options: SamplingOptions,
-    found: Resumed,
+    resumed: Resumed,
 ) -> list[Ensemble]:
-    if found.ending is not None:
-        states = [restored(found.ending, e) for e in range(options.ensembles)]
+    if resumed.ending is not None:
+        states = [restored(resumed.ending, e) for e in range(options.ensembles)]
     else:
         count = len(names)
         walkers = 2 * int(np.ceil(max(options.walkers_per_parameter * count, 2 * count + 2) / 2))
@@ -231,18 +232,18 @@ def _posterior(
 
 
 def _warnings(history: History, diagnosis: Diagnosis, rejected_share: float) -> tuple[str, ...]:
-    found = []
+    sentences = []
     if rejected_share > _MANY_REJECTED:
-        found.append(
+        sentences.append(
             f"{100 * rejected_share:.0f} % of the parameter sets that the sampler proposed have no finite simulation: "
             "the posterior reaches to where the vehicle model fails; give the widest parameters priors."
         )
     stuck = standstills(history.draws, diagnosis.burn_in)
     if stuck.any():
         ensemble, walker = np.unravel_index(int(stuck.argmax()), stuck.shape)
-        found.append(
+        sentences.append(
             f"{np.count_nonzero(stuck)} of {stuck.size} walkers are stuck: walker {walker + 1} of ensemble "
             f"{ensemble + 1} did not move for {stuck.max()} steps while the others did; the posterior may have a "
             "second mode there: do not trust its intervals before another --seed gives the same."
         )
-    return tuple(found)
+    return tuple(sentences)

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid import array_file
+from sysid.arrays import EnsemblesByWalkers, WalkerDraws
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,9 @@ class Segment:
     `accepted` (E, W) counts accepted proposals, `rejected` (E,) proposals without a finite density.
     """
 
-    draws: np.ndarray
+    draws: WalkerDraws
     log_probability: np.ndarray
-    accepted: np.ndarray
+    accepted: EnsemblesByWalkers
     rejected: np.ndarray
     random_keys: np.ndarray
     random_places: np.ndarray
@@ -115,8 +116,8 @@ def start(identity: dict[str, str]) -> str:
 
 
 def _identity(content: array_file.Content) -> dict[str, str] | None:
-    found = content.fields.get("identity")
-    return {str(k): str(v) for k, v in found.items()} if isinstance(found, dict) else None
+    identity = content.fields.get("identity")
+    return {str(k): str(v) for k, v in identity.items()} if isinstance(identity, dict) else None
 
 
 def _complete(content: array_file.Content) -> bool:

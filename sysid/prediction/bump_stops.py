@@ -17,8 +17,8 @@ def knows_travel(axle: Axle) -> bool:
 
 
 def has_bump_stops(axle: Axle) -> bool:
-    """Whether the model stops an axle at its declared travel: no law is given stops but in the campaign file."""
-    return BUMP_STOPS in law_elements(axle.suspension_law)
+    """Whether the model stops an axle at the end of its travel: wherever one is declared."""
+    return axle.has_stops
 
 
 def law_with_stops(vehicle: Vehicle, laws: Sequence[str], axle: int) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -11,7 +14,7 @@ from sysid.posterior.sampled_posterior import Posterior
 from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
 from sysid.prediction.loops import calibrated_laws
 from sysid.sdof.drop_results import DropSummary
-from sysid.vehicle_model.contact import SOFT_DAMPING, TireLaw
+from sysid.vehicle_model.contact import TireLaw, tangents
 from sysid.vehicle_model.suspension import (
     REFERENCE_RATE_M_S,
     Ramps,
@@ -56,20 +59,20 @@ def calibrated_vehicles(
 
     A load case that nobody drove has none where stiffness belongs to a load case.
     """
-    found = []
+    vehicles = []
     for name in campaign.load_cases:
         try:
-            found.append(calibrated_vehicle(campaign, drops, fit, posterior, name))
+            vehicles.append(calibrated_vehicle(campaign, drops, fit, posterior, name))
         except KeyError:
             continue
-    return tuple(found)
+    return tuple(vehicles)
 
 
 def _suspension(law: SuspensionLaw, axle: int, name: str, words: str, static_load: float) -> CalibratedSuspension:
-    def on_axle(function, values: np.ndarray) -> np.ndarray:
+    def on_axle(function: Callable[[SuspensionLaw, jax.Array], jax.Array], values: np.ndarray) -> np.ndarray:
         """Force over a row of extensions or rates of this axle."""
         rows = np.broadcast_to(values, (*law.stiffness.shape[:2], len(values)))
-        return np.asarray(function(law, jnp.asarray(rows)))[0, axle]
+        return np.asarray(np.asarray(function(law, jnp.asarray(rows)))[0, axle])
 
     extension, rate = _grid(_EXTENSION_M, law.ramps, axle), _grid(_RATE_M_S, law.rate_ramps, axle)
     low, high = on_axle(spring_force, np.array([-_SMALL_M, _SMALL_M]))
@@ -100,15 +103,10 @@ def _grid(base: np.ndarray, ramps: Ramps | None, axle: int) -> np.ndarray:
 
 
 def tire_tangents(tire: TireLaw) -> tuple[np.ndarray, np.ndarray]:
-    """Tangent stiffness [N/m] and damping [N s/m] of the first lane's tires (axles,) at their static load.
-
-    With x = u_0 / u_ref they are n F_ref / u_ref x^(n - 1) and c x sqrt((1 + s) / (x + s)), s the softening below a
-    tenth of the reference deflection; the damping is c where the law does not let it grow.
-    """
+    """Tangent stiffness [N/m] and damping [N s/m] of the first lane's tires (axles,) at their static load."""
     shape = np.shape(tire.static_deflection)
     x = np.asarray(tire.static_deflection / tire.reference_deflection)[0, :, 0]
     secant = np.asarray(tire.reference_load / tire.reference_deflection)[0, :, 0]
     exponent = np.broadcast_to(np.asarray(tire.exponent), shape)[0, :, 0]
     damping = np.broadcast_to(np.asarray(tire.damping), shape)[0, :, 0]
-    length = x * np.sqrt((1.0 + SOFT_DAMPING) / (x + SOFT_DAMPING))
-    return exponent * secant * x ** (exponent - 1.0), damping * (1.0 + tire.growth * (length - 1.0))
+    return tangents(exponent * secant, damping, exponent, x, tire.growth)

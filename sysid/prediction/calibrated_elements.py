@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.arrays import Axles
 from sysid.tabular import Tabular
 
 if TYPE_CHECKING:
@@ -69,8 +70,8 @@ class CalibratedVehicle(Tabular):
     load_case: str
     source: str
     suspensions: tuple[CalibratedSuspension, ...]
-    tire_stiffness_N_per_m: np.ndarray
-    tire_damping_N_s_per_m: np.ndarray
+    tire_stiffness_N_per_m: Axles
+    tire_damping_N_s_per_m: Axles
 
     def summary(self) -> pd.DataFrame:
         """One row per axle, in SI units; in an axle group the suspension stands with the first axle."""

@@ -8,7 +8,7 @@ from sysid.campaign.records import Campaign, LoadCase
 from sysid.errors import SysidError
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.posterior.sampled_posterior import Posterior
-from sysid.vehicle_model.contact import SOFT_DAMPING
+from sysid.vehicle_model.contact import tangents
 from sysid.vehicle_model.vibration_modes import NaturalModes, natural_modes
 
 
@@ -20,14 +20,14 @@ def calibrated_modes(campaign: Campaign, fit: FitResult, posterior: Posterior | 
     """
     medians = {} if posterior is None else {s.name: s.q50 for s in posterior.summaries}
     values = {(p.quantity, p.axle, p.load_case): medians.get(p.name, p.value) for p in fit.parameters}
-    found = []
+    modes = []
     for case in campaign.load_cases.values():
         try:
-            found.append(_modes(campaign, case, values))
+            modes.append(_modes(campaign, case, values))
         except (KeyError, SysidError):
             # A load case nobody drove has no stiffness of its own; values far off may not even stand.
             continue
-    return tuple(found)
+    return tuple(modes)
 
 
 def _modes(campaign: Campaign, case: LoadCase, values: dict[tuple[str, int | None, str | None], float]) -> NaturalModes:
@@ -45,14 +45,14 @@ def _modes(campaign: Campaign, case: LoadCase, values: dict[tuple[str, int | Non
 
     load = np.array(case.axle_loads_kg) / np.array(first.axle_loads_kg)
     deflection = load ** (1.0 / exponent)
-    length = deflection * np.sqrt((1.0 + SOFT_DAMPING) / (deflection + SOFT_DAMPING))
     tire = [of_axle("tire_stiffness", i, a.tire_stiffness_N_per_m) for i, a in enumerate(vehicle.axles)]
     tire_damping = [of_axle("tire_damping", i, a.tire_damping_N_s_per_m) for i, a in enumerate(vehicle.axles)]
+    at_rest, damping_at_rest = tangents(np.array(tire), np.array(tire_damping), exponent, deflection)
     return natural_modes(
         vehicle,
         case,
         np.array([of_axle("stiffness", i) for i in vehicle.suspension_axle]),
         np.array([of_axle("damping", i) for i in vehicle.suspension_axle]),
-        np.array(tire) * load / deflection,
-        np.array(tire_damping) * length,
+        at_rest,
+        damping_at_rest,
     )

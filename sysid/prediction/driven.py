@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from sysid.arrays import DrawsByParameters
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.residuals.histories import shown_signals
 from sysid.estimation.residuals.run_history import HistoryBand, RunHistory
+from sysid.progress import Progress, unwatched
 
 #: Number of posterior draws behind the bands.
 DRAWS = 64
 
-Progress = Callable[[str, float], None]
-
 
 def run_bands(
     state: FitState,
-    draws: np.ndarray,
+    draws: DrawsByParameters,
     *,
     seed: int = 0,
-    progress: Progress = lambda message, fraction: None,
+    progress: Progress = unwatched,
 ) -> tuple[HistoryBand, ...]:
     """Pointwise 90 % bands of all sensor signals of every run, in the order of the campaign.
 

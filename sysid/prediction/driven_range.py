@@ -9,11 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.estimation.fit.state import FitState
-from sysid.estimation.parameters.lane_laws import lane_laws
+from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws
 from sysid.prediction.remarks import driven_speeds
 from sysid.prediction.trust import DrivenRange
 from sysid.vehicle_model.contact import TireLaw
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
+from sysid.vehicle_model.lane_matrices import LaneMatrices
 
 _AXLEWISE = ("tire_deflection_m", "jounce_m", "rebound_m", "damper_speed_m_s", "lift_off_s")
 
@@ -31,7 +32,9 @@ def spring_deflection(tire: TireLaw, force: jax.Array) -> jax.Array:
 
 
 @partial(jax.jit, static_argnames=("timing",))
-def _histories(matrices, laws, road: WheelRoad, log_parameters, *, timing: Timing) -> tuple:
+def _histories(
+    matrices: LaneMatrices, laws: LawInputs, road: WheelRoad, log_parameters: jax.Array, *, timing: Timing
+) -> tuple[jax.Array, jax.Array, jax.Array]:
     suspension, tire = lane_laws(laws, log_parameters[:, None])
     found = road.engine.histories(matrices, suspension, tire, road, timing)
     return found.tire_force[..., 0], spring_deflection(tire, found.tire_force)[..., 0], found.deflection[..., 0]

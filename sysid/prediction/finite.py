@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid import limits
+from sysid.arrays import Axles
 from sysid.campaign.records import PredictionRequest
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.estimation.parameters.parameter_set import ParameterSet
@@ -26,7 +27,7 @@ def check_duration(request: PredictionRequest, duration_s: float) -> None:
 
 
 def check_finite(
-    request: PredictionRequest, parameters: ParameterSet, sets: np.ndarray, static_N: np.ndarray, *histories: np.ndarray
+    request: PredictionRequest, parameters: ParameterSet, sets: np.ndarray, static_N: Axles, *histories: np.ndarray
 ) -> None:
     """Refuse a simulated pass with values that are not finite, or without static loads to relate them to.
 

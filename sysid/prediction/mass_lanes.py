@@ -9,12 +9,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import DrawsByParameters
 from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.prediction.driven_range import spring_deflection
 from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
+from sysid.vehicle_model.lane_arrays import ParametersBySets
+from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.lanes import Lanes, Pass, pass_matrices
 from sysid.vehicle_model.simulation import Motion
 from sysid.vehicle_model.suspension import SuspensionLaw
@@ -48,7 +51,7 @@ def histories_of_draws(
     parameters: ParameterSet,
     vehicles: VehicleDraws,
     driven: Pass,
-    log_parameters: np.ndarray,
+    log_parameters: DrawsByParameters,
     motion: Motion,
     timing: Timing,
 ) -> tuple[np.ndarray, ...]:
@@ -64,7 +67,7 @@ def histories_of_draws(
     """
     count = log_parameters.shape[0]
     masses, departures = vehicles.allowances.masses, vehicles.allowances.departures
-    found = []
+    chunks = []
     for first in range(0, count, TOGETHER):
         # The last chunk repeats its last draw: one size is compiled once.
         chosen = np.minimum(np.arange(first, first + TOGETHER), count - 1)
@@ -83,23 +86,29 @@ def histories_of_draws(
         road = wheel_road(stacked, _joined(roads), lanes.axle_x, speed, start_s, timing)
         sets = jnp.asarray(log_parameters[chosen, :, None])
         tire, suspension, *deflections = _histories(stacked, inputs, road, sets, timing=timing)
-        found.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, *deflections)])
-    together = (np.concatenate(parts, axis=1)[:, :count] for parts in zip(*found, strict=True))
+        chunks.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, *deflections)])
+    together = (np.concatenate(parts, axis=1)[:, :count] for parts in zip(*chunks, strict=True))
     return tuple(np.moveaxis(history, 1, 2) for history in together)
 
 
 def _joined(roads: list[EffectiveRoad]) -> EffectiveRoad:
     """The roads of several lanes as one."""
 
-    def joined(name: str) -> np.ndarray | None:
-        tables = [getattr(road, name) for road in roads]
-        return None if tables[0] is None else np.concatenate(tables, axis=-3)
+    def joined(tables: list[np.ndarray | None]) -> np.ndarray | None:
+        present = [t for t in tables if t is not None]
+        return np.concatenate(present, axis=-3) if present else None
 
-    return roads[0]._replace(rise=joined("rise"), stretch=joined("stretch"), drag=joined("drag"))
+    return roads[0]._replace(
+        rise=np.concatenate([r.rise for r in roads], axis=-3),
+        stretch=joined([r.stretch for r in roads]),
+        drag=joined([r.drag for r in roads]),
+    )
 
 
 @partial(jax.jit, static_argnames=("timing",))
-def _histories(matrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *, timing: Timing):
+def _histories(
+    matrices: LaneMatrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *, timing: Timing
+) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
     suspension, tire = _laws(inputs, sets)
     found = road.engine.histories(matrices, suspension, tire, road, timing)
     sunk = spring_deflection(tire, found.tire_force)
@@ -109,7 +118,7 @@ def _histories(matrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *,
 def _laws(inputs: LawInputs, sets: jax.Array) -> tuple[SuspensionLaw, TireLaw]:
     """Laws with one lane per draw from inputs stacked along the draws and parameters (n, p, 1)."""
 
-    def one(own: LawInputs, x: jax.Array):
+    def one(own: LawInputs, x: ParametersBySets) -> tuple[SuspensionLaw, tuple[jax.Array, ...]]:
         suspension, tire = lane_laws(own, x)
         lane = suspension.stiffness.shape
         return suspension, tuple(jnp.broadcast_to(v, lane) for v in tire[:-1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,10 +10,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import Axles, DrawsByParameters, Samples, SamplesByAxlesBySets
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitState
-from sysid.estimation.parameters.lane_laws import lane_laws, law_inputs
+from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.prediction.driven_range import driven_range, spring_deflection
@@ -23,8 +24,11 @@ from sysid.prediction.measures import impulse_ratio, lift_off_time, load_coeffic
 from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
+from sysid.progress import Progress, unwatched
 from sysid.road.named_shapes import named_shape
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
+from sysid.vehicle_model.lane_arrays import ParametersBySets
+from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
 from sysid.vehicle_model.simulation import Motion
 
@@ -38,11 +42,11 @@ SWEEP_DRAWS = 50
 #: Speeds [km/h] of the ratio against speed.
 SWEEP_KM_H = (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0, 32.0, 36.0, 42.0, 48.0, 54.0, 60.0)
 
-Progress = Callable[[str, float], None]
-
 
 @partial(jax.jit, static_argnames=("timing",))
-def _histories(matrices, laws, road: WheelRoad, log_parameters, *, timing: Timing) -> tuple:
+def _histories(
+    matrices: LaneMatrices, laws: LawInputs, road: WheelRoad, log_parameters: ParametersBySets, *, timing: Timing
+) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
     suspension, tire = lane_laws(laws, log_parameters)
     found = road.engine.histories(matrices, suspension, tire, road, timing)
     sunk = spring_deflection(tire, found.tire_force)
@@ -56,12 +60,12 @@ class _Pass:
     `deflection_m` of the suspensions, positive in extension; `sunk_m` of the tires as far as their springs carry.
     """
 
-    time_s: np.ndarray
-    tire_N: np.ndarray
-    suspension_N: np.ndarray
-    deflection_m: np.ndarray
-    sunk_m: np.ndarray
-    static_N: np.ndarray
+    time_s: Samples
+    tire_N: SamplesByAxlesBySets
+    suspension_N: SamplesByAxlesBySets
+    deflection_m: SamplesByAxlesBySets
+    sunk_m: SamplesByAxlesBySets
+    static_N: Axles
     passing: np.ndarray
 
     @property
@@ -147,6 +151,7 @@ def predict_pass(
     """
     p = _simulate(campaign, parameters, roads, request, sets.T, vehicles)
     force = quantiles(p.tire_N)
+    suspension = quantiles(p.suspension_N)
     ratio = quantiles(p.tire_N.max(axis=0) / p.static_N[:, None])
     jounce, rebound = quantiles((-p.deflection_m).max(axis=0)), quantiles(p.deflection_m.max(axis=0))
     trust = () if driven is None else extrapolations(p.reached(request.speed_m_s), driven, request.load_case)
@@ -164,7 +169,7 @@ def predict_pass(
         peak_ratio_q95=ratio.q95,
         lift_off=(p.tire_N.min(axis=0) <= 0.0).mean(axis=1) >= 0.5,
         warnings=remarks(campaign, request, trust, (jounce, rebound), together),
-        suspension_force_N=Quantiles(*(_transposed(q) for q in vars(quantiles(p.suspension_N)).values())),
+        suspension_force_N=Quantiles(_transposed(suspension.q05), suspension.q50.T, _transposed(suspension.q95)),
         load_coefficient=quantiles(load_coefficient(p.tire_N, p.static_N, p.passing)),
         lift_off_s=quantiles(lift_off_time(p.tire_N, INTERVAL_S)),
         jounce_m=jounce,
@@ -200,7 +205,7 @@ def speed_sweep(
     roads: EffectiveRoads,
     sets: np.ndarray,
     speeds_m_s: Sequence[float],
-    progress: Progress = lambda message, fraction: None,
+    progress: Progress = unwatched,
     vehicles: VehicleDraws | None = None,
     driven: DrivenRange | None = None,
 ) -> SpeedSweep:
@@ -243,12 +248,12 @@ def effective_roads(state: FitState, requests: Sequence[PredictionRequest]) -> E
 
 def predict(
     state: FitState,
-    draws: np.ndarray | None,
+    draws: DrawsByParameters | None,
     requests: Sequence[PredictionRequest],
     *,
     seed: int = 0,
     sweep_km_h: Sequence[float] = SWEEP_KM_H,
-    progress: Progress = lambda message, fraction: None,
+    progress: Progress = unwatched,
     driven: DrivenRange | None = None,
 ) -> Predictions:
     """Wheel loads of passes, and the load ratio against speed in their load cases.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.arrays import Axles, AxlesBySamples, Samples
 from sysid.prediction.trust import MARGIN, Extrapolation
 from sysid.tabular import Tabular, band_columns
 
@@ -46,15 +47,15 @@ class PassPrediction(Tabular):
 
     load_case: str
     speed_m_s: float
-    time_s: np.ndarray
-    tire_force_q05_N: np.ndarray | None
-    tire_force_q50_N: np.ndarray
-    tire_force_q95_N: np.ndarray | None
-    static_load_N: np.ndarray
-    peak_ratio_q05: np.ndarray | None
-    peak_ratio_q50: np.ndarray
-    peak_ratio_q95: np.ndarray | None
-    lift_off: np.ndarray
+    time_s: Samples
+    tire_force_q05_N: AxlesBySamples | None
+    tire_force_q50_N: AxlesBySamples
+    tire_force_q95_N: AxlesBySamples | None
+    static_load_N: Axles
+    peak_ratio_q05: Axles | None
+    peak_ratio_q50: Axles
+    peak_ratio_q95: Axles | None
+    lift_off: Axles
     warnings: tuple[str, ...] = ()
     suspension_force_N: Quantiles | None = None
     load_coefficient: Quantiles | None = None

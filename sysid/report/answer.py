@@ -45,8 +45,9 @@ def _best(rows: tuple[AxleEstimates, ...], axle: int, case: str | None) -> Estim
     of_case = [r for r in of_axle if case is not None and case == (r.load_case or r.drop_load_case)]
     shared = [r for r in of_axle if r.load_case is None]
     for row in (*of_case, *shared, *(of_axle if case is None else ())):
-        if row.best is not None:
-            return row.best
+        best: Estimate | None = row.best
+        if best is not None:
+            return best
     return None
 
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.display import Z90
+from sysid.estimates.suspension_values import Quantity
 from sysid.export import Results
 from sysid.plot import SOURCE_LABELS, SOURCES
-from sysid.plot.comparison import Quantity
 from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.report.numbers import MISSING, decimals, fixed, number, percent
 from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropSummary

@@ -59,9 +59,23 @@ def _content(results: Results) -> dict[str, Any]:
     gallery = figures.Gallery()
     drop_shown, drop_all = figures.drop_pictures(results, gallery)
     history_shown, history_all = figures.history_pictures(results, gallery)
-    channels = () if results.quality is None else results.quality.channels
-    run_names = _run_names(results)
-    modes = () if results.estimates is None else results.estimates.modes
+    # The gallery numbers its pictures as they come: the parts stay in this order.
+    return {
+        **_answer(results, gallery),
+        **_measurements(results, gallery),
+        "drop_shown": drop_shown,
+        "drop_all": drop_all,
+        "history_shown": history_shown,
+        "history_all": history_all,
+        **_calibration(results, gallery),
+        **_loads(results, gallery),
+        **_provenance(results),
+        "misfit": MISFIT,
+    }
+
+
+def _answer(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
+    """What the page says first."""
     return {
         "r": results,
         "verdict": verdict(results),
@@ -75,6 +89,13 @@ def _content(results: Results) -> dict[str, Any]:
         "figure_numbers": itertools.count(1),
         "fit_words": "" if results.fit is None else figures.fit_words(results.fit),
         "comparison": figures.comparison_pictures(results, gallery),
+    }
+
+
+def _measurements(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
+    """The vehicle, what was measured on it, and the drops by themselves."""
+    channels = () if results.quality is None else results.quality.channels
+    return {
         "vehicle": tables.vehicle_table(results),
         "channels": channels,
         "verdicts": {v: sum(c.verdict == v for c in channels) for v in ("good", "usable", "rejected")},
@@ -84,12 +105,15 @@ def _content(results: Results) -> dict[str, Any]:
         "drop_notes": [] if results.drops is None else drop_tables.pooled_notes(results.drops),
         "drop_files": None if results.drops is None else drop_tables.files_table(results, results.drops),
         "indicator": None if results.drops is None else drop_tables.indicator_table(results, results.drops),
-        "drop_shown": drop_shown,
-        "drop_all": drop_all,
         "scan_pictures": figures.scan_pictures(results, gallery),
-        "history_shown": history_shown,
-        "history_all": history_all,
         "residuals": figures.residual_picture(results, gallery),
+    }
+
+
+def _calibration(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
+    """The fit, what it determines, and the posterior."""
+    modes = () if results.estimates is None else results.estimates.modes
+    return {
         "fit_table": None if results.fit is None else tables.fit_table(results.fit),
         "global_parameters": None
         if results.fit is None
@@ -112,6 +136,13 @@ def _content(results: Results) -> dict[str, Any]:
         if results.posterior is None
         else tables.posterior_table(results.posterior, results.crosscheck),
         "posterior_pictures": figures.posterior_pictures(results, gallery),
+    }
+
+
+def _loads(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
+    """Agreement with the runs and predicted wheel loads."""
+    run_names = _run_names(results)
+    return {
         "agreement": _agreement(results, run_names),
         "left_out": _left_out(results, run_names),
         "prediction_tables": load_tables.prediction_tables(results),
@@ -121,11 +152,16 @@ def _content(results: Results) -> dict[str, Any]:
         "sweep_pictures": figures.sweep_pictures(results, gallery),
         "sweep_tables": load_tables.sweep_tables(results),
         "undeclared": [f"axle {i + 1}" for i in undeclared_travel(results)],
+    }
+
+
+def _provenance(results: Results) -> dict[str, Any]:
+    """Settings, versions, timings and seed."""
+    return {
         "settings": tables.flat_settings(results.provenance.get("settings", {})),
         "versions": dict(results.provenance.get("versions", {})),
         "timing_rows": [(k, number(v)) for k, v in results.provenance.get("timings", {}).items()],
         "seed": results.provenance.get("seed", results.posterior.seed if results.posterior else None),
-        "misfit": MISFIT,
     }
 
 

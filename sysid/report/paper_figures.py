@@ -68,7 +68,8 @@ def _bump(results: Results, name: str) -> Axes:
     plot.profile(analysis, axes[1])
     if results.estimates is not None and name in results.estimates.roads:
         plot.effective_profile(analysis.profile, results.estimates.roads[name], axes[2])
-    return axes[0]
+    first: Axes = axes[0]
+    return first
 
 
 @styled
@@ -82,4 +83,5 @@ def _first_axle(passes: tuple[PassPrediction, ...], kind: str) -> Axes:
             plot.suspension_force(p, 0, ax)
         ax.set_title(plot.label(f"axle 1, {p.load_case}, {speed(p.speed_m_s)} km/h", 60))
         ax.legend(loc="upper right")
-    return axes[0]
+    first: Axes = axes[0]
+    return first

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -55,18 +56,18 @@ def read_in_child(task: str, data: bytes, label: str, **request: Any) -> tuple[d
             input=json.dumps(order).encode() + b"\n" + data,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            timeout=limits.READER_SECONDS,
+            timeout=limits.READER_WAIT_S,
             env=environment,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        raise DataRejectedError(
-            f"{label} takes longer than {limits.READER_SECONDS:g} s to read; export it again, or thin it."
-        ) from None
+        raise _endless(label, limits.READER_WAIT_S) from None
     except OSError as error:
         raise DataRejectedError(
             f"{label} cannot be read: no process for its reader can be started ({error.strerror})."
         ) from None
+    if done.returncode == -getattr(signal, "SIGXCPU", 0) != 0:
+        raise _endless(label, limits.READER_SECONDS)
     line, _, rest = done.stdout.partition(b"\n")
     try:
         answer = dict(json.loads(line[:_LONGEST_ANSWER]))
@@ -78,3 +79,7 @@ def read_in_child(task: str, data: bytes, label: str, **request: Any) -> tuple[d
             f"{label} takes more than {limits.READER_BYTES / 1e6:.0f} MB of memory to read; export it again or thin it."
         )
     return answer, array
+
+
+def _endless(label: str, seconds: float) -> DataRejectedError:
+    return DataRejectedError(f"{label} takes longer than {seconds:g} s to read; export it again, or thin it.")

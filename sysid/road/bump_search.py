@@ -35,7 +35,7 @@ def smooth_heights(along_m: np.ndarray, across_m: np.ndarray, height_m: np.ndarr
     """Return the median height [m] of each point's neighbours (n,): stray points vanish, ridges stay."""
     tree = cKDTree(np.column_stack([along_m, across_m]))
     _, index = tree.query(tree.data, k=min(neighbours, along_m.size))
-    return np.median(height_m[index], axis=1)
+    return np.asarray(np.median(height_m[index], axis=1))
 
 
 def crest_direction(along_m: np.ndarray, across_m: np.ndarray, height_m: np.ndarray) -> CrestDirection:

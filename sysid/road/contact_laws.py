@@ -34,7 +34,7 @@ def _stations(profile: RoadProfile, reach_m: float) -> np.ndarray:
 
 
 def _height(profile: RoadProfile, station_m: np.ndarray) -> np.ndarray:
-    return np.interp(station_m, profile.station_m - profile.start_m, profile.height_m, left=0.0, right=0.0)
+    return np.asarray(np.interp(station_m, profile.station_m - profile.start_m, profile.height_m, left=0.0, right=0.0))
 
 
 def _map(station: np.ndarray, rise: np.ndarray, slope: np.ndarray) -> FootprintMap:

@@ -9,7 +9,7 @@ doi:10.1080/00423117508968461).  Its stiffness is fixed by the tire's declared v
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -108,7 +108,9 @@ def _known_shape(stations: bytes, heights: bytes, start_m: float, radius_m: floa
     )
 
 
-def _compression(station, height, radius, road_s, road_z) -> np.ndarray:
+def _compression(
+    station: np.ndarray, height: np.ndarray, radius: float, road_s: np.ndarray, road_z: np.ndarray
+) -> np.ndarray:
     """Compression (spokes, stations, levels) of all spokes for given centre heights (stations, levels)."""
     found = np.empty((_SPOKES, *height.shape))
     for i, phi in enumerate(_ANGLE_RAD):
@@ -148,7 +150,7 @@ def static_deflection(table: SpokeTable, load_N: float, stiffness_N_per_m: float
     target = load_N / stiffness_N_per_m
 
     def mismatch(u: float) -> float:
-        return u / np.interp(u, table.deflection_m, slope) - target
+        return float(u / np.interp(u, table.deflection_m, slope) - target)
 
     deepest = float(table.deflection_m[-1])
     if mismatch(deepest) < 0.0:
@@ -212,6 +214,28 @@ class FootprintMap:
     drag: np.ndarray
     lift_m: np.ndarray
     misfit_m: float
+
+    @property
+    def step_m(self) -> float:
+        """Distance of the stations [m]."""
+        return float(self.station_m[1] - self.station_m[0])
+
+    def widened(self, first: int, last: int) -> FootprintMap:
+        """The map on stations `first` to `last`, in steps from the start of the bump: flat road where it had none."""
+        before = round(self.station_m[0] / self.step_m) - first
+        after = last - first + 1 - before - self.station_m.size
+
+        def padded(values: np.ndarray) -> np.ndarray:
+            return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(before, after)])
+
+        return replace(
+            self,
+            station_m=np.arange(first, last + 1) * self.step_m,
+            rise_m=padded(self.rise_m),
+            stretch=padded(self.stretch),
+            drag=padded(self.drag),
+            lift_m=padded(self.lift_m),
+        )
 
 
 def footprint_map(

@@ -54,7 +54,7 @@ def las_points(data: bytes, label: str, most_points: int) -> np.ndarray:
         raise DataRejectedError(f"{label} promises {count} points but is cut short; copy or export it again.")
     layout = np.dtype({"names": ["xyz"], "formats": ["(3,)<i4"], "offsets": [0], "itemsize": size})
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.frombuffer(data, layout, count, begin)["xyz"] * scale + offset
+        return np.asarray(np.frombuffer(data, layout, count, begin)["xyz"] * scale + offset)
 
 
 def _decompressed(data: bytes, label: str, most_points: int) -> np.ndarray:

@@ -35,7 +35,7 @@ class RoadPlane:
     def height_sd_m(self, x_m: np.ndarray, y_m: np.ndarray | float) -> np.ndarray:
         """Return the standard error [m] of the plane's z at x, y [m]."""
         design = np.stack(np.broadcast_arrays(np.ones_like(x_m), x_m, y_m), axis=-1)
-        return np.sqrt(np.maximum(np.einsum("...i,ij,...j->...", design, self.covariance, design), 0.0))
+        return np.asarray(np.sqrt(np.maximum(np.einsum("...i,ij,...j->...", design, self.covariance, design), 0.0)))
 
 
 def local_noise_m(points_m: np.ndarray) -> float:
@@ -142,4 +142,4 @@ def _cell_covariance(design: np.ndarray, influence: np.ndarray, slope: np.ndarra
     except np.linalg.LinAlgError:
         bread = np.linalg.pinv(information)
     cells = score.shape[0]
-    return bread @ (score.T @ score) @ bread * cells / max(cells - 3, 1)
+    return np.asarray(bread @ (score.T @ score) @ bread * cells / max(cells - 3, 1))

@@ -85,7 +85,7 @@ def _header(data: bytes, label: str) -> tuple[str, tuple[_Element, ...], int]:
     end = _END.search(data[:_HEAD_BYTES])
     if end is None:
         raise DataRejectedError(f"{label} is a PLY file without the end of its header; export it again.")
-    kind, elements = "", list[tuple[str, int, list]]()
+    kind, elements = "", list[tuple[str, int, list[tuple[tuple[str, ...], str]]]]()
     for line in re.split(r"[\r\n]+", data[: end.start()].decode("ascii", errors="replace"))[1:]:
         words = line.split()
         if not words or words[0] in ("comment", "obj_info"):

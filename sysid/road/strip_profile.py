@@ -115,10 +115,6 @@ def fit_strip(
     raised = bump.height_m > 0.3 * bump.height_m.max(initial=0.0)
     inflation = max(1.0, float(np.mean(bump.size * bump.mean_m**2)) / scale**2) if bump.size.size else 1.0
     waviness, flat_lateral = _flat_road(along_m[flat], across_m[flat], height_m[flat], scale)
-    # Steps have no slope: where the spline makes one up, it must not decide about the heading.
-    slope = np.clip(fit.slope(along), -1.0, 1.0)
-    lever = across - np.average(across, weights=weight * slope**2 + 1e-12)
-    moment = float(np.sum(weight * (lever * slope) ** 2))
     return StripFit(
         data=data,
         wide=fit,
@@ -131,9 +127,18 @@ def fit_strip(
         waviness_sd_m=waviness,
         lateral_sd_m=float(np.sqrt(max(_excess(bump, raised, scale) - flat_lateral, 0.0))),
         lanes=lane_count,
-        crest_turn_rad=float(np.sum(weight * lever * slope * residual)) / moment if moment > 0 else 0.0,
+        crest_turn_rad=_crest_turn(fit.slope(along), across, weight, residual),
         outliers=int(np.sum(robust == 0) + np.sum(np.abs(height_m[flat & ~inside]) > _REJECT * scale)),
     )
+
+
+def _crest_turn(slope: np.ndarray, across: np.ndarray, weight: np.ndarray, residual: np.ndarray) -> float:
+    """Angle [rad] by which the bump is turned against the strip: residuals (n,) that grow across it where it slopes."""
+    # Steps have no slope: where the spline makes one up, it must not decide about the heading.
+    slope = np.clip(slope, -1.0, 1.0)
+    lever = across - np.average(across, weights=weight * slope**2 + 1e-12)
+    moment = float(np.sum(weight * (lever * slope) ** 2))
+    return float(np.sum(weight * lever * slope * residual)) / moment if moment > 0 else 0.0
 
 
 def settle_ends(fit: StripFit, *, step_m: float, knot_spacing_m: float) -> StripProfile:
@@ -205,7 +210,7 @@ def _likely(fits: list[SplineFit], inflation: float) -> tuple[list[SplineFit], n
 def _lane_weights(lane: np.ndarray, count: int) -> np.ndarray:
     points = np.bincount(lane, minlength=count)
     typical = float(np.median(points[points > 0]))
-    return np.clip(typical / np.maximum(points, 1), 1 / 3, 3.0)[lane]
+    return np.asarray(np.clip(typical / np.maximum(points, 1), 1 / 3, 3.0)[lane])
 
 
 @dataclass(frozen=True)
@@ -249,7 +254,7 @@ def _lane_departure(
     real = (size >= 5) & (np.abs(median) > 4 * scale / np.sqrt(size))
     departure[order] = np.repeat(np.where(real, median, 0.0), size)
     limit = _LARGEST_WEAR * np.abs(height) + 2 * scale
-    return np.clip(departure, -limit, limit)
+    return np.asarray(np.clip(departure, -limit, limit))
 
 
 def _excess(patches: _Patches, chosen: np.ndarray, scale: float) -> float:
@@ -291,7 +296,7 @@ def _running_median(along: np.ndarray, height: np.ndarray) -> np.ndarray:
     groups = np.split(order, first[1:])
     station = np.array([np.mean(along[group]) for group in groups])
     level = np.array([np.median(height[group]) for group in groups])
-    return np.interp(along, station, level)
+    return np.asarray(np.interp(along, station, level))
 
 
 def _mad(residual: np.ndarray) -> float:

@@ -155,7 +155,7 @@ def _measured(channel: Channel, time: np.ndarray) -> np.ndarray:
     value = np.where(channel.censored == 0, channel.value, np.nan)
     if channel.time_s.shape == time.shape and np.array_equal(channel.time_s, time):
         return value
-    return np.interp(time, channel.time_s, value, left=np.nan, right=np.nan)
+    return np.asarray(np.interp(time, channel.time_s, value, left=np.nan, right=np.nan))
 
 
 def _read(

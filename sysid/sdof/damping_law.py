@@ -10,43 +10,20 @@ from scipy.optimize import least_squares
 
 from sysid.sdof.decay import PreparedRecord
 from sysid.sdof.decay_modes import correlated_covariance
+from sysid.sdof.decay_window import DecayWindow, decay_window, window_from_release
 from sysid.sdof.drop_results import DampingLaw, DampingTerm
-from sysid.sdof.peaks import smoothing_half_width
 from sysid.sdof.ring_down import RingDown, ring_down
-from sysid.sdof.smoothing import local_polynomial
 
 TERMS: tuple[DampingTerm, ...] = ("viscous", "friction", "quadratic")
-_START_PERIODS, _TAIL_PERIODS = 0.125, 0.25  # after the first and the last extremum used
-_FEWEST_EXTREMA = 3
 _SMALLEST_SHARE = 0.03  # of the amplitude lost: a term below that is no part of the kind
 _AR_ORDER = 2
-_FEWEST_READINGS = 40
 _STIFFENING_SWINGS = 6
 _POOR_NOISE, _POOR_SHARE = 3.0, 0.04
 _STIFFENING_EVIDENCE = 20.0  # of the information criterion, before a spring counts as nonlinear
 _HOPELESS = 500.0  # of the sum of squares over the variance, far beyond what curvature can make of it
 _HELD, _HELD_NOISE = 0.8, 1.2
-_GAP_STEPS = 1.8
 _OMEGA, _LEVEL, _PLACE, _RATE, _STIFFENING = 0, 1, 2, 3, 7
 _OF_TERM = {"viscous": 4, "friction": 5, "quadratic": 6}
-
-
-@dataclass(frozen=True)
-class _Window:
-    """Readings of the free motion: times [s] from the start, readings, amplitude [m], angular frequency [rad/s].
-
-    `direction` of the motion at the first reading; `start` (8,) parameters of `ring_down` without damping; `loss` the
-    amplitude lost per swing at the middle amplitude `middle` [m]; `swings` the half ranges of successive extrema [m].
-    """
-
-    begin_s: float
-    time: np.ndarray
-    value: np.ndarray
-    amplitude: float
-    direction: float
-    start: np.ndarray
-    swings: np.ndarray
-    first_of_run: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -124,10 +101,10 @@ def fit_damping_law(record: PreparedRecord, *, from_release: bool = False) -> Da
     return _law(record, window, best, rivals, fits)
 
 
-def _started(record: PreparedRecord, from_release: bool) -> tuple[_Window, _Fit | str]:
+def _started(record: PreparedRecord, from_release: bool) -> tuple[DecayWindow, _Fit | str]:
     """The part to fit and the first fit of the fullest mixture, without whitening; or why there is none."""
-    later = _window(record)
-    window = (_window_from_release(record) or later) if from_release else later
+    later = decay_window(record)
+    window = (window_from_release(record) or later) if from_release else later
     if isinstance(window, str):
         return None, window  # type: ignore[return-value]
     start = _first_fit(window, record)
@@ -139,7 +116,7 @@ def _started(record: PreparedRecord, from_release: bool) -> tuple[_Window, _Fit 
     return window, start or "no damped oscillation can be fitted to the readings"
 
 
-def _first_fit(window: _Window, record: PreparedRecord) -> _Fit | None:
+def _first_fit(window: DecayWindow, record: PreparedRecord) -> _Fit | None:
     """The fullest mixture from one start or, where that leaves far more than the noise, from others."""
     fit = _fit(window, TERMS, np.zeros(0), [_first_start(window)])
     if fit is not None and not _held(fit, record):
@@ -148,7 +125,7 @@ def _first_fit(window: _Window, record: PreparedRecord) -> _Fit | None:
     return _fit(window, TERMS, np.zeros(0), ([] if fit is None else [fit.parameters]) + starts)
 
 
-def _first_start(window: _Window, factor: float = 1.0, loss: float | None = None) -> np.ndarray:
+def _first_start(window: DecayWindow, factor: float = 1.0, loss: float | None = None) -> np.ndarray:
     """Start values in which the three terms share the amplitude lost, `loss` of it per swing."""
     start = window.start.copy()
     start[_OMEGA] *= factor
@@ -186,71 +163,7 @@ def _mixtures() -> list[tuple[DampingTerm, ...]]:
     return [terms for count in (2, 1) for terms in combinations(TERMS, count)]
 
 
-def _window(record: PreparedRecord) -> _Window | str:
-    """The part of a record to fit, or why there is none."""
-    if record.extrema is None or record.mode is None or record.release is None:
-        return record.note
-    used = np.flatnonzero(record.extrema.used)
-    if used.size < _FEWEST_EXTREMA:
-        return "too few swings to tell kinds of damping apart"
-    times, heights = record.extrema.time_s[used], record.extrema.value[used]
-    period = 2.0 * float(np.median(np.diff(times) / np.diff(record.extrema.index[used])))
-    return _cut(record, period, times[0], times[-1], heights, float(np.sign(heights[1] - heights[0])))
-
-
-def _window_from_release(record: PreparedRecord) -> _Window | None:
-    """The part of a record from the release to the end of the motion, None where there is too little of it."""
-    if record.extrema is None or record.release is None or not np.isfinite(record.release.rest_level):
-        return None
-    begin, noise = record.release.time_s, record.release.noise_sd
-    later = record.time_s > begin
-    value = record.value[later]
-    final = float(np.median(value[-max(5, value.size // 10) :]))
-    moving = np.flatnonzero(np.abs(value - final) > 5.0 * max(noise, 1e-3 * float(np.ptp(value))))
-    times, heights = _large_turns(record, begin, 5.0 * noise)
-    if moving.size == 0 or times.size < 2:
-        return None
-    period = 2.0 * float(np.median(np.diff(times)))
-    heights = np.concatenate([[record.release.rest_level], heights])
-    end = min(max(float(record.time_s[later][moving[-1]]), times[-1]), times[-1] + 0.5 * period)
-    cut = _cut(record, period, begin, end, heights, float(np.sign(heights[1] - heights[0])))
-    return None if isinstance(cut, str) else cut
-
-
-def _large_turns(record: PreparedRecord, begin_s: float, floor: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times and readings of the turning points from the release to a pause or a swing below 5 % of the largest."""
-    assert record.extrema is not None
-    after = record.extrema.time_s > begin_s + 0.2 * record.period_s
-    times, heights = record.extrema.time_s[after], record.extrema.value[after]
-    swings, gaps = np.abs(np.diff(heights)), np.diff(times)
-    last = (swings < max(floor, 0.05 * float(swings.max(initial=0.0)))) | (gaps > 1.5 * gaps[:1].sum())
-    count = int(np.argmax(last)) + 1 if last.any() else times.size
-    return times[:count], heights[:count]
-
-
-def _cut(
-    record: PreparedRecord, period: float, first_s: float, last_s: float, heights: np.ndarray, direction: float
-) -> _Window | str:
-    """Readings from shortly after the first to shortly after the last turning point, and start values."""
-    begin, end = first_s + _START_PERIODS * period, last_s + _TAIL_PERIODS * period
-    inside = (record.time_s >= begin) & (record.time_s <= end)
-    time, value = record.time_s[inside], record.value[inside]
-    if time.size < _FEWEST_READINGS or time[0] > begin + 0.25 * period:
-        return "too few readings to tell kinds of damping apart"
-    place, rate, _, _ = local_polynomial(record.time_s, record.value, time[:1], 0.1 * period)
-    if not np.isfinite(rate[0]):
-        place, rate, _, _ = local_polynomial(record.time_s, record.value, time[:1], smoothing_half_width(period))
-    swings = 0.5 * np.abs(np.diff(heights))
-    omega = 2.0 * np.pi / period
-    level = 0.25 * (heights[0] + 2.0 * heights[1] + heights[2])
-    speed = direction * max(direction * float(np.nan_to_num(rate[0])), 0.2 * omega * swings[0])
-    start = np.array([omega, level, float(np.nan_to_num(place[0], nan=value[0])), speed, 0.0, 0.0, 0.0, 0.0])
-    step = np.diff(time)
-    first = np.concatenate([[True], step > _GAP_STEPS * float(np.median(step))])
-    return _Window(float(time[0]), time - time[0], value, float(swings[0]), direction, start, swings, first)
-
-
-def _loss_terms(window: _Window, parameters: np.ndarray) -> np.ndarray:
+def _loss_terms(window: DecayWindow, parameters: np.ndarray) -> np.ndarray:
     """Amplitude lost per swing by each term, averaged over the swings: pi zeta X, 2 f and 4/3 q X^2 (3,) [m]."""
     x = window.swings
     omega, beta, friction, quadratic = parameters[[_OMEGA, 4, 5, 6]]
@@ -259,13 +172,13 @@ def _loss_terms(window: _Window, parameters: np.ndarray) -> np.ndarray:
     )
 
 
-def _shares(window: _Window, fit: _Fit) -> np.ndarray:
+def _shares(window: DecayWindow, fit: _Fit) -> np.ndarray:
     """Share of each term of a fit in the amplitude lost."""
     loss = _loss_terms(window, fit.parameters)
     return np.array([loss[TERMS.index(t)] for t in fit.terms]) / max(float(loss.sum()), 1e-300)
 
 
-def _moved(window: _Window, parameters: np.ndarray, terms: tuple[DampingTerm, ...]) -> np.ndarray:
+def _moved(window: DecayWindow, parameters: np.ndarray, terms: tuple[DampingTerm, ...]) -> np.ndarray:
     """Parameters in which `terms` share the losses of all."""
     total = float(_loss_terms(window, parameters).sum())
     moved = parameters.copy()
@@ -286,7 +199,7 @@ def _moved(window: _Window, parameters: np.ndarray, terms: tuple[DampingTerm, ..
 
 
 def _fit(
-    window: _Window,
+    window: DecayWindow,
     terms: tuple[DampingTerm, ...],
     whitener: np.ndarray,
     starts: list[np.ndarray],
@@ -298,7 +211,7 @@ def _fit(
 
 
 def _fit_from(
-    window: _Window, terms: tuple[DampingTerm, ...], whitener: np.ndarray, start: np.ndarray, stiffening: bool
+    window: DecayWindow, terms: tuple[DampingTerm, ...], whitener: np.ndarray, start: np.ndarray, stiffening: bool
 ) -> _Fit | None:
     amplitude, omega = window.amplitude, float(window.start[_OMEGA])
     unit = np.array(
@@ -352,7 +265,7 @@ def _bounds(direction: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _residual_and_jacobian(
-    window: _Window, base: np.ndarray, unit: np.ndarray, free: list[int], p: np.ndarray
+    window: DecayWindow, base: np.ndarray, unit: np.ndarray, free: list[int], p: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, RingDown]:
     """Residual over the amplitude (n,), its forward differences (n, free) and the motion."""
     step = 1e-6
@@ -385,7 +298,7 @@ def _history(first_of_run: np.ndarray) -> np.ndarray:
     """Readings with as many others before them, without a gap, as the autoregression needs."""
     run = np.cumsum(first_of_run)
     rows = np.arange(_AR_ORDER, run.size)
-    return rows[run[rows] == run[rows - _AR_ORDER]]
+    return np.asarray(rows[run[rows] == run[rows - _AR_ORDER]])
 
 
 def _whiten(value: np.ndarray, coefficients: np.ndarray, first_of_run: np.ndarray) -> np.ndarray:
@@ -393,11 +306,15 @@ def _whiten(value: np.ndarray, coefficients: np.ndarray, first_of_run: np.ndarra
     if coefficients.size == 0:
         return value
     rows = _history(first_of_run)
-    return value[rows] - sum(c * value[rows - lag - 1] for lag, c in enumerate(coefficients))
+    return np.asarray(value[rows] - sum(c * value[rows - lag - 1] for lag, c in enumerate(coefficients)))
 
 
 def _law(
-    record: PreparedRecord, window: _Window, best: _Fit, rivals: list[_Fit], fits: dict[tuple[DampingTerm, ...], _Fit]
+    record: PreparedRecord,
+    window: DecayWindow,
+    best: _Fit,
+    rivals: list[_Fit],
+    fits: dict[tuple[DampingTerm, ...], _Fit],
 ) -> DampingLaw:
     """The chosen mixture; the viscous part of a mixture without it comes from the one that has it besides."""
     runner_up = min((f for f in rivals if f is not best), key=lambda f: f.criterion, default=None)

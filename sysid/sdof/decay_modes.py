@@ -164,24 +164,17 @@ def fit_modes(
     """
     modes = len(starts)
     u = time_s - time_s[0]
-    centre = float(value.mean())
-    scale = float(value.std())
+    centre, scale = float(value.mean()), float(value.std())
     count = 2 * modes + int(curved)
     if u.size < count + 2 * modes + 2 + 2 or scale <= 1e-13 * max(1.0, abs(centre)):
         return None
     y = (value - centre) / scale
-    nonlinear = np.array([x for start in starts for x in start] + [0.0] * curved, float)
-    lower = np.array([x[0] for bound in bounds for x in bound])
-    upper = np.array([x[1] for bound in bounds for x in bound])
-    if curved:
-        limit = 4.0 * max(nonlinear[0], 0.05 * nonlinear[1]) / max(u[-1], 1e-9)
-        lower, upper = np.append(lower, -limit), np.append(upper, limit)
-    nonlinear = np.clip(nonlinear, lower + 1e-9 * (upper - lower), upper - 1e-9 * (upper - lower))
+    nonlinear, lower, upper = _start_and_bounds(starts, bounds, curved, float(u[-1]))
     linear = np.linalg.lstsq(_design(nonlinear, u, modes, curved, drift)[0], y, rcond=None)[0]
     free = np.full(linear.size, np.inf)
 
     def residual(p: np.ndarray) -> np.ndarray:
-        return _design(p[:count], u, modes, curved, drift)[0] @ p[count:] - y
+        return np.asarray(_design(p[:count], u, modes, curved, drift)[0] @ p[count:] - y)
 
     def jacobian(p: np.ndarray) -> np.ndarray:
         return _jacobian(p, u, modes, curved, drift)
@@ -198,9 +191,8 @@ def fit_modes(
         max_nfev=300,
     )
     p = solution.x
-    covariance = scale**2 * correlated_covariance(jacobian(p), solution.fun, u)
     rescale = np.concatenate([np.full(count, 1.0 / scale), np.ones(linear.size)])
-    covariance = covariance * np.outer(rescale, rescale)
+    covariance = scale**2 * correlated_covariance(jacobian(p), solution.fun, u) * np.outer(rescale, rescale)
     linear = scale * p[count:]
     baseline = 2 * modes
     variances = np.diagonal(covariance)
@@ -223,12 +215,28 @@ def fit_modes(
     )
 
 
+def _start_and_bounds(
+    starts: list[tuple[float, float]],
+    bounds: list[tuple[tuple[float, float], tuple[float, float]]],
+    curved: bool,
+    length_s: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Start values of rates, frequencies and curvature, inside their lowest and highest values."""
+    start = np.array([x for pair in starts for x in pair] + [0.0] * curved, float)
+    lower = np.array([x[0] for bound in bounds for x in bound])
+    upper = np.array([x[1] for bound in bounds for x in bound])
+    if curved:
+        limit = 4.0 * max(start[0], 0.05 * start[1]) / max(length_s, 1e-9)
+        lower, upper = np.append(lower, -limit), np.append(upper, limit)
+    return np.clip(start, lower + 1e-9 * (upper - lower), upper - 1e-9 * (upper - lower)), lower, upper
+
+
 def mode_curve(fit: ModeFit, time_s: np.ndarray, mode: int) -> np.ndarray:
     """The part of one mode in a fit without curvature, (n,) at `time_s` [s], in the unit of the data."""
     u = time_s - fit.start_s
     cosine, sine = fit.parameters[2 * fit.decay_rate.size + 2 * mode :][:2]
     phase = fit.angular_frequency[mode] * u
-    return np.exp(-fit.decay_rate[mode] * u) * (cosine * np.cos(phase) + sine * np.sin(phase))
+    return np.asarray(np.exp(-fit.decay_rate[mode] * u) * (cosine * np.cos(phase) + sine * np.sin(phase)))
 
 
 def correlated_covariance(jacobian: np.ndarray, residual: np.ndarray, time_s: np.ndarray) -> np.ndarray:
@@ -263,4 +271,4 @@ def correlated_covariance(jacobian: np.ndarray, residual: np.ndarray, time_s: np
     correlation_source = robust if np.all(np.diagonal(robust) > 0.0) else independent
     spread = np.sqrt(np.maximum(np.diagonal(correlation_source), 1e-300))
     sd = np.sqrt(np.maximum(np.diagonal(independent), 0.0)) * inflation
-    return (correlation_source / np.outer(spread, spread)) * np.outer(sd, sd) / np.outer(scale, scale)
+    return np.asarray((correlation_source / np.outer(spread, spread)) * np.outer(sd, sd) / np.outer(scale, scale))

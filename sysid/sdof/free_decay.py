@@ -207,7 +207,7 @@ def _earned(simple: ModeFit, rich: ModeFit, extra: int) -> bool:
     before, after = simple.residual_rms**2, rich.residual_rms**2
     if before <= 1e-18 * float(simple.amplitude[0]) ** 2:
         return False
-    return samples * np.log(before / max(after, 1e-300)) > extra * np.log(samples)
+    return bool(samples * np.log(before / max(after, 1e-300)) > extra * np.log(samples))
 
 
 def _envelope_note(fit: ModeFit, time: np.ndarray, value: np.ndarray) -> list[str]:

@@ -101,7 +101,7 @@ def _refine(
             np.where(same, f_middle, 0.5 * f_right),
         )
         left, right = np.where(same, left, middle), np.where(same, middle, right)
-    return middle
+    return np.asarray(middle)
 
 
 def _late_noise(time_s: np.ndarray, value: np.ndarray, half_width: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,13 +75,15 @@ def ring_down(parameters: np.ndarray, time_s: np.ndarray, direction: float) -> R
     )
 
 
-def _swing(x, v, step, law, sign: float) -> tuple[np.ndarray, np.ndarray]:
+def _swing(
+    x: np.ndarray, v: np.ndarray, step: np.ndarray, law: Sequence[np.ndarray], sign: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Positions and velocities (steps + 1, p) of one swing; the law of its direction goes on beyond its end."""
     square, twice_beta, friction, quadratic, cubic = law
     shift, drag = sign * friction * square, sign * quadratic
 
-    def acceleration(x, v):
-        return -(twice_beta + drag * v) * v - square * x * (1.0 + cubic * x * x) - shift
+    def acceleration(x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.asarray(-(twice_beta + drag * v) * v - square * x * (1.0 + cubic * x * x) - shift)
 
     positions, rates = [x], [v]
     for _ in range(_STEPS):
@@ -114,7 +117,9 @@ def _turning_point(at: np.ndarray, rate: np.ndarray, step: np.ndarray, sign: flo
     return (k + u) * step, x0 + (v0 + (b + c * u) * u) * u
 
 
-def _at_times(begins, positions, rates, step, time: np.ndarray) -> np.ndarray:
+def _at_times(
+    begins: np.ndarray, positions: np.ndarray, rates: np.ndarray, step: np.ndarray, time: np.ndarray
+) -> np.ndarray:
     """Places (p, n) at times from the start, by the cubic through places and velocities of the steps."""
     result = np.empty((step.size, time.size))
     for p in range(step.size):

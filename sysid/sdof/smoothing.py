@@ -21,7 +21,7 @@ def high_frequency_noise(value: np.ndarray) -> float:
     """Noise standard deviation from fourth differences, which a smooth motion hardly enters (0 below 6 samples)."""
     if value.size < 6:
         return 0.0
-    return robust_sd(np.convolve(value, [1.0, -4.0, 6.0, -4.0, 1.0], "valid")) / np.sqrt(70.0)
+    return float(robust_sd(np.convolve(value, [1.0, -4.0, 6.0, -4.0, 1.0], "valid")) / np.sqrt(70.0))
 
 
 def spike_mask(time_s: np.ndarray, value: np.ndarray) -> np.ndarray:
@@ -68,7 +68,7 @@ def spike_mask(time_s: np.ndarray, value: np.ndarray) -> np.ndarray:
 
 def _tricube(u: np.ndarray) -> np.ndarray:
     rest = np.clip(1.0 - np.abs(u * u * u), 0.0, None)
-    return rest * rest * rest
+    return np.asarray(rest * rest * rest)
 
 
 def local_polynomial(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
 from sysid.selftest.readings import (
     Instruments,
@@ -33,8 +34,6 @@ SHOWN = ("stiffness", "damping")
 #: Those of the product, without the second solver and other laws than those that made the readings.
 OPTIONS = FitOptions(cross_check=False, laws="declared")
 _DRAWS = 4000
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -142,7 +141,7 @@ def self_test(
         raise CampaignError(
             f"{campaign.file.name} has no bump run to simulate; list the planned ones under tests.bump_run."
         )
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     usable, silent = with_usable_channels(replace(campaign, plank_drops=()))
     planned = as_logged(usable, profiles)
     parameters = campaign_parameters(planned, None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,10 +14,9 @@ from sysid.estimation.fit.left_out import fit_without
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.residuals.run_history import RunHistory
+from sysid.progress import Progress, unwatched
 from sysid.validation.agreement import history_agreement
 from sysid.validation.channel_agreement import LeftOutRun
-
-Progress = Callable[[str, float], None]
 
 
 def leave_out(
@@ -36,7 +35,7 @@ def leave_out(
     fit, state : results and state of the fit of all runs.
     runs : files of the runs (:func:`chosen_runs`).
     """
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     files = [r.log.file for r in state.campaign.bump_runs]
     sd = np.sqrt(np.diag(fit.covariance))
     for number, name in enumerate(runs):

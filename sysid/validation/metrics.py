@@ -114,4 +114,4 @@ def filled_in(values: np.ndarray) -> np.ndarray:
     if not known.any():
         return np.zeros(0)
     samples = np.arange(len(values))
-    return np.interp(samples, samples[known], values[known])
+    return np.asarray(np.interp(samples, samples[known], values[known]))

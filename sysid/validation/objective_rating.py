@@ -116,7 +116,7 @@ def _averaged_slope(values: np.ndarray) -> np.ndarray:
     averaged = uniform_filter1d(slope, _SLOPE_AVERAGE, mode="nearest")
     for i in range(_SLOPE_AVERAGE // 2):
         averaged[i], averaged[-1 - i] = np.mean(slope[: 2 * i + 1]), np.mean(slope[-1 - 2 * i :])
-    return averaged
+    return np.asarray(averaged)
 
 
 def _warped_errors(pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:

@@ -25,8 +25,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from sysid.arrays import Axles
 from sysid.campaign.records import LoadCase, Vehicle
-from sysid.campaign.statics import static_equilibrium
+from sysid.campaign.statics import carried_by_suspensions, chains, static_equilibrium
 from sysid.vehicle_model.beams import Beams, assemble_beams, unsprung_names
 
 
@@ -46,13 +47,13 @@ class PlanarMatrices:
 
     mass: np.ndarray
     tilt: np.ndarray
-    unsprung_mass: np.ndarray
+    unsprung_mass: Axles
     attachment: np.ndarray
     travel: np.ndarray
     drive: np.ndarray
     chain_mass: np.ndarray
-    static_load: np.ndarray
-    carried_load: np.ndarray
+    static_load: Axles
+    carried_load: Axles
     heave_rows: np.ndarray
     travel_rows: np.ndarray
     pitch_rows: np.ndarray
@@ -61,18 +62,7 @@ class PlanarMatrices:
 
     def body_point(self, body: int, x_m: float) -> np.ndarray:
         """Row (nb,) that gives the vertical motion of a point of `body` at `x_m` behind axle 1."""
-        return self.heave_rows[body] - self.pitch_rows[body] * (x_m - self.cg_x[body])
-
-
-def chains(vehicle: Vehicle) -> list[list[int]]:
-    """Indices of the bodies of each chain, front to rear; a body without hitch keys starts a new chain."""
-    result: list[list[int]] = []
-    for index, body in enumerate(vehicle.bodies):
-        if index == 0 or body.hitch_x_m is None:
-            result.append([index])
-        else:
-            result[-1].append(index)
-    return result
+        return np.asarray(self.heave_rows[body] - self.pitch_rows[body] * (x_m - self.cg_x[body]))
 
 
 def coordinate_names(vehicle: Vehicle) -> tuple[str, ...]:
@@ -102,24 +92,7 @@ def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
     cg_x = np.asarray(statics.cg_x_m, float)
     cg_h = np.asarray(load_case.cg_height_m, float)
     groups = chains(vehicle)
-    nb = sum(2 + len(chain) for chain in groups)
-    heave = np.zeros((len(vehicle.bodies), nb))
-    travel = np.zeros_like(heave)
-    pitch = np.zeros_like(heave)
-    column = 0
-    for chain in groups:
-        travel[chain[0], column] = 1.0
-        heave[chain[0], column + 1] = 1.0
-        for offset, body in enumerate(chain):
-            pitch[body, column + 2 + offset] = 1.0
-        for front, rear in pairwise(chain):
-            hinge = vehicle.bodies[rear]
-            hinge_h = _hinge_height(vehicle, rear, cg_h)
-            hinge_x = float(hinge.hitch_x_m or 0.0)
-            heave[rear] = heave[front] - pitch[front] * (hinge_x - cg_x[front]) + pitch[rear] * (hinge_x - cg_x[rear])
-            travel[rear] = travel[front] - pitch[front] * (hinge_h - cg_h[front]) + pitch[rear] * (hinge_h - cg_h[rear])
-        column += 2 + len(chain)
-
+    heave, travel, pitch = _body_rows(vehicle, groups, cg_x, cg_h)
     axles = vehicle.axles
     body_of = np.array([a.body for a in axles])
     wheel_h = np.array([a.tire_radius_m for a in axles])
@@ -156,13 +129,37 @@ def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
         drive=travel[[chain[0] for chain in groups]],
         chain_mass=np.array([sprung[c].sum() + unsprung[np.isin(body_of, c)].sum() for c in groups]),
         static_load=np.asarray(load_case.axle_loads_kg, float) * vehicle.gravity_m_s2,
-        carried_load=np.equal.outer(vehicle.suspension_axle, vehicle.suspension_axle) @ preload,
+        carried_load=carried_by_suspensions(vehicle) @ preload,
         heave_rows=heave,
         travel_rows=travel,
         pitch_rows=pitch,
         cg_x=cg_x,
         beams=assemble_beams(vehicle),
     )
+
+
+def _body_rows(
+    vehicle: Vehicle, groups: list[list[int]], cg_x: np.ndarray, cg_h: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Heave, forward motion and pitch of every centre of gravity, (bodies, nb) each, from the body coordinates."""
+    nb = sum(2 + len(chain) for chain in groups)
+    heave = np.zeros((len(vehicle.bodies), nb))
+    travel = np.zeros_like(heave)
+    pitch = np.zeros_like(heave)
+    column = 0
+    for chain in groups:
+        travel[chain[0], column] = 1.0
+        heave[chain[0], column + 1] = 1.0
+        for offset, body in enumerate(chain):
+            pitch[body, column + 2 + offset] = 1.0
+        for front, rear in pairwise(chain):
+            hinge = vehicle.bodies[rear]
+            hinge_h = _hinge_height(vehicle, rear, cg_h)
+            hinge_x = float(hinge.hitch_x_m or 0.0)
+            heave[rear] = heave[front] - pitch[front] * (hinge_x - cg_x[front]) + pitch[rear] * (hinge_x - cg_x[rear])
+            travel[rear] = travel[front] - pitch[front] * (hinge_h - cg_h[front]) + pitch[rear] * (hinge_h - cg_h[rear])
+        column += 2 + len(chain)
+    return heave, travel, pitch
 
 
 def _hinge_height(vehicle: Vehicle, body: int, cg_height: np.ndarray) -> float:

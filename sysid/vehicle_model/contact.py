@@ -29,6 +29,8 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.ndimage import spline_filter1d
 
+from sysid.vehicle_model.lane_arrays import AxleLanes, HostOrDevice
+
 #: Flat stations added at both ends: the filter's response has died out over them.
 _PADDING = 24
 
@@ -45,11 +47,11 @@ class TireLaw(NamedTuple):
     contact length, 0 where it is constant.
     """
 
-    static_deflection: jax.Array
-    reference_deflection: jax.Array
-    reference_load: jax.Array
+    static_deflection: AxleLanes
+    reference_deflection: AxleLanes
+    reference_load: HostOrDevice
     exponent: jax.Array
-    damping: jax.Array
+    damping: AxleLanes
     growth: float = 1.0
 
 
@@ -87,11 +89,11 @@ def _orders(values: list[jax.Array]) -> MapOrders:
 
 
 def tire_law(
-    stiffness: jax.Array,
-    damping: jax.Array,
+    stiffness: AxleLanes,
+    damping: AxleLanes,
     exponent: jax.Array,
-    static_load: jax.Array,
-    reference_load: jax.Array,
+    static_load: HostOrDevice,
+    reference_load: HostOrDevice,
 ) -> TireLaw:
     """Coefficients of the contact law from the tangent stiffness at the reference load.
 
@@ -117,8 +119,36 @@ SOFT_DAMPING = 0.1
 NO_DEFLECTION = 1e-12
 
 
+def tangents(
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    exponent: np.ndarray | float,
+    deflection: np.ndarray,
+    growth: float = 1.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Tangent stiffness [N/m] and damping [N s/m] of tires (axles,) away from the reference load, at rest.
+
+    They are k_t x^(n - 1) and c (1 + g (l - 1)) with l = x sqrt((1 + s) / (x + s)) the length of contact over that at
+    the reference load, and s = :data:`SOFT_DAMPING`.
+
+    Parameters
+    ----------
+    stiffness, damping : (axles,) k_t [N/m] and c [N s/m] at the reference load.
+    exponent : n.
+    deflection : (axles,) x, static deflection over that at the reference load.
+    growth : g, 1 where damping grows with the length of contact, 0 where it does not.
+    """
+    length = deflection * np.sqrt((1.0 + SOFT_DAMPING) / (deflection + SOFT_DAMPING))
+    return np.asarray(stiffness * deflection ** (exponent - 1.0)), np.asarray(damping * (1.0 + growth * (length - 1.0)))
+
+
 def contact_force(
-    law: TireLaw, road: RoadInput, advance: jax.Array, speed: jax.Array, rise: jax.Array, rise_rate: jax.Array
+    law: TireLaw,
+    road: RoadInput,
+    advance: AxleLanes,
+    speed: AxleLanes,
+    rise: AxleLanes,
+    rise_rate: AxleLanes,
 ) -> tuple[jax.Array, jax.Array]:
     """Unclipped vertical contact force [N] and ratio of forward to vertical force [-], both (R, na, S).
 
@@ -157,10 +187,10 @@ def contact_force(
     length = size * jnp.sqrt((1.0 + SOFT_DAMPING) / (size + SOFT_DAMPING))
     # Off the ground the force goes on falling, so that it crosses zero with one slope when a wheel lands.
     grown = jnp.where(relative >= 0.0, rate, -jnp.abs(rate)) * length
-    return elastic + law.damping * (rate + law.growth * (grown - rate)), drag
+    return jnp.asarray(elastic + law.damping * (rate + law.growth * (grown - rate))), drag
 
 
-def _advanced(orders: MapOrders, advance: jax.Array) -> tuple[list[jax.Array], list[jax.Array]]:
+def _advanced(orders: MapOrders, advance: AxleLanes) -> tuple[list[jax.Array], list[jax.Array]]:
     """The rows of a map and their slopes `advance` [m] further on, by their Taylor series."""
     value, first, second, _ = orders
     rows = range(value.shape[-4])
@@ -191,7 +221,7 @@ class EffectiveRoad(NamedTuple):
 def spline_coefficients(values: np.ndarray) -> np.ndarray:
     """Coefficients of the interpolating quintic B-spline along the last axis, zero-padded at both ends."""
     padding = [(0, 0)] * (values.ndim - 1) + [(_PADDING, _PADDING)]
-    return spline_filter1d(np.pad(values, padding), order=5, axis=-1, mode="mirror", output=np.float64)
+    return np.asarray(spline_filter1d(np.pad(values, padding), order=5, axis=-1, mode="mirror", output=np.float64))
 
 
 def effective_road(
@@ -231,14 +261,14 @@ def road_input(road: EffectiveRoad, position_m: jax.Array) -> RoadInput:
         # Six B-spline coefficients become the six coefficients of the polynomial in t on this cell.
         weights = jnp.stack([jnp.take_along_axis(table, cell + k, axis=2) for k in range(-2, 4)])
         terms = jnp.tensordot(jnp.asarray(CELL_POLYNOMIAL), weights, axes=1)
-        found = []
+        by_order = []
         for order in range(orders):
             factors = [math.perm(power, order) for power in range(order, 6)]
             value = factors[-1] * terms[5]
             for power in range(4, order - 1, -1):
                 value = value * t + factors[power - order] * terms[power]
-            found.append(jnp.moveaxis(value.reshape(moved.shape), (0, 1), (-3, -2)) / road.step_m**order)
-        return found
+            by_order.append(jnp.moveaxis(value.reshape(moved.shape), (0, 1), (-3, -2)) / road.step_m**order)
+        return by_order
 
     def stacked(tables: np.ndarray | None) -> MapOrders | None:
         if tables is None:

@@ -18,6 +18,7 @@ from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engines.native import NATIVE
 from sysid.vehicle_model.engines.protocol import Engine, Timing, WheelRoad
 from sysid.vehicle_model.engines.reference import REFERENCE
+from sysid.vehicle_model.lane_arrays import HostOrDevice
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.native import kernel
 from sysid.vehicle_model.native.build import BuildError
@@ -69,8 +70,8 @@ def wheel_road(
     lanes: LaneMatrices,
     road: EffectiveRoad,
     axle_x: np.ndarray,
-    speed: jax.Array,
-    start_s: jax.Array,
+    speed: HostOrDevice,
+    start_s: HostOrDevice,
     timing: Timing,
 ) -> WheelRoad:
     """The road of R runs at speeds [m/s] and starts [s] (R, 1), prepared by the engine of this process.

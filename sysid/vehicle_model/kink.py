@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 
@@ -31,7 +33,7 @@ def clipped_integrals(start: jax.Array, middle: jax.Array, end: jax.Array) -> tu
     def weighted(s: jax.Array) -> jax.Array:
         return s * (start + s * ((b - start) / 2.0 + s * ((a - b) / 3.0 - s * (a / 4.0))))
 
-    def positive_parts(antiderivative) -> jax.Array:
+    def positive_parts(antiderivative: Callable[[jax.Array], jax.Array]) -> jax.Array:
         low, high, whole = antiderivative(lower), antiderivative(upper), antiderivative(jnp.ones_like(lower))
         return jnp.maximum(low, 0.0) + jnp.maximum(high - low, 0.0) + jnp.maximum(whole - high, 0.0)
 

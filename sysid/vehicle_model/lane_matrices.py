@@ -77,13 +77,13 @@ def lane_matrices(
 
 
 def _lane_beams(matrices: list[PlanarMatrices]) -> LaneBeams | None:
-    every = [m.beams for m in matrices if m.beams is not None]
-    if not every:
+    beams = [m.beams for m in matrices if m.beams is not None]
+    if not beams:
         return None
-    inverse = [np.linalg.inv(b.mass) for b in every]
+    inverse = [np.linalg.inv(b.mass) for b in beams]
     return LaneBeams(
-        wheel=np.stack([b.wheel for b in every]),
-        tire=np.stack([i @ b.wheel.T for i, b in zip(inverse, every, strict=True)]),
+        wheel=np.stack([b.wheel for b in beams]),
+        tire=np.stack([i @ b.wheel.T for i, b in zip(inverse, beams, strict=True)]),
         pull=np.stack(inverse),
-        carries=np.stack([b.carries for b in every])[..., None],
+        carries=np.stack([b.carries for b in beams])[..., None],
     )

@@ -114,18 +114,14 @@ class EffectiveRoads:
     def stacked(self, passes: Sequence[Pass]) -> EffectiveRoad:
         """Effective roads and footprint maps of several passes on common stations."""
         maps = [self.maps(p.load_case, p.bump) for p in passes]
-        every = [m for row in maps for m in row]
-        step = float(every[0].station_m[1] - every[0].station_m[0])
-        first = min(round(m.station_m[0] / step) for m in every)
-        last = max(round(m.station_m[-1] / step) for m in every)
-
-        def padded(m: FootprintMap, values: np.ndarray) -> np.ndarray:
-            before = round(m.station_m[0] / step) - first
-            after = last - first + 1 - before - m.station_m.size
-            return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(before, after)])
+        tabulated = [m for row in maps for m in row]
+        step = tabulated[0].step_m
+        first = min(round(m.station_m[0] / step) for m in tabulated)
+        last = max(round(m.station_m[-1] / step) for m in tabulated)
+        maps = [tuple(m.widened(first, last) for m in row) for row in maps]
 
         def stack(name: str) -> np.ndarray:
-            return np.array([[padded(m, getattr(m, name)) for m in row] for row in maps])
+            return np.array([[getattr(m, name) for m in row] for row in maps])
 
         stretch, drag = (np.moveaxis(stack(name), 2, 0) for name in ("stretch", "drag"))
         stretch = np.concatenate([stretch, stack("lift_m")[None]])

@@ -65,6 +65,6 @@ def _average(s: np.ndarray, z: np.ndarray, at: np.ndarray, length: float) -> np.
         k = np.clip(np.searchsorted(s, inside, side="right") - 1, 0, s.size - 2)
         part = inside - s[k]
         slope = (z[k + 1] - z[k]) / (s[k + 1] - s[k])
-        return area[k] + part * (z[k] + 0.5 * slope * part) + np.where(x < s[0], z[0], z[-1]) * (x - inside)
+        return np.asarray(area[k] + part * (z[k] + 0.5 * slope * part) + np.where(x < s[0], z[0], z[-1]) * (x - inside))
 
-    return (integral(at + 0.5 * length) - integral(at - 0.5 * length)) / length
+    return np.asarray((integral(at + 0.5 * length) - integral(at - 0.5 * length)) / length)

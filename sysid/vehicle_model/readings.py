@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
+
+from sysid.vehicle_model.lane_arrays import ChannelHistories, ChannelLanes, HostOrDevice
 
 
 class Readings(NamedTuple):
@@ -21,22 +22,22 @@ class Readings(NamedTuple):
     deviation of the sensors' gains.
     """
 
-    value: jax.Array
-    measured: jax.Array
-    censored: jax.Array
-    noise_sd: jax.Array
-    tempering: jax.Array
-    gain_sd: jax.Array
+    value: HostOrDevice
+    measured: HostOrDevice
+    censored: HostOrDevice
+    noise_sd: HostOrDevice
+    tempering: HostOrDevice
+    gain_sd: HostOrDevice
 
 
 class SensorFit(NamedTuple):
     """Eliminated sensor constants (R, C, S): `offset` in SI and `gain`."""
 
-    offset: jax.Array
-    gain: jax.Array
+    offset: ChannelLanes
+    gain: ChannelLanes
 
 
-def eliminate_sensors(readings: Readings, simulated: jax.Array) -> SensorFit:
+def eliminate_sensors(readings: Readings, simulated: ChannelHistories) -> SensorFit:
     """Offset and gain of every channel and run that minimise its weighted squares plus the gain's prior.
 
     gain = (S_yd / sigma^2 + 1 / s_g^2) / (S_yy / sigma^2 + 1 / s_g^2), offset = mean(d) - gain mean(y), with S the
@@ -61,7 +62,7 @@ def eliminate_sensors(readings: Readings, simulated: jax.Array) -> SensorFit:
     return SensorFit(mean_d - gain * mean_y, gain)
 
 
-def standardised_residuals(readings: Readings, simulated: jax.Array) -> tuple[jax.Array, jax.Array]:
+def standardised_residuals(readings: Readings, simulated: ChannelHistories) -> tuple[ChannelHistories, ChannelLanes]:
     """Residuals (T, R, C, S) in units of their scale, and the gains' prior residuals (R, C, S).
 
     A clipped sample counts only where the simulation stays inside the range.

@@ -9,6 +9,7 @@ Everything that does not depend on the state is computed before the loop.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from sysid.errors import SysidError
 from sysid.vehicle_model.contact import RoadInput, TireLaw, contact_force
 from sysid.vehicle_model.filters import FilterRecursion, filter_memory, filtered, next_memory
 from sysid.vehicle_model.kink import clipped_integrals
+from sysid.vehicle_model.lane_arrays import AxleHistories, AxleLanes, ChannelHistories, HostOrDevice, PerLane
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.suspension import (
     SuspensionLaw,
@@ -39,10 +41,10 @@ class Motion(NamedTuple):
     with respect to both; None where none are wanted.
     """
 
-    speed: jax.Array
-    start_s: jax.Array
-    speed_change: jax.Array | None = None
-    start_change: jax.Array | None = None
+    speed: HostOrDevice
+    start_s: HostOrDevice
+    speed_change: PerLane | None = None
+    start_change: PerLane | None = None
 
 
 class SensorLayout(NamedTuple):
@@ -61,12 +63,12 @@ class Histories(NamedTuple):
     [m/s2]; `body` (T, R, nb, S) body coordinates.
     """
 
-    deflection: jax.Array
-    axle_acceleration: jax.Array
+    deflection: AxleHistories
+    axle_acceleration: AxleHistories
     body_acceleration: jax.Array
-    tire_force: jax.Array
-    horizontal_force: jax.Array
-    suspension_force: jax.Array
+    tire_force: AxleHistories
+    horizontal_force: AxleHistories
+    suspension_force: AxleHistories
     body: jax.Array
 
 
@@ -82,7 +84,7 @@ class _Forces(NamedTuple):
     """Forces and accelerations of one stage; `axle_acceleration`, `extension` and `rate` at unsprung coordinates."""
 
     body_acceleration: jax.Array
-    axle_acceleration: jax.Array
+    axle_acceleration: AxleHistories
     unclipped: jax.Array
     horizontal: jax.Array
     pull: jax.Array
@@ -90,7 +92,16 @@ class _Forces(NamedTuple):
     rate: jax.Array
 
 
-def _forces(lanes, suspension, tire, motion, road, time_s, state, slip_at=None) -> _Forces:
+def _forces(
+    lanes: LaneMatrices,
+    suspension: SuspensionLaw,
+    tire: TireLaw,
+    motion: Motion,
+    road: RoadInput,
+    time_s: jax.Array,
+    state: _State,
+    slip_at: Callable[[AxleLanes], AxleLanes] | None = None,
+) -> _Forces:
     """Forces of a state; `slip_at` gives the friction state of a stage from its extension, None keeps the state's."""
     axles = lanes.static_load.shape[1]
     shift = jnp.matmul(lanes.position, state.body)
@@ -138,12 +149,24 @@ def _unsprung_acceleration(lanes: LaneMatrices, tire: jax.Array, pull: jax.Array
     return push if pull is None else push + jnp.matmul(lanes.beams.pull, pull)
 
 
-def _step(lanes, suspension, tire, motion, roads, time_s, h, state: _State, first: _Forces):
-    """One Nystrom step from `state`, whose forces are `first`; returns the new state and the mid-step forces."""
+def _stages(
+    lanes: LaneMatrices,
+    suspension: SuspensionLaw,
+    tire: TireLaw,
+    motion: Motion,
+    roads: list[RoadInput],
+    time_s: jax.Array,
+    h: float,
+    state: _State,
+    first: _Forces,
+) -> tuple[_Forces, _Forces, _Forces, _Forces]:
+    """Forces of the four stages of a Nystrom step from `state`, whose forces are `first`."""
     half = 0.5 * h
     b, vb, z, vz, slip = state
 
-    def forces(road, tau, body, body_rate, axle, axle_rate):
+    def forces(
+        road: RoadInput, tau: float, body: jax.Array, body_rate: jax.Array, axle: AxleLanes, axle_rate: AxleLanes
+    ) -> _Forces:
         slip_at = None if slip is None else partial(slip_at_stage, suspension, slip, first.extension, first.rate, tau)
         stage = _State(body, body_rate, axle, axle_rate, slip)
         return _forces(lanes, suspension, tire, motion, road, time_s + tau, stage, slip_at)
@@ -173,10 +196,29 @@ def _step(lanes, suspension, tire, motion, roads, time_s, h, state: _State, firs
         z + h * (vz + half * second.axle_acceleration),
         vz + h * third.axle_acceleration,
     )
-    stages = (first, second, third, fourth)
+    return first, second, third, fourth
+
+
+def _step(
+    lanes: LaneMatrices,
+    suspension: SuspensionLaw,
+    tire: TireLaw,
+    motion: Motion,
+    roads: list[RoadInput],
+    time_s: jax.Array,
+    h: float,
+    state: _State,
+    first: _Forces,
+) -> tuple[_State, _Forces]:
+    """One Nystrom step from `state`, whose forces are `first`; returns the new state and the mid-step forces."""
+    b, vb, z, vz, slip = state
+    stages = _stages(lanes, suspension, tire, motion, roads, time_s, h, state, first)
+    _, second, third, _ = stages
     impulse, moment = _missed_by_stages(lanes, suspension, stages)
 
-    def advance(x, v, a1, a2, a3, a4):
+    def advance(
+        x: jax.Array, v: jax.Array, a1: jax.Array, a2: jax.Array, a3: jax.Array, a4: jax.Array
+    ) -> tuple[jax.Array, jax.Array]:
         return x + h * v + h * h / 6.0 * (a1 + a2 + a3), v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
 
     new_b, new_vb = advance(b, vb, *(f.body_acceleration for f in stages))
@@ -185,7 +227,7 @@ def _step(lanes, suspension, tire, motion, roads, time_s, h, state: _State, firs
     # At a corner the filter's quadratic through start, middle and end then has the exact impulse of the force.
     middle = middle._replace(axle_acceleration=middle.axle_acceleration + 1.5 * impulse.axle)
     new_z, new_vz = new_z + h * h * moment.axle, new_vz + h * impulse.axle
-    if impulse.body is not None:
+    if impulse.body is not None and moment.body is not None:
         new_b, new_vb = new_b + h * h * moment.body, new_vb + h * impulse.body
         middle = middle._replace(body_acceleration=middle.body_acceleration + 1.5 * impulse.body)
     if slip is not None:
@@ -205,7 +247,9 @@ class _Missed(NamedTuple):
     body: jax.Array | None
 
 
-def _missed_by_stages(lanes, suspension, stages: tuple[_Forces, ...]) -> tuple[_Missed, _Missed]:
+def _missed_by_stages(
+    lanes: LaneMatrices, suspension: SuspensionLaw, stages: tuple[_Forces, ...]
+) -> tuple[_Missed, _Missed]:
     """Corrections for the corners of tire contact and suspension law within one step."""
     phi = tuple(f.unclipped for f in stages)
     f1, f2, f3, f4 = (jnp.maximum(p, 0.0) for p in phi)
@@ -217,8 +261,8 @@ def _missed_by_stages(lanes, suspension, stages: tuple[_Forces, ...]) -> tuple[_
             _Missed(_unsprung_acceleration(lanes, impulse), None),
             _Missed(_unsprung_acceleration(lanes, moment), None),
         )
-    every = kink_corrections(suspension, tuple(f.extension for f in stages), tuple(f.rate for f in stages))
-    missed = tuple(_carried(lanes, one) for one in every)
+    corrections = kink_corrections(suspension, tuple(f.extension for f in stages), tuple(f.rate for f in stages))
+    missed = tuple(_carried(lanes, one) for one in corrections)
     turn = lanes.acceleration[:, :, : lanes.static_load.shape[1]]
     return (
         _Missed(_unsprung_acceleration(lanes, impulse, missed[0]), jnp.matmul(turn, missed[0])),
@@ -239,7 +283,8 @@ def _observe(lanes: LaneMatrices, layout: SensorLayout, forces: _Forces) -> jax.
 def _step_slices(road: RoadInput, steps: int) -> RoadInput:
     """Road input regrouped as (steps, 3, ...): start, middle and end of every step."""
     index = np.arange(steps)[:, None] * 2 + np.arange(3)
-    return jax.tree.map(lambda values: values[index], road)
+    slices: RoadInput = jax.tree.map(lambda values: values[index], road)
+    return slices
 
 
 def stage_times(samples: int, interval_s: float, substeps: int) -> np.ndarray:
@@ -270,7 +315,7 @@ def simulate_sensors(
     *,
     interval_s: float,
     substeps: int,
-) -> jax.Array:
+) -> ChannelHistories:
     """What the sensors show at every sample, through the acquisition's filter.
 
     Parameters
@@ -293,7 +338,9 @@ def simulate_sensors(
     channels = len(layout.deflection_axles) + len(layout.acceleration_axles) + lanes.body_rows.shape[1]
     memory = filter_memory(recursion, (lanes.static_load.shape[0], channels, sets))
 
-    def body(carry, inputs):
+    def body(
+        carry: tuple[_State, jax.Array], inputs: tuple[jax.Array, RoadInput]
+    ) -> tuple[tuple[_State, jax.Array], jax.Array]:
         state, memory = carry
         number, stages = inputs
         at = number * h
@@ -308,7 +355,7 @@ def simulate_sensors(
 
     steps = jnp.arange(samples * substeps, dtype=jnp.float64)
     _, shown = jax.lax.scan(body, (state, memory), (steps, _step_slices(road, samples * substeps)))
-    return shown[::substeps]
+    return jnp.asarray(shown[::substeps])
 
 
 def simulate_histories(
@@ -326,7 +373,7 @@ def simulate_histories(
     h = interval_s / substeps
     state = _start(lanes, suspension)
 
-    def body(state, inputs):
+    def body(state: _State, inputs: tuple[jax.Array, RoadInput]) -> tuple[_State, Histories]:
         number, stages = inputs
         at = number * h
         stage = [jax.tree.map(lambda v, k=k: v[k], stages) for k in range(3)]
@@ -344,5 +391,5 @@ def simulate_histories(
         return state, record
 
     steps = jnp.arange(samples * substeps, dtype=jnp.float64)
-    found = jax.lax.scan(body, state, (steps, _step_slices(road, samples * substeps)))[1]
-    return Histories(*(values[::substeps] for values in found))
+    histories = jax.lax.scan(body, state, (steps, _step_slices(road, samples * substeps)))[1]
+    return Histories(*(values[::substeps] for values in histories))

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 
 from sysid.vehicle_model.kink import clipped_integrals
+from sysid.vehicle_model.lane_arrays import AxleLanes
 
 #: Rate at which a nonlinear damper's coefficient is stated: c is the secant |D| / |v| there, mean of both directions.
 REFERENCE_RATE_M_S = 0.5
@@ -48,14 +49,14 @@ class SuspensionLaw(NamedTuple):
     - `ramps`: corners of the spring curve: bump stops, hanger lash and tables; `rate_ramps`: of the damper curve.
     """
 
-    stiffness: jax.Array
-    damping: jax.Array
-    softening: jax.Array | None = None
-    saturation: jax.Array | None = None
-    tail: jax.Array | None = None
-    asymmetry: jax.Array | None = None
-    friction: jax.Array | None = None
-    slip: jax.Array | None = None
+    stiffness: AxleLanes
+    damping: AxleLanes
+    softening: AxleLanes | None = None
+    saturation: AxleLanes | None = None
+    tail: AxleLanes | None = None
+    asymmetry: AxleLanes | None = None
+    friction: AxleLanes | None = None
+    slip: AxleLanes | None = None
     ramps: Ramps | None = None
     rate_ramps: Ramps | None = None
 
@@ -75,7 +76,7 @@ def _ramp_force(ramps: Ramps, x: jax.Array) -> jax.Array:
     return jnp.asarray((side * slope * jnp.maximum(side * (x - at), 0.0)).sum(axis=0))
 
 
-def spring_force(law: SuspensionLaw, extension: jax.Array) -> jax.Array:
+def spring_force(law: SuspensionLaw, extension: AxleLanes) -> jax.Array:
     """Elastic force S(e) with the ramps [N], positive when it pulls axle and body together."""
     force = law.stiffness * extension
     if law.softening is not None:
@@ -85,7 +86,7 @@ def spring_force(law: SuspensionLaw, extension: jax.Array) -> jax.Array:
     return jnp.asarray(force)
 
 
-def damper_force(law: SuspensionLaw, rate: jax.Array) -> jax.Array:
+def damper_force(law: SuspensionLaw, rate: AxleLanes) -> jax.Array:
     """Damper force D(v) [N] at extension rates [m/s]."""
     force = _symmetric_damper(law, rate)
     if law.asymmetry is not None:
@@ -95,7 +96,7 @@ def damper_force(law: SuspensionLaw, rate: jax.Array) -> jax.Array:
     return jnp.asarray(force)
 
 
-def _symmetric_damper(law: SuspensionLaw, rate: jax.Array) -> jax.Array:
+def _symmetric_damper(law: SuspensionLaw, rate: AxleLanes) -> jax.Array:
     if law.saturation is None or law.tail is None:
         return law.damping * rate
 
@@ -104,7 +105,7 @@ def _symmetric_damper(law: SuspensionLaw, rate: jax.Array) -> jax.Array:
     return jnp.asarray(law.damping * rate * now / stated)
 
 
-def suspension_force(law: SuspensionLaw, extension: jax.Array, rate: jax.Array, slip: jax.Array | None) -> jax.Array:
+def suspension_force(law: SuspensionLaw, extension: AxleLanes, rate: AxleLanes, slip: AxleLanes | None) -> jax.Array:
     """Force [N] that pulls axle and body together, less the static one, (R, na, S).
 
     Parameters
@@ -119,14 +120,19 @@ def suspension_force(law: SuspensionLaw, extension: jax.Array, rate: jax.Array, 
     return force
 
 
-def _slide(slip: jax.Array, length: jax.Array, change: jax.Array) -> jax.Array:
+def _slide(slip: AxleLanes, length: jax.Array, change: jax.Array) -> jax.Array:
     """phi after the extension changes by `change` in one direction: s + (phi - s) exp(-|change| / z_s)."""
     direction = jnp.sign(change)
     return direction + (slip - direction) * jnp.exp(-jnp.abs(change) / length)
 
 
 def slip_at_stage(
-    law: SuspensionLaw, slip: jax.Array, start: jax.Array, rate: jax.Array, tau: float, extension: jax.Array
+    law: SuspensionLaw,
+    slip: AxleLanes,
+    start: AxleLanes,
+    rate: AxleLanes,
+    tau: float,
+    extension: AxleLanes,
 ) -> jax.Array:
     """Friction state phi at a stage, from the parabola through the step's start and the stage's extension.
 
@@ -148,7 +154,7 @@ def slip_at_stage(
 
 def slip_after_step(
     law: SuspensionLaw,
-    slip: jax.Array,
+    slip: AxleLanes,
     start: tuple[jax.Array, jax.Array],
     end: tuple[jax.Array, jax.Array],
     step_s: float,

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg import block_diag, eig, eigh
 from scipy.optimize import linear_sum_assignment
 
+from sysid.arrays import Axles
 from sysid.campaign.records import LoadCase, Vehicle
 from sysid.errors import SysidError
 from sysid.tabular import Tabular
@@ -80,10 +81,10 @@ class NaturalModes(Tabular):
 def natural_modes(
     vehicle: Vehicle,
     load_case: LoadCase,
-    stiffness: np.ndarray,
-    damping: np.ndarray | None = None,
-    tire_stiffness: np.ndarray | None = None,
-    tire_damping: np.ndarray | None = None,
+    stiffness: Axles,
+    damping: Axles | None = None,
+    tire_stiffness: Axles | None = None,
+    tire_damping: Axles | None = None,
 ) -> NaturalModes:
     """Natural frequencies, damping ratios and mode shapes of a vehicle on its tires.
 
@@ -142,17 +143,17 @@ def natural_modes(
 
 
 def _per_axle(name: str, values: np.ndarray, vehicle: Vehicle) -> np.ndarray:
-    found = np.array(values, float)
-    if found.shape != (len(vehicle.axles),):
+    checked = np.array(values, float)
+    if checked.shape != (len(vehicle.axles),):
         raise SysidError(
-            f"{name} has the shape {found.shape}, expected one value for each of {len(vehicle.axles)} axles."
+            f"{name} has the shape {checked.shape}, expected one value for each of {len(vehicle.axles)} axles."
         )
     if name in ("stiffness", "damping"):
-        found[np.not_equal(vehicle.suspension_axle, np.arange(len(vehicle.axles)))] = 0.0
-    if not np.all(found >= 0.0):
-        worst = int(np.argmin(np.where(np.isfinite(found), found, -np.inf)))
-        raise SysidError(f"{name} of axle {worst + 1} is {found[worst]:g}, expected a number of zero or more.")
-    return found
+        checked[np.not_equal(vehicle.suspension_axle, np.arange(len(vehicle.axles)))] = 0.0
+    if not np.all(checked >= 0.0):
+        worst = int(np.argmin(np.where(np.isfinite(checked), checked, -np.inf)))
+        raise SysidError(f"{name} of axle {worst + 1} is {checked[worst]:g}, expected a number of zero or more.")
+    return checked
 
 
 def _rows(m: PlanarMatrices) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -206,7 +207,15 @@ def _damped(omega: np.ndarray, modal_damping: np.ndarray) -> tuple[np.ndarray, n
     return ratio, pole
 
 
-def _result(vehicle, load_case, matrices: PlanarMatrices, omega, ratio, pole, shapes) -> NaturalModes:
+def _result(
+    vehicle: Vehicle,
+    load_case: LoadCase,
+    matrices: PlanarMatrices,
+    omega: np.ndarray,
+    ratio: np.ndarray,
+    pole: np.ndarray,
+    shapes: np.ndarray,
+) -> NaturalModes:
     names = coordinate_names(vehicle)
     scale = _lengths(vehicle, names)
     size = np.abs(shapes) * scale[:, None]
@@ -239,9 +248,9 @@ def _lengths(vehicle: Vehicle, names: tuple[str, ...]) -> np.ndarray:
     """Length (c,) that makes a pitch comparable with a heave: half the distance between the outermost supports."""
     spans = {}
     for b, body in enumerate(vehicle.bodies):
-        following = vehicle.bodies[b + 1].hitch_x_m if b + 1 < len(vehicle.bodies) else None
+        next_hitch_m = vehicle.bodies[b + 1].hitch_x_m if b + 1 < len(vehicle.bodies) else None
         supports = [a.x_m for a in vehicle.axles if a.body == b]
-        supports += [x for x in (body.hitch_x_m, following) if x is not None]
+        supports += [x for x in (body.hitch_x_m, next_hitch_m) if x is not None]
         spans[f"pitch {body.name}"] = 0.5 * (max(supports) - min(supports))
     for group in vehicle.groups:
         spans[f"pitch {group.name}"] = 0.5 * (vehicle.axles[group.axles[-1]].x_m - vehicle.axles[group.axles[0]].x_m)

@@ -22,6 +22,7 @@ from sysid.posterior.sampled_posterior import Posterior
 from sysid.prediction.calibrated_elements import CalibratedVehicle
 from sysid.prediction.driven import with_bands
 from sysid.prediction.predicted_passes import Predictions
+from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import ScanAnalysis
 from sysid.runtime import configure
 from sysid.sdof.drop_results import DropSummary
@@ -32,7 +33,7 @@ from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
 from sysid.workflow.runner import NOTHING, Runner
 from sysid.workflow.settings import Settings
-from sysid.workflow.stage import Aside, Ending, Itemwise, Notice, Progress, Stage
+from sysid.workflow.stage import Aside, Ending, Itemwise, Notice, Stage
 from sysid.workflow.stage_folder import SUCCESS_MARKER, StageFolder
 
 T = TypeVar("T")
@@ -77,7 +78,7 @@ class Calibration:
         self.settings = settings or Settings()
         self.output = output_folder(output)
         self._inputs = Inputs(campaign)
-        self._steps = Steps(progress or (lambda message, fraction: None))
+        self._steps = Steps(progress or unwatched)
         self._folder = StageFolder(self.output, self.settings, self._inputs.read)
         self._runner = Runner(self._inputs, self.settings, self._folder, self._steps, notice, resume)
 

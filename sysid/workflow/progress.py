@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-Report = Callable[[str, float], None]
+from sysid.progress import Progress
 
 
 class Steps:
@@ -20,7 +20,7 @@ class Steps:
     report : callback (message, fraction of everything planned).
     """
 
-    def __init__(self, report: Report):
+    def __init__(self, report: Progress):
         self._report = report
         self._plan: dict[str, float] = {}
         self._done: set[str] = set()

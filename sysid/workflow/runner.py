@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, TypeVar
 
+from sysid.errors import NumericsError
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
 from sysid.workflow.settings import Settings
@@ -113,17 +114,18 @@ class Runner:
 
     def _result(self, stage: Stage[T], asked: Mapping[str, Any] = NOTHING) -> T:
         if isinstance(stage, Itemwise):
-            return self._items(stage, asked)
+            items: T = self._items(stage, asked)
+            return items
         assert isinstance(stage, Whole)
         if self._again(stage, asked):
             context = self.context(stage, asked)
             # What is in memory only may be asked for beside another process that computes.
             with self.folder.lock if stage.in_file else nullcontext():
-                with self._timed(stage.name), self.steps.step(stage.name):
-                    result = stage.compute(context)
+                with self._timed(stage.name), self.steps.step(stage.name), _breakdown_said(stage.name):
+                    result: T = stage.compute(context)
                 self.folder.keep(stage, result)
             return result
-        known = self.folder.known(stage)
+        known: T | None = self.folder.known(stage)
         assert known is not None
         return known
 
@@ -135,7 +137,12 @@ class Runner:
         found = dict(kept or {})
         wanted = [name for name in chosen if name not in found]
         if wanted:
-            with self.folder.lock, self._timed(stage.name), self.steps.step(stage.name):
+            with (
+                self.folder.lock,
+                self._timed(stage.name),
+                self.steps.step(stage.name),
+                _breakdown_said(stage.name),
+            ):
                 for name, item in stage.each(context, wanted):
                     found[name] = item
                     self.folder.keep(stage, dict(found))
@@ -143,6 +150,28 @@ class Runner:
 
     def _timed(self, name: str) -> AbstractContextManager[None]:
         return self.folder.timed(name, lambda: self.steps.parts)
+
+
+@contextmanager
+def _breakdown_said(name: str) -> Iterator[None]:
+    """Turn a breakdown of linear algebra inside a stage into a sentence.
+
+    Raises
+    ------
+    NumericsError
+        With what NumPy says, and where to look.
+    """
+    from numpy.linalg import LinAlgError
+
+    try:
+        yield
+    except LinAlgError as error:
+        why = str(error).strip().rstrip(".") or "a singular matrix"
+        raise NumericsError(
+            f"The stage '{name}' broke down in its linear algebra ({why}): the data do not determine what it looks "
+            "for, or a value is far from that of any vehicle; see what the stage 'check' says of the logs, and compare "
+            "speeds, load cases, positions and units in campaign.toml with the test notes."
+        ) from error
 
 
 class _OnDemand(dict[Stage[Any], Any]):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from sysid.display import CommandHint, TextTable
 from sysid.errors import SysidError
+from sysid.progress import Progress
 
 if TYPE_CHECKING:
     from sysid.campaign.records import Campaign
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from sysid.workflow.settings import Settings
 
 T = TypeVar("T")
-Progress = Callable[[str, float], None]
 Notice = Callable[[str], None]
 Blocks = Iterable[TextTable | CommandHint | str]
 

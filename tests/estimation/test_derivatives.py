@@ -13,10 +13,11 @@ from rigid_truck import bump, campaign, empty_run, true_log_parameters
 
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
-from sysid.estimation.residuals.linearisation import Linearisation, linearise_group
+from sysid.estimation.residuals.linearisation import linearise_group
 from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT
 from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import group_road, simulate_group
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 #: Just beside the nominal motion, at which half steps fall on the stations of the road: there the fifth derivative of
 #: the road jumps and differences lose an order, see the test of the nominal motion below.

@@ -15,11 +15,12 @@ from sysid.campaign.records import AxleGroup, Campaign, ForceTable
 from sysid.estimation.fit.state import FitState, state_at
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
-from sysid.estimation.residuals.linearisation import Linearisation, linearise, linearise_group
+from sysid.estimation.residuals.linearisation import linearise, linearise_group
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.posterior.log_density import LogDensity
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 pytestmark = needs_compiler
 

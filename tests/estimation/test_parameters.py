@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, campaign, empty_run
+from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, bump, campaign, empty_run
 
 from sysid.campaign.records import AxleGroup, LeafDimensions, NamedPrior, PredictionRequest, PriorOverride
 from sysid.errors import CampaignError
 from sysid.estimation.fit.law_choice import check_priors, laws_of_axles
 from sysid.estimation.parameters.campaign_parameters import best_drop_estimates, campaign_parameters
-from sysid.estimation.parameters.lane_laws import stiffness_positions
+from sysid.estimation.parameters.lane_laws import lane_laws, stiffness_positions
 from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet, PriorLink
+from sysid.estimation.residuals.bump_model import bump_model
 from sysid.sdof.drop_results import DropEstimate, DropSummary
 
 BOTH = [empty_run("a", 5.0), empty_run("b", 5.0, load_case="laden")]
@@ -42,9 +43,38 @@ def test_air_springs_have_one_stiffness_per_load_case_linked_by_their_load():
     link = found.links[0]
     carried = [c.axle_loads_kg[1] - AXLES[1].unsprung_mass_kg for c in (EMPTY, LADEN)]
     assert (link.first, link.second) == ("k_2[empty]", "k_2[laden]")
-    assert link.mean == pytest.approx(0.5 * np.log(carried[1] / carried[0]))
+    assert link.mean == pytest.approx(0.8 * np.log(carried[1] / carried[0]))
+    # An exponent of 0.8 +- 0.16: 80 % of its prior lies between 0.6 and 1.
+    assert link.sd == pytest.approx(0.16 * np.log(carried[1] / carried[0]))
     ratio = found.parameters[2].start / found.parameters[1].start
     assert np.log(ratio) == pytest.approx(link.mean)
+
+
+def test_an_axle_with_a_declared_travel_has_stops_whatever_its_law():
+    axles = (
+        replace(AXLES[0], jounce_travel_m=0.08),
+        replace(AXLES[1], rebound_travel_m=0.1, suspension_law="friction"),
+    )
+    data = campaign([empty_run("a", 5.0)], vehicle=replace(VEHICLE, axles=(*axles, AXLES[2])))
+    found = campaign_parameters(data, None)
+    assert [p.name for p in found.parameters if p.quantity == "stop_stiffness"] == ["stop_1", "stop_2"]
+    assert [p.law for p in found.parameters[:3]] == ["bump_stops", "friction + bump_stops", "linear"]
+
+
+def test_friction_grows_with_the_load_that_a_suspension_carries():
+    """The laden lane's force over the empty one's is the ratio of the loads on the springs."""
+    axles = tuple(replace(a, suspension_law="friction") for a in AXLES)
+    data = campaign(BOTH, load_cases=(EMPTY, LADEN), vehicle=replace(VEHICLE, axles=axles))
+    parameters = campaign_parameters(data, None)
+    model = bump_model(data, parameters, {"bump": bump()})
+    cases = [p.load_case for p in model.passes[0]]
+    law, _ = lane_laws(model.arrays[0].laws, parameters.start[:, None])
+    force = {case: np.asarray(law.friction)[lane, :, 0] for lane, case in enumerate(cases)}
+    unsprung = np.array([a.unsprung_mass_kg for a in AXLES])
+    carried = {c.name: np.array(c.axle_loads_kg) - unsprung for c in (EMPTY, LADEN)}
+    np.testing.assert_allclose(force["laden"] / force["empty"], carried["laden"] / carried["empty"], rtol=1e-9)
+    values = [p.prior_median for p in parameters.parameters if p.quantity == "friction"]
+    np.testing.assert_allclose(force["empty"], values, rtol=1e-9)
 
 
 def test_a_load_case_that_is_only_predicted_has_a_linked_stiffness():
@@ -62,9 +92,9 @@ def test_drops_of_the_first_load_case_are_carried_over_to_the_driven_ones():
     found = campaign_parameters(campaign(runs, load_cases=(EMPTY, half, LADEN)), summary(estimate(1, "paper", 4e5)))
     carried = [c.axle_loads_kg[1] - AXLES[1].unsprung_mass_kg for c in (EMPTY, half, LADEN)]
     assert found.names[1:3] == ("k_2[half]", "k_2[laden]")
-    assert found.parameters[1].start == pytest.approx(4e5 * np.sqrt(carried[1] / carried[0]))
-    assert found.parameters[2].start == pytest.approx(4e5 * np.sqrt(carried[2] / carried[0]))
-    assert found.links[0].mean == pytest.approx(0.5 * np.log(carried[2] / carried[1]))
+    assert found.parameters[1].start == pytest.approx(4e5 * (carried[1] / carried[0]) ** 0.8)
+    assert found.parameters[2].start == pytest.approx(4e5 * (carried[2] / carried[0]) ** 0.8)
+    assert found.links[0].mean == pytest.approx(0.8 * np.log(carried[2] / carried[1]))
 
 
 def test_index_finds_shared_and_load_dependent_stiffness():
@@ -161,7 +191,7 @@ def test_an_axle_group_has_one_suspension_named_after_its_first_axle():
     # As stiff as both axles' drops together, and as the load on both asks for.
     assert by_name["k_2[empty]"].start == pytest.approx(7e5)
     carried = [sum(c.axle_loads_kg[1:]) - 980.0 - 760.0 - 300.0 for c in cases]
-    assert found.links[0].mean == pytest.approx(0.5 * np.log(carried[1] / carried[0]))
+    assert found.links[0].mean == pytest.approx(0.8 * np.log(carried[1] / carried[0]))
     assert by_name["c_2"].start == pytest.approx(2 * 9e3)
     # The full model has one estimate for the group, and a leaf pack is the group's.
     model = summary(estimate(1, "paper", 4e5), estimate(2, "paper", 3e5), estimate(1, "model", 6.6e5))

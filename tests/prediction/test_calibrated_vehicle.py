@@ -137,12 +137,19 @@ def test_corners_of_a_law_are_points_of_its_curve():
     steer = calibrated_vehicle(data, None, fit, None, "empty").suspensions[0]
     assert not steer.linear
     # The jounce stop is a new point, the rebound stop stands on the grid and is there once.
-    assert len(steer.extension_m) == 82
     assert np.diff(steer.extension_m).min() > 1e-6
-    expected = STIFFNESS[0] * steer.extension_m + stop * (
-        np.maximum(steer.extension_m - 0.05, 0.0) - np.maximum(-steer.extension_m - 0.0507, 0.0)
-    )
+
+    def stopped(travel: np.ndarray) -> np.ndarray:
+        # The straight pieces of F = k d (1 + d / 15 mm) between 0, 6 and 14 mm, and its tangent's slope beyond.
+        curve = [0.0, 0.006 * 1.4, 0.014 * (1.0 + 14.0 / 15.0)]
+        beyond = np.maximum(travel - 0.014, 0.0) * (1.0 + 28.0 / 15.0)
+        return stop * (np.interp(travel, [0.0, 0.006, 0.014], curve) + beyond)
+
+    expected = STIFFNESS[0] * steer.extension_m + stopped(steer.extension_m - 0.05)
+    expected -= stopped(-steer.extension_m - 0.0507)
     np.testing.assert_allclose(steer.spring_force_N, expected, rtol=1e-9, atol=1e-6)
+    for corner in (0.05, 0.056, 0.064, -0.0507, -0.0567, -0.0647):
+        assert np.abs(steer.extension_m - corner).min() < 1e-9
 
 
 def test_table_of_a_calibrated_vehicle(linear):

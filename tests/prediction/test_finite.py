@@ -11,7 +11,7 @@ from sysid.errors import CampaignError, DataRejectedError
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.prediction import passes
 from sysid.prediction.finite import check_finite
-from sysid.prediction.passes import peak_ratios, predict_pass
+from sysid.prediction.passes import peak_ratios, predict_pass, speed_sweep
 from sysid.vehicle_model.lanes import EffectiveRoads
 
 REQUEST = PredictionRequest("empty", 10.0)
@@ -45,6 +45,8 @@ def test_bad_draws_are_counted_and_the_sweep_is_checked_too() -> None:
         predict_pass(DATA, PARAMETERS, ROADS, REQUEST, draws)
     with pytest.raises(DataRejectedError, match="1 of 3 parameter sets"):
         peak_ratios(DATA, PARAMETERS, ROADS, REQUEST, draws)
+    with pytest.raises(DataRejectedError, match="1 of 3 parameter sets"):
+        speed_sweep(DATA, PARAMETERS, "empty", "bump", ROADS, draws.T, [10.0])
 
 
 def test_finite_loads_pass_and_an_axle_without_load_does_not() -> None:

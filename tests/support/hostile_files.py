@@ -223,20 +223,20 @@ class Watch:
 
     @contextmanager
     def reading(self, hang_s: float = 30.0) -> Iterator[None]:
-        """Measure one reading; a reader that hangs is interrupted and fails."""
+        """Measure one reading; a reader that takes so much processor time is interrupted and fails."""
 
         def interrupt(number: int, frame: object) -> None:
             raise AssertionError(f"reading took more than {hang_s:g} s")
 
-        before = signal.signal(signal.SIGALRM, interrupt)
-        signal.setitimer(signal.ITIMER_REAL, hang_s)
+        before = signal.signal(signal.SIGPROF, interrupt)
+        signal.setitimer(signal.ITIMER_PROF, hang_s)
         resident = _reset_peak()
         begin = _processor_s()
         try:
             yield
         finally:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-            signal.signal(signal.SIGALRM, before)
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
+            signal.signal(signal.SIGPROF, before)
             self.examples += 1
             self.seconds = max(self.seconds, _processor_s() - begin)
             self.bytes = max(self.bytes, _status("VmHWM") - resident)

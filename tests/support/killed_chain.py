@@ -22,6 +22,7 @@ from sysid.posterior.checkpoint import read_chain
 from sysid.posterior.sampled_posterior import Posterior
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
 from sysid.posterior.segments import segment_file
+from sysid.threads import one_blas_thread
 
 NAMES = ("k_1", "k_2", "c_1")
 CENTRE = np.array([12.0, 13.0, 9.0])
@@ -58,6 +59,9 @@ def life(folder: Path) -> int:
 def main(folder: Path, kills: int, seed: int) -> dict[str, object]:
     """Kill `kills` children; a chain that reaches its end meanwhile is started anew in the next folder."""
     moments = random.Random(seed)
+    # The libraries of linear algebra are looked for once, here: in a child that would take longer than a short life.
+    with one_blas_thread():
+        pass
     killed, completed, faults, places = 0, 0, [], set()
     chain = folder / "chain_0"
     while killed < kills:

@@ -77,7 +77,7 @@ def read(reader: Callable[[Path], Any], path: Path) -> tuple[str, str]:
     return "read", ""
 
 
-def measured(reader: str, path: Path, timeout_s: float = 60.0) -> Outcome:
+def measured(reader: str, path: Path, timeout_s: float = 300.0) -> Outcome:
     """Read a file in a new process; the time is processor time of reading, without starting Python."""
     command = [sys.executable, "-P", __file__, reader, str(path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, check=False)

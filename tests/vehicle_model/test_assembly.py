@@ -10,9 +10,9 @@ from rigid_truck import AXLES, EMPTY, VEHICLE
 from scipy.linalg import null_space
 
 from sysid.campaign.records import Axle, Body, LoadCase, Vehicle
-from sysid.campaign.statics import static_equilibrium
+from sysid.campaign.statics import chains, static_equilibrium
 from sysid.errors import CampaignError
-from sysid.vehicle_model.assembly import assemble, chains, coordinate_names
+from sysid.vehicle_model.assembly import assemble, coordinate_names
 
 
 def axle(name: str, body: int, x: float, mass: float = 700.0) -> Axle:

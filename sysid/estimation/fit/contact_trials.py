@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import get_args
 
@@ -13,10 +13,9 @@ from sysid.estimation.fit.fit_result import ContactTrial
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
+from sysid.progress import Progress, unwatched
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.road_profile import RoadProfile
-
-Progress = Callable[[str, float], None]
 
 
 def contact_trials(
@@ -33,12 +32,12 @@ def contact_trials(
     optimum : of the contact law in `options`, whose suspension laws and parameters are kept; it stands first.
     profiles, options, progress : as :func:`sysid.estimation.fit.law_choice.fit_with_laws`.
     """
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     parameters = optimum.problem.model.parameters
 
-    def trial(contact: str, found: Optimum) -> ContactTrial:
-        values = np.exp(found.vector[: found.problem.count])
-        return ContactTrial(contact, found.misfit, tuple(float(v) for v in values))
+    def trial(contact: str, optimum: Optimum) -> ContactTrial:
+        values = np.exp(optimum.vector[: optimum.problem.count])
+        return ContactTrial(contact, optimum.misfit, tuple(float(v) for v in values))
 
     def repeating(message: str, fraction: float) -> None:
         report(f"other contact laws, {message}", fraction)

@@ -23,6 +23,7 @@ from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
+from sysid.progress import Progress, unwatched
 from sysid.road.enveloping import FootprintMap, footprint_map
 from sysid.road.plank_road import lifted_onto_plank, plank_table
 from sysid.sdof.drop_results import DropEstimate, DropSummary
@@ -32,7 +33,8 @@ from sysid.vehicle_model.lanes import EffectiveRoads
 #: Time before the record [s] in which the simulated axle is lifted onto the plank, and how long it then rests.
 LEAD_S = 3.0
 REST_S = 1.2
-#: Speed of a drop without a declared one: 0.5 to 3 m/s is the 95 % range of a lognormal about this median.
+#: Speed of a drop without a declared one: 0.5 to 3 m/s, walking pace, is the 95 % range of a lognormal about this
+#: median (an assumption).
 SPEED_M_S = 1.2
 SPEED_LOG_SD = 0.45
 _SPEEDS = np.geomspace(0.5, 3.5, 10)
@@ -46,8 +48,6 @@ FOOT_M = 0.15
 SLACK_S = 0.3
 
 _BODIES_ONLY = "The full model fits wheels that roll off a plank, not bodies that are let go: no estimates by it here."
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -109,13 +109,13 @@ def with_model_estimates(
         return replace(drops, messages=(*drops.messages, _BODIES_ONLY))
     said = () if not left_out else (f"The full model leaves out {left_out} drops of a body that was let go.",)
     try:
-        found = fit_drops(campaign, drops, options, progress)
+        estimates = fit_drops(campaign, drops, options, progress)
     except (SysidError, ArithmeticError, ValueError, RuntimeError) as error:
         # LinAlgError is a ValueError, JAX's and optimistix's errors are RuntimeErrors.
         why = _reason(error)
         return replace(drops, messages=(*drops.messages, *said, f"The drops were not fitted by the full model: {why}"))
-    finite = tuple(e for e in found if np.all(np.isfinite([e.stiffness, e.damping, e.stiffness_sd, e.damping_sd])))
-    if len(finite) < len(found):
+    finite = tuple(e for e in estimates if np.all(np.isfinite([e.stiffness, e.damping, e.stiffness_sd, e.damping_sd])))
+    if len(finite) < len(estimates):
         said = (*said, "The full model gave no finite numbers for some axles; the readings of the drops stand.")
     return replace(drops, pooled=(*drops.pooled, *finite), messages=(*drops.messages, *said))
 
@@ -156,7 +156,7 @@ def fit_drops(
         If no plank drop can be used.
     """
     options = options or FitOptions()
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     records = [d for d in campaign.plank_drops if d.dampers and d.log.channels and d.release == "plank"]
     if not records:
         raise DataRejectedError("No plank drop can be fitted: none was recorded with its dampers in place.")
@@ -255,7 +255,7 @@ def _search(
 def _instrument_noise(model: BumpModel, runs: Sequence[BumpRun]) -> tuple[np.ndarray, ...]:
     """Noise (R, C) from the fast differences of every channel, infinite where there is none."""
     column = {s.column: c for c, s in enumerate(model.layout.sensors)}
-    found = []
+    scales = []
     for group in model.groups:
         noise = np.full((len(group.runs), len(column)), np.inf)
         for r, run in enumerate(group.runs):
@@ -264,21 +264,21 @@ def _instrument_noise(model: BumpModel, runs: Sequence[BumpRun]) -> tuple[np.nda
                 if good.size >= 8:
                     smallest = 1e-3 * float(np.std(good)) + 1e-9
                     noise[r, column[channel.sensor.column]] = max(high_frequency_noise(good), smallest)
-        found.append(noise)
-    return tuple(found)
+        scales.append(noise)
+    return tuple(scales)
 
 
 def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEstimate, ...]:
     parameters = optimum.problem.model.parameters
     sd = parameter_sd(optimum) * max(1.0, optimum.misfit)
-    found = []
+    estimates = []
     # Drops of a group's axles say the same about its one suspension.
     owner = parameters.suspension_axle
     dropped = {(owner[d.axle] if owner else d.axle, d.load_case) for d in records}
     for axle, load_case in sorted(dropped, key=lambda key: (key[1], key[0])):
         k, c = parameters.index("stiffness", axle, load_case), parameters.index("damping", axle, load_case)
         stiffness, damping = np.exp(optimum.vector[[k, c]])
-        found.append(
+        estimates.append(
             DropEstimate(
                 axle=axle,
                 load_case=load_case,
@@ -296,4 +296,4 @@ def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEsti
                 else f"the model leaves {optimum.misfit:.1f} times the instrument noise",
             )
         )
-    return tuple(found)
+    return tuple(estimates)

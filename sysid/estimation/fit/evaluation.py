@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import least_squares as scipy_least_squares
 
+from sysid.arrays import Parameters
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.fit_result import FitResult, MassCheck
 from sysid.estimation.fit.minimiser import Minimum
@@ -18,25 +18,25 @@ from sysid.estimation.fit.thresholds import MISFIT, SOLVERS_APART_SD, STEP_HALVI
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.residuals.compressed import Compressed
 from sysid.estimation.residuals.histories import run_histories
-from sysid.estimation.residuals.linearisation import Linearisation
 from sysid.estimation.residuals.problem import Problem
+from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, Identifiability, assess
-from sysid.estimation.uncertainty.information import adjusted_information
+from sysid.estimation.uncertainty.information import DataInformation, adjusted_information
 from sysid.estimation.uncertainty.mass_effect import MassEffect
 from sysid.estimation.uncertainty.mass_response import MassResponse, mass_response
 from sysid.estimation.uncertainty.sandwich import Adjustment
 from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
 from sysid.estimation.weights.residual_evidence import residual_evidence
 from sysid.estimation.weights.reweighting import residual_inflation
+from sysid.progress import Progress
 from sysid.road.contact_laws import CONTACT_LAWS
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 #: Where the data ask for a mass this many tolerances off, somebody should look at it.
 DOUBTFUL_MASS_SD = 2.0
-
-Progress = Callable[[str, float], None]
 
 
 def evaluate_optimum(
@@ -71,18 +71,7 @@ def evaluate_optimum(
     determined = assess(estimates, shared, information)
     warnings = fit_warnings(minimum, optimum.misfit, halving, difference, determined)
     checks = _mass_checks(allowances.masses, effect)
-    point = FitPoint(
-        parameters=model.parameters,
-        contact=model.felt.contact,
-        tires=model.tires,
-        target_step_s=model.target_step_s,
-        log_parameters=parameters,
-        motion=motion,
-        weights=weights,
-        adjustment=adjustment.matrix,
-        mass_response=_mass_response(parameters, effect, adjustment),
-        map_following=information.map_following,
-    )
+    point = _fit_point(problem, vector, effect, adjustment, information)
     fit = FitResult(
         parameters=estimates,
         run_parameters=runs,
@@ -108,6 +97,30 @@ def evaluate_optimum(
     return fit, FitState(campaign, point, model)
 
 
+def _fit_point(
+    problem: Problem,
+    vector: np.ndarray,
+    effect: MassEffect,
+    adjustment: Adjustment,
+    information: DataInformation,
+) -> FitPoint:
+    """All that is kept of where the fit ended, at the unknowns `vector`."""
+    model = problem.model
+    parameters, motion = problem.unpack(vector)
+    return FitPoint(
+        parameters=model.parameters,
+        contact=model.felt.contact,
+        tires=model.tires,
+        target_step_s=model.target_step_s,
+        log_parameters=parameters,
+        motion=motion,
+        weights=problem.weights,
+        adjustment=adjustment.matrix,
+        mass_response=_mass_response(parameters, effect, adjustment),
+        map_following=information.map_following,
+    )
+
+
 def _mass_response(parameters: np.ndarray, effect: MassEffect, adjustment: Adjustment) -> MassResponse | None:
     if not effect.asked.size:
         return None
@@ -122,15 +135,15 @@ def _mass_checks(masses: UncertainMasses, effect: MassEffect) -> tuple[MassCheck
 
 
 def _mass_warnings(checks: tuple[MassCheck, ...]) -> tuple[str, ...]:
-    found = []
+    sentences = []
     for check in checks:
         if abs(np.log(check.asked)) > DOUBTFUL_MASS_SD * check.tolerance:
             percent, side = 100.0 * abs(check.asked - 1.0), "above" if check.asked > 1.0 else "below"
-            found.append(
+            sentences.append(
                 f"The data ask for a value about {percent:.0f} % {side} the declared one: {check.words}, declared "
                 f"within {100.0 * check.tolerance:g} %. Check it in campaign.toml, or widen its tolerance."
             )
-    return tuple(found)
+    return tuple(sentences)
 
 
 def parameter_sd(optimum: Optimum) -> np.ndarray:
@@ -152,10 +165,12 @@ def _covariance(problem: Problem, compressed: Compressed, adjustment: Adjustment
     covariance[count:, :count] = -lever @ shared
     covariance[:count, count:] = covariance[count:, :count].T
     covariance[count:, count:] = local + lever @ shared @ lever.T
-    return covariance
+    return np.asarray(covariance)
 
 
-def _with_speed_sd(histories, run_parameters):
+def _with_speed_sd(
+    histories: tuple[RunHistory, ...], run_parameters: tuple[ParameterEstimate, ...]
+) -> tuple[RunHistory, ...]:
     sd = {p.run: p.sd for p in run_parameters if p.quantity == "speed"}
     return tuple(replace(h, speed_sd=sd[h.file]) for h in histories)
 
@@ -180,7 +195,7 @@ def _scipy_difference(problem: Problem, optimum: np.ndarray, start: np.ndarray) 
     def jacobian_at(vector: np.ndarray) -> np.ndarray:
         return at(vector).jacobian
 
-    found = scipy_least_squares(
+    minimum = scipy_least_squares(
         residual,
         optimum + (start - optimum) / 10.0,
         jac=jacobian_at,
@@ -193,7 +208,7 @@ def _scipy_difference(problem: Problem, optimum: np.ndarray, start: np.ndarray) 
     )
     jacobian = at(optimum).jacobian
     sd = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
-    return float(np.max(np.abs(found.x - optimum) / sd))
+    return float(np.max(np.abs(minimum.x - optimum) / sd))
 
 
 def _step_halving_error(problem: Problem, vector: np.ndarray, coarse: tuple[Linearisation, ...]) -> float:
@@ -209,7 +224,9 @@ def _step_halving_error(problem: Problem, vector: np.ndarray, coarse: tuple[Line
     return worst
 
 
-def _estimates(campaign, problem: Problem, log_parameters, motion: RunMotion, covariance):
+def _estimates(
+    campaign: Campaign, problem: Problem, log_parameters: Parameters, motion: RunMotion, covariance: np.ndarray
+) -> tuple[tuple[ParameterEstimate, ...], tuple[ParameterEstimate, ...]]:
     sd = np.sqrt(np.diag(covariance))
     globals_ = tuple(
         ParameterEstimate(
@@ -280,23 +297,23 @@ def fit_warnings(
     halving : largest relative RMS change of a channel with half the integration step.
     cross_check : distance of an independent solver's optimum [sd], NaN where none looked for it.
     """
-    found = []
+    sentences = []
     if not minimum.converged:
-        found.append(f"Least squares has not converged ({minimum.message}); the values are not final.")
+        sentences.append(f"Least squares has not converged ({minimum.message}); the values are not final.")
     if misfit >= MISFIT:
-        found.append(
+        sentences.append(
             f"Residuals are {misfit:.1f} times the instrument noise (median over channels): the model does not explain "
             "everything the sensors saw. Intervals are widened by what these residuals ask for and may not hold all of "
             "it."
         )
     if halving > STEP_HALVING:
-        found.append(
+        sentences.append(
             f"Halving the integration step changes a channel by {100.0 * halving:.2g} % of its size, more than "
             f"{100.0 * STEP_HALVING:g} %."
         )
     if np.isfinite(cross_check) and cross_check > SOLVERS_APART_SD:
-        found.append(
+        sentences.append(
             f"An independent solver ends {cross_check:.1f} standard deviations away; the optimum may not be unique."
         )
-    found += determined.warnings
-    return tuple(found)
+    sentences += determined.warnings
+    return tuple(sentences)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from sysid.arrays import ParametersByParameters
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.uncertainty.identifiability import Identifiability
@@ -100,7 +99,7 @@ class FitResult(Tabular):
 
     parameters: tuple[ParameterEstimate, ...]
     run_parameters: tuple[ParameterEstimate, ...]
-    covariance: np.ndarray
+    covariance: ParametersByParameters
     histories: tuple[RunHistory, ...]
     converged: bool
     message: str
@@ -124,8 +123,8 @@ class FitResult(Tabular):
     @property
     def laws(self) -> tuple[str, ...]:
         """Suspension law of every axle (of a group one, in the place of its first axle), front to rear."""
-        found = {p.axle: p.law for p in self.parameters if p.quantity == "damping"}
-        return tuple(found[axle] for axle in sorted(found, key=lambda a: -1 if a is None else a))
+        laws = {p.axle: p.law for p in self.parameters if p.quantity == "damping"}
+        return tuple(laws[axle] for axle in sorted(laws, key=lambda a: -1 if a is None else a))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -28,8 +28,9 @@ from sysid.estimation.fit.state import FitState
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters, declared_laws
 from sysid.estimation.parameters.named_priors import check_named_priors
-from sysid.estimation.parameters.suspension_elements import ELEMENTS, law_elements, law_name
+from sysid.estimation.parameters.suspension_elements import law_elements, law_name, quantities
 from sysid.estimation.weights.reweighting import reweighted
+from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
 from sysid.sdof.drop_results import DropSummary
 
@@ -43,8 +44,20 @@ CANDIDATES = {
     "other": frozenset({"friction", "asymmetric_damper"}),
 }
 
+#: What is taken away at a time: an element of all axles of one kind of suspension.
+FAMILIES = (
+    ("friction", "air"),
+    ("friction", "other"),
+    ("friction", "leaf"),
+    ("asymmetric_damper", "air"),
+    ("asymmetric_damper", "other"),
+    ("asymmetric_damper", "leaf"),
+    ("gas_spring", "air"),
+)
+#: How much clearer than decisive a test has to be for a fit without an element to be left out.
+SURE = 5.0
+
 Laws = tuple[frozenset[str], ...]
-Progress = Callable[[str, float], None]
 
 
 def fit_with_laws(
@@ -58,7 +71,8 @@ def fit_with_laws(
 
     Linear laws come first.  Where they leave residuals of :data:`MISFIT` times the instrument noise or more (or on
     request) the richest candidate of every axle without a declared law is fitted; elements that the criterion does not
-    miss are taken away again, one family at a time.
+    miss are taken away again, one element of one kind of suspension at a time.  Where a test on the fit at hand leaves
+    no doubt that an element is needed, no fit without it is made.
 
     Parameters
     ----------
@@ -72,13 +86,14 @@ def fit_with_laws(
         As :func:`sysid.estimation.fit.least_squares.fit_bump_runs`.
     """
     options = options or FitOptions()
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     declared = declared_laws(campaign)
-    chosen = optimise(campaign, campaign_parameters(campaign, drops, declared), profiles, options, report)
-    comparison = None
     rich = richest_laws(campaign.vehicle.axles, declared)
-    asked = options.laws == "compare" or (options.laws == "auto" and chosen.misfit >= MISFIT)
-    if asked and rich != declared:
+    open_laws = rich != declared and options.laws != "declared"
+    parameters = campaign_parameters(campaign, drops, declared)
+    chosen = optimise(campaign, parameters, profiles, options, report, rough=open_laws)
+    comparison = None
+    if open_laws and (options.laws == "compare" or chosen.misfit >= MISFIT):
 
         def comparing(message: str, fraction: float) -> None:
             report(f"comparing suspension laws, {message}", fraction)
@@ -86,10 +101,12 @@ def fit_with_laws(
         def fitted(laws: Laws, near: Optimum, *, trial: bool = False) -> Optimum:
             # A trial keeps weights and maps of its neighbour, under which it is compared.
             how = replace(options, weight_rounds=0, tolerance=max(options.tolerance, 1e-6)) if trial else options
-            parameters = campaign_parameters(campaign, drops, laws)
-            return optimise(campaign, parameters, profiles, how, comparing, near=near, keep_maps=trial)
+            named = campaign_parameters(campaign, drops, laws)
+            return optimise(campaign, named, profiles, how, comparing, near=near, keep_maps=trial)
 
         chosen, comparison = _compare(campaign, declared, rich, chosen, fitted)
+    elif open_laws:
+        chosen = optimise(campaign, parameters, profiles, options, report, near=chosen)
     fit, state = evaluate_optimum(campaign, chosen, options, report)
     trials = contact_trials(campaign, chosen, profiles, options, report) if options.contact_spread else ()
     return replace(fit, law_comparison=comparison, contact_trials=trials), state
@@ -105,7 +122,7 @@ def laws_of_axles(vehicle: Vehicle, laws: Sequence[str]) -> Laws:
 def richest_laws(axles: Sequence[Axle], declared: Laws) -> Laws:
     """The candidates of every axle without a declared law; the declared law of all others."""
     return tuple(
-        law if axle.suspension_law is not None else CANDIDATES[axle.suspension]
+        law if axle.suspension_law is not None else law | CANDIDATES[axle.suspension]
         for axle, law in zip(axles, declared, strict=True)
     )
 
@@ -123,7 +140,7 @@ def check_priors(campaign: Campaign) -> None:
     declared = declared_laws(campaign)
     rich = richest_laws(campaign.vehicle.axles, declared)
     sets = [campaign_parameters(campaign, None, laws) for laws in (declared, rich)]
-    check_named_priors(campaign, [p for found in sets for p in found.parameters])
+    check_named_priors(campaign, [p for parameters in sets for p in parameters.parameters])
 
 
 def _compare(
@@ -146,23 +163,51 @@ def _compare(
     trials = [LawTrial(_names(poor_laws), base.problem.count, base.minimum.cost, poor.misfit, 0.0)]
     best_laws, best = rich_laws, rich
     trials.append(_trial(rich_laws, rich, gain_over(base, rich)))
-    for element in ELEMENTS:
+    for element, suspension in FAMILIES:
         without = tuple(
-            law if axle.suspension_law is not None else law - {element}
-            for axle, law in zip(campaign.vehicle.axles, best_laws, strict=True)
+            law - ({element} - declared) if axle.suspension == suspension else law
+            for axle, law, declared in zip(campaign.vehicle.axles, best_laws, poor_laws, strict=True)
         )
-        if without in (best_laws, poor_laws):
+        if without in (best_laws, poor_laws) or _sure(campaign, best, best_laws, without, size):
             continue
         candidate = fitted(without, best, trial=True)
         trials.append(_trial(without, candidate, gain_over(base, candidate)))
         if gain_over(candidate, best) < DECISIVE:
             best_laws, best = without, candidate
     if gain_over(base, best) < DECISIVE:
-        best_laws, best = poor_laws, poor
+        best_laws, best = poor_laws, fitted(poor_laws, poor)
     elif best is not rich:
         # The trial ran under the rich laws' weights; the result stands on its own.
         best = fitted(best_laws, best)
     return best, LawComparison(tuple(trials), _names(best_laws))
+
+
+def _sure(campaign: Campaign, optimum: Optimum, laws: Laws, without: Laws, size: float) -> bool:
+    """Whether elements are needed beyond doubt, so that no fit without them has to be made.
+
+    By Wald's test (A. Wald, Tests of statistical hypotheses concerning several parameters, Transactions of the American
+    Mathematical Society 54 (1943), doi:10.1090/S0002-9947-1943-0012401-3) the sum of squares would rise by
+    (v - n)' C^-1 (v - n), with the values v of their parameters, the values n that take them out, and the covariance C
+    of v.  Far from the optimum the cost is no parabola: only :data:`SURE` times what decides is beyond doubt.
+    """
+    gone = [more - less for more, less in zip(laws, without, strict=True)]
+    parameters = optimum.problem.model.parameters.parameters
+    index, distance = [], []
+    for position, p in enumerate(parameters):
+        # A shared parameter goes with the last axle that has its element.
+        elements = frozenset().union(*gone).difference(*without) if p.axle is None else gone[p.axle]
+        for q in quantities(elements):
+            if q.quantity == p.quantity and q.decides:
+                value = float(np.exp(optimum.vector[position]))
+                index.append(position)
+                # Relative to the value, as the covariance of its logarithm is.
+                distance.append(1.0 - q.neutral / value)
+    if not index:
+        return False
+    jacobian = optimum.problem.compressed(optimum.vector).jacobian
+    covariance = np.linalg.inv(jacobian.T @ jacobian)[np.ix_(index, index)]
+    rise = float(np.array(distance) @ np.linalg.solve(covariance, distance))
+    return bool(rise > SURE * (DECISIVE + len(index) * np.log(size)))
 
 
 def effective_residuals(optimum: Optimum) -> float:

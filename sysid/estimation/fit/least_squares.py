@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from sysid.arrays import Parameters, RunsByChannels
 from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit.evaluation import evaluate_optimum
@@ -25,10 +26,9 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise as noise_model
 from sysid.estimation.weights.reweighting import reweighted
+from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.lanes import MapTires
-
-Progress = Callable[[str, float], None]
 
 #: Footprint maps are made again at most so often; each time their tires come about five times closer to those of the
 #: optimum under them.
@@ -62,7 +62,7 @@ def fit_bump_runs(
         If no run has a usable channel, or no run's start is found inside its record.
     """
     options = options or FitOptions()
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     optimum = optimise(campaign, parameters, profiles, options, report)
     return evaluate_optimum(campaign, optimum, options, report)
 
@@ -76,6 +76,7 @@ def optimise(
     *,
     near: Optimum | None = None,
     keep_maps: bool = False,
+    rough: bool = False,
 ) -> Optimum:
     """The optimum of one set of suspension laws, all rounds of re-weighting done.
 
@@ -85,6 +86,7 @@ def optimise(
     ----------
     near : optimum of other laws on the same campaign to start from: its motions, weights and common parameters.
     keep_maps : keep the footprint maps of `near`.
+    rough : end before the last search, under the weights of one round: enough to judge residuals by.
     """
     report("preparing the model", 0.0)
 
@@ -94,45 +96,45 @@ def optimise(
 
     again = options.contact == "footprint" and not keep_maps
     # For the tires of the maps residuals need not be weighted, nor minimised, to the last.
-    rough = replace(
+    hasty = replace(
         options, weight_rounds=min(options.weight_rounds, 1), tolerance=max(options.tolerance, _ROUGH_TOLERANCE)
     )
-    how = rough if again else options
+    how = hasty if again or rough else options
     if near is None:
         model = prepared(None)
         motion, instrument = _find_motion(campaign, model, parameters.start, report)
-        found = optimise_from(campaign, model, motion, instrument, parameters.start, how, report)
+        optimum = optimise_from(campaign, model, motion, instrument, parameters.start, how, report)
     else:
         model = prepared(near.problem.model.tires)
         _, motion = near.problem.unpack(near.vector)
         start, weights = _start_from(parameters, near), near.problem.weights
-        found = optimise_from(campaign, model, motion, near.instrument, start, how, report, weights=weights)
+        optimum = optimise_from(campaign, model, motion, near.instrument, start, how, report, weights=weights)
     if not again:
-        return found
+        return optimum
     for _ in range(_MAPS - 1):
-        found = _with_own_maps(campaign, found, prepared, rough, report)
-        tires = found.problem.model.tires
+        optimum = _with_own_maps(campaign, optimum, prepared, hasty, report)
+        tires = optimum.problem.model.tires
         assert tires is not None
-        if tires.like(map_tires(parameters, found.vector[: found.problem.count])):
+        if tires.like(map_tires(parameters, optimum.vector[: optimum.problem.count])):
             break
-    return _with_own_maps(campaign, found, prepared, options, report)
+    return optimum if rough else _with_own_maps(campaign, optimum, prepared, options, report)
 
 
 def _with_own_maps(
     campaign: Campaign,
-    found: Optimum,
+    before: Optimum,
     prepared: Callable[[MapTires], BumpModel],
     options: FitOptions,
     report: Progress,
 ) -> Optimum:
     """The optimum under footprint maps of the tires that another optimum has."""
     report("footprint of the estimated tires", 0.5)
-    values, motion = found.problem.unpack(found.vector)
-    model, weights = prepared(map_tires(found.problem.model.parameters, values)), found.problem.weights
-    again = optimise_from(campaign, model, motion, found.instrument, values, options, report, weights=weights)
+    values, motion = before.problem.unpack(before.vector)
+    model, weights = prepared(map_tires(before.problem.model.parameters, values)), before.problem.weights
+    again = optimise_from(campaign, model, motion, before.instrument, values, options, report, weights=weights)
     # The cross-check starts from where the search for all began.
-    first = np.concatenate([found.first[: found.problem.count], np.zeros(again.first.size - found.problem.count)])
-    iterations = found.minimum.iterations + again.minimum.iterations
+    first = np.concatenate([before.first[: before.problem.count], np.zeros(again.first.size - before.problem.count)])
+    iterations = before.minimum.iterations + again.minimum.iterations
     return replace(again, first=first, minimum=replace(again.minimum, iterations=iterations))
 
 
@@ -140,8 +142,8 @@ def optimise_from(
     campaign: Campaign,
     model: BumpModel,
     motion: RunMotion,
-    instrument: tuple[np.ndarray, ...],
-    start: np.ndarray,
+    instrument: tuple[RunsByChannels, ...],
+    start: Parameters,
     options: FitOptions,
     report: Progress,
     *,
@@ -180,12 +182,12 @@ def optimise_from(
 
 def _start_from(parameters: ParameterSet, near: Optimum) -> np.ndarray:
     """Start vector that takes common parameters from another optimum."""
-    found = dict(zip(near.problem.model.parameters.names, near.vector, strict=False))
-    return np.array([found.get(p.name, np.log(p.start)) for p in parameters.parameters])
+    nearby = dict(zip(near.problem.model.parameters.names, near.vector, strict=False))
+    return np.array([nearby.get(p.name, np.log(p.start)) for p in parameters.parameters])
 
 
 def _find_motion(
-    campaign: Campaign, model: BumpModel, start: np.ndarray, report: Progress
+    campaign: Campaign, model: BumpModel, start: Parameters, report: Progress
 ) -> tuple[RunMotion, tuple[np.ndarray, ...]]:
     """Speed and start of every run from the joint search, and the instrument noise (R, C) per group before them."""
     quiet = tuple(noise_model.instrument_noise(g, 0.25) for g in model.groups)
@@ -208,7 +210,7 @@ def _report_iteration(report: Progress, number: int, rounds: int, iteration: int
     report(f"least squares, round {number + 1} of {rounds}, iteration {iteration}", 0.1 + 0.8 * share)
 
 
-def _first_scale(model: BumpModel, instrument: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+def _first_scale(model: BumpModel, instrument: tuple[RunsByChannels, ...]) -> tuple[np.ndarray, ...]:
     """First weights: instrument noise plus a tenth of each channel's RMS, for parameters that are still far off."""
     scales = []
     for group, noise in zip(model.groups, instrument, strict=True):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.arrays import Parameters
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.least_squares import instrument_noise, optimise_from
 from sysid.estimation.fit.minimiser import minimise
@@ -18,15 +18,14 @@ from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.residuals.run_motion import RunMotion
-
-Progress = Callable[[str, float], None]
+from sysid.progress import Progress, unwatched
 
 
 @dataclass(frozen=True)
 class LeftOutFit:
     """`log_parameters` (p,) of the fit without the run, whether it `converged`, and the run's `history` under them."""
 
-    log_parameters: np.ndarray
+    log_parameters: Parameters
     converged: bool
     history: RunHistory
 
@@ -47,7 +46,7 @@ def fit_without(
     state : the fit of all runs.
     run : index of the run in the campaign.
     """
-    report = progress or (lambda message, fraction: None)
+    report = progress or unwatched
     others = tuple(i for i in range(len(state.campaign.bump_runs)) if i != run)
     part, model, motion, weights = _part(state, others)
     how = replace(options, weight_rounds=min(options.weight_rounds, 1), cross_check=False)
@@ -60,7 +59,7 @@ def fit_without(
     return LeftOutFit(values, optimum.minimum.converged, history)
 
 
-def _own_motion(problem: Problem, log_parameters: np.ndarray) -> RunMotion:
+def _own_motion(problem: Problem, log_parameters: Parameters) -> RunMotion:
     """Speed and start that suit the records best while the parameters stay as they are."""
 
     def evaluate(local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

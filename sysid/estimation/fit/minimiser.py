@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -16,7 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from sysid.errors import SysidError
+from sysid.arrays import Residuals, ResidualsByUnknowns, UnknownsOfFit
+from sysid.errors import DataRejectedError
 from sysid.runtime import require_64_bit
 from sysid.threads import one_blas_thread
 
@@ -27,6 +28,9 @@ _GOOD_STEP = 0.75
 #: A point is a minimum where the linear model promises no larger fall than this fraction of the cost, or than so many
 #: times the fall that ends the search.
 _NEGLIGIBLE_FALL, _TOLERANCES = 1e-5, 10.0
+
+#: What optimistix keeps between two steps has no public type.
+_Solver: TypeAlias = "optx.LevenbergMarquardt[Any, Any, Any]"
 
 Evaluation = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -41,14 +45,14 @@ class _Affine(NamedTuple):
 class Minimum:
     """A least-squares minimum: `point` (p,), its `cost` = r'r / 2, and how the search went."""
 
-    point: np.ndarray
+    point: UnknownsOfFit
     cost: float
     converged: bool
     iterations: int
     message: str
 
 
-def promised_fall(residual: np.ndarray, jacobian: np.ndarray) -> float:
+def promised_fall(residual: Residuals, jacobian: ResidualsByUnknowns) -> float:
     """Fall of the cost r'r / 2 that a full Gauss-Newton step promises: half the square of r projected on J's columns.
 
     It vanishes with the gradient J'r and, unlike it, has the unit of the cost whatever the scales of the unknowns.
@@ -69,14 +73,14 @@ def _affine(y: jax.Array, args: _Affine) -> tuple[jax.Array, None]:
 
 
 @eqx.filter_jit
-def _init(solver: optx.LevenbergMarquardt, point: jax.Array, args: _Affine):
+def _init(solver: _Solver, point: jax.Array, args: _Affine) -> Any:
     # What a state holds beside arrays belongs to one trace: a state made without compiling would compile `_step` anew.
     struct = jax.ShapeDtypeStruct(args.residual.shape, jnp.float64)
     return solver.init(_affine, point, args, {}, struct, None, frozenset())
 
 
 @eqx.filter_jit
-def _step(solver: optx.LevenbergMarquardt, point: jax.Array, args: _Affine, state):
+def _step(solver: _Solver, point: jax.Array, args: _Affine, state: Any) -> Any:
     # Compiled once per size of the problem, not once per call of `minimise`.
     return solver.step(_affine, point, args, {}, state, frozenset())
 
@@ -84,7 +88,7 @@ def _step(solver: optx.LevenbergMarquardt, point: jax.Array, args: _Affine, stat
 @one_blas_thread()
 def minimise(
     evaluate: Evaluation,
-    start: np.ndarray,
+    start: UnknownsOfFit,
     *,
     relative_tolerance: float = 1e-9,
     step_tolerance: float = 1e-9,
@@ -108,36 +112,40 @@ def minimise(
     Raises
     ------
     SysidError
-        If 64-bit floats are off, or the residuals at the start are not finite.
+        If 64-bit floats are off.
+    DataRejectedError
+        If the residuals at the start are not finite.
     """
     require_64_bit()
     start = np.asarray(start, float)
     here = residual, jacobian = evaluate(start)
     if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
-        raise SysidError("The simulation is not finite at the start values; check masses, stiffnesses and time steps.")
+        raise DataRejectedError(
+            "The simulation is not finite at the start values; check masses, tire stiffnesses, units and priors."
+        )
     # Scaling by the columns of the first Jacobian makes the damping act alike on all unknowns.
     norms = np.linalg.norm(jacobian, axis=0)
     by_columns = 1.0 / np.where(norms > 0.0, norms, 1.0)
     report = on_iteration or (lambda iteration, cost: None)
     tolerances = relative_tolerance, step_tolerance
-    found = _search(evaluate, start, here, by_columns, tolerances, max_iterations, report)
-    done = found.iterations
-    if found.converged or done >= max_iterations:
-        return found
+    first = _search(evaluate, start, here, by_columns, tolerances, max_iterations, report)
+    done = first.iterations
+    if first.converged or done >= max_iterations:
+        return first
     # An unknown that matters only away from the start was hardly damped: once more, with steps in shares of the start.
     by_start = np.where(start != 0.0, np.abs(start), 1.0)
     again = _search(
         evaluate, start, here, by_start, tolerances, max_iterations - done, lambda i, cost: report(done + i, cost)
     )
-    better = again if again.converged or again.cost < found.cost else found
+    better = again if again.converged or again.cost < first.cost else first
     return replace(better, iterations=done + again.iterations)
 
 
 def _search(
     evaluate: Evaluation,
-    start: np.ndarray,
+    start: UnknownsOfFit,
     at_start: tuple[np.ndarray, np.ndarray],
-    scale: np.ndarray,
+    scale: UnknownsOfFit,
     tolerances: tuple[float, float],
     max_iterations: int,
     on_iteration: Callable[[int, float], None],
@@ -148,7 +156,7 @@ def _search(
     """
     relative_tolerance, step_tolerance = tolerances
     residual, jacobian = at_start
-    solver: optx.LevenbergMarquardt = optx.LevenbergMarquardt(rtol=relative_tolerance, atol=relative_tolerance)
+    solver: _Solver = optx.LevenbergMarquardt(rtol=relative_tolerance, atol=relative_tolerance)
     solver = eqx.tree_at(lambda s: s.search, solver, optx.ClassicalTrustRegion(high_cutoff=_GOOD_STEP))
     point = jnp.asarray(start / scale)
     args = _Affine(point, jnp.asarray(residual), jnp.asarray(jacobian * scale))

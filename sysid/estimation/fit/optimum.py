@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.arrays import RunsByChannels, UnknownsOfFit
 from sysid.estimation.fit.minimiser import Minimum
 from sysid.estimation.residuals.problem import Problem
 
@@ -19,10 +20,10 @@ class Optimum:
     """
 
     problem: Problem
-    vector: np.ndarray
-    first: np.ndarray
+    vector: UnknownsOfFit
+    first: UnknownsOfFit
     minimum: Minimum
-    instrument: tuple[np.ndarray, ...]
+    instrument: tuple[RunsByChannels, ...]
 
     @property
     def misfit(self) -> float:

@@ -18,10 +18,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from sysid.arrays import UnknownsOfFit
 from sysid.display import Z90
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.minimiser import Evaluation, minimise
 from sysid.estimation.fit.state import FitState
+from sysid.progress import Progress, unwatched
 from sysid.tabular import Tabular
 
 if TYPE_CHECKING:
@@ -31,8 +33,6 @@ if TYPE_CHECKING:
 STEPS = (-3.0, -2.25, -1.5, -0.75, 0.75, 1.5, 2.25, 3.0)
 #: 90 % quantile of chi-square with one degree of freedom.
 LIMIT = Z90**2
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class ProfileLikelihood(Tabular):
 
 def profile_deviance(
     evaluate: Evaluation,
-    optimum: np.ndarray,
+    optimum: UnknownsOfFit,
     index: int,
     values: np.ndarray,
     *,
@@ -101,10 +101,10 @@ def profile_deviance(
                 residual, jacobian = evaluate(whole)
                 return residual, jacobian[:, free]
 
-            found = minimise(fixed, start[free], relative_tolerance=relative_tolerance, max_iterations=max_iterations)
+            minimum = minimise(fixed, start[free], relative_tolerance=relative_tolerance, max_iterations=max_iterations)
             at = start.copy()
-            at[free] = found.point
-            deviance[k], converged[k] = 2.0 * found.cost - lowest, found.converged
+            at[free] = minimum.point
+            deviance[k], converged[k] = 2.0 * minimum.cost - lowest, minimum.converged
             done += 1
             on_value(done)
     return deviance, converged
@@ -149,7 +149,7 @@ def profile_parameter(
     fit: FitResult,
     name: str,
     steps: tuple[float, ...] = STEPS,
-    progress: Progress = lambda message, fraction: None,
+    progress: Progress = unwatched,
 ) -> ProfileLikelihood:
     """Profile of one global parameter of a fit.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
+from sysid.arrays import Channels, Parameters, RunsByChannels
 from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.run_data import RunGroup
@@ -26,7 +27,7 @@ GAIN_RANGE = (0.4, 2.5)
 
 
 def search_motion(
-    model: BumpModel, campaign: Campaign, log_parameters: np.ndarray, noise_sd: tuple[np.ndarray, ...]
+    model: BumpModel, campaign: Campaign, log_parameters: Parameters, noise_sd: tuple[RunsByChannels, ...]
 ) -> RunMotion:
     """Speed and start of every run that make simulated histories fit best at the given parameters.
 
@@ -60,7 +61,7 @@ def search_motion(
 
 
 def best_shift(
-    group: RunGroup, r: int, simulated: np.ndarray, noise: np.ndarray, reach: tuple[float, float] | None = None
+    group: RunGroup, r: int, simulated: np.ndarray, noise: Channels, reach: tuple[float, float] | None = None
 ) -> tuple[float, float]:
     """Smallest misfit over all time shifts of the simulation (T, C), and that shift in samples; `reach` bounds it."""
     mask = group.measured[:, r].astype(float)

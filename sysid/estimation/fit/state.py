@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.campaign.records import Campaign
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
@@ -37,12 +38,12 @@ class FitPoint:
     contact: ContactLaw
     tires: MapTires | None
     target_step_s: float
-    log_parameters: np.ndarray
+    log_parameters: Parameters
     motion: RunMotion
     weights: Weights
-    adjustment: np.ndarray
+    adjustment: ParametersByParameters
     mass_response: MassResponse | None = None
-    map_following: np.ndarray | None = None
+    map_following: ParametersByParameters | None = None
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ def model_of(campaign: Campaign, profiles: Mapping[str, RoadProfile], point: Fit
 
 
 def state_at(
-    campaign: Campaign, model: BumpModel, log_parameters: np.ndarray, motion: RunMotion, weights: Weights
+    campaign: Campaign, model: BumpModel, log_parameters: Parameters, motion: RunMotion, weights: Weights
 ) -> FitState:
     """A fit that ended at log parameters (p,) and run motions with exact masses and independent noise."""
     point = FitPoint(

@@ -18,32 +18,40 @@ from sysid.estimation.parameters.suspension_elements import ELEMENTS, LINEAR, la
 from sysid.sdof.drop_results import DropEstimate, DropSummary
 
 #: Generic lognormal priors (median, log sd) where neither a drop nor the user says more; per axle, both sides.
+#: Assumptions: general knowledge of heavy vehicles, wide enough for steer and trailer axles, empty and laden.
 GENERIC_STIFFNESS = {"leaf": (1.0e6, 0.8), "air": (3.5e5, 0.7), "other": (7.0e5, 0.9)}
 GENERIC_DAMPING = (1.2e4, 0.8)
 #: Spread of the log of k and c around a drop estimate: axle coupling and the tire in series bias drops this much.
+#: The tire alone leaves 1/(1 + k/kt) of k and its square of c: 0.6 to 0.8 and 0.4 to 0.6 at usual ratios k/kt.
 DROP_STIFFNESS_SD = 0.4
 DROP_DAMPING_SD = 0.7
 #: Spread of data-book tire values, and the exponent of the tire's load-deflection law (1 linear, 1.5 radial springs).
+#: Assumptions: data books state neither their spread nor, mostly, the load that a stiffness belongs to.
 TIRE_STIFFNESS_SD = 0.10
 TIRE_DAMPING_SD = 0.5
 TIRE_EXPONENT = (1.2, 0.08)
-#: An air spring's stiffness follows its load with an exponent of about 1/2 to 1; the link leaves room for either.
-AIR_LOAD_EXPONENT = 0.5
-AIR_LINK_SD = 0.5
+#: Exponent with which an air spring's stiffness follows the load it carries, and its standard deviation: 0.6 to 1 is
+#: the 80 % range (levelling valves keep the height, so the pressure rises with the load while the volume stays).
+AIR_LOAD_EXPONENT = (0.8, 0.16)
+#: Smallest standard deviation of such a link, for load cases of nearly the same load.
+AIR_LINK_LEAST_SD = 0.05
 
-#: Young's modulus of spring steel [Pa], and the spread of the leaf formula about real packs: clamped length,
-#: full-length leaves and shackles.
+#: Young's modulus of spring steel [Pa] (material data), and the spread of the leaf formula about real packs, an
+#: assumption: clamped length, full-length leaves and shackles.
 SPRING_STEEL_PA = 2.06e11
 LEAF_FORMULA_SD = 0.3
 
 METHOD_PREFERENCE = ("model", "free_decay", "corrected", "paper")
-#: The full model leaves friction and tire law to doubt, but not the coupling of the axles.
+#: The full model leaves friction and tire law to doubt, but not the coupling of the axles: half of the spread above,
+#: an assumption.
 MODEL_STIFFNESS_SD = 0.2
 MODEL_DAMPING_SD = 0.4
 
 
 def declared_laws(campaign: Campaign) -> tuple[frozenset[str], ...]:
     """Elements of every axle's suspension law as the campaign file declares them; no law is a linear one.
+
+    An axle with a declared travel has bump stops, whatever its law says.
 
     Raises
     ------
@@ -53,12 +61,13 @@ def declared_laws(campaign: Campaign) -> tuple[frozenset[str], ...]:
     laws = []
     for axle in campaign.vehicle.axles:
         try:
-            laws.append(law_elements(axle.suspension_law))
+            law = law_elements(axle.suspension_law)
         except ValueError as error:
             raise CampaignError(
                 f"{campaign.file.name}: axle '{axle.name}' asks for suspension_law = '{axle.suspension_law}'; "
                 f"'{error}' is unknown, give '{LINEAR}' or elements joined by '+': {', '.join(ELEMENTS)}."
             ) from error
+        laws.append(law | {"bump_stops"} if axle.has_stops else law)
     return tuple(laws)
 
 
@@ -92,6 +101,8 @@ def campaign_parameters(
             growth = {case: _air_growth(campaign, i, first, case) for case in used_cases}
             base = used_cases[0]
             for case in used_cases:
+                rise = growth[case] - growth[base]
+                sd = max(AIR_LOAD_EXPONENT[1] * abs(rise) / AIR_LOAD_EXPONENT[0], AIR_LINK_LEAST_SD)
                 factor = float(np.exp(growth[case]))
                 name = f"k_{i + 1}[{case}]"
                 parameters.append(
@@ -101,11 +112,11 @@ def campaign_parameters(
                         load_case=case,
                         start=stiffness.start * factor,
                         prior_median=stiffness.prior_median * factor,
-                        prior_sd=stiffness.prior_sd if case == base else np.hypot(stiffness.prior_sd, AIR_LINK_SD),
+                        prior_sd=stiffness.prior_sd if case == base else float(np.hypot(stiffness.prior_sd, sd)),
                     )
                 )
                 if case != base:
-                    links.append(PriorLink(f"k_{i + 1}[{base}]", name, growth[case] - growth[base], AIR_LINK_SD))
+                    links.append(PriorLink(f"k_{i + 1}[{base}]", name, rise, sd))
         else:
             parameters.append(stiffness)
     for i in suspended:
@@ -124,7 +135,7 @@ def campaign_parameters(
 
 def _element_parameters(campaign: Campaign, laws: Sequence[frozenset[str]]) -> list[Parameter]:
     """Parameters of all other elements than spring and damper; a shared one has its prior from its first axle."""
-    found: dict[str, Parameter] = {}
+    by_name: dict[str, Parameter] = {}
     vehicle, loads = campaign.vehicle, next(iter(campaign.load_cases.values())).axle_loads_kg
     for i in sorted(set(vehicle.suspension_axle)):
         axle = vehicle.axles[i]
@@ -134,8 +145,8 @@ def _element_parameters(campaign: Campaign, laws: Sequence[frozenset[str]]) -> l
             median = q.median(axle, carried)
             axle_index = None if q.shared else i
             law = law_name(laws[i])
-            found.setdefault(name, Parameter(name, q.quantity, q.unit, median, median, q.sd, axle_index, law=law))
-    return list(found.values())
+            by_name.setdefault(name, Parameter(name, q.quantity, q.unit, median, median, q.sd, axle_index, law=law))
+    return list(by_name.values())
 
 
 def leaf_pack_stiffness(leaf: LeafDimensions) -> float:
@@ -153,7 +164,7 @@ def _air_growth(campaign: Campaign, axle: int, first: str, case: str) -> float:
     on = _carried_by(campaign.vehicle, axle)
     unsprung = sum(campaign.vehicle.unsprung_mass_kg[j] for j in on)
     carried = [sum(campaign.load_cases[name].axle_loads_kg[j] for j in on) - unsprung for name in (case, first)]
-    return AIR_LOAD_EXPONENT * float(np.log(carried[0] / carried[1]))
+    return AIR_LOAD_EXPONENT[0] * float(np.log(carried[0] / carried[1]))
 
 
 def _override(axle: Axle, quantity: str, median: float, sd: float) -> tuple[float, float]:
@@ -181,10 +192,10 @@ def _suspension_parameter(
     else:
         symbol, unit, spread = "c", "N s/m", DROP_DAMPING_SD
         generic = GENERIC_DAMPING
-    every = best_drop_estimates(drops, load_case)
-    by_model = i in every and every[i].method == "model"
+    by_axle = best_drop_estimates(drops, load_case)
+    by_model = i in by_axle and by_axle[i].method == "model"
     values = [
-        getattr(every[j], quantity) / (len(on) if by_model else 1) for j in ([i] if by_model else on) if j in every
+        getattr(by_axle[j], quantity) / (len(on) if by_model else 1) for j in ([i] if by_model else on) if j in by_axle
     ]
     if not values:
         median, sd = generic

@@ -9,7 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import Axles, RunsByAxles
 from sysid.campaign.records import Vehicle
+from sysid.campaign.statics import carried_by_suspensions
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.parameters.suspension_curves import (
     SuspensionCurves,
@@ -21,6 +23,7 @@ from sysid.estimation.parameters.suspension_curves import (
 )
 from sysid.estimation.parameters.suspension_elements import coefficients, law_elements, quantities
 from sysid.vehicle_model.contact import TireLaw, tire_law
+from sysid.vehicle_model.lane_arrays import AxleLanes, ParametersBySets
 from sysid.vehicle_model.lanes import Lanes
 from sysid.vehicle_model.suspension import SuspensionLaw
 
@@ -31,8 +34,8 @@ class ElementIndex(NamedTuple):
     Axles without the element have position -1 and take the neutral value.
     """
 
-    position: np.ndarray
-    neutral: np.ndarray
+    position: Axles
+    neutral: Axles
 
 
 class LawInputs(NamedTuple):
@@ -40,19 +43,21 @@ class LawInputs(NamedTuple):
 
     `stiffness` (R, na); `damping`, `tire_stiffness`, `tire_damping` (na,); `exponent` (); `elements` by quantity;
     `curves` declared by the campaign file; `static_load`, `reference_load`, `carried_load` (R, na, 1) [N]: road load in
-    its lane and in the first load case, load on the suspension; `tire_factor` (R, na, 1) on a lane's tire stiffness.
+    its lane and in the first load case, load on the suspension; `load_growth` (R, na, 1) the latter over that in the
+    first load case; `tire_factor` (R, na, 1) on a lane's tire stiffness.
     """
 
-    stiffness: np.ndarray
-    damping: np.ndarray
-    tire_stiffness: np.ndarray
-    tire_damping: np.ndarray
+    stiffness: RunsByAxles
+    damping: Axles
+    tire_stiffness: Axles
+    tire_damping: Axles
     exponent: np.ndarray
     elements: Mapping[str, ElementIndex]
     curves: SuspensionCurves
     static_load: np.ndarray
     reference_load: np.ndarray
     carried_load: np.ndarray
+    load_growth: np.ndarray
     tire_factor: np.ndarray
 
 
@@ -78,9 +83,9 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_ca
         position = [parameters.index(quantity, None if shared else i) if having[i] else -1 for i in axles]
         elements[quantity] = ElementIndex(np.array(position), np.full(len(position), neutral))
     carried = lanes.matrices.carried_load
-    # A group's suspension carries what its axles carry together.
-    together = np.equal.outer(vehicle.suspension_axle, vehicle.suspension_axle).astype(float)
-    reference = carried[..., 0] + (lanes.reference_load - lanes.matrices.static_load)[..., 0] @ together
+    reference = carried[..., 0] + (lanes.reference_load - lanes.matrices.static_load)[..., 0] @ carried_by_suspensions(
+        vehicle
+    )
     return LawInputs(
         stiffness,
         per_axle("damping"),
@@ -92,11 +97,12 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_ca
         lanes.matrices.static_load,
         lanes.reference_load,
         carried,
+        carried / reference[..., None],
         np.ones_like(carried),
     )
 
 
-def lane_laws(inputs: LawInputs, log_parameters: jax.Array) -> tuple[SuspensionLaw, TireLaw]:
+def lane_laws(inputs: LawInputs, log_parameters: ParametersBySets) -> tuple[SuspensionLaw, TireLaw]:
     """Suspension and tire laws of every lane from the log parameters (p, S)."""
     values = jnp.exp(log_parameters)
     tire = tire_law(
@@ -111,7 +117,7 @@ def lane_laws(inputs: LawInputs, log_parameters: jax.Array) -> tuple[SuspensionL
     return _suspension(inputs, values, stiffness, damping), tire
 
 
-def _suspension(inputs: LawInputs, values: jax.Array, stiffness: jax.Array, damping: jax.Array) -> SuspensionLaw:
+def _suspension(inputs: LawInputs, values: jax.Array, stiffness: AxleLanes, damping: AxleLanes) -> SuspensionLaw:
     def element(quantity: str) -> jax.Array | None:
         if quantity not in inputs.elements:
             return None
@@ -119,11 +125,12 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: jax.Array, damp
         own = jnp.where(position[:, None] >= 0, values[position], neutral[:, None])
         return jnp.broadcast_to(own, stiffness.shape)
 
-    found: dict[str, jax.Array] = {}
+    given: dict[str, jax.Array] = {}
     for q in coefficients():
         own = element(q.quantity)
         if q.field is not None and own is not None:
-            found[q.field] = own if q.coefficient is None else q.coefficient(own, stiffness, inputs.carried_load)
+            loads = (inputs.carried_load, inputs.load_growth)
+            given[q.field] = own if q.coefficient is None else q.coefficient(own, stiffness, *loads)
     curves, ramps, base, stop = inputs.curves, [], stiffness, element("stop_stiffness")
     if curves.spring is not None:
         ramps.append(table_ramps(curves.spring, stiffness))
@@ -138,5 +145,5 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: jax.Array, damp
         damping if damper is None else damping * damper.share,
         ramps=joined(ramps),
         rate_ramps=None if damper is None else table_ramps(damper, damping),
-        **found,
+        **given,
     )

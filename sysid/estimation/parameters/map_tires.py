@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sysid.arrays import Parameters
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.vehicle_model.lanes import MapTires
 
@@ -11,7 +12,7 @@ from sysid.vehicle_model.lanes import MapTires
 SPOKE_EXPONENTS = (0.3, 1.5)
 
 
-def map_tires(parameters: ParameterSet, log_parameters: np.ndarray) -> MapTires:
+def map_tires(parameters: ParameterSet, log_parameters: Parameters) -> MapTires:
     """Tires of the footprint maps that go with parameters.
 
     p = n - 1/2: on a flat road the force of radial springs that follow compression^p grows very nearly with

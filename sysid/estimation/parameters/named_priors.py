@@ -24,22 +24,22 @@ def with_named_priors(
     if not priors:
         return tuple(parameters), tuple(links)
     kept = tuple(link for link in links if link.second not in priors)
-    found: dict[str, Parameter] = {}
+    by_name: dict[str, Parameter] = {}
     for p in parameters:
         prior = priors.get(p.name)
-        found[p.name] = (
+        by_name[p.name] = (
             p if prior is None else replace(p, start=prior.median, prior_median=prior.median, prior_sd=prior.log_sd)
         )
     for link in kept:
         if link.first in priors:
-            first, factor = found[link.first], float(np.exp(link.mean))
-            found[link.second] = replace(
-                found[link.second],
+            first, factor = by_name[link.first], float(np.exp(link.mean))
+            by_name[link.second] = replace(
+                by_name[link.second],
                 start=first.start * factor,
                 prior_median=first.prior_median * factor,
                 prior_sd=float(np.hypot(first.prior_sd, link.sd)),
             )
-    return tuple(found.values()), kept
+    return tuple(by_name.values()), kept
 
 
 def check_named_priors(campaign: Campaign, parameters: Iterable[Parameter]) -> None:

@@ -9,13 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import RunsByAxles
 from sysid.campaign.records import Axle, ForceTable
+from sysid.vehicle_model.lane_arrays import AxleLanes
 from sysid.vehicle_model.suspension import REFERENCE_RATE_M_S, Ramps
 
+#: Compression [m] at which a rubber stop is three times as stiff as where it begins to act: an assumption.
+STOP_LENGTH_M = 0.015
+#: Compressions [m] at which the straight pieces of a stop meet its curve.
+STOP_KNOTS_M = (0.0, 0.006, 0.014)
 #: Place of a corner that is never reached, for axles with fewer corners than others.
 _NEVER = 1e3
 
@@ -47,7 +52,7 @@ class SuspensionCurves(NamedTuple):
 
 
 def suspension_curves(
-    axles: Sequence[Axle], laws: Sequence[frozenset[str]], carried_N: np.ndarray, reference_N: np.ndarray
+    axles: Sequence[Axle], laws: Sequence[frozenset[str]], carried_N: RunsByAxles, reference_N: RunsByAxles
 ) -> SuspensionCurves:
     """Curves that the laws of the axles ask for.
 
@@ -107,7 +112,7 @@ def _corners(tables: list[ForceTable | None], rest: np.ndarray, secant_at: float
     return TableCorners(share[..., None], at[..., None], np.where(at > 0.0, 1.0, -1.0)[..., None], change[..., None])
 
 
-def table_ramps(corners: TableCorners, slope: jax.Array) -> Ramps:
+def table_ramps(corners: TableCorners, slope: AxleLanes) -> Ramps:
     """Ramps of a table for stiffness or damping `slope` (R, na, S); its slope at rest is `corners.share * slope`."""
     shape = (*corners.at.shape[:-1], slope.shape[-1])
     return Ramps(
@@ -117,14 +122,35 @@ def table_ramps(corners: TableCorners, slope: jax.Array) -> Ramps:
     )
 
 
-def stop_ramps(stops: np.ndarray, stiffness: jax.Array) -> Ramps:
-    """Ramps of the bump stops with their stiffness (R, na, S) [N/m]."""
+def stop_ramps(stops: np.ndarray, stiffness: AxleLanes) -> Ramps:
+    """Ramps of rubber stops, F = k d (1 + d / l) at a travel d beyond the free one, as straight pieces.
+
+    The pieces meet the curve at :data:`STOP_KNOTS_M`; beyond the last of them the force goes on as steeply as the curve
+    does there.
+
+    Parameters
+    ----------
+    stops : (2, R, na, 1) extension at the rebound and at the jounce stop [m].
+    stiffness : (R, na, S) k, where the stops begin to act [N/m].
+    """
+    knots = np.array(STOP_KNOTS_M)
+    curve = knots * (1.0 + knots / STOP_LENGTH_M)
+    slopes = np.append(np.diff(curve) / np.diff(knots), 1.0 + 2.0 * knots[-1] / STOP_LENGTH_M)
+    side = np.array([1.0, -1.0])[:, None, None, None]
     shape = (*stops.shape[:-1], stiffness.shape[-1])
-    side = jnp.broadcast_to(np.array([1.0, -1.0])[:, None, None, None], shape)
-    return Ramps(jnp.broadcast_to(stops, shape), jnp.broadcast_to(stiffness, shape), side)
+    return joined_parts(
+        [
+            Ramps(
+                jnp.broadcast_to(stops + side * knot, shape),
+                jnp.broadcast_to(change * stiffness, shape),
+                jnp.broadcast_to(side, shape),
+            )
+            for knot, change in zip(knots, np.diff(slopes, prepend=0.0), strict=True)
+        ]
+    )
 
 
-def lash_ramps(lash: np.ndarray, stiffness: jax.Array, carried: np.ndarray) -> Ramps:
+def lash_ramps(lash: np.ndarray, stiffness: AxleLanes, carried: np.ndarray) -> Ramps:
     """Ramps of the hanger lash: the spring is slack from where it carries nothing until its hanger has moved `lash`.
 
     Parameters
@@ -140,6 +166,9 @@ def lash_ramps(lash: np.ndarray, stiffness: jax.Array, carried: np.ndarray) -> R
 
 def joined(parts: list[Ramps]) -> Ramps | None:
     """All ramps of several parts, None of none."""
-    if not parts:
-        return None
+    return joined_parts(parts) if parts else None
+
+
+def joined_parts(parts: list[Ramps]) -> Ramps:
+    """All ramps of one or more parts."""
     return Ramps(*(jnp.concatenate(arrays) for arrays in zip(*parts, strict=True)))

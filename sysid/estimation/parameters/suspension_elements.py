@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import jax
 
 from sysid.campaign.records import Axle
+from sysid.vehicle_model.lane_arrays import HostOrDevice
 
 LINEAR = "linear"
 
@@ -24,8 +25,9 @@ class ElementQuantity:
     and the static load its suspension carries [N], `sd` is the prior's standard deviation of the logarithm; `neutral`
     is the value that takes the element out of an axle.  `field` is the coefficient of
     :class:`sysid.vehicle_model.suspension.SuspensionLaw` that it gives, None where it enters by corners of a curve
-    (:mod:`sysid.estimation.parameters.suspension_curves`); `coefficient` turns its value, the stiffness [N/m] and the
-    load that the suspension carries [N] into that coefficient, None for the value itself.
+    (:mod:`sysid.estimation.parameters.suspension_curves`); `coefficient` turns its value, the stiffness [N/m], the load
+    that the suspension carries [N] and that load over the one in the first load case into that coefficient, None for
+    the value itself; `decides` whether the element acts only where this value is not the neutral one.
     """
 
     quantity: str
@@ -36,7 +38,8 @@ class ElementQuantity:
     sd: float
     neutral: float
     field: str | None = None
-    coefficient: Callable[[jax.Array, jax.Array, jax.Array], jax.Array] | None = None
+    coefficient: Callable[[jax.Array, jax.Array, HostOrDevice, HostOrDevice], jax.Array] | None = None
+    decides: bool = True
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,13 @@ class Element:
     quantities: tuple[ElementQuantity, ...]
 
 
-#: Share of the carried load at which leaf packs (air-sprung and other axles) rub.
+#: Assumed share of a bellows' pressure stiffness that its progressivity shows: auxiliary volumes and rubber leave less
+#: than the 1 of a closed isothermal volume; the wide prior leaves room for either.
+PROGRESSIVITY = 0.4
+#: Assumed stiffness of a pair of rubber stops where they begin to act [N/m]; they stiffen as they are compressed.
+STOP_STIFFNESS = 2e6
+#: Share of the carried load at which leaf packs (air-sprung and other axles) rub: assumptions inside the 2 to 10 % that
+#: are generally known of leaf packs.
 FRICTION_SHARE = {"leaf": 0.05, "air": 0.02, "other": 0.03}
 
 ELEMENTS = {
@@ -67,8 +76,12 @@ ELEMENTS = {
                     1.0,
                     0.0,
                     "friction",
+                    # Leaves and bushings rub in proportion to what they carry: one number for all load cases.
+                    lambda friction, stiffness, carried, growth: friction * growth,
                 ),
-                ElementQuantity("slip_length", "slip", "m", True, lambda axle, carried: 1e-3, 0.7, 1.0, "slip"),
+                ElementQuantity(
+                    "slip_length", "slip", "m", True, lambda axle, carried: 1e-3, 0.7, 1.0, "slip", decides=False
+                ),
             ),
         ),
         Element(
@@ -76,7 +89,17 @@ ELEMENTS = {
             "damper with different rebound and compression and a knee",
             (
                 ElementQuantity("damper_asymmetry", "q", "1", False, lambda axle, carried: 1.5, 0.7, 1.0, "asymmetry"),
-                ElementQuantity("damper_knee", "knee", "m/s", False, lambda axle, carried: 0.4, 0.6, 1.0, "saturation"),
+                ElementQuantity(
+                    "damper_knee",
+                    "knee",
+                    "m/s",
+                    False,
+                    lambda axle, carried: 0.4,
+                    0.6,
+                    1.0,
+                    "saturation",
+                    decides=False,
+                ),
                 # Axles without the element have a tail of one, which makes the damper linear.
                 ElementQuantity("damper_tail", "tail", "1", True, lambda axle, carried: 0.3, 0.7, 1.0, "tail"),
             ),
@@ -90,18 +113,18 @@ ELEMENTS = {
                     "progressivity",
                     "1",
                     True,
-                    lambda axle, carried: 0.8,
-                    0.6,
+                    lambda axle, carried: PROGRESSIVITY,
+                    1.0,
                     0.0,
                     "softening",
-                    lambda progressivity, stiffness, carried: progressivity * stiffness / carried,
+                    lambda progressivity, stiffness, carried, growth: progressivity * stiffness / carried,
                 ),
             ),
         ),
         Element(
             "bump_stops",
-            "stops at the declared jounce and rebound travel",
-            (ElementQuantity("stop_stiffness", "stop", "N/m", True, lambda axle, carried: 3e6, 0.7, 0.0),),
+            "stops at the end of the declared jounce and rebound travel, on every axle that declares one",
+            (ElementQuantity("stop_stiffness", "stop", "N/m", False, lambda axle, carried: STOP_STIFFNESS, 0.7, 0.0),),
         ),
         Element("hanger_lash", "free travel between leaf pack and hanger, as declared", ()),
         Element("spring_table", "force-extension table, scaled by the stiffness", ()),

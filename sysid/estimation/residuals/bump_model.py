@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
+from sysid.arrays import Channels, SamplesByRunsByChannels
 from sysid.campaign.records import AntiAliasFilter, Campaign, LoadCase, Vehicle
 from sysid.estimation.parameters.lane_laws import LawInputs, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
@@ -19,12 +19,13 @@ from sysid.runtime import require_64_bit
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.filters import FilterRecursion, discretise
+from sysid.vehicle_model.lane_arrays import HostOrDevice
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, MapTires, Pass, make_lanes, pass_matrices
 from sysid.vehicle_model.readings import Readings
 from sysid.vehicle_model.simulation import SensorLayout
 
-#: Standard deviation of a sensor's gain about its calibration.
+#: Standard deviation of a sensor's gain about its calibration: assumptions, no data sheet stands behind them.
 GAIN_SD = {"suspension_deflection": 0.005, "axle_acceleration": 0.01, "body_acceleration": 0.01}
 #: Largest integration step; what halving it changes is checked at the optimum.
 TARGET_STEP_S = 0.00125
@@ -39,12 +40,12 @@ class GroupArrays(NamedTuple):
     matrices: LaneMatrices
     laws: LawInputs
     axle_x: np.ndarray
-    value: np.ndarray
-    measured: np.ndarray
-    censored: np.ndarray
-    gain_sd: np.ndarray
+    value: SamplesByRunsByChannels
+    measured: SamplesByRunsByChannels
+    censored: SamplesByRunsByChannels
+    gain_sd: Channels
 
-    def readings(self, noise_sd: jax.Array, tempering: jax.Array) -> Readings:
+    def readings(self, noise_sd: HostOrDevice, tempering: HostOrDevice) -> Readings:
         """Data of the runs with residual scale [SI] and tempering (R, C)."""
         return Readings(self.value, self.measured, self.censored, noise_sd, tempering, self.gain_sd)
 

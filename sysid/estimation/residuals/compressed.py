@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sysid.arrays import Parameters, Residuals, ResidualsByUnknowns
 from sysid.estimation.residuals.bump_model import BumpModel
-from sysid.estimation.residuals.linearisation import Linearisation
 from sysid.estimation.residuals.run_motion import RunMotion, SpeedPrior
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 
 class Compressed(NamedTuple):
@@ -20,8 +21,8 @@ class Compressed(NamedTuple):
     speed and start of the first run of the first group, and so on.
     """
 
-    residual: np.ndarray
-    jacobian: np.ndarray
+    residual: Residuals
+    jacobian: ResidualsByUnknowns
 
 
 def run_order(model: BumpModel) -> list[int]:
@@ -46,9 +47,11 @@ def square_factor(block: np.ndarray) -> np.ndarray:
 
     From the eigenvalues of the normal matrix with columns scaled to unit length: for thousands of rows and tens of
     columns a small part of the time of an orthogonal factorisation, and exact enough for scaled condition numbers far
-    below 1e8.
+    below 1e8.  Of a block that is not finite it is NaN: a trial of a search, which is rejected for that.
     """
     normal = block.T @ block
+    if not np.isfinite(normal).all():
+        return np.full_like(normal, np.nan)
     length = np.sqrt(np.diag(normal))
     scale = np.where(length > 0.0, length, 1.0)
     values, vectors = np.linalg.eigh(normal / scale[:, None] / scale)
@@ -58,7 +61,7 @@ def square_factor(block: np.ndarray) -> np.ndarray:
 def compress(
     model: BumpModel,
     linearisations: Sequence[Linearisation],
-    log_parameters: np.ndarray,
+    log_parameters: Parameters,
     motion: RunMotion,
     nominal: SpeedPrior,
 ) -> Compressed:

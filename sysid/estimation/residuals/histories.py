@@ -7,6 +7,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import Parameters, RunsByChannels, SamplesByRunsByChannels
 from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays
 from sysid.estimation.residuals.residual_weights import Weights
@@ -19,13 +20,13 @@ from sysid.estimation.residuals.signals import simulate_runs
 class ShownSignals(NamedTuple):
     """Simulated signals (T, R, C) of a group with the sensors' `offset` and `gain` (R, C) applied, SI."""
 
-    signals: np.ndarray
-    offset: np.ndarray
-    gain: np.ndarray
+    signals: SamplesByRunsByChannels
+    offset: RunsByChannels
+    gain: RunsByChannels
 
 
 def shown_signals(
-    model: BumpModel, weights: Weights, motion: RunMotion, log_parameters: np.ndarray
+    model: BumpModel, weights: Weights, motion: RunMotion, log_parameters: Parameters
 ) -> tuple[ShownSignals, ...]:
     """What the sensors of every group show of a simulation at log parameters (p,) and the runs' own motions.
 
@@ -53,8 +54,8 @@ def run_histories(
     model: BumpModel,
     weights: Weights,
     motion: RunMotion,
-    log_parameters: np.ndarray,
-    instrument: tuple[np.ndarray, ...],
+    log_parameters: Parameters,
+    instrument: tuple[RunsByChannels, ...],
 ) -> tuple[RunHistory, ...]:
     """Histories of all runs in the order of the campaign, with eliminated sensor offset and gain applied.
 
@@ -63,7 +64,7 @@ def run_histories(
     model, weights, motion, log_parameters : of the fit.
     instrument : (R, C) instrument noise per group [SI].
     """
-    found = {}
+    by_run = {}
     signals = shown_signals(model, weights, motion, log_parameters)
     for position, group in enumerate(model.groups):
         noise = weights.noise_sd[position]
@@ -72,7 +73,7 @@ def run_histories(
             record = campaign.bump_runs[run]
             length = min(group.samples, round(record.log.duration_s / group.interval_s) + 1)
             present = group.measured[:length, r] | (group.censored[:length, r] != 0)
-            found[run] = RunHistory(
+            by_run[run] = RunHistory(
                 file=record.log.file,
                 case=record.case,
                 load_case=record.load_case,
@@ -92,4 +93,4 @@ def run_histories(
                 offset=offset[r],
                 gain=gain[r],
             )
-    return tuple(found[i] for i in sorted(found))
+    return tuple(by_run[i] for i in sorted(by_run))

@@ -10,8 +10,8 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
+from sysid.arrays import Parameters
 from sysid.estimation.parameters.lane_laws import lane_laws
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays, GroupShape
 from sysid.estimation.residuals.residual_weights import Weights
@@ -21,13 +21,14 @@ from sysid.threads import side_by_side
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import WheelRoad
 from sysid.vehicle_model.engines.protocol import Linearisation, Unknowns
+from sysid.vehicle_model.lane_arrays import HostOrDevice
 
 
 def linearise_group(
     arrays: GroupArrays,
     road: EffectiveRoad,
-    noise_sd: jax.Array,
-    tempering: jax.Array,
+    noise_sd: HostOrDevice,
+    tempering: HostOrDevice,
     log_parameters: jax.Array,
     speed: jax.Array,
     start: jax.Array,
@@ -39,15 +40,16 @@ def linearise_group(
     The last two columns belong to each run's own speed and start in scaled units.
     """
     inputs = wheel_road(arrays, road, speed[:, None], start[:, None], shape)
-    return _linearise(arrays, inputs, noise_sd, tempering, log_parameters, speed, shape=shape)
+    linearised: Linearisation = _linearise(arrays, inputs, noise_sd, tempering, log_parameters, speed, shape=shape)
+    return linearised
 
 
 @partial(jax.jit, static_argnames=("shape",))
 def _linearise(
     arrays: GroupArrays,
     road: WheelRoad,
-    noise_sd: jax.Array,
-    tempering: jax.Array,
+    noise_sd: HostOrDevice,
+    tempering: HostOrDevice,
     log_parameters: jax.Array,
     speed: jax.Array,
     *,
@@ -76,17 +78,17 @@ def _linearise(
 
 
 def linearise(
-    model: BumpModel, weights: Weights, log_parameters: np.ndarray, motion: RunMotion
+    model: BumpModel, weights: Weights, log_parameters: Parameters, motion: RunMotion
 ) -> tuple[Linearisation, ...]:
     """Linearisation of every group at global log parameters (p,) and run motions."""
 
-    every = weights.on(model.arrays)
+    weighted = weights.on(model.arrays)
 
     def one(position: int) -> Linearisation:
         runs = list(model.groups[position].runs)
-        return jax.block_until_ready(
+        linearised: Linearisation = jax.block_until_ready(
             linearise_group(
-                every[position],
+                weighted[position],
                 model.roads[position],
                 weights.noise_sd[position],
                 weights.tempering[position],
@@ -96,6 +98,7 @@ def linearise(
                 shape=model.shapes[position],
             )
         )
+        return linearised
 
     # A compiled loop keeps one core busy; threads let the groups share the cores.
     return side_by_side(one, range(len(model.groups)))

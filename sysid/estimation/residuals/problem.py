@@ -6,12 +6,14 @@ from copy import copy
 
 import numpy as np
 
+from sysid.arrays import UnknownsOfFit
 from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.compressed import Compressed, compress, run_order
-from sysid.estimation.residuals.linearisation import Linearisation, linearise
+from sysid.estimation.residuals.linearisation import linearise
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, RunMotion, speed_prior
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 
 class Problem:
@@ -25,7 +27,7 @@ class Problem:
         # Checks, covariance and the next round ask for the same point again.
         self._latest: tuple[bytes, Weights, tuple[Linearisation, ...]] | None = None
 
-    def unpack(self, vector: np.ndarray) -> tuple[np.ndarray, RunMotion]:
+    def unpack(self, vector: UnknownsOfFit) -> tuple[np.ndarray, RunMotion]:
         """Log parameters and run motions of a vector."""
         local = vector[self.count :].reshape(-1, 2)
         speed, start = self.reference.speed_m_s.copy(), self.reference.start_s.copy()
@@ -41,7 +43,7 @@ class Problem:
         other._latest = None
         return other
 
-    def linearise(self, vector: np.ndarray) -> tuple[Linearisation, ...]:
+    def linearise(self, vector: UnknownsOfFit) -> tuple[Linearisation, ...]:
         """Linearisation of every group at a vector."""
         key = vector.tobytes()
         if self._latest is None or self._latest[0] != key or self._latest[1] is not self.weights:
@@ -49,12 +51,12 @@ class Problem:
             self._latest = (key, self.weights, linearise(self.model, self.weights, parameters, motion))
         return self._latest[2]
 
-    def evaluate(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def evaluate(self, vector: UnknownsOfFit) -> tuple[np.ndarray, np.ndarray]:
         """Compressed residuals (m,) and Jacobian (m, p + 2 runs)."""
         problem = self.compressed(vector)
         return problem.residual, problem.jacobian
 
-    def compressed(self, vector: np.ndarray) -> Compressed:
+    def compressed(self, vector: UnknownsOfFit) -> Compressed:
         """Compressed residuals and Jacobian with respect to the vector."""
         parameters, motion = self.unpack(vector)
         problem = compress(self.model, self.linearise(vector), parameters, motion, self.nominal)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.arrays import RunsByChannels, SamplesByRunsByChannels
 from sysid.estimation.residuals.bump_model import GroupArrays
 
 
@@ -14,9 +15,9 @@ from sysid.estimation.residuals.bump_model import GroupArrays
 class Weights:
     """Residual scale [SI] and tempering factor per group, each (R, C); `reading` weights (T, R, C), None for all 1."""
 
-    noise_sd: tuple[np.ndarray, ...]
-    tempering: tuple[np.ndarray, ...]
-    reading: tuple[np.ndarray, ...] | None = None
+    noise_sd: tuple[RunsByChannels, ...]
+    tempering: tuple[RunsByChannels, ...]
+    reading: tuple[SamplesByRunsByChannels, ...] | None = None
 
     def on(self, arrays: Sequence[GroupArrays]) -> tuple[GroupArrays, ...]:
         """The arrays of all groups with the weights of single readings in them."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from sysid.arrays import SamplesByRunsByChannels
 from sysid.campaign.records import BumpRun, Campaign, Channel, Sensor
 from sysid.errors import DataRejectedError
 
@@ -49,14 +50,14 @@ class RunGroup:
 
     runs: tuple[int, ...]
     interval_s: float
-    value: np.ndarray
-    measured: np.ndarray
-    censored: np.ndarray
+    value: SamplesByRunsByChannels
+    measured: SamplesByRunsByChannels
+    censored: SamplesByRunsByChannels
 
     @property
     def samples(self) -> int:
         """Number of samples T."""
-        return self.value.shape[0]
+        return int(self.value.shape[0])
 
 
 _KIND_ORDER = ("suspension_deflection", "axle_acceleration", "body_acceleration")
@@ -126,12 +127,13 @@ def group_runs(campaign: Campaign, layout: ChannelLayout, *, waste: float = 0.15
     usable.sort(key=lambda i: (runs[i].log.sample_interval_s, -count[i], i))
     members: list[list[int]] = []
     for i in usable:
-        head = members[-1][0] if members else None
-        same = head is not None and np.isclose(runs[head].log.sample_interval_s, runs[i].log.sample_interval_s)
-        if same and count[i] >= (1.0 - waste) * count[head]:
-            members[-1].append(i)
-        else:
-            members.append([i])
+        if members:
+            head = members[-1][0]
+            same = np.isclose(runs[head].log.sample_interval_s, runs[i].log.sample_interval_s)
+            if same and count[i] >= (1.0 - waste) * count[head]:
+                members[-1].append(i)
+                continue
+        members.append([i])
     return tuple(_group(campaign, layout, tuple(m), max(count[i] for i in m)) for m in members)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.arrays import Channels, ChannelsBySamples, Samples
 from sysid.display import Z90
 from sysid.tabular import Tabular
 
@@ -19,10 +20,10 @@ if TYPE_CHECKING:
 class HistoryBand:
     """Pointwise 5 % and 95 % quantiles (channels, n) of what the sensors of a run show over posterior draws, SI."""
 
-    low: np.ndarray
-    high: np.ndarray
+    low: ChannelsBySamples
+    high: ChannelsBySamples
 
-    def with_scatter(self, noise_sd: np.ndarray) -> HistoryBand:
+    def with_scatter(self, noise_sd: Channels) -> HistoryBand:
         """The band that holds 90 % of new readings: with half width h and middle m, m +- sqrt(h^2 + (z s)^2).
 
         Variances add; z = 1.645 and s the residual scale.  Exact where the draws are normal.
@@ -55,14 +56,14 @@ class RunHistory(Tabular):
     kinds: tuple[str, ...]
     si_units: tuple[str, ...]
     axles: tuple[int | None, ...]
-    time_s: np.ndarray
-    measured: np.ndarray
-    simulated: np.ndarray
-    censored: np.ndarray
-    noise_sd: np.ndarray
-    instrument_noise_sd: np.ndarray
-    offset: np.ndarray
-    gain: np.ndarray
+    time_s: Samples
+    measured: ChannelsBySamples
+    simulated: ChannelsBySamples
+    censored: ChannelsBySamples
+    noise_sd: Channels
+    instrument_noise_sd: Channels
+    offset: Channels
+    gain: Channels
     band: HistoryBand | None = None
 
     @property

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.arrays import Runs
 from sysid.campaign.records import BumpRun
 
 #: One unit of the scaled local unknowns: relative speed change, and shift along the road [m].
@@ -18,16 +19,16 @@ SHIFT_UNIT_M = 0.02
 class RunMotion:
     """Speed [m/s] and start [s] of every run, in the order of the campaign's bump runs; NaN for runs left out."""
 
-    speed_m_s: np.ndarray
-    start_s: np.ndarray
+    speed_m_s: Runs
+    start_s: Runs
 
 
 @dataclass(frozen=True)
 class SpeedPrior:
     """Nominal speed [m/s] and relative standard deviation about it, per run in the order of the campaign."""
 
-    speed_m_s: np.ndarray
-    relative_sd: np.ndarray
+    speed_m_s: Runs
+    relative_sd: Runs
 
     def rows(self, motion: RunMotion, runs: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """The prior of some runs' speeds as residuals (R,), and their derivatives (R, 2) by the runs' own unknowns.

@@ -11,15 +11,15 @@ simulation stays inside the range, missing ones not at all.
 
 from __future__ import annotations
 
-import jax
 import jax.numpy as jnp
 
 from sysid.estimation.residuals.bump_model import GroupArrays
 from sysid.vehicle_model import readings
+from sysid.vehicle_model.lane_arrays import ChannelHistories, ChannelLanes, HostOrDevice
 from sysid.vehicle_model.readings import SensorFit
 
 
-def eliminate_sensors(arrays: GroupArrays, noise_sd: jax.Array, simulated: jax.Array) -> SensorFit:
+def eliminate_sensors(arrays: GroupArrays, noise_sd: HostOrDevice, simulated: ChannelHistories) -> SensorFit:
     """Offset and gain of every channel and run, see :func:`sysid.vehicle_model.readings.eliminate_sensors`.
 
     Parameters
@@ -31,8 +31,8 @@ def eliminate_sensors(arrays: GroupArrays, noise_sd: jax.Array, simulated: jax.A
 
 
 def group_residuals(
-    arrays: GroupArrays, noise_sd: jax.Array, tempering: jax.Array, simulated: jax.Array
-) -> tuple[jax.Array, jax.Array]:
+    arrays: GroupArrays, noise_sd: HostOrDevice, tempering: HostOrDevice, simulated: ChannelHistories
+) -> tuple[ChannelHistories, ChannelLanes]:
     """Standardised residuals (T, R, C, S) and the gains' prior residuals (R, C, S).
 
     Parameters

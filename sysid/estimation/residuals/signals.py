@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import Parameters
 from sysid.estimation.parameters.lane_laws import lane_laws
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays, GroupShape
 from sysid.estimation.residuals.run_motion import RunMotion
@@ -16,34 +17,37 @@ from sysid.vehicle_model import engine
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import WheelRoad
 from sysid.vehicle_model.engines.reference import REFERENCE
+from sysid.vehicle_model.lane_arrays import ChannelHistories, HostOrDevice, ParametersBySets
 
 
 def group_road(
-    road: EffectiveRoad, axle_x: jax.Array, speed: jax.Array, start_s: jax.Array, shape: GroupShape
+    road: EffectiveRoad, axle_x: HostOrDevice, speed: HostOrDevice, start_s: HostOrDevice, shape: GroupShape
 ) -> WheelRoad:
     """The road of a group for the reference engine: speeds [m/s] and starts [s] may be (R, S), one for every set."""
     return REFERENCE.prepare(road, axle_x, speed, start_s, shape.timing)
 
 
 def wheel_road(
-    arrays: GroupArrays, road: EffectiveRoad, speed: jax.Array, start_s: jax.Array, shape: GroupShape
+    arrays: GroupArrays, road: EffectiveRoad, speed: HostOrDevice, start_s: HostOrDevice, shape: GroupShape
 ) -> WheelRoad:
     """The road of a group at speeds [m/s] and starts [s] (R, 1), for the engine of this process."""
     return engine.wheel_road(arrays.matrices, road, arrays.axle_x, speed, start_s, shape.timing)
 
 
-def simulate_group(arrays: GroupArrays, shape: GroupShape, log_parameters: jax.Array, road: WheelRoad) -> jax.Array:
+def simulate_group(
+    arrays: GroupArrays, shape: GroupShape, log_parameters: ParametersBySets, road: WheelRoad
+) -> ChannelHistories:
     """Filtered sensor signals (T, R, C, S) of one group for log parameters (p, S)."""
     suspension, tire = lane_laws(arrays.laws, log_parameters)
     return road.engine.sensors(arrays.matrices, suspension, tire, road, shape.timing, shape.sensors, shape.recursion)
 
 
 @partial(jax.jit, static_argnames=("shape",))
-def _group_signals(arrays, road: WheelRoad, log_parameters, *, shape: GroupShape) -> jax.Array:
+def _group_signals(arrays: GroupArrays, road: WheelRoad, log_parameters: jax.Array, *, shape: GroupShape) -> jax.Array:
     return simulate_group(arrays, shape, log_parameters[:, None], road)[..., 0]
 
 
-def simulate_runs(model: BumpModel, log_parameters: np.ndarray, motion: RunMotion) -> tuple[np.ndarray, ...]:
+def simulate_runs(model: BumpModel, log_parameters: Parameters, motion: RunMotion) -> tuple[np.ndarray, ...]:
     """Sensor signals (T, R, C) of every group in SI at log parameters (p,)."""
 
     def one(position: int) -> np.ndarray:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.arrays import Masses
 from sysid.campaign.records import Campaign
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel
@@ -34,7 +35,7 @@ class Allowances:
         masses = len(self.masses.factors)
         return amounts[:masses], amounts[masses:]
 
-    def with_masses(self, model: BumpModel, log_factors: np.ndarray) -> BumpModel:
+    def with_masses(self, model: BumpModel, log_factors: Masses) -> BumpModel:
         """The model with mass properties times exp(`log_factors`), (m,)."""
         return model.with_vehicle(*self.masses.applied(log_factors))
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.arrays import Masses, Parameters, ParametersByParameters
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
@@ -33,7 +34,9 @@ from sysid.estimation.uncertainty.departures import (
 )
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, trial_residuals
 
-#: Scales at which the search begins, and which it does not exceed: what is plausible without any data.
+#: Scales at which the search begins, and which it does not exceed: what is plausible without any data.  Assumptions:
+#: the whole way to another contact law; 0.2 in the footprint's log stiffness and in the spokes' exponent; 10 % of a
+#: tire's stiffness beyond its load law; 3 % of the load as friction (leaf packs have 2 to 10 %, general knowledge).
 PLAUSIBLE = {ENVELOPE: 1.0, FOOTPRINT: 0.2, SPOKES: 0.2, TIRE_LOAD: 0.1, FRICTION: 0.03}
 _ROUNDS = 200
 
@@ -47,7 +50,7 @@ class DepartureScale:
 
 
 def departure_columns(
-    model: BumpModel, known: Departures, weights: Weights, log_parameters: np.ndarray, motion: RunMotion
+    model: BumpModel, known: Departures, weights: Weights, log_parameters: Parameters, motion: RunMotion
 ) -> tuple[ResidualColumns, ...]:
     """Derivatives of every group's residuals (T, R, C, n) and gains (R, C, n) by the amplitudes, at amplitude 0."""
     count = len(known.directions)
@@ -82,7 +85,11 @@ def departure_columns(
 
 
 def departure_scale(
-    information: np.ndarray, score: np.ndarray, prior: np.ndarray, mass_sd: np.ndarray, directions: Sequence[Departure]
+    information: np.ndarray,
+    score: np.ndarray,
+    prior: ParametersByParameters,
+    mass_sd: Masses,
+    directions: Sequence[Departure],
 ) -> DepartureScale:
     """Scales of the kinds by expectation-maximisation.
 

@@ -15,6 +15,8 @@ from functools import cached_property
 
 import numpy as np
 
+from sysid.arrays import RunsByAxles
+from sysid.campaign.statics import carried_by_suspensions
 from sysid.estimation.parameters.lane_laws import ElementIndex, LawInputs
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.road.contact_laws import CONTACT_LAWS
@@ -33,10 +35,15 @@ WORDS = {
 }
 #: Amplitudes at which the directions are taken: large against rounding, small against what bends the simulation.
 STEP = {ENVELOPE: 0.1, FOOTPRINT: 0.02, SPOKES: 0.02, TIRE_LOAD: 0.01, FRICTION: 0.005}
-#: No draw of a vehicle departs further than this.
+#: No draw of a vehicle departs further than this, two to three and a third times the scale that is plausible without
+#: data (:data:`sysid.estimation.uncertainty.departure_scale.PLAUSIBLE`): an assumption, as a
+#: direction holds near the model only.
 REACH = {ENVELOPE: 2.0, FOOTPRINT: 0.5, SPOKES: 0.5, TIRE_LOAD: 0.3, FRICTION: 0.1}
+#: Steps of log stiffness and of the spokes' exponent from which the directions of contact are differences.
 _SOFTER, _STIFFENING = 0.1, 0.1
+#: Slip length of friction that the model has not: as that of the friction law, an assumption.
 _SLIP_M = 1e-3
+#: Padded maps end at multiples of this.
 _WHOLE_M = 0.5
 
 
@@ -75,14 +82,14 @@ class Departures:
 
     def spread(self, kind: str, amplitudes: np.ndarray, load_cases: Sequence[str]) -> np.ndarray:
         """Amplitudes (R, na) of one kind in lanes of the given load cases, from those of all directions (n,)."""
-        found = np.zeros((len(load_cases), len(self.roads.vehicle.axles)))
+        by_lane = np.zeros((len(load_cases), len(self.roads.vehicle.axles)))
         of = [(d, v) for d, v in zip(self.directions, amplitudes, strict=True) if d.kind == kind]
         common = sum(v for d, v in of if d.axle is None)
         for direction, value in of:
             if direction.axle is not None:
                 lanes = [direction.load_case in (None, case) for case in load_cases]
-                found[lanes, direction.axle] = np.clip(common + value, -REACH[kind], REACH[kind])
-        return found
+                by_lane[lanes, direction.axle] = np.clip(common + value, -REACH[kind], REACH[kind])
+        return by_lane
 
     def laws(self, inputs: LawInputs, amplitudes: np.ndarray, load_cases: Sequence[str]) -> LawInputs:
         """Law inputs of lanes moved along the directions of tires and friction."""
@@ -92,9 +99,11 @@ class Departures:
         if not any(d.kind == FRICTION for d in self.directions):
             return moved
         vehicle, first = self.roads.vehicle, next(iter(self.roads.load_cases.values()))
-        # A group's suspension carries what its axles carry together.
-        together = np.equal.outer(vehicle.suspension_axle, vehicle.suspension_axle).astype(float)
-        carried = together @ (np.array(first.axle_loads_kg) - vehicle.unsprung_mass_kg) * vehicle.gravity_m_s2
+        carried = (
+            carried_by_suspensions(vehicle)
+            @ (np.array(first.axle_loads_kg) - vehicle.unsprung_mass_kg)
+            * vehicle.gravity_m_s2
+        )
         elements = dict(inputs.elements)
         none = np.full(carried.size, -1)
         force, slip = (elements.get(name, ElementIndex(none, 0.0 * carried)) for name in ("friction", "slip_length"))
@@ -146,7 +155,7 @@ class BlendedRoad:
     footprint: EffectiveRoad
     spokes: EffectiveRoad
 
-    def moved(self, envelope: np.ndarray, footprint: np.ndarray, spokes: np.ndarray) -> EffectiveRoad:
+    def moved(self, envelope: RunsByAxles, footprint: RunsByAxles, spokes: RunsByAxles) -> EffectiveRoad:
         """The road with amplitudes (R, na); splines are linear in their values, so coefficients add up."""
         base = self.base
         assert base.stretch is not None
@@ -163,50 +172,33 @@ def departures(roads: EffectiveRoads, used_cases: Sequence[str], rubbing: Sequen
     """Directions of a vehicle in the load cases in use; `rubbing` (axles,) tells whose law has friction already."""
     axles = range(len(roads.vehicle.axles))
     first = next(iter(roads.load_cases))
-    found = [Departure(kind, i, case) for kind in (ENVELOPE, FOOTPRINT) for case in used_cases for i in axles]
-    found += [Departure(TIRE_LOAD, i, case) for case in used_cases if case != first for i in axles]
+    directions = [Departure(kind, i, case) for kind in (ENVELOPE, FOOTPRINT) for case in used_cases for i in axles]
+    directions += [Departure(TIRE_LOAD, i, case) for case in used_cases if case != first for i in axles]
     # Other contact laws have no spokes.
-    found += [Departure(SPOKES, i) for i in axles if roads.contact == "footprint"]
+    directions += [Departure(SPOKES, i) for i in axles if roads.contact == "footprint"]
     suspended = sorted(set(roads.vehicle.suspension_axle))
-    found += [Departure(FRICTION, i) for i in suspended if not rubbing[i]]
-    common = [Departure(kind, None) for kind in dict.fromkeys(d.kind for d in found)]
-    return Departures(roads, (*found, *common))
+    directions += [Departure(FRICTION, i) for i in suspended if not rubbing[i]]
+    common = [Departure(kind, None) for kind in dict.fromkeys(d.kind for d in directions)]
+    return Departures(roads, (*directions, *common))
 
 
 class _Padded(EffectiveRoads):
     """Maps of an inner source on stations wide enough for all sources."""
 
     def __init__(self, inner: EffectiveRoads, reach_m: tuple[float, float]):
-        self._inner, self._reach = inner, reach_m
+        self._inner, self._reach_m = inner, reach_m
 
     def maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
-        return tuple(_widened(m, self._reach) for m in self._inner.maps(load_case, bump))
-
-
-def _widened(m: FootprintMap, reach_m: tuple[float, float]) -> FootprintMap:
-    step = float(m.station_m[1] - m.station_m[0])
-    first, last = (round(x / step) for x in reach_m)
-    before = round(m.station_m[0] / step) - first
-    after = last - first + 1 - before - m.station_m.size
-
-    def padded(values: np.ndarray) -> np.ndarray:
-        return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(before, after)])
-
-    return FootprintMap(
-        np.arange(first, last + 1) * step,
-        padded(m.rise_m),
-        padded(m.stretch),
-        padded(m.drag),
-        padded(m.lift_m),
-        m.misfit_m,
-    )
+        maps = self._inner.maps(load_case, bump)
+        first, last = (round(x / maps[0].step_m) for x in self._reach_m)
+        return tuple(m.widened(first, last) for m in maps)
 
 
 def _padded_maps(known: Departures, passes: Sequence[Pass]) -> tuple[EffectiveRoad, ...]:
     sources = known.sources
-    every = [m for s in sources for p in passes for m in s.maps(p.load_case, p.bump)]
+    maps = [m for s in sources for p in passes for m in s.maps(p.load_case, p.bump)]
     # Whole half metres: what is compiled for one length of table serves other tires as well.
-    first, last = min(float(m.station_m[0]) for m in every), max(float(m.station_m[-1]) for m in every)
+    first, last = min(float(m.station_m[0]) for m in maps), max(float(m.station_m[-1]) for m in maps)
     reach = (float(np.floor(first / _WHOLE_M) * _WHOLE_M), float(np.ceil(last / _WHOLE_M) * _WHOLE_M))
     base, other, softer, stiffening = (_Padded(s, reach).stacked(passes) for s in sources)
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import eigh
 
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.uncertainty.information import DataInformation
 from sysid.tabular import Tabular
@@ -68,9 +69,9 @@ class Identifiability(Tabular):
     """
 
     names: tuple[str, ...]
-    prior_sd: np.ndarray
-    sd: np.ndarray
-    singular_values: np.ndarray
+    prior_sd: Parameters
+    sd: Parameters
+    singular_values: Parameters
     groups: tuple[UndeterminedGroup, ...]
     pairs: tuple[CorrelatedPair, ...]
     statements: tuple[str, ...]
@@ -104,7 +105,7 @@ def _least_singular_value() -> float:
 
 
 def assess(
-    estimates: Sequence[ParameterEstimate], covariance: np.ndarray, information: DataInformation
+    estimates: Sequence[ParameterEstimate], covariance: ParametersByParameters, information: DataInformation
 ) -> Identifiability:
     """What the data determine of the parameters of a fit.
 
@@ -135,7 +136,7 @@ def assess(
 
 
 def correlated_pairs(
-    names: Sequence[str], covariance: np.ndarray, limit: float = CORRELATED
+    names: Sequence[str], covariance: ParametersByParameters, limit: float = CORRELATED
 ) -> tuple[CorrelatedPair, ...]:
     """Pairs of at least the correlation `limit`, strongest first; covariance (p, p)."""
     sd = np.sqrt(np.diag(covariance))
@@ -150,10 +151,10 @@ def correlated_pairs(
 def _groups(
     names: Sequence[str],
     units: Sequence[str],
-    values: np.ndarray,
-    prior_sd: np.ndarray,
+    values: Parameters,
+    prior_sd: Parameters,
     open_: np.ndarray,
-    covariance: np.ndarray,
+    covariance: ParametersByParameters,
 ) -> tuple[UndeterminedGroup, ...]:
     """Groups of parameters that share undetermined combinations `open_` (p, n), in units of prior sd."""
     if open_.shape[1] == 0:
@@ -174,7 +175,15 @@ def _groups(
     return tuple(groups)
 
 
-def _group(members, names, units, values, prior_sd, projector, covariance) -> UndeterminedGroup:
+def _group(
+    members: list[int],
+    names: Sequence[str],
+    units: Sequence[str],
+    values: Parameters,
+    prior_sd: Parameters,
+    projector: ParametersByParameters,
+    covariance: ParametersByParameters,
+) -> UndeterminedGroup:
     block = projector[np.ix_(members, members)]
     known = len(members) - round(float(np.trace(block)))
     kind, sd = "combination" if known > 0 else "none", float("nan")
@@ -200,20 +209,20 @@ def _alike(coefficients: np.ndarray) -> bool:
 
 def group_statements(groups: Sequence[UndeterminedGroup]) -> tuple[str, ...]:
     """Sentences about what the data leave open."""
-    found = []
+    sentences = []
     alone = [name for g in groups if g.known == 0 for name in g.names]
     if alone:
-        found.append(f"The data do not determine {listed(alone)}: nothing is known there beyond the prior.")
+        sentences.append(f"The data do not determine {listed(alone)}: nothing is known there beyond the prior.")
     for g in groups:
         if g.kind in ("sum", "ratio"):
-            found.append(
+            sentences.append(
                 f"{listed(g.names)} are only known as a {g.kind} from these sensors and runs "
                 f"({g.kind} \N{PLUS-MINUS SIGN} {100.0 * g.relative_sd:.2g} %), not one by one."
             )
         elif g.known > 0:
             what = "one combination" if g.known == 1 else f"{g.known} combinations"
-            found.append(f"Of {listed(g.names)} these sensors and runs determine only {what}, not one by one.")
-    return tuple(found)
+            sentences.append(f"Of {listed(g.names)} these sensors and runs determine only {what}, not one by one.")
+    return tuple(sentences)
 
 
 def rough_statements(estimates: Sequence[ParameterEstimate], groups: Sequence[UndeterminedGroup]) -> tuple[str, ...]:
@@ -228,7 +237,7 @@ def pair_statements(
     by_name: Mapping[str, ParameterEstimate], groups: Sequence[UndeterminedGroup], pairs: Sequence[CorrelatedPair]
 ) -> tuple[str, ...]:
     """Sentences about suspension parameters that are determined, but hard to tell apart."""
-    found = []
+    sentences = []
     said = {name for g in groups for name in g.names}
     for pair in pairs:
         both = (by_name[pair.first], by_name[pair.second])
@@ -236,11 +245,11 @@ def pair_statements(
             continue
         how = "both larger or both smaller" if pair.correlation > 0 else "more of one and less of the other"
         known = " and ".join(f"{100.0 * p.sd / p.value:.2g} %" for p in both)
-        found.append(
+        sentences.append(
             f"{pair.first} and {pair.second} are hard to tell apart: {how} fits almost as well (correlation "
             f"{pair.correlation:+.2f}; known to {known})."
         )
-    return tuple(found)
+    return tuple(sentences)
 
 
 def is_tire(name: str) -> bool:

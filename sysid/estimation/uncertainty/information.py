@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.arrays import Masses, ParametersByParameters, UnknownsOfFit
 from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.uncertainty.allowances import Allowances
@@ -36,10 +37,10 @@ class DataInformation:
     """
 
     matrix: np.ndarray
-    flattening: np.ndarray
-    prior: np.ndarray
-    mass_sd: np.ndarray
-    map_following: np.ndarray | None = None
+    flattening: ParametersByParameters
+    prior: ParametersByParameters
+    mass_sd: Masses
+    map_following: ParametersByParameters | None = None
 
     def precision(self, more: np.ndarray | None = None) -> np.ndarray:
         """Precision (p, p) of the parameters by the data alone; `more` (p + m, p + m) is the information of others."""
@@ -61,7 +62,7 @@ class DataInformation:
 
 
 def adjusted_information(
-    campaign: Campaign, problem: Problem, vector: np.ndarray, allowances: Allowances
+    campaign: Campaign, problem: Problem, vector: UnknownsOfFit, allowances: Allowances
 ) -> tuple[Adjustment, MassEffect, DataInformation]:
     """Sandwich over blocks (one channel in all repeats of one case) and over tolerances of masses, and its parts.
 
@@ -79,7 +80,7 @@ def adjusted_information(
         runs = list(group.runs)
         _, speed_rows = problem.nominal.rows(motion, runs)
         prior = np.einsum("rk,rl->rkl", speed_rows, speed_rows)
-        found, data = block_scores(
+        run_scores, data = block_scores(
             np.asarray(lin.residual),
             np.asarray(lin.residual_jacobian),
             np.asarray(lin.gain_residual),
@@ -91,7 +92,7 @@ def adjusted_information(
             record = campaign.bump_runs[run]
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
             used = group.measured[:, r].any(axis=0)
-            scores += [found[r, c] for c in np.flatnonzero(used)]
+            scores += [run_scores[r, c] for c in np.flatnonzero(used)]
             keys += [(*case, int(c)) for c in np.flatnonzero(used)]
     rows, _ = problem.model.parameters.prior_rows()
     prior_precision, mass_sd = rows.T @ rows, masses.sd

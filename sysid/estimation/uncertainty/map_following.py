@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sysid.arrays import Parameters
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.departures import FOOTPRINT, SPOKES, Departure
 from sysid.estimation.uncertainty.mass_effect import shift_by_masses
 
 
 def map_following(
-    information: np.ndarray, parameters: ParameterSet, log_parameters: np.ndarray, directions: Sequence[Departure]
+    information: np.ndarray, parameters: ParameterSet, log_parameters: Parameters, directions: Sequence[Departure]
 ) -> np.ndarray:
     """D (p, p): an optimum whose maps follow its tires moves by D^-1 of what it would under maps that stay.
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.arrays import Masses, Parameters, ParametersByMasses, ParametersByParameters
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
@@ -19,7 +20,7 @@ STEP = 1e-4
 
 
 def mass_columns(
-    model: BumpModel, masses: UncertainMasses, weights: Weights, log_parameters: np.ndarray, motion: RunMotion
+    model: BumpModel, masses: UncertainMasses, weights: Weights, log_parameters: Parameters, motion: RunMotion
 ) -> tuple[ResidualColumns, ...]:
     """Columns of every group about the declared masses, at log parameters (p,) and run motions."""
     count = len(masses.factors)
@@ -46,14 +47,14 @@ class MassEffect:
     is not corrected for what the data ask for, that as well, as in a mean squared error.
     """
 
-    sensitivity: np.ndarray
-    by_data: np.ndarray
-    scatter: np.ndarray
-    asked: np.ndarray
+    sensitivity: ParametersByMasses
+    by_data: ParametersByMasses
+    scatter: ParametersByParameters
+    asked: Masses
     spread: np.ndarray
 
 
-def mass_effect(information: np.ndarray, score: np.ndarray, prior: np.ndarray, sd: np.ndarray) -> MassEffect:
+def mass_effect(information: np.ndarray, score: np.ndarray, prior: ParametersByParameters, sd: Masses) -> MassEffect:
     """Effect of masses that have not been estimated.
 
     With P the prior precision, K = -(H_xx + P)^-1 H_xm and, since the score of the parameters vanishes at the optimum,

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.arrays import DrawsByParameters, Parameters, ParametersByMasses, ParametersByParameters
+
 
 @dataclass(frozen=True)
 class MassResponse:
@@ -16,18 +18,18 @@ class MassResponse:
     = Sigma K' Q, with covariance Sigma - Sigma K' Q K Sigma = `factor` `factor`'.  Priors of x play no part given x.
     """
 
-    centre: np.ndarray
+    centre: Parameters
     response: np.ndarray
     factor: np.ndarray
 
-    def draws(self, log_parameters: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    def draws(self, log_parameters: DrawsByParameters, random: np.random.Generator) -> np.ndarray:
         """One draw (n, m) of the log factors for every set (n, p) of log parameters."""
         noise = random.standard_normal((log_parameters.shape[0], self.factor.shape[1]))
         return np.asarray((log_parameters - self.centre) @ self.response.T + noise @ self.factor.T)
 
 
 def mass_response(
-    centre: np.ndarray, sensitivity: np.ndarray, spread: np.ndarray, precision: np.ndarray
+    centre: Parameters, sensitivity: ParametersByMasses, spread: np.ndarray, precision: ParametersByParameters
 ) -> MassResponse:
     """Conditional distribution of the log factors given log parameters.
 
@@ -42,4 +44,5 @@ def mass_response(
     values, vectors = np.linalg.eigh(moved.T @ solved)
     # What the parameters do not say about the masses; rounding must not make it negative.
     left = np.sqrt(np.clip(1.0 - values, 0.0, 1.0))
-    return MassResponse(centre, spread @ solved.T, spread @ (vectors * left))
+    # The symmetric root is one only, so that rounding does not turn the draws.
+    return MassResponse(centre, spread @ solved.T, spread @ (vectors * left) @ vectors.T)

@@ -13,12 +13,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sysid.arrays import Parameters, RunsByChannels
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays
-from sysid.estimation.residuals.linearisation import Linearisation
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import simulate_runs
+from sysid.vehicle_model.engines.protocol import Linearisation
+from sysid.vehicle_model.lane_arrays import HostOrDevice
 
 
 class ResidualColumns(NamedTuple):
@@ -43,7 +45,7 @@ def joined(first: Sequence[ResidualColumns], second: Sequence[ResidualColumns]) 
 
 
 def trial_residuals(
-    model: BumpModel, trial: BumpModel, weights: Weights, log_parameters: np.ndarray, motion: RunMotion
+    model: BumpModel, trial: BumpModel, weights: Weights, log_parameters: Parameters, motion: RunMotion
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Weighted residuals (T, R, C) and gain residuals (R, C) of every group, simulated by `trial`.
 
@@ -54,12 +56,14 @@ def trial_residuals(
     """
     signals = simulate_runs(trial, log_parameters, motion)
     weighted = zip(weights.on(model.arrays), weights.noise_sd, weights.tempering, signals, strict=True)
-    found = [_residuals(arrays, noise, temper, jnp.asarray(shown)) for arrays, noise, temper, shown in weighted]
-    return [(np.asarray(residual), np.asarray(gain)) for residual, gain in found]
+    residuals = [_residuals(arrays, noise, temper, jnp.asarray(shown)) for arrays, noise, temper, shown in weighted]
+    return [(np.asarray(residual), np.asarray(gain)) for residual, gain in residuals]
 
 
 @jax.jit
-def _residuals(arrays: GroupArrays, noise_sd, tempering, signals: jax.Array) -> tuple[jax.Array, jax.Array]:
+def _residuals(
+    arrays: GroupArrays, noise_sd: RunsByChannels, tempering: RunsByChannels, signals: jax.Array
+) -> tuple[jax.Array, jax.Array]:
     residual, gain = group_residuals(arrays, noise_sd, tempering, signals[..., None])
     return residual[..., 0], gain[..., 0]
 
@@ -69,7 +73,7 @@ def with_columns(
 ) -> tuple[Linearisation, ...]:
     """Linearisations with the columns between the derivatives by parameters and those by a run's own unknowns."""
 
-    def widened(derivatives: jax.Array, more: np.ndarray) -> np.ndarray:
+    def widened(derivatives: HostOrDevice, more: np.ndarray) -> np.ndarray:
         old = np.asarray(derivatives)
         return np.concatenate([old[..., :-2], more, old[..., -2:]], axis=-1)
 

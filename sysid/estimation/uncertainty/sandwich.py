@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.estimation.residuals.run_unknowns import response_of_runs
 
 
@@ -30,12 +31,12 @@ class Adjustment:
     the blocks, at least 1; `blocks` number of blocks.
     """
 
-    matrix: np.ndarray
+    matrix: ParametersByParameters
     information: np.ndarray
-    inflation: np.ndarray
+    inflation: Parameters
     blocks: int
 
-    def after(self, change: np.ndarray, information: np.ndarray) -> Adjustment:
+    def after(self, change: ParametersByParameters, information: np.ndarray) -> Adjustment:
         """The adjustment of parameters that enter as `change` (p, p) times themselves; `information` (p, p) H."""
         matrix = self.matrix @ change
         return replace(self, matrix=matrix, information=matrix.T @ information @ matrix)
@@ -86,7 +87,7 @@ def adjust(
     scores: np.ndarray,
     keys: Sequence[Hashable],
     information: np.ndarray,
-    known_scatter: np.ndarray | None = None,
+    known_scatter: ParametersByParameters | None = None,
     *,
     never_sharper: bool = True,
 ) -> Adjustment:

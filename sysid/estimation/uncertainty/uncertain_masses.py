@@ -23,7 +23,7 @@ UNSPRUNG, INERTIA, CG_HEIGHT, HITCH_HEIGHT = (
     "cg_height_factor",
     "hitch_height_factor",
 )
-#: The simulation sees no factor further from one than this many tolerances.
+#: The simulation sees no factor further from one than this many tolerances: 99.7 % of normal draws stay inside.
 REACH_SD = 3.0
 
 
@@ -78,16 +78,16 @@ def uncertain_masses(campaign: Campaign) -> UncertainMasses:
     """
     vehicle, tolerances = campaign.vehicle, campaign.vehicle.tolerances
     used = campaign.load_cases_in_use
-    found = []
+    factors = []
     for i, axle in enumerate(vehicle.axles):
         if axle.unsprung_mass_kg > 0.0:
             words = f"unsprung mass of axle {i + 1} ({axle.name})"
             name = f"unsprung_mass_{i + 1}"
-            found.append(MassFactor(name, UNSPRUNG, words, i, tolerances.unsprung_mass, tuple(used), axle=i))
+            factors.append(MassFactor(name, UNSPRUNG, words, i, tolerances.unsprung_mass, tuple(used), axle=i))
     for i, group in enumerate(vehicle.groups):
         if group.mass_kg > 0.0:
             words, name = f"mass of the beam '{group.name}'", f"beam_mass[{group.name}]"
-            found.append(MassFactor(name, UNSPRUNG, words, i, tolerances.unsprung_mass, tuple(used)))
+            factors.append(MassFactor(name, UNSPRUNG, words, i, tolerances.unsprung_mass, tuple(used)))
     for quantity, key, words, sd in (
         (INERTIA, "pitch_inertia", "pitch inertia", tolerances.pitch_inertia),
         (CG_HEIGHT, "cg_height", "height of the centre of gravity", tolerances.cg_height),
@@ -100,12 +100,12 @@ def uncertain_masses(campaign: Campaign) -> UncertainMasses:
                 label = body.name if shared else f"{body.name}, {cases[0]}"
                 where = f"{words} of '{body.name}'" + ("" if shared else f" in load case '{cases[0]}'")
                 case = None if shared else cases[0]
-                found.append(MassFactor(f"{key}[{label}]", quantity, where, b, sd, cases, load_case=case))
+                factors.append(MassFactor(f"{key}[{label}]", quantity, where, b, sd, cases, load_case=case))
     for b, body in enumerate(vehicle.bodies):
         if body.hitch_height_m:
             words, name = f"hitch height of '{body.name}'", f"hitch_height[{body.name}]"
-            found.append(MassFactor(name, HITCH_HEIGHT, words, b, tolerances.hitch_height, tuple(used)))
-    return UncertainMasses(vehicle, dict(campaign.load_cases), tuple(f for f in found if f.sd > 0.0))
+            factors.append(MassFactor(name, HITCH_HEIGHT, words, b, tolerances.hitch_height, tuple(used)))
+    return UncertainMasses(vehicle, dict(campaign.load_cases), tuple(f for f in factors if f.sd > 0.0))
 
 
 def _declared(case: LoadCase, quantity: str) -> tuple[float, ...]:

@@ -39,16 +39,16 @@ class Autoregression:
         """Power (F, ...) over the variance at frequencies (F,) in cycles per sample; its mean over 0 to 0.5 is 1."""
         lags = np.arange(1, self.coefficients.shape[0] + 1)
         turn = np.exp(-2j * np.pi * np.outer(cycles, lags))
-        return self.innovation / np.abs(1.0 - np.tensordot(turn, self.coefficients, axes=1)) ** 2
+        return np.asarray(self.innovation / np.abs(1.0 - np.tensordot(turn, self.coefficients, axes=1)) ** 2)
 
     def innovations(self, measured: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Innovations (T, ...) of residuals (T, ...), NaN where one of the predecessors was not `measured`."""
         depth = self.coefficients.shape[0]
-        found = np.where(measured, residual, np.nan)
+        innovation = np.where(measured, residual, np.nan)
         for j, phi in enumerate(self.coefficients, start=1):
-            found[j:] -= phi * np.where(measured[:-j] | (phi == 0.0), residual[:-j], np.nan)
-        found[:depth] = np.nan
-        return found
+            innovation[j:] -= phi * np.where(measured[:-j] | (phi == 0.0), residual[:-j], np.nan)
+        innovation[:depth] = np.nan
+        return innovation
 
 
 def autocorrelation(measured: np.ndarray, residual: np.ndarray, lags: int) -> np.ndarray:
@@ -69,13 +69,13 @@ def bridged(measured: np.ndarray, residual: np.ndarray) -> np.ndarray:
     The products of a sequence that has values everywhere are an autocorrelation of something, whatever its gaps; pairs
     of measured samples alone need not be.
     """
-    time, found = np.arange(residual.shape[0]), np.zeros(residual.shape)
+    time, filled = np.arange(residual.shape[0]), np.zeros(residual.shape)
     for index in np.ndindex(residual.shape[1:]):
         place = (slice(None), *index)
         known = measured[place]
         if known.any():
-            found[place] = np.interp(time, time[known], residual[place][known] - residual[place][known].mean())
-    return found
+            filled[place] = np.interp(time, time[known], residual[place][known] - residual[place][known].mean())
+    return filled
 
 
 def fitted_autoregression(

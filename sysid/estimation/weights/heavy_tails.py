@@ -18,6 +18,8 @@ import numpy as np
 from scipy.ndimage import correlate1d, label, maximum_filter1d, median_filter, uniform_filter1d
 from scipy.stats import norm, t
 
+from sysid.arrays import Channels, SamplesByRunsByChannels
+
 #: Degrees of freedom that are tried; above the last one tails cannot be told from normal ones.
 DEGREES_OF_FREEDOM = (2.0, 3.0, 4.0, 6.0, 9.0)
 #: Cubic interpolation between the two readings before and the two after.
@@ -36,8 +38,8 @@ _FEWEST = 200
 class Tails(NamedTuple):
     """`degrees_of_freedom` (C,) of every channel, infinite for normal ones; `weight` (T, R, C) of every reading."""
 
-    degrees_of_freedom: np.ndarray
-    weight: np.ndarray
+    degrees_of_freedom: Channels
+    weight: SamplesByRunsByChannels
 
     @property
     def information(self) -> np.ndarray:
@@ -63,8 +65,8 @@ def heavy_tails(measured: np.ndarray, residual: np.ndarray, reading: np.ndarray)
         nu[c], scale = best_distribution(u)
         if np.isfinite(nu[c]):
             for r, own in enumerate(standing):
-                found = (nu[c] + 1.0) / (nu[c] + (np.nan_to_num(own) / scale) ** 2)
-                weight[:, r, c] = np.where(np.isfinite(own) & ~_lasting(found < _LOW), found, 1.0)
+                t_weight = (nu[c] + 1.0) / (nu[c] + (np.nan_to_num(own) / scale) ** 2)
+                weight[:, r, c] = np.where(np.isfinite(own) & ~_lasting(t_weight < _LOW), t_weight, 1.0)
     return Tails(nu, weight)
 
 

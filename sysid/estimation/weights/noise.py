@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sysid.arrays import Runs, SamplesByRunsByChannels
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.run_data import RunGroup
 
@@ -30,7 +31,7 @@ def instrument_noise(group: RunGroup, quiet_s: float) -> np.ndarray:
     full = pairs >= np.maximum(_PAIRS, 0.9 * pairs.max(axis=0))
     quietest = np.where(full, mean, np.inf).min(axis=0)
     sigma = np.sqrt(np.where(pairs[0] >= _PAIRS, mean[0], quietest) / 2.0)
-    return np.maximum(sigma, _floor(group))
+    return np.asarray(np.maximum(sigma, _floor(group)))
 
 
 def _sums(values: np.ndarray, length: int) -> np.ndarray:
@@ -43,17 +44,17 @@ def _floor(group: RunGroup) -> np.ndarray:
     count = np.maximum(group.measured.sum(axis=0), 1)
     mean = (group.measured * group.value).sum(axis=0) / count
     rms = np.sqrt((group.measured * (group.value - mean) ** 2).sum(axis=0) / count)
-    return np.maximum(_FLOOR * rms, 1e-9)
+    return np.asarray(np.maximum(_FLOOR * rms, 1e-9))
 
 
-def residual_scale(group: RunGroup, residual_si: np.ndarray) -> np.ndarray:
+def residual_scale(group: RunGroup, residual_si: SamplesByRunsByChannels) -> np.ndarray:
     """RMS (R, C) of the residuals (T, R, C) in SI over measured samples, infinite where there are none."""
     count = group.measured.sum(axis=0)
     rms = np.sqrt((np.where(group.measured, residual_si, 0.0) ** 2).sum(axis=0) / np.maximum(count, 1))
     return np.where(count > 0, np.maximum(rms, _floor(group)), np.inf)
 
 
-def quiet_time(model: BumpModel, group: RunGroup, start_s: np.ndarray, speed_m_s: np.ndarray) -> float:
+def quiet_time(model: BumpModel, group: RunGroup, start_s: Runs, speed_m_s: Runs) -> float:
     """Shortest time [s] before any run of the group meets the bump, for noise estimates."""
     runs = list(group.runs)
     return float(max(0.2, np.min(start_s[runs] - 1.0 / speed_m_s[runs])))

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import welch
 
-from sysid.estimation.residuals.linearisation import Linearisation
+from sysid.arrays import Channels
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.weights.autoregression import autocorrelation
 from sysid.estimation.weights.heavy_tails import heavy_tails
 from sysid.estimation.weights.reweighting import lags_of, plain_residual, residual_models
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 _SEGMENT = 128
 
@@ -36,7 +37,7 @@ class ResidualEvidence:
     autocorrelation_before: np.ndarray
     autocorrelation_after: np.ndarray
     columns: tuple[str, ...]
-    degrees_of_freedom: np.ndarray
+    degrees_of_freedom: Channels
 
 
 def residual_evidence(problem: Problem, linearisations: Sequence[Linearisation]) -> ResidualEvidence:
@@ -53,13 +54,13 @@ def residual_evidence(problem: Problem, linearisations: Sequence[Linearisation])
     before: list[np.ndarray] = []
     after: list[np.ndarray] = []
     residuals = [np.asarray(lin.residual) for lin in linearisations]
-    for group, residual, found in zip(model.groups, residuals, residual_models(problem, residuals), strict=True):
-        innovation = found.innovations(group.measured, residual)
-        depth = found.coefficients.shape[0]
+    for group, residual, noise_model in zip(model.groups, residuals, residual_models(problem, residuals), strict=True):
+        innovation = noise_model.innovations(group.measured, residual)
+        depth = noise_model.coefficients.shape[0]
         kept = np.isfinite(innovation)
         innovation = np.where(kept, innovation, 0.0)
         used = group.measured.any(axis=0)
-        order += list(found.order[used])
+        order += list(noise_model.order[used])
         for rows, mask, series in ((before, group.measured, residual), (after, kept, innovation)):
             # On the lags of the first group, whatever the sample rate.
             own = autocorrelation(mask, series, lags_of(group.samples))[:, used].T
@@ -90,7 +91,7 @@ def _flat_for_white(series: np.ndarray, interval_s: float, frequency_hz: np.ndar
     length = min(_SEGMENT, series.shape[0])
     at, power = welch(series, fs=1.0 / interval_s, nperseg=length, axis=0, detrend=False)
     mean = np.maximum(power.mean(axis=0), 1e-300)
-    found = np.empty((frequency_hz.size, *series.shape[1:]))
+    spectra = np.empty((frequency_hz.size, *series.shape[1:]))
     for index in np.ndindex(*series.shape[1:]):
-        found[(slice(None), *index)] = np.interp(frequency_hz, at, power[(slice(None), *index)]) / mean[index]
-    return found
+        spectra[(slice(None), *index)] = np.interp(frequency_hz, at, power[(slice(None), *index)]) / mean[index]
+    return spectra

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid.estimation.residuals.linearisation import Linearisation
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.weights.autoregression import (
@@ -16,6 +15,7 @@ from sysid.estimation.weights.autoregression import (
 )
 from sysid.estimation.weights.heavy_tails import heavy_tails
 from sysid.estimation.weights.noise import residual_scale
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 _LAGS = 120
 
@@ -61,7 +61,7 @@ def plain_residual(weights: Weights, position: int, lin: Linearisation) -> np.nd
     noise = weights.noise_sd[position]
     scale = np.where(np.isfinite(noise), noise, 0.0) / weights.tempering[position]
     raw = np.asarray(lin.residual) * scale
-    return raw if weights.reading is None else raw / np.sqrt(weights.reading[position])
+    return np.asarray(raw if weights.reading is None else raw / np.sqrt(weights.reading[position]))
 
 
 def lags_of(samples: int) -> int:

@@ -19,6 +19,7 @@ from sysid.vehicle_model.engines.protocol import (
     WheelRoad,
 )
 from sysid.vehicle_model.filters import FilterRecursion
+from sysid.vehicle_model.lane_arrays import ChannelHistories, HostOrDevice, PerLane
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.native import kernel
 from sysid.vehicle_model.native.buffers import COORDINATES, ELEMENTS, MAX_AXLES, POLE_NUMBERS, law_rows
@@ -34,7 +35,7 @@ class _Course(NamedTuple):
     """The effective roads, looked up inside the time loop, and `axle_x` (na, 1) [m]."""
 
     road: EffectiveRoad
-    axle_x: jax.Array
+    axle_x: HostOrDevice
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class NativeEngine:
         return lanes.body_rows.shape[2] in COORDINATES and lanes.static_load.shape[1] <= MAX_AXLES
 
     def prepare(
-        self, road: EffectiveRoad, axle_x: jax.Array, speed: jax.Array, start_s: jax.Array, timing: Timing
+        self, road: EffectiveRoad, axle_x: HostOrDevice, speed: HostOrDevice, start_s: HostOrDevice, timing: Timing
     ) -> WheelRoad:
         """Nothing to do beforehand."""
         return WheelRoad(self, _Course(road, axle_x), speed, start_s)
@@ -62,7 +63,7 @@ class NativeEngine:
         timing: Timing,
         layout: SensorLayout,
         recursion: FilterRecursion | None,
-    ) -> jax.Array:
+    ) -> ChannelHistories:
         """Filtered sensor signals (T, R, C, S)."""
         return kernel.run(_call("sensors", lanes, (suspension, tire), road, timing, layout, recursion))[0]
 
@@ -70,8 +71,8 @@ class NativeEngine:
         self, lanes: LaneMatrices, suspension: SuspensionLaw, tire: TireLaw, road: WheelRoad, timing: Timing
     ) -> Histories:
         """Unfiltered histories."""
-        every = tuple(range(lanes.static_load.shape[1]))
-        call = _call("histories", lanes, (suspension, tire), road, timing, SensorLayout(every, every), None)
+        all_axles = tuple(range(lanes.static_load.shape[1]))
+        call = _call("histories", lanes, (suspension, tire), road, timing, SensorLayout(all_axles, all_axles), None)
         return Histories(*kernel.run(call))
 
     def linearise(
@@ -107,7 +108,7 @@ class NativeEngine:
         recursion: FilterRecursion | None,
         readings: Readings,
         local: LocalColumns,
-    ) -> jax.Array:
+    ) -> PerLane:
         """r'r - b' N^-1 b, (R, S); the signals of a run never leave the processor's cache."""
         call = misfit_call(lanes, (suspension, tire), road, timing, layout, recursion, readings, local)
         return kernel.run(call)[0]

@@ -15,13 +15,14 @@ import jax
 
 from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
 from sysid.vehicle_model.filters import FilterRecursion
+from sysid.vehicle_model.lane_arrays import ChannelHistories, HostOrDevice, ParametersBySets, PerLane
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.readings import Readings
 from sysid.vehicle_model.simulation import Histories, SensorLayout
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 #: Suspension and tire laws of all lanes, as a function of parameters (p, S).
-LawFunction = Callable[[jax.Array], tuple[SuspensionLaw, TireLaw]]
+LawFunction = Callable[[ParametersBySets], tuple[SuspensionLaw, TireLaw]]
 
 
 class Timing(NamedTuple):
@@ -53,9 +54,9 @@ class Linearisation(NamedTuple):
     """
 
     residual: jax.Array
-    residual_jacobian: jax.Array
+    residual_jacobian: HostOrDevice
     gain_residual: jax.Array
-    gain_jacobian: jax.Array
+    gain_jacobian: HostOrDevice
     simulated: jax.Array
 
 
@@ -66,10 +67,10 @@ class LocalColumns(NamedTuple):
     to b = J'r, `factor` (R, 2, 2) the inverse Cholesky factor of their normal matrix.
     """
 
-    residual: jax.Array
-    gain: jax.Array
-    offset: jax.Array
-    factor: jax.Array
+    residual: HostOrDevice
+    gain: HostOrDevice
+    offset: HostOrDevice
+    factor: HostOrDevice
 
 
 @partial(jax.tree_util.register_dataclass, data_fields=["prepared", "speed", "start_s"], meta_fields=["engine"])
@@ -82,8 +83,8 @@ class WheelRoad:
 
     engine: Engine
     prepared: Any
-    speed: jax.Array
-    start_s: jax.Array
+    speed: HostOrDevice
+    start_s: HostOrDevice
 
 
 class Engine(Protocol):
@@ -99,9 +100,9 @@ class Engine(Protocol):
     def prepare(
         self,
         road: EffectiveRoad,
-        axle_x: jax.Array,
-        speed: jax.Array,
-        start_s: jax.Array,
+        axle_x: HostOrDevice,
+        speed: HostOrDevice,
+        start_s: HostOrDevice,
         timing: Timing,
     ) -> WheelRoad:
         """The road of runs with axles at `axle_x` (na, 1) [m], at speeds [m/s] and starts [s] (R, 1)."""
@@ -115,7 +116,7 @@ class Engine(Protocol):
         timing: Timing,
         layout: SensorLayout,
         recursion: FilterRecursion | None,
-    ) -> jax.Array:
+    ) -> ChannelHistories:
         """Sensor signals (T, R, C, S) through the filter, see :func:`sysid.vehicle_model.simulate_sensors`."""
 
     def histories(
@@ -147,5 +148,5 @@ class Engine(Protocol):
         recursion: FilterRecursion | None,
         readings: Readings,
         local: LocalColumns,
-    ) -> jax.Array:
+    ) -> PerLane:
         """r'r - b' N^-1 b of every run and set (R, S): squares with the runs' own unknowns marginalised."""

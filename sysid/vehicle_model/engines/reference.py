@@ -19,6 +19,7 @@ from sysid.vehicle_model.engines.protocol import (
     WheelRoad,
 )
 from sysid.vehicle_model.filters import FilterRecursion
+from sysid.vehicle_model.lane_arrays import ChannelHistories, ChannelLanes, HostOrDevice, ParametersBySets, PerLane
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.readings import Readings, standardised_residuals
 from sysid.vehicle_model.simulation import Histories, Motion, SensorLayout, stage_times
@@ -26,7 +27,9 @@ from sysid.vehicle_model.suspension import SuspensionLaw
 
 
 @partial(jax.jit, static_argnames=("timing",))
-def _looked_up(road: EffectiveRoad, axle_x, speed, start_s, *, timing: Timing) -> RoadInput:
+def _looked_up(
+    road: EffectiveRoad, axle_x: HostOrDevice, speed: HostOrDevice, start_s: HostOrDevice, *, timing: Timing
+) -> RoadInput:
     times = stage_times(timing.samples, timing.interval_s, timing.substeps)[:, None, None, None]
     return road_input(road, speed[:, None] * (times - start_s[:, None]) - axle_x)
 
@@ -46,7 +49,7 @@ class ReferenceEngine:
         return True
 
     def prepare(
-        self, road: EffectiveRoad, axle_x: jax.Array, speed: jax.Array, start_s: jax.Array, timing: Timing
+        self, road: EffectiveRoad, axle_x: HostOrDevice, speed: HostOrDevice, start_s: HostOrDevice, timing: Timing
     ) -> WheelRoad:
         """The road at every half step."""
         return WheelRoad(self, _looked_up(road, axle_x, speed, start_s, timing=timing), speed, start_s)
@@ -60,7 +63,7 @@ class ReferenceEngine:
         timing: Timing,
         layout: SensorLayout,
         recursion: FilterRecursion | None,
-    ) -> jax.Array:
+    ) -> ChannelHistories:
         """Filtered sensor signals (T, R, C, S)."""
         motion = Motion(road.speed, road.start_s)
         return _sensors(lanes, suspension, tire, motion, road, timing, layout, recursion)
@@ -92,7 +95,9 @@ class ReferenceEngine:
     ) -> Linearisation:
         """Forward-mode derivatives: one lane for each unknown."""
 
-        def residuals(parameters: jax.Array, speed: jax.Array, start_s: jax.Array):
+        def residuals(
+            parameters: ParametersBySets, speed: PerLane, start_s: PerLane
+        ) -> tuple[ChannelHistories, ChannelLanes, ChannelHistories]:
             suspension, tire = laws(parameters)
             motion = Motion(road.speed, road.start_s, speed, start_s)
             simulated = _sensors(lanes, suspension, tire, motion, road, timing, layout, recursion)
@@ -115,7 +120,7 @@ class ReferenceEngine:
         recursion: FilterRecursion | None,
         readings: Readings,
         local: LocalColumns,
-    ) -> jax.Array:
+    ) -> PerLane:
         """r'r - b' N^-1 b, (R, S)."""
         simulated = self.sensors(lanes, suspension, tire, road, timing, layout, recursion)
         residual, gain = standardised_residuals(readings, simulated)
@@ -129,7 +134,16 @@ class ReferenceEngine:
         return squares - (whitened**2).sum(axis=1)
 
 
-def _sensors(lanes, suspension, tire, motion: Motion, road: WheelRoad, timing: Timing, layout, recursion) -> jax.Array:
+def _sensors(
+    lanes: LaneMatrices,
+    suspension: SuspensionLaw,
+    tire: TireLaw,
+    motion: Motion,
+    road: WheelRoad,
+    timing: Timing,
+    layout: SensorLayout,
+    recursion: FilterRecursion | None,
+) -> ChannelHistories:
     return simulation.simulate_sensors(
         lanes,
         suspension,

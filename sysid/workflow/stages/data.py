@@ -114,7 +114,11 @@ def _drops(context: Context) -> DropSummary:
     fit = context.settings.fit
     # Only what is named in the record: other settings of the fit leave the drops as they are.
     options = FitOptions(
-        weight_rounds=1, tolerance=1e-4, max_iterations=fit.max_iterations, target_step_s=fit.target_step_s
+        # Drops start further from where they end than runs, which start from the drops.
+        weight_rounds=1,
+        tolerance=1e-4,
+        max_iterations=2 * fit.max_iterations,
+        target_step_s=fit.target_step_s,
     )
     return with_model_estimates(context.campaign, summary, options, context.progress)
 

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sysid.workflow.stage import Blocks, Command, Ending, Progress
+from sysid.progress import Progress
+from sysid.workflow.stage import Blocks, Command, Ending
 
 if TYPE_CHECKING:
     from sysid.export.contents import Results

@@ -128,7 +128,7 @@ def log_draws(posterior: Posterior) -> np.ndarray:
     """Draws (n, p) of the log parameters, one behind the other."""
     import numpy as np
 
-    return np.log(posterior.draws.reshape(-1, len(posterior.names)))
+    return np.asarray(np.log(posterior.draws.reshape(-1, len(posterior.names))))
 
 
 # ---------------------------------------------------------------------- bands

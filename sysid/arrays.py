@@ -1,0 +1,56 @@
+"""Names for arrays of 64-bit floats that stay on the host; the axes stand in the name, in their order.
+
+They are all NumPy arrays: the names tell people and editors what a function takes, and where a shape follows a rule.
+Arrays inside compiled functions have names of their own (:mod:`sysid.vehicle_model.lane_arrays`).
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+
+#: (na,) one value for every axle, front to rear.
+Axles: TypeAlias = np.ndarray
+#: (T,) one value for every sample.
+Samples: TypeAlias = np.ndarray
+#: (axles, T)
+AxlesBySamples: TypeAlias = np.ndarray
+#: (C, T) one row for every channel of a run.
+ChannelsBySamples: TypeAlias = np.ndarray
+#: (C,) one value for every channel.
+Channels: TypeAlias = np.ndarray
+#: (T, axles, S) histories of a pass with S parameter sets.
+SamplesByAxlesBySets: TypeAlias = np.ndarray
+#: (R,) one value for every run.
+Runs: TypeAlias = np.ndarray
+#: (R, na)
+RunsByAxles: TypeAlias = np.ndarray
+#: (R, C)
+RunsByChannels: TypeAlias = np.ndarray
+#: (T, R, C) what the sensors of a group of runs show.
+SamplesByRunsByChannels: TypeAlias = np.ndarray
+
+#: (p,) one value for every global parameter.
+Parameters: TypeAlias = np.ndarray
+#: (p, p)
+ParametersByParameters: TypeAlias = np.ndarray
+#: (n, p) one row for every draw.
+DrawsByParameters: TypeAlias = np.ndarray
+#: (m,) one value for every uncertain mass.
+Masses: TypeAlias = np.ndarray
+#: (p, m)
+ParametersByMasses: TypeAlias = np.ndarray
+#: (p + 2 runs,) global parameters, then speed and start of every run.
+UnknownsOfFit: TypeAlias = np.ndarray
+#: (m,) residuals of all runs in one vector.
+Residuals: TypeAlias = np.ndarray
+#: (m, p + 2 runs) their derivatives.
+ResidualsByUnknowns: TypeAlias = np.ndarray
+
+#: (E, steps, W) of every ensemble, step and walker.
+EnsemblesByStepsByWalkers: TypeAlias = np.ndarray
+#: (E, steps, W, p) draws of every ensemble, step and walker.
+WalkerDraws: TypeAlias = np.ndarray
+#: (E, W)
+EnsemblesByWalkers: TypeAlias = np.ndarray
