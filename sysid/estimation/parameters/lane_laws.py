@@ -119,14 +119,16 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: AxleLanes, damp
         if quantity not in inputs.elements:
             return None
         position, neutral = inputs.elements[quantity]
-        own = jnp.where(position[:, None] >= 0, values[position], neutral[:, None])
-        return jnp.broadcast_to(own, stiffness.shape)
+        of_axle = jnp.where(position[:, None] >= 0, values[position], neutral[:, None])
+        return jnp.broadcast_to(of_axle, stiffness.shape)
 
     given: dict[str, jax.Array] = {}
     for q in coefficients():
-        own = element(q.quantity)
-        if q.field is not None and own is not None:
-            given[q.field] = own if q.coefficient is None else q.coefficient(own, stiffness, inputs.carried_load)
+        element_value = element(q.quantity)
+        if q.field is not None and element_value is not None:
+            given[q.field] = (
+                element_value if q.coefficient is None else q.coefficient(element_value, stiffness, inputs.carried_load)
+            )
     curves, ramps, base, stop = inputs.curves, [], stiffness, element("stop_stiffness")
     if curves.spring is not None:
         ramps.append(table_ramps(curves.spring, stiffness))
