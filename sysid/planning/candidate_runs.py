@@ -117,8 +117,8 @@ def run_information(state: FitState, kinds: Sequence[RunKind], sensors: Sequence
             normal = np.empty((len(sensors), *(lin.residual_jacobian.shape[-1],) * 2))
             for c, at in enumerate(order):
                 normal[at] = _normal(lin, r, c)
-            own = np.diag([(SPEED_UNIT / runs[run].speed_sd) ** 2, 0.0])
-            by_run[run] = RunInformation(kinds[run], sensors, normal, own)
+            run_prior = np.diag([(SPEED_UNIT / runs[run].speed_sd) ** 2, 0.0])
+            by_run[run] = RunInformation(kinds[run], sensors, normal, run_prior)
     return tuple(by_run[i] for i in range(len(kinds)))
 
 
@@ -182,8 +182,8 @@ def _read_by_sensors(model: BumpModel, signals: Sequence[np.ndarray]) -> BumpMod
     """The model with readings that are its own signals, those beyond a sensor's range left out."""
     limit = np.array([np.inf if s.full_scale is None else s.full_scale for s in model.layout.sensors])
     groups, arrays = [], []
-    for group, own, shown in zip(model.groups, model.arrays, signals, strict=True):
+    for group, group_arrays, shown in zip(model.groups, model.arrays, signals, strict=True):
         inside = group.measured & (np.abs(shown) <= limit)
         groups.append(RunGroup(group.runs, group.interval_s, shown, inside, group.censored))
-        arrays.append(own._replace(value=shown, measured=inside.astype(float)))
+        arrays.append(group_arrays._replace(value=shown, measured=inside.astype(float)))
     return replace(model, groups=tuple(groups), arrays=tuple(arrays))

@@ -151,14 +151,14 @@ class LogDensity:
             residual, gain = np.asarray(lin.residual), np.asarray(lin.gain_residual)
             columns = np.asarray(lin.residual_jacobian)[..., : x.size]
             gain_columns = np.asarray(lin.gain_jacobian)[..., : x.size]
-            own = inputs.local
-            b = np.einsum("trck,trc->rk", own.residual, residual) + own.offset
-            b += np.einsum("rck,rc->rk", own.gain, gain)
-            whitened = np.einsum("rkl,rl->rk", own.factor, b)
-            share = np.einsum("rkl,rk->rl", own.factor, whitened)
+            local = inputs.local
+            b = np.einsum("trck,trc->rk", local.residual, residual) + local.offset
+            b += np.einsum("rck,rc->rk", local.gain, gain)
+            whitened = np.einsum("rkl,rl->rk", local.factor, b)
+            share = np.einsum("rkl,rk->rl", local.factor, whitened)
             misfit += (residual**2).sum() + (gain**2).sum() - (whitened**2).sum()
-            pull = residual - np.einsum("trck,rk->trc", own.residual, share)
-            gain_pull = gain - np.einsum("rck,rk->rc", own.gain, share)
+            pull = residual - np.einsum("trck,rk->trc", local.residual, share)
+            gain_pull = gain - np.einsum("rck,rk->rc", local.gain, share)
             slope += 2.0 * (np.tensordot(pull, columns, axes=3) + np.tensordot(gain_pull, gain_columns, axes=2))
         off = self._rows @ x - self._targets
         density = -0.5 * (misfit + off @ off) - (x - self.centre) @ self._tilt

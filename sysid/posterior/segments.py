@@ -96,12 +96,12 @@ def read_segments(folder: Path) -> StoredChain:
         content = array_file.read(path)
         if content is None:
             continue
-        own = _identity(content)
+        written_by = _identity(content)
         if identity is None:
-            identity = own
-        follows = number == len(segments) and path == segment_file(folder, number) and own is not None
-        before = digests[-1] if digests else start(own or {})
-        if follows and own == identity and content.fields.get("before") == before and _complete(content):
+            identity = written_by
+        follows = number == len(segments) and path == segment_file(folder, number) and written_by is not None
+        before = digests[-1] if digests else start(written_by or {})
+        if follows and written_by == identity and content.fields.get("before") == before and _complete(content):
             segments.append(Segment(**content.arrays))
             digests.append(content.digest)
         else:

@@ -42,10 +42,10 @@ def calibrated_vehicle(
     """
     medians = {} if posterior is None else {s.name: s.q50 for s in posterior.summaries}
     law, tire, carried = calibrated_laws(campaign, drops, fit, load_case, medians)
-    own = sorted(set(campaign.vehicle.suspension_axle))
+    suspended = sorted(set(campaign.vehicle.suspension_axle))
     suspensions = tuple(
         _suspension(law, i, campaign.vehicle.axles[i].name, name, float(carried[i]))
-        for i, name in zip(own, fit.laws, strict=True)
+        for i, name in zip(suspended, fit.laws, strict=True)
     )
     stiffness, damping = tire_tangents(tire)
     source = "least squares" if posterior is None else "posterior median"

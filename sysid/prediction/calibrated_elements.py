@@ -77,12 +77,12 @@ class CalibratedVehicle(Tabular):
         """One row per axle, in SI units; in an axle group the suspension stands with the first axle."""
         import pandas as pd
 
-        own = {s.axle: s for s in self.suspensions}
+        of_axle = {s.axle: s for s in self.suspensions}
         rows = []
         for i, (stiffness, damping) in enumerate(
             zip(self.tire_stiffness_N_per_m, self.tire_damping_N_s_per_m, strict=True)
         ):
-            s = own.get(i)
+            s = of_axle.get(i)
             rows.append(
                 {
                     "load_case": self.load_case,

@@ -46,8 +46,8 @@ def run_bands(
         if amounts is not None:
             model = state.allowances.moved(model, amounts[i])
         simulated = shown_signals(model, state.point.weights, state.point.motion, draw)
-        for own, one in zip(shown, simulated, strict=True):
-            own.append(one.signals)
+        for of_group, one in zip(shown, simulated, strict=True):
+            of_group.append(one.signals)
     bands: dict[int, HistoryBand] = {}
     for group, signals in zip(state.model.groups, shown, strict=True):
         low, high = np.quantile(np.array(signals), [0.05, 0.95], axis=0)

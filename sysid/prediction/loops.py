@@ -122,13 +122,13 @@ def suspension_loops(
         if k >= _STEPS:
             forces.append(np.asarray(suspension_force(law, *now, slip))[0, :, 0])
     # Suspensions of grouped axles stand at the first axle of their group.
-    own = sorted(set(vehicle.suspension_axle))
+    suspended = sorted(set(vehicle.suspension_axle))
     return SuspensionLoops(
         load_case,
         extension[_STEPS:],
         rate[_STEPS:],
         np.array(forces).T,
-        tuple(own),
+        tuple(suspended),
         fit.laws,
         amplitude_m,
         frequency_hz,

@@ -75,9 +75,9 @@ def histories_of_draws(
         for amounts in vehicles.amounts[chosen]:
             log_factors, amplitudes = vehicles.allowances.split(amounts)
             vehicle, cases = masses.applied(log_factors)
-            own = replace(lanes, matrices=pass_matrices(vehicle, cases, [driven], []))
-            matrices.append(own.matrices)
-            inputs = law_inputs(vehicle, parameters, own, [driven.load_case])
+            of_draw = replace(lanes, matrices=pass_matrices(vehicle, cases, [driven], []))
+            matrices.append(of_draw.matrices)
+            inputs = law_inputs(vehicle, parameters, of_draw, [driven.load_case])
             laws.append(departures.laws(inputs, amplitudes, [driven.load_case]))
             roads.append(departures.road([driven], amplitudes))
         stacked = jax.tree.map(lambda *parts: np.concatenate(parts), *matrices)
@@ -118,8 +118,8 @@ def _histories(
 def _laws(inputs: LawInputs, sets: jax.Array) -> tuple[SuspensionLaw, TireLaw]:
     """Laws with one lane per draw from inputs stacked along the draws and parameters (n, p, 1)."""
 
-    def one(own: LawInputs, x: ParametersBySets) -> tuple[SuspensionLaw, tuple[jax.Array, ...]]:
-        suspension, tire = lane_laws(own, x)
+    def one(of_draw: LawInputs, x: ParametersBySets) -> tuple[SuspensionLaw, tuple[jax.Array, ...]]:
+        suspension, tire = lane_laws(of_draw, x)
         lane = suspension.stiffness.shape
         return suspension, tuple(jnp.broadcast_to(v, lane) for v in tire[:-1])
 

@@ -168,7 +168,7 @@ def predict_pass(
         peak_ratio_q50=ratio.q50,
         peak_ratio_q95=ratio.q95,
         lift_off=(p.tire_N.min(axis=0) <= 0.0).mean(axis=1) >= 0.5,
-        warnings=remarks(campaign, request, trust, (jounce, rebound), together),
+        warnings=remarks(campaign, request, trust, together),
         suspension_force_N=Quantiles(_transposed(suspension.q05), suspension.q50.T, _transposed(suspension.q95)),
         load_coefficient=quantiles(load_coefficient(p.tire_N, p.static_N, p.passing)),
         lift_off_s=quantiles(lift_off_time(p.tire_N, INTERVAL_S)),

@@ -91,8 +91,8 @@ class PassPrediction(Tabular):
             if bands is None:
                 continue
             for axle in range(len(self.static_load_N)):
-                own = (None if b is None else b[axle] for b in (bands.q05, bands.q50, bands.q95))
-                columns |= band_columns(f"{name}{axle + 1}_N", own, len(self.time_s))
+                of_axle = (None if b is None else b[axle] for b in (bands.q05, bands.q50, bands.q95))
+                columns |= band_columns(f"{name}{axle + 1}_N", of_axle, len(self.time_s))
         return pd.DataFrame(columns)
 
     def to_xarray(self) -> xr.Dataset:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sysid.campaign.records import Campaign, PredictionRequest
-from sysid.prediction.bump_stops import BUMP_STOPS, has_bump_stops
-from sysid.prediction.predicted_passes import Quantiles
 from sysid.prediction.trust import MARGIN, Extrapolation
 
 #: Departure of the mean load of the whole truck over a pass from its weight that is worth a sentence.
@@ -28,7 +26,6 @@ def remarks(
     campaign: Campaign,
     request: PredictionRequest,
     trust: Sequence[Extrapolation],
-    travel: tuple[Quantiles, Quantiles],
     impulse: float,
 ) -> tuple[str, ...]:
     """Sentences about one pass.
@@ -36,13 +33,12 @@ def remarks(
     Parameters
     ----------
     trust : what of the pass goes beyond the driven runs.
-    travel : jounce and rebound travel (axles,) [m], both positive.
     impulse : mean of all wheel loads over the pass over the weight.
     """
     name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
     if request.shape is not None:
         name += f", {request.shape.label}"
-    found = [*_extrapolation(campaign, request, name), *_beyond(trust, name), *_travel(campaign, name, travel)]
+    found = [*_extrapolation(campaign, request, name), *_beyond(trust, name)]
     if abs(impulse - 1.0) > _IMPULSE:
         found.append(
             f"{name}: the wheel loads together carry {impulse:.3f} times the weight over the pass; the truck is not at "
@@ -79,22 +75,4 @@ def _beyond(trust: Sequence[Extrapolation], name: str) -> list[str]:
             found.append(f"{name}: {words} goes beyond the driven runs: {axles}; the loads there are an extrapolation.")
     if lifted := [f"axle {e.axle + 1}" for e in trust if e.what == "lift_off"]:
         found.append(f"{name}: wheels leave the road that never did in the driven runs: {', '.join(lifted)}.")
-    return found
-
-
-def _travel(campaign: Campaign, name: str, travel: tuple[Quantiles, Quantiles]) -> list[str]:
-    axles = campaign.vehicle.axles
-    found = []
-    for word, key, predicted in (
-        ("compresses", "jounce_travel_m", travel[0]),
-        ("extends", "rebound_travel_m", travel[1]),
-    ):
-        for i, axle in enumerate(axles):
-            limit, most = getattr(axle, key), float((predicted.q50 if predicted.q95 is None else predicted.q95)[i])
-            if limit is not None and most > limit and not has_bump_stops(axle):
-                found.append(
-                    f"{name}: axle {i + 1} {word} by up to {1e3 * most:.0f} mm, more than its {key} of "
-                    f"{1e3 * limit:.0f} mm, and its suspension_law has no {BUMP_STOPS}: the load ratio there is not "
-                    "that of the truck."
-                )
     return found

@@ -1,11 +1,10 @@
-"""What limits predicted wheel loads: passes beyond the driven runs, and travel beyond the stops."""
+"""What limits predicted wheel loads: passes beyond the driven runs, and travel that is not declared."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from sysid.export.contents import Results
-from sysid.prediction.bump_stops import BUMP_STOPS, has_bump_stops, knows_travel, law_with_stops
 from sysid.report.numbers import listing, speed
 
 if TYPE_CHECKING:
@@ -29,24 +28,8 @@ def pass_name(p: PassPrediction) -> str:
 
 def undeclared_travel(results: Results) -> list[int]:
     """Axles (indices) without `jounce_travel_m` or without `rebound_travel_m`."""
-    return [i for i, axle in enumerate(results.campaign.vehicle.axles) if not knows_travel(axle)]
-
-
-def exceeded_travel(results: Results) -> dict[int, list[str]]:
-    """Passes that predict more travel, upper end of its interval, than declared, by axle (index) without stops."""
-    exceeded: dict[int, list[str]] = {}
-    for p in () if results.predictions is None else results.predictions.passes:
-        for i, axle in enumerate(results.campaign.vehicle.axles):
-            pairs = ((p.jounce_m, axle.jounce_travel_m), (p.rebound_m, axle.rebound_travel_m))
-            beyond = any(
-                travel is not None
-                and declared is not None
-                and float((travel.q50 if travel.q95 is None else travel.q95)[i]) > declared
-                for travel, declared in pairs
-            )
-            if beyond and not has_bump_stops(axle):
-                exceeded.setdefault(i, []).append(pass_name(p))
-    return exceeded
+    axles = results.campaign.vehicle.axles
+    return [i for i, a in enumerate(axles) if a.jounce_travel_m is None or a.rebound_travel_m is None]
 
 
 def cautions(results: Results) -> list[str]:
@@ -57,12 +40,6 @@ def cautions(results: Results) -> list[str]:
         sentences.append(
             f"Predicted passes go beyond what the driven runs reached ({'; '.join(beyond)}). There the wheel loads "
             "are an extrapolation of the fitted laws."
-        )
-    if exceeded := exceeded_travel(results):
-        where = [f"{name}, axle {i + 1}" for i, names in exceeded.items() for name in names]
-        sentences.append(
-            f"Predicted suspension travel is larger than declared ({listing(where)}): the wheel-load ratios there "
-            f"leave out the stops, because the axle's law has no {BUMP_STOPS}."
         )
     return sentences
 
@@ -81,7 +58,7 @@ def _beyond(p: PassPrediction) -> str:
 
 
 def remedies(results: Results) -> list[str]:
-    """What would let the predictions say more: runs that reach further, declared travel, laws with stops."""
+    """What would let the predictions say more: runs that reach further, and declared travel."""
     if results.predictions is None:
         return []
     steps = []
@@ -94,22 +71,6 @@ def remedies(results: Results) -> list[str]:
         every_axle = len(unknown) == len(results.campaign.vehicle.axles)
         axles = "every axle" if every_axle else listing([f"axle {i + 1}" for i in unknown])
         steps.append(
-            f"Declare jounce_travel_m and rebound_travel_m of {axles}: this report then says where stops would be "
-            f"reached. Only a suspension_law with {BUMP_STOPS} puts them into the model."
+            f"Declare jounce_travel_m and rebound_travel_m of {axles}: bump stops then act there in the model."
         )
-    if exceeded := exceeded_travel(results):
-        laws: dict[str, list[str]] = {}
-        for i in exceeded:
-            laws.setdefault(_law_with_stops(results, i), []).append(f"axle {i + 1}")
-        steps += [
-            f'Write suspension_law = "{law}" for {listing(axles)} into campaign.toml and run again: with its stops the '
-            "model can say what happens beyond the declared travel."
-            for law, axles in laws.items()
-        ]
     return steps
-
-
-def _law_with_stops(results: Results, axle: int) -> str:
-    if results.fit is None:
-        return BUMP_STOPS
-    return law_with_stops(results.campaign.vehicle, results.fit.laws, axle)

@@ -49,10 +49,10 @@ def assemble_beams(vehicle: Vehicle) -> Beams | None:
         x = np.array([vehicle.axles[i].x_m for i in members])
         rows[:, first] = 1.0
         rows[:, second] = x.mean() - x
-        own = np.array([vehicle.axles[i].unsprung_mass_kg for i in members])
+        axle_mass = np.array([vehicle.axles[i].unsprung_mass_kg for i in members])
         wheel[members] = rows
         mass[members, members] = 0.0
-        mass += rows.T @ (own[:, None] * rows)
+        mass += rows.T @ (axle_mass[:, None] * rows)
         mass[first, first] += group.mass_kg
         mass[second, second] += group.pitch_inertia_kg_m2
         left_over = members[2:]

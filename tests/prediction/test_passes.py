@@ -18,7 +18,7 @@ from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.prediction import passes
 from sysid.prediction.measures import load_coefficient
 from sysid.prediction.passes import effective_roads, predict, predict_pass, speed_sweep
-from sysid.prediction.predicted_passes import PassPrediction, Quantiles
+from sysid.prediction.predicted_passes import PassPrediction
 from sysid.prediction.remarks import remarks
 from sysid.prediction.trust import Extrapolation
 from sysid.road.road_profile import RoadProfile
@@ -194,40 +194,24 @@ def test_without_a_posterior_the_source_is_least_squares(data, parameters, truth
 
 def test_extrapolation_is_said():
     runs = campaign([empty_run("a.csv", 9.0)], load_cases=(EMPTY, LADEN))
-    calm = (Quantiles(None, np.zeros(3), None),) * 2
     quiet = ()
-    slow = remarks(runs, PredictionRequest("empty", 9.2), quiet, calm, 1.0)
-    fast = remarks(runs, PredictionRequest("empty", 12.0), quiet, calm, 1.0)
-    other = remarks(runs, PredictionRequest("laden", 9.0), quiet, calm, 1.0)
+    slow = remarks(runs, PredictionRequest("empty", 9.2), quiet, 1.0)
+    fast = remarks(runs, PredictionRequest("empty", 12.0), quiet, 1.0)
+    other = remarks(runs, PredictionRequest("laden", 9.0), quiet, 1.0)
     assert slow == ()
     assert "faster than any run" in fast[0]
     assert "43.2 km/h" in fast[0]
     assert "no run was driven in this load case" in other[0]
     far = (Extrapolation("damper_speed", 1, 2.0, 1.2), Extrapolation("travel", 1, 0.05, 0.031))
-    damper, travel = sorted(remarks(runs, PredictionRequest("empty", 9.0), far, calm, 1.0))
+    damper, travel = sorted(remarks(runs, PredictionRequest("empty", 9.0), far, 1.0))
     assert "damper speed goes beyond the driven runs: axle 2 2 m/s (driven 1.2 m/s)" in damper
     assert "suspension travel goes beyond the driven runs: axle 2 50 mm (driven 31 mm)" in travel
-    (lifted,) = remarks(runs, PredictionRequest("empty", 9.0), (Extrapolation("lift_off", 0, 0.02, 0.0),), calm, 1.0)
+    (lifted,) = remarks(runs, PredictionRequest("empty", 9.0), (Extrapolation("lift_off", 0, 0.02, 0.0),), 1.0)
     assert "never did in the driven runs: axle 1" in lifted
-    (shaped,) = remarks(runs, PredictionRequest("empty", 9.0, "x", BumpShape("watts", 0.1, 3.7)), quiet, calm, 1.0)
+    (shaped,) = remarks(runs, PredictionRequest("empty", 9.0, "x", BumpShape("watts", 0.1, 3.7)), quiet, 1.0)
     assert "no run crossed this bump" in shaped
-    (heavy,) = remarks(runs, PredictionRequest("empty", 9.0), quiet, calm, 1.02)
+    (heavy,) = remarks(runs, PredictionRequest("empty", 9.0), quiet, 1.02)
     assert "1.020 times the weight" in heavy
-
-
-def test_travel_beyond_the_declared_one_is_said():
-    axles = (replace(AXLES[0], jounce_travel_m=0.08, rebound_travel_m=0.06), *AXLES[1:])
-    runs = campaign([empty_run("a.csv", 9.0)], vehicle=replace(VEHICLE, axles=axles))
-    request = PredictionRequest("empty", 9.0)
-    jounce = Quantiles(np.full(3, 0.06), np.full(3, 0.07), np.full(3, 0.085))
-    rebound = Quantiles(None, np.full(3, 0.05), None)
-    (said,) = remarks(runs, request, (), (jounce, rebound), 1.0)
-    # The upper end of the band counts: 85 mm against 80; the other axles declare nothing.
-    assert "axle 1 compresses by up to 85 mm" in said
-    assert "jounce_travel_m of 80 mm" in said
-    stopped = (replace(axles[0], suspension_law="friction + bump_stops"), *AXLES[1:])
-    runs = campaign([empty_run("a.csv", 9.0)], vehicle=replace(VEHICLE, axles=stopped))
-    assert remarks(runs, request, (), (jounce, rebound), 1.0) == ()
 
 
 def test_measures_of_a_pass_come_from_its_histories(single, banded, data):

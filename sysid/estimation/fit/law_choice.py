@@ -224,6 +224,6 @@ def _names(laws: Laws) -> tuple[str, ...]:
 
 def _trial(laws: Laws, optimum: Optimum, gain: float) -> LawTrial:
     problem = optimum.problem
-    own = reweighted(problem, problem.linearise(optimum.vector))
-    misfit = replace(optimum, problem=problem.with_weights(own)).misfit
+    weights = reweighted(problem, problem.linearise(optimum.vector))
+    misfit = replace(optimum, problem=problem.with_weights(weights)).misfit
     return LawTrial(_names(laws), problem.count, optimum.minimum.cost, misfit, gain)

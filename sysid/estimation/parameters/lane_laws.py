@@ -122,15 +122,15 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: AxleLanes, damp
         if quantity not in inputs.elements:
             return None
         position, neutral = inputs.elements[quantity]
-        own = jnp.where(position[:, None] >= 0, values[position], neutral[:, None])
-        return jnp.broadcast_to(own, stiffness.shape)
+        of_axle = jnp.where(position[:, None] >= 0, values[position], neutral[:, None])
+        return jnp.broadcast_to(of_axle, stiffness.shape)
 
     given: dict[str, jax.Array] = {}
     for q in coefficients():
-        own = element(q.quantity)
-        if q.field is not None and own is not None:
+        value = element(q.quantity)
+        if q.field is not None and value is not None:
             loads = (inputs.carried_load, inputs.load_growth)
-            given[q.field] = own if q.coefficient is None else q.coefficient(own, stiffness, *loads)
+            given[q.field] = value if q.coefficient is None else q.coefficient(value, stiffness, *loads)
     curves, ramps, base, stop = inputs.curves, [], stiffness, element("stop_stiffness")
     if curves.spring is not None:
         ramps.append(table_ramps(curves.spring, stiffness))

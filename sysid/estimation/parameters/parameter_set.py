@@ -82,9 +82,9 @@ class ParameterSet:
         count = len(self.parameters)
         # A linked parameter has its prior from the link alone; its `prior_sd` is the marginal one.
         linked = {link.second for link in self.links}
-        own = [(i, p) for i, p in enumerate(self.parameters) if p.name not in linked]
-        rows = [np.eye(count)[i] / p.prior_sd for i, p in own]
-        targets = [np.log(p.prior_median) / p.prior_sd for _, p in own]
+        unlinked = [(i, p) for i, p in enumerate(self.parameters) if p.name not in linked]
+        rows = [np.eye(count)[i] / p.prior_sd for i, p in unlinked]
+        targets = [np.log(p.prior_median) / p.prior_sd for _, p in unlinked]
         order = {p.name: i for i, p in enumerate(self.parameters)}
         for link in self.links:
             row = np.zeros(count)

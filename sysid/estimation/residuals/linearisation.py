@@ -57,13 +57,13 @@ def _linearise(
 ) -> Linearisation:
     count = log_parameters.shape[0]
     columns = jnp.eye(count + 2)
-    own = jnp.broadcast_to(columns[count:, None, :], (2, speed.shape[0], count + 2))
+    run_columns = jnp.broadcast_to(columns[count:, None, :], (2, speed.shape[0], count + 2))
     unknowns = Unknowns(
         log_parameters,
         columns[:count],
         # Local unknowns are displacements along the road.
-        speed=own[0] * SPEED_UNIT * speed[:, None],
-        start_s=own[1] * SHIFT_UNIT_M / speed[:, None],
+        speed=run_columns[0] * SPEED_UNIT * speed[:, None],
+        start_s=run_columns[1] * SHIFT_UNIT_M / speed[:, None],
     )
     return road.engine.linearise(
         arrays.matrices,

@@ -32,7 +32,7 @@ def without_runs(normal: np.ndarray, prior: np.ndarray) -> np.ndarray:
 def response_of_runs(normal: np.ndarray, prior: np.ndarray) -> np.ndarray:
     """How the runs' own unknowns go with the common ones at their best: N^-1 J_own' J, (R, 2, p); as `without_runs`."""
     count = normal.shape[-1] - 2
-    own = normal[:, count:, count:] + prior
+    of_runs = normal[:, count:, count:] + prior
     # A run whose data say nothing about its own unknowns must not divide by zero.
-    own += 1e-12 * np.trace(own, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-    return np.asarray(np.linalg.solve(own, normal[:, count:, :count]))
+    of_runs += 1e-12 * np.trace(of_runs, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+    return np.asarray(np.linalg.solve(of_runs, normal[:, count:, :count]))

@@ -69,12 +69,12 @@ def departure_columns(
         amplitudes = np.zeros(count)
         amplitudes[together] = STEP[kind]
         moved = residuals(amplitudes)
-        for column, (residual, gain), (here, gain_here), own in zip(columns, moved, base, cases, strict=True):
+        for column, (residual, gain), (here, gain_here), case_of_run in zip(columns, moved, base, cases, strict=True):
             for j in together:
                 case = known.directions[j].load_case
-                lanes = np.ones(own.size, bool) if case is None else own == case
-                column.residual[..., j][:, lanes] = (residual - here)[:, lanes] / STEP[kind]
-                column.gain[..., j][lanes] = (gain - gain_here)[lanes] / STEP[kind]
+                runs = np.ones(case_of_run.size, bool) if case is None else case_of_run == case
+                column.residual[..., j][:, runs] = (residual - here)[:, runs] / STEP[kind]
+                column.gain[..., j][runs] = (gain - gain_here)[runs] / STEP[kind]
     for j, d in enumerate(known.directions):
         if d.axle is None:
             members = [i for i, m in enumerate(known.directions) if m.kind == d.kind and m.axle is not None]
@@ -100,7 +100,7 @@ def departure_scale(
     """
     count, masses = prior.shape[0], mass_sd.size
     cross = information[:count, count:]
-    own = information[count:, count:] - cross.T @ np.linalg.solve(information[:count, :count] + prior, cross)
+    remaining = information[count:, count:] - cross.T @ np.linalg.solve(information[:count, :count] + prior, cross)
     right = score[count:]
     names = np.array([d.group for d in directions])
     largest = np.array([PLAUSIBLE[d.kind] for d in directions])
@@ -109,7 +109,7 @@ def departure_scale(
     for _ in range(_ROUNDS):
         sd = np.concatenate([mass_sd, tau])
         # In units of their scales the unknowns have the unit matrix as prior: safe for scales that go to zero.
-        left = np.linalg.inv(sd[:, None] * own * sd + np.eye(sd.size))
+        left = np.linalg.inv(sd[:, None] * remaining * sd + np.eye(sd.size))
         asked = (-(left @ (sd * right)) * sd)[masses:]
         variance = (np.diag(left) * sd**2)[masses:]
         before = tau.copy()

@@ -190,10 +190,10 @@ def _group(
     if known == 1:
         # The determined direction, as coefficients of small relative changes.
         slopes = np.linalg.eigh(block)[1][:, 0] / prior_sd[members]
-        own = values[members]
+        value = values[members]
         inside = covariance[np.ix_(members, members)]
-        if len({units[i] for i in members}) == 1 and _alike(slopes / own):
-            kind, weights = "sum", own / own.sum()
+        if len({units[i] for i in members}) == 1 and _alike(slopes / value):
+            kind, weights = "sum", value / value.sum()
         elif len(members) == 2 and _alike(slopes * [1.0, -1.0]):
             kind, weights = "ratio", np.array([1.0, -1.0])
         if kind != "combination":

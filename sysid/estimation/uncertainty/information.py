@@ -48,13 +48,13 @@ class DataInformation:
         count = self.prior.shape[0]
         follow = np.eye(count) if self.map_following is None else self.map_following
         flattening = self.flattening @ follow
-        own = flattening.T @ matrix[:count, :count] @ flattening
+        adjusted = flattening.T @ matrix[:count, :count] @ flattening
         if self.mass_sd.size:
             moved = np.linalg.solve(follow, shift_by_masses(matrix, count))
-            carried = own @ moved
+            carried = adjusted @ moved
             # (A^-1 + K Sigma K')^-1 by the Woodbury identity, which needs no inverse of A.
-            own = own - carried @ np.linalg.solve(np.diag(self.mass_sd**-2.0) + moved.T @ carried, carried.T)
-        return np.asarray(0.5 * (own + own.T))
+            adjusted = adjusted - carried @ np.linalg.solve(np.diag(self.mass_sd**-2.0) + moved.T @ carried, carried.T)
+        return np.asarray(0.5 * (adjusted + adjusted.T))
 
     def covariance(self, more: np.ndarray | None = None) -> np.ndarray:
         """Covariance (p, p) of the log parameters, priors included; `more` as in :meth:`precision`."""
@@ -99,8 +99,8 @@ def adjusted_information(
     score = np.sum(scores, axis=0)
     scale = departure_scale(information, score, prior_precision, mass_sd, departures.directions)
     effect = mass_effect(information, score, prior_precision, np.concatenate([mass_sd, scale.sd]))
-    own, data = np.array(scores)[:, :count], information[:count, :count]
-    adjustment = adjust(own, keys, data, effect.scatter)
+    parameter_scores, data = np.array(scores)[:, :count], information[:count, :count]
+    adjustment = adjust(parameter_scores, keys, data, effect.scatter)
     follow = np.eye(count)
     if problem.model.tires is not None and departures.directions:
         chosen = [*range(count), *range(count + mass_sd.size, shared)]
@@ -111,6 +111,6 @@ def adjusted_information(
         effect = replace(effect, by_data=np.linalg.solve(follow, effect.by_data))
     with_masses = count + mass_sd.size
     cross = information[:count, count:with_masses] * mass_sd
-    blocks = adjust(own, keys, data, effect.scatter - cross @ cross.T).matrix
+    blocks = adjust(parameter_scores, keys, data, effect.scatter - cross @ cross.T).matrix
     kept = information[:with_masses, :with_masses]
     return adjustment, effect, DataInformation(kept, blocks, prior_precision, mass_sd, follow)

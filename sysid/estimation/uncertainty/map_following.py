@@ -34,5 +34,7 @@ def map_following(
             if p.quantity == "tire_exponent" and d.kind == SPOKES and d.axle is not None:
                 change[j, k] = np.exp(log_parameters[k])
     cross = information[:count, count:] @ change
-    own = information[:count, :count]
-    return np.asarray(np.eye(count) - shift_by_masses(np.block([[own, cross], [cross.T, own]]), count))
+    about_parameters = information[:count, :count]
+    return np.asarray(
+        np.eye(count) - shift_by_masses(np.block([[about_parameters, cross], [cross.T, about_parameters]]), count)
+    )

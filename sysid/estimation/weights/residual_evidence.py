@@ -63,8 +63,8 @@ def residual_evidence(problem: Problem, linearisations: Sequence[Linearisation])
         order += list(noise_model.order[used])
         for rows, mask, series in ((before, group.measured, residual), (after, kept, innovation)):
             # On the lags of the first group, whatever the sample rate.
-            own = autocorrelation(mask, series, lags_of(group.samples))[:, used].T
-            rows += [np.interp(lag, np.arange(row.size) * group.interval_s, row) for row in own]
+            correlation = autocorrelation(mask, series, lags_of(group.samples))[:, used].T
+            rows += [np.interp(lag, np.arange(row.size) * group.interval_s, row) for row in correlation]
         for which, series in enumerate((residual, innovation[depth:])):
             spectrum = _flat_for_white(series, group.interval_s, frequency)
             for r, c in np.argwhere(used):
