@@ -75,9 +75,8 @@ def trust_tables(results: Results) -> list[Table | None]:
             [axle_name(results, i), *(_beyond(beyond.get((what, i)), TRUST_WORDS[what][1]) for what in TRUST_WORDS)]
             for i in range(len(p.static_load_N))
         ]
-        tables.append(
-            table("Reached and, in brackets, driven, where a pass goes beyond", head, rows) if beyond else None
-        )
+        caption = "What the pass reaches where it goes beyond the driven runs; in brackets the most that was driven"
+        tables.append(table(caption, head, rows) if beyond else None)
     return tables
 
 
