@@ -127,7 +127,9 @@ class LogDensity:
         misfit = np.zeros(points.shape[0])
         for inputs, shape in zip(self._inputs, self._model.shapes, strict=True):
             misfit = misfit + np.asarray(_group_misfit(inputs, sets, shape=shape))
-        prior = ((points @ self._rows.T - self._targets) ** 2).sum(axis=1)
+        # Not by a matrix product, whose rounding depends on how many points there are.
+        off = (points[:, None, :] * self._rows).sum(axis=-1) - self._targets
+        prior = (off**2).sum(axis=1)
         density = -0.5 * (misfit + prior) - (points - self.centre) @ self._tilt
         bad = ~np.isfinite(density)
         if bad.any():

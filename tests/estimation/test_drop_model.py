@@ -87,7 +87,7 @@ def test_a_fit_that_breaks_down_costs_its_estimates_only(campaign, analysed, mon
     def broken(*arguments):
         raise failure
 
-    monkeypatch.setattr("sysid.estimation.drop_model.fit_drops", broken)
+    monkeypatch.setattr("sysid.estimation.fit.drop_model.fit_drops", broken)
     summary = with_model_estimates(campaign, analysed, OPTIONS)
     assert summary.pooled == analysed.pooled
     assert summary.files is analysed.files
@@ -97,7 +97,7 @@ def test_a_fit_that_breaks_down_costs_its_estimates_only(campaign, analysed, mon
 
 def test_numbers_that_are_not_finite_are_no_estimates(campaign, analysed, found, monkeypatch):
     bad = replace(found[0], stiffness=float("nan"))
-    monkeypatch.setattr("sysid.estimation.drop_model.fit_drops", lambda *arguments: (bad, found[2]))
+    monkeypatch.setattr("sysid.estimation.fit.drop_model.fit_drops", lambda *arguments: (bad, found[2]))
     summary = with_model_estimates(campaign, analysed, OPTIONS)
     assert [e.axle for e in summary.pooled if e.method == "model"] == [2]
     assert "no finite numbers" in summary.messages[-1]

@@ -49,7 +49,8 @@ def square_factor(block: np.ndarray) -> np.ndarray:
     columns a small part of the time of an orthogonal factorisation, and exact enough for scaled condition numbers far
     below 1e8.  Of a block that is not finite it is NaN: a trial of a search, which is rejected for that.
     """
-    normal = block.T @ block
+    with np.errstate(over="ignore", invalid="ignore"):
+        normal = block.T @ block
     if not np.isfinite(normal).all():
         return np.full_like(normal, np.nan)
     length = np.sqrt(np.diag(normal))
