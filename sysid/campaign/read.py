@@ -11,8 +11,7 @@ import numpy as np
 
 from sysid import limits
 from sysid.campaign import paths
-from sysid.campaign.input_file import InputFile
-from sysid.campaign.logs import read_log
+from sysid.campaign.logs import LogWriting, read_log
 from sysid.campaign.records import (
     Acquisition,
     AntiAliasFilter,
@@ -29,8 +28,9 @@ from sysid.campaign.records import (
 )
 from sysid.campaign.statics import check_statics
 from sysid.campaign.units import angle_rad, si_factor, speed_m_s
-from sysid.campaign.wording import shorten
 from sysid.errors import CampaignError, DataRejectedError
+from sysid.logs.input_file import InputFile
+from sysid.wording import shorten
 
 if TYPE_CHECKING:
     from sysid.campaign import schema as s
@@ -141,18 +141,23 @@ class _Inputs:
                 f"{most / 1e6:.0f} are read; cut the logs to the time of the tests."
             )
 
-    def _log(self, name: str, key: str, sensors: Sequence[Sensor]) -> Log:
-        interval = self.tables.acquisition.sample_interval_s
+    def _log(self, entry: s.PlankDropTable | s.BumpRunTable, key: str, sensors: Sequence[Sensor]) -> Log:
+        name, interval = entry.file, self.tables.acquisition.sample_interval_s
         if self.planned:
             paths.check_name(name, f"{self.file.name}: {key}.file")
         if self.planned and not (self.file.parent / name).exists():
             channels = (Channel(s, np.zeros(1), np.zeros(1), np.zeros(1, np.int8)) for s in sensors)
             return Log(paths.relative_name(name), interval, tuple(channels))
         content = self._input(name, f"{key}.file", limits.LOG_BYTES)
-        log = read_log(content, paths.relative_name(name), sensors, interval)
+        log = read_log(content, paths.relative_name(name), sensors, interval, self._writing(entry))
         numbers = sum(channel.value.size for channel in log.channels)
         self._count("numbers", numbers, limits.INPUT_NUMBERS, f"{self.file.name}: {key}.file")
         return log
+
+    def _writing(self, entry: s.PlankDropTable | s.BumpRunTable) -> LogWriting:
+        common = self.tables.acquisition
+        units_row = common.units_row if entry.units_row is None else entry.units_row
+        return LogWriting(entry.time or common.time, bool(units_row), entry.format or common.format)
 
     def _load_case(self, name: str, key: str) -> str:
         return self.vehicle.pick(name, list(self.vehicle.load_cases), f"{key}.load_case", "load case")
@@ -210,7 +215,7 @@ class _Inputs:
                         axle=index,
                         load_case=load_case,
                         plank_height_m=entry.plank_height_m,
-                        log=self._log(entry.file, key, at),
+                        log=self._log(entry, key, at),
                         nominal_speed_m_s=speed,
                         dampers=entry.dampers,
                         towed=entry.towed,
@@ -271,7 +276,7 @@ class _Inputs:
                     load_case=self._load_case(entry.load_case, key),
                     nominal_speed_m_s=speed_m_s(entry.nominal_speed_km_h),
                     repeat=entry.repeat,
-                    log=self._log(entry.file, key, sensors),
+                    log=self._log(entry, key, sensors),
                     bump=self._bump(entry.bump, key, scans),
                     speed_held=entry.speed_held,
                 )
@@ -373,4 +378,6 @@ def _sensor(
         x_m=x_m,
         full_scale=None if table.range is None else table.range * factor,
         side=table.side,
+        sign=table.sign,
+        scale=table.scale,
     )
