@@ -84,8 +84,11 @@ def selected(found: Iterable[Found], request: dict[str, Any]) -> tuple[dict[str,
         numbers = _numbers(array, channel.path)
         key, name, time = _time_of(channel, numbers.size, channels, request["time"])
         if key not in clocks:
-            clocks[key] = len(stamps)
-            stamps.append(time())
+            own = time()
+            # Formats that give every channel a time of its own mostly write the same one.
+            clocks[key] = next((i for i, other in enumerate(stamps) if np.array_equal(own, other)), len(stamps))
+        if clocks[key] == len(stamps):
+            stamps.append(own)
             described.append({"name": name, "first_row": channel.first_row})
         if stamps[clocks[key]].size != numbers.size:
             raise RefusedError(
@@ -164,7 +167,7 @@ def _seconds(column: Found) -> np.ndarray:
             raise RefusedError(f"has no time in '{shorten(column.path)}'; export it again")
         ticks = (array - first[0]).astype("timedelta64[ns]")
         return np.where(np.isnat(ticks), np.nan, ticks.astype(np.float64) * 1e-9)
-    return _numbers(array, column.path) * seconds_in(column.name, unit)
+    return _numbers(array, column.path) * seconds_in(column.name, _text(unit))
 
 
 def _numbers(array: np.ndarray, path: str) -> np.ndarray:
