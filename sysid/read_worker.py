@@ -50,7 +50,13 @@ def limit_process(memory_bytes: int, seconds: float) -> None:
 
 
 def function_of(file: str, name: str, root: str) -> Callable[..., tuple[dict[str, Any], list[np.ndarray]]]:
-    """The function `name` of the module in `file`, which may import what lies below `root`."""
+    """The function `name` of the module in `file`, which may import what lies below `root`.
+
+    Raises
+    ------
+    ImportError
+        If there is no such module.
+    """
     # Last in the path: modules of the package must not hide others.
     sys.path.append(root)
     specification = importlib.util.spec_from_file_location("reader_in_child", file)

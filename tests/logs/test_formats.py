@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import os
 from pathlib import Path
 
 import numpy as np
@@ -85,10 +85,16 @@ def test_damaged_files_end_in_a_sentence(name: str, written, digits: float) -> N
     assert refusals(name, damaged(written(), 4))
 
 
+def processor_s() -> float:
+    """Processor time of this process and of the children that it has waited for [s]: other work does not count."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(("name", "written", "digits"), FILES.values(), ids=FILES)
 def test_two_hundred_flips_take_less_than_two_seconds_each(name: str, written, digits: float) -> None:
     files = damaged(written(), FLIPS)
-    begin = time.perf_counter()
+    begin = processor_s()
     assert refusals(name, files)
-    assert time.perf_counter() - begin < 2.0 * len(files)
+    assert processor_s() - begin < 2.0 * len(files)

@@ -16,7 +16,13 @@ from sysid.logs.time_columns import TIME_NAMES
 
 
 def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
-    """Columns of all sheets that have a row with names of columns."""
+    """Columns of all sheets that have a row with names of columns.
+
+    Raises
+    ------
+    RefusedError
+        If a sheet is larger than is read.
+    """
     from python_calamine import CalamineWorkbook
 
     book = CalamineWorkbook.from_filelike(stream)

@@ -18,7 +18,13 @@ _RATES = ("sample_rate_hz", "sample_rate", "sampling_rate", "fs")
 
 
 def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
-    """Data sets of all groups that are vectors of numbers."""
+    """Data sets of all groups that are vectors of numbers.
+
+    Raises
+    ------
+    RefusedError
+        If there are too many data sets, or data stand in other files.
+    """
     import h5py
 
     file = h5py.File(stream, "r")

@@ -27,7 +27,13 @@ class _Complaints(logging.Handler):
 
 
 def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
-    """Channels of all groups; starts of waveforms are counted from the earliest one of the file."""
+    """Channels of all groups; starts of waveforms are counted from the earliest one of the file.
+
+    Raises
+    ------
+    RefusedError
+        If the file ends before its data do.
+    """
     from nptdms import TdmsFile
 
     complaints = _Complaints()

@@ -20,7 +20,13 @@ _DIRECTIONS = {0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z", 4
 
 
 def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
-    """Functions over time by the name in their first line, else by node and direction, such as ``12+Z``."""
+    """Functions over time by the name in their first line, else by node and direction, such as ``12+Z``.
+
+    Raises
+    ------
+    RefusedError
+        If there is no data set 58.
+    """
     import pyuff
 
     with tempfile.TemporaryDirectory() as folder:
