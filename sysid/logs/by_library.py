@@ -6,6 +6,8 @@ import importlib.util
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from sysid.bounded_reader import read_in_child
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.logs.channels import Clock, LogContent, LogFormat, LogRequest, RawChannel
