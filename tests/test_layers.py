@@ -140,9 +140,8 @@ SHOWN = {
     "estimates.suspension_values",
     "estimation.fit.thresholds",
     "files",
-    "prediction.bump_stops",
-    "sdof.results",
-    "validation.results",
+    "sdof.drop_results",
+    "validation.channel_agreement",
 }
 
 
