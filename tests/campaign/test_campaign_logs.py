@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import time
+import os
 from pathlib import Path
 
 import numpy as np
@@ -187,9 +187,14 @@ FAULTS = {
 }
 
 
+def processor_seconds() -> float:
+    """Processor time of this process and of those that it has waited for: a busy machine is no slow reader."""
+    return sum(os.times()[:4])
+
+
 @pytest.mark.parametrize(("content", "words"), FAULTS.values(), ids=FAULTS)
 def test_faulty_log_ends_in_one_sentence(tmp_path, content, words):
-    started = time.perf_counter()
+    started = processor_seconds()
     with pytest.raises(DataRejectedError) as error:
         read(tmp_path, content)
     text = str(error.value)
@@ -199,7 +204,7 @@ def test_faulty_log_ends_in_one_sentence(tmp_path, content, words):
     assert len(text) < 500
     for word in words:
         assert word in text
-    assert time.perf_counter() - started < 2.0
+    assert processor_seconds() - started < 2.0
 
 
 def test_empty_time_cells_inside_are_left_out_when_few(tmp_path):
