@@ -46,6 +46,8 @@ SENSORS: Final = 1_000
 LOG_COLUMNS: Final = 2_000
 LOG_ROWS: Final = 3_000_000
 LOG_NUMBERS: Final = 12_000_000
+#: Channels of a log that is no table: bus logs have thousands beside those of the sensors.
+LOG_CHANNELS: Final = 50_000
 #: Columns of a text cloud.
 CLOUD_COLUMNS: Final = 200
 #: Longest line [characters].

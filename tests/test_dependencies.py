@@ -17,7 +17,6 @@ DISTRIBUTION = {"sksundae": "scikit-sundae"}
 #: Declared, and never imported by name: who loads them.
 LOADED_BY_OTHERS = {
     "h5netcdf": "xarray, to write netCDF",
-    "h5py": "h5netcdf",
     "ipykernel": "nbclient, to run notebooks",
     "mkdocs-material": "mkdocs",
     "mkdocstrings": "mkdocs",
@@ -52,7 +51,7 @@ def imported_below(*folders: str) -> set[str]:
 
 def names(requirements: list[str]) -> set[str]:
     """Names of requirements, less the package itself."""
-    return {re.split(r"[\[<>=!~; ]", r, maxsplit=1)[0].lower() for r in requirements} - {"sysid"}
+    return {re.split(r"[\[<>=!~; ]", r, maxsplit=1)[0].lower().replace("_", "-") for r in requirements} - {"sysid"}
 
 
 def project() -> dict:
@@ -66,7 +65,8 @@ def declared_everywhere() -> set[str]:
 
 def test_the_package_imports_what_it_declares():
     extras = project()["optional-dependencies"]
-    optional = names(extras["opencrg"]) | names(extras["crosscheck"]) | USED_WHERE_INSTALLED
+    formats = ("opencrg", "mdf", "tdms", "parquet", "excel", "lvm", "uff")
+    optional = USED_WHERE_INSTALLED.union(*(names(extras[extra]) for extra in ("crosscheck", *formats)))
     assert imported_below("sysid") - optional == names(project()["dependencies"]) - LOADED_BY_OTHERS.keys()
 
 

@@ -1,7 +1,6 @@
 """The measurement campaign: records, reader, statics and quality check (SI units, no physics beyond statics)."""
 
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
-from sysid.campaign.input_file import InputFile
 from sysid.campaign.logs import read_log
 from sysid.campaign.quality import check_quality, quality_table
 from sysid.campaign.read import PointCloudReader, read_campaign
@@ -27,6 +26,7 @@ from sysid.campaign.records import (
     Vehicle,
 )
 from sysid.campaign.statics import StaticEquilibrium, check_statics, static_equilibrium
+from sysid.logs.input_file import InputFile
 
 __all__ = [
     "Acquisition",

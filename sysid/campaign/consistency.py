@@ -189,8 +189,7 @@ def _common_grid(channels: Sequence[Channel], step_s: float) -> np.ndarray | Non
     """Uniform times over the longest stretch in which no channel pauses for more than a tenth of a second."""
     if step_s > 1.0 / RATE_NEEDED_HZ:
         return None
-    good = np.logical_and.reduce([np.isfinite(c.value) for c in channels])
-    time = channels[0].time_s[good]
+    time = _shared_times(channels)
     if time.size < 2:
         return None
     breaks = np.flatnonzero(np.diff(time) > max(LONGEST_FILL_S, 2.5 * step_s)) + 1
@@ -200,6 +199,24 @@ def _common_grid(channels: Sequence[Channel], step_s: float) -> np.ndarray | Non
     if count * step_s < 1.0 or count > limits.GRID_STEPS:
         return None
     return np.asarray(longest[0] + step_s * np.arange(count))
+
+
+def _shared_times(channels: Sequence[Channel]) -> np.ndarray:
+    """Stamps at which all channels have readings; with several clocks those of the slowest, where no other pauses."""
+    first = channels[0].time_s
+    if all(c.time_s.size == first.size and np.array_equal(c.time_s, first) for c in channels[1:]):
+        return np.asarray(first)[np.logical_and.reduce([np.isfinite(c.value) for c in channels])]
+    stamps = [c.time_s[np.isfinite(c.value)] for c in channels]
+    if min(s.size for s in stamps) < 2:
+        return np.empty(0)
+    slowest = max(stamps, key=lambda s: float(np.median(np.diff(s))))
+    shared = np.ones(slowest.size, bool)
+    for other in stamps:
+        after = np.searchsorted(other, slowest)
+        inside = (slowest >= other[0]) & (slowest <= other[-1])
+        pause = np.diff(other)[np.clip(after - 1, 0, other.size - 2)]
+        shared &= inside & (pause <= max(LONGEST_FILL_S, 2.5 * float(np.median(np.diff(other)))))
+    return np.asarray(slowest[shared])
 
 
 def _on_grid(channel: Channel, grid: np.ndarray) -> np.ndarray:

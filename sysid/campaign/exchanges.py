@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid.campaign.consistency import Fit, Trio, arrival, fit_factors, hop_size
 from sysid.campaign.records import Channel, Sensor, Vehicle
-from sysid.campaign.wording import shorten
+from sysid.wording import shorten
 
 
 @dataclass(frozen=True)

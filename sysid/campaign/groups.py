@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from sysid.campaign.records import AxleGroup, Vehicle
-from sysid.campaign.wording import shorten
 from sysid.errors import CampaignError
+from sysid.wording import shorten
 
 _SUSPENSION_KEYS = (
     "suspension",

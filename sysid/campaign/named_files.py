@@ -10,11 +10,11 @@ import numpy as np
 
 from sysid import limits
 from sysid.campaign import paths
-from sysid.campaign.input_file import InputFile
-from sysid.campaign.logs import read_log
+from sysid.campaign.logs import LogWriting, read_log
 from sysid.campaign.records import Channel, Log, Sensor
-from sysid.campaign.wording import shorten
 from sysid.errors import DataRejectedError
+from sysid.logs.input_file import InputFile
+from sysid.wording import shorten
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,12 @@ class NamedFiles:
                 f"{most / 1e6:.0f} are read; cut the logs to the time of the tests."
             )
 
-    def log(self, name: str, key: str, sensors: Sequence[Sensor]) -> Log:
+    def log(self, name: str, key: str, sensors: Sequence[Sensor], writing: LogWriting) -> Log:
         """The log that the test `key` names; a blank one where it is planned and does not exist.
+
+        Parameters
+        ----------
+        writing : how the log is written.
 
         Raises
         ------
@@ -76,7 +80,7 @@ class NamedFiles:
             channels = (Channel(s, np.zeros(1), np.zeros(1), np.zeros(1, np.int8)) for s in sensors)
             return Log(paths.relative_name(name), interval, tuple(channels))
         content = self.content(name, f"{key}.file", limits.LOG_BYTES)
-        log = read_log(content, paths.relative_name(name), sensors, interval)
+        log = read_log(content, paths.relative_name(name), sensors, interval, writing)
         numbers = sum(channel.value.size for channel in log.channels)
         self._count("numbers", numbers, limits.INPUT_NUMBERS, f"{self.file.name}: {key}.file")
         return log

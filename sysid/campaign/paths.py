@@ -7,10 +7,10 @@ import os
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from sysid import limits
-from sysid.campaign.input_file import FileRefusedError, InputFile, read_file, read_file_inside
-from sysid.campaign.wording import finish, shorten
 from sysid.errors import CampaignError, DataRejectedError
+from sysid.logs.input_file import FileRefusedError, InputFile, read_file, read_file_inside
 from sysid.output_folder import has_control_characters
+from sysid.wording import finish, shorten
 
 
 def campaign_file(path: str | Path) -> InputFile:

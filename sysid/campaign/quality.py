@@ -14,7 +14,7 @@ from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop, Vehicle
 from sysid.campaign.suspects import suspicions
 from sysid.campaign.units import si_factor
-from sysid.campaign.wording import say_once, shorten
+from sysid.wording import say_once, shorten
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -100,19 +100,10 @@ def _check_log(log: Log, vehicle: Vehicle, bump_speed: float | None) -> tuple[Lo
     messages = list(log.messages)
     if not log.channels:
         return log, [], messages
-    clock = defects.timing(log.channels[0].time_s, log.sample_interval_s)
-    rows = log.channels[0].time_s.size
-    if clock.gaps:
-        lost = sum(count for _, count in clock.gaps)
-        at = ", ".join(f"{count} at {start:.3f} s" for start, count in clock.gaps[:3])
-        more = ", ..." if len(clock.gaps) > 3 else ""
-        messages.append(f"{log.file}: {lost} rows are missing ({at}{more}); the time stamps show where.")
-    if clock.jitter_s > JITTER_SHARE * log.sample_interval_s:
-        messages.append(
-            f"{log.file}: the time stamps depart by up to {1e3 * clock.jitter_s:.3g} ms from even steps; they are used "
-            "as they are."
-        )
+    clocks = _clocks(log, messages)
     work = [_examine(channel) for channel in log.channels]
+    clock = min(clocks, key=lambda c: c.rate_hz)
+    rows = min(channel.time_s.size for channel in log.channels)
     too_short = rows < FEWEST_SAMPLES or clock.rate_hz < SLOWEST_HZ
     if too_short:
         what = (
@@ -125,9 +116,37 @@ def _check_log(log: Log, vehicle: Vehicle, bump_speed: float | None) -> tuple[Lo
             item.rejected = True
     else:
         _judge_together(log, work, vehicle, bump_speed, messages)
-    found = [_finding(log, item, clock) for item in work]
+    found = [_finding(log, item, own) for item, own in zip(work, clocks, strict=True)]
     kept = tuple(item.channel for item in work if not item.rejected)
     return replace(log, channels=kept, messages=tuple(messages)), found, messages
+
+
+def _clocks(log: Log, messages: list[str]) -> list[defects.Timing]:
+    """Timing of every channel's clock, and what is to be said about it."""
+    found: list[defects.Timing] = []
+    times = [channel.time_s for channel in log.channels]
+    first = [next(j for j, other in enumerate(times) if np.array_equal(other, time)) for time in times]
+    several = any(first)
+    for i, (channel, j) in enumerate(zip(log.channels, first, strict=True)):
+        if j < i:
+            found.append(found[j])
+            continue
+        time = channel.time_s
+        step = float(np.median(np.diff(time))) if several and time.size > 1 else log.sample_interval_s
+        clock = defects.timing(time, step)
+        found.append(clock)
+        where = f"{log.file}, '{shorten(channel.sensor.column)}'" if several else log.file
+        if clock.gaps:
+            lost = sum(count for _, count in clock.gaps)
+            at = ", ".join(f"{count} at {start:.3f} s" for start, count in clock.gaps[:3])
+            more = ", ..." if len(clock.gaps) > 3 else ""
+            messages.append(f"{where}: {lost} rows are missing ({at}{more}); the time stamps show where.")
+        if clock.jitter_s > JITTER_SHARE * step:
+            messages.append(
+                f"{where}: the time stamps depart by up to {1e3 * clock.jitter_s:.3g} ms from even steps; they are "
+                "used as they are."
+            )
+    return found
 
 
 def _examine(channel: Channel) -> _Work:

@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid import limits
 from sysid.campaign import paths
-from sysid.campaign.input_file import InputFile
+from sysid.campaign.logs import LogWriting
 from sysid.campaign.named_files import NamedFiles
 from sysid.campaign.records import (
     Acquisition,
@@ -27,8 +27,9 @@ from sysid.campaign.records import (
 )
 from sysid.campaign.statics import check_statics
 from sysid.campaign.units import angle_rad, si_factor, speed_m_s
-from sysid.campaign.wording import shorten
 from sysid.errors import CampaignError
+from sysid.logs.input_file import InputFile
+from sysid.wording import shorten
 
 if TYPE_CHECKING:
     from sysid.campaign import schema as s
@@ -118,6 +119,11 @@ class _Inputs:
     vehicle: VehicleReader
     files: NamedFiles
 
+    def _writing(self, entry: s.PlankDropTable | s.BumpRunTable) -> LogWriting:
+        common = self.tables.acquisition
+        units_row = common.units_row if entry.units_row is None else entry.units_row
+        return LogWriting(entry.time or common.time, bool(units_row), entry.format or common.format)
+
     def _load_case(self, name: str, key: str) -> str:
         return self.vehicle.pick(name, list(self.vehicle.load_cases), f"{key}.load_case", "load case")
 
@@ -174,7 +180,7 @@ class _Inputs:
                         axle=index,
                         load_case=load_case,
                         plank_height_m=entry.plank_height_m,
-                        log=self.files.log(entry.file, key, at),
+                        log=self.files.log(entry.file, key, at, self._writing(entry)),
                         nominal_speed_m_s=speed,
                         dampers=entry.dampers,
                         towed=entry.towed,
@@ -235,7 +241,7 @@ class _Inputs:
                     load_case=self._load_case(entry.load_case, key),
                     nominal_speed_m_s=speed_m_s(entry.nominal_speed_km_h),
                     repeat=entry.repeat,
-                    log=self.files.log(entry.file, key, sensors),
+                    log=self.files.log(entry.file, key, sensors, self._writing(entry)),
                     bump=self._bump(entry.bump, key, scans),
                     speed_held=entry.speed_held,
                 )
@@ -337,4 +343,6 @@ def _sensor(
         x_m=x_m,
         full_scale=None if table.range is None else table.range * factor,
         side=table.side,
+        sign=table.sign,
+        scale=table.scale,
     )

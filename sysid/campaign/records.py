@@ -203,8 +203,8 @@ class Sensor:
     """One sensor: log column, what it measures and where.
 
     `axle` (index) for deflections and axle accelerations, `body` (index) and `x_m` for body accelerations.
-    `full_scale` is the range (+-) in SI units, None if undeclared; `unit` is the unit in the file.  For plank drops
-    `axle`, `body` and `x_m` are filled in with the axle under test.
+    `full_scale` is the range (+-) in SI units, None if undeclared; `unit` is the unit in the file, after readings are
+    multiplied by `scale` and `sign`.  For plank drops `axle`, `body` and `x_m` are filled in with the axle under test.
     """
 
     column: str
@@ -215,6 +215,8 @@ class Sensor:
     x_m: float | None = None
     full_scale: float | None = None
     side: Literal["left", "right"] | None = None
+    sign: int = 1
+    scale: float = 1.0
 
     @property
     def si_unit(self) -> str:

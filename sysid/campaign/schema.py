@@ -10,6 +10,7 @@ from sysid import limits
 from sysid.campaign.schema_fields import (
     TEXT_LENGTH,
     LengthUnit,
+    LogFormatName,
     Name,
     PathText,
     Position,
@@ -21,7 +22,7 @@ from sysid.campaign.schema_fields import (
 from sysid.campaign.schema_priors import NamedPriorTable
 from sysid.campaign.schema_vehicle import LoadCaseTable, VehicleTable
 from sysid.campaign.units import unit_names
-from sysid.campaign.wording import nearest
+from sysid.wording import nearest
 
 
 class CampaignTable(Table):
@@ -39,8 +40,16 @@ class FilterTable(Table):
     cutoff_hz: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1e6)]
 
 
-class AcquisitionTable(Table):
-    """[acquisition]: sample interval and filter."""
+class LogTable(Table):
+    """How logs are written; what a test says counts before what [acquisition] says for all."""
+
+    time: Name | None = None
+    units_row: StrictBool | None = None
+    format: LogFormatName | None = None
+
+
+class AcquisitionTable(LogTable):
+    """[acquisition]: sample interval and filter, and how logs are written."""
 
     sample_interval_s: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1e-6, le=10.0)]
     filter: FilterTable | None = None
@@ -51,6 +60,8 @@ class _SensorTable(Table):
     unit: SensorUnit
     range: Positive | None = None
     side: Literal["left", "right"] | None = None
+    sign: Literal[1, -1] = 1
+    scale: Positive = 1.0
 
     @model_validator(mode="after")
     def _unit_of_kind(self) -> Self:
@@ -66,7 +77,7 @@ class _SensorTable(Table):
 
 
 class RunSensorTable(_SensorTable):
-    """[sensors.bump_run]: column = { kind, axle or body and x_m, unit, range, side }."""
+    """[sensors.bump_run]: column = { kind, axle or body and x_m, unit, range, side, sign, scale }."""
 
     axle: Name | None = None
     body: Name | None = None
@@ -87,7 +98,7 @@ class RunSensorTable(_SensorTable):
 
 
 class DropSensorTable(_SensorTable):
-    """[sensors.plank_drop]: column = { kind, unit, range, side, axle }, without axle mounted at the axle under test."""
+    """[sensors.plank_drop]: column = { kind, unit, range, side, sign, scale, axle }; else at the axle under test."""
 
     axle: Name | None = None
 
@@ -107,7 +118,7 @@ class ScanTable(Table):
     unit: LengthUnit = "m"
 
 
-class PlankDropTable(Table):
+class PlankDropTable(LogTable):
     """One entry of tests.plank_drop: an axle off a plank, or a body that was lifted above one or more axles."""
 
     axle: Name | None = None
@@ -137,7 +148,7 @@ class PlankDropTable(Table):
         return self
 
 
-class BumpRunTable(Table):
+class BumpRunTable(LogTable):
     """One entry of tests.bump_run."""
 
     case: Name

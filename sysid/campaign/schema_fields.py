@@ -7,7 +7,8 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictStr
 
 from sysid.campaign.units import unit_names
-from sysid.campaign.wording import nearest
+from sysid.logs.registry import FORMATS
+from sysid.wording import nearest
 
 NAME_LENGTH = 200
 TEXT_LENGTH = 20_000
@@ -17,6 +18,13 @@ def _length_unit(unit: str) -> str:
     if unit.strip() not in unit_names("length"):
         raise ValueError(f"is '{unit}', which is not a unit of length; {nearest(unit, unit_names('length'))}")
     return unit.strip()
+
+
+def _log_format(name: str) -> str:
+    known = [log_format.name for log_format in FORMATS]
+    if name not in known:
+        raise ValueError(f"is '{name}', which is no format of a log; {nearest(name, known)}")
+    return name
 
 
 # Bounds are far outside anything a road vehicle has: they catch slipped decimals and NaN, they do not judge.
@@ -32,6 +40,7 @@ SpeedKmH = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=3
 Name = Annotated[StrictStr, Field(min_length=1, max_length=NAME_LENGTH)]
 PathText = Annotated[StrictStr, Field(min_length=1, max_length=4096)]
 SensorUnit = Annotated[StrictStr, Field(max_length=40)]
+LogFormatName = Annotated[StrictStr, Field(max_length=40), AfterValidator(_log_format)]
 LengthUnit = Annotated[StrictStr, Field(max_length=40), AfterValidator(_length_unit)]
 
 

@@ -12,8 +12,8 @@ from pydantic import BaseModel, ValidationError
 
 from sysid.campaign.schema import CampaignFile
 from sysid.campaign.toml_bounds import check_bounds
-from sysid.campaign.wording import finish, nearest, shorten
 from sysid.errors import CampaignError
+from sysid.wording import finish, nearest, shorten
 
 SHOWN = 3  # problems named in one error
 _COMPARED = 100  # unknown keys compared with missing ones

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
-from sysid.campaign.wording import finish, nearest, shorten
 from sysid.errors import CampaignError
+from sysid.wording import finish, nearest, shorten
 
 if TYPE_CHECKING:
     import pint
@@ -84,6 +85,43 @@ def si_factor(unit: str, dimension: Dimension) -> float:
         hint = nearest(unit, unit_names(dimension))
         raise CampaignError(finish(f"'{shorten(unit)}' is not a unit of {dimension}; {hint}"))
     return float(_registry()(spelling).to(_SI[dimension]).magnitude)
+
+
+#: What files call quantities that no sensor of a campaign measures, in small letters.
+_OTHER = frozenset(
+    """v volt volts mv millivolt uv mv/v a ma ampere ohm n kn newton newtons nm kg pa kpa mpa bar psi
+    degc °c c k degf °f rpm 1/min hz deg degree degrees rad rad/s deg/s °/s m/s km/h kmh mph
+    strain um/m microstrain ustrain""".split()  # noqa: SIM905
+)
+_WORDS = {"metre": "m", "meter": "m", "millimetre": "mm", "millimeter": "mm", "inch": "in", "gn": "g"}
+_DECORATION = {"²": "^2", "**": "^", "·": "", " ": "", "µ": "u", "μ": "u", "sec": "s"}
+
+
+def contradiction(written: str | None, declared: str) -> str | None:
+    """The unit that a file writes, where it cannot be the declared one of a length or an acceleration; else None.
+
+    A unit that is not known says nothing.
+    """
+    if written is None:
+        return None
+    factors: dict[str, tuple[str, float]] = {}
+    for dimension in ("length", "acceleration"):
+        for spelling in _SPELLINGS[dimension]:
+            factors[_plain(spelling)] = (dimension, si_factor(spelling, dimension))
+    for name, unit in _WORDS.items():
+        factors[name] = factors[unit]
+    plain = _plain(written)
+    if plain in factors:
+        return None if factors[plain] == factors[_plain(declared)] else written
+    return written if plain in _OTHER else None
+
+
+def _plain(unit: str) -> str:
+    """A unit in small letters, m/s^2 for its many spellings."""
+    text = unit.strip().strip("[]()").casefold()
+    for old, new in _DECORATION.items():
+        text = text.replace(old, new)
+    return re.sub(r"(?:/s/s|/s\^?2|s\^?-2)$", "/s^2", text)
 
 
 def speed_m_s(value_km_h: float) -> float:

@@ -21,8 +21,8 @@ from sysid.campaign.records import (
 from sysid.campaign.schema import CampaignFile
 from sysid.campaign.schema_vehicle import AxleTable, BodyTable, GroupTable, LoadCaseTable
 from sysid.campaign.units import pressure_pa
-from sysid.campaign.wording import finish, nearest, shorten
 from sysid.errors import CampaignError
+from sysid.wording import finish, nearest, shorten
 
 _PRIOR_QUANTITIES = {
     "stiffness_N_per_m": "stiffness",

@@ -61,7 +61,17 @@ class _InOrder(click.Group):
         return list(self.commands)
 
 
+def _show_version(context: click.Context, option: click.Parameter, wanted: bool) -> None:
+    if wanted and not context.resilient_parsing:
+        from sysid.workflow.versions import versions
+
+        click.echo(f"sysid {versions()['sysid']}")
+        context.exit()
+
+
 @click.group(cls=_InOrder, help=_HELP, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_show_version,
+              help="Show the version and stop.")  # fmt: skip
 def cli() -> None:
     """Entry point of all stages."""
 
@@ -118,6 +128,15 @@ def selftest(campaign: Path, replicates: int, seed: int) -> None:
     from sysid.cli.selftest import run_selftest
 
     sys.exit(run_selftest(campaign, replicates, seed))
+
+
+@cli.command("formats")
+@click.argument("files", nargs=-1, type=click.Path(path_type=Path), metavar="[FILE]...")
+def formats(files: tuple[Path, ...]) -> None:
+    """Formats of logs that can be read here and what is missing, or format and channels of each FILE."""
+    from sysid.cli.formats import run_formats
+
+    sys.exit(run_formats(files))
 
 
 def main() -> None:

@@ -8,7 +8,6 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from sysid.campaign.wording import shorten
 from sysid.cli.invocation import configured, name_of_program
 from sysid.cli.progress import StageProgress
 from sysid.cli.stages import INTERRUPTED, console, termination_as_interrupt
@@ -16,6 +15,7 @@ from sysid.cli.tables import plain_table
 from sysid.display import shown_unit
 from sysid.errors import NotConvergedError, SysidError
 from sysid.selftest.replicates import Replicate, SelfTest
+from sysid.wording import shorten
 
 
 def run_selftest(campaign: Path, count: int, seed: int) -> int:

@@ -11,8 +11,9 @@ import struct
 
 import numpy as np
 
+from sysid.bounded_reader import read_in_child
 from sysid.errors import DataRejectedError
-from sysid.road.bounded_reader import read_in_child
+from sysid.road.cloud_libraries import read_las
 
 _HEADER_BYTES = 227
 _HEADER_BYTES_1_4 = 375
@@ -58,7 +59,7 @@ def las_points(data: bytes, label: str, most_points: int) -> np.ndarray:
 
 
 def _decompressed(data: bytes, label: str, most_points: int) -> np.ndarray:
-    answer, points = read_in_child("las", data, label, most_points=most_points)
+    answer, arrays = read_in_child(read_las, data, label, ["laspy"], most_points=most_points)
     text = str(answer.get("text", ""))
     if "backend" in text.lower():
         raise DataRejectedError(
@@ -66,8 +67,8 @@ def _decompressed(data: bytes, label: str, most_points: int) -> np.ndarray:
         )
     if "error" in answer:
         raise _unreadable(label, text.partition("\n")[0][:160] or answer["error"])
-    check_count(label, answer.get("points", len(points)), most_points)
-    return points
+    check_count(label, answer.get("points", len(arrays[0])), most_points)
+    return arrays[0]
 
 
 def check_count(label: str, count: int, most_points: int) -> None:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.bounded_reader import read_in_child
 from sysid.errors import DataRejectedError
-from sysid.road.bounded_reader import read_in_child
+from sysid.road.cloud_libraries import read_ply
 from sysid.road.las_file import check_count
-from sysid.road.read_worker import read_ply
 
 _HEAD_BYTES = 65536
 _END = re.compile(rb"^end_header[ \t]*(\r\n|\n|\r)?", re.MULTILINE)
@@ -69,12 +69,12 @@ def ply_points(data: bytes, label: str, most_points: int) -> np.ndarray:
     content = b"".join((_written(kind, elements), memoryview(data)[body:]))
     request = {"names": [names[axis] for axis in "xyz"]}
     if not _small(kind, elements, len(data) - body):
-        answer, points = read_in_child("ply", content, label, **request)
+        answer, arrays = read_in_child(read_ply, content, label, ["plyfile"], **request)
         if "error" in answer:
             raise _unreadable(label, answer.get("text") or answer["error"])
-        return points
+        return arrays[0]
     try:
-        return read_ply(io.BytesIO(content), request)[1]
+        return read_ply(io.BytesIO(content), request)[1][0]
     # The parser meets arbitrary bytes: whatever it stumbles over means the same to the user.
     except Exception as error:
         raise _unreadable(label, str(error) or type(error).__name__) from error

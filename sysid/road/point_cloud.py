@@ -8,8 +8,8 @@ from types import MappingProxyType
 import numpy as np
 
 from sysid import limits
-from sysid.campaign.input_file import FileRefusedError, InputFile, read_file
 from sysid.errors import DataRejectedError
+from sysid.logs.input_file import FileRefusedError, InputFile, read_file
 from sysid.road.las_file import las_points
 from sysid.road.ply_file import ply_points
 from sysid.road.text_cloud import read_text_cloud

@@ -14,14 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from sysid import limits
-from sysid.campaign.input_file import FileRefusedError, InputFile, read_file
+from sysid.bounded_reader import read_in_child
 from sysid.campaign.records import BumpShape
-from sysid.campaign.text_table import read_columns
-from sysid.campaign.wording import shorten
 from sysid.errors import CampaignError, DataRejectedError
-from sysid.road.bounded_reader import read_in_child
+from sysid.logs.input_file import FileRefusedError, InputFile, read_file
+from sysid.logs.text_table import read_columns
+from sysid.road.cloud_libraries import read_crg
 from sysid.road.named_shapes import named_shape
 from sysid.road.shapes import START_HEIGHT_M
+from sysid.wording import shorten
 
 _HEAD_BYTES = 1 << 20
 _STATION, _HEIGHT = "station_m", "height_m"
@@ -113,10 +114,10 @@ def _long_section(source: InputFile, label: str, lateral_m: float) -> tuple[np.n
     if re.search(rb"\$ROAD_CRG_FILE", source.data, re.IGNORECASE):
         raise DataRejectedError(f"{label} refers to another OpenCRG file; name that file itself.")
     most = limits.PROFILE_STATIONS
-    surface, height = read_in_child("crg", source.data, label, lateral_m=lateral_m, most_stations=most)
+    surface, arrays = read_in_child(read_crg, source.data, label, ["pycrg"], lateral_m=lateral_m, most_stations=most)
     if "error" in surface:
         raise DataRejectedError(f"{label} cannot be read as OpenCRG: {_reason(str(surface.get('text', '')))}.")
-    right, left = surface["right"], surface["left"]
+    right, left, height = surface["right"], surface["left"], arrays[0]
     if not right - 1e-9 <= lateral_m <= left + 1e-9:
         raise DataRejectedError(
             f"{label} reaches from v = {right:g} to {left:g} m, and v = {lateral_m:g} m lies outside; choose another "

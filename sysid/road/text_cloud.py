@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid import limits
-from sysid.campaign.text_numbers import (
+from sysid.errors import DataRejectedError
+from sysid.logs.text_numbers import (
     MISSING,
     WHITE_SPACE,
     CellError,
@@ -19,7 +20,6 @@ from sysid.campaign.text_numbers import (
     head_lines,
     read_numbers,
 )
-from sysid.errors import DataRejectedError
 
 _HEAD_BYTES = 65536
 #: Lines of comment that may stand between the points.

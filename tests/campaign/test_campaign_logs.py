@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import time
+import os
 from pathlib import Path
 
 import numpy as np
@@ -155,8 +155,8 @@ FAULTS = {
     "only NUL": (b"\0" * 500, ["is empty"]),
     "only blank": (" \n \n", ["is empty"]),
     "binary": (bytes(range(256)) * 40, ["log.csv"]),
-    "MDF": (b"MDF     4.10" + b"\1" * 100, ["an MDF file", "export the log as CSV"]),
-    "zip": (b"PK\x03\x04" + b"\0" * 100, ["Excel"]),
+    "MDF": (b"MDF     4.10" + b"\1" * 100, ["an MDF file", "damaged"]),
+    "zip": (b"PK\x03\x04" + b"\0" * 100, ["Excel", "damaged"]),
     "NUL in a row": (table().replace("2.5000", "2\0005"), ["line 3", "NUL"]),
     "NUL block at the end": (table().encode() + b"\0" * 4096, ["line 7", "NUL"]),
     "header only": (HEADER + "\n", ["log.csv"]),
@@ -187,9 +187,14 @@ FAULTS = {
 }
 
 
+def processor_seconds() -> float:
+    """Processor time of this process and of those that it has waited for: a busy machine is no slow reader."""
+    return sum(os.times()[:4])
+
+
 @pytest.mark.parametrize(("content", "words"), FAULTS.values(), ids=FAULTS)
 def test_faulty_log_ends_in_one_sentence(tmp_path, content, words):
-    started = time.perf_counter()
+    started = processor_seconds()
     with pytest.raises(DataRejectedError) as error:
         read(tmp_path, content)
     text = str(error.value)
@@ -199,7 +204,7 @@ def test_faulty_log_ends_in_one_sentence(tmp_path, content, words):
     assert len(text) < 500
     for word in words:
         assert word in text
-    assert time.perf_counter() - started < 2.0
+    assert processor_seconds() - started < 2.0
 
 
 def test_empty_time_cells_inside_are_left_out_when_few(tmp_path):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from sysid.campaign import Campaign, Channel, Log, check_quality, quality_table, read_campaign
 from sysid.campaign.defects import clip_levels
-from sysid.campaign.wording import say_once
+from sysid.wording import say_once
 
 RUN = "bump_runs/case1_unloaded_16kmh_run1.csv"
 SLOW_LOADED_RUN = "bump_runs/case4_loaded_8kmh_run1.csv"

@@ -13,11 +13,12 @@ import pytest
 from crg_files import crg_file
 from plyfile import PlyData, PlyElement
 
-from sysid import limits
+from sysid import bounded_reader, limits
+from sysid.bounded_reader import read_in_child
 from sysid.campaign.records import Scan
 from sysid.errors import DataRejectedError
-from sysid.road import analyse_scan, bounded_reader, las_file, ply_file, read_point_cloud
-from sysid.road.bounded_reader import read_in_child
+from sysid.road import analyse_scan, las_file, ply_file, read_point_cloud
+from sysid.road.cloud_libraries import read_las
 from sysid.road.plane import NOISE_FLOOR_M, RoadPlane, refine_plane
 from sysid.road.profile_files import bump_from_file
 
@@ -100,13 +101,13 @@ def test_a_compressed_file_goes_to_the_child_with_its_limits(tmp_path: Path, mon
     raw[104] |= 0x80
     seen = []
 
-    def child(task, data, label, **request):
-        seen.append((task, data == bytes(raw), request))
-        return {}, POINTS
+    def child(function, data, label, libraries, **request):
+        seen.append((function, data == bytes(raw), libraries, request))
+        return {}, [POINTS]
 
     monkeypatch.setattr(las_file, "read_in_child", child)
     np.testing.assert_array_equal(read_point_cloud(written(tmp_path / "scan.laz", bytes(raw))), POINTS)
-    assert seen == [("las", True, {"most_points": limits.CLOUD_POINTS})]
+    assert seen == [(read_las, True, ["laspy"], {"most_points": limits.CLOUD_POINTS})]
 
 
 def ply(lines: str, body: str) -> bytes:
@@ -139,7 +140,7 @@ def test_the_library_sees_the_header_as_it_was_checked(tmp_path: Path, monkeypat
 
     def library(stream, request):
         seen.append(stream.read())
-        return {}, np.ones((2, 3))
+        return {}, [np.ones((2, 3))]
 
     monkeypatch.setattr(ply_file, "read_ply", library)
     lines = "comment end_header\r\nobj_info x\r\nelement  vertex 0002\r\n" + XYZ
@@ -167,10 +168,10 @@ def test_the_child_stops_at_its_limits(tmp_path: Path, monkeypatch: pytest.Monke
         tmp_path / "worker.py",
         b"import json, sys, time\n"
         b"request = json.loads(sys.stdin.buffer.readline())\n"
-        b"if request['task'] == 'sleep':\n    time.sleep(60)\n"
-        b"if request['task'] == 'crash':\n    import os, signal\n    os.kill(os.getpid(), signal.SIGSEGV)\n"
-        b"if request['task'] == 'stop':\n    import os, signal\n    os.kill(os.getpid(), signal.SIGXCPU)\n"
-        b"if request['task'] == 'chatter':\n    print('x' * 100000)\n",
+        b"if request['do'] == 'sleep':\n    time.sleep(60)\n"
+        b"if request['do'] == 'crash':\n    import os, signal\n    os.kill(os.getpid(), signal.SIGSEGV)\n"
+        b"if request['do'] == 'stop':\n    import os, signal\n    os.kill(os.getpid(), signal.SIGXCPU)\n"
+        b"if request['do'] == 'chatter':\n    print('x' * 100000)\n",
     )
     monkeypatch.setattr(bounded_reader, "_WORKER", worker)
     for task, said in (
@@ -181,7 +182,7 @@ def test_the_child_stops_at_its_limits(tmp_path: Path, monkeypatch: pytest.Monke
     ):
         monkeypatch.setattr(limits, "READER_WAIT_S", 1.0 if task == "sleep" else 300.0)
         with pytest.raises(DataRejectedError, match=said):
-            read_in_child(task, b"", "scan.ply")
+            read_in_child(read_las, b"", "scan.ply", [], do=task)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits on memory are those of Linux")

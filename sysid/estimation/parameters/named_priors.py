@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.campaign.records import Campaign, NamedPrior
-from sysid.campaign.wording import finish, nearest
 from sysid.errors import CampaignError
 from sysid.estimation.parameters.parameter_set import Parameter, PriorLink
+from sysid.wording import finish, nearest
 
 
 def with_named_priors(

@@ -240,7 +240,7 @@ def _profiles(context: Context, names: Sequence[str]) -> Iterator[tuple[str, Pro
 
 
 def _profiled(context: Context) -> Sequence[str]:
-    from sysid.campaign.wording import finish, nearest
+    from sysid.wording import finish, nearest
 
     names = context[FIT].fit.names
     chosen: list[str] = []

@@ -8,8 +8,10 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from types import CodeType
+from typing import Any, BinaryIO, Protocol
 
 import numpy as np
 
@@ -17,34 +19,56 @@ from sysid import limits
 from sysid.errors import DataRejectedError
 
 _WORKER = Path(__file__).with_name("read_worker.py")
-_LONGEST_ANSWER = 16 * 1024
+_LONGEST_ANSWER = 1 << 20
 
 
-def read_in_child(task: str, data: bytes, label: str, **request: Any) -> tuple[dict[str, Any], np.ndarray]:
-    """Let a child process read the content of a file.
+class ChildFunction(Protocol):
+    """A plain function that reads a stream as a request says: answer for JSON, and arrays."""
+
+    __name__: str
+    __code__: CodeType
+
+    def __call__(self, stream: BinaryIO, request: dict[str, Any], /) -> tuple[dict[str, Any], list[np.ndarray]]: ...
+
+
+def read_in_child(
+    function: ChildFunction, data: bytes, label: str, libraries: Sequence[str], **request: Any
+) -> tuple[dict[str, Any], list[np.ndarray]]:
+    """Let a function read the content of a file in a child process.
 
     Parameters
     ----------
-    task
-        ``las``, ``ply`` or ``crg``.
+    function
+        Function (stream, request) -> (answer, arrays) of a module that imports little: the child loads it by its file.
     data
         Content of the file.
     label
         Name of the file, which begins every sentence.
+    libraries
+        Modules that the child loads before its memory is limited.
     request
-        What else the task takes, see :mod:`sysid.road.read_worker`.
+        What else the function takes.
 
     Returns
     -------
-    answer, array
-        What the task says; `answer` holds ``error`` and ``text`` where the library refused the file.
+    answer, arrays
+        What the function says; `answer` holds ``error`` and ``text``, and there are no arrays, where the library
+        refused the file.
 
     Raises
     ------
     DataRejectedError
         If reading takes more memory or time than `sysid.limits` allows, or the library ends the process.
     """
-    order = {"task": task, "memory_bytes": limits.READER_BYTES, "seconds": limits.READER_SECONDS, **request}
+    order = {
+        "file": function.__code__.co_filename,
+        "function": function.__name__,
+        "root": str(_WORKER.parents[1]),
+        "libraries": list(libraries),
+        "memory_bytes": limits.READER_BYTES,
+        "seconds": limits.READER_SECONDS,
+        **request,
+    }
     # A new interpreter, not a fork: threads of JAX do not survive a fork.  -P: the folder of the script holds modules
     # of this package whose names must not hide others.
     command = [sys.executable, "-P", str(_WORKER)]
@@ -71,14 +95,15 @@ def read_in_child(task: str, data: bytes, label: str, **request: Any) -> tuple[d
     line, _, rest = done.stdout.partition(b"\n")
     try:
         answer = dict(json.loads(line[:_LONGEST_ANSWER]))
-        array = np.load(io.BytesIO(rest), allow_pickle=False)
-    except (ValueError, EOFError, TypeError):
+        stream = io.BytesIO(rest)
+        arrays = [np.load(stream, allow_pickle=False) for _ in range(answer.pop("arrays"))]
+    except (ValueError, EOFError, TypeError, KeyError):
         raise DataRejectedError(f"{label} is damaged: its reader gave up; export it again.") from None
     if answer.get("error") == "memory":
         raise DataRejectedError(
             f"{label} takes more than {limits.READER_BYTES / 1e6:.0f} MB of memory to read; export it again or thin it."
         )
-    return answer, array
+    return answer, arrays
 
 
 def _endless(label: str, seconds: float) -> DataRejectedError:

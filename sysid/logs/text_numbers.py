@@ -211,6 +211,28 @@ def read_numbers(table: NumberTable, places: Mapping[int, str], rows: int, width
         return _as_text(table, places, rows, width)
 
 
+def read_text(table: NumberTable, place: int, rows: int, width: int) -> Any:
+    """Cells of the column at `place` as a pandas series of text, empty where there is none.
+
+    The other arguments are those of :func:`read_numbers`.
+
+    Raises
+    ------
+    DataRejectedError
+        If the text is no regular table.
+    """
+    import pandas as pd
+
+    try:
+        with table.rows_of_text() as stream, _pieces(table, stream, {place: ""}, width, True) as pieces:
+            found = [piece[place].fillna("") for piece in pieces]
+    except pd.errors.EmptyDataError:
+        found = []
+    except pd.errors.ParserError as error:
+        raise DataRejectedError(f"{table.label} is not a regular table of numbers: {_reason(error)}.") from None
+    return pd.concat(found, ignore_index=True) if found else pd.Series([], dtype=str)
+
+
 def _as_text(table: NumberTable, places: Mapping[int, str], rows: int, width: int) -> dict[str, np.ndarray]:
     import pandas as pd
 

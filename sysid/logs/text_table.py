@@ -5,14 +5,16 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from sysid import limits
-from sysid.campaign.input_file import FileRefusedError, InputFile, read_file
-from sysid.campaign.text_numbers import (
+from sysid.errors import DataRejectedError
+from sysid.logs.input_file import FileRefusedError, InputFile, read_file
+from sysid.logs.text_instants import has_instants, read_instants
+from sysid.logs.text_numbers import (
     DECIMAL_COMMA,
     CellError,
     LongRowError,
@@ -23,38 +25,50 @@ from sysid.campaign.text_numbers import (
     head_lines,
     read_numbers,
 )
-from sysid.campaign.wording import shorten
-from sysid.errors import DataRejectedError
+from sysid.wording import shorten
 
 _HEAD_BYTES = 1 << 20
 _COMPARED = 60
 _COMMENT = ("#", "%", '"#')
-_BINARY = {
-    b"MDF ": "an MDF file",
-    b"UnFinMF": "an unfinished MDF file",
-    b"TDSm": "a TDMS file",
-    b"MATLAB": "a MAT file",
-    b"\x89HDF": "an HDF5 or MAT file",
-    b"PK\x03\x04": "a zip or Excel file",
-    b"\x1f\x8b": "a gzip file",
-    b"\xd0\xcf\x11\xe0": "an old Excel file",
-    b"%PDF": "a PDF",
-}
+_BINARY = {b"\x1f\x8b": "a gzip file", b"%PDF": "a PDF"}
+#: What spreadsheets write where they have no number, in English and German.
+_ERROR_MARKS = (
+    "#N/A",
+    "#NV",
+    "#VALUE!",
+    "#WERT!",
+    "#DIV/0!",
+    "#REF!",
+    "#BEZUG!",
+    "#NAME?",
+    "#NUM!",
+    "#ZAHL!",
+    "#NULL!",
+)
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How a log is written: text encoding, delimiter, decimal mark, line of the header (from 0) and its names."""
+    """How a log is written: text encoding, delimiter, decimal mark, line of the header (from 0) and its names.
+
+    `units` are the cells of a row of units below the names, empty without one.
+    """
 
     encoding: str
     delimiter: str
     decimal: str
     header_line: int
     names: tuple[str, ...]
+    units: tuple[str, ...] = ()
+
+    @property
+    def first_row(self) -> int:
+        """Line of the first row of numbers, from 1."""
+        return self.header_line + 2 + bool(self.units)
 
 
 def read_columns(
-    source: Path | InputFile, label: str, wanted: Sequence[str], time_names: Iterable[str]
+    source: Path | InputFile, label: str, wanted: Sequence[str], time_names: Iterable[str], units_row: bool = False
 ) -> tuple[Layout, dict[str, np.ndarray], int]:
     """Read the wanted columns of a log.
 
@@ -65,7 +79,10 @@ def read_columns(
     label
         Its name for messages.
     wanted
-        Sensor columns by name; the time column is found as any of `time_names` (lower case).
+        Sensor columns by name; the time column is found as any of `time_names` (lower case).  Dates and times of day
+        in it become seconds since the midnight before the first of them.
+    units_row
+        Whether the row below the names holds units.
 
     Returns
     -------
@@ -78,9 +95,11 @@ def read_columns(
     DataRejectedError
         If the file is no such table; the sentence names file, column and row.
     """
-    data = _content(source, label)
-    layout = find_layout(data, label, wanted, time_names)
+    data = without_error_marks(file_content(source, label).data)
     times = set(time_names)
+    layout = find_layout(data, label, wanted, times)
+    if units_row:
+        layout = replace(layout, units=_units(data, layout))
     use = [n for n in layout.names if n in set(wanted) or n.casefold() in times]
     double = next((n for n in use if layout.names.count(n) > 1), None)
     if double is not None:
@@ -89,21 +108,47 @@ def read_columns(
             f"{label}: the column '{shorten(double)}' stands twice in the header (columns {at[0]} and {at[1]}); "
             "rename one of them."
         )
-    columns = _parse(data, label, layout, use)
+    columns = _parse(data, label, layout, use, times)
     for values in columns.values():
         values[~np.isfinite(values)] = np.nan
-    return layout, columns, layout.header_line + 2
+    return layout, columns, layout.first_row
 
 
-def _content(source: Path | InputFile, label: str) -> bytes:
+def file_content(source: Path | InputFile, label: str) -> InputFile:
+    """The file, read now where only its path is given.
+
+    Raises
+    ------
+    DataRejectedError
+        If it is no regular file, too large, or cannot be read.
+    """
     try:
-        return (source if isinstance(source, InputFile) else read_file(source, limits.LOG_BYTES)).data
+        return source if isinstance(source, InputFile) else read_file(source, limits.LOG_BYTES)
     except FileRefusedError as error:
         most = f"; at most {limits.LOG_BYTES / 1e6:.0f} MB are read" if error.kind == "size" else ""
-        raise DataRejectedError(f"{label} is no regular file that can be read{most}; name a text file.") from None
+        raise DataRejectedError(f"{label} is no regular file that can be read{most}; name a file.") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "no valid path"
         raise DataRejectedError(f"{label} cannot be read ({reason}).") from None
+
+
+def without_error_marks(data: bytes) -> bytes:
+    """The text with `n/a` for the error marks of spreadsheets, whose first character would begin a comment."""
+    if b"#" not in data:
+        return data
+    for mark in _ERROR_MARKS:
+        for encoding in ("latin-1", "utf-16-le", "utf-16-be"):
+            written = mark.encode(encoding)
+            if written in data:
+                data = data.replace(written, "n/a".encode(encoding))
+    return data
+
+
+def _units(data: bytes, layout: Layout) -> tuple[str, ...]:
+    lines = head_lines(data, layout.encoding, _HEAD_BYTES)
+    cells = cells_of(lines[layout.header_line + 1], layout.delimiter) if len(lines) > layout.header_line + 1 else []
+    cells = [cell.strip("[]() ") for cell in cells]
+    return tuple((cells + [""] * len(layout.names))[: len(layout.names)])
 
 
 def find_layout(data: bytes, label: str, wanted: Sequence[str], time_names: Iterable[str]) -> Layout:
@@ -191,8 +236,8 @@ def _no_header(first: str, label: str, wanted: Sequence[str]) -> str:
     )
 
 
-def _parse(data: bytes, label: str, layout: Layout, use: list[str]) -> dict[str, np.ndarray]:
-    skip = layout.header_line + 1
+def _parse(data: bytes, label: str, layout: Layout, use: list[str], times: set[str]) -> dict[str, np.ndarray]:
+    skip = layout.first_row - 1
     table = NumberTable(data, label, layout.encoding, layout.delimiter, layout.decimal, skip, layout.names)
     try:
         rows, width = count_rows(table)
@@ -204,8 +249,11 @@ def _parse(data: bytes, label: str, layout: Layout, use: list[str]) -> dict[str,
     places = {layout.names.index(n): n for n in use if layout.names.index(n) < width}
     if not places:
         raise DataRejectedError(f"{label} has a header but no rows; export the log again.")
+    clocks = {p: n for p, n in places.items() if n.casefold() in times and has_instants(table, p)}
     try:
-        columns = read_numbers(table, places, rows, width)
+        columns = read_numbers(table, {p: n for p, n in places.items() if p not in clocks}, rows, width)
+        for place, name in clocks.items():
+            columns[name] = read_instants(table, place, rows, width)
     except CellError as error:
         name = layout.names[error.place]
         raise DataRejectedError(_cell_sentence(label, layout, error.row + skip + 1, name, error.text)) from None
@@ -217,8 +265,8 @@ def _parse(data: bytes, label: str, layout: Layout, use: list[str]) -> dict[str,
 
 def _cell_sentence(label: str, layout: Layout, row: int, name: str, cell: str) -> str:
     hint = "correct or empty the cell"
-    if row == layout.header_line + 2:
-        hint = "if this row holds units or text, start it with '#'"
+    if row == layout.header_line + 2 and not layout.units:
+        hint = "if this row holds units, set units_row = true in campaign.toml, or start it with '#'"
     elif layout.decimal == "." and DECIMAL_COMMA.match(cell):
         hint = "use the decimal point in every cell"
     return f"{label}: row {row}, column '{shorten(name)}' has '{shorten(cell, 40)}', expected a number; {hint}."

@@ -1,0 +1,143 @@
+"""Stamps of a log: hiccups of the logger are left out with a message, a clock that cannot be right is refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid import limits
+from sysid.errors import DataRejectedError
+from sysid.logs.channels import Clock
+
+BAD_STAMP_SHARE = 0.01  # up to this share of repeated or empty stamps is a hiccup of the logger, more is a broken log
+SAME_STEP = 1e-3  # rounding of the printed stamps
+_DAY_S = 86400.0
+
+
+@dataclass(frozen=True)
+class CleanClock:
+    """Stamps that increase strictly (n,) [s], the rows they stand in, and their median step [s]."""
+
+    stamps: np.ndarray
+    rows: np.ndarray
+    step_s: float
+
+
+def clean_clock(clock: Clock, declared_s: float, label: str, messages: list[str]) -> CleanClock:
+    """Clean the stamps of a clock.
+
+    Parameters
+    ----------
+    clock
+        Stamps as the file has them.
+    declared_s
+        Declared sample interval [s], taken as the step where the stamps agree with it but for rounding.
+    label
+        Name of the file.
+    messages
+        Receives what was left out, and a step that differs from the declared one.
+
+    Raises
+    ------
+    DataRejectedError
+        If the time does not advance, jumps, or is in another unit.
+    """
+    stamps, rows = _clean_stamps(clock.time_s, label, clock.name, clock.first_row, messages)
+    step = float(np.median(np.diff(stamps)))
+    _refuse_day_numbers(stamps, step, declared_s, label, clock.name)
+    _check_span(clock.time_s, stamps, step, label, clock.name, clock.first_row)
+    if abs(step / declared_s - 1.0) < SAME_STEP:
+        step = declared_s
+    _compare_step(step, declared_s, label, clock.name, messages)
+    return CleanClock(stamps, rows, step)
+
+
+def _clean_stamps(
+    stamps: np.ndarray, label: str, column: str, first_row: int, messages: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps that increase strictly, and the rows they stand in."""
+    rows = np.flatnonzero(np.isfinite(stamps))
+    allowed = max(2, int(BAD_STAMP_SHARE * stamps.size))
+    empty = stamps.size - rows.size
+    if rows.size < 2:
+        raise DataRejectedError(
+            f"{label} has {rows.size} row{'' if rows.size == 1 else 's'} with a time stamp in column '{column}', "
+            "expected at least 2; export the log again."
+        )
+    # Blank lines at the very end come from editors and mean nothing.
+    inside = rows[-1] + 1 - rows.size
+    if inside > allowed:
+        first = int(np.flatnonzero(~np.isfinite(stamps))[0])
+        raise DataRejectedError(
+            f"{label}: {empty} of {stamps.size} rows have no time stamp in column '{column}', the first in row "
+            f"{first + first_row}; export the log again."
+        )
+    if inside:
+        messages.append(f"{label}: {inside} rows without a time stamp were left out.")
+    steps = np.diff(stamps[rows])
+    back = np.flatnonzero(steps < 0.0)
+    if back.size:
+        row = rows[back[0] + 1]
+        raise DataRejectedError(
+            f"{label}: the time in column '{column}' runs backward in row {row + first_row} (from "
+            f"{stamps[rows[back[0]]]:.10g} s to {stamps[row]:.10g} s); put the rows in order of time or split the log."
+        )
+    repeated = np.flatnonzero(steps == 0.0) + 1
+    if repeated.size > allowed or rows.size - repeated.size < 2:
+        row = rows[repeated[0]]
+        raise DataRejectedError(
+            f"{label}: {repeated.size} time stamps in column '{column}' repeat the one before, the first in row "
+            f"{row + first_row} ({stamps[row]:.10g} s); export the log with more digits in the time column."
+        )
+    if repeated.size:
+        messages.append(
+            f"{label}: {repeated.size} row{'s' if repeated.size > 1 else ''} with a repeated time stamp (the first is "
+            f"row {rows[repeated[0]] + first_row}) {'were' if repeated.size > 1 else 'was'} left out."
+        )
+        rows = np.delete(rows, repeated)
+    return stamps[rows], rows
+
+
+def _refuse_day_numbers(stamps: np.ndarray, step: float, declared: float, label: str, column: str) -> None:
+    """Spreadsheets count days since 1900: today is 46,000 and something."""
+    if 20_000.0 < stamps[0] < 80_000.0 and 0.5 < step * _DAY_S / declared < 2.0:
+        raise DataRejectedError(
+            f"{label}: the time in column '{column}' counts days ({stamps[0]:.10g}, {step:.3g} apart), as spreadsheets "
+            "do, which is too coarse; export the time in seconds."
+        )
+
+
+def _check_span(
+    all_stamps: np.ndarray, stamps: np.ndarray, step: float, label: str, column: str, first_row: int
+) -> None:
+    """Refuse a clock that jumps: whoever lays an even grid over the record would need memory for all of it."""
+    span = float(stamps[-1] - stamps[0])
+    rows = limits.LOG_PAUSES * stamps.size * step + limits.LOG_PAUSE_S
+    most = min(limits.LOG_SECONDS, limits.LOG_STEPS * step, rows)
+    if span <= most:
+        return
+    jump = int(np.argmax(np.diff(stamps)))
+    row = int(np.flatnonzero(all_stamps == stamps[jump + 1])[0]) + first_row
+    raise DataRejectedError(
+        f"{label}: the time in column '{column}' spans {span:.6g} s, at most {most:.6g} s are read of "
+        f"{stamps.size} rows {step:.4g} s apart; it jumps by {stamps[jump + 1] - stamps[jump]:.6g} s in row {row}: "
+        "correct the stamps or cut the log."
+    )
+
+
+def _compare_step(step: float, declared: float, label: str, column: str, messages: list[str]) -> None:
+    ratio = step / declared
+    if abs(ratio - 1.0) < 0.01:
+        return
+    for factor, unit in ((1e3, "ms"), (1e6, "us")):
+        if abs(ratio / factor - 1.0) < 0.05:
+            raise DataRejectedError(
+                f"{label}: the stamps in column '{column}' are {step:g} s apart, {factor:g} times the declared "
+                f"{declared:g} s, so they are probably in {unit}; "
+                + ("name the column time_ms." if unit == "ms" else "write them in seconds.")
+            )
+    messages.append(
+        f"{label}: the time stamps are {step:.4g} s apart, acquisition.sample_interval_s says {declared:g} s; the "
+        "stamps are used."
+    )

@@ -1,0 +1,61 @@
+"""The command `formats`: which formats of logs can be read here, and what a file is and holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from sysid.cli.invocation import name_of_program
+from sysid.cli.stages import console
+from sysid.cli.tables import render
+from sysid.display import TextTable
+from sysid.errors import SysidError
+from sysid.logs.by_library import installed
+from sysid.logs.channels import LogFormat, LogRequest
+from sysid.logs.registry import FORMATS, format_of
+from sysid.logs.text_table import file_content
+from sysid.wording import shorten
+
+_NAMES = 40
+
+
+def run_formats(files: Sequence[Path]) -> int:
+    """Print the formats, or format and channels of every file; return the exit code."""
+    screen, errors = console(False), console(True)
+    if not files:
+        render(screen, [_table()])
+        return 0
+    code = 0
+    for path in files:
+        try:
+            _show_file(screen, path)
+        except SysidError as error:
+            errors.print(f"{name_of_program()} formats: {error}", markup=False)
+            code = max(code, error.exit_code)
+    return code
+
+
+def _table() -> TextTable:
+    table = TextTable("Formats of logs", ("format", "suffixes", "state", "to install"))
+    for known in FORMATS:
+        there = installed(known.libraries)
+        command = "" if there or known.extra is None else f"python -m pip install 'sysid[{known.extra}]'"
+        table.add_row(
+            f"{known.name}: {_noun(known)}", " ".join(known.suffixes), "ready" if there else "missing", command
+        )
+    return table
+
+
+def _noun(known: LogFormat) -> str:
+    return known.title.removeprefix("a ").removeprefix("an ")
+
+
+def _show_file(screen: Console, path: Path) -> None:
+    label = shorten(path.name, 100)
+    file = file_content(path, label)
+    known = format_of(file)
+    names = known.read(file, label, LogRequest(())).names
+    listed = ", ".join(f"'{shorten(n)}'" for n in names[:_NAMES]) + (", ..." if len(names) > _NAMES else "")
+    screen.print(f"{label} is {known.title} with the channels {listed}.", markup=False)

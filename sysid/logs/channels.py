@@ -1,0 +1,76 @@
+"""What every format of a log gives and is given: channels with their own time, and the request for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.logs.input_file import InputFile
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Time stamps of one or more channels: `time_s` (n,), NaN where a stamp is missing, and where they stand.
+
+    `name` is that of the column or channel of time; row i of the stamps is row `first_row` + i for people.
+    """
+
+    name: str
+    time_s: np.ndarray
+    first_row: int = 1
+
+
+@dataclass(frozen=True)
+class RawChannel:
+    """One channel as its file has it: `values` (n,) float64 in `unit` (None: not said), NaN where missing.
+
+    Channels of one clock share the same `clock` object.  `source` says where in the file the channel stands.
+    """
+
+    name: str
+    clock: Clock
+    values: np.ndarray
+    unit: str | None = None
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class LogRequest:
+    """What is wanted of a log, and what the campaign says about the way it is written.
+
+    `wanted` are names of channels; `time` is the name of the column of time (None: a usual one); with `units_row` the
+    row below the names holds units; `format` is the name of a format (None: found from content and suffix).
+    """
+
+    wanted: tuple[str, ...]
+    time: str | None = None
+    units_row: bool = False
+    format: str | None = None
+
+
+@dataclass(frozen=True)
+class LogContent:
+    """What was read of a log: the wanted channels that it has, and names of those that it has at all."""
+
+    channels: tuple[RawChannel, ...]
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class LogFormat:
+    """One format: its `name` in a campaign file, what people call it, and the reader.
+
+    `recognises` judges the first bytes of a file; `suffixes` (small letters, with dot) count where no content is
+    recognised.  `libraries` are modules that the reader imports, `extra` is the extra of this package that installs
+    them, None where they are always there.  `read` takes the file, its name for sentences and the request.
+    """
+
+    name: str
+    title: str
+    suffixes: tuple[str, ...]
+    recognises: Callable[[bytes], bool]
+    read: Callable[[InputFile, str, LogRequest], LogContent]
+    libraries: tuple[str, ...] = ()
+    extra: str | None = None

@@ -1,0 +1,92 @@
+"""LVM (LabVIEW measurement), by lvm_read: one X column, one per channel, or none but a sample interval."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from sysid.logs.by_library import library_format
+from sysid.logs.selection import Found, RefusedError, even_time
+
+
+def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
+    """Channels of all segments; with several, the group is ``segment 1`` and so on."""
+    from lvm_read import read_str
+
+    text = stream.read().decode("utf-8", "replace").removeprefix("\ufeff").replace("\r\n", "\n")
+    content = read_str(text)
+    several = content["Segments"] > 1
+    for number in range(content["Segments"]):
+        segment = content[number]
+        if "data" in segment:
+            yield from _of_segment(segment, str(content.get("X_Columns", "One")), f"segment {number + 1}" * several)
+
+
+def _of_segment(segment: dict[str, Any], x_columns: str, group: str) -> Iterator[Found]:
+    names, data = segment["Channel names"], segment["data"]
+    if data.ndim != 2 or not data.size:
+        return
+    units = segment.get("Y_Unit_Label", [])
+    without_x = x_columns == "No"
+    x_place: int | None = None
+    order = 0
+    for place, name in enumerate(names[: data.shape[1]]):
+        if name == "X_Value":
+            x_place = place
+            continue
+        if not name or name == "Comment":
+            continue
+        # Entries of the header stand below the channel where every channel has its own X, else one behind the other.
+        entry = place - 1 if x_columns == "Multi" else order
+        order += 1
+        count = _count(segment, entry, data.shape[0])
+        if not count:
+            continue
+        time = _even(segment, entry, count) if without_x or x_place is None else _column(data, x_place, count, name)
+        clock = "Delta_X" if without_x or x_place is None else f"X_Value in column {x_place + 1}"
+        unit = units[entry] if entry < len(units) else None
+        yield Found(name, count, partial(_channel, data[:count, place], unit, name), group, time, clock)
+
+
+def _channel(values: np.ndarray, unit: str | None, name: str) -> tuple[np.ndarray, str | None]:
+    return _readings(values, name), unit
+
+
+def _count(segment: dict[str, Any], entry: int, rows: int) -> int:
+    """Number of values of a channel: as many rows as there are, fewer where the header says so."""
+    samples = segment.get("Samples", [])
+    said = samples[entry] if entry < len(samples) else rows
+    return min(rows, int(said)) if np.isfinite(said) and said > 1 else (rows if said == 1 else 0)
+
+
+def _even(segment: dict[str, Any], entry: int, count: int) -> Any:
+    try:
+        start, step = float(segment["X0"][entry]), float(segment["Delta_X"][entry])
+    except (KeyError, IndexError, TypeError, ValueError):
+        raise RefusedError("has neither an X column nor a Delta_X for every channel; save it with its time") from None
+    return even_time(0.0 if np.isnan(start) else start, step, count)
+
+
+def _column(data: np.ndarray, place: int, count: int, name: str) -> Any:
+    return lambda: _readings(data[:count, place], f"X_Value of {name}")
+
+
+def _readings(values: np.ndarray, name: str) -> np.ndarray:
+    # The library turns whatever it cannot read into a missing value.
+    if not np.isfinite(values).any():
+        raise RefusedError(f"has no number in '{name[:60]}'; look at the decimal separator in its header")
+    return values
+
+
+FORMAT = library_format(
+    "lvm",
+    "an LVM file",
+    __name__,
+    suffixes=(".lvm",),
+    recognises=lambda head: head.removeprefix(b"\xef\xbb\xbf").startswith(b"LabVIEW Measurement"),
+    libraries=("lvm_read",),
+    extra="lvm",
+)

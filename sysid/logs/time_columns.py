@@ -1,0 +1,65 @@
+"""Names and units of time: which column holds the stamps of a log, and the factor that turns them into seconds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+# Lower-case spellings of the time column with the factor to seconds; the first one found in this order counts.
+TIME_NAMES: dict[str, float] = {
+    "time_s": 1.0,
+    "time [s]": 1.0,
+    "time (s)": 1.0,
+    "time[s]": 1.0,
+    "t_s": 1.0,
+    "t [s]": 1.0,
+    "time_ms": 1e-3,
+    "time [ms]": 1e-3,
+    "time (ms)": 1e-3,
+    "time[ms]": 1e-3,
+    "t_ms": 1e-3,
+    "time": 1.0,
+    "t": 1.0,
+    "x_value": 1.0,
+    "timestamp": 1.0,
+    "timestamps": 1.0,
+}
+_UNITS: dict[str, float] = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "μs", "microsecond", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nanosecond", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("min", "minute", "minutes"), 60.0),
+    **dict.fromkeys(("h", "hour", "hours"), 3600.0),
+}
+_UNIT_IN_NAME = re.compile(r"(?:[\[(]\s*([^\[\]()]{1,12}?)\s*[\])]|_(s|ms|us|ns))\s*$")
+
+
+def time_unit(unit: str | None) -> float | None:
+    """Seconds in a unit of time, None where it is no such unit."""
+    return None if unit is None else _UNITS.get(unit.strip().casefold())
+
+
+def seconds_in(name: str, unit: str | None = None) -> float:
+    """Seconds in one count of a column of time: by its unit, else by the unit in its name, else 1."""
+    found = time_unit(unit)
+    if found is not None:
+        return found
+    if name.casefold() in TIME_NAMES:
+        return TIME_NAMES[name.casefold()]
+    match = _UNIT_IN_NAME.search(name)
+    return (match and time_unit(match[1] or match[2])) or 1.0
+
+
+def find_time(names: Iterable[str], wanted: str | None) -> str | None:
+    """The name of the column of time among `names`: the wanted one, else the usual one that stands first in the list.
+
+    The wanted name is compared without regard to capital letters and space around it.
+    """
+    listed = list(names)
+    if wanted is not None:
+        return next((n for n in listed if n.strip().casefold() == wanted.strip().casefold()), None)
+    found: dict[str, str] = {}
+    for name in listed:
+        found.setdefault(name.strip().casefold(), name)
+    return next((found[spelling] for spelling in TIME_NAMES if spelling in found), None)

@@ -1,0 +1,51 @@
+"""The command `formats` and the option `--version`: what they print, and exit codes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from log_files import csv, mdf4
+
+from sysid.cli import formats as command
+from sysid.cli.main import cli
+from sysid.logs.registry import FORMATS
+from sysid.workflow.versions import versions
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(cli, ["formats", *arguments], env={"COLUMNS": "200"})
+
+
+def test_all_formats_are_listed_with_their_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = run()
+    assert found.exit_code == 0
+    for known in FORMATS:
+        assert f"{known.name}: " in found.output
+    assert "missing" not in found.output
+    monkeypatch.setattr(command, "installed", lambda libraries: "asammdf" not in libraries)
+    assert "pip install 'sysid[mdf]'" in run().output
+
+
+def test_format_and_channels_of_files(tmp_path: Path) -> None:
+    (tmp_path / "a.mf4").write_bytes(mdf4())
+    (tmp_path / "b.txt").write_bytes(csv())
+    found = run(str(tmp_path / "a.mf4"), str(tmp_path / "b.txt"))
+    assert found.exit_code == 0
+    assert "a.mf4 is an MDF file with the channels" in found.output
+    assert "b.txt is a text table with the channels 'time_s', 'q_mm', 'a_g', 'b_g'." in found.output
+
+
+def test_a_file_that_cannot_be_read_is_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "a.mf4").write_bytes(mdf4()[:200])
+    found = run(str(tmp_path / "a.mf4"), str(tmp_path / "none.csv"))
+    assert found.exit_code == 3
+    assert "a.mf4 cannot be read as an MDF file" in found.output
+    assert "none.csv cannot be read" in found.output
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    found = CliRunner().invoke(cli, ["--version"])
+    assert found.exit_code == 0
+    assert found.output == f"sysid {versions()['sysid']}\n"

@@ -1,0 +1,5 @@
+"""Fixtures of the tests of log formats."""
+
+from small_campaign import small
+
+__all__ = ["small"]
