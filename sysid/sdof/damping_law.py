@@ -13,10 +13,10 @@ from sysid.sdof.decay_modes import correlated_covariance
 from sysid.sdof.decay_window import DecayWindow, decay_window, window_from_release
 from sysid.sdof.drop_results import DampingLaw, DampingTerm
 from sysid.sdof.ring_down import RingDown, ring_down
+from sysid.sdof.whitening import autoregression, whiten
 
 TERMS: tuple[DampingTerm, ...] = ("viscous", "friction", "quadratic")
 _SMALLEST_SHARE = 0.03  # of the amplitude lost: a term below that is no part of the kind
-_AR_ORDER = 2
 _STIFFENING_SWINGS = 6
 _POOR_NOISE, _POOR_SHARE = 3.0, 0.04
 _STIFFENING_EVIDENCE = 20.0  # of the information criterion, before a spring counts as nonlinear
@@ -70,7 +70,7 @@ def fit_damping_law(record: PreparedRecord, *, from_release: bool = False) -> Da
     window, start = _started(record, from_release)
     if isinstance(start, str):
         return _unusable(start)
-    whitener = _autoregression(start.residual, window.first_of_run)
+    whitener = autoregression(start.residual, window.first_of_run)
     full = _fit(window, TERMS, whitener, [start.parameters]) or start
     curved = False
     if window.swings.size >= _STIFFENING_SWINGS:
@@ -232,9 +232,9 @@ def _fit_from(
 
     try:
         solution = least_squares(
-            lambda p: _whiten(everything(p)[0], whitener, window.first_of_run),
+            lambda p: whiten(everything(p)[0], whitener, window.first_of_run),
             base[free],
-            jac=lambda p: _whiten(everything(p)[1], whitener, window.first_of_run),
+            jac=lambda p: whiten(everything(p)[1], whitener, window.first_of_run),
             bounds=(lower[free], upper[free]),
             x_scale="jac",
             xtol=1e-7,
@@ -247,8 +247,8 @@ def _fit_from(
     residual, jacobian, motion = everything(solution.x)
     found = np.zeros(8)
     found[free] = solution.x * unit[free]
-    whitened = _whiten(residual, whitener, window.first_of_run) * amplitude
-    scaled = _whiten(jacobian, whitener, window.first_of_run) * amplitude / unit[free]
+    whitened = whiten(residual, whitener, window.first_of_run) * amplitude
+    scaled = whiten(jacobian, whitener, window.first_of_run) * amplitude / unit[free]
     if not (np.all(np.isfinite(whitened)) and np.all(np.isfinite(scaled))):
         return None
     return _Fit(terms, free, found, residual * amplitude, whitened, scaled, motion)
@@ -276,37 +276,6 @@ def _residual_and_jacobian(
         motion = ring_down(rows * unit, window.time, window.direction)
     value = motion.value / window.amplitude
     return value[0] - window.value / window.amplitude, (value[1:] - value[0]).T / step, motion
-
-
-def _autoregression(residual: np.ndarray, first_of_run: np.ndarray) -> np.ndarray:
-    """Coefficients of an autoregression of second order by least squares, none where the residual shows none.
-
-    What is left of white noise after a fit is correlated negatively over long times; whitened by that, the fit would
-    seem surer than it is.
-    """
-    rows = _history(first_of_run)
-    past = np.stack([residual[rows - lag] for lag in range(1, _AR_ORDER + 1)], axis=1)
-    coefficients = np.linalg.lstsq(past, residual[rows], rcond=None)[0]
-    before = float(np.mean(residual[rows] ** 2))
-    after = float(np.mean((residual[rows] - past @ coefficients) ** 2))
-    gain = rows.size * np.log(max(before, 1e-300) / max(after, 1e-300)) - _AR_ORDER * np.log(rows.size)
-    slow = after / max((1.0 - float(coefficients.sum())) ** 2, 1e-6)
-    return coefficients if gain > 0.0 and slow > before else np.zeros(0)
-
-
-def _history(first_of_run: np.ndarray) -> np.ndarray:
-    """Readings with as many others before them, without a gap, as the autoregression needs."""
-    run = np.cumsum(first_of_run)
-    rows = np.arange(_AR_ORDER, run.size)
-    return np.asarray(rows[run[rows] == run[rows - _AR_ORDER]])
-
-
-def _whiten(value: np.ndarray, coefficients: np.ndarray, first_of_run: np.ndarray) -> np.ndarray:
-    """What the autoregression does not tell from the readings before, (m,) or (m, p)."""
-    if coefficients.size == 0:
-        return value
-    rows = _history(first_of_run)
-    return np.asarray(value[rows] - sum(c * value[rows - lag - 1] for lag, c in enumerate(coefficients)))
 
 
 def _law(
