@@ -217,3 +217,9 @@ def test_public_names_are_loaded_when_first_used():
     assert set(sysid.__all__) <= set(dir(sysid))
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         _ = sysid.nonsense
+
+
+def test_test_modules_have_names_of_their_own():
+    """Pytest imports them by their bare names: two of one name cannot be collected in one run."""
+    names = [p.name for p in Path(__file__).parent.rglob("test_*.py")]
+    assert sorted({n for n in names if names.count(n) > 1}) == []
