@@ -30,9 +30,10 @@ DROP_DAMPING_SD = 0.7
 TIRE_STIFFNESS_SD = 0.10
 TIRE_DAMPING_SD = 0.5
 TIRE_EXPONENT = (1.2, 0.08)
-#: Exponent with which an air spring's stiffness follows the load it carries, and its standard deviation: 0.6 to 1 is
-#: the 80 % range (levelling valves keep the height, so the pressure rises with the load while the volume stays).
-AIR_LOAD_EXPONENT = (0.8, 0.16)
+#: Exponent with which an air spring's stiffness follows the load it carries, and its standard deviation (general
+#: knowledge: 0.6 to 1 with levelling valves, which keep the height, so that the pressure rises with the load while the
+#: volume stays).  Wide enough for springs of constant pressure, whose exponent is 0: a narrower one pulls their k.
+AIR_LOAD_EXPONENT = (0.7, 0.35)
 #: Smallest standard deviation of such a link, for load cases of nearly the same load.
 AIR_LINK_LEAST_SD = 0.05
 
