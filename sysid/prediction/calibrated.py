@@ -74,7 +74,8 @@ def _suspension(law: SuspensionLaw, axle: int, name: str, words: str, static_loa
         rows = np.broadcast_to(values, (*law.stiffness.shape[:2], len(values)))
         return np.asarray(np.asarray(function(law, jnp.asarray(rows)))[0, axle])
 
-    extension, rate = _grid(_EXTENSION_M, law.ramps, axle), _grid(_RATE_M_S, law.rate_ramps, axle)
+    extension = _grid(_grid(_EXTENSION_M, law.ramps, axle), law.stops, axle)
+    rate = _grid(_RATE_M_S, law.rate_ramps, axle)
     low, high = on_axle(spring_force, np.array([-_SMALL_M, _SMALL_M]))
     back, forth = on_axle(damper_force, np.array([-REFERENCE_RATE_M_S, REFERENCE_RATE_M_S]))
     return CalibratedSuspension(
