@@ -11,8 +11,9 @@ from synthetic_campaign import Physics, write_campaign
 
 from sysid.campaign import check_quality, read_campaign
 from sysid.estimation.fit import law_choice
-from sysid.estimation.fit.law_choice import DECISIVE, fit_with_laws
+from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.road import analyse_scan, read_point_cloud
 from sysid.sdof.summary import analyse_drops
 

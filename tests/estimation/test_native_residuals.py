@@ -92,7 +92,7 @@ def test_linearisation(linearisations, field):
 
 @pytest.mark.parametrize("joined", ["beam", "equaliser"])
 def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined):
-    """Friction, stops and an asymmetric damper in front; a gas spring, lash and tables behind, on a beam or a rocker."""
+    """Friction, stops and an asymmetric damper in front; gas spring, lash and tables behind, on a beam or a rocker."""
     spring = ForceTable((-0.1, -0.01, 0.01, 0.1), (-3.5e4, -3e3, 3e3, 4e4))
     damper = ForceTable((-1.0, -0.2, 0.1, 1.0), (-8e3, -3e3, 2e3, 9e3))
     first, second, third = rigid_truck.AXLES

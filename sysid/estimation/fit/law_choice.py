@@ -22,10 +22,11 @@ from sysid.estimation.fit.contact_trials import contact_trials
 from sysid.estimation.fit.evaluation import evaluate_optimum
 from sysid.estimation.fit.fit_result import FitResult, LawComparison, LawTrial
 from sysid.estimation.fit.least_squares import optimise
-from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.rocker_search import undeclared_rockers
 from sysid.estimation.fit.state import FitState
-from sysid.estimation.fit.thresholds import MISFIT
+from sysid.estimation.fit.thresholds import DECISIVE, MISFIT
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters, declared_laws
 from sysid.estimation.parameters.named_priors import check_named_priors
 from sysid.estimation.parameters.suspension_elements import law_elements, law_name, quantities
@@ -33,9 +34,6 @@ from sysid.estimation.weights.reweighting import reweighted
 from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
 from sysid.sdof.drop_results import DropSummary
-
-#: Gain in the criterion from which on a richer law is taken.
-DECISIVE = 10.0
 
 #: Elements worth trying on an axle without a declared law, by the kind of its suspension.
 CANDIDATES = {
@@ -108,6 +106,8 @@ def fit_with_laws(
     elif open_laws:
         chosen = optimise(campaign, parameters, profiles, options, report, near=chosen)
     fit, state = evaluate_optimum(campaign, chosen, options, report)
+    rockers = undeclared_rockers(campaign, chosen, drops, profiles, options, report)
+    fit = replace(fit, undeclared_rockers=rockers, warnings=(*(r.proposal for r in rockers), *fit.warnings))
     trials = contact_trials(campaign, chosen, profiles, options, report) if options.contact_spread else ()
     return replace(fit, law_comparison=comparison, contact_trials=trials), state
 
@@ -208,14 +208,6 @@ def _sure(campaign: Campaign, optimum: Optimum, laws: Laws, without: Laws, size:
     covariance = np.linalg.inv(jacobian.T @ jacobian)[np.ix_(index, index)]
     rise = float(np.array(distance) @ np.linalg.solve(covariance, distance))
     return bool(rise > SURE * (DECISIVE + len(index) * np.log(size)))
-
-
-def effective_residuals(optimum: Optimum) -> float:
-    """Number of residuals over their variance inflation, summed over channels and runs."""
-    total = 0.0
-    for group, tempering in zip(optimum.problem.model.groups, optimum.problem.weights.tempering, strict=True):
-        total += float((group.measured.sum(axis=0) * tempering**2).sum())
-    return max(total, 2.0)
 
 
 def _names(laws: Laws) -> tuple[str, ...]:

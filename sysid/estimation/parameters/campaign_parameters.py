@@ -14,6 +14,7 @@ from sysid.campaign.records import Axle, Campaign, LeafDimensions, PriorOverride
 from sysid.errors import CampaignError
 from sysid.estimation.parameters.named_priors import with_named_priors
 from sysid.estimation.parameters.parameter_set import SHARE_ODDS, Parameter, ParameterSet, PriorLink
+from sysid.estimation.parameters.rockers import share_name
 from sysid.estimation.parameters.suspension_elements import ELEMENTS, LINEAR, law_elements, law_name, quantities
 from sysid.sdof.drop_results import DropEstimate, DropSummary
 
@@ -129,7 +130,7 @@ def campaign_parameters(
     parameters += _element_parameters(campaign, laws)
     median, sd = SHARE_ODDS_PRIOR
     parameters += [
-        Parameter(f"share_odds[{rocker.name}]", SHARE_ODDS, "1", median, median, sd, axle=rocker.axles[0])
+        Parameter(share_name(rocker.name), SHARE_ODDS, "1", median, median, sd, axle=rocker.axles[0])
         for rocker in vehicle.equalisers
         if rocker.load_share is None
     ]
