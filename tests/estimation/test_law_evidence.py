@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sysid.estimation.fit.law_evidence import evidence
-from sysid.estimation.fit.law_screen import eliminated
+from sysid.estimation.fit.law_evidence import eliminated, evidence
 
 PARAMETERS, FURTHER, CANDIDATES = 4, 3, 2
 SD = np.array([0.5, 2.0, 1e-3])

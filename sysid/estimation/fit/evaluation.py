@@ -16,6 +16,7 @@ from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.state import FitPoint, FitState
 from sysid.estimation.fit.thresholds import MISFIT, SOLVERS_APART_SD, STEP_HALVING
 from sysid.estimation.parameters.estimate import ParameterEstimate
+from sysid.estimation.parameters.rockers import load_shares
 from sysid.estimation.residuals.compressed import Compressed
 from sysid.estimation.residuals.histories import run_histories
 from sysid.estimation.residuals.problem import Problem
@@ -93,6 +94,7 @@ def evaluate_optimum(
         warnings=(*warnings, *_mass_warnings(checks)),
         masses=checks,
         identifiability=determined,
+        load_shares=load_shares(campaign.vehicle, estimates),
     )
     return fit, FitState(campaign, point, model)
 

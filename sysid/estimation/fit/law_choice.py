@@ -24,13 +24,14 @@ from sysid.estimation.fit.contact_trials import contact_trials
 from sysid.estimation.fit.evaluation import evaluate_optimum
 from sysid.estimation.fit.fit_result import FitResult, LawComparison, LawTrial
 from sysid.estimation.fit.law_evidence import Judged, LawEvidence
-from sysid.estimation.fit.law_families import DECISIVE, FAMILIES, Laws, richest_laws, without_family
-from sysid.estimation.fit.law_screen import effective_residuals, promising
+from sysid.estimation.fit.law_families import FAMILIES, Laws, richest_laws, without_family
+from sysid.estimation.fit.law_screen import promising
 from sysid.estimation.fit.least_squares import optimise
-from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.rocker_search import undeclared_rockers
 from sysid.estimation.fit.state import FitState
-from sysid.estimation.fit.thresholds import MISFIT
+from sysid.estimation.fit.thresholds import DECISIVE, MISFIT
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters, declared_laws
 from sysid.estimation.parameters.named_priors import check_named_priors
 from sysid.estimation.parameters.suspension_elements import law_elements, law_name, quantities
@@ -97,6 +98,8 @@ def fit_with_laws(
     elif open_laws:
         chosen = optimise(campaign, parameters, profiles, options, report, near=chosen)
     fit, state = evaluate_optimum(campaign, chosen, options, report)
+    rockers = undeclared_rockers(campaign, chosen, drops, profiles, options, report)
+    fit = replace(fit, undeclared_rockers=rockers, warnings=(*(r.proposal for r in rockers), *fit.warnings))
     trials = contact_trials(campaign, chosen, profiles, options, report) if options.contact_spread else ()
     return replace(fit, law_comparison=comparison, contact_trials=trials), state
 

@@ -12,6 +12,7 @@ Friction is no departure here: it is one of the laws that are compared.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,7 +25,7 @@ from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE
 from sysid.estimation.uncertainty.departures import departures
 from sysid.estimation.uncertainty.information import allowance_columns, information_with
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, joined
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 
 
@@ -74,16 +75,51 @@ class LawEvidence:
         tires = [PLAUSIBLE[d.kind] for d in self._allowances.departures.directions]
         return np.concatenate([self._allowances.masses.sd, tires])
 
-    def columns(self, optimum: Optimum) -> tuple[ResidualColumns, ...]:
+    def without_known(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient (q,) and information (q, q) about q candidates near an optimum, all else free to follow.
+
+        Parameters
+        ----------
+        more : derivatives of every group's residuals by the candidates.
+        """
+        problem = optimum.problem
+        data = information_with(self._campaign, problem, optimum.vector, joined(self._columns(optimum), more))
+        rows, targets = problem.model.parameters.prior_rows()
+        score = data.score
+        score[: problem.count] += rows.T @ (rows @ optimum.vector[: problem.count] - targets)
+        return eliminated(data.matrix, score, rows.T @ rows, self.sd)
+
+    def _columns(self, optimum: Optimum) -> tuple[ResidualColumns, ...]:
         """Derivatives of every group's residuals at an optimum by masses and departures."""
         return allowance_columns(optimum.problem, optimum.vector, self._allowances)
 
     def judge(self, optimum: Optimum) -> Judged:
         """An optimum with the evidence for it."""
         problem = optimum.problem
-        data = information_with(self._campaign, problem, optimum.vector, self.columns(optimum))
+        data = information_with(self._campaign, problem, optimum.vector, self._columns(optimum))
         rows, _ = problem.model.parameters.prior_rows()
         return Judged(optimum, evidence(optimum.minimum.cost, data.matrix, data.score, rows.T @ rows, self.sd))
+
+
+def eliminated(
+    information: np.ndarray, score: np.ndarray, prior: ParametersByParameters, sd: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient (q,) and information (q, q) of candidates with p parameters and m masses and departures eliminated.
+
+    Parameters
+    ----------
+    information : (p + m + q, p + m + q) of the data; score : (p + m + q,) gradient of half the sum of squares, priors
+        included: the parameters may be a little off their optimum.
+    prior : (p, p) prior precision; sd : (m,) tolerances of masses and departures.
+    """
+    count = prior.shape[0]
+    known = count + sd.size
+    own = information[:known, :known].copy()
+    own[:count, :count] += prior
+    own[count:, count:] += np.diag(sd**-2.0)
+    cross = information[:known, known:]
+    solved = np.linalg.solve(own, cross)
+    return score[known:] - solved.T @ score[:known], information[known:, known:] - cross.T @ solved
 
 
 def evidence(

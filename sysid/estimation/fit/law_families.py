@@ -7,9 +7,6 @@ from collections.abc import Sequence
 from sysid.campaign.records import Axle
 
 Laws = tuple[frozenset[str], ...]
-#: Gain in the criterion from which on a richer law is taken.
-DECISIVE = 10.0
-
 #: Elements worth trying on an axle without a declared law, by the kind of its suspension.
 CANDIDATES = {
     "leaf": frozenset({"friction", "asymmetric_damper"}),

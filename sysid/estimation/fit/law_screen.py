@@ -18,16 +18,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.arrays import ParametersByParameters
 from sysid.campaign.records import Axle, Campaign, Vehicle
 from sysid.estimation.fit.law_evidence import LawEvidence
-from sysid.estimation.fit.law_families import DECISIVE, FAMILIES, Laws
-from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.law_families import FAMILIES, Laws
+from sysid.estimation.fit.optimum import Optimum, effective_residuals
+from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.lane_laws import ElementIndex, LawInputs
 from sysid.estimation.parameters.suspension_elements import ElementQuantity, quantities
 from sysid.estimation.residuals.bump_model import BumpModel
-from sysid.estimation.uncertainty.information import information_with
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, joined, trial_residuals
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, trial_residuals
 
 #: Share of its prior scale by which a parameter is moved off the value that takes its element out.
 STEP = 0.1
@@ -109,14 +108,8 @@ class Screen:
     """The promises of candidates at one optimum of poorer laws."""
 
     def __init__(self, campaign: Campaign, evidence: LawEvidence, optimum: Optimum, found: Sequence[Candidate]):
-        problem = optimum.problem
-        columns = joined(evidence.columns(optimum), candidate_columns(campaign, optimum, found))
-        data = information_with(campaign, problem, optimum.vector, columns)
-        rows, targets = problem.model.parameters.prior_rows()
-        score = data.score
-        score[: problem.count] += rows.T @ (rows @ optimum.vector[: problem.count] - targets)
         self._found = list(found)
-        self._pull, self._information = eliminated(data.matrix, score, rows.T @ rows, evidence.sd)
+        self._pull, self._information = evidence.without_known(optimum, candidate_columns(campaign, optimum, found))
 
     def gain(self, members: Sequence[Candidate], size: float) -> float:
         """Promised gain of adding some of the candidates; `size` is the effective number of residuals n."""
@@ -124,27 +117,6 @@ class Screen:
         pull = self._pull[index]
         left = self._information[np.ix_(index, index)] + np.eye(len(index))
         return float(pull @ np.linalg.solve(left, pull) - len(index) * np.log(size))
-
-
-def eliminated(
-    information: np.ndarray, score: np.ndarray, prior: ParametersByParameters, sd: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient (q,) and information (q, q) of candidates with p parameters and m masses and departures eliminated.
-
-    Parameters
-    ----------
-    information : (p + m + q, p + m + q) of the data; score : (p + m + q,) gradient of half the sum of squares, priors
-        included: the parameters may be a little off their optimum.
-    prior : (p, p) prior precision; sd : (m,) tolerances of masses and departures.
-    """
-    count = prior.shape[0]
-    known = count + sd.size
-    own = information[:known, :known].copy()
-    own[:count, :count] += prior
-    own[count:, count:] += np.diag(sd**-2.0)
-    cross = information[:known, known:]
-    solved = np.linalg.solve(own, cross)
-    return score[known:] - solved.T @ score[:known], information[known:, known:] - cross.T @ solved
 
 
 def candidate_columns(campaign: Campaign, optimum: Optimum, found: Sequence[Candidate]) -> tuple[ResidualColumns, ...]:
@@ -194,11 +166,3 @@ def _elements(axles: Sequence[Axle], laws: LawInputs, candidate: Candidate) -> d
 def _step(q: ElementQuantity, median: float) -> float:
     """Factor by which a parameter that is out at one moves towards its prior median."""
     return float(np.exp(np.sign(np.log(median)) * STEP * q.sd))
-
-
-def effective_residuals(optimum: Optimum) -> float:
-    """Number of residuals over their variance inflation, summed over channels and runs."""
-    total = 0.0
-    for group, tempering in zip(optimum.problem.model.groups, optimum.problem.weights.tempering, strict=True):
-        total += float((group.measured.sum(axis=0) * tempering**2).sum())
-    return max(total, 2.0)
