@@ -43,6 +43,8 @@ _FINER = np.array([0.86, 0.93, 1.07, 1.15])
 DOUBT = 1.6
 #: How long after its largest deflection a record is fitted [s]: a truck that has come to rest says nothing more.
 _FIT_S = 2.5
+#: Relative change of the cost that ends the last search: far below one standard deviation of any estimate.
+_TOLERANCE = 1e-6
 #: Where a wheel begins to feel the end of the plank [m], and how far the moment may be off [s].
 FOOT_M = 0.15
 SLACK_S = 0.3
@@ -179,7 +181,8 @@ def fit_drops(
     model = model_at(motion.speed_m_s, motion.start_s)
     instrument = _instrument_noise(model, runs)
     report("fitting the plank drops with the full model", 0.2)
-    optimum = optimise_from(as_runs, model, motion, instrument, parameters.start, options, report)
+    hasty = replace(options, tolerance=max(options.tolerance, _TOLERANCE))
+    optimum = optimise_from(as_runs, model, motion, instrument, parameters.start, hasty, report)
     return _estimates(records, optimum)
 
 
