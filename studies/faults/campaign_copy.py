@@ -88,7 +88,7 @@ class CampaignCopy:
     def edit_log(self, file: str, change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
         """Change the table of a log."""
         path = self.folder / file
-        change(pd.read_csv(path)).to_csv(path, index=False, float_format="%.5g")
+        change(pd.read_csv(path)).to_csv(path, index=False, float_format="%.9g")
 
     def columns(self, file: str) -> list[str]:
         """Columns of a log but for its time."""

@@ -156,7 +156,7 @@ def _scan(what: str, change: Callable[[CampaignCopy, pd.DataFrame], pd.DataFrame
         path = c.folder / "bump_scan.csv"
         if not path.exists():
             raise DoesNotApply("no scan")
-        change(c, pd.read_csv(path)).to_csv(path, index=False, float_format="%.5g")
+        change(c, pd.read_csv(path)).to_csv(path, index=False, float_format="%.9g")
         return what
 
     return fault

@@ -78,6 +78,26 @@ class NaturalModes(Tabular):
         )
 
 
+@dataclass(frozen=True)
+class SmallMotion:
+    """M x'' + C x' + K x = 0 in r coordinates x without fore-aft momentum, about static equilibrium.
+
+    `mass`, `damping`, `stiffness` (r, r); rows (axles, r) of the `extension` of each suspension, the rise of each
+    `wheel`, and of the body `above` each suspension; `tire_stiffness` (axles,) [N/m]; `back` (c, r) to all coordinates
+    of `matrices`.
+    """
+
+    matrices: PlanarMatrices
+    mass: np.ndarray
+    damping: np.ndarray
+    stiffness: np.ndarray
+    extension: np.ndarray
+    wheel: np.ndarray
+    above: np.ndarray
+    tire_stiffness: Axles
+    back: np.ndarray
+
+
 def natural_modes(
     vehicle: Vehicle,
     load_case: LoadCase,
@@ -108,22 +128,8 @@ def natural_modes(
     CampaignError
         If axle loads and masses do not add up.
     """
-    declared = np.array([a.tire_stiffness_N_per_m for a in vehicle.axles])
-    rates = {
-        "stiffness": stiffness,
-        "damping": 0.0 * declared if damping is None else damping,
-        "tire_stiffness": declared if tire_stiffness is None else tire_stiffness,
-        "tire_damping": 0.0 * declared if tire_damping is None else tire_damping,
-    }
-    used = {name: _per_axle(name, values, vehicle) for name, values in rates.items()}
-    matrices = assemble(vehicle, load_case)
-    extension, wheel, mass = _rows(matrices)
-    body_count = matrices.mass.shape[0]
-    k = extension.T @ (used["stiffness"][:, None] * extension) + wheel.T @ (used["tire_stiffness"][:, None] * wheel)
-    c = extension.T @ (used["damping"][:, None] * extension) + wheel.T @ (used["tire_damping"][:, None] * wheel)
-    k[:body_count, :body_count] += matrices.tilt
-    back = _without_fore_aft(mass, coordinate_names(vehicle))
-    m, k, c = (back.T @ a @ back for a in (mass, k, c))
+    motion = small_motion(vehicle, load_case, stiffness, damping, tire_stiffness, tire_damping)
+    m, c, k, matrices, back = motion.mass, motion.damping, motion.stiffness, motion.matrices, motion.back
     square, shapes = eigh(k, m)
     limit = _ROUNDING * square[-1]
     if square[0] < -limit:
@@ -140,6 +146,36 @@ def natural_modes(
     # Modal damping matrix: the eigenvectors are normalised to unit modal mass.
     ratio, pole = _damped(omega, shapes.T @ c @ shapes)
     return _result(vehicle, load_case, matrices, omega, ratio, pole, back @ shapes)
+
+
+def small_motion(
+    vehicle: Vehicle,
+    load_case: LoadCase,
+    stiffness: Axles,
+    damping: Axles | None = None,
+    tire_stiffness: Axles | None = None,
+    tire_damping: Axles | None = None,
+) -> SmallMotion:
+    """Equations of small motions of a vehicle on its tires; arguments and errors as :func:`natural_modes`."""
+    declared = np.array([a.tire_stiffness_N_per_m for a in vehicle.axles])
+    rates = {
+        "stiffness": stiffness,
+        "damping": 0.0 * declared if damping is None else damping,
+        "tire_stiffness": declared if tire_stiffness is None else tire_stiffness,
+        "tire_damping": 0.0 * declared if tire_damping is None else tire_damping,
+    }
+    used = {name: _per_axle(name, values, vehicle) for name, values in rates.items()}
+    matrices = assemble(vehicle, load_case)
+    extension, wheel, mass = _rows(matrices)
+    body_count = matrices.mass.shape[0]
+    k = extension.T @ (used["stiffness"][:, None] * extension) + wheel.T @ (used["tire_stiffness"][:, None] * wheel)
+    c = extension.T @ (used["damping"][:, None] * extension) + wheel.T @ (used["tire_damping"][:, None] * wheel)
+    k[:body_count, :body_count] += matrices.tilt
+    back = _without_fore_aft(mass, coordinate_names(vehicle))
+    above = np.zeros_like(extension)
+    above[:, :body_count] = matrices.attachment
+    m, k, c = (back.T @ a @ back for a in (mass, k, c))
+    return SmallMotion(matrices, m, c, k, extension @ back, wheel @ back, above @ back, used["tire_stiffness"], back)
 
 
 def _per_axle(name: str, values: np.ndarray, vehicle: Vehicle) -> np.ndarray:
