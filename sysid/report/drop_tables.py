@@ -13,7 +13,7 @@ from sysid.export import Results
 from sysid.plot import SOURCE_LABELS, SOURCES
 from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.report.numbers import MISSING, decimals, fixed, number, percent
-from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropSummary
+from sysid.sdof.drop_results import NOT_ALONE, DropAnalysis, DropEstimate, DropSummary
 
 if TYPE_CHECKING:
     pass
@@ -52,11 +52,12 @@ def pooled_notes(drops: DropSummary) -> list[str]:
     return [f"axle {axle + 1}, {case}: {'; '.join(parts)}" for (axle, case), parts in sorted(notes.items())]
 
 
-def _pooled_cell(e: DropEstimate | None, quantity: Quantity) -> str:
+def _pooled_cell(e: DropEstimate | None, quantity: Quantity) -> str | Cell:
     if e is None or not e.usable:
         return MISSING
     value, sd = (e.stiffness, e.stiffness_sd) if quantity == "stiffness" else (e.damping, e.damping_sd)
-    return _plus_minus(value / 1e3, sd / 1e3)
+    shown = _plus_minus(value / 1e3, sd / 1e3)
+    return Cell(shown, note=NOT_ALONE) if e.caution else shown
 
 
 def _friction_cell(e: DropEstimate | None) -> str:

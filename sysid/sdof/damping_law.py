@@ -2,57 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from sysid.sdof.decay import PreparedRecord
 from sysid.sdof.decay_modes import correlated_covariance
 from sysid.sdof.decay_window import DecayWindow, decay_window, window_from_release
 from sysid.sdof.drop_results import DampingLaw, DampingTerm
-from sysid.sdof.ring_down import RingDown, ring_down
-from sysid.sdof.whitening import autoregression, whiten
+from sysid.sdof.mixture_fit import (
+    LEVEL,
+    OF_TERM,
+    OMEGA,
+    STIFFENING,
+    MixtureFit,
+    fit_mixture,
+    price_of_leaving,
+    without_others,
+)
+from sysid.sdof.whitening import autoregression
 
 TERMS: tuple[DampingTerm, ...] = ("viscous", "friction", "quadratic")
 _SMALLEST_SHARE = 0.03  # of the amplitude lost: a term below that is no part of the kind
 _STIFFENING_SWINGS = 6
 _POOR_NOISE, _POOR_SHARE = 3.0, 0.04
+_HOPELESSLY_POOR = 1.5  # of what is poor: no other start of the fullest mixture mends that
 _STIFFENING_EVIDENCE = 20.0  # of the information criterion, before a spring counts as nonlinear
 _HOPELESS = 500.0  # of the sum of squares over the variance, far beyond what curvature can make of it
 _HELD, _HELD_NOISE = 0.8, 1.2
-_OMEGA, _LEVEL, _PLACE, _RATE, _STIFFENING = 0, 1, 2, 3, 7
-_OF_TERM = {"viscous": 4, "friction": 5, "quadratic": 6}
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """Least squares of one kind: `free` parameters, all `parameters` (8,), whitened residual and Jacobian."""
-
-    terms: tuple[DampingTerm, ...]
-    free: list[int]
-    parameters: np.ndarray
-    residual: np.ndarray
-    whitened: np.ndarray
-    jacobian: np.ndarray
-    motion: RingDown
-
-    @property
-    def criterion(self) -> float:
-        """Bayesian information criterion of normal residuals of unknown variance."""
-        n = self.whitened.size
-        return n * float(np.log(max(np.mean(self.whitened**2), 1e-300))) + len(self.free) * float(np.log(n))
+_NOT_ONE_MASS = "the motion is not that of one mass with viscous, dry or quadratic damping"
 
 
 def fit_damping_law(record: PreparedRecord, *, from_release: bool = False) -> DampingLaw:
     """Fit one mass with viscous, dry and quadratic damping to the free motion and choose the terms that it shows.
 
-    All seven mixtures of the three terms are fitted by least squares from the first extremum used to a quarter period
-    after the last one, so a mass that sticks counts only briefly.  They are compared by the Bayesian information
-    criterion of residuals whitened by an autoregression of second order, taken from the fullest mixture.  A term that
-    explains less than 3 % of the amplitude lost is not considered.  Standard deviations allow for what correlation is
-    left.  A spring that stiffens with the amplitude is added where the criterion demands it.
+    The mixtures of the three terms are fitted by least squares from the first extremum used to a quarter period after
+    the last one, so a mass that sticks counts only briefly; those that a Wald test of the fullest rules out are not.
+    They are compared by the Bayesian information criterion of residuals whitened by an autoregression of second order,
+    taken from the fullest mixture.  A term that explains less than 3 % of the amplitude lost is not considered.
+    Standard deviations allow for what correlation is left.  A spring that stiffens with the amplitude is added where
+    the criterion demands it.
 
     Parameters
     ----------
@@ -71,22 +60,27 @@ def fit_damping_law(record: PreparedRecord, *, from_release: bool = False) -> Da
     if isinstance(start, str):
         return _unusable(start)
     whitener = autoregression(start.residual, window.first_of_run)
-    full = _fit(window, TERMS, whitener, [start.parameters]) or start
+    full = fit_mixture(window, TERMS, whitener, [start.parameters]) or start
     curved = False
     if window.swings.size >= _STIFFENING_SWINGS:
-        stiffening = _fit(window, TERMS, whitener, [full.parameters], stiffening=True)
+        stiffening = fit_mixture(window, TERMS, whitener, [full.parameters], stiffening=True)
         if stiffening is not None and stiffening.criterion < full.criterion - _STIFFENING_EVIDENCE:
             full, curved = stiffening, True
+    noise = record.release.noise_sd if record.release is not None else 0.0
+    poor = max(_POOR_NOISE * noise, _POOR_SHARE * window.amplitude)
+    if _rms(full) > _HOPELESSLY_POOR * poor:
+        return _unusable(_NOT_ONE_MASS)
     fits = {TERMS: full}
 
-    def add(terms: tuple[DampingTerm, ...], like: _Fit) -> None:
-        starts = [_moved(window, like.parameters, terms), like.parameters]
-        if (fit := _fit(window, terms, whitener, starts, stiffening=curved)) is not None:
+    def add(terms: tuple[DampingTerm, ...], like: MixtureFit) -> None:
+        starts = [without_others(like, terms), _moved(window, like.parameters, terms), like.parameters]
+        if (fit := fit_mixture(window, terms, whitener, starts, stiffening=curved)) is not None:
             fits[terms] = fit
 
     for terms in _mixtures():
-        if _price(full, terms) < _HOPELESS:
-            add(terms, full)
+        parent = min((f for t, f in fits.items() if set(terms) < set(t)), key=lambda f: price_of_leaving(f, terms))
+        if price_of_leaving(full, terms) < _HOPELESS and price_of_leaving(parent, terms) < _HOPELESS:
+            add(terms, parent)
     # A mixture that does worse than a part of it has stopped too early.
     least = min(fits.values(), key=lambda f: float(np.sum(f.whitened**2)))
     if least is not full:
@@ -95,13 +89,12 @@ def fit_damping_law(record: PreparedRecord, *, from_release: bool = False) -> Da
     best = min(rivals, key=lambda f: f.criterion)
     if _with_viscous(best.terms) not in fits:
         add(_with_viscous(best.terms), best)
-    noise = record.release.noise_sd if record.release is not None else 0.0
-    if _rms(best) > max(_POOR_NOISE * noise, _POOR_SHARE * window.amplitude):
-        return _unusable("the motion is not that of one mass with viscous, dry or quadratic damping")
+    if _rms(best) > poor:
+        return _unusable(_NOT_ONE_MASS)
     return _law(record, window, best, rivals, fits)
 
 
-def _started(record: PreparedRecord, from_release: bool) -> tuple[DecayWindow, _Fit | str]:
+def _started(record: PreparedRecord, from_release: bool) -> tuple[DecayWindow, MixtureFit | str]:
     """The part to fit and the first fit of the fullest mixture, without whitening; or why there is none."""
     later = decay_window(record)
     window = (window_from_release(record) or later) if from_release else later
@@ -116,23 +109,23 @@ def _started(record: PreparedRecord, from_release: bool) -> tuple[DecayWindow, _
     return window, start or "no damped oscillation can be fitted to the readings"
 
 
-def _first_fit(window: DecayWindow, record: PreparedRecord) -> _Fit | None:
+def _first_fit(window: DecayWindow, record: PreparedRecord) -> MixtureFit | None:
     """The fullest mixture from one start or, where that leaves far more than the noise, from others."""
-    fit = _fit(window, TERMS, np.zeros(0), [_first_start(window)])
+    fit = fit_mixture(window, TERMS, np.zeros(0), [_first_start(window)])
     if fit is not None and not _held(fit, record):
         return fit
     starts = [_first_start(window, factor, loss) for factor in (0.85, 1.0, 1.15) for loss in (0.15, 0.4)]
-    return _fit(window, TERMS, np.zeros(0), ([] if fit is None else [fit.parameters]) + starts)
+    return fit_mixture(window, TERMS, np.zeros(0), ([] if fit is None else [fit.parameters]) + starts, most=3)
 
 
 def _first_start(window: DecayWindow, factor: float = 1.0, loss: float | None = None) -> np.ndarray:
     """Start values in which the three terms share the amplitude lost, `loss` of it per swing."""
     start = window.start.copy()
-    start[_OMEGA] *= factor
+    start[OMEGA] *= factor
     if loss is None:
         mean = float(np.mean(-np.diff(window.swings))) if window.swings.size > 1 else 0.1 * window.amplitude
         loss = float(np.clip(mean / window.swings.mean(), 0.01, 1.0))
-    start[4] = loss / np.pi * start[_OMEGA]
+    start[4] = loss / np.pi * start[OMEGA]
     return _moved(window, start, TERMS)
 
 
@@ -140,23 +133,13 @@ def _with_viscous(terms: tuple[DampingTerm, ...]) -> tuple[DampingTerm, ...]:
     return tuple(t for t in TERMS if t in terms or t == "viscous")
 
 
-def _rms(fit: _Fit) -> float:
+def _rms(fit: MixtureFit) -> float:
     return float(np.sqrt(np.mean(fit.residual**2)))
 
 
-def _held(fit: _Fit, record: PreparedRecord) -> bool:
+def _held(fit: MixtureFit, record: PreparedRecord) -> bool:
     """Whether a fit leaves clearly more than the noise."""
     return record.release is not None and _rms(fit) > _HELD_NOISE * record.release.noise_sd
-
-
-def _price(full: _Fit, terms: tuple[DampingTerm, ...]) -> float:
-    """Increase of the sum of squares over the variance when other terms than `terms` go, by the full fit's slopes."""
-    gone = [full.free.index(_OF_TERM[t]) for t in TERMS if t not in terms]
-    scale = np.maximum(np.linalg.norm(full.jacobian, axis=0), 1e-300)
-    scaled = full.jacobian / scale
-    covariance = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12) * float(np.mean(full.whitened**2))
-    value = full.parameters[[full.free[i] for i in gone]] * scale[gone]
-    return float(value @ np.linalg.pinv(covariance[np.ix_(gone, gone)]) @ value)
 
 
 def _mixtures() -> list[tuple[DampingTerm, ...]]:
@@ -166,13 +149,13 @@ def _mixtures() -> list[tuple[DampingTerm, ...]]:
 def _loss_terms(window: DecayWindow, parameters: np.ndarray) -> np.ndarray:
     """Amplitude lost per swing by each term, averaged over the swings: pi zeta X, 2 f and 4/3 q X^2 (3,) [m]."""
     x = window.swings
-    omega, beta, friction, quadratic = parameters[[_OMEGA, 4, 5, 6]]
+    omega, beta, friction, quadratic = parameters[[OMEGA, 4, 5, 6]]
     return np.array(
         [np.pi * beta / omega * x.mean(), 2.0 * min(friction, x.mean()), 4.0 / 3.0 * quadratic * (x**2).mean()]
     )
 
 
-def _shares(window: DecayWindow, fit: _Fit) -> np.ndarray:
+def _shares(window: DecayWindow, fit: MixtureFit) -> np.ndarray:
     """Share of each term of a fit in the amplitude lost."""
     loss = _loss_terms(window, fit.parameters)
     return np.array([loss[TERMS.index(t)] for t in fit.terms]) / max(float(loss.sum()), 1e-300)
@@ -183,7 +166,7 @@ def _moved(window: DecayWindow, parameters: np.ndarray, terms: tuple[DampingTerm
     total = float(_loss_terms(window, parameters).sum())
     moved = parameters.copy()
     for term in TERMS:
-        index = _OF_TERM[term]
+        index = OF_TERM[term]
         if term not in terms:
             moved[index] = 0.0
             continue
@@ -198,92 +181,12 @@ def _moved(window: DecayWindow, parameters: np.ndarray, terms: tuple[DampingTerm
     return moved
 
 
-def _fit(
-    window: DecayWindow,
-    terms: tuple[DampingTerm, ...],
-    whitener: np.ndarray,
-    starts: list[np.ndarray],
-    stiffening: bool = False,
-) -> _Fit | None:
-    """Least squares of one mixture, the best from several starts; None where none ends in finite numbers."""
-    fits = [_fit_from(window, terms, whitener, start, stiffening) for start in starts]
-    return min((f for f in fits if f is not None), key=lambda f: float(np.sum(f.whitened**2)), default=None)
-
-
-def _fit_from(
-    window: DecayWindow, terms: tuple[DampingTerm, ...], whitener: np.ndarray, start: np.ndarray, stiffening: bool
-) -> _Fit | None:
-    amplitude, omega = window.amplitude, float(window.start[_OMEGA])
-    unit = np.array(
-        [omega, amplitude, amplitude, amplitude * omega, omega, amplitude, 1.0 / amplitude, 1.0 / amplitude**2]
-    )
-    free = [_OMEGA, _LEVEL, _PLACE, _RATE, *(_OF_TERM[t] for t in terms), *([_STIFFENING] if stiffening else [])]
-    lower, upper = _bounds(window.direction)
-    base = np.zeros(8)
-    base[free] = np.clip(start / unit, lower + 1e-6, upper - 1e-6)[free]
-    kept: dict[bytes, tuple[np.ndarray, np.ndarray, RingDown]] = {}
-
-    def everything(p: np.ndarray) -> tuple[np.ndarray, np.ndarray, RingDown]:
-        key = p.tobytes()
-        if key not in kept:
-            kept.clear()
-            kept[key] = _residual_and_jacobian(window, base, unit, free, p)
-        return kept[key]
-
-    try:
-        solution = least_squares(
-            lambda p: whiten(everything(p)[0], whitener, window.first_of_run),
-            base[free],
-            jac=lambda p: whiten(everything(p)[1], whitener, window.first_of_run),
-            bounds=(lower[free], upper[free]),
-            x_scale="jac",
-            xtol=1e-7,
-            ftol=1e-7,
-            gtol=1e-10,
-            max_nfev=60,
-        )
-    except (ValueError, FloatingPointError, np.linalg.LinAlgError):
-        return None
-    residual, jacobian, motion = everything(solution.x)
-    found = np.zeros(8)
-    found[free] = solution.x * unit[free]
-    whitened = whiten(residual, whitener, window.first_of_run) * amplitude
-    scaled = whiten(jacobian, whitener, window.first_of_run) * amplitude / unit[free]
-    if not (np.all(np.isfinite(whitened)) and np.all(np.isfinite(scaled))):
-        return None
-    return _Fit(terms, free, found, residual * amplitude, whitened, scaled, motion)
-
-
-def _bounds(direction: float) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest parameters (8,) over their units."""
-    lower, upper = np.full(8, -1e6), np.full(8, 1e6)
-    lower[_OMEGA], upper[_OMEGA] = 0.75, 1.3
-    lower[4:7], upper[4:7] = 0.0, (0.8, 0.6, 3.0)
-    lower[_STIFFENING], upper[_STIFFENING] = -0.3, 0.5
-    lower[_RATE], upper[_RATE] = (0.05, 1e6) if direction > 0 else (-1e6, -0.05)
-    return lower, upper
-
-
-def _residual_and_jacobian(
-    window: DecayWindow, base: np.ndarray, unit: np.ndarray, free: list[int], p: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, RingDown]:
-    """Residual over the amplitude (n,), its forward differences (n, free) and the motion."""
-    step = 1e-6
-    rows = np.tile(base, (len(free) + 1, 1))
-    rows[:, free] = p
-    rows[np.arange(1, len(free) + 1), free] += step
-    with np.errstate(over="ignore", invalid="ignore"):
-        motion = ring_down(rows * unit, window.time, window.direction)
-    value = motion.value / window.amplitude
-    return value[0] - window.value / window.amplitude, (value[1:] - value[0]).T / step, motion
-
-
 def _law(
     record: PreparedRecord,
     window: DecayWindow,
-    best: _Fit,
-    rivals: list[_Fit],
-    fits: dict[tuple[DampingTerm, ...], _Fit],
+    best: MixtureFit,
+    rivals: list[MixtureFit],
+    fits: dict[tuple[DampingTerm, ...], MixtureFit],
 ) -> DampingLaw:
     """The chosen mixture; the viscous part of a mixture without it comes from the one that has it besides."""
     runner_up = min((f for f in rivals if f is not best), key=lambda f: f.criterion, default=None)
@@ -312,8 +215,8 @@ def _law(
         quadratic_per_m=float(values[3]),
         covariance=covariance,
         shares=loss / max(float(loss.sum()), 1e-300),
-        level=float(best.parameters[_LEVEL]),
-        stiffening_per_m2=float(best.parameters[_STIFFENING]),
+        level=float(best.parameters[LEVEL]),
+        stiffening_per_m2=float(best.parameters[STIFFENING]),
         stick_time_s=float(best.motion.stick_s[0]) + window.begin_s,
         window_s=(window.begin_s, window.begin_s + float(window.time[-1])),
         time_s=window.begin_s + window.time,
@@ -325,7 +228,7 @@ def _law(
     )
 
 
-def _spread(best: _Fit, rivals: list[_Fit]) -> np.ndarray:
+def _spread(best: MixtureFit, rivals: list[MixtureFit]) -> np.ndarray:
     """Variance (4,) of the quantities over the mixtures that have them, weighted by their evidence."""
     weight = np.array([np.exp(-0.5 * min(f.criterion - best.criterion, 1400.0)) for f in rivals])
     values = np.array([_quantities(f)[0] for f in rivals])
@@ -339,14 +242,14 @@ def _spread(best: _Fit, rivals: list[_Fit]) -> np.ndarray:
     return variance
 
 
-def _quantities(fit: _Fit) -> tuple[np.ndarray, np.ndarray]:
+def _quantities(fit: MixtureFit) -> tuple[np.ndarray, np.ndarray]:
     """Damped period, viscous decrement, f and q (4,) with their covariance (4, 4)."""
-    omega, beta, friction, quadratic = fit.parameters[[_OMEGA, 4, 5, 6]]
+    omega, beta, friction, quadratic = fit.parameters[[OMEGA, 4, 5, 6]]
     damped = np.sqrt(omega**2 - beta**2)
     values = np.array([2.0 * np.pi / damped, 2.0 * np.pi * beta / damped, friction, quadratic])
     slope = np.zeros((4, 8))
-    slope[0, _OMEGA], slope[0, 4] = -2.0 * np.pi * omega / damped**3, 2.0 * np.pi * beta / damped**3
-    slope[1, _OMEGA], slope[1, 4] = -2.0 * np.pi * beta * omega / damped**3, 2.0 * np.pi * omega**2 / damped**3
+    slope[0, OMEGA], slope[0, 4] = -2.0 * np.pi * omega / damped**3, 2.0 * np.pi * beta / damped**3
+    slope[1, OMEGA], slope[1, 4] = -2.0 * np.pi * beta * omega / damped**3, 2.0 * np.pi * omega**2 / damped**3
     slope[2, 5] = slope[3, 6] = 1.0
     own = correlated_covariance(fit.jacobian, fit.whitened, np.arange(fit.whitened.size))
     return values, slope[:, fit.free] @ own @ slope[:, fit.free].T

@@ -185,9 +185,9 @@ def fit_modes(
         jac=jacobian,
         bounds=(np.concatenate([lower, -free]), np.concatenate([upper, free])),
         x_scale="jac",
-        xtol=1e-14,
-        ftol=1e-14,
-        gtol=1e-14,
+        xtol=1e-12,
+        ftol=1e-12,
+        gtol=1e-12,
         max_nfev=300,
     )
     p = solution.x

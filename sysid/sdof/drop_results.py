@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 DropMethod = Literal["paper", "corrected", "free_decay", "model"]
 DampingTerm = Literal["viscous", "friction", "quadratic"]
 
+#: How the note of a single-axle estimate begins where the vehicle moves in more than the one mode that it assumes.
+NOT_ALONE = "not usable alone"
 
 _COLUMNS = (
     "axle",
@@ -136,6 +138,13 @@ class DropEstimate:
     friction_force_sd: float = float("nan")
     quadratic_damping: float = float("nan")
     quadratic_damping_sd: float = float("nan")
+
+    @property
+    def caution(self) -> str:
+        """What forbids to use the numbers as they stand: the note of an unusable one, or why it is not usable alone."""
+        if not self.usable:
+            return self.note
+        return next((part for part in self.note.split("; ") if part.startswith(NOT_ALONE)), "")
 
 
 @dataclass(frozen=True)

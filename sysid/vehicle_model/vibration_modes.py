@@ -80,6 +80,26 @@ class NaturalModes(Tabular):
         )
 
 
+@dataclass(frozen=True)
+class SmallMotion:
+    """M x'' + C x' + K x = 0 in r coordinates x without fore-aft momentum, about static equilibrium.
+
+    `mass`, `damping`, `stiffness` (r, r); rows (axles, r) of the `extension` of each suspension, the rise of each
+    `wheel`, and of the body `above` each suspension; `tire_stiffness` (axles,) [N/m]; `back` (c, r) to all coordinates
+    of `matrices`.
+    """
+
+    matrices: PlanarMatrices
+    mass: np.ndarray
+    damping: np.ndarray
+    stiffness: np.ndarray
+    extension: np.ndarray
+    wheel: np.ndarray
+    above: np.ndarray
+    tire_stiffness: Axles
+    back: np.ndarray
+
+
 def natural_modes(
     vehicle: Vehicle,
     load_case: LoadCase,
@@ -112,6 +132,36 @@ def natural_modes(
     CampaignError
         If axle loads and masses do not add up.
     """
+    motion = small_motion(vehicle, load_case, stiffness, damping, tire_stiffness, tire_damping, load_share)
+    m, c, k, matrices, back = motion.mass, motion.damping, motion.stiffness, motion.matrices, motion.back
+    square, shapes = _undamped(k, m)
+    limit = _ROUNDING * square[-1]
+    if square[0] < -limit:
+        raise SysidError(
+            f"The vehicle '{vehicle.name}' does not stand stably in load case '{load_case.name}': with these "
+            "stiffnesses it tips over; check cg_height_m and the stiffnesses."
+        )
+    if square[0] <= limit:
+        raise SysidError(
+            f"The vehicle '{vehicle.name}' can move without any restoring force in load case '{load_case.name}': a "
+            "stiffness is zero or nearly so."
+        )
+    omega = np.sqrt(square)
+    # C of the modes' own coordinates: shapes' C shapes where K is symmetric and modal masses are 1.
+    ratio, pole = _damped(omega, np.linalg.solve(m @ shapes, c @ shapes))
+    return _result(vehicle, load_case, matrices, omega, ratio, pole, back @ shapes)
+
+
+def small_motion(
+    vehicle: Vehicle,
+    load_case: LoadCase,
+    stiffness: Axles,
+    damping: Axles | None = None,
+    tire_stiffness: Axles | None = None,
+    tire_damping: Axles | None = None,
+    load_share: Axles | None = None,
+) -> SmallMotion:
+    """Equations of small motions of a vehicle on its tires; arguments and errors as :func:`natural_modes`."""
     declared = np.array([a.tire_stiffness_N_per_m for a in vehicle.axles])
     rates = {
         "stiffness": stiffness,
@@ -131,23 +181,10 @@ def natural_modes(
     c = extension.T @ (used["damping"][:, None] * extension) + wheel.T @ (used["tire_damping"][:, None] * wheel)
     k[:body_count, :body_count] += matrices.tilt
     back = _without_fore_aft(mass, coordinate_names(vehicle))
+    above = np.zeros_like(extension)
+    above[:, :body_count] = matrices.attachment
     m, k, c = (back.T @ a @ back for a in (mass, k, c))
-    square, shapes = _undamped(k, m)
-    limit = _ROUNDING * square[-1]
-    if square[0] < -limit:
-        raise SysidError(
-            f"The vehicle '{vehicle.name}' does not stand stably in load case '{load_case.name}': with these "
-            "stiffnesses it tips over; check cg_height_m and the stiffnesses."
-        )
-    if square[0] <= limit:
-        raise SysidError(
-            f"The vehicle '{vehicle.name}' can move without any restoring force in load case '{load_case.name}': a "
-            "stiffness is zero or nearly so."
-        )
-    omega = np.sqrt(square)
-    # C of the modes' own coordinates: shapes' C shapes where K is symmetric and modal masses are 1.
-    ratio, pole = _damped(omega, np.linalg.solve(m @ shapes, c @ shapes))
-    return _result(vehicle, load_case, matrices, omega, ratio, pole, back @ shapes)
+    return SmallMotion(matrices, m, c, k, extension @ back, wheel @ back, above @ back, used["tire_stiffness"], back)
 
 
 def _undamped(k: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

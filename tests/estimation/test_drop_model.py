@@ -69,7 +69,7 @@ def test_closer_to_the_truth_than_the_paper(found, analysed):
 def test_estimates_stand_beside_the_single_axle_ones(campaign, analysed, found, monkeypatch):
     monkeypatch.setattr("sysid.estimation.fit.drop_model.fit_drops", lambda *arguments: tuple(found.values()))
     summary = with_model_estimates(campaign, analysed, OPTIONS)
-    assert [e.method for e in summary.pooled if e.axle == 2] == ["paper", "corrected", "free_decay", "model"]
+    assert [e.method for e in summary.pooled if e.axle == 2] == ["model", "paper", "corrected", "free_decay"]
 
 
 def test_drops_without_dampers_are_not_fitted(campaign, analysed):

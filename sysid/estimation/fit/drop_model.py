@@ -19,7 +19,7 @@ from sysid.estimation.fit.least_squares import optimise_from
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.start_search import best_shift
-from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.campaign_parameters import MODEL_DAMPING_SD, MODEL_STIFFNESS_SD, campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
@@ -117,7 +117,7 @@ def with_model_estimates(
     finite = tuple(e for e in estimates if np.all(np.isfinite([e.stiffness, e.damping, e.stiffness_sd, e.damping_sd])))
     if len(finite) < len(estimates):
         said = (*said, "The full model gave no finite numbers for some axles; the readings of the drops stand.")
-    return replace(drops, pooled=(*drops.pooled, *finite), messages=(*drops.messages, *said))
+    return replace(drops, pooled=(*finite, *drops.pooled), messages=(*drops.messages, *said))
 
 
 def _reason(error: Exception) -> str:
@@ -148,7 +148,8 @@ def fit_drops(
     Returns
     -------
     Estimates with method ``model``, one per axle (of a group at its first axle) and load case of its stiffness;
-    standard deviations include what the model does not explain (residual over instrument noise) but no more.
+    standard deviations include what the model does not explain (residual over instrument noise) and, where that is
+    much, the spread that linear laws leave on vehicles with dry friction.
 
     Raises
     ------
@@ -271,6 +272,12 @@ def _instrument_noise(model: BumpModel, runs: Sequence[BumpRun]) -> tuple[np.nda
 def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEstimate, ...]:
     parameters = optimum.problem.model.parameters
     sd = parameter_sd(optimum) * max(1.0, optimum.misfit)
+    doubtful = optimum.misfit >= DOUBT
+    form = (MODEL_STIFFNESS_SD, MODEL_DAMPING_SD) if doubtful else (0.0, 0.0)
+    note = (
+        f"the model leaves {optimum.misfit:.1f} times the instrument noise, as with dry friction or dampers that are "
+        "not linear: its standard deviations allow for that"
+    )
     estimates = []
     # Drops of a group's axles say the same about its one suspension.
     owner = parameters.suspension_axle
@@ -285,15 +292,13 @@ def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEsti
                 file=None,
                 method="model",
                 stiffness=float(stiffness),
-                stiffness_sd=float(stiffness * sd[k]),
+                stiffness_sd=float(stiffness * np.hypot(sd[k], form[0])),
                 damping=float(damping),
-                damping_sd=float(damping * sd[c]),
+                damping_sd=float(damping * np.hypot(sd[c], form[1])),
                 damped_period=float("nan"),
                 log_decrement=float("nan"),
                 usable=bool(optimum.minimum.converged),
-                note=""
-                if optimum.misfit < DOUBT
-                else f"the model leaves {optimum.misfit:.1f} times the instrument noise",
+                note=note if doubtful else "",
             )
         )
     return tuple(estimates)

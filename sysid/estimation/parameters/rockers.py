@@ -114,3 +114,11 @@ def shares_by_axle(vehicle: Vehicle, shares: Iterable[LoadShare]) -> np.ndarray:
     for one in shares:
         by_axle[list(one.axles)] = one.share
     return by_axle
+
+
+def shares_before_data(vehicle: Vehicle) -> np.ndarray:
+    """Share s of every axle's rocker (axles,), 0 without: the declared one, else the median of its prior."""
+    by_axle = np.zeros(len(vehicle.axles))
+    for rocker in vehicle.equalisers:
+        by_axle[list(rocker.axles)] = share_of(1.0) if rocker.load_share is None else rocker.load_share
+    return by_axle

@@ -103,14 +103,17 @@ CHECK = Whole(
 
 
 def _drops(context: Context) -> DropSummary:
+    from sysid.estimation.fit.drop_coupling import with_cautions
     from sysid.estimation.fit.drop_model import with_model_estimates
     from sysid.estimation.fit.options import FitOptions
     from sysid.sdof.summary import analyse_drops
 
     context.progress("readings of the drops", 0.0)
     summary = analyse_drops(context.campaign)
-    if not context.settings.drop_model or not context.campaign.plank_drops:
+    if not context.campaign.plank_drops:
         return summary
+    if not context.settings.drop_model:
+        return with_cautions(context.campaign, summary)
     fit = context.settings.fit
     # Only what is named in the record: other settings of the fit leave the drops as they are.
     options = FitOptions(
@@ -120,7 +123,8 @@ def _drops(context: Context) -> DropSummary:
         max_iterations=2 * fit.max_iterations,
         target_step_s=fit.target_step_s,
     )
-    return with_model_estimates(context.campaign, summary, options, context.progress)
+    summary = with_model_estimates(context.campaign, summary, options, context.progress)
+    return with_cautions(context.campaign, summary)
 
 
 def show_drops(summary: DropSummary, results: Results) -> Blocks:
@@ -138,7 +142,7 @@ def show_drops(summary: DropSummary, results: Results) -> Blocks:
             value_cell(e.friction_force, e.friction_force_sd, 1e-3),
             finite_cell(e.damped_period, ".3f"),
             finite_cell(e.log_decrement, ".3f"),
-            "" if e.usable else e.note,
+            e.caution or (e.note if e.method == "model" else ""),
         )
     yield table
     yield from summary.messages

@@ -1,0 +1,87 @@
+"""Single-axle readings of the shipped truck that are far from the truth carry a caution and an error that covers it."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sysid.campaign import read_campaign
+from sysid.estimation.fit.drop_coupling import with_cautions
+from sysid.sdof.drop_results import NOT_ALONE, DropEstimate
+from sysid.sdof.summary import analyse_drops
+
+DATA = Path(__file__).parents[2] / "data"
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return read_campaign(DATA)
+
+
+@pytest.fixture(scope="module")
+def analysed(campaign):
+    return analyse_drops(campaign)
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """True stiffness and damping (axles, 2) of the shipped campaign."""
+    axles = tomllib.loads((DATA / "truth.toml").read_text(encoding="utf-8"))["axle"]
+    names = ("suspension_stiffness_N_per_m", "suspension_damping_N_s_per_m")
+    return np.array([[axle[name] for name in names] for axle in axles])
+
+
+def with_model(drops, truth):
+    """The readings beside a full model that has found the truth, as good as it can."""
+    rows = tuple(
+        DropEstimate(i, "unloaded", None, "model", k, 0.01 * k, c, 0.03 * c, float("nan"), float("nan"), True)
+        for i, (k, c) in enumerate(truth)
+    )
+    return replace(drops, pooled=(*rows, *drops.pooled))
+
+
+def errors(e, truth):
+    value = np.array([e.stiffness, e.damping])
+    return value / truth[e.axle] - 1.0, (value - truth[e.axle]) / np.array([e.stiffness_sd, e.damping_sd])
+
+
+def test_readings_far_off_are_marked_beside_the_full_model(campaign, analysed, truth):
+    found = with_cautions(campaign, with_model(analysed, truth))
+    single = [e for e in found.pooled if e.method != "model"]
+    assert len(single) == 18
+    for e in single:
+        off, in_sd = errors(e, truth)
+        if abs(off[0]) > 0.15 or abs(off[1]) > 0.35:
+            assert e.caution.startswith(NOT_ALONE)
+        assert np.all(np.abs(in_sd) < 2.1)
+    assert "read the rows of method model" in found.messages[0]
+
+
+def test_records_with_several_modes_are_named(campaign, analysed, truth):
+    """Axle 2 stands over the middle of the tractor: heave, pitch and the trailer all show in its records."""
+    found = with_cautions(campaign, with_model(analysed, truth))
+    notes = {e.axle: e.note for e in found.pooled if e.method == "corrected"}
+    assert "3 modes in this record" in notes[1]
+    assert "modes in this record" not in notes[0]
+    of_files = [e for a in found.files if a.axle == 1 for e in a.estimates if e.usable]
+    assert of_files
+    assert all("3 modes in this record" in e.note for e in of_files)
+
+
+def test_without_the_full_model_the_modes_alone_mark_the_worst(campaign, analysed, truth):
+    found = with_cautions(campaign, analysed)
+    for e in found.pooled:
+        off, _ = errors(e, truth)
+        if abs(off[0]) > 0.3:
+            assert e.caution.startswith(NOT_ALONE)
+    assert "the remedy" in found.messages[0]
+
+
+def test_the_numbers_themselves_stay(campaign, analysed, truth):
+    found = with_cautions(campaign, with_model(analysed, truth))
+    before = [(e.stiffness, e.damping, e.usable) for e in analysed.pooled]
+    assert [(e.stiffness, e.damping, e.usable) for e in found.pooled if e.method != "model"] == before
