@@ -101,7 +101,11 @@ def _small_motion(campaign: Campaign, drops: DropSummary, load_case: str) -> tup
     stiffness, damping = values("stiffness"), values("damping")
     tires = np.array([[a.tire_stiffness_N_per_m, a.tire_damping_N_s_per_m] for a in vehicle.axles]).T
     shares = shares_before_data(vehicle)
-    return small_motion(vehicle, campaign.load_cases[load_case], stiffness, damping, *tires, shares), stiffness, damping
+    return (
+        small_motion(vehicle, campaign.load_cases[load_case], stiffness, damping, *tires, load_share=shares),
+        stiffness,
+        damping,
+    )
 
 
 def _coupling(
