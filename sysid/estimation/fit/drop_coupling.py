@@ -99,7 +99,10 @@ def _small_motion(campaign: Campaign, drops: DropSummary, load_case: str) -> tup
         return np.maximum(found, 1e-3)
 
     stiffness, damping = values("stiffness"), values("damping")
-    tires = np.array([[a.tire_stiffness_N_per_m, a.tire_damping_N_s_per_m] for a in vehicle.axles]).T
+    tires = (
+        np.array([a.tire_stiffness_N_per_m for a in vehicle.axles]),
+        np.array([a.tire_damping_N_s_per_m for a in vehicle.axles]),
+    )
     shares = shares_before_data(vehicle)
     return (
         small_motion(vehicle, campaign.load_cases[load_case], stiffness, damping, *tires, load_share=shares),
