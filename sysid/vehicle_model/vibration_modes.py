@@ -13,6 +13,7 @@ unsymmetric.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -108,6 +109,8 @@ def natural_modes(
     tire_stiffness: Axles | None = None,
     tire_damping: Axles | None = None,
     load_share: Axles | None = None,
+    first: LoadCase | None = None,
+    bending: Mapping[str, tuple[float, float]] | None = None,
 ) -> NaturalModes:
     """Natural frequencies, damping ratios and mode shapes of a vehicle on its tires.
 
@@ -123,6 +126,8 @@ def natural_modes(
     tire_stiffness, tire_damping : (axles,) tangent values at the static load [N/m, N s/m]; the declared stiffness and
         no damping if None.
     load_share : (axles,) share s of each axle's rocker, 0 without; the declared ones if None.
+    first : the load case that frequencies of bending frames belong to, this one if None.
+    bending : frequency [Hz] and damping ratio of frames by the name of their body, in place of the declared ones.
 
     Raises
     ------
@@ -170,7 +175,7 @@ def small_motion(
         "tire_damping": 0.0 * declared if tire_damping is None else tire_damping,
     }
     used = {name: _per_axle(name, values, vehicle) for name, values in rates.items()}
-    matrices = assemble(vehicle, load_case)
+    matrices = assemble(vehicle, load_case, first)
     extension, wheel, mass = _rows(matrices)
     body_count = matrices.mass.shape[0]
     acting = extension
@@ -180,6 +185,14 @@ def small_motion(
     k = acting.T @ (used["stiffness"][:, None] * extension) + wheel.T @ (used["tire_stiffness"][:, None] * wheel)
     c = extension.T @ (used["damping"][:, None] * extension) + wheel.T @ (used["tire_damping"][:, None] * wheel)
     k[:body_count, :body_count] += matrices.tilt
+    for frame, column in zip(matrices.frames, matrices.frame_columns, strict=True):
+        body = vehicle.bodies[frame.body]
+        assert body.bending is not None
+        declared_as = (body.bending.frequency_hz, body.bending.damping_ratio)
+        frequency, ratio_of = (bending or {}).get(body.name, declared_as)
+        turn = 2.0 * np.pi * frequency
+        k[column, column] += frame.stiffness_mass * turn**2
+        c[column, column] += frame.stiffness_mass * 2.0 * ratio_of * turn
     back = _without_fore_aft(mass, coordinate_names(vehicle))
     above = np.zeros_like(extension)
     above[:, :body_count] = matrices.attachment
