@@ -243,5 +243,13 @@ def test_natural_modes_of_two_bending_bodies_against_energies_with_constraints(m
     modes = natural_modes(vehicle, laden, k, c, first=first)
     np.testing.assert_allclose(modes.frequency_hz, np.sqrt(square[1:]) / (2 * np.pi), rtol=1e-8)
     assert {"bending tractor", "bending trailer"} <= set(modes.coordinates)
+
+    # Drawn along its frame, the tractor ends where the trailer begins.
+    def rise(body: int) -> np.ndarray:
+        bent = np.array([np.interp(4.4, modes.frame_x_m[body], row) for row in modes.frame_rise[body].T])
+        _, heave, pitch = modes.body_motion[body]
+        return heave - pitch * (4.4 - modes.cg_x_m[body]) + bent
+
+    np.testing.assert_allclose(rise(0), rise(1), atol=1e-9)
     stiffer = natural_modes(vehicle, laden, k, c, first=first, bending={"trailer": (9.0, 0.03)})
     assert np.abs(stiffer.frequency_hz / modes.frequency_hz - 1.0).max() > 0.02
