@@ -13,6 +13,7 @@ from sysid.campaign.records import (
     Body,
     Equaliser,
     ForceTable,
+    FrameBending,
     LeafDimensions,
     LoadCase,
     MassTolerances,
@@ -49,6 +50,14 @@ def nominal_tire_stiffness(table: AxleTable) -> float:
     return table.tire_stiffness_N_per_m * (TIRE_STRUCTURE_SHARE + (1.0 - TIRE_STRUCTURE_SHARE) * had / declared_at)
 
 
+def _bending(table: BodyTable) -> FrameBending | None:
+    bent = table.bending
+    if bent is None:
+        return None
+    points = ((), ()) if bent.shape is None else (tuple(bent.shape.x_m), tuple(bent.shape.rise))
+    return FrameBending(bent.frequency_hz, bent.damping_ratio, *points)
+
+
 class VehicleReader:
     """Vehicle and load cases of one campaign file, and its names.
 
@@ -75,7 +84,7 @@ class VehicleReader:
         self.load_cases = {n: self._load_case(n, t, order, len(table.body)) for n, t in tables.load_case.items()}
         self.vehicle = Vehicle(
             name=table.name,
-            bodies=tuple(Body(b.name, b.hitch_x_m, b.hitch_height_m) for b in table.body),
+            bodies=tuple(Body(b.name, b.hitch_x_m, b.hitch_height_m, _bending(b)) for b in table.body),
             axles=tuple(self._axle(table.axle[i], i, several) for i in order),
             gravity_m_s2=table.gravity_m_s2,
             wheelbase_m=table.wheelbase_m,

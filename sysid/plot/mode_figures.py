@@ -96,7 +96,8 @@ def _lines(modes: NaturalModes, mode: int) -> list[tuple[np.ndarray, np.ndarray,
 
     def rise_of(body: int, place: np.ndarray) -> np.ndarray:
         _, heave, pitch = modes.body_motion[body, :, mode]
-        return np.asarray(heave - pitch * (place - modes.cg_x_m[body]))
+        bent = np.interp(place, modes.frame_x_m[body], modes.frame_rise[body, :, mode])
+        return np.asarray(heave - pitch * (place - modes.cg_x_m[body]) + bent)
 
     for b, body in enumerate(vehicle.bodies):
         supports = [a.x_m for a in vehicle.axles if a.body == b]
@@ -105,8 +106,8 @@ def _lines(modes: NaturalModes, mode: int) -> list[tuple[np.ndarray, np.ndarray,
         # Ends at a hinge meet the other body there; free ends reach a little further.
         front -= 0.0 if front in joints else _OVERHANG_M
         rear += 0.0 if rear in joints else _OVERHANG_M
-        place = np.array([front, rear])
-        found.append((place, np.full(2, frame), rise_of(b, place), solid))
+        place = np.array([front, rear]) if body.bending is None else np.linspace(front, rear, 25)
+        found.append((place, np.full(place.size, frame), rise_of(b, place), solid))
     owner, support = np.array(vehicle.suspension_axle), np.array(vehicle.suspension_x_m)
     for i in sorted(set(owner)):
         on = np.flatnonzero(owner == i)
