@@ -93,7 +93,7 @@ def write_call(file: Path, work: Work, density: LogDensity, sets: np.ndarray) ->
             out.write(struct.pack("q", flat.size))
             out.write(flat.tobytes())
 
-        integers = ("samples", "substeps", "elements", "ramps", "rate_ramps")
+        integers = ("samples", "substeps", "elements", "ramps", "stops", "rate_ramps")
         put([*(settings[name] for name in integers), len(every)], "i8")
         put([settings["interval"], settings["growth"]], "f8")
         put(settings["deflection_axles"], "i8")

@@ -12,15 +12,13 @@ from sysid.errors import CampaignError
 _UNSEEN = ("Cc", "Cs", "Zl", "Zp")  # control characters, halves of surrogate pairs, separators of lines
 
 
-def output_folder(name: str | Path, option: str = "--output") -> Path:
+def output_folder(name: str | Path) -> Path:
     """The output folder named by `name`, which need not exist.
 
     Parameters
     ----------
     name
         As typed: ``Path("")`` is the current folder and cannot be told from ``Path(".")``, so give the text.
-    option
-        What the name was given by, for messages.
 
     Raises
     ------
@@ -29,25 +27,25 @@ def output_folder(name: str | Path, option: str = "--output") -> Path:
     """
     text = os.fspath(name)
     if not text.strip():
-        raise CampaignError(f"{option} is empty; give the name of a folder, or '.' for the current one.")
+        raise CampaignError("--output is empty; give the name of a folder, or '.' for the current one.")
     if text == "-":
-        raise CampaignError(f"{option} is '-', but results are several files; give the name of a folder.")
+        raise CampaignError("--output is '-', but results are several files; give the name of a folder.")
     if has_control_characters(text):
-        raise CampaignError(f"{option} contains control characters; give a name of letters, digits and signs.")
+        raise CampaignError("--output contains control characters; give a name of letters, digits and signs.")
     path = Path(text)
     longest = max((part for part in path.parts), key=len, default="")
     if len(os.fsencode(longest)) > limits.NAME_BYTES or len(text) > limits.PATH_LENGTH:
         raise CampaignError(
-            f"{option} has a name of {max(len(longest), 1)} characters ('{longest[:40]}...'), more than a file system "
+            f"--output has a name of {max(len(longest), 1)} characters ('{longest[:40]}...'), more than a file system "
             "takes; give a shorter one."
         )
     try:
         # Also where a part of the path above is a file.
         blocked = next((p for p in (path, *path.parents) if p.exists() and not p.is_dir()), None)
     except OSError as error:
-        raise CampaignError(f"{option} cannot be used ({error.strerror}); choose another folder.") from None
+        raise CampaignError(f"--output cannot be used ({error.strerror}); choose another folder.") from None
     if blocked is not None:
-        raise CampaignError(f"{option} names a file, {blocked.name}; give a folder instead.")
+        raise CampaignError(f"--output names a file, {blocked.name}; give a folder instead.")
     return path
 
 

@@ -24,6 +24,11 @@ def nearest(name: object, valid: Iterable[str]) -> str:
     return f"use one of {listed}" if names else "there is none to choose from"
 
 
+def joined_words(items: Sequence[str]) -> str:
+    """``a, b and c``."""
+    return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)
+
+
 def finish(sentence: str) -> str:
     """The sentence with a full stop, or a question mark if it ends in a suggestion."""
     last = sentence.rsplit("; ", 1)[-1]

@@ -142,6 +142,7 @@ SHOWN = {
     "files",
     "sdof.drop_results",
     "validation.channel_agreement",
+    "wording",
 }
 
 

@@ -43,9 +43,9 @@ Call load(const char* path) {
   call.acceleration_axles = read<int64_t>(in);
   sysid::Settings& s = call.settings;
   s.samples = integers[0], s.substeps = integers[1], s.elements = integers[2];
-  s.ramps = integers[3], s.rate_ramps = integers[4];
+  s.ramps = integers[3], s.stops = integers[4], s.rate_ramps = integers[5];
   s.interval = reals[0], s.growth = reals[1];
-  for (int64_t k = 0; k < integers[5]; ++k) {
+  for (int64_t k = 0; k < integers[6]; ++k) {
     xla::ffi::Array array;
     array.shape = read<int64_t>(in);
     array.values = read<double>(in);

@@ -1,8 +1,8 @@
-"""What axle groups must fulfil to be one rigid beam with one suspension."""
+"""What axle groups must fulfil to be one rigid beam with one suspension, and rockers to join neighbouring springs."""
 
 from __future__ import annotations
 
-from sysid.campaign.records import AxleGroup, Vehicle
+from sysid.campaign.records import AxleGroup, Equaliser, Vehicle
 from sysid.errors import CampaignError
 from sysid.wording import shorten
 
@@ -22,9 +22,10 @@ _SUSPENSION_KEYS = (
 def check_groups(vehicle: Vehicle, label: str) -> None:
     """Check the axle groups of a vehicle, and that every axle has something to be accelerated.
 
-    The axles of a group are neighbours under one body and stand in no other group.  The group's one suspension is
+    The axles of a group are neighbours under one body and stand in no other group.  A beam's one suspension is
     described at its first axle, so that the other axles agree with it or say nothing.  An axle without unsprung mass
-    of its own shares that of its beam, and beam and axles together have pitch inertia.
+    of its own shares that of its beam, and beam and axles together have pitch inertia.  A rocker leaves every axle its
+    own suspension.
 
     Parameters
     ----------
@@ -35,8 +36,9 @@ def check_groups(vehicle: Vehicle, label: str) -> None:
     CampaignError
         If one of these does not hold.
     """
-    owner: dict[int, AxleGroup] = {}
-    for group in vehicle.groups:
+    owner: dict[int, AxleGroup | Equaliser] = {}
+    groups: list[AxleGroup | Equaliser] = [*vehicle.groups, *vehicle.equalisers]
+    for group in groups:
         for i in group.axles:
             if i in owner:
                 raise CampaignError(
@@ -44,7 +46,10 @@ def check_groups(vehicle: Vehicle, label: str) -> None:
                     f"'{shorten(owner[i].name)}' and '{shorten(group.name)}'; leave it in one."
                 )
             owner[i] = group
-        _check_group(vehicle, group, f"{label}: the axle group '{shorten(group.name)}'")
+        what = f"{label}: the axle group '{shorten(group.name)}'"
+        _check_neighbours(vehicle, group.axles, what)
+        if isinstance(group, AxleGroup):
+            _check_beam(vehicle, group, what)
     for axle, mass in zip(vehicle.axles, vehicle.unsprung_mass_kg, strict=True):
         if not mass > 0.0:
             raise CampaignError(
@@ -53,16 +58,19 @@ def check_groups(vehicle: Vehicle, label: str) -> None:
             )
 
 
-def _check_group(vehicle: Vehicle, group: AxleGroup, what: str) -> None:
-    axles = [vehicle.axles[i] for i in group.axles]
-    if len({a.body for a in axles}) > 1:
-        raise CampaignError(f"{what} has axles under two bodies; a beam carries one body, so split the group.")
-    if group.axles[-1] - group.axles[0] != len(group.axles) - 1:
-        between = next(i for i in range(group.axles[0], group.axles[-1]) if i not in group.axles)
+def _check_neighbours(vehicle: Vehicle, members: tuple[int, ...], what: str) -> None:
+    if len({vehicle.axles[i].body for i in members}) > 1:
+        raise CampaignError(f"{what} has axles under two bodies; a group carries one body, so split it.")
+    if members[-1] - members[0] != len(members) - 1:
+        between = next(i for i in range(members[0], members[-1]) if i not in members)
         raise CampaignError(
             f"{what} leaves out the axle '{shorten(vehicle.axles[between].name)}' between its axles; a group holds "
             "neighbouring axles."
         )
+
+
+def _check_beam(vehicle: Vehicle, group: AxleGroup, what: str) -> None:
+    axles = [vehicle.axles[i] for i in group.axles]
     first = axles[0]
     for other in axles[1:]:
         for key in _SUSPENSION_KEYS:

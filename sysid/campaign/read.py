@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -162,12 +162,7 @@ class _Inputs:
         drops = []
         sensors = self.tables.sensors.plank_drop
         for i, entry in enumerate(self.tables.tests.plank_drop):
-            key = f"tests.plank_drop[{i + 1}]"
-            if not sensors:
-                raise CampaignError(
-                    f"{self.file.name}: {key} needs [sensors.plank_drop], which is missing; "
-                    "name the columns of its log there."
-                )
+            key = self._key("plank_drop", i, sensors)
             names = [(entry.axle, f"{key}.axle")] if entry.axle is not None else []
             names += [(name, f"{key}.axles") for name in entry.axles]
             lifted = [self.vehicle.axle(name, where) for name, where in names]
@@ -190,6 +185,15 @@ class _Inputs:
                     )
                 )
         return tuple(drops)
+
+    def _key(self, kind: str, place: int, sensors: Collection[object]) -> str:
+        """Key of a test, whose kind must have sensors."""
+        key = f"tests.{kind}[{place + 1}]"
+        if not sensors:
+            raise CampaignError(
+                f"{self.file.name}: {key} needs [sensors.{kind}], which is missing; name the columns of its log there."
+            )
+        return key
 
     def _drop_sensors(self, lifted: list[int], key: str) -> dict[int, list[Sensor]]:
         """Sensors of one drop per axle under test; those without an axle of their own are at the only one."""
@@ -229,12 +233,7 @@ class _Inputs:
         runs = []
         sensors = self._run_sensors()
         for i, entry in enumerate(self.tables.tests.bump_run):
-            key = f"tests.bump_run[{i + 1}]"
-            if not sensors:
-                raise CampaignError(
-                    f"{self.file.name}: {key} needs [sensors.bump_run], which is missing; "
-                    "name the columns of its log there."
-                )
+            key = self._key("bump_run", i, sensors)
             runs.append(
                 BumpRun(
                     case=entry.case,

@@ -114,6 +114,20 @@ class AxleGroup:
 
 
 @dataclass(frozen=True)
+class Equaliser:
+    """A massless rocker between the springs of neighbouring axles of one body.
+
+    `axles` are axle indices, front to rear; each keeps its own spring and damper.  With the spring forces S_i the axle
+    and the frame above it feel S_i + s (mean_j S_j - S_i).  `load_share` is s, from 0 (no rocker) to 1 (each spring
+    carries the mean), None where the calibration has to find it.
+    """
+
+    name: str
+    axles: tuple[int, ...]
+    load_share: float | None = None
+
+
+@dataclass(frozen=True)
 class MassTolerances:
     """How far mass properties may be from the declared ones: standard deviations of the logarithm of a factor on them.
 
@@ -135,7 +149,8 @@ EXACT_MASSES = MassTolerances(0.0, 0.0, 0.0, 0.0)
 class Vehicle:
     """The vehicle of the campaign: bodies and axles front to rear, and the gravity that turns masses into weights.
 
-    `tolerances` say how far its mass properties, and those of the load cases, may be from the declared ones.
+    `groups` are axles on common beams, `equalisers` rockers between springs.  `tolerances` say how far its mass
+    properties, and those of the load cases, may be from the declared ones.
     """
 
     name: str
@@ -145,6 +160,7 @@ class Vehicle:
     wheelbase_m: float | None = None
     groups: tuple[AxleGroup, ...] = ()
     tolerances: MassTolerances = MassTolerances()
+    equalisers: tuple[Equaliser, ...] = ()
 
     @property
     def suspension_axle(self) -> tuple[int, ...]:

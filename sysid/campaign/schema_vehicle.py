@@ -113,12 +113,34 @@ class AxleTable(Table):
 
 
 class GroupTable(Table):
-    """[[vehicle.group]]: axles on a common beam."""
+    """[[vehicle.group]]: axles on a common beam, or a rocker between the springs of neighbouring axles."""
 
     name: Name
     axles: Annotated[list[Name], Field(min_length=1, max_length=20)]
-    mass_kg: OptionalMass
-    pitch_inertia_kg_m2: NotNegative
+    kind: Literal["beam", "equaliser"] = "beam"
+    mass_kg: OptionalMass | None = None
+    pitch_inertia_kg_m2: NotNegative | None = None
+    load_share: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)] | None = None
+
+    @model_validator(mode="after")
+    def _keys_of_kind(self) -> GroupTable:
+        of_beam = {"mass_kg": self.mass_kg, "pitch_inertia_kg_m2": self.pitch_inertia_kg_m2}
+        if self.kind == "beam":
+            missing = [key for key, value in of_beam.items() if value is None]
+            if missing:
+                raise ValueError(
+                    f'lacks {" and ".join(missing)} of its beam; give them, or kind = "equaliser" for a rocker '
+                    "between springs"
+                )
+            if self.load_share is not None:
+                raise ValueError('has a load_share, which belongs to kind = "equaliser"; leave it out for a beam')
+        else:
+            given = [key for key, value in of_beam.items() if value is not None]
+            if given:
+                raise ValueError(f"has {' and '.join(given)}, but an equaliser is a rocker without mass; leave it out")
+            if len(self.axles) < 2:
+                raise ValueError("joins one axle; an equaliser needs two or more")
+        return self
 
 
 Tolerance = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=0.5)]

@@ -11,6 +11,7 @@ from sysid.campaign.records import (
     Axle,
     AxleGroup,
     Body,
+    Equaliser,
     ForceTable,
     LeafDimensions,
     LoadCase,
@@ -78,7 +79,16 @@ class VehicleReader:
             axles=tuple(self._axle(table.axle[i], i, several) for i in order),
             gravity_m_s2=table.gravity_m_s2,
             wheelbase_m=table.wheelbase_m,
-            groups=tuple(self._group(g, i) for i, g in enumerate(table.group)),
+            groups=tuple(
+                AxleGroup(g.name, self._members(g, i), g.mass_kg or 0.0, g.pitch_inertia_kg_m2 or 0.0)
+                for i, g in enumerate(table.group)
+                if g.kind == "beam"
+            ),
+            equalisers=tuple(
+                Equaliser(g.name, self._members(g, i), g.load_share)
+                for i, g in enumerate(table.group)
+                if g.kind == "equaliser"
+            ),
             tolerances=MassTolerances(**table.tolerances.model_dump()),
         )
         check_groups(self.vehicle, label)
@@ -163,9 +173,8 @@ class VehicleReader:
             priors=priors,
         )
 
-    def _group(self, table: GroupTable, index: int) -> AxleGroup:
-        axles = tuple(sorted(self.axle(n, f"vehicle.group[{index + 1}].axles") for n in table.axles))
-        return AxleGroup(table.name, axles, table.mass_kg, table.pitch_inertia_kg_m2)
+    def _members(self, table: GroupTable, index: int) -> tuple[int, ...]:
+        return tuple(sorted(self.axle(n, f"vehicle.group[{index + 1}].axles") for n in table.axles))
 
     def _load_case(self, name: str, table: LoadCaseTable, order: Sequence[int], bodies: int) -> LoadCase:
         counts = {

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from sysid.cli.invocation import name_of_program
+from sysid.cli.invocation import tell
 from sysid.cli.stages import console
 from sysid.cli.tables import render
 from sysid.display import TextTable
@@ -32,7 +32,7 @@ def run_formats(files: Sequence[Path]) -> int:
         try:
             _show_file(screen, path)
         except SysidError as error:
-            errors.print(f"{name_of_program()} formats: {error}", markup=False)
+            tell(errors, "formats", str(error))
             code = max(code, error.exit_code)
     return code
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import click
 from click.core import ParameterSource
+from rich.console import Console
 
 
 def program() -> str:
@@ -22,6 +23,11 @@ def name_of_program() -> str:
     """The name with which messages begin."""
     context = click.get_current_context(silent=True)
     return (context and context.find_root().info_name) or "calibrate.py"
+
+
+def tell(errors: Console, name: str, text: str) -> None:
+    """A sentence of the command `name`, with the name of the program before it."""
+    errors.print(f"{name_of_program()} {name}: {text}", markup=False)
 
 
 def same_command(*more: str) -> str:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from sysid.cli.invocation import configured, name_of_program
+from sysid.cli.invocation import configured, tell
 from sysid.cli.progress import StageProgress
 from sysid.cli.stages import INTERRUPTED, console, termination_as_interrupt
 from sysid.cli.tables import plain_table
@@ -21,27 +23,24 @@ from sysid.wording import shorten
 def run_selftest(campaign: Path, count: int, seed: int) -> int:
     """Simulate and calibrate a campaign `count` times, print what was learned, and return the exit code."""
     errors = console(True)
+    say = partial(tell, errors, "selftest")
     with termination_as_interrupt():
         try:
-            found = _simulated(campaign, count, seed, errors)
+            found = _simulated(campaign, count, seed, errors, say)
         except SysidError as error:
-            errors.print(f"{name_of_program()} selftest: {error}", markup=False)
+            say(str(error))
             return error.exit_code
         except KeyboardInterrupt:
             errors.print("Stopped; a self-test keeps nothing.", markup=False)
             return INTERRUPTED
         except Exception as error:
-            errors.print(
-                f"{name_of_program()} selftest: an unexpected error stopped it ({type(error).__name__}: {error}); "
-                "please report it.",
-                markup=False,
-            )
+            say(f"an unexpected error stopped it ({type(error).__name__}: {error}); please report it.")
             return SysidError.exit_code
     show_selftest(console(False), found)
     return 0 if found.converged else NotConvergedError.exit_code
 
 
-def _simulated(campaign: Path, count: int, seed: int, errors: Console) -> SelfTest:
+def _simulated(campaign: Path, count: int, seed: int, errors: Console, say: Callable[[str], None]) -> SelfTest:
     from sysid.campaign.read import read_campaign
     from sysid.estimation.fit.law_choice import check_priors
     from sysid.road.point_cloud import read_point_cloud
@@ -49,18 +48,15 @@ def _simulated(campaign: Path, count: int, seed: int, errors: Console) -> SelfTe
     from sysid.road.scan import analyse_scan
     from sysid.selftest import self_test
 
-    configured(lambda text: errors.print(f"{name_of_program()} selftest: {text}", markup=False))
+    configured(say)
     with StageProgress(errors) as progress:
         progress.stage("selftest")
         read = read_campaign(campaign, point_cloud_reader=read_point_cloud, profile_reader=bump_from_file, planned=True)
         to_come = [r.log.file for r in read.bump_runs if r.log.duration_s == 0.0]
         if to_come:
             some = shorten(to_come[0], 60) + (", ..." if len(to_come) > 1 else "")
-            errors.print(
-                f"{name_of_program()} selftest: {len(to_come)} of {len(read.bump_runs)} logs do not exist yet "
-                f"({some}); these runs are simulated as planned.",
-                markup=False,
-            )
+            logs = f"{len(to_come)} of {len(read.bump_runs)} logs do not exist yet ({some})"
+            say(f"{logs}; these runs are simulated as planned.")
         check_priors(read)
         profiles = {name: analyse_scan(s).profile for name, s in read.scans.items()}
         return self_test(read, profiles, count, seed, progress=progress.update)

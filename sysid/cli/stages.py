@@ -8,12 +8,13 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from sysid.cli.invocation import configured, name_of_program, same_command
+from sysid.cli.invocation import configured, same_command, tell
 from sysid.cli.progress import StageProgress
 from sysid.cli.tables import render, show_run
 from sysid.errors import NotConvergedError, OutputError, SysidError
@@ -37,7 +38,7 @@ def run_stage(name: str, campaign: Path, output: Path, *, resume: bool, **choice
         try:
             return _run(name, campaign, output, screen, errors, resume, choices)
         except SysidError as error:
-            errors.print(f"{name_of_program()} {name}: {error}", markup=False)
+            tell(errors, name, str(error))
             return error.exit_code
         except KeyboardInterrupt:
             errors.print(
@@ -47,7 +48,7 @@ def run_stage(name: str, campaign: Path, output: Path, *, resume: bool, **choice
         except OSError as error:
             if error.errno not in _NO_WRITING:
                 return _unexpected(name, output, error, errors)
-            errors.print(f"{name_of_program()} {name}: {cannot_write(output, error)}", markup=False)
+            tell(errors, name, str(cannot_write(output, error)))
             return OutputError.exit_code
         except Exception as error:
             return _unexpected(name, output, error, errors)
@@ -55,10 +56,11 @@ def run_stage(name: str, campaign: Path, output: Path, *, resume: bool, **choice
 
 def _unexpected(name: str, output: Path, error: Exception, errors: Console) -> int:
     kept = _keep_traceback(output)
-    errors.print(
-        f"{name_of_program()} {name}: an unexpected error stopped the run ({type(error).__name__}: {error}). What is "
-        f"done is kept in {output}; please report it{kept}.",
-        markup=False,
+    what = f"{type(error).__name__}: {error}"
+    tell(
+        errors,
+        name,
+        f"an unexpected error stopped the run ({what}). What is done is kept in {output}; please report it{kept}.",
     )
     return SysidError.exit_code
 
@@ -78,7 +80,8 @@ def _run(
 ) -> int:
     from sysid.workflow import KEPT_CHOICES, Calibration, make_settings, recall
 
-    configured(lambda text: errors.print(f"{name_of_program()} {name}: {text}", markup=False))
+    notice = partial(tell, errors, name)
+    configured(notice)
     record = next((r for r in RECORDS if r.name == name), None)
     options = () if record is None or record.command is None else record.command.options
     asked = {option.name: choices.pop(option.name, None) for option in options}
@@ -89,10 +92,6 @@ def _run(
         # Without options these take those of the run that filled the folder.
         choices |= recall(output)
     with StageProgress(errors) as progress:
-
-        def notice(text: str) -> None:
-            errors.print(f"{name_of_program()} {name}: {text}", markup=False)
-
         calibration = Calibration(
             campaign, output, make_settings(**choices), progress.update, resume=resume, notice=notice
         )

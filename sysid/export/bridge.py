@@ -35,6 +35,7 @@ VEHICLE_COLUMNS = (
     "suspension_friction_N",
     "tire_stiffness_N_per_m",
     "tire_damping_N_s_per_m",
+    "load_share",
     "load_case",
     "source",
 )
@@ -46,7 +47,9 @@ def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle) -> str:
     A body has its mass, its pitch inertia about its centre of gravity, which stands at `x_m` behind axle 1, and the
     hinge to the body in front.  An axle has its unsprung mass, static road load, and suspension and tire values:
     stiffness is the tangent at rest, damping the secant at 0.5 m/s.  In an axle group the group's row holds the
-    suspension, and its beam's mass and inertia.
+    suspension, and its beam's mass and inertia.  An equaliser, a massless rocker between the springs of its axles, has
+    its load share s, and its axles' rows their own suspensions: with spring forces S_i each axle feels
+    S_i + s (mean S - S_i).
     """
     case, truck = campaign.load_cases[vehicle.load_case], campaign.vehicle
     statics = static_equilibrium(truck, case)
@@ -75,6 +78,13 @@ def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle) -> str:
             {"kind": "group", "number": g + 1, "name": escape_cell(group.name), "body": truck.axles[first].body + 1,
              "x_m": _number(truck.suspension_x_m[first]), "mass_kg": _number(group.mass_kg),
              "pitch_inertia_kg_m2": _number(group.pitch_inertia_kg_m2), **spring_cells(first)}
+        )  # fmt: skip
+    for g, rocker in enumerate(vehicle.rockers):
+        axles = " ".join(str(i + 1) for i in rocker.axles)
+        rows.append(
+            {"kind": "equaliser", "number": len(truck.groups) + g + 1, "name": escape_cell(f"{rocker.name} ({axles})"),
+             "body": truck.axles[rocker.axles[0]].body + 1, "load_share": _number(rocker.share),
+             "x_m": _number(sum(truck.axles[i].x_m for i in rocker.axles) / len(rocker.axles))}
         )  # fmt: skip
     for i, axle in enumerate(truck.axles):
         rows.append(

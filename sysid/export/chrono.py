@@ -54,6 +54,7 @@ def chrono_suspension(vehicle: CalibratedVehicle, s: CalibratedSuspension) -> di
         shock = {"Damping Curve Data": np.column_stack([rate, force / 2.0]).tolist()}
     gone = dict.fromkeys((*_DECIDING, *(_STOPS if "bump_stops" in s.law else ())))
     about = f"axle {s.axle + 1} {s.name}, load case {vehicle.load_case}, {vehicle.source}, law {s.law}; one side, SI"
+    about += "".join(f". {r.of_other_programs}" for r in vehicle.rockers if s.axle in r.axles)
     return {"Comment": about, "Spring": gone | spring, "Shock": gone | shock}
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from sysid.estimates.records import Estimates
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.fit.profiles import ProfileLikelihood
+    from sysid.estimation.parameters.rockers import LoadShare
     from sysid.planning.advice import Advice
     from sysid.posterior.cross_check import CrossCheck
     from sysid.posterior.sampled_posterior import Posterior
@@ -85,6 +86,16 @@ class Results(Tabular):
         if self.predictions is not None:
             found += [w for p in self.predictions.passes for w in p.warnings]
         return tuple(dict.fromkeys(found))
+
+    @property
+    def load_shares(self) -> tuple[LoadShare, ...]:
+        """Load shares of declared rockers: posterior medians, else least squares; none before a fit."""
+        from sysid.estimation.parameters.rockers import load_shares
+
+        if self.fit is None:
+            return ()
+        sampled = None if self.posterior is None else {s.name: s for s in self.posterior.summaries}
+        return load_shares(self.campaign.vehicle, self.fit.parameters, sampled)
 
     @property
     def input_sha256(self) -> Mapping[str, str]:

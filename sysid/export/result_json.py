@@ -48,6 +48,7 @@ def result_document(results: Results) -> dict[str, Any]:
         "identifiability": _identifiability(results),
         "advice": _advice(results),
         "left_out": _left_out(results),
+        "rockers": _rockers(results),
     }
 
 
@@ -134,6 +135,24 @@ def _parameter(estimate: ParameterEstimate, summary: PosteriorSummary | None) ->
         if estimate.transform != "log"
         else {"median": _number(estimate.prior_median), "log_sd": _number(estimate.prior_sd)},
     }
+
+
+def _rockers(results: Results) -> list[dict[str, Any]]:
+    if results.fit is None:
+        return []
+    rows = [(r, "declared" if r.declared else "estimated") for r in results.load_shares]
+    rows += [(r, "proposed") for r in results.fit.undeclared_rockers]
+    return [
+        {
+            "name": None if source == "proposed" else r.name,
+            "axles": [i + 1 for i in r.axles],
+            "load_share": _number(r.share),
+            "q05": _number(r.low),
+            "q95": _number(r.high),
+            "source": source,
+        }
+        for r, source in rows
+    ]
 
 
 def _identifiability(results: Results) -> dict[str, Any] | None:

@@ -17,7 +17,6 @@ from sysid.plot.mode_figures import mode_shape, mode_shapes
 from sysid.plot.posterior import (
     corner,
     correlation,
-    covariance_correlation,
     marginal,
     marginals,
     posterior_correlation,
@@ -41,7 +40,6 @@ __all__ = [
     "comparison",
     "corner",
     "correlation",
-    "covariance_correlation",
     "drop",
     "drops",
     "effective_profile",

@@ -16,6 +16,7 @@ from sysid.plot.style import (
     axle_color,
     figure,
     label,
+    outer_labels,
     shared_legend,
     styled,
     thin,
@@ -73,10 +74,7 @@ def drops(files: Sequence[DropAnalysis], titles: Sequence[str] | None = None, pe
         drop(analysis, ax, legend=False)
         if titles is not None:
             ax.set_title(titles[i])
-        if i % per_row:
-            ax.set_ylabel("")
-        if i < len(files) - per_row:
-            ax.set_xlabel("")
+    outer_labels(grid, len(files))
     shared_legend(fig)
     return grid
 

@@ -14,13 +14,12 @@ from sysid.plot.style import (
     MEASURED,
     MUTED,
     WARNING,
-    axes_grid,
     axes_or_new,
     axle_color,
+    channel_axes,
     display,
     figure,
     label,
-    shared_legend,
     styled,
     thin,
 )
@@ -159,22 +158,13 @@ def suspension_histories(history: RunHistory, axles: tuple[int, ...]) -> np.ndar
 def channel_grid(history: RunHistory, columns: tuple[str, ...] | None = None, per_row: int = 3) -> np.ndarray:
     """All channels of one run, or the named ones, measured against simulated; returns the axes (rows, per_row)."""
     chosen = history.columns if columns is None else columns
-    rows = max(1, -(-len(chosen) // per_row))
-    margins = (0.6, 0.1, 0.45, 0.55, 0.55, 0.34)
-    grid = axes_grid(rows, per_row, ((10.3 - 0.55 * (per_row - 1)) / per_row, 1.35), margins, sharex=True)
-    for ax in grid.flat[len(chosen) :]:
-        ax.set_axis_off()
-    for ax, column in zip(grid.flat, chosen, strict=False):
+
+    def draw(column: str, ax: Axes) -> None:
         # On axes this small a band is no wider than the line in it.
         overlay(history, column, ax, legend=False, most_points=420, show_bands=False)
-        row = history.columns.index(column)
-        ax.set_title(label(_short_title(history, row), 44))
-        ax.set_xlabel("")
-        ax.locator_params(nbins=5)
-    for ax in grid[-1]:
-        ax.set_xlabel("time [s]")
-    shared_legend(grid[0, 0].figure)
-    return grid
+        ax.set_title(label(_short_title(history, history.columns.index(column)), 44))
+
+    return channel_axes(chosen, draw, "time [s]", per_row, ((10.3 - 0.55 * (per_row - 1)) / per_row, 1.35), ticks=5)
 
 
 def _short_title(history: RunHistory, row: int) -> str:

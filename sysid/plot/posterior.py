@@ -9,7 +9,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from sysid.plot.style import INK, axes_grid, axes_or_new, axle_color, display, label, shared_legend, styled
+from sysid.plot.style import (
+    INK,
+    axes_grid,
+    axes_or_new,
+    axle_color,
+    channel_axes,
+    display,
+    label,
+    shared_legend,
+    styled,
+)
 
 if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult
@@ -121,18 +131,11 @@ def trace(posterior: Posterior, name: str, fit: FitResult | None = None, ax: Axe
 def traces(posterior: Posterior, names: tuple[str, ...], fit: FitResult | None = None, per_row: int = 4) -> np.ndarray:
     """Traces of the named parameters; returns the axes (rows, per_row)."""
     per_row = min(per_row, max(len(names), 1))
-    rows = max(1, -(-len(names) // per_row))
-    grid = axes_grid(rows, per_row, (2.15, 1.0), (0.6, 0.1, 0.45, 0.55, 0.55, 0.34), sharex=True)
-    for ax in grid.flat[len(names) :]:
-        ax.set_axis_off()
-    for ax, name in zip(grid.flat, names, strict=False):
+
+    def draw(name: str, ax: Axes) -> None:
         trace(posterior, name, fit, ax)
-        ax.set_xlabel("")
-        ax.locator_params(nbins=4)
-    for ax in grid[-1]:
-        ax.set_xlabel("step after burn-in")
-    shared_legend(grid[0, 0].figure)
-    return grid
+
+    return channel_axes(names, draw, "step after burn-in", per_row, (2.15, 1.0), ticks=4)
 
 
 @styled
@@ -160,18 +163,8 @@ def correlation(matrix: np.ndarray, names: tuple[str, ...], ax: Axes | None = No
 
 def posterior_correlation(posterior: Posterior) -> np.ndarray:
     """Correlation (p, p) of the draws of all ensembles; NaN for a parameter that does not vary."""
-    flat = posterior.draws.reshape(-1, posterior.draws.shape[-1])
-    centred = flat - flat.mean(axis=0)
-    sd = np.sqrt(np.mean(centred**2, axis=0))
-    sd = np.where(sd > 0.0, sd, np.nan)
-    return np.asarray(centred.T @ centred / len(flat) / np.outer(sd, sd))
-
-
-def covariance_correlation(covariance: np.ndarray) -> np.ndarray:
-    """Correlation (p, p) that belongs to a covariance; NaN where a variance is not positive."""
-    variance = np.diag(covariance)
-    sd = np.sqrt(np.where(variance > 0.0, variance, np.nan))
-    return np.asarray(covariance / np.outer(sd, sd))
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.corrcoef(posterior.draws.reshape(-1, posterior.draws.shape[-1]), rowvar=False))
 
 
 def _parameter(fit: FitResult | None, name: str) -> ParameterEstimate | None:

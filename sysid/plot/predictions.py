@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from sysid.plot.style import MUTED, axes_or_new, axle_color, figure, styled, thin
+from sysid.plot.style import MUTED, axes_or_new, axle_color, figure, outer_labels, styled, thin
 
 if TYPE_CHECKING:
     from sysid.prediction.predicted_passes import PassPrediction, SpeedSweep
+
+#: Quantiles 5, 50 and 95 % of a force, (axles, T) each; without draws only the middle one.
+_Force = tuple[np.ndarray | None, np.ndarray, np.ndarray | None]
 
 
 @styled
@@ -20,23 +23,28 @@ def load_ratio(prediction: PassPrediction, axle: int, ax: Axes | None = None) ->
     Hatched: instants at which the axle is beyond what the driven runs reached.
     """
     ax = axes_or_new(ax)
-    static = prediction.static_load_N[axle]
+    force = prediction.tire_force_q05_N, prediction.tire_force_q50_N, prediction.tire_force_q95_N
+    _draw_history(prediction, force, axle, float(prediction.static_load_N[axle]), ax)
+    ax.axhline(1.0, color=MUTED, lw=0.8, ls=":")
+    ax.set_ylabel("dynamic / static load [-]")
+    return ax
+
+
+def _draw_history(prediction: PassPrediction, force: _Force, axle: int, unit_N: float, ax: Axes) -> None:
+    """Force of one axle over the pass in multiples of `unit_N`, with its band where there is one."""
     color = axle_color(axle)
-    middle = prediction.tire_force_q50_N[axle] / static
-    low, high = prediction.tire_force_q05_N, prediction.tire_force_q95_N
+    low, median, high = force
     if low is None or high is None:
-        ax.plot(*thin(prediction.time_s, middle, most=900), color=color, label="least squares")
+        ax.plot(*thin(prediction.time_s, median[axle] / unit_N, most=900), color=color, label="least squares")
     else:
-        time, middle, lower, upper = thin(prediction.time_s, middle, low[axle] / static, high[axle] / static, most=900)
+        values = (f[axle] / unit_N for f in (low, median, high))
+        time, lower, middle, upper = thin(prediction.time_s, *values, most=900)
         ax.fill_between(time, lower, upper, color=color, alpha=0.3, lw=0, label="90 % band")
         ax.plot(time, middle, color=color, label="median")
-    ax.axhline(1.0, color=MUTED, lw=0.8, ls=":")
     ax.axhline(0.0, color=MUTED, lw=0.8)
     _hatch_beyond(prediction, axle, ax)
     ax.set_title(f"axle {axle + 1}")
     ax.set_xlabel("time after axle 1 meets the bump [s]")
-    ax.set_ylabel("dynamic / static load [-]")
-    return ax
 
 
 def _hatch_beyond(prediction: PassPrediction, axle: int, ax: Axes) -> None:
@@ -72,10 +80,7 @@ def load_ratios(prediction: PassPrediction, per_row: int = 3) -> np.ndarray:
     for axle, ax in zip(range(count), grid.flat, strict=False):
         load_ratio(prediction, axle, ax)
         ax.legend(loc="upper right")
-        if axle % per_row:
-            ax.set_ylabel("")
-        if axle < count - per_row:
-            ax.set_xlabel("")
+    outer_labels(grid, count)
     return grid
 
 
@@ -89,19 +94,7 @@ def suspension_force(prediction: PassPrediction, axle: int, ax: Axes | None = No
     force = prediction.suspension_force_N
     if force is None:
         raise ValueError("The prediction holds no suspension forces; run the stage 'predict' again.")
-    color = axle_color(axle)
-    middle = force.q50[axle] / 1e3
-    if force.q05 is None or force.q95 is None:
-        ax.plot(*thin(prediction.time_s, middle, most=900), color=color, label="least squares")
-    else:
-        low, high = force.q05[axle] / 1e3, force.q95[axle] / 1e3
-        time, middle, low, high = thin(prediction.time_s, middle, low, high, most=900)
-        ax.fill_between(time, low, high, color=color, alpha=0.3, lw=0, label="90 % band")
-        ax.plot(time, middle, color=color, label="median")
-    ax.axhline(0.0, color=MUTED, lw=0.8)
-    _hatch_beyond(prediction, axle, ax)
-    ax.set_title(f"axle {axle + 1}")
-    ax.set_xlabel("time after axle 1 meets the bump [s]")
+    _draw_history(prediction, (force.q05, force.q50, force.q95), axle, 1e3, ax)
     ax.set_ylabel("suspension force [kN]")
     return ax
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache, wraps
 from itertools import pairwise
 from typing import Any, ParamSpec, TypeVar
@@ -129,6 +129,40 @@ def axes_grid(rows: int, columns: int, cell_in: tuple[float, float], margins_in:
     fig = figure(width, height, margins_in)
     grid_spec = {"wspace": gap_x / cell_in[0], "hspace": gap_y / cell_in[1]}
     return np.asarray(fig.subplots(rows, columns, squeeze=False, gridspec_kw=grid_spec, **kwargs))
+
+
+@styled
+def channel_axes(
+    names: Sequence[str],
+    draw: Callable[[str, Axes], object],
+    x_label: str,
+    per_row: int,
+    cell_in: tuple[float, float],
+    ticks: int,
+) -> np.ndarray:
+    """A grid (rows, per_row) of axes on one abscissa with one legend; `draw` fills the axes of each name."""
+    rows = max(1, -(-len(names) // per_row))
+    grid = axes_grid(rows, per_row, cell_in, (0.6, 0.1, 0.45, 0.55, 0.55, 0.34), sharex=True)
+    for ax in grid.flat[len(names) :]:
+        ax.set_axis_off()
+    for ax, name in zip(grid.flat, names, strict=False):
+        draw(name, ax)
+        ax.set_xlabel("")
+        ax.locator_params(nbins=ticks)
+    for ax in grid[-1]:
+        ax.set_xlabel(x_label)
+    shared_legend(grid[0, 0].figure)
+    return grid
+
+
+def outer_labels(grid: np.ndarray, count: int) -> None:
+    """Labels of the first `count` axes of a grid only in the first column and below the lowest axes."""
+    per_row = grid.shape[1]
+    for i, ax in enumerate(grid.flat[:count]):
+        if i % per_row:
+            ax.set_ylabel("")
+        if i < count - per_row:
+            ax.set_xlabel("")
 
 
 def figure_of(ax: Axes | np.ndarray) -> Figure:

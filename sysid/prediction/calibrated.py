@@ -10,6 +10,7 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.parameters.rockers import load_shares
 from sysid.posterior.sampled_posterior import Posterior
 from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
 from sysid.prediction.loops import calibrated_laws
@@ -40,7 +41,8 @@ def calibrated_vehicle(
     KeyError
         If the load case has no stiffness of its own because nobody drove in it.
     """
-    medians = {} if posterior is None else {s.name: s.q50 for s in posterior.summaries}
+    sampled = {} if posterior is None else {s.name: s for s in posterior.summaries}
+    medians = {name: s.q50 for name, s in sampled.items()}
     law, tire, carried = calibrated_laws(campaign, drops, fit, load_case, medians)
     suspended = sorted(set(campaign.vehicle.suspension_axle))
     suspensions = tuple(
@@ -49,7 +51,8 @@ def calibrated_vehicle(
     )
     stiffness, damping = tire_tangents(tire)
     source = "least squares" if posterior is None else "posterior median"
-    return CalibratedVehicle(load_case, source, suspensions, stiffness, damping)
+    rockers = load_shares(campaign.vehicle, fit.parameters, sampled)
+    return CalibratedVehicle(load_case, source, suspensions, stiffness, damping, rockers)
 
 
 def calibrated_vehicles(
@@ -74,7 +77,8 @@ def _suspension(law: SuspensionLaw, axle: int, name: str, words: str, static_loa
         rows = np.broadcast_to(values, (*law.stiffness.shape[:2], len(values)))
         return np.asarray(np.asarray(function(law, jnp.asarray(rows)))[0, axle])
 
-    extension, rate = _grid(_EXTENSION_M, law.ramps, axle), _grid(_RATE_M_S, law.rate_ramps, axle)
+    extension = _grid(_grid(_EXTENSION_M, law.ramps, axle), law.stops, axle)
+    rate = _grid(_RATE_M_S, law.rate_ramps, axle)
     low, high = on_axle(spring_force, np.array([-_SMALL_M, _SMALL_M]))
     back, forth = on_axle(damper_force, np.array([-REFERENCE_RATE_M_S, REFERENCE_RATE_M_S]))
     return CalibratedSuspension(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.arrays import Axles
+from sysid.estimation.parameters.rockers import LoadShare
 from sysid.tabular import Tabular
 
 if TYPE_CHECKING:
@@ -64,7 +65,8 @@ class CalibratedVehicle(Tabular):
     """All suspensions and tires in one load case.
 
     `source` is ``posterior median`` or ``least squares``; `tire_stiffness_N_per_m`, `tire_damping_N_s_per_m` (axles,)
-    of all tires of an axle, tangents at its static load in this load case.
+    of all tires of an axle, tangents at its static load in this load case; `rockers` between springs with their load
+    shares: the suspensions are stated as they are without them.
     """
 
     load_case: str
@@ -72,6 +74,7 @@ class CalibratedVehicle(Tabular):
     suspensions: tuple[CalibratedSuspension, ...]
     tire_stiffness_N_per_m: Axles
     tire_damping_N_s_per_m: Axles
+    rockers: tuple[LoadShare, ...] = ()
 
     def summary(self) -> pd.DataFrame:
         """One row per axle, in SI units; in an axle group the suspension stands with the first axle."""

@@ -7,6 +7,7 @@ import numpy as np
 from sysid.campaign.records import Campaign, LoadCase
 from sysid.errors import SysidError
 from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.parameters.rockers import LoadShare, load_shares, shares_by_axle
 from sysid.posterior.sampled_posterior import Posterior
 from sysid.vehicle_model.contact import tangents
 from sysid.vehicle_model.vibration_modes import NaturalModes, natural_modes
@@ -20,17 +21,24 @@ def calibrated_modes(campaign: Campaign, fit: FitResult, posterior: Posterior | 
     """
     medians = {} if posterior is None else {s.name: s.q50 for s in posterior.summaries}
     values = {(p.quantity, p.axle, p.load_case): medians.get(p.name, p.value) for p in fit.parameters}
+    sampled = None if posterior is None else {s.name: s for s in posterior.summaries}
+    shares = load_shares(campaign.vehicle, fit.parameters, sampled)
     modes = []
     for case in campaign.load_cases.values():
         try:
-            modes.append(_modes(campaign, case, values))
+            modes.append(_modes(campaign, case, values, shares))
         except (KeyError, SysidError):
             # A load case nobody drove has no stiffness of its own; values far off may not even stand.
             continue
     return tuple(modes)
 
 
-def _modes(campaign: Campaign, case: LoadCase, values: dict[tuple[str, int | None, str | None], float]) -> NaturalModes:
+def _modes(
+    campaign: Campaign,
+    case: LoadCase,
+    values: dict[tuple[str, int | None, str | None], float],
+    shares: tuple[LoadShare, ...],
+) -> NaturalModes:
     vehicle = campaign.vehicle
     first = next(iter(campaign.load_cases.values()))
     exponent = values.get(("tire_exponent", None, None), 1.0)
@@ -55,4 +63,5 @@ def _modes(campaign: Campaign, case: LoadCase, values: dict[tuple[str, int | Non
         np.array([of_axle("damping", i) for i in vehicle.suspension_axle]),
         at_rest,
         damping_at_rest,
+        shares_by_axle(vehicle, shares),
     )

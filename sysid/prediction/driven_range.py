@@ -10,6 +10,7 @@ import numpy as np
 
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws
+from sysid.prediction.measures import extremes
 from sysid.prediction.remarks import driven_speeds
 from sysid.prediction.trust import DrivenRange
 from sysid.vehicle_model.contact import TireLaw
@@ -53,13 +54,7 @@ def driven_range(state: FitState) -> DrivenRange:
         wheels = wheel_road(arrays.matrices, road, arrays.axle_x, speed, start, timing)
         found = _histories(arrays.matrices, arrays.laws, wheels, jnp.asarray(point.log_parameters), timing=timing)
         force, sunk, extension = (np.asarray(h) for h in found)
-        reached = {
-            "tire_deflection_m": sunk.max(axis=0),
-            "jounce_m": (-extension).max(axis=0),
-            "rebound_m": extension.max(axis=0),
-            "damper_speed_m_s": np.abs(np.gradient(extension, step_s, axis=0)).max(axis=0),
-            "lift_off_s": (force <= 0.0).sum(axis=0) * step_s,
-        }
+        reached = extremes(sunk, extension, force, step_s)
         most = {name: np.maximum(most[name], values.max(axis=0)) for name, values in reached.items()}
     cases = dict.fromkeys(run.load_case for run in state.campaign.bump_runs)
     speeds = {case: max(driven_speeds(state.campaign, case)) for case in cases}

@@ -90,16 +90,14 @@ def suspension_loops(
     drops: DropSummary | None,
     fit: FitResult,
     load_case: str,
-    *,
-    amplitude_m: float = AMPLITUDE_M,
-    frequency_hz: float = FREQUENCY_HZ,
 ) -> SuspensionLoops:
     """Second cycle of e = A sin(2 pi f t) of every suspension with the least-squares laws, friction settled.
+
+    A = `AMPLITUDE_M`, f = `FREQUENCY_HZ`.
 
     Parameters
     ----------
     drops : the drop analysis that the fit started from, or None.
-    amplitude_m, frequency_hz : A and f.
 
     Raises
     ------
@@ -108,9 +106,9 @@ def suspension_loops(
     """
     vehicle = campaign.vehicle
     law, _, _ = calibrated_laws(campaign, drops, fit, load_case, {})
-    time = np.arange(2 * _STEPS + 1) / (_STEPS * frequency_hz)
-    turn = 2.0 * np.pi * frequency_hz
-    extension, rate = amplitude_m * np.sin(turn * time), amplitude_m * turn * np.cos(turn * time)
+    time = np.arange(2 * _STEPS + 1) / (_STEPS * FREQUENCY_HZ)
+    turn = 2.0 * np.pi * FREQUENCY_HZ
+    extension, rate = AMPLITUDE_M * np.sin(turn * time), AMPLITUDE_M * turn * np.cos(turn * time)
     shape = law.stiffness.shape
     slip = None if law.friction is None else jnp.zeros(shape)
     forces = []
@@ -130,6 +128,4 @@ def suspension_loops(
         np.array(forces).T,
         tuple(suspended),
         fit.laws,
-        amplitude_m,
-        frequency_hz,
     )

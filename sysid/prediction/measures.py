@@ -38,6 +38,24 @@ def lift_off_time(force_N: SamplesByAxlesBySets, interval_s: float) -> np.ndarra
     return np.asarray((force_N <= 0.0).sum(axis=0) * interval_s)
 
 
+def extremes(
+    tire_deflection_m: np.ndarray, extension_m: np.ndarray, tire_force_N: np.ndarray, interval_s: float
+) -> dict[str, np.ndarray]:
+    """Largest values over a pass, axle by axle, by the names of :class:`sysid.prediction.trust.DrivenRange`.
+
+    Parameters
+    ----------
+    tire_deflection_m, extension_m, tire_force_N : histories (T, axles, ...) [m, m, N], `interval_s` apart.
+    """
+    return {
+        "tire_deflection_m": tire_deflection_m.max(axis=0),
+        "jounce_m": (-extension_m).max(axis=0),
+        "rebound_m": extension_m.max(axis=0),
+        "damper_speed_m_s": np.abs(np.gradient(extension_m, interval_s, axis=0)).max(axis=0),
+        "lift_off_s": lift_off_time(tire_force_N, interval_s),
+    }
+
+
 def impulse_ratio(force_N: SamplesByAxlesBySets, static_N: Axles) -> np.ndarray:
     """Mean of the force over the pass over the static load, (axles, S): 1 where a pass leaves no momentum behind.
 

@@ -20,7 +20,7 @@ from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.prediction.driven_range import driven_range, spring_deflection
 from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.mass_lanes import VehicleDraws, histories_of_draws
-from sysid.prediction.measures import impulse_ratio, lift_off_time, load_coefficient, quantiles
+from sysid.prediction.measures import extremes, impulse_ratio, lift_off_time, load_coefficient, quantiles
 from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
@@ -75,14 +75,8 @@ class _Pass:
 
     def reached(self, speed_m_s: float) -> Reached:
         """Extremes over the pass, medians over the draws."""
-        extremes = {
-            "tire_deflection_m": self.sunk_m.max(axis=0),
-            "jounce_m": (-self.deflection_m).max(axis=0),
-            "rebound_m": self.deflection_m.max(axis=0),
-            "damper_speed_m_s": np.abs(self.rate_m_s).max(axis=0),
-            "lift_off_s": lift_off_time(self.tire_N, INTERVAL_S),
-        }
-        return Reached(speed_m_s, **{name: np.median(values, axis=-1) for name, values in extremes.items()})
+        most = extremes(self.sunk_m, self.deflection_m, self.tire_N, INTERVAL_S)
+        return Reached(speed_m_s, **{name: np.median(values, axis=-1) for name, values in most.items()})
 
 
 def _simulate(

@@ -321,6 +321,10 @@ def advice_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     return [gallery.picture(plot.next_runs(advice), caption, words)]
 
 
+def _by_axle(values: np.ndarray) -> str:
+    return ", ".join(f"axle {i + 1} {number(float(v))}" for i, v in enumerate(values))
+
+
 def prediction_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     """Load ratio against time of every predicted pass, as in Figure 9a of the paper."""
     if results.predictions is None:
@@ -332,7 +336,7 @@ def prediction_pictures(results: Results, gallery: Gallery) -> list[Picture]:
             "of the paper; 1 is the load at rest, 0 a wheel off the ground. Hatched: beyond what the driven runs "
             "reached."
         )
-        peaks = ", ".join(f"axle {i + 1} {number(float(r))}" for i, r in enumerate(p.peak_ratio_q50))
+        peaks = _by_axle(p.peak_ratio_q50)
         pictures.append(gallery.picture(plot.load_ratios(p)[0, 0], caption, f"{caption} Peak ratios: {peaks}."))
     return pictures
 
@@ -348,7 +352,7 @@ def sweep_pictures(results: Results, gallery: Gallery) -> list[Picture]:
             "sampled. Grey: faster than any run of this load case. Open marks: tire deflection, travel or damper speed "
             "beyond what the driven runs reached. Both are extrapolations."
         )
-        fastest = ", ".join(f"axle {i + 1} {number(float(r))}" for i, r in enumerate(s.peak_ratio.q50[-1]))
+        fastest = _by_axle(s.peak_ratio.q50[-1])
         words = f"{caption} At {speed(float(s.speed_m_s[-1]))} km/h: {fastest}."
         pictures.append(gallery.picture(plot.load_ratio_against_speed(s), caption, words, width="half"))
     return pictures

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import unicodedata
 
+from sysid.wording import joined_words
+
 MISSING = "\u2014"
 
 
@@ -64,7 +66,7 @@ def listing(items: list[str], most: int = 6) -> str:
     """``a, b and c``; what exceeds `most` becomes ``and 4 more``."""
     if len(items) > most:
         return ", ".join(items[:most]) + f" and {len(items) - most} more"
-    return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)
+    return joined_words(items)
 
 
 def plain_text(text: str) -> str:

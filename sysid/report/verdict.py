@@ -113,6 +113,7 @@ def _what(results: Results) -> list[str]:
         sentences.append(text + ".")
     if not sentences:
         return ["No stiffness or damping has been estimated yet."]
+    sentences += [share.words for share in results.load_shares]
     if results.fit is None:
         sentences.append("These are first estimates from the plank drops; on a truck they are biased, see below.")
     return sentences + _wheel_loads(results)
@@ -155,7 +156,7 @@ def _against(results: Results) -> list[str]:
 
 
 def _cautions(results: Results) -> list[str]:
-    sentences = []
+    sentences = [] if results.fit is None else [r.proposal for r in results.fit.undeclared_rockers]
     if results.fit is not None and results.posterior is None:
         sentences.append("The posterior has not been sampled: intervals come from the least-squares covariance.")
     if unidentified := _unidentified(results):

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 # Stations further apart than this belong to different bumps.
 MERGE_GAP_M = 0.3
+_LANE_M = 0.25
 
 
 @dataclass(frozen=True)
@@ -106,10 +107,10 @@ def _peak(median: np.ndarray) -> float:
     return float(median.max() if median.max() > 0 else median.min())
 
 
-def lanes(across_m: np.ndarray, *, width_m: float = 0.25) -> tuple[np.ndarray, int]:
-    """Return the lane number (n,) of each point and the number of lanes, about `width_m` wide, at least four."""
+def lanes(across_m: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return the lane number (n,) of each point and the number of lanes, about `_LANE_M` wide, at least four."""
     low, span = float(across_m.min()), float(np.ptp(across_m))
-    count = int(np.clip(round(span / width_m), 4, 60))
+    count = int(np.clip(round(span / _LANE_M), 4, 60))
     label = np.floor((across_m - low) / max(span, 1e-12) * count).astype(np.int64)
     return np.clip(label, 0, count - 1), count
 

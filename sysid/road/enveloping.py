@@ -25,6 +25,8 @@ _HALF_ANGLE_RAD = np.deg2rad(60.0)
 _ANGLE_RAD = np.linspace(-_HALF_ANGLE_RAD, _HALF_ANGLE_RAD, _SPOKES)
 _LEVELS = 48
 _MAP_DEPTH_PER_RADIUS = 0.12
+#: Loads for which the footprint map is fitted: so many, up to so many times the static load.
+_MAP_LEVELS, _MAP_LOAD_RATIO = 24, 6.0
 _DEEPEST_PER_RADIUS = 0.24
 _STATION_STEP_M = 0.01
 #: Profiles up to so many stations have their spoke geometry kept.
@@ -238,18 +240,10 @@ class FootprintMap:
         )
 
 
-def footprint_map(
-    table: SpokeTable,
-    load_N: float,
-    reference_load_N: float,
-    stiffness_N_per_m: float,
-    *,
-    load_ratio: float = 6.0,
-    levels: int = 24,
-) -> FootprintMap:
-    """Fit the footprint map of a tire over a profile between lift-off and `load_ratio` times its static load.
+def footprint_map(table: SpokeTable, load_N: float, reference_load_N: float, stiffness_N_per_m: float) -> FootprintMap:
+    """Fit the footprint map of a tire over a profile between lift-off and `_MAP_LOAD_RATIO` times its static load.
 
-    Parameters as in :func:`effective_profile`; `levels` loads are used for the fit.
+    Parameters as in :func:`effective_profile`.
     """
     station, rise = effective_profile(table, load_N, reference_load_N, stiffness_N_per_m)
     power = 2.0 / 3.0
@@ -258,8 +252,8 @@ def footprint_map(
     flat = table.flat_force**power
     static = np.interp((load_N / spoke_stiffness) ** power, flat, table.deflection_m)
     deepest = np.interp((_MAP_DEPTH_PER_RADIUS * table.radius_m), table.deflection_m, table.flat_force)
-    largest = min(load_ratio * load_N / spoke_stiffness, max(deepest, 2.0 * load_N / spoke_stiffness))
-    target = largest * np.linspace(0.0, 1.0, levels + 1)[1:] ** 1.2
+    largest = min(_MAP_LOAD_RATIO * load_N / spoke_stiffness, max(deepest, 2.0 * load_N / spoke_stiffness))
+    target = largest * np.linspace(0.0, 1.0, _MAP_LEVELS + 1)[1:] ** 1.2
     equivalent = np.interp(target**power, flat, table.deflection_m)
     deflection = np.array([np.interp(target**power, row**power, table.deflection_m) for row in table.force])
     height = table.contact_height_m[:, None] - deflection
@@ -268,7 +262,7 @@ def footprint_map(
     basis = np.stack([below, below**2, below**3], axis=-1)
     # Columns are scaled so that the small powers of metres do not spoil the normal equations.
     scale = np.array([static, static**2, static**3])
-    weight = np.ones(levels)
+    weight = np.ones(_MAP_LEVELS)
     coefficients = _fit_rows(basis / scale, extra, weight) / scale
     misfit = float(np.abs((basis * coefficients[:, None, :]).sum(axis=-1) - extra).max())
     rows = zip(deflection, table.forward_force, table.force, strict=True)

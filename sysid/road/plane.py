@@ -11,6 +11,10 @@ from scipy.stats import chi2
 # Lasers and asphalt together are never better than this; it keeps perfect synthetic clouds away from a zero scale.
 NOISE_FLOOR_M = 5e-5
 _ROAD_TOLERANCE_M = 0.003
+#: Planes that are tried, each through three points.
+_DRAWS = 1200
+#: Side of the cells whose points share the waviness of the road.
+_CELL_M = 0.25
 _BISQUARE = 4.685
 _NEIGHBOURS = 6
 _LOWER_FIFTH = 0.2
@@ -61,7 +65,7 @@ def local_noise_m(points_m: np.ndarray) -> float:
     return max(float(np.sqrt(squares / chi2.ppf(_LOWER_FIFTH, k - 3))), NOISE_FLOOR_M)
 
 
-def search_plane(points_m: np.ndarray, noise_m: float, rng: np.random.Generator, *, draws: int = 1200) -> RoadPlane:
+def search_plane(points_m: np.ndarray, noise_m: float, rng: np.random.Generator) -> RoadPlane:
     """Find the plane that carries most points and has hardly any below it (RANSAC with a one-sided score).
 
     A bump lies above its road: a plane through the flat top of a hump, or through one of its ramps, has road points
@@ -71,8 +75,8 @@ def search_plane(points_m: np.ndarray, noise_m: float, rng: np.random.Generator,
     """
     x, y, z = points_m.T
     tolerance = max(3 * noise_m, _ROAD_TOLERANCE_M)
-    triple = points_m[rng.integers(0, points_m.shape[0], size=(draws, 3))]
-    design = np.concatenate([np.ones((draws, 3, 1)), triple[:, :, :2]], axis=2)
+    triple = points_m[rng.integers(0, points_m.shape[0], size=(_DRAWS, 3))]
+    design = np.concatenate([np.ones((_DRAWS, 3, 1)), triple[:, :, :2]], axis=2)
     spread = np.abs(np.linalg.det(design))
     usable = spread > np.quantile(spread, 0.3)
     parameters = np.linalg.solve(design[usable & (spread > 0)], triple[usable & (spread > 0)][:, :, 2:])[..., 0]
@@ -92,11 +96,11 @@ def search_plane(points_m: np.ndarray, noise_m: float, rng: np.random.Generator,
     return plane
 
 
-def refine_plane(points_m: np.ndarray, noise_m: float, start: RoadPlane, *, cell_m: float = 0.25) -> RoadPlane:
+def refine_plane(points_m: np.ndarray, noise_m: float, start: RoadPlane) -> RoadPlane:
     """Fit the plane to the points of the flat road by Tukey's bisquare, starting from `start`.
 
     `points_m` (n, 3) [m] must not hold the bump.  The covariance is the cluster-robust one over square cells of
-    `cell_m`: neighbouring points share the waviness of the road and do not count as independent.
+    `_CELL_M`: neighbouring points share the waviness of the road and do not count as independent.
     """
     x, y, z = points_m.T
     design = np.column_stack([np.ones_like(x), x, y])
@@ -122,7 +126,7 @@ def refine_plane(points_m: np.ndarray, noise_m: float, start: RoadPlane, *, cell
     # Sandwich of an M-estimator: scores outside, the derivative of the score inside.
     ratio = (residual / (_BISQUARE * scale)) ** 2
     slope = np.where(ratio < 1, (1 - ratio) * (1 - 5 * ratio), 0.0)
-    return _plane_of(solution, _cell_covariance(design, weight * residual, slope, cell_m))
+    return _plane_of(solution, _cell_covariance(design, weight * residual, slope))
 
 
 def _plane_of(parameters: np.ndarray, covariance: np.ndarray) -> RoadPlane:
@@ -130,8 +134,8 @@ def _plane_of(parameters: np.ndarray, covariance: np.ndarray) -> RoadPlane:
     return RoadPlane(level, slope_x, slope_y, covariance)
 
 
-def _cell_covariance(design: np.ndarray, influence: np.ndarray, slope: np.ndarray, cell_m: float) -> np.ndarray:
-    cell = np.floor(design[:, 1:] / cell_m).astype(np.int64)
+def _cell_covariance(design: np.ndarray, influence: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    cell = np.floor(design[:, 1:] / _CELL_M).astype(np.int64)
     cell -= cell.min(axis=0)
     label = np.unique(cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1], return_inverse=True)[1]
     score = np.column_stack([np.bincount(label, weights=influence * column) for column in design.T])

@@ -55,43 +55,29 @@ def make_profile(
     )
 
 
-def raised_cosine(
-    height_m: float, length_m: float, *, step_m: float = STATION_STEP_M, flat_m: float = FLAT_M, name: str = "bump"
-) -> RoadProfile:
+def raised_cosine(height_m: float, length_m: float, *, name: str = "bump") -> RoadProfile:
     """Return z(s) = h/2 (1 - cos(2 pi s/L)): height h [m], length L [m], no kink at its ends.
 
-    `step_m` is the distance of the stations, `flat_m` the flat road on either side.  Raises CampaignError for sizes
-    that are not positive.
+    Stations every `STATION_STEP_M`, `FLAT_M` of flat road on either side.  Raises CampaignError for sizes that are not
+    positive.
     """
-    station, u = _stations(height_m, length_m, step_m, flat_m, name)
+    station, u = _stations(height_m, length_m, name)
     return make_profile(station, np.where(_inside(u), 0.5 * height_m * (1 - np.cos(2 * np.pi * u)), 0.0), name=name)
 
 
-def half_sine(
-    height_m: float, length_m: float, *, step_m: float = STATION_STEP_M, flat_m: float = FLAT_M, name: str = "bump"
-) -> RoadProfile:
+def half_sine(height_m: float, length_m: float, *, name: str = "bump") -> RoadProfile:
     """Return z(s) = h sin(pi s/L): height h [m], length L [m]; arguments and errors as :func:`raised_cosine`."""
-    station, u = _stations(height_m, length_m, step_m, flat_m, name)
+    station, u = _stations(height_m, length_m, name)
     return make_profile(station, np.where(_inside(u), height_m * np.sin(np.pi * u), 0.0), name=name)
 
 
-def parabolic(
-    height_m: float, length_m: float, *, step_m: float = STATION_STEP_M, flat_m: float = FLAT_M, name: str = "bump"
-) -> RoadProfile:
+def parabolic(height_m: float, length_m: float, *, name: str = "bump") -> RoadProfile:
     """Return z(s) = 4 h s/L (1 - s/L): height h [m], length L [m]; arguments and errors as :func:`raised_cosine`."""
-    station, u = _stations(height_m, length_m, step_m, flat_m, name)
+    station, u = _stations(height_m, length_m, name)
     return make_profile(station, np.where(_inside(u), 4 * height_m * u * (1 - u), 0.0), name=name)
 
 
-def trapezoid(
-    height_m: float,
-    length_m: float,
-    *,
-    top_m: float | None = None,
-    step_m: float = STATION_STEP_M,
-    flat_m: float = FLAT_M,
-    name: str = "bump",
-) -> RoadProfile:
+def trapezoid(height_m: float, length_m: float, *, top_m: float | None = None, name: str = "bump") -> RoadProfile:
     """Return a flat-topped hump with straight ramps: height [m], length over all [m], flat top `top_m` (a third of it).
 
     Other arguments as :func:`raised_cosine`, CampaignError also where the top is longer than the bump.
@@ -99,26 +85,19 @@ def trapezoid(
     top = length_m / 3 if top_m is None else top_m
     if not 0 <= top < length_m:
         raise CampaignError(f"The flat top of {top:g} m does not fit a bump of {length_m:g} m; make it shorter.")
-    station, u = _stations(height_m, length_m, step_m, flat_m, name)
+    station, u = _stations(height_m, length_m, name)
     ramp = (length_m - top) / 2
     distance_to_end = np.minimum(u, 1 - u) * length_m
     return make_profile(station, height_m * np.clip(distance_to_end / ramp, 0.0, 1.0), name=name)
 
 
-def watts(
-    height_m: float = 0.076,
-    length_m: float = 3.66,
-    *,
-    step_m: float = STATION_STEP_M,
-    flat_m: float = FLAT_M,
-    name: str = "bump",
-) -> RoadProfile:
+def watts(height_m: float = 0.076, length_m: float = 3.66, *, name: str = "bump") -> RoadProfile:
     """Return the circular-arc (Watts) hump: z(s) = sqrt(R^2 - (s - L/2)^2) - (R - h) with R = (L^2/4 + h^2)/(2 h).
 
     Height h [m] and chord length L [m], by default 76 mm on 3.66 m; other arguments and errors as
     :func:`raised_cosine`.  Raises CampaignError where the hump would be more than a half circle.
     """
-    station, u = _stations(height_m, length_m, step_m, flat_m, name)
+    station, u = _stations(height_m, length_m, name)
     if height_m > length_m / 2:
         raise CampaignError(f"A circular arc of {length_m:g} m cannot be {height_m:g} m high; at most half its length.")
     radius = (length_m**2 / 4 + height_m**2) / (2 * height_m)
@@ -127,32 +106,14 @@ def watts(
     return make_profile(station, np.where(_inside(u), np.maximum(arc, 0.0), 0.0), name=name)
 
 
-def plank(
-    height_m: float,
-    length_m: float,
-    *,
-    step_m: float = STATION_STEP_M,
-    flat_m: float = FLAT_M,
-    name: str = "plank",
-) -> RoadProfile:
-    """Return a plank: height [m] on every station of its length [m], a step at either end within one station distance.
-
-    A plank drop is the wheel rolling off its far end.  Other arguments and errors as :func:`raised_cosine`.
-    """
-    station, u = _stations(height_m, length_m, step_m, flat_m, name)
-    return make_profile(station, np.where(_inside(u), height_m, 0.0), name=name)
-
-
 def profile_from_points(
     station_m: np.ndarray,
     height_m: np.ndarray,
     *,
     kind: Literal["linear", "pchip"] = "linear",
-    step_m: float = STATION_STEP_M,
-    flat_m: float = FLAT_M,
     name: str = "bump",
 ) -> RoadProfile:
-    """Return the profile through surveyed points, with `flat_m` of flat road put before and behind them.
+    """Return the profile through surveyed points, with `FLAT_M` of flat road put before and behind them.
 
     `station_m`, `height_m` (n,) [m], stations increasing, heights within 1 mm of the road at both ends.  `kind`:
     ``linear`` joins the points by straight lines, ``pchip`` by a shape-preserving cubic (no overshoot).
@@ -179,7 +140,7 @@ def profile_from_points(
             "its first and last point must lie on the road (within 1 mm)."
         )
     length = float(station[-1] - station[0])
-    grid, u = _stations(float(np.max(np.abs(height))), length, step_m, flat_m, name)
+    grid, u = _stations(float(np.max(np.abs(height))), length, name)
     along = station - station[0]
     query = np.clip(u * length, 0.0, length)
     inside = _inside(u)
@@ -187,29 +148,29 @@ def profile_from_points(
     return make_profile(grid, np.where(inside, values, 0.0), name=name)
 
 
-def _stations(
-    height_m: float, length_m: float, step_m: float, flat_m: float, name: str
-) -> tuple[np.ndarray, np.ndarray]:
+def _stations(height_m: float, length_m: float, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Return uniform stations and the same as a fraction of the bump's length."""
-    for what, value in (("height", height_m), ("length", length_m), ("station step", step_m), ("flat road", flat_m)):
+    for what, value in (("height", height_m), ("length", length_m)):
         if not np.isfinite(value) or value <= 0:
             raise CampaignError(
                 f"The {what} of profile '{name}' is {value:g} m; a positive length in metres is expected."
             )
-    if length_m < 3 * step_m:
+    if length_m < 3 * STATION_STEP_M:
         raise CampaignError(
-            f"Profile '{name}' is {length_m:g} m long, too short for stations every {step_m:g} m; use a smaller step."
+            f"Profile '{name}' is {length_m:g} m long, too short for stations every {STATION_STEP_M:g} m; give lengths "
+            "in metres."
         )
-    if (length_m + 2 * flat_m) / step_m > 1e6:
+    if length_m / STATION_STEP_M > 1e6:
         raise CampaignError(
-            f"Profile '{name}' of {length_m:g} m has more than a million stations of {step_m:g} m; use a larger step."
+            f"Profile '{name}' of {length_m:g} m has more than a million stations of {STATION_STEP_M:g} m; "
+            "give lengths in metres."
         )
-    before = int(np.ceil(flat_m / step_m - 1e-9))
-    count = before + int(np.ceil((length_m + flat_m) / step_m - 1e-9)) + 1
-    station = step_m * np.arange(count)
-    return station, (station - before * step_m) / length_m
+    before = int(np.ceil(FLAT_M / STATION_STEP_M - 1e-9))
+    count = before + int(np.ceil((length_m + FLAT_M) / STATION_STEP_M - 1e-9)) + 1
+    station = STATION_STEP_M * np.arange(count)
+    return station, (station - before * STATION_STEP_M) / length_m
 
 
 def _inside(fraction: np.ndarray) -> np.ndarray:
-    # A station that rounding puts a hair outside still belongs to the bump: planks would lose their last station.
+    # A station that rounding puts a hair outside still belongs to the bump.
     return (fraction >= -1e-9) & (fraction <= 1 + 1e-9)

@@ -42,7 +42,8 @@ class PlanarMatrices:
     nb) forward motion of the point where each chain is driven (its first body's centre of gravity) and `chain_mass`
     (chains,) what is driven [kg]; `static_load` (na,) vertical road force at rest [N]; `carried_load` (na,) static
     force on its suspension [N]; `heave_rows`, `travel_rows`, `pitch_rows` (bodies, nb) motion of each centre of
-    gravity; `cg_x` (bodies,) [m]; `beams` where axles are grouped, else None.
+    gravity; `cg_x` (bodies,) [m]; `beams` where axles are grouped, else None; `sharing` (na, na) means over the axles
+    that every rocker joins, None without rockers.
     """
 
     mass: np.ndarray
@@ -59,6 +60,7 @@ class PlanarMatrices:
     pitch_rows: np.ndarray
     cg_x: np.ndarray
     beams: Beams | None = None
+    sharing: np.ndarray | None = None
 
     def body_point(self, body: int, x_m: float) -> np.ndarray:
         """Row (nb,) that gives the vertical motion of a point of `body` at `x_m` behind axle 1."""
@@ -135,7 +137,19 @@ def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
         pitch_rows=pitch,
         cg_x=cg_x,
         beams=assemble_beams(vehicle),
+        sharing=equaliser_means(vehicle),
     )
+
+
+def equaliser_means(vehicle: Vehicle) -> np.ndarray | None:
+    """Matrix (na, na) that turns spring forces into their mean over the axles of each rocker, else into themselves."""
+    if not vehicle.equalisers:
+        return None
+    means = np.eye(len(vehicle.axles))
+    for rocker in vehicle.equalisers:
+        members = list(rocker.axles)
+        means[np.ix_(members, members)] = 1.0 / len(members)
+    return means
 
 
 def _body_rows(

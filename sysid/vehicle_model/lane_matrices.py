@@ -35,7 +35,7 @@ class LaneMatrices(NamedTuple):
     acceleration from the driving force; `acceleration` (R, nb, 2 na) gives body accelerations from suspension pull and
     horizontal tire force; `inverse_unsprung`, `static_load`, `carried_load` (R, na, 1), the last what each suspension
     carries at rest; `body_rows` (R, nr, nb) vertical motion at the body accelerometers; `beams` for vehicles with axle
-    groups, else None.
+    groups, else None; `sharing` (R, na, na) means over the axles that every rocker joins, None without rockers.
     """
 
     position: np.ndarray
@@ -46,6 +46,7 @@ class LaneMatrices(NamedTuple):
     carried_load: np.ndarray
     body_rows: np.ndarray
     beams: LaneBeams | None = None
+    sharing: np.ndarray | None = None
 
 
 def lane_matrices(
@@ -73,7 +74,13 @@ def lane_matrices(
         carried_load=np.stack([m.carried_load for m in matrices])[..., None],
         body_rows=np.stack(rows),
         beams=_lane_beams(matrices),
+        sharing=_lane_sharing(matrices),
     )
+
+
+def _lane_sharing(matrices: list[PlanarMatrices]) -> np.ndarray | None:
+    means = [m.sharing for m in matrices if m.sharing is not None]
+    return np.stack(means) if means else None
 
 
 def _lane_beams(matrices: list[PlanarMatrices]) -> LaneBeams | None:

@@ -121,7 +121,7 @@ def _forces(
     extension = shift[:, :axles] - state.axle
     rate = drift[:, :axles] - state.axle_rate
     slip = state.slip if slip_at is None else slip_at(extension)
-    pull = _carried(lanes, suspension_force(suspension, extension, rate, slip))
+    pull = _carried(lanes, suspension_force(suspension, extension, rate, slip, lanes.sharing))
     body = (
         jnp.matmul(lanes.acceleration, jnp.concatenate([pull, horizontal], axis=1))
         + shift[:, 2 * axles :]
@@ -261,7 +261,8 @@ def _missed_by_stages(
             _Missed(_unsprung_acceleration(lanes, impulse), None),
             _Missed(_unsprung_acceleration(lanes, moment), None),
         )
-    corrections = kink_corrections(suspension, tuple(f.extension for f in stages), tuple(f.rate for f in stages))
+    arguments = tuple(f.extension for f in stages), tuple(f.rate for f in stages)
+    corrections = kink_corrections(suspension, *arguments, lanes.sharing)
     missed = tuple(_carried(lanes, one) for one in corrections)
     turn = lanes.acceleration[:, :, : lanes.static_load.shape[1]]
     return (

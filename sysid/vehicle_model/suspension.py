@@ -5,7 +5,10 @@ same arrays, and an element that no axle needs is None and costs nothing.
 
     pull = S(e) + D(v) + F_c phi + sum_j ramp_j
 
-e extension from static rest (positive: longer) and v its rate; the static load itself is in neither.
+e extension from static rest (positive: longer) and v its rate; the static load itself is in neither.  Where a rocker
+(equaliser) joins the springs of neighbouring axles, each passes on a share s of the difference to their mean:
+
+    pull_i = S_i + s (mean_j S_j - S_i) + D_i + stops_i,    S = spring and friction.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import jax
 import jax.numpy as jnp
 
 from sysid.vehicle_model.kink import clipped_integrals
-from sysid.vehicle_model.lane_arrays import AxleLanes
+from sysid.vehicle_model.lane_arrays import AxleLanes, HostOrDevice
 
 #: Rate at which a nonlinear damper's coefficient is stated: c is the secant |D| / |v| there, mean of both directions.
 REFERENCE_RATE_M_S = 0.5
@@ -46,7 +49,9 @@ class SuspensionLaw(NamedTuple):
     - `asymmetry` q: g = 2 q / (1 + q) in rebound (v > 0) and 2 / (1 + q) in compression; 1 is symmetric.
     - `friction` F_c [N] and `slip` z_s [m]: Dahl's element d phi / d e = (1 - phi sgn v) / z_s (P. R. Dahl, "A solid
       friction model", 1968).
-    - `ramps`: corners of the spring curve: bump stops, hanger lash and tables; `rate_ramps`: of the damper curve.
+    - `ramps`: corners of the spring curve: hanger lash and tables; `stops`: bump stops, beside the spring;
+      `rate_ramps`: corners of the damper curve.
+    - `load_share` s of a rocker between the springs of neighbouring axles; 0 on axles without one.
     """
 
     stiffness: AxleLanes
@@ -57,7 +62,9 @@ class SuspensionLaw(NamedTuple):
     asymmetry: AxleLanes | None = None
     friction: AxleLanes | None = None
     slip: AxleLanes | None = None
+    load_share: AxleLanes | None = None
     ramps: Ramps | None = None
+    stops: Ramps | None = None
     rate_ramps: Ramps | None = None
 
 
@@ -68,6 +75,7 @@ ELEMENT_FIELDS: dict[str, tuple[str, ...]] = {
     "saturating": ("saturation", "tail"),
     "asymmetric": ("asymmetry",),
     "friction": ("friction", "slip"),
+    "equaliser": ("load_share",),
 }
 
 
@@ -77,7 +85,13 @@ def _ramp_force(ramps: Ramps, x: jax.Array) -> jax.Array:
 
 
 def spring_force(law: SuspensionLaw, extension: AxleLanes) -> jax.Array:
-    """Elastic force S(e) with the ramps [N], positive when it pulls axle and body together."""
+    """Elastic force of spring and stops [N], positive when it pulls axle and body together."""
+    force = _of_spring(law, extension)
+    return force if law.stops is None else force + _ramp_force(law.stops, extension)
+
+
+def _of_spring(law: SuspensionLaw, extension: AxleLanes) -> jax.Array:
+    """Force S(e) of the spring alone, with its corners [N]."""
     force = law.stiffness * extension
     if law.softening is not None:
         force = force / jnp.maximum(1.0 + extension * law.softening, SHORTEST)
@@ -105,7 +119,13 @@ def _symmetric_damper(law: SuspensionLaw, rate: AxleLanes) -> jax.Array:
     return jnp.asarray(law.damping * rate * now / stated)
 
 
-def suspension_force(law: SuspensionLaw, extension: AxleLanes, rate: AxleLanes, slip: AxleLanes | None) -> jax.Array:
+def suspension_force(
+    law: SuspensionLaw,
+    extension: AxleLanes,
+    rate: AxleLanes,
+    slip: AxleLanes | None,
+    sharing: HostOrDevice | None = None,
+) -> jax.Array:
     """Force [N] that pulls axle and body together, less the static one, (R, na, S).
 
     Parameters
@@ -113,11 +133,20 @@ def suspension_force(law: SuspensionLaw, extension: AxleLanes, rate: AxleLanes, 
     law : coefficients.
     extension, rate : (R, na, S) extension from static rest [m] and its rate [m/s].
     slip : (R, na, S) state phi of the friction elements, None where no axle has one.
+    sharing : (R, na, na) means over the axles of every rocker; None: what each suspension does by itself.
     """
-    force = spring_force(law, extension) + damper_force(law, rate)
+    force = _of_spring(law, extension)
     if law.friction is not None and slip is not None:
         force = force + law.friction * slip
-    return force
+    force = shared(law, sharing, force) + damper_force(law, rate)
+    return force if law.stops is None else force + _ramp_force(law.stops, extension)
+
+
+def shared(law: SuspensionLaw, sharing: HostOrDevice | None, force: AxleLanes) -> jax.Array:
+    """What axles and frame feel of the springs' forces: each passes on its share of the difference to the mean."""
+    if sharing is None or law.load_share is None:
+        return force
+    return force + law.load_share * (jnp.matmul(sharing, force) - force)
 
 
 def _slide(slip: AxleLanes, length: jax.Array, change: jax.Array) -> jax.Array:
@@ -189,11 +218,14 @@ def _turning_point(change: jax.Array, v0: jax.Array, v1: jax.Array, turns: jax.A
 
 def has_kinks(law: SuspensionLaw) -> bool:
     """Whether the law has corners in extension or rate that the integrator corrects."""
-    return law.ramps is not None or law.rate_ramps is not None or law.asymmetry is not None
+    return any(part is not None for part in (law.ramps, law.stops, law.rate_ramps, law.asymmetry))
 
 
 def kink_corrections(
-    law: SuspensionLaw, extension: tuple[jax.Array, ...], rate: tuple[jax.Array, ...]
+    law: SuspensionLaw,
+    extension: tuple[jax.Array, ...],
+    rate: tuple[jax.Array, ...],
+    sharing: HostOrDevice | None = None,
 ) -> tuple[jax.Array, jax.Array]:
     """What Runge-Kutta misses at the corners of the law: corrections of the mean force and of its first moment [N].
 
@@ -204,14 +236,17 @@ def kink_corrections(
     Parameters
     ----------
     extension, rate : four stage values each, (R, na, S), in the order of the Nystrom step.
+    sharing : as in :func:`suspension_force`.
     """
     impulse, moment = jnp.zeros_like(extension[0]), jnp.zeros_like(extension[0])
-    for ramps, values in ((law.ramps, extension), (law.rate_ramps, rate)):
+    for ramps, values in ((law.ramps, extension), (law.stops, extension), (law.rate_ramps, rate)):
         if ramps is None:
             continue
         at, slope, side = ramps
-        mean, first = _missed(*(side * (x - at) for x in values))
-        impulse, moment = impulse + (side * slope * mean).sum(axis=0), moment + (side * slope * first).sum(axis=0)
+        mean, first = ((side * slope * x).sum(axis=0) for x in _missed(*(side * (x - at) for x in values)))
+        if ramps is law.ramps:
+            mean, first = shared(law, sharing, mean), shared(law, sharing, first)
+        impulse, moment = impulse + mean, moment + first
     if law.asymmetry is not None:
         # D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): only the second part has a corner.
         mean, first = _missed(*(_symmetric_damper(law, v) for v in rate))

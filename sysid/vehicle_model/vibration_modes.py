@@ -6,7 +6,9 @@ With every wheel on the ground and small motions x = (q, u) about static equilib
     K = sum_i (k_i e_i' e_i + kt_i w_i' w_i) + T,    C = sum_i (c_i e_i' e_i + ct_i w_i' w_i),
 
 with e_i the row of the extension of suspension i, w_i that of the rise of wheel i, M and T the mass matrix and the tilt
-stiffness of :mod:`sysid.vehicle_model.assembly`.
+stiffness of :mod:`sysid.vehicle_model.assembly`.  Where a rocker shares spring forces, k_j e_j acts on the row
+(1 - s) e_j + s mean e instead, the mean over the rocker's axles; springs that are not equally stiff then make K
+unsymmetric.
 """
 
 from __future__ import annotations
@@ -105,10 +107,11 @@ def natural_modes(
     damping: Axles | None = None,
     tire_stiffness: Axles | None = None,
     tire_damping: Axles | None = None,
+    load_share: Axles | None = None,
 ) -> NaturalModes:
     """Natural frequencies, damping ratios and mode shapes of a vehicle on its tires.
 
-    Undamped: K phi = omega^2 M phi, both matrices symmetric.  Damped: s v = [0 1; -M^-1 K, -M^-1 C] v, each pole paired
+    Undamped: K phi = omega^2 M phi.  Damped: s v = [0 1; -M^-1 K, -M^-1 C] v, each pole paired
     with the undamped mode whose shape it is nearest to.  Nothing holds a vehicle fore and aft, so the rigid fore-aft
     motion of each chain, with frequency zero, is no mode: it is taken out exactly, and the modes carry no fore-aft
     momentum.  The force that holds the speed of a simulated vehicle is not part of them.
@@ -119,18 +122,19 @@ def natural_modes(
         suspension, whose values stand at its first axle; those of its other axles are not used.
     tire_stiffness, tire_damping : (axles,) tangent values at the static load [N/m, N s/m]; the declared stiffness and
         no damping if None.
+    load_share : (axles,) share s of each axle's rocker, 0 without; the declared ones if None.
 
     Raises
     ------
     SysidError
-        If an array has another length or a negative value, or the vehicle does not stand stably (a stiffness missing,
-        or a centre of gravity so high that it tips over).
+        If an array has another length or a negative value, a rocker's share is not known, or the vehicle does not
+        stand stably (a stiffness missing, or a centre of gravity so high that it tips over).
     CampaignError
         If axle loads and masses do not add up.
     """
-    motion = small_motion(vehicle, load_case, stiffness, damping, tire_stiffness, tire_damping)
+    motion = small_motion(vehicle, load_case, stiffness, damping, tire_stiffness, tire_damping, load_share)
     m, c, k, matrices, back = motion.mass, motion.damping, motion.stiffness, motion.matrices, motion.back
-    square, shapes = eigh(k, m)
+    square, shapes = _undamped(k, m)
     limit = _ROUNDING * square[-1]
     if square[0] < -limit:
         raise SysidError(
@@ -143,8 +147,8 @@ def natural_modes(
             "stiffness is zero or nearly so."
         )
     omega = np.sqrt(square)
-    # Modal damping matrix: the eigenvectors are normalised to unit modal mass.
-    ratio, pole = _damped(omega, shapes.T @ c @ shapes)
+    # C of the modes' own coordinates: shapes' C shapes where K is symmetric and modal masses are 1.
+    ratio, pole = _damped(omega, np.linalg.solve(m @ shapes, c @ shapes))
     return _result(vehicle, load_case, matrices, omega, ratio, pole, back @ shapes)
 
 
@@ -155,6 +159,7 @@ def small_motion(
     damping: Axles | None = None,
     tire_stiffness: Axles | None = None,
     tire_damping: Axles | None = None,
+    load_share: Axles | None = None,
 ) -> SmallMotion:
     """Equations of small motions of a vehicle on its tires; arguments and errors as :func:`natural_modes`."""
     declared = np.array([a.tire_stiffness_N_per_m for a in vehicle.axles])
@@ -168,7 +173,11 @@ def small_motion(
     matrices = assemble(vehicle, load_case)
     extension, wheel, mass = _rows(matrices)
     body_count = matrices.mass.shape[0]
-    k = extension.T @ (used["stiffness"][:, None] * extension) + wheel.T @ (used["tire_stiffness"][:, None] * wheel)
+    acting = extension
+    if matrices.sharing is not None:
+        share = _declared_share(vehicle) if load_share is None else np.asarray(load_share, float)
+        acting = extension + (share[:, None] * (matrices.sharing - np.eye(share.size))).T @ extension
+    k = acting.T @ (used["stiffness"][:, None] * extension) + wheel.T @ (used["tire_stiffness"][:, None] * wheel)
     c = extension.T @ (used["damping"][:, None] * extension) + wheel.T @ (used["tire_damping"][:, None] * wheel)
     k[:body_count, :body_count] += matrices.tilt
     back = _without_fore_aft(mass, coordinate_names(vehicle))
@@ -176,6 +185,25 @@ def small_motion(
     above[:, :body_count] = matrices.attachment
     m, k, c = (back.T @ a @ back for a in (mass, k, c))
     return SmallMotion(matrices, m, c, k, extension @ back, wheel @ back, above @ back, used["tire_stiffness"], back)
+
+
+def _undamped(k: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Squares of the undamped frequencies (n,), rising, and mode shapes (n, n)."""
+    if np.array_equal(k, k.T):
+        return tuple(eigh(k, m))
+    # Springs over a rocker that differ make K a little unsymmetric; its eigenvalues stay real.
+    square, shapes = eig(k, m)
+    order = np.argsort(square.real)
+    return square.real[order], shapes.real[:, order]
+
+
+def _declared_share(vehicle: Vehicle) -> np.ndarray:
+    share = np.zeros(len(vehicle.axles))
+    for rocker in vehicle.equalisers:
+        if rocker.load_share is None:
+            raise SysidError(f"The load share of the equaliser '{rocker.name}' is not declared; give `load_share`.")
+        share[list(rocker.axles)] = rocker.load_share
+    return share
 
 
 def _per_axle(name: str, values: np.ndarray, vehicle: Vehicle) -> np.ndarray:

@@ -13,7 +13,7 @@ import hashlib
 import json
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -54,10 +54,10 @@ class StageFolder:
         If the folder cannot be written, or another process computes a stage in it.
     """
 
-    def __init__(self, output: Path, settings: Settings, campaign: Campaign, stages: Sequence[Stage[Any]] = STAGES):
+    def __init__(self, output: Path, settings: Settings, campaign: Campaign):
         if output.exists() and not output.is_dir():
             raise CampaignError(f"--output names a file, {output.name}; give a folder instead.")
-        self.path, self._settings, self._campaign, self._all = output, settings, campaign, stages
+        self.path, self._settings, self._campaign = output, settings, campaign
         self._results: dict[Stage[Any], Any] = {}
         self._fingerprints: dict[Stage[Any], str] = {}
         self._version = versions()["sysid"]
@@ -77,7 +77,7 @@ class StageFolder:
 
     def keep(self, stage: Stage[T], result: T) -> None:
         """Keep a result, and the settings for commands that show what is there; what rests on it is forgotten."""
-        self.forget(dependents(stage, self._all))
+        self.forget(dependents(stage))
         if stage.in_run == "always":
             self.no_success()
         self._results[stage] = result
@@ -161,10 +161,10 @@ class StageFolder:
         return found if whole else {}
 
 
-def dependents(stage: Stage[Any], stages: Sequence[Stage[Any]] = STAGES) -> tuple[Stage[Any], ...]:
+def dependents(stage: Stage[Any]) -> tuple[Stage[Any], ...]:
     """Stages that rest on one, directly or not, itself not among them."""
     found: list[Stage[Any]] = []
-    for other in stages:
+    for other in STAGES:
         if any(before is stage or before in found for before in (*other.needs, *other.uses)):
             found.append(other)
     return tuple(found)

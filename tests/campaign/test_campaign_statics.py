@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plain_axles import axle
 
-from sysid.campaign import Axle, AxleGroup, Body, LoadCase, Vehicle, check_statics, read_campaign, static_equilibrium
+from sysid.campaign import AxleGroup, Body, LoadCase, Vehicle, check_statics, read_campaign, static_equilibrium
 from sysid.errors import CampaignError
 
 # What the multibody model behind the shipped campaign was built with: centres of gravity [m], fifth-wheel load [N],
@@ -24,10 +25,6 @@ TRUTH = {
         [42840.27, 84856.5, 88152.66, 103103.1, 105261.3, 107458.74],
     ),
 }
-
-
-def axle(name: str, body: int, x_m: float, mass: float = 500.0) -> Axle:
-    return Axle(name, body, x_m, mass, 1.6e6, 3e3, 0.5, "leaf")
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,9 @@ from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.linearisation import linearise_group
 from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT
 from sysid.estimation.residuals.sensor_residuals import group_residuals
-from sysid.estimation.residuals.signals import group_road, simulate_group
+from sysid.estimation.residuals.signals import simulate_group
 from sysid.vehicle_model.engines.protocol import Linearisation
+from sysid.vehicle_model.engines.reference import REFERENCE
 
 #: Just beside the nominal motion, at which half steps fall on the stations of the road: there the fifth derivative of
 #: the road jumps and differences lose an order, see the test of the nominal motion below.
@@ -29,7 +30,7 @@ STEPS = {"log": 1e-5, "speed": 1e-5, "start": 1e-5}
 @partial(jax.jit, static_argnames=("shape",))
 def signals(arrays, road, x, speed, start, *, shape):
     """Sensor signals (T, R, C, S) of parameter sets (p, S), each with its own speed and start (R, S)."""
-    inputs = group_road(road, arrays.axle_x, speed, start, shape)
+    inputs = REFERENCE.prepare(road, arrays.axle_x, speed, start, shape.timing)
     return simulate_group(arrays, shape, x, inputs)
 
 
@@ -129,7 +130,7 @@ def test_forward_equals_reverse_mode(model, point):
     shape = model.shapes[0]._replace(samples=48, interval_s=0.0025, substeps=1)
     arrays = model.arrays[0]
     one = jnp.ones((1, 1))
-    inputs = group_road(model.roads[0], arrays.axle_x, SPEED_M_S * one, 0.03 * one, shape)
+    inputs = REFERENCE.prepare(model.roads[0], arrays.axle_x, SPEED_M_S * one, 0.03 * one, shape.timing)
     random = np.random.default_rng(0)
     direction = jnp.asarray(random.normal(size=(point.size, 1)))
 

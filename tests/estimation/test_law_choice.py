@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from types import SimpleNamespace
 
@@ -11,8 +12,15 @@ from synthetic_campaign import Physics, write_campaign
 
 from sysid.campaign import check_quality, read_campaign
 from sysid.estimation.fit import law_choice
-from sysid.estimation.fit.law_choice import DECISIVE, fit_with_laws
+from sysid.estimation.fit.law_choice import fit_with_laws
+from sysid.estimation.fit.law_evidence import Evidence, Judged, LawEvidence
+from sysid.estimation.fit.law_families import richest_laws
+from sysid.estimation.fit.law_screen import promising
+from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.thresholds import DECISIVE
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters, declared_laws
+from sysid.progress import unwatched
 from sysid.road import analyse_scan, read_point_cloud
 from sysid.sdof.summary import analyse_drops
 
@@ -20,16 +28,29 @@ SMALL = Physics(speeds_km_h=(9.0, 22.0), drops_per_axle=1, scan_points=8000, see
 OPTIONS = FitOptions(weight_rounds=2, cross_check=False, tolerance=1e-5, target_step_s=0.0025)
 
 
-def fitted(folder, physics: Physics, choice: str, *, spread: bool = False):
-    """Fit of a campaign whose file says nothing about suspension laws, and its truth."""
+def read(folder, physics: Physics, inertia: float = 1.0):
+    """A campaign whose file says nothing about suspension laws, what its drops say, and its road profiles.
+
+    Pitch inertias are declared as `inertia` times the true ones.
+    """
     write_campaign(folder, physics)
     file = folder / "campaign.toml"
     lines = [line for line in file.read_text().splitlines() if not line.startswith("suspension_law")]
-    file.write_text("\n".join(lines))
+    declared = re.sub(
+        r"(pitch_inertia_kg_m2 = \[)(.*?)\]",
+        lambda m: m[1] + ", ".join(str(inertia * float(v)) for v in m[2].split(",")) + "]",
+        "\n".join(lines),
+    )
+    file.write_text(declared)
     campaign, _ = check_quality(read_campaign(folder, point_cloud_reader=read_point_cloud))
     profiles = {name: analyse_scan(scan).profile for name, scan in campaign.scans.items()}
+    return campaign, analyse_drops(campaign), profiles
+
+
+def fitted(folder, physics: Physics, choice: str, *, spread: bool = False):
+    """Fit of a campaign whose file says nothing about suspension laws, and its truth."""
     options = FitOptions(**{**OPTIONS.__dict__, "laws": choice, "contact_spread": spread})
-    fit, _ = fit_with_laws(campaign, analyse_drops(campaign), profiles, options)
+    fit, _ = fit_with_laws(*read(folder, physics), options)
     return fit, tomllib.loads((folder / "truth.toml").read_text(encoding="utf-8"))["parameters"]
 
 
@@ -41,49 +62,57 @@ def stub(cost: float, count: int) -> SimpleNamespace:
     return SimpleNamespace(problem=problem, minimum=SimpleNamespace(cost=cost), misfit=2.0)
 
 
+def as_it_is(optimum: SimpleNamespace) -> Judged:
+    """An optimum whose masses and tires are known."""
+    return Judged(optimum, Evidence(optimum.minimum.cost, np.eye(optimum.problem.count)))
+
+
 def test_poor_laws_are_compared_under_the_maps_of_the_rich_ones(monkeypatch):
     """Their own maps are another problem: the gain is that over the poor laws fitted as every trial."""
     asked, poor_laws, rich_laws = [], (frozenset(),), (frozenset({"friction"}),)
-    poor, under_rich_maps, rich = stub(500.0, 4), stub(60.0, 4), stub(50.0, 5)
+    poor, under_rich_maps, rough, rich = stub(500.0, 4), stub(60.0, 4), stub(51.0, 5), stub(50.0, 5)
+    promises = [(frozenset({"friction"}),), ()]
 
-    def fitted(laws, near, *, trial=False):
-        asked.append((laws, near, trial))
-        return under_rich_maps if trial else rich
+    def fitted(laws, near, *, how="final"):
+        asked.append((laws, near, how))
+        return {"rough trial": under_rich_maps, "rough": rough, "final": rich}[how]
 
     monkeypatch.setattr(law_choice, "_trial", lambda laws, optimum, gain: gain)
+    monkeypatch.setattr(law_choice, "_sure", lambda *rest: True)
+    monkeypatch.setattr(law_choice, "promising", lambda *rest: promises.pop(0))
+    monkeypatch.setattr(law_choice, "LawEvidence", lambda campaign, optimum: SimpleNamespace(judge=as_it_is))
     axle = SimpleNamespace(suspension_law=None, suspension="leaf")
     data = SimpleNamespace(vehicle=SimpleNamespace(axles=(axle,)))
     best, comparison = law_choice._compare(data, poor_laws, rich_laws, poor, fitted)
-    assert asked == [(rich_laws, poor, False), (poor_laws, rich, True)]
+    assert asked == [(rich_laws, poor, "rough"), (rich_laws, rough, "final"), (poor_laws, rich, "rough trial")]
     assert comparison.trials[0].cost == 60.0
     assert comparison.trials[1] == pytest.approx(20.0 - np.log(100.0))
     assert best is rich
 
 
-def linear_optimum(values: list[float], sd: float, spread: np.ndarray) -> SimpleNamespace:
-    """An optimum of a linear problem in the logarithms of friction forces, with a given covariance factor."""
+def known_forces(values: list[float], sd: float, spread: np.ndarray) -> Judged:
+    """An optimum with friction forces whose logarithms have a covariance with the given factor."""
     quantities = [SimpleNamespace(quantity="friction", axle=i) for i in range(len(values))]
     model = SimpleNamespace(parameters=SimpleNamespace(parameters=quantities))
-    jacobian = np.linalg.inv(sd * spread)
-    problem = SimpleNamespace(model=model, compressed=lambda vector: SimpleNamespace(jacobian=jacobian))
-    return SimpleNamespace(problem=problem, vector=np.log(values))
+    optimum = SimpleNamespace(problem=SimpleNamespace(model=model), vector=np.log(values))
+    return Judged(optimum, Evidence(0.0, sd**2 * spread @ spread.T))
 
 
 @pytest.mark.parametrize(("sd", "sure"), [(0.03, True), (0.3, False)])
 def test_an_element_that_is_needed_beyond_doubt_is_not_fitted_without(sd, sure):
     """By hand: two forces known to 3 % and independent raise the sum of squares by 2 / 0.03^2 = 2222 when they go."""
     laws, without = (frozenset({"friction"}),) * 2, (frozenset(),) * 2
-    optimum = linear_optimum([1000.0, 3000.0], sd, np.eye(2))
-    assert law_choice._sure(None, optimum, laws, without, 1000.0) is sure
+    judged = known_forces([1000.0, 3000.0], sd, np.eye(2))
+    assert law_choice._sure(judged, laws, without, 1000.0) is sure
 
 
 def test_forces_that_only_their_sum_is_known_of_are_judged_together():
     """Correlated by -0.999 each alone is known to 50 % only, and both together to a few per cent."""
     spread = np.linalg.cholesky(np.array([[1.0, -0.999], [-0.999, 1.0]]))
-    optimum = linear_optimum([1000.0, 1000.0], 0.5, spread)
+    judged = known_forces([1000.0, 1000.0], 0.5, spread)
     laws = (frozenset({"friction"}),) * 2
-    assert law_choice._sure(None, optimum, laws, (frozenset(),) * 2, 1000.0)
-    assert not law_choice._sure(None, optimum, laws, (frozenset(), laws[1]), 1000.0)
+    assert law_choice._sure(judged, laws, (frozenset(),) * 2, 1000.0)
+    assert not law_choice._sure(judged, laws, (frozenset(), laws[1]), 1000.0)
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +140,19 @@ def test_the_preferred_law_finds_stiffness_and_secant_damping(worn):
             assert p.value == pytest.approx(truth[p.name], rel=0.05)
         if p.quantity == "damping":  # the secant at 0.5 m/s
             assert p.value == pytest.approx(truth[p.name], rel=0.12)
+
+
+def test_inertias_that_are_ten_per_cent_off_promise_no_law(tmp_path, monkeypatch):
+    """The laws of the truck are linear; its declared inertias are less than one tolerance off."""
+    campaign, drops, profiles = read(tmp_path, SMALL, inertia=1.1)
+    declared = declared_laws(campaign)
+    parameters = campaign_parameters(campaign, drops, declared)
+    optimum = optimise(campaign, parameters, profiles, OPTIONS, unwatched, rough=True)
+    rich = richest_laws(campaign.vehicle.axles, declared)
+    assert promising(campaign, declared, rich, optimum) == ()
+    # Negative control: were the declared masses exact, the same readings would ask for elements.
+    monkeypatch.setattr(LawEvidence, "sd", property(lambda self: np.full(self.count, 1e-9)))
+    assert promising(campaign, declared, rich, optimum) != ()
 
 
 def test_a_linear_truck_stays_linear(tmp_path):

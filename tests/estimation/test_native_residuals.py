@@ -11,7 +11,7 @@ import rigid_truck
 from native_engine import needs_compiler
 from rigid_truck import bump, campaign, empty_run, true_log_parameters
 
-from sysid.campaign.records import AxleGroup, Campaign, ForceTable
+from sysid.campaign.records import AxleGroup, Campaign, Equaliser, ForceTable
 from sysid.estimation.fit.state import FitState, state_at
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
@@ -90,8 +90,9 @@ def test_linearisation(linearisations, field):
     assert (np.abs(ours - theirs) <= tolerance * size).all()
 
 
-def test_linearisation_with_every_element_of_suspension_laws(monkeypatch):
-    """Friction, stops and an asymmetric damper in front; a gas spring; lash and tables behind, on a beam."""
+@pytest.mark.parametrize("joined", ["beam", "equaliser"])
+def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined):
+    """Friction, stops and an asymmetric damper in front; gas spring, lash and tables behind, on a beam or a rocker."""
     spring = ForceTable((-0.1, -0.01, 0.01, 0.1), (-3.5e4, -3e3, 3e3, 4e4))
     damper = ForceTable((-1.0, -0.2, 0.1, 1.0), (-8e3, -3e3, 2e3, 9e3))
     first, second, third = rigid_truck.AXLES
@@ -111,8 +112,12 @@ def test_linearisation_with_every_element_of_suspension_laws(monkeypatch):
         ),
         third,
     )
-    vehicle = replace(rigid_truck.VEHICLE, axles=axles, groups=(AxleGroup("bogie", (1, 2), 300.0, 90.0),))
-    load = replace(rigid_truck.EMPTY, sprung_mass_kg=(rigid_truck.EMPTY.sprung_mass_kg[0] - 300.0,))
+    if joined == "beam":
+        vehicle = replace(rigid_truck.VEHICLE, axles=axles, groups=(AxleGroup("bogie", (1, 2), 300.0, 90.0),))
+        load = replace(rigid_truck.EMPTY, sprung_mass_kg=(rigid_truck.EMPTY.sprung_mass_kg[0] - 300.0,))
+    else:
+        vehicle = replace(rigid_truck.VEHICLE, axles=axles, equalisers=(Equaliser("tandem", (1, 2)),))
+        load = rigid_truck.EMPTY
     data = campaign([empty_run("a.csv", 7.0, samples=220)], vehicle=vehicle, load_cases=(load,))
     model = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
     x = model.parameters.start

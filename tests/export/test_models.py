@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from keyword_reader import read_deck
 from small_results import Words, small_campaign, small_results
 
 from sysid.errors import CampaignError
+from sysid.estimation.parameters.rockers import LoadShare
 from sysid.export import chrono_merged, write_models
 from sysid.export.bridge import vehicle_csv
 from sysid.export.chrono import chrono_suspension, chrono_tire
@@ -225,3 +227,17 @@ def test_no_cell_becomes_a_formula():
     assert "'=cmd|x" in names
     assert "'@sum" in names
     assert all(math.isfinite(float(r["mass_kg"])) for r in csv.DictReader(io.StringIO(text)))
+
+
+def test_every_format_says_what_a_rocker_does():
+    """Formats without rockers hold the springs alone and a sentence; the table has a row with the share."""
+    rocker = LoadShare("tandem", (0, 1), 0.8, 0.7, 0.9)
+    vehicle = replace(calibrated(), rockers=(rocker,))
+    words = " ".join(read_deck(lsdyna_text(vehicle)).comments)
+    assert "A rocker joins the springs of axles 1 and 2, load share 0.800" in " ".join(words.split())
+    assert "rocker" not in " ".join(read_deck(lsdyna_text(calibrated())).comments)
+    assert "load share 0.800" in chrono_suspension(vehicle, vehicle.suspensions[1])["Comment"]
+    rows = list(csv.DictReader(io.StringIO(vehicle_csv(small_campaign(), vehicle))))
+    (row,) = [r for r in rows if r["kind"] == "equaliser"]
+    assert (row["name"], float(row["load_share"]), row["mass_kg"]) == ("tandem (1 2)", 0.8, "")
+    assert all(r["load_share"] == "" for r in rows if r["kind"] != "equaliser")

@@ -283,11 +283,16 @@ def test_estimates_fall_back_on_what_there_is(results):
     assert [r.best.source for r in fitted] == ["fitted", "fitted"]
 
 
-def test_correlations_agree_with_numpy(results):
+def test_correlation_agrees_with_numpy_and_is_unknown_where_nothing_varies(results):
     flat = results.posterior.draws.reshape(-1, 6)
-    np.testing.assert_allclose(plot.posterior_correlation(results.posterior), np.corrcoef(flat.T), atol=1e-12)
-    expected = np.full((6, 6), 0.3) + 0.7 * np.eye(6)
-    np.testing.assert_allclose(plot.covariance_correlation(results.fit.covariance), expected, atol=1e-12)
+    centred = flat - flat.mean(axis=0)
+    expected = centred.T @ centred / np.outer(*2 * [np.linalg.norm(centred, axis=0)])
+    np.testing.assert_allclose(plot.posterior_correlation(results.posterior), expected, atol=1e-12)
+    still = results.posterior.draws.copy()
+    still[..., 0] = 1.0
+    found = plot.posterior_correlation(replace(results.posterior, draws=still))
+    assert np.isnan(found[0]).all()
+    np.testing.assert_allclose(found[1:, 1:], expected[1:, 1:], atol=1e-12)
 
 
 def test_prior_is_the_lognormal_of_scipy():

@@ -14,8 +14,9 @@ from synthetic_fit import NOMINAL_M_S, SyntheticFit, synthetic_fit
 
 from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT
 from sysid.estimation.residuals.sensor_residuals import group_residuals
-from sysid.estimation.residuals.signals import group_road, simulate_group
+from sysid.estimation.residuals.signals import simulate_group
 from sysid.posterior.log_density import LogDensity
+from sysid.vehicle_model.engines.reference import REFERENCE
 
 
 @pytest.fixture(scope="session")
@@ -40,7 +41,7 @@ def in_batches(density: LogDensity, points: np.ndarray) -> np.ndarray:
 @partial(jax.jit, static_argnames=("shape",))
 def squares(arrays, road, noise, tempering, x, speed, start, *, shape) -> jax.Array:
     """Sum of squared residuals, sensor gains included, of every run and set (R, S), simulated at each set's motion."""
-    inputs = group_road(road, arrays.axle_x, speed, start, shape)
+    inputs = REFERENCE.prepare(road, arrays.axle_x, speed, start, shape.timing)
     signals = simulate_group(arrays, shape, x, inputs)
     residual, gain = group_residuals(arrays, noise, tempering, signals)
     return (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)

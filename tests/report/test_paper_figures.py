@@ -6,9 +6,8 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 from hostile_text import HOSTILE
-from small_results import Words, campaign_only, small_results
+from small_results import Words, campaign_only, small_campaign, small_results
 
-from sysid.campaign.records import LoadCase
 from sysid.report import write_paper_figures
 from sysid.road import effective_profiles, half_sine, spoke_table
 from sysid.road.enveloping import static_deflection
@@ -55,8 +54,8 @@ def test_hostile_names_stay_text_in_the_files(tmp_path, written):
 
 def test_what_a_tire_feels_is_what_its_springs_carry():
     """Laid on the profile at its effective height, the wheel carries its static load again: summed by hand."""
-    vehicle, profile = small_results().campaign.vehicle, half_sine(0.08, 0.9)
-    case = LoadCase("one", (4000.0, 3000.0), (5600.0,), (9e3,), (1.1,))
+    campaign, profile = small_campaign(), half_sine(0.08, 0.9)
+    vehicle, case = campaign.vehicle, campaign.load_cases["empty"]
     roads = effective_profiles(vehicle, case, case, profile)
     assert [r.axle for r in roads] == [0, 1]
     for road, axle, mass in zip(roads, vehicle.axles, case.axle_loads_kg, strict=True):

@@ -6,10 +6,13 @@ from dataclasses import replace
 import pytest
 from small_results import Words, before_sampling, campaign_only, small_fit, small_results, with_estimates
 
+from sysid.estimation.parameters.rockers import LoadShare
 from sysid.prediction.trust import Extrapolation
 from sysid.report.figures import representative_run
 from sysid.report.numbers import decimals, fixed, interval, listing, number, percent
 from sysid.report.verdict import verdict
+
+ROCKER = LoadShare("rocker 1", (0, 1), 0.8, 0.75, 0.85)
 
 
 def blameless():
@@ -44,6 +47,7 @@ def test_nothing_against_it_is_a_yes():
         ({"fit": None, "posterior": None}, "stop", "starting points"),
         ({"fit": None, "posterior": None, "drops": None}, "stop", "No stage"),
         ({"fit": small_fit(converged=False)}, "stop", "did not converge"),
+        ({"fit": replace(small_fit(), undeclared_rockers=(ROCKER,))}, "caution", "Axles 1 and 2 behave as if a rocker"),
         ({"validation": small_results().validation}, "caution", "2 of 6 channel records"),
         ({"predictions": small_results().predictions}, "caution", "tire deflection of axle 2 and lift-off of axle 2"),
     ],

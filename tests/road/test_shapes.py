@@ -10,7 +10,6 @@ from sysid.road import (
     half_sine,
     make_profile,
     parabolic,
-    plank,
     profile_from_points,
     raised_cosine,
     trapezoid,
@@ -25,11 +24,10 @@ from sysid.road import (
         (half_sine, 2 / np.pi),
         (parabolic, 2 / 3),
         (trapezoid, 2 / 3),
-        (plank, 1.0),
     ],
 )
 def test_height_area_and_flat_road(shape, area: float) -> None:
-    profile = shape(0.08, 0.9, step_m=0.001)
+    profile = shape(0.08, 0.9)
     assert profile.height_m.max() == pytest.approx(0.08, rel=1e-5)
     assert np.trapezoid(profile.height_m, profile.station_m) == pytest.approx(area * 0.08 * 0.9, rel=2e-3)
     assert profile.station_m[0] == 0.0
@@ -41,10 +39,10 @@ def test_height_area_and_flat_road(shape, area: float) -> None:
 
 @pytest.mark.parametrize(
     ("shape", "quarter"),
-    [(raised_cosine, 0.5), (half_sine, np.sqrt(0.5)), (parabolic, 0.75), (trapezoid, 0.75), (plank, 1.0)],
+    [(raised_cosine, 0.5), (half_sine, np.sqrt(0.5)), (parabolic, 0.75), (trapezoid, 0.75)],
 )
 def test_quarter_height_and_symmetry(shape, quarter: float) -> None:
-    profile = shape(0.08, 0.8, step_m=0.001)
+    profile = shape(0.08, 0.8)
     at = np.interp([0.5, 0.9], profile.station_m, profile.height_m)
     np.testing.assert_allclose(at, 0.08 * quarter, rtol=1e-9)
 
@@ -78,13 +76,6 @@ def test_trapezoid_ramps_and_top() -> None:
     assert np.sum(profile.height_m > 0.075 - 1e-12) * 0.002 == pytest.approx(2.2, abs=0.005)
 
 
-def test_plank_steps_down_within_one_station() -> None:
-    profile = plank(0.075, 0.3)
-    assert set(np.unique(profile.height_m)) == {0.0, 0.075}
-    assert np.count_nonzero(profile.height_m) == 151
-    assert profile.length_m == pytest.approx(0.3, abs=1e-9)
-
-
 @pytest.mark.parametrize("kind", ["linear", "pchip"])
 def test_points_are_passed_through(kind) -> None:
     station, height = np.array([10.0, 10.2, 10.5, 10.9, 11.0]), np.array([0.0, 0.04, 0.08, 0.02, 0.0])
@@ -101,8 +92,8 @@ def test_points_are_passed_through(kind) -> None:
         (lambda: raised_cosine(-0.08, 0.9), "height"),
         (lambda: raised_cosine(0.08, 0.0), "length"),
         (lambda: raised_cosine(0.08, float("nan")), "length"),
-        (lambda: half_sine(0.08, 0.9, step_m=0.5), "smaller step"),
-        (lambda: half_sine(0.08, 0.9, step_m=1e-7), "larger step"),
+        (lambda: half_sine(0.08, 0.005), "too short"),
+        (lambda: half_sine(0.08, 3000.0), "more than a million"),
         (lambda: half_sine(80.0e-5, 0.9), "nowhere rises above 1 mm"),
         (lambda: trapezoid(0.08, 0.9, top_m=1.0), "flat top"),
         (lambda: watts(2.0, 3.0), "arc"),

@@ -9,6 +9,7 @@ import numpy as np
 from rigid_truck import AXLES, DAMPING, EMPTY, EXPONENT, STIFFNESS
 from scipy.integrate import solve_ivp
 
+from sysid.campaign.records import LoadCase
 from sysid.vehicle_model.lane_matrices import SPEED_HOLD_S
 
 SPEED_M_S = 8.0  # with steps of 1.25 ms every wheel passes exactly over the 10 mm stations
@@ -27,7 +28,6 @@ X = np.array([a.x_m for a in AXLES])
 UNSPRUNG = np.array([a.unsprung_mass_kg for a in AXLES])
 TIRE_STIFFNESS = np.array([a.tire_stiffness_N_per_m for a in AXLES])
 TIRE_DAMPING = np.array([a.tire_damping_N_s_per_m for a in AXLES])
-LOAD = np.array(EMPTY.axle_loads_kg) * 9.81
 
 
 def road(s: np.ndarray, order: int = 0) -> np.ndarray:
@@ -46,27 +46,30 @@ class Truck:
     """Quantities of the hand-written equations: statics, tire law, and the coupled mass of travel and pitch.
 
     `law` gives the suspension force from extension, rate and the state of Dahl friction elements with the slip length
-    `slip_m`.
+    `slip_m`; `load` is how the truck is loaded, its tires as stiff as ever at rest.
     """
 
     height_m: float
     law: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] = linear
     slip_m: float = 1e-3
+    load: LoadCase = EMPTY
 
     def __post_init__(self) -> None:
-        preload = LOAD - UNSPRUNG * 9.81
+        static = np.array(self.load.axle_loads_kg) * 9.81
+        preload = static - UNSPRUNG * 9.81
         cg_x = float(preload @ X / preload.sum())
-        below = np.array([a.tire_radius_m for a in AXLES]) - EMPTY.cg_height_m[0]
+        below = np.array([a.tire_radius_m for a in AXLES]) - self.load.cg_height_m[0]
         coupling = float(-(UNSPRUNG * below).sum())
-        inertia = EMPTY.pitch_inertia_kg_m2[0] + float((UNSPRUNG * below**2).sum())
-        total = EMPTY.sprung_mass_kg[0] + UNSPRUNG.sum()
+        inertia = self.load.pitch_inertia_kg_m2[0] + float((UNSPRUNG * below**2).sum())
+        total = self.load.sprung_mass_kg[0] + UNSPRUNG.sum()
         self.__dict__.update(
             cg_x=cg_x,
             below=below,
             tilt=float((preload * below).sum()),
             mass=np.array([[total, coupling], [coupling, inertia]]),
             total=total,
-            rest=EXPONENT * LOAD / TIRE_STIFFNESS,
+            static=static,
+            rest=EXPONENT * static / TIRE_STIFFNESS,
         )
 
     def signals(self, t: float, y: np.ndarray) -> dict[str, np.ndarray]:
@@ -89,7 +92,7 @@ class Truck:
         e_rate = v_rate + w_rate * (a + 4.0 * a * w - 15.0 * a * w**2) + speed * a_slope * (w + 2.0 * w**2 - 5.0 * w**3)
         x = e / self.rest
         grip = np.maximum(x, 0.0) * np.sqrt(1.1 / (np.maximum(x, 0.0) + 0.1))  # no damping off the ground
-        force = LOAD * np.sign(x) * np.abs(x) ** EXPONENT + TIRE_DAMPING * grip * e_rate
+        force = self.static * np.sign(x) * np.abs(x) ** EXPONENT + TIRE_DAMPING * grip * e_rate
         vertical = np.maximum(force, 0.0)
         push = vertical * (-slope + 3.0 * slope * w)
         right = [
@@ -97,10 +100,10 @@ class Truck:
             (pull * arm).sum() - (push * self.below).sum() - self.tilt * theta,
         ]
         xi_acceleration, theta_acceleration = np.linalg.solve(self.mass, right)
-        z_acceleration = -pull.sum() / EMPTY.sprung_mass_kg[0]
+        z_acceleration = -pull.sum() / self.load.sprung_mass_kg[0]
         return {
             "body": np.array([xi_acceleration, z_acceleration, theta_acceleration]),
-            "axle_acceleration": (vertical - LOAD + pull) / UNSPRUNG,
+            "axle_acceleration": (vertical - self.static + pull) / UNSPRUNG,
             "body_acceleration": z_acceleration - theta_acceleration * (np.array(POINTS_M) - self.cg_x),
             "tire_force": vertical,
             "horizontal_force": push,

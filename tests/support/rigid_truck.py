@@ -1,4 +1,4 @@
-"""A three-axle rigid truck, a smooth bump, and campaigns made with the model itself; every random number is seeded."""
+"""The rigid truck of `tests/data/vehicles` with exact masses, a bump, and campaigns made with the model itself."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from vehicles import example_vehicle
 
 from sysid.campaign.records import (
     EXACT_MASSES,
     Acquisition,
     AntiAliasFilter,
-    Axle,
-    Body,
     BumpRun,
     Campaign,
     Channel,
@@ -25,14 +24,10 @@ from sysid.campaign.records import (
 )
 from sysid.road.road_profile import RoadProfile
 
-AXLES = (
-    Axle("steer", 0, 0.0, 520.0, 1.7e6, 2500.0, 0.48, "leaf"),
-    Axle("drive", 0, 4.2, 980.0, 2.9e6, 3400.0, 0.50, "air", load_dependent=True),
-    Axle("tag", 0, 5.55, 760.0, 2.7e6, 3000.0, 0.50, "air", load_dependent=True),
-)
-VEHICLE = Vehicle("three-axle truck", (Body("truck"),), AXLES, tolerances=EXACT_MASSES)
-EMPTY = LoadCase("empty", (4100.0, 3300.0, 2860.0), (8000.0,), (25000.0,), (1.15,))
-LADEN = LoadCase("laden", (5400.0, 8600.0, 8260.0), (20000.0,), (46000.0,), (1.55,))
+_EXAMPLE = example_vehicle("rigid3")
+VEHICLE = replace(_EXAMPLE.vehicle, tolerances=EXACT_MASSES)
+AXLES = VEHICLE.axles
+EMPTY, LADEN = _EXAMPLE.load_cases["empty"], _EXAMPLE.load_cases["laden"]
 FILTER = AntiAliasFilter("butterworth", 4, 60.0)
 
 #: Suspensions behind every synthetic run.

@@ -20,6 +20,7 @@ from hand_written_truck import (
 )
 from rigid_truck import DAMPING, EMPTY, EXPONENT, FILTER, STIFFNESS, VEHICLE
 
+from sysid.campaign.records import LoadCase, Vehicle
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import effective_road, road_input, tire_law
 from sysid.vehicle_model.filters import discretise
@@ -40,22 +41,39 @@ def per_axle(values: np.ndarray) -> jax.Array:
 
 
 def simulated_truck(
-    step_s: float, *, law: SuspensionLaw | None = None, filtered: bool = False, speed_m_s: float = SPEED_M_S
+    step_s: float,
+    *,
+    law: SuspensionLaw | None = None,
+    filtered: bool = False,
+    speed_m_s: float = SPEED_M_S,
+    vehicle: Vehicle = VEHICLE,
+    load: LoadCase = EMPTY,
+    heights_m: tuple[float, float] = HEIGHTS_M,
 ):
     """The package's own simulation of both bumps with steps of `step_s`; linear suspensions unless `law` is given."""
     suspension = law or SuspensionLaw(per_axle(STIFFNESS), per_axle(DAMPING))
-    return truck_model(step_s, filtered=filtered)(suspension, speed_m_s)
+    model = truck_model(step_s, filtered=filtered, vehicle=vehicle, load=load, heights_m=heights_m)
+    return model(suspension, speed_m_s)
 
 
-def truck_model(step_s: float, *, filtered: bool = False, every_s: float = OUTPUT_S, duration_s: float = DURATION_S):
+def truck_model(
+    step_s: float,
+    *,
+    filtered: bool = False,
+    every_s: float = OUTPUT_S,
+    duration_s: float = DURATION_S,
+    vehicle: Vehicle = VEHICLE,
+    load: LoadCase = EMPTY,
+    heights_m: tuple[float, float] = HEIGHTS_M,
+):
     """The simulation as a function of suspension law and speed [m/s]."""
-    matrices = assemble(VEHICLE, EMPTY)
+    matrices = assemble(vehicle, load)
     lanes = lane_matrices([matrices] * 2, [(0, x) for x in POINTS_M])
     station = np.arange(-250, 300) * 0.01
-    rises = np.tile(road(station), (2, 3, 1)) * np.array(HEIGHTS_M)[:, None, None]
+    rises = np.tile(road(station), (2, 3, 1)) * np.array(heights_m)[:, None, None]
     shape = np.tile(road(station), (2, 3, 1))
     stretch = ALPHA * np.stack([shape, 2.0 * shape, -5.0 * shape, 0.0 * shape])
-    slopes = np.tile(road(station, 1), (2, 3, 1)) * np.array(HEIGHTS_M)[:, None, None]
+    slopes = np.tile(road(station, 1), (2, 3, 1)) * np.array(heights_m)[:, None, None]
     drag = np.stack([-slopes, 3.0 * slopes, 0.0 * slopes])
     table = effective_road(station, rises, stretch, drag)
     samples, substeps = round(duration_s / every_s), round(every_s / step_s)

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
+import plain_axles
 import pytest
 from rigid_truck import AXLES, EMPTY, VEHICLE
 from scipy.linalg import null_space
 
-from sysid.campaign.records import Axle, Body, LoadCase, Vehicle
+from sysid.campaign.records import Body, LoadCase, Vehicle
 from sysid.campaign.statics import chains, static_equilibrium
 from sysid.errors import CampaignError
 from sysid.vehicle_model.assembly import assemble, coordinate_names
 
-
-def axle(name: str, body: int, x: float, mass: float = 700.0) -> Axle:
-    return Axle(name, body, x, mass, 2.8e6, 3000.0, 0.5, "leaf")
-
+axle = partial(plain_axles.axle, mass=700.0)
 
 #: Two bodies and five axles; three bodies with a dolly; a truck and a second, uncoupled vehicle.
 SEMITRAILER = (

@@ -12,7 +12,7 @@ import rigid_truck
 import verification_case
 from native_engine import needs_compiler
 
-from sysid.campaign.records import AntiAliasFilter, AxleGroup, LoadCase, Vehicle
+from sysid.campaign.records import AntiAliasFilter, AxleGroup, Equaliser, LoadCase, Vehicle
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import TireLaw, effective_road, tire_law
@@ -166,6 +166,7 @@ def elements(case: Case) -> dict[str, dict]:
         "asymmetric damper": {"asymmetry": varied(2.5)},
         "friction": {"friction": varied(2000.0), "slip": varied(1e-3)},
         "spring corners": {"ramps": ramps(case, (0.012, 0.02, -0.015), 1e6)},
+        "stops": {"stops": ramps(case, (0.015, -0.018), 1.5e6)},
         "damper corners": {"rate_ramps": ramps(case, (0.1, -0.2), 1e4)},
     }
 
@@ -209,6 +210,27 @@ def test_axle_groups(both):
             mine, other = mine[:, :, :2], other[:, :, :2]
         assert_same(mine, other)
     assert_same(our_sensors, their_sensors)
+
+
+@needs_compiler
+def test_rockers_between_springs(both):
+    """A tandem whose springs share, beside a steer axle on its own, with every other element."""
+    vehicle = replace(rigid_truck.VEHICLE, equalisers=(Equaliser("tandem", (1, 2)),))
+
+    def run():
+        case = Case(vehicle, [rigid_truck.EMPTY, rigid_truck.LADEN], footprint=True, samples=300, sets=5)
+        chosen = {k: v for fields in elements(case).values() for k, v in fields.items()}
+        case.suspension = case.suspension._replace(**chosen)
+        alone = case.sensors(rigid_truck.FILTER, slice(None))
+        share = case.random.uniform(0.3, 1.0, case.suspension.stiffness.shape) * np.array([0.0, 1.0, 1.0])[:, None]
+        case.suspension = case.suspension._replace(load_share=jnp.asarray(share))
+        return case.histories(), case.sensors(rigid_truck.FILTER), alone
+
+    (ours, our_sensors, alone), (theirs, their_sensors, _) = both(run)
+    for mine, other in zip(ours, theirs, strict=True):
+        assert_same(np.asarray(mine), np.asarray(other))
+    assert_same(our_sensors, their_sensors)
+    assert (np.abs(our_sensors - alone)[:, 0, 1:3].max(axis=(0, 2)) > 1e-4).all()
 
 
 @needs_compiler

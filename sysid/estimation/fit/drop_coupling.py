@@ -18,6 +18,7 @@ from sysid.estimation.parameters.campaign_parameters import (
     GENERIC_STIFFNESS,
     best_drop_estimates,
 )
+from sysid.estimation.parameters.rockers import shares_before_data
 from sysid.sdof.analysis import axle_on_tire
 from sysid.sdof.drop_results import NOT_ALONE, DropEstimate, DropMethod, DropSummary
 from sysid.sdof.equations import corrected_damping, corrected_stiffness, paper_damping, paper_stiffness
@@ -98,8 +99,16 @@ def _small_motion(campaign: Campaign, drops: DropSummary, load_case: str) -> tup
         return np.maximum(found, 1e-3)
 
     stiffness, damping = values("stiffness"), values("damping")
-    tires = np.array([[a.tire_stiffness_N_per_m, a.tire_damping_N_s_per_m] for a in vehicle.axles]).T
-    return small_motion(vehicle, campaign.load_cases[load_case], stiffness, damping, *tires), stiffness, damping
+    tires = (
+        np.array([a.tire_stiffness_N_per_m for a in vehicle.axles]),
+        np.array([a.tire_damping_N_s_per_m for a in vehicle.axles]),
+    )
+    shares = shares_before_data(vehicle)
+    return (
+        small_motion(vehicle, campaign.load_cases[load_case], stiffness, damping, *tires, load_share=shares),
+        stiffness,
+        damping,
+    )
 
 
 def _coupling(

@@ -13,9 +13,10 @@ from sysid.estimation.fit.fit_result import FitResult, MassCheck
 from sysid.estimation.fit.minimiser import Minimum
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
-from sysid.estimation.fit.state import FitPoint, FitState
+from sysid.estimation.fit.state import FitPoint, FitState, fit_point
 from sysid.estimation.fit.thresholds import MISFIT, SOLVERS_APART_SD, STEP_HALVING
 from sysid.estimation.parameters.estimate import ParameterEstimate
+from sysid.estimation.parameters.rockers import load_shares
 from sysid.estimation.residuals.compressed import Compressed
 from sysid.estimation.residuals.histories import run_histories
 from sysid.estimation.residuals.problem import Problem
@@ -93,6 +94,7 @@ def evaluate_optimum(
         warnings=(*warnings, *_mass_warnings(checks)),
         masses=checks,
         identifiability=determined,
+        load_shares=load_shares(campaign.vehicle, estimates),
     )
     return fit, FitState(campaign, point, model)
 
@@ -105,17 +107,9 @@ def _fit_point(
     information: DataInformation,
 ) -> FitPoint:
     """All that is kept of where the fit ended, at the unknowns `vector`."""
-    model = problem.model
     parameters, motion = problem.unpack(vector)
-    return FitPoint(
-        parameters=model.parameters,
-        contact=model.felt.contact,
-        tires=model.tires,
-        target_step_s=model.target_step_s,
-        log_parameters=parameters,
-        motion=motion,
-        weights=problem.weights,
-        adjustment=adjustment.matrix,
+    return replace(
+        fit_point(problem.model, parameters, motion, problem.weights, adjustment.matrix),
         mass_response=_mass_response(parameters, effect, adjustment),
         map_following=information.map_following,
     )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from sysid.arrays import ParametersByParameters
 from sysid.estimation.parameters.estimate import ParameterEstimate
+from sysid.estimation.parameters.rockers import LoadShare
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.uncertainty.identifiability import Identifiability
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
@@ -94,7 +95,9 @@ class FitResult(Tabular):
     trust-region solver and this one, in standard deviations; `law_comparison` what was tried where linear laws did not
     do, or None; `contact_trials` the fit with every contact law where that was asked for, the result's own first;
     `masses` what the data say about declared masses, whose tolerances `covariance` holds; `identifiability` what the
-    data determine (:mod:`sysid.estimation.uncertainty.identifiability`).
+    data determine (:mod:`sysid.estimation.uncertainty.identifiability`); `load_shares` of the declared rockers between
+    springs; `undeclared_rockers` are rockers that the campaign file does not declare and the residuals ask for
+    (:mod:`sysid.estimation.fit.rocker_search`).
     """
 
     parameters: tuple[ParameterEstimate, ...]
@@ -119,6 +122,8 @@ class FitResult(Tabular):
     contact_trials: tuple[ContactTrial, ...] = ()
     masses: tuple[MassCheck, ...] = ()
     identifiability: Identifiability | None = None
+    load_shares: tuple[LoadShare, ...] = ()
+    undeclared_rockers: tuple[LoadShare, ...] = ()
 
     @property
     def laws(self) -> tuple[str, ...]:

@@ -4,7 +4,8 @@ Two sets of laws are compared under the same weights and footprint maps, those o
 
     gain = 2 (cost_poor - cost_rich) - (p_rich - p_poor) ln n
 
-with cost half the sum of squares with priors, and n the number of residuals over their variance inflation.  This is the
+with cost half the sum of squares with priors, masses and tires allowed to be a little wrong
+(:mod:`sysid.estimation.fit.law_evidence`), and n the number of residuals over their variance inflation.  This is the
 difference of the Bayesian information criterion (G. Schwarz, Estimating the dimension of a model, Annals of Statistics
 6 (1978), doi:10.1214/aos/1176344136) with an effective sample size; a gain above 10 counts as decisive (R. E. Kass and
 A. E. Raftery, Bayes factors, JASA 90 (1995), doi:10.1080/01621459.1995.10476572).
@@ -14,18 +15,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
-from sysid.campaign.records import Axle, Campaign, Vehicle
+from sysid.campaign.records import Campaign, Vehicle
 from sysid.estimation.fit.contact_trials import contact_trials
 from sysid.estimation.fit.evaluation import evaluate_optimum
 from sysid.estimation.fit.fit_result import FitResult, LawComparison, LawTrial
+from sysid.estimation.fit.law_evidence import Judged, LawEvidence
+from sysid.estimation.fit.law_families import FAMILIES, Laws, richest_laws, without_family
+from sysid.estimation.fit.law_screen import promising
 from sysid.estimation.fit.least_squares import optimise
-from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.rocker_search import undeclared_rockers
 from sysid.estimation.fit.state import FitState
-from sysid.estimation.fit.thresholds import MISFIT
+from sysid.estimation.fit.thresholds import DECISIVE, MISFIT
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters, declared_laws
 from sysid.estimation.parameters.named_priors import check_named_priors
 from sysid.estimation.parameters.suspension_elements import law_elements, law_name, quantities
@@ -34,30 +40,10 @@ from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
 from sysid.sdof.drop_results import DropSummary
 
-#: Gain in the criterion from which on a richer law is taken.
-DECISIVE = 10.0
-
-#: Elements worth trying on an axle without a declared law, by the kind of its suspension.
-CANDIDATES = {
-    "leaf": frozenset({"friction", "asymmetric_damper"}),
-    "air": frozenset({"friction", "gas_spring", "asymmetric_damper"}),
-    "other": frozenset({"friction", "asymmetric_damper"}),
-}
-
-#: What is taken away at a time: an element of all axles of one kind of suspension.
-FAMILIES = (
-    ("friction", "air"),
-    ("friction", "other"),
-    ("friction", "leaf"),
-    ("asymmetric_damper", "air"),
-    ("asymmetric_damper", "other"),
-    ("asymmetric_damper", "leaf"),
-    ("gas_spring", "air"),
-)
 #: How much clearer than decisive a test has to be for a fit without an element to be left out.
 SURE = 5.0
-
-Laws = tuple[frozenset[str], ...]
+#: A fit of its own, one to judge residuals by, or one under the weights and maps of its neighbour.
+How = Literal["final", "rough", "trial", "rough trial"]
 
 
 def fit_with_laws(
@@ -70,9 +56,10 @@ def fit_with_laws(
     """Least-squares calibration with declared suspension laws, or with the ones that the data support.
 
     Linear laws come first.  Where they leave residuals of :data:`MISFIT` times the instrument noise or more (or on
-    request) the richest candidate of every axle without a declared law is fitted; elements that the criterion does not
-    miss are taken away again, one element of one kind of suspension at a time.  Where a test on the fit at hand leaves
-    no doubt that an element is needed, no fit without it is made.
+    request), axles without a declared law get the elements that promise a decisive gain by a test on the fit at hand
+    (:mod:`sysid.estimation.fit.law_screen`); elements that the criterion does not miss are taken away again, one
+    element of one kind of suspension at a time.  Where a test leaves no doubt that an element is needed, no fit without
+    it is made.
 
     Parameters
     ----------
@@ -98,16 +85,21 @@ def fit_with_laws(
         def comparing(message: str, fraction: float) -> None:
             report(f"comparing suspension laws, {message}", fraction)
 
-        def fitted(laws: Laws, near: Optimum, *, trial: bool = False) -> Optimum:
+        def fitted(laws: Laws, near: Optimum, *, how: How = "final") -> Optimum:
+            named, trial = campaign_parameters(campaign, drops, laws), how.endswith("trial")
             # A trial keeps weights and maps of its neighbour, under which it is compared.
-            how = replace(options, weight_rounds=0, tolerance=max(options.tolerance, 1e-6)) if trial else options
-            named = campaign_parameters(campaign, drops, laws)
-            return optimise(campaign, named, profiles, how, comparing, near=near, keep_maps=trial)
+            tolerance = max(options.tolerance, 1e-3 if how == "rough trial" else 1e-6)
+            under = replace(options, weight_rounds=0, tolerance=tolerance) if trial else options
+            return optimise(
+                campaign, named, profiles, under, comparing, near=near, keep_maps=trial, rough=how == "rough"
+            )
 
         chosen, comparison = _compare(campaign, declared, rich, chosen, fitted)
     elif open_laws:
         chosen = optimise(campaign, parameters, profiles, options, report, near=chosen)
     fit, state = evaluate_optimum(campaign, chosen, options, report)
+    rockers = undeclared_rockers(campaign, chosen, drops, profiles, options, report)
+    fit = replace(fit, undeclared_rockers=rockers, warnings=(*(r.proposal for r in rockers), *fit.warnings))
     trials = contact_trials(campaign, chosen, profiles, options, report) if options.contact_spread else ()
     return replace(fit, law_comparison=comparison, contact_trials=trials), state
 
@@ -117,14 +109,6 @@ def laws_of_axles(vehicle: Vehicle, laws: Sequence[str]) -> Laws:
     owner = vehicle.suspension_axle
     law_of = dict(zip(sorted(set(owner)), laws, strict=True))
     return tuple(law_elements(law_of[i]) for i in owner)
-
-
-def richest_laws(axles: Sequence[Axle], declared: Laws) -> Laws:
-    """The candidates of every axle without a declared law; the declared law of all others."""
-    return tuple(
-        law if axle.suspension_law is not None else law | CANDIDATES[axle.suspension]
-        for axle, law in zip(axles, declared, strict=True)
-    )
 
 
 def check_priors(campaign: Campaign) -> None:
@@ -151,38 +135,59 @@ def _compare(
     fitted: Callable[..., Optimum],
 ) -> tuple[Optimum, LawComparison]:
     """The preferred laws' optimum and all trials; every gain is over the laws of the campaign file."""
-    rich = fitted(rich_laws, poor)
+    rich_laws, rich = _enriched(campaign, poor_laws, rich_laws, poor, fitted)
+    if rich is None:
+        optimum = fitted(poor_laws, poor)
+        cost, names = optimum.minimum.cost, _names(poor_laws)
+        return optimum, LawComparison((LawTrial(names, optimum.problem.count, cost, optimum.misfit, 0.0),), names)
+    data = LawEvidence(campaign, rich)
     # Under the weights and maps of the rich laws, as all trials.
-    base = fitted(poor_laws, rich, trial=True)
-    size = effective_residuals(rich)
+    best_laws, best, size = rich_laws, data.judge(rich), effective_residuals(rich)
+    # Where nobody doubts the result, what the poor laws cost need not be known to the last.
+    sure = _sure(best, rich_laws, poor_laws, size)
+    base = data.judge(fitted(poor_laws, rich, how="rough trial" if sure else "trial"))
 
-    def gain_over(other: Optimum, optimum: Optimum) -> float:
-        extra = optimum.problem.count - other.problem.count
-        return float(2.0 * (other.minimum.cost - optimum.minimum.cost) - extra * np.log(size))
+    def gain_over(other: Judged, optimum: Judged) -> float:
+        extra = optimum.count - other.count
+        return float(2.0 * (other.evidence.cost - optimum.evidence.cost) - extra * np.log(size))
 
-    trials = [LawTrial(_names(poor_laws), base.problem.count, base.minimum.cost, poor.misfit, 0.0)]
-    best_laws, best = rich_laws, rich
-    trials.append(_trial(rich_laws, rich, gain_over(base, rich)))
-    for element, suspension in FAMILIES:
-        without = tuple(
-            law - ({element} - declared) if axle.suspension == suspension else law
-            for axle, law, declared in zip(campaign.vehicle.axles, best_laws, poor_laws, strict=True)
-        )
-        if without in (best_laws, poor_laws) or _sure(campaign, best, best_laws, without, size):
+    trials = [LawTrial(_names(poor_laws), base.count, base.evidence.cost, poor.misfit, 0.0)]
+    trials.append(_trial(rich_laws, best, gain_over(base, best)))
+    for family in FAMILIES:
+        without = without_family(campaign.vehicle.axles, best_laws, poor_laws, family)
+        if without in (best_laws, poor_laws) or _sure(best, best_laws, without, size):
             continue
-        candidate = fitted(without, best, trial=True)
+        candidate = data.judge(fitted(without, best.optimum, how="trial"))
         trials.append(_trial(without, candidate, gain_over(base, candidate)))
         if gain_over(candidate, best) < DECISIVE:
             best_laws, best = without, candidate
+    chosen = best.optimum
     if gain_over(base, best) < DECISIVE:
-        best_laws, best = poor_laws, fitted(poor_laws, poor)
-    elif best is not rich:
+        best_laws, chosen = poor_laws, fitted(poor_laws, poor)
+    elif chosen is not rich:
         # The trial ran under the rich laws' weights; the result stands on its own.
-        best = fitted(best_laws, best)
-    return best, LawComparison(tuple(trials), _names(best_laws))
+        chosen = fitted(best_laws, chosen)
+    return chosen, LawComparison(tuple(trials), _names(best_laws))
 
 
-def _sure(campaign: Campaign, optimum: Optimum, laws: Laws, without: Laws, size: float) -> bool:
+def _enriched(
+    campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum, fitted: Callable[..., Optimum]
+) -> tuple[Laws, Optimum | None]:
+    """Laws with all elements that promise a decisive gain, and their optimum; None where none does.
+
+    What is promised is judged anew at the optimum of the laws that promised most.
+    """
+    start = laws
+    while True:
+        added = promising(campaign, laws, rich_laws, optimum)
+        if not added:
+            break
+        laws = tuple(law | more for law, more in zip(laws, added, strict=True))
+        optimum = fitted(laws, optimum, how="rough")
+    return laws, (None if laws == start else fitted(laws, optimum))
+
+
+def _sure(judged: Judged, laws: Laws, without: Laws, size: float) -> bool:
     """Whether elements are needed beyond doubt, so that no fit without them has to be made.
 
     By Wald's test (A. Wald, Tests of statistical hypotheses concerning several parameters, Transactions of the American
@@ -191,6 +196,7 @@ def _sure(campaign: Campaign, optimum: Optimum, laws: Laws, without: Laws, size:
     of v.  Far from the optimum the cost is no parabola: only :data:`SURE` times what decides is beyond doubt.
     """
     gone = [more - less for more, less in zip(laws, without, strict=True)]
+    optimum = judged.optimum
     parameters = optimum.problem.model.parameters.parameters
     index, distance = [], []
     for position, p in enumerate(parameters):
@@ -204,26 +210,17 @@ def _sure(campaign: Campaign, optimum: Optimum, laws: Laws, without: Laws, size:
                 distance.append(1.0 - q.neutral / value)
     if not index:
         return False
-    jacobian = optimum.problem.compressed(optimum.vector).jacobian
-    covariance = np.linalg.inv(jacobian.T @ jacobian)[np.ix_(index, index)]
+    covariance = judged.evidence.covariance[np.ix_(index, index)]
     rise = float(np.array(distance) @ np.linalg.solve(covariance, distance))
     return bool(rise > SURE * (DECISIVE + len(index) * np.log(size)))
-
-
-def effective_residuals(optimum: Optimum) -> float:
-    """Number of residuals over their variance inflation, summed over channels and runs."""
-    total = 0.0
-    for group, tempering in zip(optimum.problem.model.groups, optimum.problem.weights.tempering, strict=True):
-        total += float((group.measured.sum(axis=0) * tempering**2).sum())
-    return max(total, 2.0)
 
 
 def _names(laws: Laws) -> tuple[str, ...]:
     return tuple(law_name(law) for law in laws)
 
 
-def _trial(laws: Laws, optimum: Optimum, gain: float) -> LawTrial:
-    problem = optimum.problem
+def _trial(laws: Laws, judged: Judged, gain: float) -> LawTrial:
+    optimum, problem = judged.optimum, judged.optimum.problem
     weights = reweighted(problem, problem.linearise(optimum.vector))
     misfit = replace(optimum, problem=problem.with_weights(weights)).misfit
-    return LawTrial(_names(laws), problem.count, optimum.minimum.cost, misfit, gain)
+    return LawTrial(_names(laws), problem.count, judged.evidence.cost, misfit, gain)

@@ -34,6 +34,8 @@ from sysid.vehicle_model.lanes import MapTires
 #: optimum under them.
 _MAPS = 5
 _ROUGH_TOLERANCE = 1e-5
+#: Laws that do not suit a truck are not fitted to the last: what richer ones promise shows long before.
+_FIRST_SIGHT, _FIRST_ITERATIONS = 1e-3, 15
 
 
 def fit_bump_runs(
@@ -86,7 +88,8 @@ def optimise(
     ----------
     near : optimum of other laws on the same campaign to start from: its motions, weights and common parameters.
     keep_maps : keep the footprint maps of `near`.
-    rough : end before the last search, under the weights of one round: enough to judge residuals by.
+    rough : end before the last search, under the weights of one round and maps made again once: enough to judge
+        residuals by.
     """
     report("preparing the model", 0.0)
 
@@ -99,6 +102,8 @@ def optimise(
     hasty = replace(
         options, weight_rounds=min(options.weight_rounds, 1), tolerance=max(options.tolerance, _ROUGH_TOLERANCE)
     )
+    if rough:
+        hasty = replace(hasty, tolerance=_FIRST_SIGHT, max_iterations=min(options.max_iterations, _FIRST_ITERATIONS))
     how = hasty if again or rough else options
     if near is None:
         model = prepared(None)
@@ -111,7 +116,7 @@ def optimise(
         optimum = optimise_from(campaign, model, motion, near.instrument, start, how, report, weights=weights)
     if not again:
         return optimum
-    for _ in range(_MAPS - 1):
+    for _ in range(1 if rough else _MAPS - 1):
         optimum = _with_own_maps(campaign, optimum, prepared, hasty, report)
         tires = optimum.problem.model.tires
         assert tires is not None

@@ -31,3 +31,11 @@ class Optimum:
         pairs = zip(self.problem.weights.noise_sd, self.instrument, strict=True)
         known = [(n, i, np.isfinite(n) & np.isfinite(i)) for n, i in pairs]
         return float(np.median(np.concatenate([n[k] / i[k] for n, i, k in known])))
+
+
+def effective_residuals(optimum: Optimum) -> float:
+    """Number of residuals over their variance inflation, summed over channels and runs."""
+    total = 0.0
+    for group, tempering in zip(optimum.problem.model.groups, optimum.problem.weights.tempering, strict=True):
+        total += float((group.measured.sum(axis=0) * tempering**2).sum())
+    return max(total, 2.0)

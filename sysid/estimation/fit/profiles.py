@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 STEPS = (-3.0, -2.25, -1.5, -0.75, 0.75, 1.5, 2.25, 3.0)
 #: 90 % quantile of chi-square with one degree of freedom.
 LIMIT = Z90**2
+_MOST_ITERATIONS = 30
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,6 @@ def profile_deviance(
     values: np.ndarray,
     *,
     relative_tolerance: float = 1e-7,
-    max_iterations: int = 30,
     on_value: Callable[[int], None] = lambda done: None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Deviance (n,) at `values` (n,) of unknown `index`, all others at their best, and whether each search converged.
@@ -101,7 +101,9 @@ def profile_deviance(
                 residual, jacobian = evaluate(whole)
                 return residual, jacobian[:, free]
 
-            minimum = minimise(fixed, start[free], relative_tolerance=relative_tolerance, max_iterations=max_iterations)
+            minimum = minimise(
+                fixed, start[free], relative_tolerance=relative_tolerance, max_iterations=_MOST_ITERATIONS
+            )
             at = start.copy()
             at[free] = minimum.point
             deviance[k], converged[k] = 2.0 * minimum.cost - lowest, minimum.converged

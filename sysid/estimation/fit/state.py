@@ -74,6 +74,26 @@ class FitState:
         return Problem(self.model, self.campaign, self.point.motion, self.point.weights)
 
 
+def fit_point(
+    model: BumpModel,
+    log_parameters: Parameters,
+    motion: RunMotion,
+    weights: Weights,
+    adjustment: ParametersByParameters,
+) -> FitPoint:
+    """What is kept of a fit of `model`, with exact masses."""
+    return FitPoint(
+        parameters=model.parameters,
+        contact=model.felt.contact,
+        tires=model.tires,
+        target_step_s=model.target_step_s,
+        log_parameters=log_parameters,
+        motion=motion,
+        weights=weights,
+        adjustment=adjustment,
+    )
+
+
 def restored(campaign: Campaign, profiles: Mapping[str, RoadProfile], point: FitPoint) -> FitState:
     """The fit of a campaign from what was kept of it.
 
@@ -101,14 +121,4 @@ def state_at(
     campaign: Campaign, model: BumpModel, log_parameters: Parameters, motion: RunMotion, weights: Weights
 ) -> FitState:
     """A fit that ended at log parameters (p,) and run motions with exact masses and independent noise."""
-    point = FitPoint(
-        parameters=model.parameters,
-        contact=model.felt.contact,
-        tires=model.tires,
-        target_step_s=model.target_step_s,
-        log_parameters=log_parameters,
-        motion=motion,
-        weights=weights,
-        adjustment=np.eye(log_parameters.size),
-    )
-    return FitState(campaign, point, model)
+    return FitState(campaign, fit_point(model, log_parameters, motion, weights, np.eye(log_parameters.size)), model)

@@ -10,3 +10,6 @@ MISFIT = 1.3
 STEP_HALVING = 2e-3
 #: Distance [sd] between the optimum and that of an independent solver.
 SOLVERS_APART_SD = 0.5
+#: Gain in the information criterion from which on something richer is taken (R. E. Kass and A. E. Raftery, Bayes
+#: factors, JASA 90 (1995), doi:10.1080/01621459.1995.10476572).
+DECISIVE = 10.0

@@ -13,7 +13,8 @@ import numpy as np
 from sysid.campaign.records import Axle, Campaign, LeafDimensions, PriorOverride, Vehicle
 from sysid.errors import CampaignError
 from sysid.estimation.parameters.named_priors import with_named_priors
-from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet, PriorLink
+from sysid.estimation.parameters.parameter_set import SHARE_ODDS, Parameter, ParameterSet, PriorLink
+from sysid.estimation.parameters.rockers import share_name
 from sysid.estimation.parameters.suspension_elements import ELEMENTS, LINEAR, law_elements, law_name, quantities
 from sysid.sdof.drop_results import DropEstimate, DropSummary
 
@@ -36,6 +37,10 @@ TIRE_EXPONENT = (1.2, 0.08)
 AIR_LOAD_EXPONENT = (0.7, 0.35)
 #: Smallest standard deviation of such a link, for load cases of nearly the same load.
 AIR_LINK_LEAST_SD = 0.05
+
+#: Odds s / (1 - s) of a rocker's load share and their log sd: half shared, and 95 % of the prior from 0.02 to 0.98, so
+#: that nothing but the data says how much friction in the rocker leaves of the sharing (an assumption).
+SHARE_ODDS_PRIOR = (1.0, 2.0)
 
 #: Young's modulus of spring steel [Pa] (material data), and the spread of the leaf formula about real packs, an
 #: assumption: clamped length, full-length leaves and shackles.
@@ -123,6 +128,12 @@ def campaign_parameters(
     for i in suspended:
         parameters.append(replace(_suspension_parameter(vehicle, i, "damping", drops, first), law=law_name(laws[i])))
     parameters += _element_parameters(campaign, laws)
+    median, sd = SHARE_ODDS_PRIOR
+    parameters += [
+        Parameter(share_name(rocker.name), SHARE_ODDS, "1", median, median, sd, axle=rocker.axles[0])
+        for rocker in vehicle.equalisers
+        if rocker.load_share is None
+    ]
     for i, axle in enumerate(vehicle.axles):
         median, sd = _override(axle, "tire_stiffness", axle.tire_stiffness_N_per_m, TIRE_STIFFNESS_SD)
         parameters.append(Parameter(f"kt_{i + 1}", "tire_stiffness", "N/m", median, median, sd, axle=i))

@@ -12,7 +12,7 @@ import numpy as np
 from sysid.arrays import Axles, RunsByAxles
 from sysid.campaign.records import Vehicle
 from sysid.campaign.statics import carried_by_suspensions
-from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.parameters.parameter_set import SHARE_ODDS, ParameterSet
 from sysid.estimation.parameters.suspension_curves import (
     SuspensionCurves,
     joined,
@@ -38,13 +38,23 @@ class ElementIndex(NamedTuple):
     neutral: Axles
 
 
+class RockerShares(NamedTuple):
+    """Load share of every axle's rocker, (na,): the position of its odds in the parameter vector, else a fixed value.
+
+    Axles with position -1 take the fixed share: 0 without a rocker.
+    """
+
+    position: Axles
+    fixed: Axles
+
+
 class LawInputs(NamedTuple):
     """What turns parameters into laws; positions in the parameter vector and constants of R lanes.
 
     `stiffness` (R, na); `damping`, `tire_stiffness`, `tire_damping` (na,); `exponent` (); `elements` by quantity;
     `curves` declared by the campaign file; `static_load`, `reference_load`, `carried_load` (R, na, 1) [N]: road load in
     its lane and in the first load case, load on the suspension; `load_growth` (R, na, 1) the latter over that in the
-    first load case; `tire_factor` (R, na, 1) on a lane's tire stiffness.
+    first load case; `tire_factor` (R, na, 1) on a lane's tire stiffness; `shares` of rockers, None without any.
     """
 
     stiffness: RunsByAxles
@@ -59,6 +69,7 @@ class LawInputs(NamedTuple):
     carried_load: np.ndarray
     load_growth: np.ndarray
     tire_factor: np.ndarray
+    shares: RockerShares | None = None
 
 
 def stiffness_positions(parameters: ParameterSet, axles: int, load_cases: list[str]) -> np.ndarray:
@@ -99,7 +110,21 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_ca
         carried,
         carried / reference[..., None],
         np.ones_like(carried),
+        _rocker_shares(vehicle, parameters),
     )
+
+
+def _rocker_shares(vehicle: Vehicle, parameters: ParameterSet) -> RockerShares | None:
+    if not vehicle.equalisers:
+        return None
+    shares = RockerShares(np.full(len(vehicle.axles), -1), np.zeros(len(vehicle.axles)))
+    for rocker in vehicle.equalisers:
+        members = list(rocker.axles)
+        if rocker.load_share is None:
+            shares.position[members] = parameters.index(SHARE_ODDS, members[0])
+        else:
+            shares.fixed[members] = rocker.load_share
+    return shares
 
 
 def lane_laws(inputs: LawInputs, log_parameters: ParametersBySets) -> tuple[SuspensionLaw, TireLaw]:
@@ -131,12 +156,15 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: AxleLanes, damp
         if q.field is not None and value is not None:
             loads = (inputs.carried_load, inputs.load_growth)
             given[q.field] = value if q.coefficient is None else q.coefficient(value, stiffness, *loads)
+    if inputs.shares is not None:
+        position, fixed = inputs.shares
+        odds = values[position]
+        share = jnp.where(position[:, None] >= 0, odds / (1.0 + odds), fixed[:, None])
+        given["load_share"] = jnp.broadcast_to(share, stiffness.shape)
     curves, ramps, base, stop = inputs.curves, [], stiffness, element("stop_stiffness")
     if curves.spring is not None:
         ramps.append(table_ramps(curves.spring, stiffness))
         base = stiffness * curves.spring.share
-    if curves.stops is not None and stop is not None:
-        ramps.append(stop_ramps(curves.stops, stop))
     if curves.lash is not None:
         ramps.append(lash_ramps(curves.lash, stiffness, inputs.carried_load))
     damper = curves.damper
@@ -144,6 +172,7 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: AxleLanes, damp
         base,
         damping if damper is None else damping * damper.share,
         ramps=joined(ramps),
+        stops=None if curves.stops is None or stop is None else stop_ramps(curves.stops, stop),
         rate_ramps=None if damper is None else table_ramps(damper, damping),
         **given,
     )

@@ -10,15 +10,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+#: Quantity of a rocker's load share s: its odds s / (1 - s), positive as all parameters are.
+SHARE_ODDS = "load_share_odds"
+
 
 @dataclass(frozen=True)
 class Parameter:
     """One global parameter: value and description are kept apart.
 
-    `quantity` is ``stiffness``, ``damping``, ``tire_stiffness``, ``tire_damping``, ``tire_exponent`` or one of the
-    quantities of :mod:`sysid.estimation.parameters.suspension_elements`; `axle` its axle index, None for a property of
-    all axles; `load_case` None means shared by all load cases.  `start` and `prior_median` in `unit`; `prior_sd` is the
-    standard deviation of the logarithm.
+    `quantity` is ``stiffness``, ``damping``, ``tire_stiffness``, ``tire_damping``, ``tire_exponent``,
+    ``load_share_odds`` of a rocker (at its first axle) or one of the quantities of
+    :mod:`sysid.estimation.parameters.suspension_elements`; `axle` its axle index, None for a property of all axles;
+    `load_case` None means shared by all load cases.  `start` and `prior_median` in `unit`; `prior_sd` is the standard
+    deviation of the logarithm.
     """
 
     name: str

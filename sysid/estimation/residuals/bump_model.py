@@ -96,11 +96,6 @@ class BumpModel:
     target_step_s: float
     tires: MapTires | None = None
 
-    @property
-    def run_count(self) -> int:
-        """Number of runs in all groups."""
-        return sum(len(g.runs) for g in self.groups)
-
     def with_substeps(self, factor: int) -> BumpModel:
         """The same model with every sample interval cut into `factor` times as many steps."""
         shapes = tuple(s._replace(substeps=s.substeps * factor) for s in self.shapes)

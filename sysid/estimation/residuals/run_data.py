@@ -13,6 +13,8 @@ from sysid.errors import DataRejectedError
 
 #: Share of the interval by which stamps may depart from an even grid and count as even.
 _EVEN = 0.02
+#: Runs of one group differ in length by less than this share.
+_WASTE = 0.15
 
 
 @dataclass(frozen=True)
@@ -109,8 +111,8 @@ def on_grid(channel: Channel, samples: int, interval_s: float) -> tuple[np.ndarr
     return value, measured, censored
 
 
-def group_runs(campaign: Campaign, layout: ChannelLayout, *, waste: float = 0.15) -> tuple[RunGroup, ...]:
-    """Group runs whose lengths differ by less than `waste`, so that padding costs little simulation time.
+def group_runs(campaign: Campaign, layout: ChannelLayout) -> tuple[RunGroup, ...]:
+    """Group runs whose lengths differ by less than `_WASTE`, so that padding costs little simulation time.
 
     Raises
     ------
@@ -130,7 +132,7 @@ def group_runs(campaign: Campaign, layout: ChannelLayout, *, waste: float = 0.15
         if members:
             head = members[-1][0]
             same = np.isclose(runs[head].log.sample_interval_s, runs[i].log.sample_interval_s)
-            if same and count[i] >= (1.0 - waste) * count[head]:
+            if same and count[i] >= (1.0 - _WASTE) * count[head]:
                 members[-1].append(i)
                 continue
         members.append([i])

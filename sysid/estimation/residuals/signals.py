@@ -16,15 +16,7 @@ from sysid.threads import side_by_side
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import WheelRoad
-from sysid.vehicle_model.engines.reference import REFERENCE
 from sysid.vehicle_model.lane_arrays import ChannelHistories, HostOrDevice, ParametersBySets
-
-
-def group_road(
-    road: EffectiveRoad, axle_x: HostOrDevice, speed: HostOrDevice, start_s: HostOrDevice, shape: GroupShape
-) -> WheelRoad:
-    """The road of a group for the reference engine: speeds [m/s] and starts [s] may be (R, S), one for every set."""
-    return REFERENCE.prepare(road, axle_x, speed, start_s, shape.timing)
 
 
 def wheel_road(

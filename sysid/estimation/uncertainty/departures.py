@@ -24,15 +24,10 @@ from sysid.road.enveloping import FootprintMap
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass
 
+#: Kinds of departures: how the tire envelops the bump (share of the way to another contact law); size of the footprint
+#: (logarithm of the tire stiffness that it belongs to); how single spokes stiffen (exponent beyond that of the law);
+#: tire stiffness in a further load case, and friction over the carried load (logarithms).
 ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD, FRICTION = "envelope", "footprint", "spokes", "tire_load", "friction"
-#: What the kinds are, for people.
-WORDS = {
-    ENVELOPE: "how the tire envelops the bump, as a share of the way to another contact law",
-    FOOTPRINT: "size of the footprint, as the logarithm of the tire stiffness that it belongs to",
-    SPOKES: "how single spokes of the tire stiffen, exponent beyond the one that the tire's load law has them have",
-    TIRE_LOAD: "tire stiffness in a further load case, logarithm over that of one exponent for all",
-    FRICTION: "Coulomb friction of the suspension over the load that it carries",
-}
 #: Amplitudes at which the directions are taken: large against rounding, small against what bends the simulation.
 STEP = {ENVELOPE: 0.1, FOOTPRINT: 0.02, SPOKES: 0.02, TIRE_LOAD: 0.01, FRICTION: 0.005}
 #: No draw of a vehicle departs further than this, two to three and a third times the scale that is plausible without

@@ -12,6 +12,7 @@ is the covariance of the fit.
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +24,7 @@ from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import departure_columns, departure_scale
 from sysid.estimation.uncertainty.map_following import map_following
 from sysid.estimation.uncertainty.mass_effect import MassEffect, mass_columns, mass_effect, shift_by_masses
-from sysid.estimation.uncertainty.residual_columns import joined, with_columns
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, joined, with_columns
 from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, block_scores
 
 
@@ -61,20 +62,40 @@ class DataInformation:
         return np.linalg.inv(self.precision(more) + self.prior)
 
 
-def adjusted_information(
-    campaign: Campaign, problem: Problem, vector: UnknownsOfFit, allowances: Allowances
-) -> tuple[Adjustment, MassEffect, DataInformation]:
-    """Sandwich over blocks (one channel in all repeats of one case) and over tolerances of masses, and its parts.
+@dataclass(frozen=True)
+class BlockInformation:
+    """Scores and information of p parameters and m further unknowns, runs' own speeds and starts eliminated.
 
-    Both speak of an optimum whose footprint maps follow its tires (:func:`sysid.estimation.uncertainty.map_following`).
+    `matrix` (p + m, p + m); `scores` (n, p + m) of single runs and channels, and for each the block it belongs to
+    (`blocks`: one channel in all repeats of one case).
     """
+
+    matrix: np.ndarray
+    scores: np.ndarray
+    blocks: tuple[Hashable, ...]
+
+    @property
+    def score(self) -> np.ndarray:
+        """Gradient (p + m,) of half the sum of squares of the data."""
+        return np.asarray(self.scores.sum(axis=0))
+
+
+def allowance_columns(problem: Problem, vector: UnknownsOfFit, allowances: Allowances) -> tuple[ResidualColumns, ...]:
+    """Derivatives of every group's residuals by masses, then departures."""
     parameters, motion = problem.unpack(vector)
-    masses, departures = allowances.masses, allowances.departures
-    by_masses = mass_columns(problem.model, masses, problem.weights, parameters, motion)
-    departed = departure_columns(problem.model, departures, problem.weights, parameters, motion)
-    columns = joined(by_masses, departed)
-    scores, keys = [], []
-    count, shared = problem.count, problem.count + columns[0].gain.shape[-1]
+    by_masses = mass_columns(problem.model, allowances.masses, problem.weights, parameters, motion)
+    departed = departure_columns(problem.model, allowances.departures, problem.weights, parameters, motion)
+    return joined(by_masses, departed)
+
+
+def information_with(
+    campaign: Campaign, problem: Problem, vector: UnknownsOfFit, columns: Sequence[ResidualColumns]
+) -> BlockInformation:
+    """Information of the data about parameters, then the unknowns of further columns."""
+    _, motion = problem.unpack(vector)
+    scores: list[np.ndarray] = []
+    blocks: list[Hashable] = []
+    shared = problem.count + columns[0].gain.shape[-1]
     information = np.zeros((shared, shared))
     for group, lin in zip(problem.model.groups, with_columns(problem.linearise(vector), columns), strict=True):
         runs = list(group.runs)
@@ -93,24 +114,39 @@ def adjusted_information(
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
             used = group.measured[:, r].any(axis=0)
             scores += [run_scores[r, c] for c in np.flatnonzero(used)]
-            keys += [(*case, int(c)) for c in np.flatnonzero(used)]
+            blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
+    return BlockInformation(information, np.array(scores), tuple(blocks))
+
+
+def adjusted_information(
+    campaign: Campaign, problem: Problem, vector: UnknownsOfFit, allowances: Allowances
+) -> tuple[Adjustment, MassEffect, DataInformation]:
+    """Sandwich over blocks (one channel in all repeats of one case) and over tolerances of masses, and its parts.
+
+    Both speak of an optimum whose footprint maps follow its tires (:func:`sysid.estimation.uncertainty.map_following`).
+    """
+    masses, departures = allowances.masses, allowances.departures
+    count = problem.count
+    data = information_with(campaign, problem, vector, allowance_columns(problem, vector, allowances))
+    information, score, scores = data.matrix, data.score, data.scores
+    shared = information.shape[0]
+    parameters, _ = problem.unpack(vector)
     rows, _ = problem.model.parameters.prior_rows()
     prior_precision, mass_sd = rows.T @ rows, masses.sd
-    score = np.sum(scores, axis=0)
     scale = departure_scale(information, score, prior_precision, mass_sd, departures.directions)
     effect = mass_effect(information, score, prior_precision, np.concatenate([mass_sd, scale.sd]))
-    parameter_scores, data = np.array(scores)[:, :count], information[:count, :count]
-    adjustment = adjust(parameter_scores, keys, data, effect.scatter)
+    parameter_scores, by_parameters = scores[:, :count], information[:count, :count]
+    adjustment = adjust(parameter_scores, data.blocks, by_parameters, effect.scatter)
     follow = np.eye(count)
     if problem.model.tires is not None and departures.directions:
         chosen = [*range(count), *range(count + mass_sd.size, shared)]
         follow = map_following(
             information[np.ix_(chosen, chosen)], problem.model.parameters, parameters, departures.directions
         )
-        adjustment = adjustment.after(follow, data)
+        adjustment = adjustment.after(follow, by_parameters)
         effect = replace(effect, by_data=np.linalg.solve(follow, effect.by_data))
     with_masses = count + mass_sd.size
     cross = information[:count, count:with_masses] * mass_sd
-    blocks = adjust(parameter_scores, keys, data, effect.scatter - cross @ cross.T).matrix
+    blocks = adjust(parameter_scores, data.blocks, by_parameters, effect.scatter - cross @ cross.T).matrix
     kept = information[:with_masses, :with_masses]
     return adjustment, effect, DataInformation(kept, blocks, prior_precision, mass_sd, follow)

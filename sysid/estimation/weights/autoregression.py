@@ -78,15 +78,13 @@ def bridged(measured: np.ndarray, residual: np.ndarray) -> np.ndarray:
     return filled
 
 
-def fitted_autoregression(
-    measured: np.ndarray, residual: np.ndarray, lags: int, max_order: int = MAX_ORDER
-) -> Autoregression:
+def fitted_autoregression(measured: np.ndarray, residual: np.ndarray, lags: int) -> Autoregression:
     """Autoregressive models of residuals (T, ...), gaps bridged, by :func:`autoregression`."""
     full = bridged(measured, residual)
     everywhere = np.ones(residual.shape, bool)
     # Products over their full number fall off with the lag: so they stay positive definite.
     taper = (1.0 - np.arange(lags) / residual.shape[0]).reshape(-1, *[1] * (residual.ndim - 1))
-    return autoregression(autocorrelation(everywhere, full, lags) * taper, measured.sum(axis=0), max_order)
+    return autoregression(autocorrelation(everywhere, full, lags) * taper, measured.sum(axis=0))
 
 
 def autoregression(correlation: np.ndarray, count: np.ndarray, max_order: int = MAX_ORDER) -> Autoregression:

@@ -26,7 +26,7 @@ from sysid.vehicle_model.native.buffers import COORDINATES, ELEMENTS, MAX_AXLES,
 from sysid.vehicle_model.native.kernel import Call
 from sysid.vehicle_model.readings import Readings
 from sysid.vehicle_model.simulation import Histories, SensorLayout
-from sysid.vehicle_model.suspension import SuspensionLaw
+from sysid.vehicle_model.suspension import Ramps, SuspensionLaw
 
 _NOTHING = np.zeros(0)
 
@@ -143,10 +143,7 @@ def _call(
     more: dict[str, Any] | None = None,
 ) -> Call:
     suspension, tire = laws
-    present, ramps = (
-        _elements(suspension),
-        [0 if r is None else len(r.at) for r in (suspension.ramps, suspension.rate_ramps)],
-    )
+    present, ramps = _elements(suspension), [0 if r is None else len(r.at) for r in _corners(suspension)]
     arrays = _lane_arrays(lanes) | _road_arrays(road) | _filter_arrays(recursion) | _law_arrays(suspension, tire)
     rows, runs, axles, sets = arrays["laws"].shape
     sizes = {
@@ -170,7 +167,8 @@ def _call(
         "growth": np.float64(tire.growth),
         "elements": np.int64(sum(1 << bit for bit, name in enumerate(ELEMENTS) if name in present)),
         "ramps": np.int64(ramps[0]),
-        "rate_ramps": np.int64(ramps[1]),
+        "stops": np.int64(ramps[1]),
+        "rate_ramps": np.int64(ramps[2]),
         "deflection_axles": np.array(layout.deflection_axles, np.int64),
         "acceleration_axles": np.array(layout.acceleration_axles, np.int64),
     }
@@ -180,8 +178,10 @@ def _call(
 def _lane_arrays(lanes: LaneMatrices) -> dict[str, Any]:
     names = ("position", "rate", "acceleration", "inverse_unsprung", "static_load", "body_rows")
     beams = (_NOTHING,) * 4 if lanes.beams is None else lanes.beams
-    return {name: getattr(lanes, name) for name in names} | dict(
-        zip(("wheel", "tire_push", "beam_pull", "carries"), beams, strict=True)
+    return (
+        {name: getattr(lanes, name) for name in names}
+        | dict(zip(("wheel", "tire_push", "beam_pull", "carries"), beams, strict=True))
+        | {"sharing": _NOTHING if lanes.sharing is None else lanes.sharing}
     )
 
 
@@ -211,6 +211,11 @@ def _elements(law: SuspensionLaw) -> tuple[str, ...]:
     return tuple(n for n, fields in ELEMENTS.items() if all(getattr(law, field) is not None for field in fields))
 
 
+def _corners(law: SuspensionLaw) -> tuple[Ramps | None, ...]:
+    """Ramps of a law in the order in which they cross."""
+    return law.ramps, law.stops, law.rate_ramps
+
+
 def _law_arrays(suspension: SuspensionLaw, tire: TireLaw) -> dict[str, jax.Array]:
     """Laws of all lanes as rows; elements that no axle has are left out."""
     shape = suspension.stiffness.shape
@@ -227,7 +232,7 @@ def _law_arrays(suspension: SuspensionLaw, tire: TireLaw) -> dict[str, jax.Array
     known = suspension._asdict() | tires
     rows = [row(known[name]) for name in law_rows(_elements(suspension))]
     sides = []
-    for ramps in (suspension.ramps, suspension.rate_ramps):
+    for ramps in _corners(suspension):
         for at, slope, side in [] if ramps is None else zip(*ramps, strict=True):
             rows += [row(at), row(slope)]
             sides.append(row(side))

@@ -78,7 +78,8 @@ BLOCKS: dict[str, tuple[Buffer, ...]] = {
         Buffer("tire_push", ("R", "na", "na"), "`tire` of LaneBeams, empty without axle groups", True),
         Buffer("beam_pull", ("R", "na", "na"), "`pull` of LaneBeams, empty without axle groups", True),
         Buffer("carries", ("R", "na", 1), "of LaneBeams, empty without axle groups", True),
-        Buffer("sides", ("J", "R", "na", "S"), "sides of all ramps, those of the damper last"),
+        Buffer("sharing", ("R", "na", "na"), "of LaneMatrices, empty without rockers", True),
+        Buffer("sides", ("J", "R", "na", "S"), "sides of all ramps: of springs, of stops, of dampers"),
         Buffer("laws", ("L", "R", "na", "S"), "LAW_ROWS, ELEMENTS, place and slope of ramps"),
     ),
     "tangents": (

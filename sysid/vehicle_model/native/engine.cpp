@@ -22,7 +22,7 @@ namespace sysid {
 struct Settings {
   int64_t samples, substeps;
   double interval;
-  int64_t elements, ramps, rate_ramps;
+  int64_t elements, ramps, stops, rate_ramps;
   double growth;
   ffi::Span<const int64_t> deflection_axles, acceleration_axles;
 };
@@ -32,7 +32,8 @@ struct Settings {
 XLA_FFI_REGISTER_STRUCT_ATTR_DECODING(sysid::Settings, StructMember<int64_t>("samples"),
                                       StructMember<int64_t>("substeps"), StructMember<double>("interval"),
                                       StructMember<int64_t>("elements"), StructMember<int64_t>("ramps"),
-                                      StructMember<int64_t>("rate_ramps"), StructMember<double>("growth"),
+                                      StructMember<int64_t>("stops"), StructMember<int64_t>("rate_ramps"),
+                                      StructMember<double>("growth"),
                                       StructMember<Span<const int64_t>>("deflection_axles"),
                                       StructMember<Span<const int64_t>>("acceleration_axles"));
 
@@ -66,7 +67,10 @@ class Inputs {
     growth = settings.growth;
     elements.set(settings.elements);
     elements.ramps = static_cast<int>(settings.ramps);
+    elements.stops = static_cast<int>(settings.stops);
     elements.rate_ramps = static_cast<int>(settings.rate_ramps);
+    if (elements.equaliser && buffer_[kSharing].element_count() == 0)
+      problem = "the native engine got shares of rockers that join no axles";
     for (const int64_t i : settings.deflection_axles) channels.deflection.push_back(static_cast<int>(i));
     for (const int64_t i : settings.acceleration_axles) channels.acceleration.push_back(static_cast<int>(i));
     channels.body = static_cast<int>(body_sensors);
@@ -98,6 +102,7 @@ class Inputs {
       run.beams = {data(kWheel) + square, data(kTirePush) + square, data(kBeamPull) + square,
                    data(kCarries) + r * axles};
     }
+    if (buffer_[kSharing].element_count() > 0) run.sharing = data(kSharing) + r * axles * axles;
     run.elements = elements;
     const bool footprint = buffer_[kStretch].element_count() > 0;
     run.road = {data(kRise) + r * each,
@@ -202,8 +207,9 @@ class Inputs {
       SuspensionLaw<V> law = suspension_law(elements, c);
       const TireLaw<V> tire = {c.static_deflection, reciprocal(c.reference_deflection), c.exponent, c.tire_damping,
                                data(kReferenceLoad)[r * axles + i]};
-      for (int j = 0; j < elements.ramps + elements.rate_ramps; ++j) {
-        std::vector<Ramp<V>>& ramps = j < elements.ramps ? law.ramps : law.rate_ramps;
+      const int springs = elements.ramps, stops = springs + elements.stops;
+      for (int j = 0; j < stops + elements.rate_ramps; ++j) {
+        std::vector<Ramp<V>>& ramps = j < springs ? law.ramps : j < stops ? law.stops : law.rate_ramps;
         const V at = next(), slope = next();
         ramps.push_back({at, slope, side(j, i)});
       }

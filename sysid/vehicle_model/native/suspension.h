@@ -17,12 +17,13 @@ struct Ramp {
 
 // Which elements a group of runs has: what none of its axles needs is not computed.
 struct Elements : SmoothElements {
-  int ramps = 0, rate_ramps = 0;
-  bool corners() const { return asymmetric || ramps > 0 || rate_ramps > 0; }
+  int ramps = 0, stops = 0, rate_ramps = 0;
+  bool corners() const { return asymmetric || ramps > 0 || stops > 0 || rate_ramps > 0; }
   bool linear() const { return !any() && !corners(); }
 };
 
-// pull = S(e) + D(v) + F_c phi, positive when it pulls body and axle together; e extension from rest, v its rate.
+// pull = S(e) + F_c phi + D(v) + stops(e), positive when it pulls body and axle together; e extension from rest, v its
+// rate.
 template <class V>
 struct SuspensionLaw {
   V stiffness, damping;                // k [N/m], c [N s/m]
@@ -30,7 +31,8 @@ struct SuspensionLaw {
   V saturation, tail, stated;          // v_s [m/s], r, and what the damper's shape is at the reference rate
   V rebound, compression, corner;      // 2 q / (1 + q), 2 / (1 + q), and their difference
   V friction, slip;                    // F_c [N], z_s [m]
-  std::vector<Ramp<V>> ramps, rate_ramps;
+  V load_share;                        // s of a rocker between springs
+  std::vector<Ramp<V>> ramps, stops, rate_ramps;
 };
 
 template <class V>
@@ -136,38 +138,44 @@ inline SuspensionLaw<V> suspension_law(const Elements& has, const Coefficients<V
   }
   law.friction = c.friction;
   law.slip = c.slip;
+  law.load_share = c.load_share;
   return law;
 }
 
-// What the stages miss of the pull at the corners of its law: mean force and first moment over the step.
+// Mean force over a step, and its first moment, that the stages miss; `found` if they miss anything.
 template <class V>
-inline bool missed_at_corners(const Elements& has, const SuspensionLaw<V>& law, const V (&extension)[4],
-                              const V (&rate)[4], V& impulse, V& moment) {
+struct MissedForce {
+  V impulse{}, moment{};
   bool found = false;
-  impulse = moment = V{};
-  const auto add = [&](const V (&p)[4], const V& factor) {
+
+  void add(const V (&p)[4], const V& factor) {
     V mean, first;
     if (!missed_by_stages(p[0], p[1], p[2], p[3], mean, first)) return;
     impulse += factor * mean;
     moment += factor * first;
     found = true;
-  };
-  const auto each = [&](const std::vector<Ramp<V>>& ramps, const V (&x)[4]) {
+  }
+  void add(const std::vector<Ramp<V>>& ramps, const V (&x)[4]) {
     for (const Ramp<V>& ramp : ramps) {
       V p[4];
       for (int k = 0; k < 4; ++k) p[k] = ramp.side * (x[k] - ramp.at);
       add(p, ramp.side * ramp.slope);
     }
-  };
-  each(law.ramps, extension);
-  each(law.rate_ramps, rate);
+  }
+};
+
+// What the stages miss at the corners of a law beside its spring: stops and damper.
+template <class V>
+inline void add_missed(const Elements& has, const SuspensionLaw<V>& law, const V (&extension)[4], const V (&rate)[4],
+                       MissedForce<V>& missed) {
+  missed.add(law.stops, extension);
+  missed.add(law.rate_ramps, rate);
   if (has.asymmetric) {
     // D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): only the second part has a corner.
     V p[4];
     for (int k = 0; k < 4; ++k) p[k] = symmetric_damper(has, law, rate[k]);
-    add(p, law.corner);
+    missed.add(p, law.corner);
   }
-  return found;
 }
 
 }  // namespace sysid

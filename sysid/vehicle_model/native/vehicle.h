@@ -19,6 +19,7 @@ struct Run {
   int axles, body_sensors;
   const double *position, *rate, *acceleration, *inverse_unsprung, *static_load, *body_rows, *axle_x;
   Beams beams;
+  const double* sharing = nullptr;  // (na, na) means over the axles of every rocker, null without rockers
   RoadTable road;
   double speed, start, growth;
   Elements elements;
@@ -190,6 +191,14 @@ void contacts(const Run& run, const Laws<Jet<T>>& laws, const RoadPoint* road, d
 
 // -------------------------------------------------------------------------------------------------------------- forces
 
+// What axles and frame feel of the springs' forces through rockers: S + s (mean S - S).
+template <class V>
+inline void share(const Run& run, const Laws<V>& laws, V* force) {
+  V mean[kMaxAxles];
+  transform(run.sharing, run.axles, force, mean);
+  for (int i = 0; i < run.axles; ++i) force[i] += laws.suspension[i].load_share * (mean[i] - force[i]);
+}
+
 // Where in a step a stage stands, for friction: time from its start, and extension and rate there.
 template <class V>
 struct StageOfStep {
@@ -244,19 +253,27 @@ void forces(const Run& run, const Laws<V>& laws, const RoadPoint* road, double t
       accumulate(body[j], hold[l], state.body_rate[l]);
     }
   }
+  const bool linear = run.elements.linear();
+  if (!linear) {
+    for (int i = 0; i < na; ++i) {
+      const SuspensionLaw<V>& law = laws.suspension[i];
+      out.pull[i] = spring_force(run.elements, law, out.extension[i]);
+      if (!run.elements.friction) continue;
+      const V phi = stage == nullptr ? slip[i]
+                                     : slip_at_stage(law, slip[i], stage->extension[i], stage->rate[i], stage->tau,
+                                                     out.extension[i]);
+      out.pull[i] += law.friction * phi;
+    }
+    if (run.elements.equaliser) share(run, laws, out.pull);
+  }
   for (int i = 0; i < na; ++i) {
     const SuspensionLaw<V>& law = laws.suspension[i];
     V pull;
-    if (run.elements.linear()) {
+    if (linear) {
       pull = law.stiffness * out.extension[i] + law.damping * out.rate[i];
     } else {
-      pull = spring_force(run.elements, law, out.extension[i]) + damper_force(run.elements, law, out.rate[i]);
-      if (run.elements.friction) {
-        const V phi = stage == nullptr ? slip[i]
-                                       : slip_at_stage(law, slip[i], stage->extension[i], stage->rate[i], stage->tau,
-                                                       out.extension[i]);
-        pull += law.friction * phi;
-      }
+      pull = out.pull[i] + damper_force(run.elements, law, out.rate[i]);
+      if (run.elements.stops > 0) pull += ramp_force(law.stops, out.extension[i]);
     }
     if (beams) pull = run.beams.carries[i] * pull;
     const V vertical = positive(out.unclipped[i]);
@@ -298,14 +315,36 @@ void find_missed(const Run& run, const Laws<V>& laws, const std::vector<Forces<V
     if (missed_by_stages(stage[0].unclipped[i], stage[1].unclipped[i], stage[2].unclipped[i], stage[3].unclipped[i],
                          tire[i], tire_moment[i]))
       out.at_axles = true;
-    if (!run.elements.corners()) continue;
+  }
+  if (run.elements.corners()) {
+    const auto at_stages = [&](int i, V(&extension)[4], V(&rate)[4]) {
+      for (int k = 0; k < 4; ++k) extension[k] = stage[k].extension[i], rate[k] = stage[k].rate[i];
+    };
     V extension[4], rate[4];
-    for (int k = 0; k < 4; ++k) extension[k] = stage[k].extension[i], rate[k] = stage[k].rate[i];
-    if (missed_at_corners(run.elements, laws.suspension[i], extension, rate, pull[i], pull_moment[i]))
-      out.at_axles = out.at_bodies = true;
-    if (run.beams.carries == nullptr) continue;
-    pull[i] = run.beams.carries[i] * pull[i];
-    pull_moment[i] = run.beams.carries[i] * pull_moment[i];
+    for (int i = 0; i < na; ++i) {
+      MissedForce<V> missed;
+      if (run.elements.ramps > 0) {
+        at_stages(i, extension, rate);
+        missed.add(laws.suspension[i].ramps, extension);
+      }
+      pull[i] = missed.impulse;
+      pull_moment[i] = missed.moment;
+      if (missed.found) out.at_axles = out.at_bodies = true;
+    }
+    if (run.elements.equaliser && out.at_bodies) share(run, laws, pull), share(run, laws, pull_moment);
+    for (int i = 0; i < na; ++i) {
+      MissedForce<V> missed;
+      at_stages(i, extension, rate);
+      add_missed(run.elements, laws.suspension[i], extension, rate, missed);
+      if (missed.found) {
+        out.at_axles = out.at_bodies = true;
+        pull[i] += missed.impulse;
+        pull_moment[i] += missed.moment;
+      }
+      if (run.beams.carries == nullptr) continue;
+      pull[i] = run.beams.carries[i] * pull[i];
+      pull_moment[i] = run.beams.carries[i] * pull_moment[i];
+    }
   }
   if (!out.at_axles) return;
   const auto axles = [&](const V* from_tire, const V* from_pull, V* acceleration) {

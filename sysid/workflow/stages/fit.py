@@ -85,6 +85,8 @@ def shown_fit(fit: FitResult) -> Blocks:
             "yes" if p.identified else "no",
         )
     yield table
+    for rocker in fit.load_shares:
+        yield rocker.words
     yield f"{fit.iterations} iterations, {fit.residuals} residuals: {fit.message}."
     yield from shown_determined(fit.identifiability)
     for warning in fit.warnings:

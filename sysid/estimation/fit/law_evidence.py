@@ -1,0 +1,143 @@
+"""What the data say for suspension laws when declared masses, and tires unlike the model's, may be a little wrong too.
+
+A law that is not there can take up the error of a declared mass.  Laws are therefore compared by the cost that is left
+when masses and departures of the tires y are free within their tolerances L^-1.  With the gradient g and the
+information H of the data at the optimum of the parameters x, and their prior precision P,
+
+    left = cost - 1/2 g_y' (S + L)^-1 g_y,    S = H_yy - H_yx (H_xx + P)^-1 H_xy,
+    covariance of x = (H_xx + P - H_xy (H_yy + L)^-1 H_yx)^-1.
+
+Friction is no departure here: it is one of the laws that are compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sysid.arrays import ParametersByParameters
+from sysid.campaign.records import Campaign
+from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.uncertainty.allowances import Allowances
+from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE
+from sysid.estimation.uncertainty.departures import departures
+from sysid.estimation.uncertainty.information import allowance_columns, information_with
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, joined
+from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What an optimum is worth: `cost` that is left with masses and tires allowed for, `covariance` (p, p) of the log
+    parameters with both unknown.
+    """
+
+    cost: float
+    covariance: ParametersByParameters
+
+
+@dataclass(frozen=True)
+class Judged:
+    """An optimum and the evidence for it."""
+
+    optimum: Optimum
+    evidence: Evidence
+
+    @property
+    def count(self) -> int:
+        """Number of parameters."""
+        return self.optimum.problem.count
+
+
+class LawEvidence:
+    """Evidence for the optima of one campaign under the footprint maps of one of them."""
+
+    def __init__(self, campaign: Campaign, optimum: Optimum):
+        self._campaign, self._felt = campaign, optimum.problem.model.felt
+
+    @cached_property
+    def _allowances(self) -> Allowances:
+        rubbing = [True] * len(self._campaign.vehicle.axles)
+        tires = departures(self._felt, self._campaign.load_cases_in_use, rubbing)
+        return Allowances(uncertain_masses(self._campaign), tires)
+
+    @property
+    def count(self) -> int:
+        """Number m of masses and departures."""
+        return self._allowances.count
+
+    @cached_property
+    def sd(self) -> np.ndarray:
+        """Standard deviations (m,) of masses and departures."""
+        tires = [PLAUSIBLE[d.kind] for d in self._allowances.departures.directions]
+        return np.concatenate([self._allowances.masses.sd, tires])
+
+    def without_known(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient (q,) and information (q, q) about q candidates near an optimum, all else free to follow.
+
+        Parameters
+        ----------
+        more : derivatives of every group's residuals by the candidates.
+        """
+        problem = optimum.problem
+        data = information_with(self._campaign, problem, optimum.vector, joined(self._columns(optimum), more))
+        rows, targets = problem.model.parameters.prior_rows()
+        score = data.score
+        score[: problem.count] += rows.T @ (rows @ optimum.vector[: problem.count] - targets)
+        return eliminated(data.matrix, score, rows.T @ rows, self.sd)
+
+    def _columns(self, optimum: Optimum) -> tuple[ResidualColumns, ...]:
+        """Derivatives of every group's residuals at an optimum by masses and departures."""
+        return allowance_columns(optimum.problem, optimum.vector, self._allowances)
+
+    def judge(self, optimum: Optimum) -> Judged:
+        """An optimum with the evidence for it."""
+        problem = optimum.problem
+        data = information_with(self._campaign, problem, optimum.vector, self._columns(optimum))
+        rows, _ = problem.model.parameters.prior_rows()
+        return Judged(optimum, evidence(optimum.minimum.cost, data.matrix, data.score, rows.T @ rows, self.sd))
+
+
+def eliminated(
+    information: np.ndarray, score: np.ndarray, prior: ParametersByParameters, sd: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient (q,) and information (q, q) of candidates with p parameters and m masses and departures eliminated.
+
+    Parameters
+    ----------
+    information : (p + m + q, p + m + q) of the data; score : (p + m + q,) gradient of half the sum of squares, priors
+        included: the parameters may be a little off their optimum.
+    prior : (p, p) prior precision; sd : (m,) tolerances of masses and departures.
+    """
+    count = prior.shape[0]
+    known = count + sd.size
+    own = information[:known, :known].copy()
+    own[:count, :count] += prior
+    own[count:, count:] += np.diag(sd**-2.0)
+    cross = information[:known, known:]
+    solved = np.linalg.solve(own, cross)
+    return score[known:] - solved.T @ score[:known], information[known:, known:] - cross.T @ solved
+
+
+def evidence(
+    cost: float, information: np.ndarray, score: np.ndarray, prior: ParametersByParameters, sd: np.ndarray
+) -> Evidence:
+    """Cost that is left with m further unknowns free, and the covariance of p parameters with them.
+
+    Parameters
+    ----------
+    information : (p + m, p + m) of the data; score : (p + m,) gradient of the data at the optimum of the parameters.
+    prior : (p, p) prior precision; sd : (m,) standard deviations of the further unknowns.
+    """
+    count = prior.shape[0]
+    # In units of their tolerances: safe for unknowns that the data do not see.
+    cross = information[:count, count:] * sd
+    free = sd[:, None] * information[count:, count:] * sd + np.eye(sd.size)
+    own = information[:count, :count] + prior
+    remaining = free - cross.T @ np.linalg.solve(own, cross)
+    pull = sd * score[count:]
+    left = cost - 0.5 * float(pull @ np.linalg.solve(remaining, pull))
+    return Evidence(left, np.linalg.inv(own - cross @ np.linalg.solve(free, cross.T)))

@@ -1,0 +1,168 @@
+"""What richer suspension laws promise, from the fit of poorer ones alone: a score test, without a fit of the richer.
+
+Near the optimum of the poorer laws x the residuals are differentiated by the parameters z of the elements that the
+richer laws add, each taken a little way off the value that takes it out.  With masses and tires y free within their
+tolerances (:mod:`sysid.estimation.fit.law_evidence`), gradient g and information H of the data,
+
+    promised gain = g_z' (S_zz + I)^-1 g_z - p ln n,
+
+S the information about z that is left when x and y are eliminated, z in units of its prior scale (C. R. Rao, Large
+sample tests of statistical hypotheses, Mathematical Proceedings of the Cambridge Philosophical Society 44 (1948),
+doi:10.1017/S0305004100023987).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.campaign.records import Axle, Campaign, Vehicle
+from sysid.estimation.fit.law_evidence import LawEvidence
+from sysid.estimation.fit.law_families import FAMILIES, Laws
+from sysid.estimation.fit.optimum import Optimum, effective_residuals
+from sysid.estimation.fit.thresholds import DECISIVE
+from sysid.estimation.parameters.lane_laws import ElementIndex, LawInputs
+from sysid.estimation.parameters.suspension_elements import ElementQuantity, quantities
+from sysid.estimation.residuals.bump_model import BumpModel
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, trial_residuals
+
+#: Share of its prior scale by which a parameter is moved off the value that takes its element out.
+STEP = 0.1
+#: Share of the largest promised gain that further elements must promise to be fitted together with it.
+WORTH = 0.05
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A parameter that richer laws add: of one element on one axle, or shared by `axles`."""
+
+    element: str
+    quantity: ElementQuantity
+    axles: tuple[int, ...]
+
+
+def promising(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum) -> Laws:
+    """Elements to add to every axle: families that promise a decisive gain beside those that promise more.
+
+    A promise is that of a parabola: what comes after the largest has to promise :data:`WORTH` of its gain to be taken
+    in before it is judged again.
+
+    Parameters
+    ----------
+    laws, rich_laws : of every axle, those of `optimum` and the richest ones.
+
+    Returns
+    -------
+    Elements by axle, nothing at all where no family promises enough.
+    """
+    axles = campaign.vehicle.axles
+    found = candidates(campaign.vehicle, laws, rich_laws)
+    families = {f: [c for c in found if (c.element, axles[c.axles[0]].suspension) == f] for f in FAMILIES}
+    families = {f: members for f, members in families.items() if members}
+    if not families:
+        return ()
+    screen = Screen(campaign, LawEvidence(campaign, optimum), optimum, found)
+    size = effective_residuals(optimum)
+    taken: list[Candidate] = []
+    chosen: list[tuple[str, str]] = []
+    first = 0.0
+    while len(chosen) < len(families):
+        before = screen.gain(taken, size)
+        open_ones = {f: screen.gain([*taken, *m], size) - before for f, m in families.items() if f not in chosen}
+        best = max(open_ones, key=lambda f: open_ones[f])
+        if open_ones[best] < max(DECISIVE, WORTH * first):
+            break
+        first = first or open_ones[best]
+        chosen.append(best)
+        taken += families[best]
+    if not chosen:
+        return ()
+    return tuple(
+        frozenset(e for e, kind in chosen if kind == axle.suspension and e in rich - law)
+        for axle, law, rich in zip(axles, laws, rich_laws, strict=True)
+    )
+
+
+def candidates(vehicle: Vehicle, poor: Laws, rich: Laws) -> list[Candidate]:
+    """The parameters that decide whether an element of the richer laws acts; axles of a group have one suspension.
+
+    A shared parameter counts for every kind of suspension apart: that is how laws are compared.
+    """
+    owner, found = vehicle.suspension_axle, []
+    for element in sorted(frozenset().union(*rich)):
+        having = [i for i in range(len(owner)) if element in rich[i] - poor[i]]
+        together = [tuple(i for i in having if owner[i] == first) for first in dict.fromkeys(owner[i] for i in having)]
+        kinds = dict.fromkeys(vehicle.axles[i].suspension for i in having)
+        for q in quantities(frozenset({element})):
+            if q.decides and q.shared:
+                alike = [tuple(i for i in having if vehicle.axles[i].suspension == kind) for kind in kinds]
+                found += [Candidate(element, q, members) for members in alike]
+            elif q.decides:
+                found += [Candidate(element, q, members) for members in together]
+    return found
+
+
+class Screen:
+    """The promises of candidates at one optimum of poorer laws."""
+
+    def __init__(self, campaign: Campaign, evidence: LawEvidence, optimum: Optimum, found: Sequence[Candidate]):
+        self._found = list(found)
+        self._pull, self._information = evidence.without_known(optimum, candidate_columns(campaign, optimum, found))
+
+    def gain(self, members: Sequence[Candidate], size: float) -> float:
+        """Promised gain of adding some of the candidates; `size` is the effective number of residuals n."""
+        index = [self._found.index(c) for c in members]
+        pull = self._pull[index]
+        left = self._information[np.ix_(index, index)] + np.eye(len(index))
+        return float(pull @ np.linalg.solve(left, pull) - len(index) * np.log(size))
+
+
+def candidate_columns(campaign: Campaign, optimum: Optimum, found: Sequence[Candidate]) -> tuple[ResidualColumns, ...]:
+    """Derivatives of every group's residuals by the candidates, in units of their prior scales."""
+    problem = optimum.problem
+    model, (parameters, motion) = problem.model, problem.unpack(optimum.vector)
+    columns = empty_columns(model, len(found))
+    base = trial_residuals(model, model, problem.weights, parameters, motion)
+    for j, candidate in enumerate(found):
+        trial = _with_candidate(campaign, model, candidate)
+        moved = trial_residuals(model, trial, problem.weights, parameters, motion)
+        for column, (residual, gain), (here, gain_here) in zip(columns, moved, base, strict=True):
+            column.residual[..., j] = (residual - here) / STEP
+            column.gain[..., j] = (gain - gain_here) / STEP
+    return columns
+
+
+def _with_candidate(campaign: Campaign, model: BumpModel, candidate: Candidate) -> BumpModel:
+    """The model with one parameter moved off the value that takes its element out."""
+    return replace(
+        model,
+        arrays=tuple(
+            old._replace(laws=old.laws._replace(elements=_elements(campaign.vehicle.axles, old.laws, candidate)))
+            for old in model.arrays
+        ),
+    )
+
+
+def _elements(axles: Sequence[Axle], laws: LawInputs, candidate: Candidate) -> dict[str, ElementIndex]:
+    carried = (laws.carried_load / laws.load_growth)[0, :, 0]
+    elements = dict(laws.elements)
+    for q in quantities(frozenset({candidate.element})):
+        given = elements.get(q.quantity)
+        neutral = np.full(carried.size, q.neutral) if given is None else given.neutral.copy()
+        for i in candidate.axles:
+            median = q.median(axles[i], float(carried[i]))
+            if q is candidate.quantity:
+                # What is out at zero has its median as scale, what is out at one the spread of its logarithm.
+                neutral[i] = STEP * median if q.neutral == 0.0 else q.neutral * _step(q, median)
+            elif not q.decides:
+                neutral[i] = median
+        position = np.full(carried.size, -1) if given is None else given.position
+        elements[q.quantity] = ElementIndex(position, neutral)
+    return elements
+
+
+def _step(q: ElementQuantity, median: float) -> float:
+    """Factor by which a parameter that is out at one moves towards its prior median."""
+    return float(np.exp(np.sign(np.log(median)) * STEP * q.sd))

@@ -1,0 +1,88 @@
+"""Evidence for laws and promised gains against a joint linear least-squares problem solved by LAPACK."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sysid.estimation.fit.law_evidence import eliminated, evidence
+
+PARAMETERS, FURTHER, CANDIDATES = 4, 3, 2
+SD = np.array([0.5, 2.0, 1e-3])
+
+
+@pytest.fixture
+def linear():
+    """Rows, readings and prior of a linear problem in parameters, masses and candidates; the parameters' optimum."""
+    random = np.random.default_rng(8)
+    rows = random.standard_normal((60, PARAMETERS + FURTHER + CANDIDATES))
+    readings = random.standard_normal(60) + rows @ random.standard_normal(rows.shape[1])
+    prior = np.diag([0.3, 0.0, 2.0, 1.0])
+    target = random.standard_normal(PARAMETERS)
+    own = np.concatenate([rows[:, :PARAMETERS], prior])
+    optimum = np.linalg.lstsq(own, np.concatenate([readings, prior @ target]), rcond=None)[0]
+    return rows, readings, prior, target, optimum
+
+
+def least_cost(linear, columns: list[int], sd: np.ndarray) -> float:
+    """Half the least sum of squares over the parameters and further columns with prior standard deviations."""
+    rows, readings, prior, target, _ = linear
+    width = PARAMETERS + len(columns)
+    used = rows[:, [*range(PARAMETERS), *columns]]
+    priors = np.zeros((width, width))
+    priors[:PARAMETERS, :PARAMETERS] = prior
+    priors[PARAMETERS:, PARAMETERS:] = np.diag(1.0 / sd)
+    whole = np.concatenate([used, priors])
+    right = np.concatenate([readings, prior @ target, np.zeros(len(columns))])
+    solution = np.linalg.lstsq(whole, right, rcond=None)[0]
+    return 0.5 * float(((whole @ solution - right) ** 2).sum())
+
+
+def data_of(linear):
+    rows, readings, _, _, optimum = linear
+    residual = rows[:, :PARAMETERS] @ optimum - readings
+    return rows.T @ rows, rows.T @ residual
+
+
+def test_cost_and_covariance_are_those_of_the_joint_problem(linear):
+    rows, _, prior, _, _ = linear
+    information, score = data_of(linear)
+    known = PARAMETERS + FURTHER
+    cost = least_cost(linear, [], np.empty(0))
+    left = evidence(cost, information[:known, :known], score[:known], prior.T @ prior, SD)
+    assert left.cost == pytest.approx(least_cost(linear, [4, 5, 6], SD), rel=1e-10)
+    # Negative control: with masses known exactly more is left.
+    assert left.cost < 0.9 * cost
+    whole = rows[:, :known].T @ rows[:, :known]
+    whole[:PARAMETERS, :PARAMETERS] += prior.T @ prior
+    whole[PARAMETERS:, PARAMETERS:] += np.diag(SD**-2.0)
+    np.testing.assert_allclose(left.covariance, np.linalg.inv(whole)[:PARAMETERS, :PARAMETERS], rtol=1e-9)
+
+
+def test_the_promised_gain_is_the_fall_of_the_joint_cost(linear):
+    """Wherever the parameters are: a linear problem promises the same from everywhere."""
+    rows, readings, prior, target, optimum = linear
+    away = optimum + np.array([0.3, -1.0, 0.2, 2.0])
+    information = rows.T @ rows
+    score = rows.T @ (rows[:, :PARAMETERS] @ away - readings)
+    score[:PARAMETERS] += prior.T @ (prior @ away - prior @ target)
+    pull, left = eliminated(information, score, prior.T @ prior, SD)
+    promised = 0.5 * float(pull @ np.linalg.solve(left + np.eye(CANDIDATES), pull))
+    without = least_cost(linear, [4, 5, 6], SD)
+    joint = least_cost(linear, [4, 5, 6, 7, 8], np.concatenate([SD, np.ones(CANDIDATES)]))
+    assert promised == pytest.approx(without - joint, rel=1e-10)
+
+
+def test_what_a_mass_explains_is_promised_to_no_element():
+    """A candidate whose column is that of a mass gains nothing beside it, and all beside a mass known exactly."""
+    random = np.random.default_rng(3)
+    column = random.standard_normal((50, 1))
+    rows = np.concatenate([random.standard_normal((50, 2)), column, column], axis=1)
+    residual = 3.0 * column[:, 0]
+    residual -= rows[:, :2] @ np.linalg.lstsq(rows[:, :2], residual, rcond=None)[0]
+    information, score = rows.T @ rows, rows.T @ residual
+    gains = []
+    for sd in (100.0, 1e-6):
+        pull, left = eliminated(information, score, np.zeros((2, 2)), np.array([sd]))
+        gains.append(float(pull @ np.linalg.solve(left + np.eye(1), pull)))
+    assert gains[0] < 1e-3 * gains[1]

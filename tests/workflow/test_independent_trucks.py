@@ -1,0 +1,59 @@
+"""Trucks with rockers, simulated by equations apart from the package, through `calibrate.py fit` (long)."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from independent_truck import THREE_AXLES, IndependentTruck, write_truck_campaign
+
+pytestmark = pytest.mark.long
+
+ROOT = Path(__file__).parents[2]
+ROCKER = '[[vehicle.group]]\nname = "tandem"\nkind = "equaliser"\naxles = ["axle 2", "axle 3"]\n'
+
+
+def fitted(folder: Path, truck: IndependentTruck, **declared: str) -> dict:
+    """result.json of the fit of a truck's campaign."""
+    write_truck_campaign(folder / "campaign", truck, **declared)
+    output = folder / "output"
+    for stage in ("fit", "report"):
+        command = [sys.executable, "calibrate.py", stage, str(folder / "campaign"), "--output", str(output)]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=1800)
+        assert done.returncode == 0, done.stderr
+    return json.loads((output / "result.json").read_text(encoding="utf-8"))
+
+
+def errors(result: dict, truck: IndependentTruck) -> dict[str, float]:
+    """Largest relative error of k and of c over the axles."""
+    worst = {"stiffness": 0.0, "damping": 0.0}
+    for p in result["parameters"]:
+        if p["quantity"] in worst:
+            truth = getattr(truck, p["quantity"])[p["axle"] - 1]
+            worst[p["quantity"]] = max(worst[p["quantity"]], abs(p["least_squares"]["value"] / truth - 1.0))
+    return worst
+
+
+def test_a_declared_rocker_of_a_leaf_tandem(tmp_path):
+    result = fitted(tmp_path, THREE_AXLES, declare=ROCKER)
+    worst = errors(result, THREE_AXLES)
+    assert worst["stiffness"] < 0.04
+    assert worst["damping"] < 0.10
+    (rocker,) = result["rockers"]
+    assert rocker["source"] == "estimated"
+    assert rocker["q05"] < 0.8 < rocker["q95"]
+
+
+def test_an_undeclared_rocker_is_named_on_the_first_screen(tmp_path):
+    result = fitted(tmp_path, THREE_AXLES)
+    assert errors(result, THREE_AXLES)["damping"] > 0.2  # what leaving it out costs
+    assert "Axles 2 and 3 behave as if a rocker shared" in result["warnings"][0]
+    (rocker,) = result["rockers"]
+    assert (rocker["source"], rocker["axles"]) == ("proposed", [2, 3])
+    assert rocker["load_share"] == pytest.approx(0.8, abs=0.08)
+    page = (tmp_path / "output" / "report.html").read_text(encoding="utf-8")
+    first_screen = page[page.index('<section class="first"') :].split("</section>")[0]
+    assert "behave as if a rocker shared" in first_screen
