@@ -15,7 +15,7 @@ from sysid.campaign.records import BumpRun, Channel, Vehicle
 DOUBTFUL, HOPELESS = 0.12, 0.3
 #: Pairs of axles that are closer tell little; pairs must agree so well to be believed.
 _NEAREST_M, _AGREEMENT = 1.5, 0.10
-_UNITS = {"m/s": 3.6, "mph": 1.609344, "knots": 1.852}
+_UNITS = {"m/s": 3.6, "mph": 1.609344}
 
 
 def passage_speed(channels: tuple[Channel, ...], vehicle: Vehicle, rests: Mapping[str, float]) -> float | None:
@@ -51,7 +51,7 @@ def speed_complaint(run: BumpRun, vehicle: Vehicle, rests: Mapping[str, float]) 
     far = abs(float(np.log(ratio)))
     if far < (DOUBTFUL if len(vehicle.axles) > 2 else HOPELESS):
         return None
-    unit = next((u for u, factor in _UNITS.items() if abs(np.log(ratio / factor)) < 0.08), None)
+    unit = next((u for u, factor in _UNITS.items() if abs(np.log(ratio / factor)) < 0.05), None)
     likely = f", which looks like {unit}" if unit else ""
     ending = "the run is left out" if far >= HOPELESS else "the run is used, with its speed sought"
     sentence = (
