@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long fuzz test-browser docs bench coverage ring-downs lint format clean
+.PHONY: run quick test test-long fuzz test-browser docs bench coverage ring-downs faults lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -44,6 +44,10 @@ coverage: $(VENV)/.installed
 # Some ten minutes on one core: drops with viscous, dry and quadratic damping.
 ring-downs: $(VENV)/.installed
 	$(BIN)/python -m studies.ring_downs --output build/ring_downs --document docs/drops.md
+
+# Three hours on one core: plausible faults through the whole command.
+faults: $(VENV)/.installed
+	$(BIN)/python -m studies.faults --output build/faults --document docs/robustness.md
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

@@ -49,10 +49,12 @@ def axle_loads_exchanged(c: CampaignCopy) -> str:
 
 def load_cases_exchanged(c: CampaignCopy) -> str:
     """Runs of one load case are listed under the other."""
-    names = sorted(set(re.findall(r'load_case = "([^"]+)", nominal', c.text)))
+    of_run = re.compile(r'load_case = "([^"]+)"(\s*, nominal)')
+    names = sorted({name for name, _ in of_run.findall(c.text)})
     if len(names) != 2:
         raise DoesNotApply("not two load cases")
-    _exchanged(c, c.text, f'load_case = "{names[0]}", nominal', f'load_case = "{names[1]}", nominal')
+    other = dict(zip(names, reversed(names), strict=True))
+    c.write(of_run.sub(lambda m: f'load_case = "{other[m.group(1)]}"{m.group(2)}', c.text))
     return f"load cases {names[0]} and {names[1]} of the runs exchanged"
 
 

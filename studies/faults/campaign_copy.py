@@ -61,6 +61,8 @@ class CampaignCopy:
 
         def one(found: re.Match[str]) -> str:
             nonlocal number
+            if float(found.group(0)) == 0.0:
+                return found.group(0)
             number += 1
             if which is not None and number - 1 != which:
                 return found.group(0)
@@ -75,9 +77,9 @@ class CampaignCopy:
         return f"{key} times {', '.join(sorted(set(told))[:4])}"
 
     def count(self, key: str) -> int:
-        """How many numbers stand behind a key."""
+        """How many numbers other than zero stand behind a key."""
         values = re.findall(rf"\b{key} = (\[[^\]\n]*\]|-?[\d.e-]+)", self.text)
-        return sum(len(re.findall(r"-?\d+(?:\.\d+)?", v)) for v in values)
+        return sum(float(n) != 0.0 for v in values for n in re.findall(r"-?\d+(?:\.\d+)?", v))
 
     def one_of(self, key: str) -> int:
         """Place of one of the numbers behind a key, at random."""

@@ -44,10 +44,14 @@ class ChannelFinding:
 
 @dataclass(frozen=True)
 class QualityReport(Tabular):
-    """All findings of a campaign: one per log and channel, plus sentences about logs or the campaign as a whole."""
+    """All findings of a campaign: one per log and channel, plus sentences about logs or the campaign as a whole.
+
+    `left_out` are the logs of runs that contradict what the campaign file says of them, with the reason.
+    """
 
     channels: tuple[ChannelFinding, ...]
     messages: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""

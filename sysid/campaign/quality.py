@@ -11,6 +11,7 @@ import numpy as np
 from sysid.campaign import defects
 from sysid.campaign.exchanges import Suspicion
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
+from sysid.campaign.passage import speed_complaint
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop, Vehicle
 from sysid.campaign.suspects import suspicions
 from sysid.campaign.units import si_factor
@@ -62,6 +63,7 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
     findings: list[ChannelFinding] = []
     messages: list[str] = list(campaign.messages)
     of_logs: list[tuple[str, str]] = []
+    left_out: list[str] = []
     drops: list[PlankDrop] = []
     runs: list[BumpRun] = []
     tests: tuple[PlankDrop | BumpRun, ...] = (*campaign.plank_drops, *campaign.bump_runs)
@@ -73,12 +75,20 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
         if not log.channels:
             of_logs.append((log.file, f"{log.file}: no channel can be used; the log is left out."))
         elif isinstance(test, BumpRun):
-            runs.append(replace(test, log=log))
+            run = replace(test, log=log)
+            rests = {f.column: f.rest_level for f in found if f.rest_level is not None}
+            complaint, hopeless = speed_complaint(run, campaign.vehicle, rests) or ("", False)
+            if complaint:
+                of_logs.append((log.file, complaint))
+            if hopeless:
+                left_out.append(complaint)
+            else:
+                runs.append(run)
         else:
             drops.append(replace(test, log=log))
     messages += [*say_once(of_logs), *_rejections(findings)]
     cleaned = replace(campaign, plank_drops=tuple(drops), bump_runs=tuple(runs))
-    return cleaned, QualityReport(tuple(findings), tuple(messages))
+    return cleaned, QualityReport(tuple(findings), tuple(messages), tuple(left_out))
 
 
 def quality_table(report: QualityReport) -> pd.DataFrame:

@@ -290,6 +290,15 @@ class _Inputs:
         names = [
             paths.relative_name(e) for e in [*(d.file for d in tests.plank_drop), *(r.file for r in tests.bump_run)]
         ]
+        said: dict[str, tuple[str, float]] = {}
+        for run in tests.bump_run:
+            name = paths.relative_name(run.file)
+            of_run = (run.load_case, run.nominal_speed_km_h)
+            if said.setdefault(name, of_run) != of_run:
+                raise CampaignError(
+                    f"{self.file.name}: {shorten(name, 100)} is listed as two runs of different load case or speed; "
+                    "one of the two must be another file."
+                )
         twice = sorted({n for n in names if names.count(n) > 1}) if len(names) <= 2000 else []
         result = [f"{shorten(n, 100)} is named by more than one test: its data count more than once." for n in twice]
         if not names:

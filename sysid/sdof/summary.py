@@ -10,12 +10,18 @@ from dataclasses import asdict
 import numpy as np
 import pandas as pd
 
-from sysid.campaign.records import Campaign, Vehicle
+from sysid.campaign.records import Campaign, PlankDrop, Vehicle
 from sysid.sdof.analysis import analyse_drop, axle_on_tire
 from sysid.sdof.averages import mean_with_scatter
 from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropMethod, DropSummary
 from sysid.sdof.estimates import AxleOnTire, invert, unusable
 from sysid.sdof.settings import DropSettings
+from sysid.wording import say_once
+
+_NO_DEFLECTION = (
+    "{}: the deflection of the axle under test is not declared in [sensors.plank_drop], or was rejected by the check, "
+    "which says why; the drop is left out."
+)
 
 METHODS: tuple[DropMethod, ...] = ("paper", "corrected", "free_decay")
 
@@ -25,7 +31,8 @@ def analyse_drops(campaign: Campaign, settings: DropSettings | None = None) -> D
 
     The pooled value is the mean weighted by the reading's variance plus the scatter between the repeats
     (`random_effects`), so its standard deviation carries that scatter; the tolerances of declared quantities, common to
-    all repeats, are added once and do not average out.  Drops with the dampers removed are analysed but not pooled.
+    all repeats, are added once and do not average out.  Drops with the dampers removed are analysed but not pooled;
+    drops without a usable deflection are left out.
 
     Parameters
     ----------
@@ -46,8 +53,9 @@ def analyse_drops(campaign: Campaign, settings: DropSettings | None = None) -> D
     """
     settings = settings or DropSettings()
     vehicle = campaign.vehicle
-    files = tuple(analyse_drop(d, vehicle, campaign.load_cases[d.load_case], settings) for d in campaign.plank_drops)
-    with_dampers = [a for a, d in zip(files, campaign.plank_drops, strict=True) if d.dampers]
+    drops = [d for d in campaign.plank_drops if _shows_deflection(d)]
+    files = tuple(analyse_drop(d, vehicle, campaign.load_cases[d.load_case], settings) for d in drops)
+    with_dampers = [a for a, d in zip(files, drops, strict=True) if d.dampers]
     pooled = []
     for axle, load_case in sorted({(a.axle, a.load_case) for a in with_dampers}, key=lambda key: (key[1], key[0])):
         group = [a for a in with_dampers if (a.axle, a.load_case) == (axle, load_case)]
@@ -55,7 +63,14 @@ def analyse_drops(campaign: Campaign, settings: DropSettings | None = None) -> D
         for method in METHODS:
             pooled.append(_pool([e for a in group for e in a.estimates if e.method == method], quarter_car, settings))
     messages = _messages(vehicle, files, pooled, [a for a in files if a not in with_dampers])
-    return DropSummary(files=files, pooled=tuple(pooled), messages=messages)
+    unseen = [(d.log.file, _NO_DEFLECTION.format(d.log.file)) for d in campaign.plank_drops if d not in drops]
+    return DropSummary(files=files, pooled=tuple(pooled), messages=(*messages, *say_once(unseen)))
+
+
+def _shows_deflection(drop: PlankDrop) -> bool:
+    return any(
+        c.sensor.kind == "suspension_deflection" and c.sensor.axle in (None, drop.axle) for c in drop.log.channels
+    )
 
 
 def summary_table(summary: DropSummary) -> pd.DataFrame:

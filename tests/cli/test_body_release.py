@@ -50,3 +50,21 @@ def test_drops_of_the_half_car(campaign, tmp_path):
         assert found["stiffness"] == pytest.approx(CAR.stiffness[axle - 1], rel=0.03)
         assert found["friction_force"] == pytest.approx(CAR.friction[axle - 1], rel=0.15)
         assert found["damping"] == pytest.approx(CAR.damping[axle - 1], rel=0.4)
+        # The dynamic index is close to one: each end swings by itself, at a period between those of the two modes.
+        shortest, longest = body_periods()
+        assert 0.99 * shortest < found["damped_period"] < 1.01 * longest
+
+
+def body_periods() -> tuple[float, float]:
+    """Damped periods [s] of heave and pitch of the half car without friction, from its own matrices."""
+    to_body = np.stack([np.ones(2), np.array([CAR.front_m, -CAR.rear_m])])
+    k, c, tire = (np.array(v) for v in (CAR.stiffness, CAR.damping, CAR.tire))
+    rows = np.concatenate([to_body.T, -np.eye(2)], axis=1)
+    mass = np.diag([CAR.mass, CAR.inertia, *CAR.unsprung])
+    stiffness = rows.T @ np.diag(k) @ rows + np.diag([0.0, 0.0, *tire])
+    damping = rows.T @ np.diag(c) @ rows
+    state = np.block(
+        [[np.zeros((4, 4)), np.eye(4)], [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)]]
+    )
+    rates = np.sort([s.imag for s in np.linalg.eigvals(state) if s.imag > 0.0])
+    return 2.0 * np.pi / rates[1], 2.0 * np.pi / rates[0]

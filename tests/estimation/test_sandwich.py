@@ -64,3 +64,18 @@ def test_a_run_s_own_unknowns_are_eliminated_like_a_schur_complement() -> None:
     total = dense.T @ residual[:, 0].ravel()
     expected = total[:3] - normal[:3, 3:] @ np.linalg.solve(normal[3:, 3:], total[3:])
     assert np.allclose(scores[0].sum(axis=0), expected, rtol=1e-8)
+
+
+def test_an_information_that_is_negative_by_rounding_is_taken_as_none() -> None:
+    """A combination that the data do not determine, its eigenvalue -1e-8 of the others': the rest is as without it."""
+    rng = np.random.default_rng(4)
+    scores = rng.normal(size=(60, 2))
+    information = scores.T @ scores
+    keys = list(range(60))
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    wider = np.zeros((3, 3))
+    wider[:2, :2], wider[2, 2] = information, -1e-8 * information[0, 0]
+    full = adjust(np.column_stack([scores, np.zeros(60)]) @ turn.T, keys, turn @ wider @ turn.T)
+    plain = adjust(scores, keys, information)
+    assert np.all(np.isfinite(full.matrix))
+    np.testing.assert_allclose((turn.T @ full.information @ turn)[:2, :2], plain.information, rtol=1e-5)

@@ -158,7 +158,8 @@ def fit_drops(
     """
     options = options or FitOptions()
     report = progress or unwatched
-    records = [d for d in campaign.plank_drops if d.dampers and d.log.channels and d.release == "plank"]
+    released = {a.file: a.release_time_s + LEAD_S for a in drops.files}
+    records = [d for d in campaign.plank_drops if d.dampers and d.log.file in released and d.release == "plank"]
     if not records:
         raise DataRejectedError("No plank drop can be fitted: none was recorded with its dampers in place.")
     roads = PlankRoads(campaign.vehicle, dict(campaign.load_cases))
@@ -175,7 +176,6 @@ def fit_drops(
         # A drop's start is the moment of the axle under test, not of axle 1.
         return replace(model, arrays=tuple(a._replace(axle_x=np.zeros_like(a.axle_x)) for a in model.arrays))
 
-    released = {a.file: a.release_time_s + LEAD_S for a in drops.files}
     motion = _search(runs, np.array([released[d.log.file] for d in records]), parameters.start, model_at)
     model = model_at(motion.speed_m_s, motion.start_s)
     instrument = _instrument_noise(model, runs)

@@ -6,11 +6,14 @@ simulated histories in time, so the best start of each candidate comes from cros
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from sysid.arrays import Channels, Parameters, RunsByChannels
 from sysid.campaign.records import Campaign
+from sysid.errors import DataRejectedError
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.run_data import RunGroup
 from sysid.estimation.residuals.run_motion import RunMotion
@@ -22,6 +25,8 @@ SPEED_STEP = 0.005
 #: Share of the simulated response's energy that a record must hold for a start to be considered: a run whose record
 #: ends while the first axle is over the bump is found, one whose response is shifted out of the record is not.
 SEEN_SHARE = 0.03
+#: What no sensor of a vehicle shows, in SI units: a simulation beyond has broken down.
+LARGEST = 1e5
 #: Range of the factor on each channel's simulated response while a shift is judged.
 GAIN_RANGE = (0.4, 2.5)
 
@@ -39,6 +44,11 @@ def search_motion(
     ----------
     log_parameters : (p,) start values.
     noise_sd : (R, C) instrument noise per group [SI].
+
+    Raises
+    ------
+    DataRejectedError
+        If a simulated passage ends in numbers that no vehicle shows.
     """
     count = len(campaign.bump_runs)
     speed, start = np.full(count, np.nan), np.full(count, np.nan)
@@ -46,6 +56,7 @@ def search_motion(
     nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
     trial_start = 1.0 + 0.5 / nominal
     signals = [simulate_runs(model, log_parameters, RunMotion(nominal * f, trial_start)) for f in factors]
+    _check_finite(campaign, model, signals)
     for position, group in enumerate(model.groups):
         for r, run in enumerate(group.runs):
             # Axle 1 meets the bump inside its own record, whatever fits elsewhere.
@@ -58,6 +69,20 @@ def search_motion(
             speed[run] = nominal[run] * factors[best[2]]
             start[run] = trial_start[run] + best[1] * group.interval_s
     return RunMotion(speed, start)
+
+
+def _check_finite(campaign: Campaign, model: BumpModel, signals: Sequence[Sequence[np.ndarray]]) -> None:
+    for position, group in enumerate(model.groups):
+        for r, run in enumerate(group.runs):
+            largest = max(float(np.max(np.abs(signal[position][:, r]))) for signal in signals)
+            if not largest < LARGEST:
+                listed = campaign.bump_runs[run]
+                raise DataRejectedError(
+                    f"{listed.log.file}: a vehicle as declared, driven over the scanned bump at "
+                    f"{3.6 * listed.nominal_speed_m_s:.3g} km/h in load case '{listed.load_case}', moves beyond all "
+                    "bounds. Check height and unit of the scan, tire stiffnesses, masses, speed and load case of this "
+                    "run, and the priors."
+                )
 
 
 def best_shift(

@@ -22,6 +22,9 @@ import numpy as np
 from sysid.arrays import Parameters, ParametersByParameters
 from sysid.estimation.residuals.run_unknowns import response_of_runs
 
+#: Smallest eigenvalue of an information with a diagonal of ones.
+_FLOOR = 1e-10
+
 
 @dataclass(frozen=True)
 class Adjustment:
@@ -83,6 +86,17 @@ def noise_edge(blocks: int, count: int) -> float:
     return float(((root + other) ** 2 + 2.02 * spread) / n)
 
 
+def _root(matrix: np.ndarray) -> np.ndarray:
+    """Lower triangular root L L' of a scaled information; what data do not determine may be negative by rounding."""
+    try:
+        return np.linalg.cholesky(matrix + _FLOOR * np.eye(len(matrix)))
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+        # L' is the R of Q R = (V sqrt(values))', its signs turned to a positive diagonal.
+        upper = np.linalg.qr((vectors * np.sqrt(np.maximum(values, _FLOOR))).T)[1]
+        return np.asarray((np.sign(np.diag(upper))[:, None] * upper).T)
+
+
 def adjust(
     scores: np.ndarray,
     keys: Sequence[Hashable],
@@ -107,7 +121,7 @@ def adjust(
     sums -= sums.mean(axis=0)
     scale = np.sqrt(np.diag(information))
     scale = np.where(scale > 0.0, scale, 1.0)
-    factor = np.linalg.cholesky(information / np.outer(scale, scale) + 1e-10 * np.eye(scale.size))
+    factor = _root(information / np.outer(scale, scale))
     white = np.linalg.solve(factor, (sums / scale).T)
     values, vectors = np.linalg.eigh(white @ white.T * len(order) / max(len(order) - 1, 1))
     if never_sharper:

@@ -37,7 +37,7 @@ def _check_warnings(report: QualityReport, quick: bool) -> Sequence[str]:
 
 
 def _check_fault(report: QualityReport) -> type[SysidError] | None:
-    return DataRejectedError if _rejected(report) else None
+    return DataRejectedError if _rejected(report) or report.left_out else None
 
 
 def show_check(report: QualityReport, results: Results) -> Blocks:

@@ -37,8 +37,11 @@ def _fit(context: Context) -> KeptFit:
     from sysid.estimation.fit.law_choice import fit_with_laws
 
     if not context.campaign.bump_runs:
+        why = context[CHECK].left_out
         raise DataRejectedError(
-            "No bump run is left to fit: every log was rejected or none is listed; see the stage 'check'."
+            f"No bump run is left to fit. {why[0]}"
+            if why
+            else "No bump run is left to fit: every log was rejected or none is listed; see the stage 'check'."
         )
     options = context.settings.fit
     fit, state = fit_with_laws(context.campaign, context[DROPS], profiles(context), options, context.progress)

@@ -1,0 +1,76 @@
+"""Listed speeds against the moments at which axles meet the bump."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sysid.campaign import read_campaign
+from sysid.campaign.passage import passage_speed, speed_complaint
+from sysid.campaign.quality import check_quality
+from sysid.campaign.records import Axle, Body, BumpRun, Channel, Log, Sensor, Vehicle
+
+DATA = Path(__file__).parents[2] / "data"
+SPEED, STEP = 4.5, 0.005
+PLACES = (0.0, 4.2, 5.5)
+
+
+def truck(places=PLACES):
+    axles = tuple(Axle(f"axle {i}", 0, x, 500.0, 2e6, 3e3, 0.5, "leaf") for i, x in enumerate(places))
+    return Vehicle("truck", (Body("body"),), axles)
+
+
+def run(places=PLACES, listed=SPEED, speed=SPEED, late=()):
+    """A run of axles that ring once the bump has met them at their place and the true speed."""
+    time = np.arange(1200) * STEP
+    channels = []
+    for i, x in enumerate(places):
+        met = 1.0 + x / speed + dict(late).get(i, 0.0)
+        after = np.clip(time - met, 0.0, None)
+        value = 30.0 * np.exp(-4.0 * after) * np.sin(2.0 * np.pi * 10.0 * after)
+        sensor = Sensor(f"a{i}", "axle_acceleration", "m/s^2", axle=i)
+        channels.append(Channel(sensor, time, value, np.zeros(time.size, np.int8)))
+    return BumpRun("case", "empty", listed, 1, Log("run.csv", STEP, tuple(channels)))
+
+
+@pytest.mark.parametrize("speed", [1.2, 4.5, 11.0])
+def test_speed_from_the_arrivals(speed):
+    made = run(speed=speed)
+    assert passage_speed(made.log.channels, truck(), {}) == pytest.approx(speed, rel=0.02)
+    assert speed_complaint(replace(made, nominal_speed_m_s=speed), truck(), {}) is None
+
+
+@pytest.mark.parametrize(
+    ("factor", "word", "hopeless"),
+    [(3.6, "looks like m/s", True), (1.609, "looks like mph", True), (1.18, "speed sought", False), (0.5, "", True)],
+)
+def test_a_listed_speed_in_another_unit_is_said(factor, word, hopeless):
+    sentence, out = speed_complaint(run(listed=SPEED / factor), truck(), {})
+    assert out is hopeless
+    assert word in sentence
+    assert f"{3.6 * SPEED:.3g}"[:3] in sentence
+    assert "nominal_speed_km_h" in sentence
+
+
+def test_axles_that_contradict_each_other_say_nothing():
+    assert passage_speed(run(late=((1, 0.3),)).log.channels, truck(), {}) is None
+
+
+def test_two_axles_alone_must_be_far_off():
+    two = PLACES[:2]
+    assert speed_complaint(run(two, listed=SPEED / 1.2), truck(two), {}) is None
+    assert speed_complaint(run(two, listed=SPEED / 2.0), truck(two), {})[1]
+
+
+def test_runs_of_the_shipped_campaign_agree_with_their_lists_and_not_with_others():
+    campaign = read_campaign(DATA)
+    kept, report = check_quality(campaign)
+    assert len(kept.bump_runs) == len(campaign.bump_runs)
+    assert report.left_out == ()
+    slow = tuple(replace(r, nominal_speed_m_s=r.nominal_speed_m_s / 3.6) for r in campaign.bump_runs)
+    kept, report = check_quality(replace(campaign, bump_runs=slow))
+    assert kept.bump_runs == ()
+    assert len(report.left_out) == len(slow)
