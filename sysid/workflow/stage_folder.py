@@ -163,8 +163,8 @@ class StageFolder:
 
 def dependents(stage: Stage[Any]) -> tuple[Stage[Any], ...]:
     """Stages that rest on one, directly or not, itself not among them."""
-    found: list[Stage[Any]] = []
+    after: list[Stage[Any]] = []
     for other in STAGES:
-        if any(before is stage or before in found for before in (*other.needs, *other.uses)):
-            found.append(other)
-    return tuple(found)
+        if any(before is stage or before in after for before in (*other.needs, *other.uses)):
+            after.append(other)
+    return tuple(after)
