@@ -117,25 +117,25 @@ def _check_log(log: Log, vehicle: Vehicle, bump_speed: float | None) -> tuple[Lo
             item.rejected = True
     else:
         _judge_together(log, work, vehicle, bump_speed, messages)
-    found = [_finding(log, item, own) for item, own in zip(work, clocks, strict=True)]
+    findings = [_finding(log, item, timing) for item, timing in zip(work, clocks, strict=True)]
     kept = tuple(item.channel for item in work if not item.rejected)
-    return replace(log, channels=kept, messages=tuple(messages)), found, messages
+    return replace(log, channels=kept, messages=tuple(messages)), findings, messages
 
 
 def _clocks(log: Log, messages: list[str]) -> list[defects.Timing]:
     """Timing of every channel's clock, and what is to be said about it."""
-    found: list[defects.Timing] = []
+    timings: list[defects.Timing] = []
     times = [channel.time_s for channel in log.channels]
     first = [next(j for j, other in enumerate(times) if np.array_equal(other, time)) for time in times]
     several = any(first)
     for i, (channel, j) in enumerate(zip(log.channels, first, strict=True)):
         if j < i:
-            found.append(found[j])
+            timings.append(timings[j])
             continue
         time = channel.time_s
         step = float(np.median(np.diff(time))) if several and time.size > 1 else log.sample_interval_s
         clock = defects.timing(time, step)
-        found.append(clock)
+        timings.append(clock)
         where = f"{log.file}, '{shorten(channel.sensor.column)}'" if several else log.file
         if clock.gaps:
             lost = sum(count for _, count in clock.gaps)
@@ -147,7 +147,7 @@ def _clocks(log: Log, messages: list[str]) -> list[defects.Timing]:
                 f"{where}: the time stamps depart by up to {1e3 * clock.jitter_s:.3g} ms from even steps; they are "
                 "used as they are."
             )
-    return found
+    return timings
 
 
 def _examine(channel: Channel) -> _Work:
@@ -248,9 +248,9 @@ def _judge_together(
         rests[item.channel.sensor.column] = float(np.nanmedian(item.channel.value)) if item.rest is None else item.rest
         _judge_noise(item)
     alive = [item for item in alive if not item.rejected]
-    found = suspicions(log, [item.channel for item in alive], vehicle, rests, bump_speed)
+    suspected = suspicions(log, [item.channel for item in alive], vehicle, rests, bump_speed)
     for item in alive:
-        for suspicion in found.get(item.channel.sensor.column, ()):
+        for suspicion in suspected.get(item.channel.sensor.column, ()):
             _take(item, suspicion)
 
 

@@ -218,8 +218,8 @@ def speed_sweep(
         p = _simulate(campaign, parameters, roads, PredictionRequest(load_case, speed, bump), sets, vehicles)
         peaks.append(p.tire_N.max(axis=0) / p.static_N[:, None])
         coefficients.append(load_coefficient(p.tire_N, p.static_N, p.passing))
-        found = () if driven is None else extrapolations(p.reached(speed), driven, load_case)
-        beyond.append([any(e.axle == i and e.what != "speed" for e in found) for i in range(len(p.static_N))])
+        trust = () if driven is None else extrapolations(p.reached(speed), driven, load_case)
+        beyond.append([any(e.axle == i and e.what != "speed" for e in trust) for i in range(len(p.static_N))])
     nominal = driven_speeds(campaign, load_case)
     return SpeedSweep(
         load_case,

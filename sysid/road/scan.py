@@ -294,8 +294,8 @@ def _messages(
         )
     if fit.lateral_sd_m > max(0.002, 0.03 * height):
         sentences.append(
-            f"The height of the bump differs between lanes by {1e3 * fit.lateral_sd_m:.1f} mm (standard deviation); "
-            "the profile is their mean."
+            f"The height of the bump differs across the scanned width by {1e3 * fit.lateral_sd_m:.1f} mm "
+            "(standard deviation); the profile is the mean."
         )
     if mean.largest_gap_m > 0.05:
         sentences.append(

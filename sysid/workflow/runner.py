@@ -49,10 +49,10 @@ class Runner:
 
     def known(self, stage: Stage[T]) -> T | None:
         """The result of a stage if it has run on these inputs and settings; one without a file if what it needs has."""
-        found = self.folder.known(stage)
-        if found is None and not stage.in_file and all(self.known(before) is not None for before in stage.needs):
-            found = self._result(stage)
-        return found
+        result = self.folder.known(stage)
+        if result is None and not stage.in_file and all(self.known(before) is not None for before in stage.needs):
+            result = self._result(stage)
+        return result
 
     def so_far(self, stage: Stage[T]) -> T | None:
         """What a stage that has not finished has got; None if nothing."""
@@ -67,22 +67,22 @@ class Runner:
 
     def missing(self, stages: Sequence[Stage[Any]], options: Mapping[str, Any] = NOTHING) -> list[Stage[Any]]:
         """The stages that have to be computed for some, in an order in which they can be."""
-        found: list[Stage[Any]] = []
+        order: list[Stage[Any]] = []
 
-        def visit(stage: Stage[Any], own: Mapping[str, Any]) -> None:
-            if stage in found:
+        def visit(stage: Stage[Any], given: Mapping[str, Any]) -> None:
+            if stage in order:
                 return
-            if self._again(stage, own):
+            if self._again(stage, given):
                 for before in stage.needs:
                     visit(before, NOTHING)
-                found.append(stage)
+                order.append(stage)
             for other in STAGES:
-                if other.along_with is stage and (stage in found or self._again(other, NOTHING)):
-                    found.append(other)
+                if other.along_with is stage and (stage in order or self._again(other, NOTHING)):
+                    order.append(other)
 
         for stage in stages:
             visit(stage, options)
-        return found
+        return order
 
     def context(self, stage: Stage[Any], options: Mapping[str, Any] = NOTHING, *, at_once: bool = True) -> Context:
         """What the functions of a stage are given; stages that it needs are computed `at_once` or when asked for."""
@@ -134,8 +134,8 @@ class Runner:
         context = self.context(stage, options)
         chosen = stage.chosen(context)
         kept: dict[str, Any] | None = self.folder.known(stage)
-        found = dict(kept or {})
-        wanted = [name for name in chosen if name not in found]
+        items = dict(kept or {})
+        wanted = [name for name in chosen if name not in items]
         if wanted:
             with (
                 self.folder.lock,
@@ -144,9 +144,9 @@ class Runner:
                 _breakdown_said(stage.name),
             ):
                 for name, item in stage.each(context, wanted):
-                    found[name] = item
-                    self.folder.keep(stage, dict(found))
-        return {name: found[name] for name in chosen}
+                    items[name] = item
+                    self.folder.keep(stage, dict(items))
+        return {name: items[name] for name in chosen}
 
     def _timed(self, name: str) -> AbstractContextManager[None]:
         return self.folder.timed(name, lambda: self.steps.parts)

@@ -171,10 +171,10 @@ def _validate(context: Context) -> Validation:
     from sysid.validation.channel_agreement import LeftOut
 
     fit = context[FIT].fit
-    found = validate(fit, context.settings.validation)
+    validation = validate(fit, context.settings.validation)
     kept = context.known(LEFT_OUT) or {}
     left = tuple(kept[h.file] for h in fit.histories if h.file in kept)
-    return replace(found, left_out=LeftOut(fit.names, left, found.channels)) if left else found
+    return replace(validation, left_out=LeftOut(fit.names, left, validation.channels)) if left else validation
 
 
 def show_validate(validation: Validation, results: Results) -> Blocks:
