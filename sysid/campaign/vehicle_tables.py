@@ -33,7 +33,8 @@ _PRIOR_QUANTITIES = {
     "tire_damping_N_s_per_m": "tire_damping",
 }
 _SAME_PLACE_M = 1e-6
-#: Share of a tire's vertical stiffness that its structure keeps without pressure.
+#: Share of a tire's vertical stiffness that its structure keeps without pressure: an assumption, general knowledge of
+#: truck tires, whose load is carried by the air almost alone.
 TIRE_STRUCTURE_SHARE = 0.04
 
 

@@ -130,14 +130,14 @@ def read_chrono(path: Path) -> dict[str, Any]:
     try:
         # Strings stay as they are: a comment's sign in one is no comment.
         text = _COMMENT.sub(lambda m: m[1] or " ", Path(path).read_text(encoding="utf-8-sig"))
-        found = json.loads(text)
+        tables = json.loads(text)
     except OSError as error:
         raise CampaignError(f"The Chrono file {Path(path).name} cannot be read ({error.strerror}).") from None
     except ValueError as error:
         raise CampaignError(f"The Chrono file {Path(path).name} is no JSON ({error}).") from None
-    if not isinstance(found, dict):
+    if not isinstance(tables, dict):
         raise CampaignError(f"The Chrono file {Path(path).name} holds no JSON object; name a suspension or tire file.")
-    return found
+    return tables
 
 
 def _merged(target: Any, patch: Any) -> Any:

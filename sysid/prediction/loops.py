@@ -25,7 +25,7 @@ from sysid.vehicle_model.suspension import SuspensionLaw, slip_after_step, suspe
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Harmonic motion of the rig.
+#: Harmonic motion of the rig: a stroke and a frequency that suspensions see on a bump (damper speeds to 0.4 m/s).
 AMPLITUDE_M = 0.03
 FREQUENCY_HZ = 2.0
 _STEPS = 400
