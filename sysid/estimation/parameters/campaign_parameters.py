@@ -106,6 +106,29 @@ def campaign_parameters(
     """
     laws = declared_laws(campaign) if laws is None else laws
     vehicle = campaign.vehicle
+    first = next(iter(campaign.load_cases))
+    suspended = sorted(set(vehicle.suspension_axle))
+    parameters, links = _stiffness_parameters(campaign, drops, laws)
+    for i in suspended:
+        parameters.append(replace(_suspension_parameter(vehicle, i, "damping", drops, first), law=law_name(laws[i])))
+    parameters += _element_parameters(campaign, laws)
+    parameters += _frame_parameters(vehicle)
+    for i, axle in enumerate(vehicle.axles):
+        median, sd = _override(axle, "tire_stiffness", axle.tire_stiffness_N_per_m, TIRE_STIFFNESS_SD)
+        parameters.append(Parameter(f"kt_{i + 1}", "tire_stiffness", "N/m", median, median, sd, axle=i))
+    for i, axle in enumerate(vehicle.axles):
+        median, sd = _override(axle, "tire_damping", max(axle.tire_damping_N_s_per_m, 500.0), TIRE_DAMPING_SD)
+        parameters.append(Parameter(f"ct_{i + 1}", "tire_damping", "N s/m", median, median, sd, axle=i))
+    median, sd = TIRE_EXPONENT
+    parameters.append(Parameter("tire_exponent", "tire_exponent", "1", median, median, sd))
+    return ParameterSet(*with_named_priors(parameters, links, campaign.priors), vehicle.suspension_axle)
+
+
+def _stiffness_parameters(
+    campaign: Campaign, drops: DropSummary | None, laws: Sequence[frozenset[str]]
+) -> tuple[list[Parameter], list[PriorLink]]:
+    """One stiffness per suspension, of air springs one per load case, linked by the loads."""
+    vehicle = campaign.vehicle
     # A load case that is only predicted has its own air-spring stiffness too: known through its link alone.
     used_cases = campaign.load_cases_in_use
     first = next(iter(campaign.load_cases))
@@ -138,11 +161,13 @@ def campaign_parameters(
                     links.append(PriorLink(f"k_{i + 1}[{base}]", name, rise, sd))
         else:
             parameters.append(stiffness)
-    for i in suspended:
-        parameters.append(replace(_suspension_parameter(vehicle, i, "damping", drops, first), law=law_name(laws[i])))
-    parameters += _element_parameters(campaign, laws)
+    return parameters, links
+
+
+def _frame_parameters(vehicle: Vehicle) -> list[Parameter]:
+    """Shares of rockers that are not declared, and bending modes of frames."""
     median, sd = SHARE_ODDS_PRIOR
-    parameters += [
+    parameters = [
         Parameter(share_name(rocker.name), SHARE_ODDS, "1", median, median, sd, axle=rocker.axles[0])
         for rocker in vehicle.equalisers
         if rocker.load_share is None
@@ -155,15 +180,7 @@ def campaign_parameters(
                 Parameter(hz, BENDING_FREQUENCY, "Hz", frequency, frequency, BENDING_FREQUENCY_SD),
                 Parameter(ratio, BENDING_DAMPING, "1", damping, damping, BENDING_DAMPING_SD),
             ]
-    for i, axle in enumerate(vehicle.axles):
-        median, sd = _override(axle, "tire_stiffness", axle.tire_stiffness_N_per_m, TIRE_STIFFNESS_SD)
-        parameters.append(Parameter(f"kt_{i + 1}", "tire_stiffness", "N/m", median, median, sd, axle=i))
-    for i, axle in enumerate(vehicle.axles):
-        median, sd = _override(axle, "tire_damping", max(axle.tire_damping_N_s_per_m, 500.0), TIRE_DAMPING_SD)
-        parameters.append(Parameter(f"ct_{i + 1}", "tire_damping", "N s/m", median, median, sd, axle=i))
-    median, sd = TIRE_EXPONENT
-    parameters.append(Parameter("tire_exponent", "tire_exponent", "1", median, median, sd))
-    return ParameterSet(*with_named_priors(parameters, links, campaign.priors), vehicle.suspension_axle)
+    return parameters
 
 
 def _element_parameters(campaign: Campaign, laws: Sequence[frozenset[str]]) -> list[Parameter]:
