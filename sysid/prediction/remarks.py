@@ -41,8 +41,8 @@ def remarks(
     sentences = [*_extrapolation(campaign, request, name), *_beyond(trust, name)]
     if abs(impulse - 1.0) > _IMPULSE:
         sentences.append(
-            f"{name}: the wheel loads together carry {impulse:.3f} times the weight over the pass; the truck is not at "
-            "rest again at the end of the record."
+            f"{name}: averaged over the pass the wheel loads sum to {impulse:.3f} times the weight; the truck is not "
+            "at rest again at the end of the record."
         )
     return tuple(sentences)
 
@@ -76,5 +76,7 @@ def _beyond(trust: Sequence[Extrapolation], name: str) -> list[str]:
                 f"{name}: {words} goes beyond the driven runs: {axles}; the loads there are an extrapolation."
             )
     if lifted := [f"axle {e.axle + 1}" for e in trust if e.what == "lift_off"]:
-        sentences.append(f"{name}: wheels leave the road that never did in the driven runs: {', '.join(lifted)}.")
+        sentences.append(
+            f"{name}: these wheels leave the road, which they never did in the driven runs: {', '.join(lifted)}."
+        )
     return sentences

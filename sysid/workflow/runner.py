@@ -168,9 +168,9 @@ def _breakdown_said(name: str) -> Iterator[None]:
     except LinAlgError as error:
         why = str(error).strip().rstrip(".") or "a singular matrix"
         raise NumericsError(
-            f"The stage '{name}' broke down in its linear algebra ({why}): the data do not determine what it looks "
-            "for, or a value is far from that of any vehicle; see what the stage 'check' says of the logs, and compare "
-            "speeds, load cases, positions and units in campaign.toml with the test notes."
+            f"The stage '{name}' could not solve its equations ({why}): the data do not determine its unknowns, or a "
+            "value is far from that of any vehicle; read what the stage 'check' says of the logs, and compare speeds, "
+            "load cases, positions and units in campaign.toml with the test notes."
         ) from error
 
 

@@ -217,7 +217,7 @@ VALIDATE = Whole(
     in_file=False,
     put=lambda results, validation: replace(results, validation=validation),
     command=Command(
-        help="Agreement with the measured histories; of runs that no fit has seen, on request.",
+        help="Agreement with the measured histories; with --leave-out also of runs that the fit has not seen.",
         show=show_validate,
         recalls=True,
         options=(
