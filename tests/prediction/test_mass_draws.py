@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rigid_truck import EMPTY, LADEN, VEHICLE, bump, campaign, empty_run
 
-from sysid.campaign.records import AxleGroup, Campaign, MassTolerances, PredictionRequest
+from sysid.campaign.records import AxleGroup, Campaign, Equaliser, FrameBending, MassTolerances, PredictionRequest
 from sysid.errors import CampaignError
 from sysid.estimation.fit.state import state_at
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
@@ -79,6 +79,27 @@ def test_vehicles_with_a_beam():
     own = replace(data, vehicle=vehicle, load_cases=cases)
     alone = predict_pass(own, parameters, felt(own), REQUEST, x[None])
     np.testing.assert_allclose(found.tire_force_q50_N, alone.tire_force_q50_N, rtol=1e-9)
+
+
+def test_vehicles_with_a_rocker_and_a_bending_frame():
+    """Draws of both vehicles side by side give what each gives alone."""
+    data = made(equalisers=(Equaliser("tandem", (1, 2)),))
+    bent = replace(data.vehicle.bodies[0], bending=FrameBending(8.0, 0.03))
+    data = replace(data, vehicle=replace(data.vehicle, bodies=(bent,)))
+    parameters, masses = campaign_parameters(data, None), uncertain_masses(data)
+    factors = np.array([[0.02], [-0.01]]) * np.ones((2, masses.sd.size))
+    draws = np.stack([parameters.start, parameters.start + 0.03])
+    found = predict_pass(data, parameters, felt(data), REQUEST, draws, VehicleDraws(only_masses(data), factors))
+    peaks = []
+    for x, log_factors in zip(draws, factors, strict=True):
+        vehicle, cases = masses.applied(log_factors)
+        own = replace(data, vehicle=vehicle, load_cases=cases)
+        peaks.append(predict_pass(own, parameters, felt(own), REQUEST, x[None]).peak_ratio_q50)
+    np.testing.assert_allclose(found.peak_ratio_q50, np.quantile(peaks, 0.5, axis=0), rtol=1e-9)
+    rigid = replace(data, vehicle=replace(data.vehicle, bodies=(replace(bent, bending=None),)))
+    stiff = campaign_parameters(rigid, None)
+    other = predict_pass(rigid, stiff, felt(rigid), REQUEST, stiff.start[None])
+    assert np.abs(other.peak_ratio_q50 / peaks[0] - 1.0).max() > 1e-3
 
 
 HALF = replace(LADEN, name="half")
