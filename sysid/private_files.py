@@ -88,8 +88,8 @@ def check_private(file: Path) -> None:
 
 
 def _check(path: Path) -> None:
-    found = os.lstat(path)
-    problem = f"{path} is a symbolic link" if stat.S_ISLNK(found.st_mode) else _problem(path, found)
+    status = os.lstat(path)
+    problem = f"{path} is a symbolic link" if stat.S_ISLNK(status.st_mode) else _problem(path, status)
     if problem is not None:
         raise NotPrivateError(problem)
 
@@ -108,26 +108,26 @@ def _user() -> int | None:
     return os.geteuid() if hasattr(os, "geteuid") else None
 
 
-def _problem(path: Path, found: os.stat_result) -> str | None:
+def _problem(path: Path, status: os.stat_result) -> str | None:
     user = _user()
     if user is None:
         return None
-    if found.st_uid != user:
+    if status.st_uid != user:
         return f"{path} belongs to another user"
-    if found.st_mode & _OTHERS_WRITE:
-        return f"{path} can be written by others (mode {stat.S_IMODE(found.st_mode):o})"
+    if status.st_mode & _OTHERS_WRITE:
+        return f"{path} can be written by others (mode {stat.S_IMODE(status.st_mode):o})"
     return None
 
 
-def _problem_above(path: Path, found: os.stat_result) -> str | None:
+def _problem_above(path: Path, status: os.stat_result) -> str | None:
     user = _user()
     if user is None:
         return None
-    if found.st_uid not in (0, user):
+    if status.st_uid not in (0, user):
         return f"{path} belongs to another user"
-    others = stat.S_IWOTH if _own_group(found.st_gid, user) else _OTHERS_WRITE
-    if found.st_mode & others and not found.st_mode & stat.S_ISVTX:
-        return f"{path} can be written by others (mode {stat.S_IMODE(found.st_mode):o})"
+    others = stat.S_IWOTH if _own_group(status.st_gid, user) else _OTHERS_WRITE
+    if status.st_mode & others and not status.st_mode & stat.S_ISVTX:
+        return f"{path} can be written by others (mode {stat.S_IMODE(status.st_mode):o})"
     return None
 
 
@@ -137,7 +137,7 @@ def _own_group(group: int, user: int) -> bool:
         import grp
         import pwd
 
-        own, found = pwd.getpwuid(user), grp.getgrgid(group)
+        person, members = pwd.getpwuid(user), grp.getgrgid(group)
     except (ImportError, KeyError):
         return False
-    return own.pw_gid == group and own.pw_name == found.gr_name and set(found.gr_mem) <= {own.pw_name}
+    return person.pw_gid == group and person.pw_name == members.gr_name and set(members.gr_mem) <= {person.pw_name}

@@ -53,12 +53,12 @@ def private_cache(name: str, check: Callable[[Path], None] | None = None) -> Pat
     except NotPrivateError as error:
         remedy = f"because {error}; remove it, make it yours alone, or set SYSID_CACHE_DIR to a folder of your own."
         try:
-            found = usable(_user_cache())
+            folder = usable(_user_cache())
         except (NotPrivateError, OSError):
             _say(f"Compiled code is neither kept nor reused {remedy}")
             raise error from None
         _say(f"Compiled code is kept in {_user_cache()} {remedy}")
-        return found
+        return folder
 
 
 @cache

@@ -50,12 +50,12 @@ def side_by_side(
     function: Callable[[_Item], _Result], items: Iterable[_Item], at_most: int | None = None
 ) -> tuple[_Result, ...]:
     """Results of a function for all items, in their order, by as many threads as there may be, or `at_most`."""
-    every = tuple(items)
-    workers = min(thread_count(), len(every), at_most or len(every))
+    work = tuple(items)
+    workers = min(thread_count(), len(work), at_most or len(work))
     if workers <= 1:
-        return tuple(map(function, every))
+        return tuple(map(function, work))
     with ThreadPoolExecutor(max_workers=workers) as pool:
-        return tuple(pool.map(function, every))
+        return tuple(pool.map(function, work))
 
 
 @contextmanager

@@ -86,19 +86,21 @@ def _holds(entry: Record, which: str) -> bool:
 
 
 def misfit_tables(records: Sequence[Record]) -> list[str]:
-    """Coverage by kind of quantity and by the physics behind the data."""
+    """Coverage by kind of quantity, by vehicle, and by the physics behind the data; and how many laws were false."""
     good = [r for r in records if r["failed"] is None]
     entries = [e for r in good for e in r["entries"]]
     rows = []
     for kind in dict.fromkeys(e["kind"] for e in entries):
         rows.append(_misfit_row(kind, [e for e in entries if e["kind"] == kind]))
+    for vehicle in dict.fromkeys(r["vehicle"] for r in good):
+        rows.append(_misfit_row(vehicle, [e for r in good if r["vehicle"] == vehicle for e in r["entries"]]))
     rows.append(_misfit_row("all", entries))
     head = (
         "90 % interval of",
         "entries",
         "holds %",
         "median half-width %",
-        "independent noise: holds %",
+        "normal approximation: holds %",
         "half-width %",
     )
     lines = _table(head, rows)
@@ -106,17 +108,26 @@ def misfit_tables(records: Sequence[Record]) -> list[str]:
     for name in dict.fromkeys(r["physics"] for r in good):
         own = [r for r in good if r["physics"] == name]
         of = [e for r in own for e in r["entries"]]
-        misfit = f"{np.median([r['misfit'] for r in own]):.1f}"
+        misfit = " ".join(f"{r['misfit']:.1f}" for r in own)
         said = f"{sum(r['said'] for r in own)} of {len(own)}"
-        rows.append((name, str(len(own)), misfit, said, f"{100 * np.mean([_holds(e, 'reported') for e in of]):.0f}"))
-    head = ("true physics", "campaigns", "residual over noise", "report says so", "holds %")
+        laws = "; ".join(", ".join(r["laws"]) or "linear" for r in own)
+        rows.append(
+            (name, str(len(own)), misfit, said, laws, f"{100 * np.mean([_holds(e, 'reported') for e in of]):.0f}")
+        )
+    head = ("true physics", "campaigns", "residual over noise", "report says so", "elements found", "holds %")
     lines += _table(head, rows)
+    linear = [r for r in good if r["linear"]]
+    false = sum(r["false_laws"] for r in linear)
+    lines += [
+        f"Elements that are not there were found in {false} of {len(linear)} campaigns of linear suspensions.",
+        "",
+    ]
     return lines
 
 
 def _misfit_row(name: str, entries: Sequence[Record]) -> tuple[str, ...]:
     cells = [name, str(len(entries))]
-    for which in ("reported", "independent"):
+    for which in ("reported", "normal"):
         half = [50.0 * (e[which][2] - e[which][0]) / e[which][1] for e in entries]
         cells += [f"{100 * np.mean([_holds(e, which) for e in entries]):.0f}", f"{np.median(half):.1f}"]
     return tuple(cells)
@@ -164,9 +175,12 @@ product, draws by importance resampling.""".splitlines()
 _ROUGH = """\
 Noise that is correlated from one reading to the next (0.6), 1 % of readings off by ten times the noise.""".splitlines()
 _MISFIT = """\
-The six-axle tractor and lowboy of `data/campaign.toml`, empty and loaded, one run per case, linear laws fitted. In
-every campaign k, c and tires come from their priors, masses and heights are off within their tolerances, and noise is
-correlated (0.3); the contact law or the suspension is another one as the second table says. Soft and stiff spokes have
-exponents 0.2 below and 0.3 above the one that goes with the tire's load law. Peaks are peak load ratios of passes
-nobody drove, half-widths medians. Independent noise: the same fit with the usual covariance, which calls every residual
-a new piece of evidence and the model exact.""".splitlines()
+The default path of `run`: laws undeclared, the posterior sampled, passes predicted from its draws. Vehicles take turns:
+the six-axle tractor and lowboy of `data/campaign.toml` and a three-axle truck with an air-sprung tandem, empty and
+loaded, one run per case. In every campaign k, c and tires come from their priors, masses and heights are off within
+their tolerances, and noise is correlated (0.3); contact, suspensions or loads are others as the second table says. Soft
+and stiff spokes have exponents 0.2 below and 0.3 above the one that goes with the tire's load law; a rocker joins the
+tandem of the first body. Drops are replaced by the prior that they would be the median of. Peaks are peak load ratios
+of passes nobody drove, half-widths medians. Seeds and kinds were fixed before these campaigns were made; the method was
+developed on others of the first study (seed 20: cams, spokes, 1 % friction, linear). Readings come from this program's
+integrator, which other engines check ([accuracy.md](accuracy.md)).""".splitlines()

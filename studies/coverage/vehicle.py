@@ -1,7 +1,9 @@
-"""The tractor-trailer of the misfit campaigns: the shipped campaign file, nominal suspensions, and other physics."""
+"""The vehicles of the misfit campaigns: the shipped tractor-trailer and a three-axle truck, with other physics."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.campaign.read import read_campaign
-from sysid.campaign.records import Campaign
+from sysid.campaign.records import Axle, Campaign, Equaliser, LoadCase, Vehicle
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet
@@ -25,25 +27,49 @@ from sysid.selftest.world import World, draw_parameters
 from sysid.vehicle_model.lanes import EffectiveRoads, MapTires
 
 ROOT = Path(__file__).resolve().parents[2]
-#: Nominal k [N/m] and c [N s/m] per axle of a tractor with a lowboy trailer.
-NOMINAL_STIFFNESS = (4.2e5, 3.5e5, 3.5e5, 1.1e6, 1.1e6, 1.1e6)
-NOMINAL_DAMPING = (1.0e4, 1.0e4, 1.0e4, 1.2e4, 1.2e4, 1.2e4)
-NO_ELEMENTS: frozenset[str] = frozenset()
-FRICTION = frozenset({"friction"})
+#: Nominal k [N/m] and c [N s/m] per axle of a tractor with a lowboy trailer, and of a three-axle truck.
+NOMINAL = {
+    "tractor-trailer": ((4.2e5, 3.5e5, 3.5e5, 1.1e6, 1.1e6, 1.1e6), (1.0e4, 1.0e4, 1.0e4, 1.2e4, 1.2e4, 1.2e4)),
+    "three-axle truck": ((4.3e5, 3.3e5, 3.0e5), (1.05e4, 1.4e4, 1.25e4)),
+}
+#: Travels [m] before stops in vehicles whose campaign file does not declare any.
+JOUNCE_M, REBOUND_M = 0.075, 0.085
 
 
 @dataclass(frozen=True)
 class Physics:
-    """How the true vehicle differs from the model: `cams` share of the cams' contact in that of radial springs.
+    """How the true vehicle differs from linear suspensions on radial springs with masses as declared.
 
-    `spokes` is added to the exponent of the radial springs that goes with the tire's load law; `friction_share` of the
-    load that leaf springs carry is Coulomb friction.
+    `cams` share of the cams' contact in that of radial springs; `spokes` is added to the exponent of the radial springs
+    that goes with the tire's load law; `friction` of the load that leaf springs carry is Coulomb friction; `elements`
+    further elements of the suspensions; `rocker` load share of a rocker between the rear axles of the first body;
+    `stops` at undeclared travels; `scales` standard deviation of the error of each axle load.
     """
 
     name: str
     cams: float = 0.0
     spokes: float = 0.0
-    friction_share: float = 0.0
+    friction: float = 0.0
+    elements: tuple[str, ...] = ()
+    rocker: float = 0.0
+    stops: bool = False
+    scales: float = 0.0
+
+    @property
+    def linear(self) -> bool:
+        """Whether the suspensions are linear, so that any other law is a false one."""
+        return not (self.friction or self.elements or self.stops)
+
+    def laws(self, vehicle: Vehicle) -> tuple[frozenset[str], ...]:
+        """Elements of every axle; gas springs are air springs only, friction is that of leaves."""
+
+        def of(axle: Axle) -> frozenset[str]:
+            law = set(self.elements) - (set() if axle.suspension == "air" else {"gas_spring"})
+            if self.friction and axle.suspension == "leaf":
+                law.add("friction")
+            return frozenset(law | ({"bump_stops"} if self.stops else set()))
+
+        return tuple(of(axle) for axle in vehicle.axles)
 
 
 class MixedRoads(EffectiveRoads):
@@ -90,32 +116,49 @@ def _mixed(springs: FootprintMap, cams: FootprintMap, share: float) -> Footprint
     )
 
 
-def nominal_drops(campaign: Campaign) -> DropSummary:
+def nominal_drops(campaign: Campaign, kind: str) -> DropSummary:
     """Drops that tell the nominal suspensions: medians of the priors behind truth and fit alike."""
     case, nan = next(iter(campaign.load_cases)), float("nan")
-    pairs = zip(NOMINAL_STIFFNESS, NOMINAL_DAMPING, strict=True)
     estimates = tuple(
-        DropEstimate(i, case, None, "model", k, 0.0, c, 0.0, nan, nan, True) for i, (k, c) in enumerate(pairs)
+        DropEstimate(i, case, None, "model", k, 0.0, c, 0.0, nan, nan, True)
+        for i, (k, c) in enumerate(zip(*NOMINAL[kind], strict=True))
     )
     return DropSummary((), estimates)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The planned campaign, the parameters of its fit and its road profiles."""
+    """The planned campaign of one `kind` of vehicle, what its drops say, its linear parameters and its roads."""
 
+    kind: str
     campaign: Campaign
+    drops: DropSummary
     parameters: ParameterSet
     profiles: Mapping[str, RoadProfile]
 
 
 def tractor_trailer(repeats: int = 1) -> Plan:
     """The shipped campaign with blank records and at most `repeats` runs per case."""
-    read = read_campaign(ROOT / "data" / "campaign.toml", point_cloud_reader=read_point_cloud)
+    return _plan("tractor-trailer", ROOT / "data" / "campaign.toml", repeats)
+
+
+def three_axle_truck(folder: Path) -> Plan:
+    """A rigid truck with an air-sprung tandem over a bump, empty and laden; its campaign is written to `folder`."""
+    if not (folder / "campaign.toml").exists():
+        command = [sys.executable, "-m", "tests.support.synthetic_campaign", "--vehicle", "rigid3", "--seed", "5"]
+        subprocess.run([*command, "--output", str(folder)], cwd=ROOT, check=True, capture_output=True)
+    return _plan("three-axle truck", folder / "campaign.toml", 1)
+
+
+def _plan(kind: str, file: Path, repeats: int) -> Plan:
+    read = read_campaign(file, point_cloud_reader=read_point_cloud)
     profiles = {name: analyse_scan(s).profile for name, s in read.scans.items()}
     runs = tuple(r for r in read.bump_runs if r.repeat <= repeats)
-    campaign = planned_campaign(replace(read, bump_runs=runs, plank_drops=()), profiles)
-    return Plan(campaign, campaign_parameters(campaign, nominal_drops(campaign)), profiles)
+    undeclared = tuple(replace(a, suspension_law=None) for a in read.vehicle.axles)
+    vehicle = replace(read.vehicle, axles=undeclared)
+    campaign = planned_campaign(replace(read, vehicle=vehicle, bump_runs=runs, plank_drops=()), profiles)
+    drops = nominal_drops(campaign, kind)
+    return Plan(kind, campaign, drops, campaign_parameters(campaign, drops), profiles)
 
 
 def misfit_world(plan: Plan, physics: Physics, random: np.random.Generator) -> World:
@@ -123,21 +166,42 @@ def misfit_world(plan: Plan, physics: Physics, random: np.random.Generator) -> W
     masses = uncertain_masses(plan.campaign)
     vehicle, load_cases = masses.applied(masses.sd * random.standard_normal(masses.sd.size))
     truth = dict(zip(plan.parameters.names, draw_parameters(plan.parameters, random), strict=True))
+    load_cases = _weighed_wrongly(vehicle, load_cases, physics.scales * random.standard_normal(len(vehicle.axles)))
     axles = tuple(
-        replace(a, tire_stiffness_N_per_m=float(np.exp(truth[f"kt_{i + 1}"]))) for i, a in enumerate(vehicle.axles)
+        replace(
+            a,
+            tire_stiffness_N_per_m=float(np.exp(truth[f"kt_{i + 1}"])),
+            jounce_travel_m=JOUNCE_M if physics.stops else a.jounce_travel_m,
+            rebound_travel_m=REBOUND_M if physics.stops else a.rebound_travel_m,
+        )
+        for i, a in enumerate(vehicle.axles)
     )
     vehicle = replace(vehicle, axles=axles)
+    if physics.rocker:
+        tandem = tuple(i for i, a in enumerate(axles) if a.body == axles[0].body)[-2:]
+        vehicle = replace(vehicle, equalisers=(Equaliser("rocker", tandem, physics.rocker),))
     true = replace(plan.campaign, vehicle=vehicle, load_cases=load_cases)
-    rubbing = physics.friction_share > 0.0
-    laws = [FRICTION if rubbing and a.suspension == "leaf" else NO_ELEMENTS for a in axles]
-    parameters = campaign_parameters(true, nominal_drops(true), laws)
+    parameters = campaign_parameters(true, plan.drops, list(physics.laws(vehicle)))
     first = next(iter(load_cases.values()))
     for p in parameters.parameters:
-        if p.quantity == "friction" and p.axle is not None:
+        if p.quantity == "friction" and p.axle is not None and axles[p.axle].suspension == "leaf":
             carried = (first.axle_loads_kg[p.axle] - axles[p.axle].unsprung_mass_kg) * vehicle.gravity_m_s2
-            truth[p.name] = np.log(physics.friction_share * carried) + 0.3 * random.standard_normal()
-        truth.setdefault(p.name, np.log(p.prior_median))
+            share = physics.friction or 0.05
+            truth[p.name] = np.log(share * carried) + 0.3 * random.standard_normal()
+        elif p.name not in truth:
+            truth[p.name] = np.log(p.prior_median) + 0.2 * random.standard_normal()
     values = np.array([truth[n] for n in parameters.names])
     tires = map_tires(parameters, values)
     tires = replace(tires, spoke_exponent=tires.spoke_exponent + physics.spokes)
     return World(true, parameters, values, MixedRoads(vehicle, load_cases, plan.profiles, tires, physics))
+
+
+def _weighed_wrongly(vehicle: Vehicle, cases: Mapping[str, LoadCase], error: np.ndarray) -> dict[str, LoadCase]:
+    """Load cases whose true axle loads are `error` (axles,) off the declared ones; the bodies carry the difference."""
+    found = {}
+    for name, case in cases.items():
+        declared = np.array(case.axle_loads_kg)
+        sprung = np.array(case.sprung_mass_kg)
+        np.add.at(sprung, [a.body for a in vehicle.axles], error * declared)
+        found[name] = replace(case, axle_loads_kg=tuple(declared * (1.0 + error)), sprung_mass_kg=tuple(sprung))
+    return found

@@ -18,8 +18,8 @@ from sysid.campaign.records import Channel, Vehicle
 BAND_HZ = (1.0, 10.0)  # below, drift is integrated twice; above, the displacement sensor shows noise only
 PAIR_BAND_HZ = (5.0, 15.0)  # wheel hop, where the frame moves little
 REACH_M = 0.5  # a frame sensor this near to the axle counts as above it
-LONGEST_FILL_S = 0.1
-RATE_NEEDED_HZ = 25.0
+LONGEST_FILL_S = 0.1  # a pause of one cycle of the highest frequency of BAND_HZ: a line through it misses a swing
+RATE_NEEDED_HZ = 25.0  # two and a half samples per cycle of the highest frequency of BAND_HZ
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ import numpy as np
 from sysid.campaign.records import Channel
 
 DEAD_S = 0.25  # a live sensor does not repeat one value for longer than this
-LOST_S = 0.1
-SPIKE_SIGMA = 15.0
+LOST_S = 0.1  # a cycle of wheel hop at 10 Hz: shorter gaps are left to the missing samples
+SPIKE_SIGMA = 15.0  # typical departures: no motion of a truck does so in one sample (an assumption)
 MOVING_SHARE = 0.08  # of the largest departure: smooth motion of that size at the start is no rest
 QUIET_S = 0.2  # shortest quiet start from which a rest level is read
 

@@ -21,9 +21,9 @@ class Suspicion:
     rejected: bool
 
 
-def accuse(found: dict[str, list[Suspicion]], sensor: Sensor, sentence: str, rejected: bool = True) -> None:
+def accuse(suspects: dict[str, list[Suspicion]], sensor: Sensor, sentence: str, rejected: bool = True) -> None:
     """Add a suspicion about the column of a sensor to those found."""
-    found.setdefault(sensor.column, []).append(Suspicion(sentence, rejected))
+    suspects.setdefault(sensor.column, []).append(Suspicion(sentence, rejected))
 
 
 def quoted(sensor: Sensor) -> str:
@@ -132,7 +132,7 @@ def _exchange_sentences(
     for x, y in pairs:
         sentence = (
             f"the columns {quoted(x.sensor)} and {quoted(y.sensor)} are exchanged: {reason}; exchange their names in "
-            "the file, or their entries in [sensors] if every log is so."
+            "the file, or their entries in [sensors] if all logs have them so."
         )
         accuse(found, x.sensor, sentence)
         accuse(found, y.sensor, sentence)

@@ -73,13 +73,13 @@ def read_log(
     wanted = tuple(dict.fromkeys(s.column for s in sensors))
     request = LogRequest(wanted, writing.time, writing.units_row, writing.format)
     content = read_channels(file_content(source, name), name, request)
-    found = {c.name: c for c in content.channels}
+    known = {c.name: c for c in content.channels}
     messages: list[str] = []
     clocks: dict[int, CleanClock] = {}
     for raw in content.channels:
         if id(raw.clock) not in clocks:
             clocks[id(raw.clock)] = clean_clock(raw.clock, sample_interval_s, name, messages)
-    messages += _missing(sensors, found, content, name)
+    messages += _missing(sensors, known, content, name)
     step = max(clock.step_s for clock in clocks.values())
     if len({clock.step_s for clock in clocks.values()}) > 1:
         messages.append(
@@ -90,16 +90,16 @@ def read_log(
     times = {key: clock.stamps - start for key, clock in clocks.items()}
     channels = []
     for sensor in sensors:
-        if sensor.column in found:
-            raw = found[sensor.column]
+        if sensor.column in known:
+            raw = known[sensor.column]
             key = id(raw.clock)
             channels.append(_channel(sensor, times[key], raw, clocks[key].rows, name))
     channels = join_sides(channels, name, messages)
     return Log(name, step, tuple(channels), start, tuple(messages))
 
 
-def _missing(sensors: Sequence[Sensor], found: dict[str, RawChannel], content: LogContent, name: str) -> list[str]:
-    missing = [s.column for s in sensors if s.column not in found]
+def _missing(sensors: Sequence[Sensor], known: dict[str, RawChannel], content: LogContent, name: str) -> list[str]:
+    missing = [s.column for s in sensors if s.column not in known]
     if len(missing) == len(sensors):
         raise DataRejectedError(
             f"{name} has none of the sensor columns, expected '{shorten(missing[0])}'"

@@ -141,11 +141,11 @@ def _near_sibling(file: Path) -> str:
 
 
 def _near_input(folder: Path, name: str) -> str:
-    found: list[str] = []
+    nearby: list[str] = []
     for root, folders, files in os.walk(folder):
         folders[:] = sorted(f for f in folders if not f.startswith("."))[:100]
-        found += [(Path(root) / f).relative_to(folder).as_posix() for f in sorted(files)]
-        if len(found) > limits.LISTED_FILES:
+        nearby += [(Path(root) / f).relative_to(folder).as_posix() for f in sorted(files)]
+        if len(nearby) > limits.LISTED_FILES:
             break
-    near = difflib.get_close_matches(relative_name(name), found[: limits.LISTED_FILES], n=1, cutoff=0.5)
+    near = difflib.get_close_matches(relative_name(name), nearby[: limits.LISTED_FILES], n=1, cutoff=0.5)
     return f"did you mean '{shorten(near[0], 100)}'" if near else "check the name, relative to the campaign file"

@@ -24,9 +24,10 @@ FEWEST_SAMPLES = 20
 SLOWEST_HZ = 20.0  # body modes reach 4 Hz: five samples per cycle are the least that shows them
 LARGEST = 1e9  # m or m/s^2: error codes of loggers, not motion
 NO_RESPONSE = 4.5  # a record whose peak is below this many noise rms holds nothing but noise
+# Assumptions: what is beyond them is worth a look, and none of them decides an estimate.
 NOISY = 0.2  # noise rms over peak
-SPIKY_SHARE = 0.02
-JITTER_SHARE = 0.2
+SPIKY_SHARE = 0.02  # of the samples: more spikes than that are a loose connection
+JITTER_SHARE = 0.2  # of the step between stamps
 
 
 @dataclass
@@ -122,29 +123,29 @@ def _check_log(log: Log, vehicle: Vehicle, bump_speed: float | None) -> tuple[Lo
             else f"is sampled at {clock.rate_hz:.3g} Hz, expected at least {SLOWEST_HZ:g} Hz"
         )
         for item in work:
-            item.messages.append(f"the log {what}, so that body motion cannot be seen.")
+            item.messages.append(f"the log {what}; the motion of the body cannot be seen in it.")
             item.rejected = True
     else:
         _judge_together(log, work, vehicle, bump_speed, messages)
-    found = [_finding(log, item, own) for item, own in zip(work, clocks, strict=True)]
+    findings = [_finding(log, item, timing) for item, timing in zip(work, clocks, strict=True)]
     kept = tuple(item.channel for item in work if not item.rejected)
-    return replace(log, channels=kept, messages=tuple(messages)), found, messages
+    return replace(log, channels=kept, messages=tuple(messages)), findings, messages
 
 
 def _clocks(log: Log, messages: list[str]) -> list[defects.Timing]:
     """Timing of every channel's clock, and what is to be said about it."""
-    found: list[defects.Timing] = []
+    timings: list[defects.Timing] = []
     times = [channel.time_s for channel in log.channels]
     first = [next(j for j, other in enumerate(times) if np.array_equal(other, time)) for time in times]
     several = any(first)
     for i, (channel, j) in enumerate(zip(log.channels, first, strict=True)):
         if j < i:
-            found.append(found[j])
+            timings.append(timings[j])
             continue
         time = channel.time_s
         step = float(np.median(np.diff(time))) if several and time.size > 1 else log.sample_interval_s
         clock = defects.timing(time, step)
-        found.append(clock)
+        timings.append(clock)
         where = f"{log.file}, '{shorten(channel.sensor.column)}'" if several else log.file
         if clock.gaps:
             lost = sum(count for _, count in clock.gaps)
@@ -156,7 +157,7 @@ def _clocks(log: Log, messages: list[str]) -> list[defects.Timing]:
                 f"{where}: the time stamps depart by up to {1e3 * clock.jitter_s:.3g} ms from even steps; they are "
                 "used as they are."
             )
-    return found
+    return timings
 
 
 def _examine(channel: Channel) -> _Work:
@@ -180,11 +181,11 @@ def _examine(channel: Channel) -> _Work:
         item.rejected = True
         return item
     if np.ptp(finite) == 0.0:
-        messages.append(f"the reading stands still at {finite[0] / unit_scale:.4g} {shown}: the sensor is dead.")
+        messages.append(f"the reading does not change from {finite[0] / unit_scale:.4g} {shown}: the sensor is dead.")
         item.rejected = True
         return item
     item.clip_level = _mark_clipping(channel, value, censored, messages, unit_scale)
-    spans = [(a, b, "stands still") for a, b in defects.dead_spans(time, value, censored)]
+    spans = [(a, b, "does not change") for a, b in defects.dead_spans(time, value, censored)]
     spans += [(a, b, "is lost") for a, b in defects.lost_spans(time, value)]
     for a, b, what in sorted(spans):
         value[a:b] = np.nan
@@ -234,12 +235,12 @@ def _mark_clipping(
             against = "" if declared is None else f", far below its range of {declared / unit_scale:.4g} {unit}"
             messages.append(
                 f"{int(np.sum(censored != 0))} samples are clipped at {level / unit_scale:.4g} {unit}{against}; they "
-                "count as bounds."
+                "are used as bounds."
             )
     else:
         messages.append(
             f"{int(np.sum(censored != 0))} sample{'s reach' if np.sum(censored != 0) > 1 else ' reaches'} the range of "
-            f"{level / unit_scale:.4g} {unit}; they count as bounds."  # type: ignore[operator]
+            f"{level / unit_scale:.4g} {unit}; they are used as bounds."  # type: ignore[operator]
         )
     return level
 
@@ -250,16 +251,16 @@ def _judge_together(
     alive = [item for item in work if not item.rejected]
     start = defects.motion_start([item.channel for item in alive])
     if start is None and alive:
-        messages.append(f"{log.file}: the record does not begin quietly, so that no rest level can be read.")
+        messages.append(f"{log.file}: the truck moves from the first sample on, so the level at rest cannot be read.")
     rests = {}
     for item in alive:
         item.rest, item.noise = defects.rest_of(item.channel, start)
         rests[item.channel.sensor.column] = float(np.nanmedian(item.channel.value)) if item.rest is None else item.rest
         _judge_noise(item)
     alive = [item for item in alive if not item.rejected]
-    found = suspicions(log, [item.channel for item in alive], vehicle, rests, bump_speed)
+    suspected = suspicions(log, [item.channel for item in alive], vehicle, rests, bump_speed)
     for item in alive:
-        for suspicion in found.get(item.channel.sensor.column, ()):
+        for suspicion in suspected.get(item.channel.sensor.column, ()):
             _take(item, suspicion)
 
 

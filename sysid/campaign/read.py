@@ -197,7 +197,7 @@ class _Inputs:
 
     def _drop_sensors(self, lifted: list[int], key: str) -> dict[int, list[Sensor]]:
         """Sensors of one drop per axle under test; those without an axle of their own are at the only one."""
-        found: dict[int, list[Sensor]] = {}
+        sensors_of: dict[int, list[Sensor]] = {}
         for column, table in self.tables.sensors.plank_drop.items():
             where = f"sensors.plank_drop.{shorten(column)}"
             if table.axle is not None:
@@ -212,12 +212,12 @@ class _Inputs:
             else:
                 index = lifted[0]
             axle = self.vehicle.vehicle.axles[index]
-            found.setdefault(index, []).append(_sensor(column, table, axle=index, body=axle.body, x_m=axle.x_m))
-        if not found:
+            sensors_of.setdefault(index, []).append(_sensor(column, table, axle=index, body=axle.body, x_m=axle.x_m))
+        if not sensors_of:
             raise CampaignError(
                 f"{self.file.name}: {key} has no sensor at its axle in [sensors.plank_drop]; name its column there."
             )
-        return dict(sorted(found.items()))
+        return dict(sorted(sensors_of.items()))
 
     def bump_runs(self, scans: Mapping[str, Scan]) -> tuple[BumpRun, ...]:
         """Bump runs with their logs, in the order of the file.

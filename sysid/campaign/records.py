@@ -91,12 +91,29 @@ class Axle:
 
 
 @dataclass(frozen=True)
+class FrameBending:
+    """First bending mode of a free frame: `frequency_hz` and `damping_ratio`, its body carried by nothing.
+
+    `x_m` and `rise` are points of its shape, front to rear; none for that of a uniform beam.
+    """
+
+    frequency_hz: float
+    damping_ratio: float
+    x_m: tuple[float, ...] = ()
+    rise: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
 class Body:
-    """One rigid sprung body; `hitch_x_m`, `hitch_height_m` above ground: hinge to the body in front, else None."""
+    """One sprung body; `hitch_x_m`, `hitch_height_m` above ground: hinge to the body in front, else None.
+
+    `bending` of its frame, None for a rigid one.
+    """
 
     name: str
     hitch_x_m: float | None = None
     hitch_height_m: float | None = None
+    bending: FrameBending | None = None
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ class PriorsTable(Table):
 
 Interval = Annotated[list[Positive], Field(min_length=2, max_length=2)]
 #: Units of parameters by what their key ends in.
-PRIOR_UNITS = {"": "1", "N_per_m": "N/m", "N_s_per_m": "N s/m", "N": "N", "m": "m", "m_per_s": "m/s"}
+PRIOR_UNITS = {"": "1", "N_per_m": "N/m", "N_s_per_m": "N s/m", "N": "N", "m": "m", "m_per_s": "m/s", "Hz": "Hz"}
 
 
 class NamedPriorTable(Table):
@@ -41,12 +41,14 @@ class NamedPriorTable(Table):
     median_N: Positive | None = None
     median_m: Positive | None = None
     median_m_per_s: Positive | None = None
+    median_Hz: Positive | None = None
     interval90: Interval | None = None
     interval90_N_per_m: Interval | None = None
     interval90_N_s_per_m: Interval | None = None
     interval90_N: Interval | None = None
     interval90_m: Interval | None = None
     interval90_m_per_s: Interval | None = None
+    interval90_Hz: Interval | None = None
     log_sd: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=20.0)] | None = None
 
     @model_validator(mode="after")

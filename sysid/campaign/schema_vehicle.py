@@ -23,12 +23,39 @@ from sysid.campaign.schema_fields import (
 from sysid.campaign.schema_priors import PriorsTable
 
 
+class ShapeTable(Table):
+    """shape = {...}: points of the shape in which a frame bends, from its front end to its rear end."""
+
+    x_m: Annotated[list[Position], Field(min_length=4, max_length=40)]
+    rise: Annotated[list[Annotated[float, Field(strict=True, allow_inf_nan=False)]], Field(min_length=4, max_length=40)]
+
+    @model_validator(mode="after")
+    def _points(self) -> ShapeTable:
+        if len(self.x_m) != len(self.rise):
+            raise ValueError(f"has {len(self.x_m)} values of x_m and {len(self.rise)} of rise; give pairs")
+        if any(b <= a for a, b in pairwise(self.x_m)):
+            raise ValueError("has values of x_m that do not increase; sort the points front to rear")
+        straight = np.polyval(np.polyfit(self.x_m, self.rise, 1), self.x_m)
+        if np.ptp(np.array(self.rise) - straight) < 1e-6 * max(1.0, np.ptp(self.rise)):
+            raise ValueError("is a straight line; give the shape in which the frame bends")
+        return self
+
+
+class BendingTable(Table):
+    """bending = {...}: first bending mode of a free frame."""
+
+    frequency_hz: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1.0, le=50.0)]
+    damping_ratio: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, lt=1.0)] = 0.025
+    shape: ShapeTable | None = None
+
+
 class BodyTable(Table):
-    """[[vehicle.body]]: one rigid sprung body."""
+    """[[vehicle.body]]: one sprung body."""
 
     name: Name
     hitch_x_m: Position | None = None
     hitch_height_m: Height | None = None
+    bending: BendingTable | None = None
 
     @model_validator(mode="after")
     def _height_needs_hitch(self) -> BodyTable:

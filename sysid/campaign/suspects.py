@@ -66,7 +66,7 @@ def suspicions(
         Column to suspicions; empty for a healthy log.
     """
     step = log.sample_interval_s
-    found: dict[str, list[Suspicion]] = {}
+    suspects: dict[str, list[Suspicion]] = {}
     groups = trios(channels, vehicle)
     fits = {t.axle: fit_factors(t.deflection, t.axle_acceleration, t.body_acceleration, step) for t in groups}
     confirmed: set[str] = set()
@@ -84,20 +84,20 @@ def suspicions(
     expected_lift = -1.0 if bump_speed is None else 1.0
     lifts = [_lift(t.axle_acceleration, rests) * expected_lift for t in groups]
     inverted = None if bump_speed is None else inverted_axles(groups, vehicle, rests, bump_speed)
-    settled = find_exchanges(wrong + unclear, groups, fits, inverted, vehicle, step, found)
+    settled = find_exchanges(wrong + unclear, groups, fits, inverted, vehicle, step, suspects)
     for trio in wrong:
         fit = fits[trio.axle]
         if trio.axle not in settled and fit is not None:
             _explain(
-                trio, fit, _Evidence(_shared(fit, fits), lifts[groups.index(trio)], float(np.median(lifts))), found
+                trio, fit, _Evidence(_shared(fit, fits), lifts[groups.index(trio)], float(np.median(lifts))), suspects
             )
     if bump_speed is not None:
-        _all_flipped(groups, fits, lifts, found)
+        _all_flipped(groups, fits, lifts, suspects)
     for channel in channels:
         column = channel.sensor.column
-        if column not in found and column not in confirmed:
-            _implausible(channel, rests.get(column), found)
-    return found
+        if column not in suspects and column not in confirmed:
+            _implausible(channel, rests.get(column), suspects)
+    return suspects
 
 
 def _lift(channel: Channel, rests: Mapping[str, float]) -> float:
@@ -122,7 +122,7 @@ def _shared(fit: Fit, fits: Mapping[int, Fit | None]) -> bool:
     return len(alike) > 0.65 * len(known)
 
 
-def _explain(trio: Trio, fit: Fit, evidence: _Evidence, found: dict[str, list[Suspicion]]) -> None:
+def _explain(trio: Trio, fit: Fit, evidence: _Evidence, suspects: dict[str, list[Suspicion]]) -> None:
     members = trio.channels
     explanations: list[tuple[float, tuple[_Cause, ...]]] = []
     if fit.clear and fit.unexplained < 0.6:
@@ -131,14 +131,14 @@ def _explain(trio: Trio, fit: Fit, evidence: _Evidence, found: dict[str, list[Su
             if cost is not None:
                 explanations.append((cost, causes))
     if not explanations:
-        _disagreement(trio, fit, found)
+        _disagreement(trio, fit, suspects)
         return
     lowest = min(cost for cost, _ in explanations)
     likely = [causes for cost, causes in explanations if cost < lowest + 0.05]
     for causes in likely:
         for channel, cause in zip(members, causes, strict=True):
             if cause.factor != 1.0:
-                accuse(found, channel.sensor, _accusation(channel.sensor, cause, len(likely) > 1))
+                accuse(suspects, channel.sensor, _accusation(channel.sensor, cause, len(likely) > 1))
 
 
 def _causes(sensor: Sensor) -> list[_Cause]:
@@ -175,8 +175,8 @@ def _cost(trio: Trio, fit: Fit, causes: Sequence[_Cause], evidence: _Evidence) -
     return cost
 
 
-def _near(found: float, expected: float) -> bool:
-    return found * expected > 0.0 and abs(np.log(found / expected)) < _MATCH
+def _near(value: float, expected: float) -> bool:
+    return value * expected > 0.0 and abs(np.log(value / expected)) < _MATCH
 
 
 def _size(channel: Channel) -> float:
@@ -202,7 +202,7 @@ def _accusation(sensor: Sensor, cause: _Cause, alternatives: bool) -> str:
     return f"{what}{doubt}; {remedy}."
 
 
-def _disagreement(trio: Trio, fit: Fit, found: dict[str, list[Suspicion]]) -> None:
+def _disagreement(trio: Trio, fit: Fit, suspects: dict[str, list[Suspicion]]) -> None:
     """A gain that no unit explains, or a deflection that follows neither sensor: worth a sentence, not a verdict."""
     if any(c.censored.any() for c in trio.channels):
         return
@@ -217,7 +217,7 @@ def _disagreement(trio: Trio, fit: Fit, found: dict[str, list[Suspicion]]) -> No
         else:
             sensor, factor = b.sensor, 1.0 / fit.beta
         accuse(
-            found,
+            suspects,
             sensor,
             f"{quoted(sensor)} reads {factor:.2g} times what the other sensors of its axle imply; check its "
             "calibration.",
@@ -225,7 +225,7 @@ def _disagreement(trio: Trio, fit: Fit, found: dict[str, list[Suspicion]]) -> No
         )
     elif abs(fit.alpha - 1.0) > 6.0 * fit.alpha_se and fit.unexplained > 0.7:
         accuse(
-            found,
+            suspects,
             q.sensor,
             f"{quoted(q.sensor)} does not follow the accelerations of its axle and frame; check which sensor this "
             "column holds.",
@@ -246,12 +246,12 @@ def _all_flipped(
         accuse(
             found,
             channel.sensor,
-            f"{quoted(channel.sensor)} and the other sensors show axles that fall onto the bump: every sign is "
-            "flipped; multiply the columns by -1 (+ is extension, + is up).",
+            f"{quoted(channel.sensor)} and the other sensors show axles that move down where the bump lifts them: "
+            "all signs are flipped; multiply the columns by -1 (+ is extension, + is up).",
         )
 
 
-def _implausible(channel: Channel, rest: float | None, found: dict[str, list[Suspicion]]) -> None:
+def _implausible(channel: Channel, rest: float | None, suspects: dict[str, list[Suspicion]]) -> None:
     sensor = channel.sensor
     good = channel.value[np.isfinite(channel.value)]
     if good.size < 20:
@@ -262,7 +262,7 @@ def _implausible(channel: Channel, rest: float | None, found: dict[str, list[Sus
     if sensor.full_scale is not None and np.mean(np.abs(good) > 1.5 * sensor.full_scale) > 0.002:
         largest = float(np.max(np.abs(good)))
         accuse(
-            found,
+            suspects,
             sensor,
             f"{quoted(sensor)} reads up to {largest / scale:.3g} {sensor.unit}, beyond its range of "
             f"{sensor.full_scale / scale:.3g} {sensor.unit}: the file is probably in another unit; correct unit or "
@@ -271,9 +271,9 @@ def _implausible(channel: Channel, rest: float | None, found: dict[str, list[Sus
     elif not low <= size <= high:
         bound = f"more than {high / scale:.3g}" if size > high else f"less than {low / scale:.3g}"
         accuse(
-            found,
+            suspects,
             sensor,
-            f"{quoted(sensor)} departs by {size / scale:.3g} {sensor.unit} from rest, {bound} {sensor.unit}, which a "
-            f"{sensor.kind.replace('_', ' ')} does not show here: wrong unit or dead sensor; correct unit in "
-            "campaign.toml or remove the sensor.",
+            f"{quoted(sensor)} differs from its value at rest by up to {size / scale:.3g} {sensor.unit}, {bound} "
+            f"{sensor.unit}, which a {sensor.kind.replace('_', ' ')} does not show here: wrong unit or dead sensor; "
+            "correct unit in campaign.toml or remove the sensor.",
         )

@@ -28,9 +28,9 @@ def check_bounds(text: str, label: str) -> None:
         (_LONG_KEY, f"more than {limits.KEY_LENGTH} characters in one word without quotes"),
         (_MANY_PARTS, f"a key with more than {limits.KEY_PARTS} parts"),
     ):
-        found = pattern.search(bare)
-        if found:
-            line = bare.count("\n", 0, found.start()) + 1
+        match = pattern.search(bare)
+        if match:
+            line = bare.count("\n", 0, match.start()) + 1
             raise CampaignError(f"{label}, line {line}, has {what}; correct it.")
     deepest, line = _deepest(bare)
     if deepest > limits.NESTING:
@@ -50,8 +50,8 @@ def _without_strings(text: str) -> str:
     It ends at a string that is never closed, where the parser stops as well.
     """
     pieces, at = [], 0
-    while found := _OPENING.search(text, at):
-        begin = found.start()
+    while match := _OPENING.search(text, at):
+        begin = match.start()
         pieces.append(text[at:begin])
         end = _end(text, begin)
         if end < 0:
@@ -90,8 +90,8 @@ def _end(text: str, begin: int) -> int:
 
 def _deepest(bare: str) -> tuple[int, int]:
     depth = deepest = at = 0
-    for found in _BRACKET.finditer(bare):
-        depth += 1 if found[0] in "[{" else -1
+    for match in _BRACKET.finditer(bare):
+        depth += 1 if match[0] in "[{" else -1
         if depth > deepest:
-            deepest, at = depth, found.start()
+            deepest, at = depth, match.start()
     return deepest, bare.count("\n", 0, at) + 1

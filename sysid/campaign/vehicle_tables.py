@@ -13,6 +13,7 @@ from sysid.campaign.records import (
     Body,
     Equaliser,
     ForceTable,
+    FrameBending,
     LeafDimensions,
     LoadCase,
     MassTolerances,
@@ -32,7 +33,8 @@ _PRIOR_QUANTITIES = {
     "tire_damping_N_s_per_m": "tire_damping",
 }
 _SAME_PLACE_M = 1e-6
-#: Share of a tire's vertical stiffness that its structure keeps without pressure.
+#: Share of a tire's vertical stiffness that its structure keeps without pressure: an assumption, general knowledge of
+#: truck tires, whose load is carried by the air almost alone.
 TIRE_STRUCTURE_SHARE = 0.04
 
 
@@ -47,6 +49,14 @@ def nominal_tire_stiffness(table: AxleTable) -> float:
     if had is None or declared_at is None:
         return table.tire_stiffness_N_per_m
     return table.tire_stiffness_N_per_m * (TIRE_STRUCTURE_SHARE + (1.0 - TIRE_STRUCTURE_SHARE) * had / declared_at)
+
+
+def _bending(table: BodyTable) -> FrameBending | None:
+    bent = table.bending
+    if bent is None:
+        return None
+    points = ((), ()) if bent.shape is None else (tuple(bent.shape.x_m), tuple(bent.shape.rise))
+    return FrameBending(bent.frequency_hz, bent.damping_ratio, *points)
 
 
 class VehicleReader:
@@ -75,7 +85,7 @@ class VehicleReader:
         self.load_cases = {n: self._load_case(n, t, order, len(table.body)) for n, t in tables.load_case.items()}
         self.vehicle = Vehicle(
             name=table.name,
-            bodies=tuple(Body(b.name, b.hitch_x_m, b.hitch_height_m) for b in table.body),
+            bodies=tuple(Body(b.name, b.hitch_x_m, b.hitch_height_m, _bending(b)) for b in table.body),
             axles=tuple(self._axle(table.axle[i], i, several) for i in order),
             gravity_m_s2=table.gravity_m_s2,
             wheelbase_m=table.wheelbase_m,

@@ -44,10 +44,10 @@ def configured(say: Callable[[str], None]) -> None:
     """Settings of the process as :func:`sysid.runtime.configure` makes them; its warnings go to `say`, one each."""
     from sysid.runtime import configure
 
-    with warnings.catch_warnings(record=True) as found:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         configure()
-    for warning in found:
+    for warning in caught:
         say(str(warning.message))
 
 

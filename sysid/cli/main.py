@@ -46,8 +46,8 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
                      help="Contact law of the tires: radial springs over the footprint, tandem elliptical cams, or a "
                           "point follower (default: footprint)."),
         click.option("--contact-spread", is_flag=True,
-                     help="Repeat the fit with the other contact laws and show how far the results move."),
-        click.option("--resume", is_flag=True, help="Go on with what an interrupted run left in the output folder."),
+                     help="Repeat the fit with the other contact laws and show how much the results change."),
+        click.option("--resume", is_flag=True, help="Continue an interrupted run from what is in the output folder."),
     ]  # fmt: skip
     for decorate in reversed(decorators):
         command = decorate(command)
@@ -113,7 +113,7 @@ for _record in RECORDS:
         _add(_record.name, _record.command.help, _record.command.options)
 _add(
     "run",
-    "All stages in order, but for profile, crosscheck, selftest and validate --leave-out; advise not with --quick.",
+    "All stages in order, except profile, crosscheck, selftest and validate --leave-out; with --quick without advise.",
 )
 
 

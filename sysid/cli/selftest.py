@@ -26,18 +26,18 @@ def run_selftest(campaign: Path, count: int, seed: int) -> int:
     say = partial(tell, errors, "selftest")
     with termination_as_interrupt():
         try:
-            found = _simulated(campaign, count, seed, errors, say)
+            selftest = _simulated(campaign, count, seed, errors, say)
         except SysidError as error:
             say(str(error))
             return error.exit_code
         except KeyboardInterrupt:
-            errors.print("Stopped; a self-test keeps nothing.", markup=False)
+            errors.print("Stopped; a self-test writes no files, so nothing is kept.", markup=False)
             return INTERRUPTED
         except Exception as error:
             say(f"an unexpected error stopped it ({type(error).__name__}: {error}); please report it.")
             return SysidError.exit_code
-    show_selftest(console(False), found)
-    return 0 if found.converged else NotConvergedError.exit_code
+    show_selftest(console(False), selftest)
+    return 0 if selftest.converged else NotConvergedError.exit_code
 
 
 def _simulated(campaign: Path, count: int, seed: int, errors: Console, say: Callable[[str], None]) -> SelfTest:
@@ -62,27 +62,27 @@ def _simulated(campaign: Path, count: int, seed: int, errors: Console, say: Call
         return self_test(read, profiles, count, seed, progress=progress.update)
 
 
-def show_selftest(screen: Console, found: SelfTest) -> None:
+def show_selftest(screen: Console, selftest: SelfTest) -> None:
     """Prior and result of every k and c, and how many intervals hold the truth."""
-    many = len(found.replicates) > 1
+    many = len(selftest.replicates) > 1
     if many:
-        _show_pooled(screen, found)
+        _show_pooled(screen, selftest)
     else:
-        _show_one(screen, found.replicates[0], found.seed)
-    if found.silent:
-        some = shorten(found.silent[0], 60) + (", ..." if len(found.silent) > 1 else "")
+        _show_one(screen, selftest.replicates[0], selftest.seed)
+    if selftest.silent:
+        some = shorten(selftest.silent[0], 60) + (", ..." if len(selftest.silent) > 1 else "")
         screen.print(
-            f"{len(found.silent)} logs hold no usable channel ({some}); their runs were simulated with all sensors.",
+            f"{len(selftest.silent)} logs hold no usable channel ({some}); their runs were simulated with all sensors.",
             markup=False,
         )
-    for failure in found.failures:
+    for failure in selftest.failures:
         screen.print(f"A simulated campaign could not be calibrated: {failure}", markup=False)
-    stopped = sum(not r.converged for r in found.replicates)
+    stopped = sum(not r.converged for r in selftest.replicates)
     if stopped:
-        screen.print(f"Least squares has not converged in {stopped} of {len(found.replicates)} simulated campaigns.")
+        screen.print(f"Least squares has not converged in {stopped} of {len(selftest.replicates)} simulated campaigns.")
     screen.print(
         "The data came from the model itself, so errors of the model are not tested here. The intervals allow for such "
-        "errors and may therefore hold the truth more often than 90 %."
+        "errors and may therefore contain the true value more often than 90 %."
     )
 
 
@@ -91,7 +91,7 @@ def _percent(log_sd: float) -> str:
 
 
 def _show_one(screen: Console, replicate: Replicate, seed: int) -> None:
-    columns = ("parameter", "truth", "found", "unit", "prior sd %", "sd after %", "90 % interval holds truth")
+    columns = ("parameter", "true value", "estimate", "unit", "prior sd %", "sd after %", "90 % interval contains it")
     table = plain_table("What the campaign would show", columns)
     for c in replicate.checks:
         factor, unit = shown_unit(c.unit)
@@ -107,19 +107,19 @@ def _show_one(screen: Console, replicate: Replicate, seed: int) -> None:
     screen.print(table)
     mean, low, high = replicate.expected(np.random.default_rng(seed))
     screen.print(
-        f"{replicate.held} of {len(replicate.checks)} intervals hold the truth; by the covariance of the fit "
-        f"{mean:.1f} would on average, and {low} to {high} in 95 % of campaigns.",
+        f"{replicate.held} of {len(replicate.checks)} intervals contain the true value; from the covariance of the fit "
+        f"{mean:.1f} are expected on average, {low} to {high} in 95 % of campaigns.",
         markup=False,
     )
 
 
-def _show_pooled(screen: Console, found: SelfTest) -> None:
-    count = len(found.replicates)
+def _show_pooled(screen: Console, selftest: SelfTest) -> None:
+    count = len(selftest.replicates)
     table = plain_table(
         f"What the campaign would show, {count} simulated campaigns",
-        ("parameter", "prior sd %", "sd after %, median", "90 % intervals that hold the truth"),
+        ("parameter", "prior sd %", "sd after %, median", "90 % intervals that contain the true value"),
     )
-    for checks in zip(*(r.checks for r in found.replicates), strict=True):
+    for checks in zip(*(r.checks for r in selftest.replicates), strict=True):
         table.add_row(
             escape(checks[0].name),
             _percent(checks[0].prior_sd),
@@ -127,9 +127,10 @@ def _show_pooled(screen: Console, found: SelfTest) -> None:
             f"{sum(c.held for c in checks)} of {count}",
         )
     screen.print(table)
-    low, high = found.binomial_range()
+    low, high = selftest.binomial_range()
     screen.print(
-        f"{found.held} of {found.intervals} intervals hold the truth ({100.0 * found.held / found.intervals:.0f} %); "
+        f"{selftest.held} of {selftest.intervals} intervals contain the true value "
+        f"({100.0 * selftest.held / selftest.intervals:.0f} %); "
         f"by chance {low} to {high} are expected (binomial, 95 %; wider where parameters are correlated).",
         markup=False,
     )

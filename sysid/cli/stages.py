@@ -84,11 +84,11 @@ def _run(
     configured(notice)
     record = next((r for r in RECORDS if r.name == name), None)
     options = () if record is None or record.command is None else record.command.options
-    asked = {option.name: choices.pop(option.name, None) for option in options}
-    asked = {option.name: asked[option.name] for option in options if option.given(asked)}
+    typed = {option.name: choices.pop(option.name, None) for option in options}
+    typed = {option.name: typed[option.name] for option in options if option.given(typed)}
     # A seed of 0 is a choice as well, and equal to False.
     chosen = any(choices.get(option) is not None and choices[option] is not False for option in KEPT_CHOICES)
-    if _shows_what_is_there(record, asked) and not chosen:
+    if _shows_what_is_there(record, typed) and not chosen:
         # Without options these take those of the run that filled the folder.
         choices |= recall(output)
     with StageProgress(errors) as progress:
@@ -96,7 +96,7 @@ def _run(
             campaign, output, make_settings(**choices), progress.update, resume=resume, notice=notice
         )
         progress.stage(name)
-        outcome = _computed(record, calibration, asked, resume)
+        outcome = _computed(record, calibration, typed, resume)
     blocks = (
         show_run(outcome.result, calibration)
         if record is None
@@ -122,15 +122,15 @@ def _command(record: Stage[Any] | Ending) -> Command[Any]:
     return record.command
 
 
-def _shows_what_is_there(record: Stage[Any] | Ending | None, asked: dict[str, Any]) -> bool:
+def _shows_what_is_there(record: Stage[Any] | Ending | None, typed: dict[str, Any]) -> bool:
     if record is None:
         return False
     command = _command(record)
-    return command.recalls or (command.aside is not None and bool(asked))
+    return command.recalls or (command.aside is not None and bool(typed))
 
 
 def _computed(
-    record: Stage[Any] | Ending | None, calibration: Calibration, asked: dict[str, Any], resume: bool
+    record: Stage[Any] | Ending | None, calibration: Calibration, typed: dict[str, Any], resume: bool
 ) -> _Outcome:
     """Do what a command is for; None is the whole run."""
     if record is None:
@@ -142,12 +142,12 @@ def _computed(
             calibration.export()
         return _Outcome(written)
     command = _command(record)
-    if command.aside is not None and asked:
-        aside = calibration.aside(record, asked)
+    if command.aside is not None and typed:
+        aside = calibration.aside(record, typed)
         return _Outcome(aside, command.aside.write(aside, calibration.output))
     if not resume and record.in_file and isinstance(record, Whole):
         calibration.redo(record)
-    result = calibration.result(record, asked)
+    result = calibration.result(record, typed)
     calibration.export()
     return _Outcome(result, fault=command.fault(result))
 

@@ -48,9 +48,9 @@ class AxleEstimates:
     def best(self) -> Estimate | None:
         """The most informed usable estimate: posterior, else fitted, else corrected, else paper."""
         for source in ("posterior", "fitted", "model", "corrected", "free_decay", "paper"):
-            found = self.estimates.get(source)
-            if found is not None and found.usable and math.isfinite(found.value):
-                return found
+            estimate = self.estimates.get(source)
+            if estimate is not None and estimate.usable and math.isfinite(estimate.value):
+                return estimate
         return None
 
 

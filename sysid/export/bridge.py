@@ -36,6 +36,9 @@ VEHICLE_COLUMNS = (
     "tire_stiffness_N_per_m",
     "tire_damping_N_s_per_m",
     "load_share",
+    "bending_frequency_hz",
+    "bending_damping_ratio",
+    "bending_modal_mass_kg",
     "load_case",
     "source",
 )
@@ -49,19 +52,28 @@ def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle) -> str:
     stiffness is the tangent at rest, damping the secant at 0.5 m/s.  In an axle group the group's row holds the
     suspension, and its beam's mass and inertia.  An equaliser, a massless rocker between the springs of its axles, has
     its load share s, and its axles' rows their own suspensions: with spring forces S_i each axle feels
-    S_i + s (mean S - S_i).
+    S_i + s (mean S - S_i).  A body whose frame bends has the frequency, damping ratio and modal mass of its first free
+    mode.
     """
     case, truck = campaign.load_cases[vehicle.load_case], campaign.vehicle
     statics = static_equilibrium(truck, case)
     suspension = {s.axle: s for s in vehicle.suspensions}
     grouped = {i for group in truck.groups for i in group.axles}
+    bends = {
+        f.body: {
+            "bending_frequency_hz": _number(f.frequency_hz),
+            "bending_damping_ratio": _number(f.damping_ratio),
+            "bending_modal_mass_kg": _number(f.modal_mass_kg),
+        }
+        for f in vehicle.frames
+    }
     rows: list[dict[str, object]] = []
     for b, body in enumerate(truck.bodies):
         rows.append(
             {"kind": "body", "number": b + 1, "name": escape_cell(body.name), "body": b + 1,
              "x_m": _number(statics.cg_x_m[b]), "hitch_x_m": _number(body.hitch_x_m),
              "mass_kg": _number(case.sprung_mass_kg[b]), "pitch_inertia_kg_m2": _number(case.pitch_inertia_kg_m2[b]),
-             "cg_height_m": _number(case.cg_height_m[b])}
+             "cg_height_m": _number(case.cg_height_m[b]), **bends.get(b, {})}
         )  # fmt: skip
 
     def spring_cells(axle: int) -> dict[str, object]:

@@ -54,7 +54,7 @@ def chrono_suspension(vehicle: CalibratedVehicle, s: CalibratedSuspension) -> di
         shock = {"Damping Curve Data": np.column_stack([rate, force / 2.0]).tolist()}
     gone = dict.fromkeys((*_DECIDING, *(_STOPS if "bump_stops" in s.law else ())))
     about = f"axle {s.axle + 1} {s.name}, load case {vehicle.load_case}, {vehicle.source}, law {s.law}; one side, SI"
-    about += "".join(f". {r.of_other_programs}" for r in vehicle.rockers if s.axle in r.axles)
+    about += "".join(f". {remark}" for remark in vehicle.remarks(s.axle))
     return {"Comment": about, "Spring": gone | spring, "Shock": gone | shock}
 
 
@@ -130,14 +130,14 @@ def read_chrono(path: Path) -> dict[str, Any]:
     try:
         # Strings stay as they are: a comment's sign in one is no comment.
         text = _COMMENT.sub(lambda m: m[1] or " ", Path(path).read_text(encoding="utf-8-sig"))
-        found = json.loads(text)
+        tables = json.loads(text)
     except OSError as error:
         raise CampaignError(f"The Chrono file {Path(path).name} cannot be read ({error.strerror}).") from None
     except ValueError as error:
         raise CampaignError(f"The Chrono file {Path(path).name} is no JSON ({error}).") from None
-    if not isinstance(found, dict):
+    if not isinstance(tables, dict):
         raise CampaignError(f"The Chrono file {Path(path).name} holds no JSON object; name a suspension or tire file.")
-    return found
+    return tables
 
 
 def _merged(target: Any, patch: Any) -> Any:

@@ -80,12 +80,12 @@ class Results(Tabular):
     @property
     def all_warnings(self) -> tuple[str, ...]:
         """Warnings of the run, the fit and the predicted passes, each once, in this order."""
-        found = list(self.warnings)
+        sentences = list(self.warnings)
         if self.fit is not None:
-            found += self.fit.warnings
+            sentences += self.fit.warnings
         if self.predictions is not None:
-            found += [w for p in self.predictions.passes for w in p.warnings]
-        return tuple(dict.fromkeys(found))
+            sentences += [w for p in self.predictions.passes for w in p.warnings]
+        return tuple(dict.fromkeys(sentences))
 
     @property
     def load_shares(self) -> tuple[LoadShare, ...]:

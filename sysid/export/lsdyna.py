@@ -38,8 +38,8 @@ def lsdyna_text(vehicle: CalibratedVehicle) -> str:
         _card(_FIRST, 0, 0.0, 0.0, 0.0, 0.0),
         _card(0.0, 0.0),
     ]
-    for rocker in vehicle.rockers:
-        lines += _comment(rocker.of_other_programs)
+    for remark in vehicle.remarks():
+        lines += _comment(remark)
     for s in vehicle.suspensions:
         lines += _suspension(s)
     for i, rates in enumerate(zip(vehicle.tire_stiffness_N_per_m, vehicle.tire_damping_N_s_per_m, strict=True)):

@@ -156,19 +156,21 @@ def _rockers(results: Results) -> list[dict[str, Any]]:
 
 
 def _identifiability(results: Results) -> dict[str, Any] | None:
-    found = None if results.fit is None else results.fit.identifiability
-    if found is None:
+    identifiability = None if results.fit is None else results.fit.identifiability
+    if identifiability is None:
         return None
     return {
-        "determined": found.determined,
-        "combinations": len(found.names),
-        "singular_values": [_number(v) for v in found.singular_values],
+        "determined": identifiability.determined,
+        "combinations": len(identifiability.names),
+        "singular_values": [_number(v) for v in identifiability.singular_values],
         "open": [
             {"parameters": list(g.names), "known": g.known, "kind": g.kind, "relative_sd": _number(g.relative_sd)}
-            for g in found.groups
+            for g in identifiability.groups
         ],
-        "correlated": [{"parameters": [p.first, p.second], "correlation": p.correlation} for p in found.pairs],
-        "statements": list(found.statements),
+        "correlated": [
+            {"parameters": [p.first, p.second], "correlation": p.correlation} for p in identifiability.pairs
+        ],
+        "statements": list(identifiability.statements),
     }
 
 
@@ -222,9 +224,9 @@ def _left_out(results: Results) -> list[dict[str, Any]]:
 
 def _left_out_run(left: LeftOutRun, names: tuple[str, ...]) -> dict[str, Any]:
     def channel(row: ChannelAgreement) -> dict[str, Any]:
-        found = _agreement(row)
-        del found["run"]
-        return found | {"residual_over_noise": _number(row.residual_over_noise)}
+        identifiability = _agreement(row)
+        del identifiability["run"]
+        return identifiability | {"residual_over_noise": _number(row.residual_over_noise)}
 
     return {
         "run": left.run,

@@ -84,11 +84,11 @@ def selected(found: Iterable[Found], request: dict[str, Any]) -> tuple[dict[str,
         numbers = _numbers(array, channel.path)
         key, name, time = _time_of(channel, numbers.size, channels, request["time"])
         if key not in clocks:
-            own = time()
+            stamps_s = time()
             # Formats that give every channel a time of its own mostly write the same one.
-            clocks[key] = next((i for i, other in enumerate(stamps) if np.array_equal(own, other)), len(stamps))
+            clocks[key] = next((i for i, other in enumerate(stamps) if np.array_equal(stamps_s, other)), len(stamps))
         if clocks[key] == len(stamps):
-            stamps.append(own)
+            stamps.append(stamps_s)
             described.append({"name": name, "first_row": channel.first_row})
         if stamps[clocks[key]].size != numbers.size:
             raise RefusedError(

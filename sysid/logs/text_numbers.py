@@ -225,12 +225,12 @@ def read_text(table: NumberTable, place: int, rows: int, width: int) -> Any:
 
     try:
         with table.rows_of_text() as stream, _pieces(table, stream, {place: ""}, width, True) as pieces:
-            found = [piece[place].fillna("") for piece in pieces]
+            columns = [piece[place].fillna("") for piece in pieces]
     except pd.errors.EmptyDataError:
-        found = []
+        columns = []
     except pd.errors.ParserError as error:
         raise DataRejectedError(f"{table.label} is not a regular table of numbers: {_reason(error)}.") from None
-    return pd.concat(found, ignore_index=True) if found else pd.Series([], dtype=str)
+    return pd.concat(columns, ignore_index=True) if columns else pd.Series([], dtype=str)
 
 
 def _as_text(table: NumberTable, places: Mapping[int, str], rows: int, width: int) -> dict[str, np.ndarray]:

@@ -42,9 +42,9 @@ def time_unit(unit: str | None) -> float | None:
 
 def seconds_in(name: str, unit: str | None = None) -> float:
     """Seconds in one count of a column of time: by its unit, else by the unit in its name, else 1."""
-    found = time_unit(unit)
-    if found is not None:
-        return found
+    stated = time_unit(unit)
+    if stated is not None:
+        return stated
     if name.casefold() in TIME_NAMES:
         return TIME_NAMES[name.casefold()]
     match = _UNIT_IN_NAME.search(name)
@@ -59,7 +59,7 @@ def find_time(names: Iterable[str], wanted: str | None) -> str | None:
     listed = list(names)
     if wanted is not None:
         return next((n for n in listed if n.strip().casefold() == wanted.strip().casefold()), None)
-    found: dict[str, str] = {}
+    as_written: dict[str, str] = {}
     for name in listed:
-        found.setdefault(name.strip().casefold(), name)
-    return next((found[spelling] for spelling in TIME_NAMES if spelling in found), None)
+        as_written.setdefault(name.strip().casefold(), name)
+    return next((as_written[spelling] for spelling in TIME_NAMES if spelling in as_written), None)

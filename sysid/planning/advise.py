@@ -182,8 +182,8 @@ def _mass_statements(advice: Advice, information: DataInformation, masses: Seque
         return []
     name, sd = advice.worst(advice.now)
     at = advice.names.index(name)
-    every = replace(information, mass_sd=np.full_like(information.mass_sd, _EXACT))
-    left = float(np.sqrt(every.covariance()[at, at]))
+    all_exact = replace(information, mass_sd=np.full_like(information.mass_sd, _EXACT))
+    left = float(np.sqrt(all_exact.covariance()[at, at]))
     if left > (1.0 - 4.0 * WORTH) * sd:
         return []
     best = min(masses, key=lambda p: p.sd[at])

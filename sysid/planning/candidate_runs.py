@@ -74,7 +74,7 @@ def missing_sensors(campaign: Campaign, sensors: Sequence[Sensor]) -> tuple[Sens
     ----------
     sensors : those that recorded the bump runs.
     """
-    found = []
+    candidates = []
     for i, axle in enumerate(campaign.vehicle.axles):
         on_axle: tuple[tuple[SensorKind, str, str], ...] = (
             ("suspension_deflection", "mm", f"LVDT at axle {i + 1}"),
@@ -82,12 +82,12 @@ def missing_sensors(campaign: Campaign, sensors: Sequence[Sensor]) -> tuple[Sens
         )
         for kind, unit, label in on_axle:
             if not any(s.kind == kind and s.axle == i for s in sensors):
-                found.append(Sensor(label, kind, unit, axle=i))
+                candidates.append(Sensor(label, kind, unit, axle=i))
         near = [s for s in sensors if s.kind == "body_acceleration" and s.body == axle.body and s.x_m is not None]
         if not any(abs(float(s.x_m or 0.0) - axle.x_m) < NEAR_M for s in near):
             label = f"accelerometer on the frame above axle {i + 1}"
-            found.append(Sensor(label, "body_acceleration", "g", body=axle.body, x_m=axle.x_m))
-    return tuple(found)
+            candidates.append(Sensor(label, "body_acceleration", "g", body=axle.body, x_m=axle.x_m))
+    return tuple(candidates)
 
 
 def run_information(state: FitState, kinds: Sequence[RunKind], sensors: Sequence[Sensor]) -> tuple[RunInformation, ...]:

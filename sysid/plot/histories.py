@@ -108,12 +108,12 @@ def overlay(
 
 def _bands(history: RunHistory, row: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Ends of the bands of a channel in display units, the wider one first; none before sampling."""
-    found = {}
+    bands = {}
     for name, band in ((READING, history.reading_band), (POSTERIOR, history.band)):
         if band is not None and np.isfinite(band.high[row]).all():
             unit = history.si_units[row]
-            found[name] = (display(band.low[row], unit)[0], display(band.high[row], unit)[0])
-    return found
+            bands[name] = (display(band.low[row], unit)[0], display(band.high[row], unit)[0])
+    return bands
 
 
 def _fill(
@@ -178,13 +178,13 @@ def _short_title(history: RunHistory, row: int) -> str:
 def autocorrelation(fit: FitResult, ax: Axes | None = None) -> Axes:
     """Autocorrelation of the standardised residuals and of their innovations: every channel, medians, white noise."""
     ax = axes_or_new(ax)
-    found = fit.residual_evidence
-    lag, rows = found.lag_s, np.atleast_2d(found.autocorrelation_before)
+    evidence = fit.residual_evidence
+    lag, rows = evidence.lag_s, np.atleast_2d(evidence.autocorrelation_before)
     for i, row in enumerate(rows[:: max(1, len(rows) // 60)]):
         ax.plot(lag, row, color=axle_color(0), lw=0.5, alpha=0.25, label="one channel of one run" if i == 0 else None)
     medians = (
-        (found.autocorrelation_before, "-", "median"),
-        (found.autocorrelation_after, "--", "median, innovations"),
+        (evidence.autocorrelation_before, "-", "median"),
+        (evidence.autocorrelation_after, "--", "median, innovations"),
     )
     for values, style, words in medians:
         finite = values[np.any(np.isfinite(values), axis=1)] if np.size(values) else values
@@ -204,11 +204,11 @@ def autocorrelation(fit: FitResult, ax: Axes | None = None) -> Axes:
 def residual_spectrum(fit: FitResult, ax: Axes | None = None) -> Axes:
     """Power spectrum of residuals (solid) and innovations (dashed) by kind of sensor, over that of white ones."""
     ax = axes_or_new(ax)
-    found = fit.residual_evidence
-    for i, kind in enumerate(found.kinds):
+    evidence = fit.residual_evidence
+    for i, kind in enumerate(evidence.kinds):
         words = kind.replace("_", " ")
         # Both ends of a spectrum are half a band, and the mean has been taken out.
-        at, before, after = (v[1:-1] for v in (found.frequency_hz, found.before[i], found.after[i]))
+        at, before, after = (v[1:-1] for v in (evidence.frequency_hz, evidence.before[i], evidence.after[i]))
         ax.plot(at, before, color=axle_color(i), lw=1.4, label=words)
         ax.plot(at, after, "--", color=axle_color(i), lw=1.1, label=f"{words}, innovations")
     ax.axhline(1.0, color=MUTED, lw=0.8)

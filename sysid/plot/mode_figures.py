@@ -92,11 +92,12 @@ def _lines(modes: NaturalModes, mode: int) -> list[tuple[np.ndarray, np.ndarray,
     x, radius = (np.array([getattr(a, k) for a in vehicle.axles]) for k in ("x_m", "tire_radius_m"))
     frame = float(radius.mean()) + _FRAME_ABOVE_WHEEL_M
     solid: dict[str, Any] = {"lw": 3.0, "solid_capstyle": "round"}
-    found = []
+    lines = []
 
     def rise_of(body: int, place: np.ndarray) -> np.ndarray:
         _, heave, pitch = modes.body_motion[body, :, mode]
-        return np.asarray(heave - pitch * (place - modes.cg_x_m[body]))
+        bent = np.interp(place, modes.frame_x_m[body], modes.frame_rise[body, :, mode])
+        return np.asarray(heave - pitch * (place - modes.cg_x_m[body]) + bent)
 
     for b, body in enumerate(vehicle.bodies):
         supports = [a.x_m for a in vehicle.axles if a.body == b]
@@ -105,16 +106,16 @@ def _lines(modes: NaturalModes, mode: int) -> list[tuple[np.ndarray, np.ndarray,
         # Ends at a hinge meet the other body there; free ends reach a little further.
         front -= 0.0 if front in joints else _OVERHANG_M
         rear += 0.0 if rear in joints else _OVERHANG_M
-        place = np.array([front, rear])
-        found.append((place, np.full(2, frame), rise_of(b, place), solid))
+        place = np.array([front, rear]) if body.bending is None else np.linspace(front, rear, 25)
+        lines.append((place, np.full(place.size, frame), rise_of(b, place), solid))
     owner, support = np.array(vehicle.suspension_axle), np.array(vehicle.suspension_x_m)
     for i in sorted(set(owner)):
         on = np.flatnonzero(owner == i)
         wheels = modes.wheel_rise[on, mode]
         if on.size > 1:
-            found.append((x[on], radius[on], wheels, {**solid, "lw": 1.8}))
+            lines.append((x[on], radius[on], wheels, {**solid, "lw": 1.8}))
         below = float(np.polyval(np.polyfit(x[on] - support[i], wheels, min(1, on.size - 1)), 0.0))
         place = np.full(2, support[i])
         ends = np.array([float(rise_of(vehicle.axles[i].body, place[:1])[0]), below])
-        found.append((place, np.array([frame, float(radius[on].mean())]), ends, {"lw": 1.0, "ls": ":"}))
-    return found
+        lines.append((place, np.array([frame, float(radius[on].mean())]), ends, {"lw": 1.0, "ls": ":"}))
+    return lines

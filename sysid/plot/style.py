@@ -182,13 +182,13 @@ def axes_or_new(ax: Axes | None, width_in: float = 6.4, height_in: float = 3.2) 
 @styled
 def shared_legend(fig: Figure) -> None:
     """One legend above all axes of a figure, every label once, drawn as on the first axes that has it."""
-    found: dict[str, Any] = {}
+    handles: dict[str, Any] = {}
     for ax in fig.axes:
         for handle, text in zip(*ax.get_legend_handles_labels(), strict=True):
-            found.setdefault(text, handle)
-    if found:
+            handles.setdefault(text, handle)
+    if handles:
         place: Any = "upper center" if fig.get_layout_engine() is None else "outside upper center"
-        fig.legend(list(found.values()), list(found), loc=place, ncols=min(len(found), 8))
+        fig.legend(list(handles.values()), list(handles), loc=place, ncols=min(len(handles), 8))
 
 
 def axle_color(axle: int | None) -> str:

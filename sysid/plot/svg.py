@@ -60,13 +60,13 @@ def svg_file(figure: Figure) -> str:
 
 def _linked(root: ET.Element) -> set[str]:
     """Identifiers that something inside the drawing refers to."""
-    found = set()
+    linked = set()
     for element in root.iter():
         for value in element.attrib.values():
-            found.update(re.findall(r"url\(#([^)]+)\)", value))
+            linked.update(re.findall(r"url\(#([^)]+)\)", value))
         if element.get(_XLINK_HREF, "").startswith("#"):
-            found.add(element.attrib[_XLINK_HREF][1:])
-    return found
+            linked.add(element.attrib[_XLINK_HREF][1:])
+    return linked
 
 
 def _simplify(element: ET.Element, names: dict[str, str], linked: set[str]) -> None:
@@ -96,19 +96,19 @@ def _simplify(element: ET.Element, names: dict[str, str], linked: set[str]) -> N
 
 
 def _set_font(attributes: dict[str, str], value: str) -> None:
-    found = _FONT.match(value)
-    if found is None:
+    match = _FONT.match(value)
+    if match is None:
         return
-    attributes["font-size"] = found["size"]
+    attributes["font-size"] = match["size"]
     attributes["font-family"] = _FAMILY
-    if found["weight"]:
-        attributes["font-weight"] = found["weight"]
-    if found["style"]:
-        attributes["font-style"] = found["style"]
+    if match["weight"]:
+        attributes["font-weight"] = match["weight"]
+    if match["style"]:
+        attributes["font-style"] = match["style"]
 
 
-def _round(found: re.Match[str]) -> str:
-    text = f"{float(found[0]):.2f}".rstrip("0").rstrip(".")
+def _round(match: re.Match[str]) -> str:
+    text = f"{float(match[0]):.2f}".rstrip("0").rstrip(".")
     return "0" if text in ("-0", "") else text
 
 

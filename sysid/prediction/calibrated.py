@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import jax
 import jax.numpy as jnp
@@ -10,11 +10,13 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.parameters.parameter_set import bending_names
 from sysid.estimation.parameters.rockers import load_shares
 from sysid.posterior.sampled_posterior import Posterior
-from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
+from sysid.prediction.calibrated_elements import CalibratedFrame, CalibratedSuspension, CalibratedVehicle
 from sysid.prediction.loops import calibrated_laws
 from sysid.sdof.drop_results import DropSummary
+from sysid.vehicle_model.bending import frame_modes
 from sysid.vehicle_model.contact import TireLaw, tangents
 from sysid.vehicle_model.suspension import (
     REFERENCE_RATE_M_S,
@@ -52,7 +54,21 @@ def calibrated_vehicle(
     stiffness, damping = tire_tangents(tire)
     source = "least squares" if posterior is None else "posterior median"
     rockers = load_shares(campaign.vehicle, fit.parameters, sampled)
-    return CalibratedVehicle(load_case, source, suspensions, stiffness, damping, rockers)
+    frames = _frames(campaign, load_case, {p.name: medians.get(p.name, p.value) for p in fit.parameters})
+    return CalibratedVehicle(load_case, source, suspensions, stiffness, damping, rockers, frames)
+
+
+def _frames(campaign: Campaign, load_case: str, values: Mapping[str, float]) -> tuple[CalibratedFrame, ...]:
+    """Frames that bend, in a load case: more mass on a frame that is as stiff lowers its frequency and damping."""
+    vehicle, first = campaign.vehicle, next(iter(campaign.load_cases.values()))
+    found = []
+    for mode in frame_modes(vehicle, campaign.load_cases[load_case], first):
+        name = vehicle.bodies[mode.body].name
+        frequency, ratio = (values[n] for n in bending_names(name))
+        slower = float(np.sqrt(mode.stiffness_mass / mode.modal_mass))
+        axles = tuple(i for i, a in enumerate(vehicle.axles) if a.body == mode.body)
+        found.append(CalibratedFrame(mode.body, name, axles, frequency * slower, ratio * slower, mode.modal_mass))
+    return tuple(found)
 
 
 def calibrated_vehicles(

@@ -61,12 +61,37 @@ class CalibratedSuspension:
 
 
 @dataclass(frozen=True)
+class CalibratedFrame:
+    """A body (index) whose frame bends, and the `axles` (indices) that carry it.
+
+    `frequency_hz`, `damping_ratio` and modal mass are those of its first free mode in the load case, for a shape whose
+    mean square along a uniform beam is 1.
+    """
+
+    body: int
+    name: str
+    axles: tuple[int, ...]
+    frequency_hz: float
+    damping_ratio: float
+    modal_mass_kg: float
+
+    @property
+    def of_other_programs(self) -> str:
+        """What a program has to be told that knows rigid bodies only."""
+        return (
+            f"The frame of body {self.body + 1} ({self.name}) bends: first free mode {self.frequency_hz:.3f} Hz, "
+            f"damping ratio {self.damping_ratio:.4f}, modal mass {self.modal_mass_kg:.0f} kg in this load case. This "
+            "file holds no frame: give yours that mode, or motions above its axles will differ."
+        )
+
+
+@dataclass(frozen=True)
 class CalibratedVehicle(Tabular):
     """All suspensions and tires in one load case.
 
     `source` is ``posterior median`` or ``least squares``; `tire_stiffness_N_per_m`, `tire_damping_N_s_per_m` (axles,)
     of all tires of an axle, tangents at its static load in this load case; `rockers` between springs with their load
-    shares: the suspensions are stated as they are without them.
+    shares: the suspensions are stated as they are without them; `frames` that bend.
     """
 
     load_case: str
@@ -75,6 +100,13 @@ class CalibratedVehicle(Tabular):
     tire_stiffness_N_per_m: Axles
     tire_damping_N_s_per_m: Axles
     rockers: tuple[LoadShare, ...] = ()
+    frames: tuple[CalibratedFrame, ...] = ()
+
+    def remarks(self, axle: int | None = None) -> tuple[str, ...]:
+        """What programs that know springs and rigid bodies only have to be told, of one axle (index) or of all."""
+        rockers = [(r.axles, r.of_other_programs) for r in self.rockers]
+        frames = [(f.axles, f.of_other_programs) for f in self.frames]
+        return tuple(words for axles, words in (*rockers, *frames) if axle is None or axle in axles)
 
     def summary(self) -> pd.DataFrame:
         """One row per axle, in SI units; in an axle group the suspension stands with the first axle."""

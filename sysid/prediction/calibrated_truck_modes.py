@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from sysid.campaign.records import Campaign, LoadCase
 from sysid.errors import SysidError
 from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.parameters.parameter_set import bending_names
 from sysid.estimation.parameters.rockers import LoadShare, load_shares, shares_by_axle
 from sysid.posterior.sampled_posterior import Posterior
 from sysid.vehicle_model.contact import tangents
@@ -23,10 +26,17 @@ def calibrated_modes(campaign: Campaign, fit: FitResult, posterior: Posterior | 
     values = {(p.quantity, p.axle, p.load_case): medians.get(p.name, p.value) for p in fit.parameters}
     sampled = None if posterior is None else {s.name: s for s in posterior.summaries}
     shares = load_shares(campaign.vehicle, fit.parameters, sampled)
+    by_name = {p.name: medians.get(p.name, p.value) for p in fit.parameters}
+    bending = {
+        body.name: (by_name[hz], by_name[ratio])
+        for body in campaign.vehicle.bodies
+        for hz, ratio in [bending_names(body.name)]
+        if body.bending is not None
+    }
     modes = []
     for case in campaign.load_cases.values():
         try:
-            modes.append(_modes(campaign, case, values, shares))
+            modes.append(_modes(campaign, case, values, shares, bending))
         except (KeyError, SysidError):
             # A load case nobody drove has no stiffness of its own; values far off may not even stand.
             continue
@@ -38,6 +48,7 @@ def _modes(
     case: LoadCase,
     values: dict[tuple[str, int | None, str | None], float],
     shares: tuple[LoadShare, ...],
+    bending: Mapping[str, tuple[float, float]],
 ) -> NaturalModes:
     vehicle = campaign.vehicle
     first = next(iter(campaign.load_cases.values()))
@@ -64,4 +75,6 @@ def _modes(
         at_rest,
         damping_at_rest,
         shares_by_axle(vehicle, shares),
+        first,
+        bending,
     )

@@ -37,8 +37,9 @@ def _histories(
     matrices: LaneMatrices, laws: LawInputs, road: WheelRoad, log_parameters: jax.Array, *, timing: Timing
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     suspension, tire = lane_laws(laws, log_parameters[:, None])
-    found = road.engine.histories(matrices, suspension, tire, road, timing)
-    return found.tire_force[..., 0], spring_deflection(tire, found.tire_force)[..., 0], found.deflection[..., 0]
+    histories = road.engine.histories(matrices, suspension, tire, road, timing)
+    force = histories.tire_force
+    return force[..., 0], spring_deflection(tire, force)[..., 0], histories.deflection[..., 0]
 
 
 def driven_range(state: FitState) -> DrivenRange:
@@ -52,8 +53,8 @@ def driven_range(state: FitState) -> DrivenRange:
         timing = Timing(shape.samples * shape.substeps, step_s, 1)
         speed, start = (jnp.asarray(v[runs])[:, None] for v in (point.motion.speed_m_s, point.motion.start_s))
         wheels = wheel_road(arrays.matrices, road, arrays.axle_x, speed, start, timing)
-        found = _histories(arrays.matrices, arrays.laws, wheels, jnp.asarray(point.log_parameters), timing=timing)
-        force, sunk, extension = (np.asarray(h) for h in found)
+        histories = _histories(arrays.matrices, arrays.laws, wheels, jnp.asarray(point.log_parameters), timing=timing)
+        force, sunk, extension = (np.asarray(h) for h in histories)
         reached = extremes(sunk, extension, force, step_s)
         most = {name: np.maximum(most[name], values.max(axis=0)) for name, values in reached.items()}
     cases = dict.fromkeys(run.load_case for run in state.campaign.bump_runs)

@@ -25,7 +25,7 @@ from sysid.vehicle_model.suspension import SuspensionLaw, slip_after_step, suspe
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Harmonic motion of the rig.
+#: Harmonic motion of the rig: a stroke and a frequency that suspensions see on a bump (damper speeds to 0.4 m/s).
 AMPLITUDE_M = 0.03
 FREQUENCY_HZ = 2.0
 _STEPS = 400
@@ -76,7 +76,7 @@ def calibrated_laws(
     vehicle = campaign.vehicle
     first = next(iter(campaign.load_cases.values()))
     reference = np.array(first.axle_loads_kg)[None, :, None] * vehicle.gravity_m_s2
-    matrices = lane_matrices([assemble(vehicle, campaign.load_cases[load_case])], [])
+    matrices = lane_matrices([assemble(vehicle, campaign.load_cases[load_case], first)], [])
     station = np.arange(-20.0, 20.0) * 0.1
     flat = effective_road(station, np.zeros((1, len(vehicle.axles), station.size)))
     lanes = Lanes(matrices, flat, np.array([a.x_m for a in vehicle.axles])[:, None], reference)

@@ -110,9 +110,9 @@ def _histories(
     matrices: LaneMatrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *, timing: Timing
 ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
     suspension, tire = _laws(inputs, sets)
-    found = road.engine.histories(matrices, suspension, tire, road, timing)
-    sunk = spring_deflection(tire, found.tire_force)
-    return found.tire_force, found.suspension_force, found.deflection, sunk
+    histories = road.engine.histories(matrices, suspension, tire, road, timing)
+    sunk = spring_deflection(tire, histories.tire_force)
+    return histories.tire_force, histories.suspension_force, histories.deflection, sunk
 
 
 def _laws(inputs: LawInputs, sets: jax.Array) -> tuple[SuspensionLaw, TireLaw]:

@@ -48,9 +48,9 @@ def _histories(
     matrices: LaneMatrices, laws: LawInputs, road: WheelRoad, log_parameters: ParametersBySets, *, timing: Timing
 ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
     suspension, tire = lane_laws(laws, log_parameters)
-    found = road.engine.histories(matrices, suspension, tire, road, timing)
-    sunk = spring_deflection(tire, found.tire_force)
-    return found.tire_force[:, 0], found.suspension_force[:, 0], found.deflection[:, 0], sunk[:, 0]
+    histories = road.engine.histories(matrices, suspension, tire, road, timing)
+    sunk = spring_deflection(tire, histories.tire_force)
+    return histories.tire_force[:, 0], histories.suspension_force[:, 0], histories.deflection[:, 0], sunk[:, 0]
 
 
 @dataclass(frozen=True)
@@ -101,12 +101,12 @@ def _simulate(
     if vehicles is None:
         laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
         wheels = wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
-        found = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), timing=timing)
-        tire, suspension, deflection, sunk = (np.asarray(h) for h in found)
+        histories = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), timing=timing)
+        tire, suspension, deflection, sunk = (np.asarray(h) for h in histories)
         suspension = suspension + lanes.matrices.carried_load[0]
     else:
-        found = histories_of_draws(lanes, parameters, vehicles, wanted, sets.T, motion, timing)
-        tire, suspension, deflection, sunk = found
+        histories = histories_of_draws(lanes, parameters, vehicles, wanted, sets.T, motion, timing)
+        tire, suspension, deflection, sunk = histories
     static = lanes.matrices.static_load[0, :, 0]
     check_finite(request, parameters, sets, np.asarray(static), tire, suspension, deflection)
     time = np.round(np.arange(samples) * INTERVAL_S - lead, 6)
@@ -218,8 +218,8 @@ def speed_sweep(
         p = _simulate(campaign, parameters, roads, PredictionRequest(load_case, speed, bump), sets, vehicles)
         peaks.append(p.tire_N.max(axis=0) / p.static_N[:, None])
         coefficients.append(load_coefficient(p.tire_N, p.static_N, p.passing))
-        found = () if driven is None else extrapolations(p.reached(speed), driven, load_case)
-        beyond.append([any(e.axle == i and e.what != "speed" for e in found) for i in range(len(p.static_N))])
+        trust = () if driven is None else extrapolations(p.reached(speed), driven, load_case)
+        beyond.append([any(e.axle == i and e.what != "speed" for e in trust) for i in range(len(p.static_N))])
     nominal = driven_speeds(campaign, load_case)
     return SpeedSweep(
         load_case,

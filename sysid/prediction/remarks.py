@@ -38,33 +38,33 @@ def remarks(
     name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
     if request.shape is not None:
         name += f", {request.shape.label}"
-    found = [*_extrapolation(campaign, request, name), *_beyond(trust, name)]
+    sentences = [*_extrapolation(campaign, request, name), *_beyond(trust, name)]
     if abs(impulse - 1.0) > _IMPULSE:
-        found.append(
+        sentences.append(
             f"{name}: the wheel loads together carry {impulse:.3f} times the weight over the pass; the truck is not at "
             "rest again at the end of the record."
         )
-    return tuple(found)
+    return tuple(sentences)
 
 
 def _extrapolation(campaign: Campaign, request: PredictionRequest, name: str) -> list[str]:
-    found = []
+    sentences = []
     driven = driven_speeds(campaign, request.load_case)
     if not driven:
-        found.append(f"{name}: no run was driven in this load case; the prediction is an extrapolation.")
+        sentences.append(f"{name}: no run was driven in this load case; the prediction is an extrapolation.")
     elif request.speed_m_s > MARGIN * max(driven):
-        found.append(
+        sentences.append(
             f"{name}: faster than any run of this load case ({3.6 * max(driven):g} km/h); the prediction is an "
             "extrapolation."
         )
     if request.shape is not None:
-        found.append(f"{name}: no run crossed this bump; the prediction is an extrapolation.")
-    return found
+        sentences.append(f"{name}: no run crossed this bump; the prediction is an extrapolation.")
+    return sentences
 
 
 def _beyond(trust: Sequence[Extrapolation], name: str) -> list[str]:
     """One sentence per quantity that goes beyond the driven runs, the speed left out."""
-    found = []
+    sentences = []
     for what, (words, factor, unit) in _QUANTITIES.items():
         of_axles = [e for e in trust if e.what == what]
         if of_axles:
@@ -72,7 +72,9 @@ def _beyond(trust: Sequence[Extrapolation], name: str) -> list[str]:
                 f"axle {e.axle + 1} {factor * e.reached:.3g} {unit} (driven {factor * e.driven:.3g} {unit})"
                 for e in of_axles
             )
-            found.append(f"{name}: {words} goes beyond the driven runs: {axles}; the loads there are an extrapolation.")
+            sentences.append(
+                f"{name}: {words} goes beyond the driven runs: {axles}; the loads there are an extrapolation."
+            )
     if lifted := [f"axle {e.axle + 1}" for e in trust if e.what == "lift_off"]:
-        found.append(f"{name}: wheels leave the road that never did in the driven runs: {', '.join(lifted)}.")
-    return found
+        sentences.append(f"{name}: wheels leave the road that never did in the driven runs: {', '.join(lifted)}.")
+    return sentences

@@ -71,11 +71,11 @@ def extrapolations(reached: Reached, driven: DrivenRange, load_case: str) -> tup
     The speed counts against the runs of the same load case, 0 without any.  Of both directions of travel the one that
     goes further beyond is named.  A wheel that leaves the road counts where it did so in no driven run.
     """
-    found: list[Extrapolation] = []
+    beyond: list[Extrapolation] = []
 
     def compare(what: What, axle: int, value: float, limit: float) -> None:
         if value > MARGIN * limit:
-            found.append(Extrapolation(what, axle, value, limit))
+            beyond.append(Extrapolation(what, axle, value, limit))
 
     for i in range(len(reached.jounce_m)):
         compare("speed", i, reached.speed_m_s, driven.speed_m_s.get(load_case, 0.0))
@@ -87,7 +87,7 @@ def extrapolations(reached: Reached, driven: DrivenRange, load_case: str) -> tup
         compare("damper_speed", i, float(reached.damper_speed_m_s[i]), float(driven.damper_speed_m_s[i]))
         if driven.lift_off_s[i] == 0.0:
             compare("lift_off", i, float(reached.lift_off_s[i]), 0.0)
-    return tuple(found)
+    return tuple(beyond)
 
 
 def beyond_driven(

@@ -297,7 +297,7 @@ def profile_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     return [
         gallery.picture(
             plot.likelihood_profile(p),
-            f"Profile of {p.name}: deviance with all other parameters at their best, and the parabola of the "
+            f"Profile of {p.name}: deviance with all other parameters optimised, and the parabola of the "
             f"covariance; they cross the dotted line at the ends of the 90 % intervals. {p.message}",
             width="half",
         )

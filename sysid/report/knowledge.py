@@ -49,7 +49,7 @@ def shrinkage_table(results: Results) -> Table | None:
         "prior median [90 %]",
         ("posterior" if summaries else "least squares") + " [90 %]",
         "sd / prior sd [-]",
-        "moved, in prior sd [-]",
+        "shift over prior sd [-]",
     )
     return table("Prior against result of every parameter", head, rows, text_columns=2)
 

@@ -30,7 +30,7 @@ def masses_table(fit: FitResult) -> Table | None:
     if not fit.masses:
         return None
     rows = [
-        [m.words, f"\N{PLUS-MINUS SIGN} {100.0 * m.tolerance:g} %", f"{100.0 * (m.asked - 1.0):+.1f} %"]
+        [m.words, f"\N{PLUS-MINUS SIGN} {100.0 * m.tolerance:g} %", f"{100.0 * (m.estimate - 1.0):+.1f} %"]
         for m in fit.masses
     ]
     return table("Declared masses", ["property", "tolerance", "change that fits best"], rows)

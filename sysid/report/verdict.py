@@ -55,7 +55,7 @@ def verdict(results: Results) -> Verdict:
         badge_tone=_badge_tone(results),
         answer=answer,
         what=tuple(_what(results)),
-        use=(*against, *cautions) or ("The calibration has converged and no check of this report speaks against it.",),
+        use=(*against, *cautions) or ("The calibration has converged and no check of this report found a problem.",),
         todo=tuple(_todo(results)),
         synthetic=is_synthetic(results),
     )
@@ -178,7 +178,7 @@ def _todo(results: Results) -> list[str]:
     if results.fit is None:
         steps.append("Run the stage 'fit': it corrects the drop values with the full vehicle model and the bump runs.")
     elif results.status == "preview":
-        steps.append("Run again without --quick before anybody uses these numbers.")
+        steps.append("Run again without --quick before you use these numbers.")
     elif results.posterior is None:
         steps.append(
             "Run the stage 'sample': its intervals also hold combinations of parameters that the data cannot separate."

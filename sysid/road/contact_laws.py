@@ -68,8 +68,8 @@ def cam_map(profile: RoadProfile, radius_m: float, deflection_m: float) -> Footp
     below = half * (1.0 - (np.abs(offset) / half) ** CAM_EXPONENT) ** (1.0 / CAM_EXPONENT) - half
 
     def cam(station: np.ndarray) -> np.ndarray:
-        found: np.ndarray = (_height(profile, station[:, None] + offset) + below).max(axis=1)
-        return found
+        height: np.ndarray = (_height(profile, station[:, None] + offset) + below).max(axis=1)
+        return height
 
     station = _stations(profile, half + spacing)
     front, rear = cam(station + spacing / 2.0), cam(station - spacing / 2.0)

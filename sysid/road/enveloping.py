@@ -17,17 +17,22 @@ from scipy.optimize import brentq
 
 from sysid.road.road_profile import RoadProfile
 
-#: Exponent of a single spoke; on a flat road the force grows with about deflection^(SPOKE_EXPONENT + 1/2).
+#: Exponent of a single spoke; on a flat road the force grows with about deflection^(SPOKE_EXPONENT + 1/2), and 1.2 is
+#: the prior median of the tires' load law.
 SPOKE_EXPONENT = 0.7
 
+#: Spokes, and how far they reach from the vertical: at 60 degrees a spoke ends half a radius above the road, higher
+#: than a bump.
 _SPOKES = 161
 _HALF_ANGLE_RAD = np.deg2rad(60.0)
 _ANGLE_RAD = np.linspace(-_HALF_ANGLE_RAD, _HALF_ANGLE_RAD, _SPOKES)
+#: Deflections of the tables.
 _LEVELS = 48
+#: Largest deflection over the radius to which footprint maps are fitted, and that of the tables, which reach beyond it.
 _MAP_DEPTH_PER_RADIUS = 0.12
+_DEEPEST_PER_RADIUS = 0.24
 #: Loads for which the footprint map is fitted: so many, up to so many times the static load.
 _MAP_LEVELS, _MAP_LOAD_RATIO = 24, 6.0
-_DEEPEST_PER_RADIUS = 0.24
 _STATION_STEP_M = 0.01
 #: Profiles up to so many stations have their spoke geometry kept.
 _KEPT_STATIONS = 1000
@@ -114,7 +119,7 @@ def _compression(
     station: np.ndarray, height: np.ndarray, radius: float, road_s: np.ndarray, road_z: np.ndarray
 ) -> np.ndarray:
     """Compression (spokes, stations, levels) of all spokes for given centre heights (stations, levels)."""
-    found = np.empty((_SPOKES, *height.shape))
+    compressions = np.empty((_SPOKES, *height.shape))
     for i, phi in enumerate(_ANGLE_RAD):
         sin, cos = np.sin(phi), np.cos(phi)
         # Bisection along the spoke: above the road at the hub, possibly below it at the undeformed tread.
@@ -128,8 +133,8 @@ def _compression(
             low = np.where(below, low, middle)
         compression = np.maximum(radius - 0.5 * (low + high), 0.0)
         compression[compression < 1e-6 * radius] = 0.0
-        found[i] = compression
-    return found
+        compressions[i] = compression
+    return compressions
 
 
 def _spoke_sums(compression: np.ndarray, exponent: float) -> tuple[np.ndarray, np.ndarray]:

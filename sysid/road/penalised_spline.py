@@ -127,8 +127,8 @@ def fit_spline(
     if smoothness is None:
         coarse = np.arange(-16.0, 30.1, 2.0)
         best = coarse[int(np.argmin([criterion_of(value) for value in coarse]))]
-        found = minimize_scalar(criterion_of, bounds=(best - 2, best + 2), method="bounded", options={"xatol": 0.02})
-        log_lambda = float(found.x)
+        optimum = minimize_scalar(criterion_of, bounds=(best - 2, best + 2), method="bounded", options={"xatol": 0.02})
+        log_lambda = float(optimum.x)
     else:
         log_lambda = float(np.log(smoothness / unit))
     criterion, solution, factor, loss = solve(log_lambda)

@@ -15,7 +15,10 @@ _ROAD_TOLERANCE_M = 0.003
 _DRAWS = 1200
 #: Side of the cells whose points share the waviness of the road.
 _CELL_M = 0.25
+#: Tukey's bisquare with 95 % efficiency for normal errors (P. W. Holland and R. E. Welsch, Communications in Statistics
+#: A6 (1977) 813-827, doi:10.1080/03610927708827533).
 _BISQUARE = 4.685
+#: Neighbours of a point that tell the noise, and the quantile of their scatter that is read; edges raise higher ones.
 _NEIGHBOURS = 6
 _LOWER_FIFTH = 0.2
 

@@ -94,16 +94,16 @@ def _columns(source: InputFile, label: str) -> tuple[np.ndarray, np.ndarray]:
             raise
         # The reader of logs looks for the columns of a campaign.
         raise DataRejectedError(f"{label} has no columns {_STATION} and {_HEIGHT}; a profile needs both.") from None
-    found = {name.casefold(): values for name, values in columns.items()}
+    by_name = {name.casefold(): values for name, values in columns.items()}
     for name in (_STATION, _HEIGHT):
-        if name not in found:
+        if name not in by_name:
             raise DataRejectedError(f"{label} has no column {name}; a profile needs {_STATION} and {_HEIGHT}.")
-        missing = np.flatnonzero(~np.isfinite(found[name]))
+        missing = np.flatnonzero(~np.isfinite(by_name[name]))
         if missing.size:
             raise DataRejectedError(
                 f"{label}, row {first + int(missing[0])}: {name} is missing; every station needs a height."
             )
-    return found[_STATION], found[_HEIGHT]
+    return by_name[_STATION], by_name[_HEIGHT]
 
 
 def _long_section(source: InputFile, label: str, lateral_m: float) -> tuple[np.ndarray, np.ndarray]:

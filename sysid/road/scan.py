@@ -261,45 +261,45 @@ def _messages(
             f"Scan {scan.file} shows a bump of {height:.3g} m, more than {HEIGHT_M[1]:g} m; "
             f"check its unit{unit_hint(height, *HEIGHT_M)}."
         )
-    found = []
+    sentences = []
     if skew:
-        found.append(
+        sentences.append(
             f"The crest line of the bump is {abs(np.degrees(turned)):.1f} degrees off the perpendicular to the "
             "heading; the profile is the mean of the tracks that meet it one after the other. If the bump lies square "
             f"to the lane, set heading_deg to {np.degrees(scan.heading_rad + turned) % 360:.1f}."
         )
     elif abs(np.degrees(turned)) > 0.5:
-        found.append(
+        sentences.append(
             f"The heading was turned by {np.degrees(turned):+.2f} degrees to be square to the crest line of the bump."
         )
     if height > UNUSUAL_HEIGHT_M:
-        found.append(f"The bump is {height:.3f} m high, unusual for a speed bump: check the unit of the scan.")
+        sentences.append(f"The bump is {height:.3f} m high, unusual for a speed bump: check the unit of the scan.")
     if len(work.bumps) > 1:
         gaps = ", ".join(f"{after.start_m - before.end_m:.2f} m" for before, after in pairwise(work.bumps))
-        found.append(
+        sentences.append(
             f"The scan holds {len(work.bumps)} bumps (flat road between them: {gaps}); the profile holds all of them."
         )
     for rise in work.rises[:3]:
         away = rise.start_m - work.bumps[0].start_m
         side = "before" if away < 0 else "behind"
         kind = "rise" if rise.peak_m > 0 else "dip"
-        found.append(
+        sentences.append(
             f"A {kind} of {1e3 * abs(rise.peak_m):.0f} mm, {abs(away):.2f} m {side} the start of the bump, is "
             "not part of it and was left out."
         )
     if work.strip.narrowed:
-        found.append(
+        sentences.append(
             "The bump does not cover the whole scanned width; the strip was cut to "
             f"+-{work.strip.half_width_m:.2f} m around its middle."
         )
     if fit.lateral_sd_m > max(0.002, 0.03 * height):
-        found.append(
-            f"The height of the bump differs between lanes by {1e3 * fit.lateral_sd_m:.1f} mm (standard deviation); "
-            "the profile is their mean."
+        sentences.append(
+            f"The height of the bump differs across the scanned width by {1e3 * fit.lateral_sd_m:.1f} mm "
+            "(standard deviation); the profile is the mean."
         )
     if mean.largest_gap_m > 0.05:
-        found.append(
+        sentences.append(
             f"No point lies on {1e2 * mean.largest_gap_m:.0f} cm of the bump (shadow of the laser?); "
             "the profile bridges it."
         )
-    return tuple(found)
+    return tuple(sentences)

@@ -11,8 +11,11 @@ from sysid.road.penalised_spline import BinnedHeights, SplineFit, bin_heights, f
 
 # Road on either side of a bump that takes part in the fit; the ends of the bump are looked for in it.
 WINDOW_M = 0.25
+#: Residuals over the noise: full weight up to the first, none beyond the second (one of 150,000 normal ones).
 _HUBER = 2.0
 _REJECT = 4.5
+#: Length of the patches whose points share the texture of the road, and largest share of the height by which one lane
+#: may be worn: assumptions.
 _PATCH_M = 0.05
 _LARGEST_WEAR = 0.35
 # Steps in which the ends are tried: coarse over what the wide fit leaves open, then fine about the best.

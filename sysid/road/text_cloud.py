@@ -64,7 +64,7 @@ def read_text_cloud(data: bytes, label: str, unit: str, max_points: int) -> np.n
     try:
         rows, width = count_rows(table)
         used = [place for place in layout.columns if place < width]
-        found = read_numbers(table, {place: str(place) for place in used}, rows, width)
+        columns = read_numbers(table, {place: str(place) for place in used}, rows, width)
     except LongRowError as error:
         raise DataRejectedError(
             f"{label}, line {error.number}: {error.cells} columns where {layout.width} are expected; correct that line."
@@ -79,7 +79,7 @@ def read_text_cloud(data: bytes, label: str, unit: str, max_points: int) -> np.n
         raise DataRejectedError(
             f"{label} holds bytes that are not text; export it as UTF-8 text, PLY or LAS."
         ) from None
-    count = len(next(iter(found.values()))) if found else 0
+    count = len(next(iter(columns.values()))) if columns else 0
     if count > max_points:
         raise DataRejectedError(
             f"{label} has more than {max_points} points; crop the cloud to a few metres around the bump or thin it."
@@ -87,7 +87,7 @@ def read_text_cloud(data: bytes, label: str, unit: str, max_points: int) -> np.n
     points = np.full((count, 3), np.nan)
     for axis, place in enumerate(layout.columns):
         # A column is let go as soon as it is copied: a large cloud must not stand in memory twice.
-        if (values := found.pop(str(place), None)) is not None:
+        if (values := columns.pop(str(place), None)) is not None:
             points[:, axis] = values
     return points
 
@@ -152,29 +152,29 @@ def _layout_of(label: str, unit: str, encoding: str, header_line: str | None, fi
 
 
 def _columns_of(label: str, unit: str, header: list[str]) -> tuple[tuple[int, int, int], tuple[str, str, str]]:
-    found: dict[str, int] = {}
+    columns: dict[str, int] = {}
     for index, cell in enumerate(header):
         match = _AXIS.match(cell.strip().strip("\"'").lower())
         if match is None:
             continue
         axis, named_unit = match.group(1), _UNIT_ALIASES.get(match.group(2), match.group(2))
-        if axis in found:
+        if axis in columns:
             raise DataRejectedError(
-                f"{label}: columns '{header[found[axis]]}' and '{cell}' both name {axis}; keep one of them."
+                f"{label}: columns '{header[columns[axis]]}' and '{cell}' both name {axis}; keep one of them."
             )
         if named_unit and named_unit != _UNIT_ALIASES.get(unit, unit):
             raise DataRejectedError(
                 f"{label}: column '{cell}' is in {named_unit} but the campaign file says unit = '{unit}'; "
                 "make them agree."
             )
-        found[axis] = index
-    missing = [axis for axis in "xyz" if axis not in found]
+        columns[axis] = index
+    missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
         raise DataRejectedError(
             f"{label}: no column {' and '.join(missing)} in the header ({', '.join(header)[:80]}); "
             "name the columns x_m, y_m and z_m."
         )
-    x, y, z = (found[axis] for axis in "xyz")
+    x, y, z = (columns[axis] for axis in "xyz")
     return (x, y, z), (header[x], header[y], header[z])
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from sysid.road.bump_search import Stretch, covered_lanes, lanes
 from sysid.road.strip_profile import StripProfile
 
+#: Half the width of a pair of twin tires.
 _TRACK_HALF_WIDTH_M = 0.3
 
 

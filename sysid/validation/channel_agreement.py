@@ -66,8 +66,8 @@ class ValidationLimits:
     def exceeded(self, row: ChannelAgreement) -> tuple[str, ...]:
         """Names of the limits that a channel does not keep; a number that is not known keeps its limit."""
         above = ("nrmse", "peak_error", "sprague_geers_magnitude", "sprague_geers_phase")
-        found = [name for name in above if abs(getattr(row, name)) > getattr(self, name)]
-        return (*found, *(["iso18571"] if row.iso18571 < self.iso18571 else []))
+        exceeded = [name for name in above if abs(getattr(row, name)) > getattr(self, name)]
+        return (*exceeded, *(["iso18571"] if row.iso18571 < self.iso18571 else []))
 
 
 @dataclass(frozen=True)

@@ -44,13 +44,13 @@ def leave_out(
         def within(message: str, fraction: float, name: str = name, share: float = share) -> None:
             report(f"without {name}, {message}", share + fraction / len(runs))
 
-        found = fit_without(state, files.index(name), options, within)
-        history = _in_the_same_noise(found.history, fit)
+        refit = fit_without(state, files.index(name), options, within)
+        history = _in_the_same_noise(refit.history, fit)
         yield LeftOutRun(
             run=name,
-            values=np.exp(found.log_parameters),
-            shift_sd=(found.log_parameters - state.point.log_parameters) / sd,
-            converged=found.converged,
+            values=np.exp(refit.log_parameters),
+            shift_sd=(refit.log_parameters - state.point.log_parameters) / sd,
+            converged=refit.converged,
             speed_m_s=history.speed_m_s,
             start_s=history.start_s,
             channels=tuple(history_agreement(history, out_of_sample=True)),
@@ -77,11 +77,11 @@ def chosen_runs(campaign: Campaign, names: Sequence[str]) -> tuple[str, ...]:
         raise CampaignError(
             "A run can be left out only where another one is left to fit; the campaign has fewer than two."
         )
-    found = []
+    chosen = []
     for name in names:
         fitting = [f for f in files if name == f or name in (f.rsplit("/")[-1], f.rsplit("/")[-1].rsplit(".", 1)[0])]
         if len(fitting) != 1:
             several = "fits several runs" if fitting else "is none of the runs that can be used"
             raise CampaignError(f"--leave-out {name} {several}; give one of {', '.join(files)}.")
-        found += fitting
-    return tuple(dict.fromkeys(found or files))
+        chosen += fitting
+    return tuple(dict.fromkeys(chosen or files))

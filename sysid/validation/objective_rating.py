@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import correlate
 
-# Parameters of the standard.
+# Parameters of the standard (ISO/TS 18571:2014).
 _INNER, _OUTER, _CORRIDOR_POWER = 0.05, 0.5, 2
 _LARGEST_SHIFT = 0.2
 _WARPING_WINDOW, _LARGEST_MAGNITUDE_ERROR = 0.1, 0.5
@@ -57,16 +57,16 @@ def objective_ratings(measured: np.ndarray, simulated: np.ndarray) -> tuple[Obje
     ]
     shifted = {i: _aligned(measured[i], simulated[i]) for i in rated}
     errors = dict(zip(rated, _warped_errors([shifted[i][:2] for i in rated]), strict=True))
-    found: list[ObjectiveRating | None] = [None] * len(measured)
+    ratings: list[ObjectiveRating | None] = [None] * len(measured)
     for i in rated:
         reference, comparison, shift = shifted[i]
-        found[i] = ObjectiveRating(
+        ratings[i] = ObjectiveRating(
             _corridor(measured[i], simulated[i]),
             max(0.0, 1.0 - shift / (measured[i].size * _LARGEST_SHIFT)),
             max(0.0, 1.0 - errors[i] / _LARGEST_MAGNITUDE_ERROR),
             _slope(reference, comparison),
         )
-    return tuple(found)
+    return tuple(ratings)
 
 
 def _corridor(measured: np.ndarray, simulated: np.ndarray) -> float:
@@ -140,7 +140,7 @@ def _warped_errors(pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     # Three diagonals in turn; one more column on either side for neighbours outside the window.
     cost = np.full((3, len(pairs), width + 3), np.inf)
     difference, size = np.zeros((2, 3, len(pairs), width + 3))
-    found = np.zeros(len(pairs))
+    errors = np.zeros(len(pairs))
     for d in range(2 * most - 1):
         odd = d % 2
         first_i, first_j = (d + odd - width) // 2, (d - odd + width) // 2
@@ -162,8 +162,8 @@ def _warped_errors(pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
                 total[here][:, middle] = np.where(joint, total[before][:, middle], carried) + increment
         for row in np.flatnonzero(d == 2 * (length - 1)):
             error, scale = (float(total[here, row, width // 2 + 1]) for total in (difference, size))
-            found[row] = error / scale if scale > 0.0 else (np.inf if error > 0.0 else 0.0)
-    return found
+            errors[row] = error / scale if scale > 0.0 else (np.inf if error > 0.0 else 0.0)
+    return errors
 
 
 def _laid_out(pairs: list[tuple[np.ndarray, np.ndarray]], most: int, width: int) -> tuple[np.ndarray, np.ndarray]:

@@ -16,10 +16,14 @@ potential give each body the (negative) pitch stiffness
     sum_i S_i (h_i - h_b) + H_b (h_hitch - h_b) - H_(b+1) (h_next hitch - h_b)
 
 with S_i the static suspension forces, H_b the load on the body's own hinge and H_(b+1) the load it carries behind.
+
+A body whose frame bends has one more coordinate, by which a point at x rises phi(x) times as much
+(:mod:`sysid.vehicle_model.bending`): above its suspensions, at its hinges and at its sensors.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -29,6 +33,7 @@ from sysid.arrays import Axles
 from sysid.campaign.records import LoadCase, Vehicle
 from sysid.campaign.statics import carried_by_suspensions, chains, static_equilibrium
 from sysid.vehicle_model.beams import Beams, assemble_beams, unsprung_names
+from sysid.vehicle_model.bending import FrameMode, frame_modes
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,8 @@ class PlanarMatrices:
     (chains,) what is driven [kg]; `static_load` (na,) vertical road force at rest [N]; `carried_load` (na,) static
     force on its suspension [N]; `heave_rows`, `travel_rows`, `pitch_rows` (bodies, nb) motion of each centre of
     gravity; `cg_x` (bodies,) [m]; `beams` where axles are grouped, else None; `sharing` (na, na) means over the axles
-    that every rocker joins, None without rockers.
+    that every rocker joins, None without rockers; `frames` the bending modes and `frame_columns` (modes,) their places
+    among the body coordinates.
     """
 
     mass: np.ndarray
@@ -61,10 +67,16 @@ class PlanarMatrices:
     cg_x: np.ndarray
     beams: Beams | None = None
     sharing: np.ndarray | None = None
+    frames: tuple[FrameMode, ...] = ()
+    frame_columns: tuple[int, ...] = ()
 
     def body_point(self, body: int, x_m: float) -> np.ndarray:
         """Row (nb,) that gives the vertical motion of a point of `body` at `x_m` behind axle 1."""
-        return np.asarray(self.heave_rows[body] - self.pitch_rows[body] * (x_m - self.cg_x[body]))
+        row = self.heave_rows[body] - self.pitch_rows[body] * (x_m - self.cg_x[body])
+        for frame, column in zip(self.frames, self.frame_columns, strict=True):
+            if frame.body == body:
+                row = row + frame.rise(x_m) * np.eye(row.size)[column]
+        return np.asarray(row)
 
 
 def coordinate_names(vehicle: Vehicle) -> tuple[str, ...]:
@@ -76,14 +88,15 @@ def coordinate_names(vehicle: Vehicle) -> tuple[str, ...]:
     for chain in chains(vehicle):
         names += [f"fore-aft {vehicle.bodies[chain[0]].name}", f"heave {vehicle.bodies[chain[0]].name}"]
         names += [f"pitch {vehicle.bodies[b].name}" for b in chain]
+        names += [f"bending {vehicle.bodies[b].name}" for b in chain if vehicle.bodies[b].bending is not None]
     return (*names, *unsprung_names(vehicle))
 
 
-def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
-    """Assemble the planar model of a vehicle in one load case.
+def assemble(vehicle: Vehicle, load_case: LoadCase, first: LoadCase | None = None) -> PlanarMatrices:
+    """Assemble the planar model of a vehicle in one load case; `first` is the one that frames' frequencies belong to.
 
     M = sum_b m_b (z_b z_b' + xi_b xi_b') + I_b theta_b theta_b' + sum_i m_ui x_i x_i', with z_b, xi_b, theta_b and x_i
-    the rows that give each motion from the body coordinates.
+    the rows that give each motion from the body coordinates, and the modal mass at the amplitude of every bending mode.
 
     Raises
     ------
@@ -94,13 +107,18 @@ def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
     cg_x = np.asarray(statics.cg_x_m, float)
     cg_h = np.asarray(load_case.cg_height_m, float)
     groups = chains(vehicle)
-    heave, travel, pitch = _body_rows(vehicle, groups, cg_x, cg_h)
+    frames = frame_modes(vehicle, load_case, first)
+    heave, travel, pitch, bend = _body_rows(vehicle, groups, cg_x, cg_h, frames)
     axles = vehicle.axles
     body_of = np.array([a.body for a in axles])
     wheel_h = np.array([a.tire_radius_m for a in axles])
     unsprung = np.array(vehicle.unsprung_mass_kg)
     support_x = np.array(vehicle.suspension_x_m)
     attachment = heave[body_of] - pitch[body_of] * (support_x - cg_x[body_of])[:, None]
+    columns = tuple(int(np.flatnonzero(bend[f.body])[0]) for f in frames)
+    for frame, column in zip(frames, columns, strict=True):
+        carrying = np.flatnonzero(body_of == frame.body)
+        attachment[carrying, column] += [frame.rise(x) for x in support_x[carrying]]
     for group in vehicle.groups:
         attachment[list(group.axles[1:])] = 0.0
         attachment[list(group.axles[1:2])] = pitch[body_of[group.axles[0]]]
@@ -113,6 +131,7 @@ def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
         + pitch.T @ (inertia[:, None] * pitch)
         + wheel_travel.T @ (unsprung[:, None] * wheel_travel)
     )
+    mass[columns, columns] += [f.modal_mass for f in frames]
     hitch_load = np.asarray(statics.hitch_load_N, float)
     preload = np.asarray(statics.suspension_preload_N, float)
     tilt = np.zeros(len(vehicle.bodies))
@@ -138,6 +157,8 @@ def assemble(vehicle: Vehicle, load_case: LoadCase) -> PlanarMatrices:
         cg_x=cg_x,
         beams=assemble_beams(vehicle),
         sharing=equaliser_means(vehicle),
+        frames=frames,
+        frame_columns=columns,
     )
 
 
@@ -153,27 +174,33 @@ def equaliser_means(vehicle: Vehicle) -> np.ndarray | None:
 
 
 def _body_rows(
-    vehicle: Vehicle, groups: list[list[int]], cg_x: np.ndarray, cg_h: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Heave, forward motion and pitch of every centre of gravity, (bodies, nb) each, from the body coordinates."""
-    nb = sum(2 + len(chain) for chain in groups)
+    vehicle: Vehicle, groups: list[list[int]], cg_x: np.ndarray, cg_h: np.ndarray, frames: Sequence[FrameMode]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Heave, forward motion, pitch and bending of every body, (bodies, nb) each, from the body coordinates."""
+    modes = {frame.body: frame for frame in frames}
+    nb = sum(2 + len(chain) for chain in groups) + len(modes)
     heave = np.zeros((len(vehicle.bodies), nb))
-    travel = np.zeros_like(heave)
-    pitch = np.zeros_like(heave)
+    travel, pitch, bend = np.zeros_like(heave), np.zeros_like(heave), np.zeros_like(heave)
     column = 0
     for chain in groups:
         travel[chain[0], column] = 1.0
         heave[chain[0], column + 1] = 1.0
         for offset, body in enumerate(chain):
             pitch[body, column + 2 + offset] = 1.0
+        bending = [body for body in chain if body in modes]
+        for offset, body in enumerate(bending):
+            bend[body, column + 2 + len(chain) + offset] = 1.0
         for front, rear in pairwise(chain):
             hinge = vehicle.bodies[rear]
             hinge_h = _hinge_height(vehicle, rear, cg_h)
             hinge_x = float(hinge.hitch_x_m or 0.0)
             heave[rear] = heave[front] - pitch[front] * (hinge_x - cg_x[front]) + pitch[rear] * (hinge_x - cg_x[rear])
+            for body, side in ((front, 1.0), (rear, -1.0)):
+                if body in modes:
+                    heave[rear] += side * modes[body].rise(hinge_x) * bend[body]
             travel[rear] = travel[front] - pitch[front] * (hinge_h - cg_h[front]) + pitch[rear] * (hinge_h - cg_h[rear])
-        column += 2 + len(chain)
-    return heave, travel, pitch
+        column += 2 + len(chain) + len(bending)
+    return heave, travel, pitch, bend
 
 
 def _hinge_height(vehicle: Vehicle, body: int, cg_height: np.ndarray) -> float:

@@ -27,6 +27,17 @@ class LaneBeams(NamedTuple):
     carries: np.ndarray
 
 
+class LaneFrames(NamedTuple):
+    """Bending modes of the frames of R runs, nf of them.
+
+    `select` (R, nf, nb) picks their amplitudes from the body coordinates, `push` (R, nb, nf) gives body accelerations
+    from what straightens them, in units of their amplitude [m/s2]: -M^-1 times the modal mass of their stiffness.
+    """
+
+    select: np.ndarray
+    push: np.ndarray
+
+
 class LaneMatrices(NamedTuple):
     """Matrices of R runs for the integrator; nb body coordinates, na axles, nr body sensors.
 
@@ -35,7 +46,8 @@ class LaneMatrices(NamedTuple):
     acceleration from the driving force; `acceleration` (R, nb, 2 na) gives body accelerations from suspension pull and
     horizontal tire force; `inverse_unsprung`, `static_load`, `carried_load` (R, na, 1), the last what each suspension
     carries at rest; `body_rows` (R, nr, nb) vertical motion at the body accelerometers; `beams` for vehicles with axle
-    groups, else None; `sharing` (R, na, na) means over the axles that every rocker joins, None without rockers.
+    groups, else None; `sharing` (R, na, na) means over the axles that every rocker joins, None without rockers;
+    `frames` where frames bend, else None.
     """
 
     position: np.ndarray
@@ -47,6 +59,7 @@ class LaneMatrices(NamedTuple):
     body_rows: np.ndarray
     beams: LaneBeams | None = None
     sharing: np.ndarray | None = None
+    frames: LaneFrames | None = None
 
 
 def lane_matrices(
@@ -75,7 +88,19 @@ def lane_matrices(
         body_rows=np.stack(rows),
         beams=_lane_beams(matrices),
         sharing=_lane_sharing(matrices),
+        frames=_lane_frames(matrices),
     )
+
+
+def _lane_frames(matrices: list[PlanarMatrices]) -> LaneFrames | None:
+    if not any(m.frames for m in matrices):
+        return None
+    select, push = [], []
+    for m in matrices:
+        unit = np.eye(m.mass.shape[0])[list(m.frame_columns)]
+        select.append(unit)
+        push.append(-np.linalg.solve(m.mass, unit.T * [f.stiffness_mass for f in m.frames]))
+    return LaneFrames(np.stack(select), np.stack(push))
 
 
 def _lane_sharing(matrices: list[PlanarMatrices]) -> np.ndarray | None:

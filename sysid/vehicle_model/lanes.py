@@ -135,7 +135,8 @@ def pass_matrices(
     body_points: list[tuple[int, float]],
 ) -> LaneMatrices:
     """Matrices of several passes, with body accelerometers at (body, x_m) `body_points`."""
-    matrices = {name: assemble(vehicle, load_cases[name]) for name in {p.load_case for p in passes}}
+    first = next(iter(load_cases.values()))
+    matrices = {name: assemble(vehicle, load_cases[name], first) for name in {p.load_case for p in passes}}
     return lane_matrices([matrices[p.load_case] for p in passes], body_points, [HOLD_S[p.speed_held] for p in passes])
 
 

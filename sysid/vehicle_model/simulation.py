@@ -127,6 +127,10 @@ def _forces(
         + shift[:, 2 * axles :]
         + drift[:, 2 * axles :]
     )
+    if lanes.frames is not None and suspension.frames is not None:
+        amplitude, swing = (jnp.matmul(lanes.frames.select, x) for x in (state.body, state.body_rate))
+        straightening = suspension.frames.stiffness * amplitude + suspension.frames.damping * swing
+        body = body + jnp.matmul(lanes.frames.push, straightening)
     axle = _unsprung_acceleration(lanes, vertical - lanes.static_load, pull)
     return _Forces(body, axle, unclipped, horizontal, pull, extension, rate)
 

@@ -38,6 +38,16 @@ class Ramps(NamedTuple):
     side: jax.Array
 
 
+class FrameLaw(NamedTuple):
+    """What straightens bending frames, per lane and mode, over the modal mass: arrays (R, nf, S).
+
+    `stiffness` (2 pi f)^2 [1/s2] of the amplitude, `damping` 2 zeta (2 pi f) [1/s] of its rate.
+    """
+
+    stiffness: jax.Array
+    damping: jax.Array
+
+
 class SuspensionLaw(NamedTuple):
     """Suspension per lane and axle, arrays (R, na, S); elements that are None act on no axle.
 
@@ -51,6 +61,7 @@ class SuspensionLaw(NamedTuple):
       friction model", 1968).
     - `ramps`: corners of the spring curve: hanger lash and tables; `stops`: bump stops, beside the spring;
       `rate_ramps`: corners of the damper curve.
+    - `frames` of the bodies above, where they bend.
     - `load_share` s of a rocker between the springs of neighbouring axles; 0 on axles without one.
     """
 
@@ -66,6 +77,7 @@ class SuspensionLaw(NamedTuple):
     ramps: Ramps | None = None
     stops: Ramps | None = None
     rate_ramps: Ramps | None = None
+    frames: FrameLaw | None = None
 
 
 #: Elements with smooth coefficients, and the fields of :class:`SuspensionLaw` that are theirs: the native engine leaves

@@ -13,6 +13,7 @@ unsymmetric.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,7 @@ from sysid.campaign.records import LoadCase, Vehicle
 from sysid.errors import SysidError
 from sysid.tabular import Tabular
 from sysid.vehicle_model.assembly import PlanarMatrices, assemble, coordinate_names
+from sysid.vehicle_model.bending import frame_ends
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,7 +45,8 @@ class NaturalModes(Tabular):
     real, without fore-aft momentum, scaled so that the largest of shape * `scale_m` is 1.  `scale_m` (c,) makes
     coordinates comparable: 1 for travel and heave, half the distance between the outermost supports for a pitch [m].
     `body_motion` (bodies, 3, n): fore-aft travel [m], heave [m] and pitch [rad] of each centre of gravity; `wheel_rise`
-    (axles, n) [m]; `cg_x_m` (bodies,).
+    (axles, n) [m]; `cg_x_m` (bodies,).  `frame_x_m` (bodies, 25) stations along every body, and `frame_rise`
+    (bodies, 25, n) what bending adds to their rise [m], zero for rigid bodies.
     """
 
     vehicle: Vehicle
@@ -58,6 +61,8 @@ class NaturalModes(Tabular):
     body_motion: np.ndarray
     wheel_rise: np.ndarray
     cg_x_m: np.ndarray
+    frame_x_m: np.ndarray
+    frame_rise: np.ndarray
 
     @property
     def dominant(self) -> tuple[str, ...]:
@@ -108,6 +113,8 @@ def natural_modes(
     tire_stiffness: Axles | None = None,
     tire_damping: Axles | None = None,
     load_share: Axles | None = None,
+    first: LoadCase | None = None,
+    bending: Mapping[str, tuple[float, float]] | None = None,
 ) -> NaturalModes:
     """Natural frequencies, damping ratios and mode shapes of a vehicle on its tires.
 
@@ -123,6 +130,8 @@ def natural_modes(
     tire_stiffness, tire_damping : (axles,) tangent values at the static load [N/m, N s/m]; the declared stiffness and
         no damping if None.
     load_share : (axles,) share s of each axle's rocker, 0 without; the declared ones if None.
+    first : the load case that frequencies of bending frames belong to, this one if None.
+    bending : frequency [Hz] and damping ratio of frames by the name of their body, in place of the declared ones.
 
     Raises
     ------
@@ -132,7 +141,8 @@ def natural_modes(
     CampaignError
         If axle loads and masses do not add up.
     """
-    motion = small_motion(vehicle, load_case, stiffness, damping, tire_stiffness, tire_damping, load_share)
+    rates = (stiffness, damping, tire_stiffness, tire_damping, load_share)
+    motion = small_motion(vehicle, load_case, *rates, first=first, bending=bending)
     m, c, k, matrices, back = motion.mass, motion.damping, motion.stiffness, motion.matrices, motion.back
     square, shapes = _undamped(k, m)
     limit = _ROUNDING * square[-1]
@@ -160,6 +170,9 @@ def small_motion(
     tire_stiffness: Axles | None = None,
     tire_damping: Axles | None = None,
     load_share: Axles | None = None,
+    *,
+    first: LoadCase | None = None,
+    bending: Mapping[str, tuple[float, float]] | None = None,
 ) -> SmallMotion:
     """Equations of small motions of a vehicle on its tires; arguments and errors as :func:`natural_modes`."""
     declared = np.array([a.tire_stiffness_N_per_m for a in vehicle.axles])
@@ -170,7 +183,7 @@ def small_motion(
         "tire_damping": 0.0 * declared if tire_damping is None else tire_damping,
     }
     used = {name: _per_axle(name, values, vehicle) for name, values in rates.items()}
-    matrices = assemble(vehicle, load_case)
+    matrices = assemble(vehicle, load_case, first)
     extension, wheel, mass = _rows(matrices)
     body_count = matrices.mass.shape[0]
     acting = extension
@@ -180,6 +193,14 @@ def small_motion(
     k = acting.T @ (used["stiffness"][:, None] * extension) + wheel.T @ (used["tire_stiffness"][:, None] * wheel)
     c = extension.T @ (used["damping"][:, None] * extension) + wheel.T @ (used["tire_damping"][:, None] * wheel)
     k[:body_count, :body_count] += matrices.tilt
+    for frame, column in zip(matrices.frames, matrices.frame_columns, strict=True):
+        body = vehicle.bodies[frame.body]
+        assert body.bending is not None
+        declared_as = (body.bending.frequency_hz, body.bending.damping_ratio)
+        frequency, ratio_of = (bending or {}).get(body.name, declared_as)
+        turn = 2.0 * np.pi * frequency
+        k[column, column] += frame.stiffness_mass * turn**2
+        c[column, column] += frame.stiffness_mass * 2.0 * ratio_of * turn
     back = _without_fore_aft(mass, coordinate_names(vehicle))
     above = np.zeros_like(extension)
     above[:, :body_count] = matrices.attachment
@@ -189,7 +210,7 @@ def small_motion(
 
 def _undamped(k: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Squares of the undamped frequencies (n,), rising, and mode shapes (n, n)."""
-    if np.array_equal(k, k.T):
+    if np.allclose(k, k.T, rtol=0.0, atol=1e-10 * np.abs(k).max()):
         return tuple(eigh(k, m))
     # Springs over a rocker that differ make K a little unsymmetric; its eigenvalues stay real.
     square, shapes = eig(k, m)
@@ -292,6 +313,10 @@ def _result(
     motion = np.stack(
         [rows @ body for rows in (matrices.travel_rows, matrices.heave_rows, matrices.pitch_rows)], axis=1
     )
+    stations = np.array([np.linspace(*frame_ends(vehicle, b), 25) for b in range(len(vehicle.bodies))])
+    bent = np.zeros((*stations.shape, omega.size))
+    for frame, column in zip(matrices.frames, matrices.frame_columns, strict=True):
+        bent[frame.body] = np.outer([frame.rise(x) for x in stations[frame.body]], body[column])
     return NaturalModes(
         vehicle=vehicle,
         load_case=load_case,
@@ -305,6 +330,8 @@ def _result(
         body_motion=motion,
         wheel_rise=wheel[:, bodies:] @ unsprung,
         cg_x_m=matrices.cg_x,
+        frame_x_m=stations,
+        frame_rise=bent,
     )
 
 

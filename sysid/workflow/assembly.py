@@ -20,14 +20,14 @@ def assembled(runner: Runner, inputs: Inputs, settings: Settings) -> Results:
     results = Results(campaign=inputs.campaign)
     of_stages: list[str] = []
     for stage in STAGES:
-        found = runner.known(stage)
-        if found is None:
-            found = runner.so_far(stage)
-            if found is not None:
+        result = runner.known(stage)
+        if result is None:
+            result = runner.so_far(stage)
+            if result is not None:
                 results = replace(results, unfinished=(*results.unfinished, stage.name))
-        if found is not None:
-            results = _with(results, stage, found)
-            of_stages += stage.warnings(found, settings.quick and stage.name not in results.unfinished)
+        if result is not None:
+            results = _with(results, stage, result)
+            of_stages += stage.warnings(result, settings.quick and stage.name not in results.unfinished)
     return replace(
         results,
         status=_status(results, settings),
@@ -43,10 +43,10 @@ def assembled(runner: Runner, inputs: Inputs, settings: Settings) -> Results:
     )
 
 
-def _with(results: Results, stage: Stage[Any], found: Any) -> Results:
+def _with(results: Results, stage: Stage[Any], result: Any) -> Results:
     if stage.put is None:
-        return replace(results, further={**results.further, stage.name: found})
-    return stage.put(results, found)
+        return replace(results, further={**results.further, stage.name: result})
+    return stage.put(results, result)
 
 
 def _status(results: Results, settings: Settings) -> Status:

@@ -87,19 +87,19 @@ class Calibration:
         """The campaign with rejected channels removed and clipped samples marked."""
         return self._inputs.campaign
 
-    def result(self, stage: Stage[T], asked: Mapping[str, Any] = NOTHING) -> T:
+    def result(self, stage: Stage[T], options: Mapping[str, Any] = NOTHING) -> T:
         """The result of any stage; of one whose results come one by one, those that are asked for.
 
         Parameters
         ----------
-        asked : the own options of the stage's command by name.
+        options : the options of the stage's command by name.
         """
         for other in stage.uses:
-            if isinstance(other, Itemwise) and asked:
-                self._runner.result(other, asked)
-        return self._runner.result(stage, asked)
+            if isinstance(other, Itemwise) and options:
+                self._runner.result(other, options)
+        return self._runner.result(stage, options)
 
-    def aside(self, stage: Stage[T], asked: Mapping[str, Any]) -> T:
+    def aside(self, stage: Stage[T], options: Mapping[str, Any]) -> T:
         """What a stage's command computes instead of its result when its options say so; nothing is kept."""
         assert stage.command is not None
         other: Aside[T] | None = stage.command.aside
@@ -107,14 +107,14 @@ class Calibration:
         missing = self._runner.missing(stage.needs)
         with self._steps.planned({s.name: s.effort for s in missing} | {stage.name: stage.effort}):
             # What cannot be asked for is said before anything is computed for it.
-            context = self._runner.context(stage, asked, at_once=False)
+            context = self._runner.context(stage, options, at_once=False)
             with self._steps.step(stage.name):
                 return other.compute(context)
 
     def redo(self, stage: Stage[Any] | str) -> None:
         """Forget a stage and all that rest on it, so that it runs again."""
-        found = next(s for s in stages.STAGES if s.name == stage) if isinstance(stage, str) else stage
-        self._runner.redo(found)
+        record = next(s for s in stages.STAGES if s.name == stage) if isinstance(stage, str) else stage
+        self._runner.redo(record)
 
     def write(self, ending: Ending) -> list[Path]:
         """Write a report or exports from the stages that have run, and return the files."""

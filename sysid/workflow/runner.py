@@ -36,23 +36,23 @@ class Runner:
         self._inputs, self._settings, self.folder, self.steps = inputs, settings, folder, steps
         self._notice, self.resume = notice, resume
 
-    def result(self, stage: Stage[T], asked: Mapping[str, Any] = NOTHING) -> T:
+    def result(self, stage: Stage[T], options: Mapping[str, Any] = NOTHING) -> T:
         """The result of a stage: known already, else computed and kept, with those that run along with it."""
-        missing = self.missing((stage,), asked)
+        missing = self.missing((stage,), options)
         with self.steps.planned({s.name: s.effort for s in missing}):
             if isinstance(stage, Itemwise):
                 # A name that there is not is said before anything is computed that it does not take.
-                stage.chosen(self.context(stage, asked, at_once=False))
+                stage.chosen(self.context(stage, options, at_once=False))
             for other in missing:
-                self._result(other, asked if other is stage else NOTHING)
-            return self._result(stage, asked)
+                self._result(other, options if other is stage else NOTHING)
+            return self._result(stage, options)
 
     def known(self, stage: Stage[T]) -> T | None:
         """The result of a stage if it has run on these inputs and settings; one without a file if what it needs has."""
-        found = self.folder.known(stage)
-        if found is None and not stage.in_file and all(self.known(before) is not None for before in stage.needs):
-            found = self._result(stage)
-        return found
+        result = self.folder.known(stage)
+        if result is None and not stage.in_file and all(self.known(before) is not None for before in stage.needs):
+            result = self._result(stage)
+        return result
 
     def so_far(self, stage: Stage[T]) -> T | None:
         """What a stage that has not finished has got; None if nothing."""
@@ -65,26 +65,26 @@ class Runner:
         with self.folder.lock:
             self.folder.forget((stage, *dependents(stage)))
 
-    def missing(self, stages: Sequence[Stage[Any]], asked: Mapping[str, Any] = NOTHING) -> list[Stage[Any]]:
+    def missing(self, stages: Sequence[Stage[Any]], options: Mapping[str, Any] = NOTHING) -> list[Stage[Any]]:
         """The stages that have to be computed for some, in an order in which they can be."""
-        found: list[Stage[Any]] = []
+        order: list[Stage[Any]] = []
 
-        def visit(stage: Stage[Any], own: Mapping[str, Any]) -> None:
-            if stage in found:
+        def visit(stage: Stage[Any], given: Mapping[str, Any]) -> None:
+            if stage in order:
                 return
-            if self._again(stage, own):
+            if self._again(stage, given):
                 for before in stage.needs:
                     visit(before, NOTHING)
-                found.append(stage)
+                order.append(stage)
             for other in STAGES:
-                if other.along_with is stage and (stage in found or self._again(other, NOTHING)):
-                    found.append(other)
+                if other.along_with is stage and (stage in order or self._again(other, NOTHING)):
+                    order.append(other)
 
         for stage in stages:
-            visit(stage, asked)
-        return found
+            visit(stage, options)
+        return order
 
-    def context(self, stage: Stage[Any], asked: Mapping[str, Any] = NOTHING, *, at_once: bool = True) -> Context:
+    def context(self, stage: Stage[Any], options: Mapping[str, Any] = NOTHING, *, at_once: bool = True) -> Context:
         """What the functions of a stage are given; stages that it needs are computed `at_once` or when asked for."""
         results = _OnDemand(self._result, stage.needs)
         if at_once:
@@ -94,7 +94,7 @@ class Runner:
         return Context(
             inputs=self._inputs,
             settings=self._settings,
-            asked=asked,
+            options=options,
             folder=self.folder.path,
             progress=self.steps,
             notice=self._notice,
@@ -103,22 +103,22 @@ class Runner:
             results=results,
         )
 
-    def _again(self, stage: Stage[Any], asked: Mapping[str, Any]) -> bool:
+    def _again(self, stage: Stage[Any], options: Mapping[str, Any]) -> bool:
         """Whether a stage has to be computed (an itemwise one: whether anything at all is asked for)."""
         if isinstance(stage, Itemwise):
-            return bool(asked)
+            return bool(options)
         known = self.folder.known(stage)
         if known is None:
             return True
-        return not stage.answers(known, asked) or (self.resume and stage.unfinished(known, self._settings))
+        return not stage.answers(known, options) or (self.resume and stage.unfinished(known, self._settings))
 
-    def _result(self, stage: Stage[T], asked: Mapping[str, Any] = NOTHING) -> T:
+    def _result(self, stage: Stage[T], options: Mapping[str, Any] = NOTHING) -> T:
         if isinstance(stage, Itemwise):
-            items: T = self._items(stage, asked)
+            items: T = self._items(stage, options)
             return items
         assert isinstance(stage, Whole)
-        if self._again(stage, asked):
-            context = self.context(stage, asked)
+        if self._again(stage, options):
+            context = self.context(stage, options)
             # What is in memory only may be asked for beside another process that computes.
             with self.folder.lock if stage.in_file else nullcontext():
                 with self._timed(stage.name), self.steps.step(stage.name), _breakdown_said(stage.name):
@@ -129,13 +129,13 @@ class Runner:
         assert known is not None
         return known
 
-    def _items(self, stage: Itemwise[Any], asked: Mapping[str, Any]) -> Any:
+    def _items(self, stage: Itemwise[Any], options: Mapping[str, Any]) -> Any:
         """The items that are asked for; those of earlier calls are kept, and each is as soon as it is there."""
-        context = self.context(stage, asked)
+        context = self.context(stage, options)
         chosen = stage.chosen(context)
         kept: dict[str, Any] | None = self.folder.known(stage)
-        found = dict(kept or {})
-        wanted = [name for name in chosen if name not in found]
+        items = dict(kept or {})
+        wanted = [name for name in chosen if name not in items]
         if wanted:
             with (
                 self.folder.lock,
@@ -144,9 +144,9 @@ class Runner:
                 _breakdown_said(stage.name),
             ):
                 for name, item in stage.each(context, wanted):
-                    found[name] = item
-                    self.folder.keep(stage, dict(found))
-        return {name: found[name] for name in chosen}
+                    items[name] = item
+                    self.folder.keep(stage, dict(items))
+        return {name: items[name] for name in chosen}
 
     def _timed(self, name: str) -> AbstractContextManager[None]:
         return self.folder.timed(name, lambda: self.steps.parts)

@@ -105,12 +105,12 @@ def _guarded_names(module: str, words: str) -> dict[str, Any]:
 @cache
 def _guarded_imports(module: str) -> dict[str, str]:
     """Module of every name that a module of this package imports under ``if TYPE_CHECKING`` by ``from ... import``."""
-    found: dict[str, str] = {}
+    module_of: dict[str, str] = {}
     if not module.startswith("sysid"):
-        return found
+        return module_of
     for node in ast.parse(inspect.getsource(sys.modules[module])).body:
         if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
             for line in node.body:
                 if isinstance(line, ast.ImportFrom) and line.module and line.module.startswith("sysid"):
-                    found |= {alias.name: line.module for alias in line.names}
-    return found
+                    module_of |= {alias.name: line.module for alias in line.names}
+    return module_of

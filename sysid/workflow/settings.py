@@ -54,11 +54,11 @@ def recall(folder: Path) -> dict[str, Any]:
     """What :func:`remember` kept in an output folder; empty if nothing was kept or it cannot be read."""
     try:
         kept = json.loads(read_bytes(folder / "stages" / "settings.json") or b"")
-        found = {name: kept[name] for name, kind in KEPT_CHOICES.items() if type(kept[name]) is kind}
-        known = found["laws"] in LAWS and found["contact"] in get_args(ContactLaw) and found["seed"] >= 0
+        choices = {name: kept[name] for name, kind in KEPT_CHOICES.items() if type(kept[name]) is kind}
+        known = choices["laws"] in LAWS and choices["contact"] in get_args(ContactLaw) and choices["seed"] >= 0
     except (ValueError, KeyError, TypeError, RecursionError):
         return {}
-    return found if known and len(found) == len(KEPT_CHOICES) else {}
+    return choices if known and len(choices) == len(KEPT_CHOICES) else {}
 
 
 def make_settings(

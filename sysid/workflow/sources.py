@@ -33,13 +33,13 @@ def code_digest(packages: Iterable[str]) -> str:
 
 def imported_by(packages: Iterable[str]) -> set[str]:
     """Names of packages and of everything that they import within `sysid`, directly or not."""
-    found: set[str] = set()
+    imported: set[str] = set()
     left = set(packages)
     while left:
         name = left.pop()
-        found.add(name)
-        left |= _own(name)[1] - found
-    return found
+        imported.add(name)
+        left |= _own(name)[1] - imported
+    return imported
 
 
 @cache

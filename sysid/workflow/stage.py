@@ -31,16 +31,16 @@ Blocks = Iterable[TextTable | CommandHint | str]
 class Context:
     """What the compute function of a stage is given, and nothing more.
 
-    `inputs` the campaign and the hashes of its files; `settings`; `asked` the own options of the stage's command by
-    name; `folder` the output folder; `progress` (message, fraction of the stage), `notice` what the user should know;
-    `resume` whether to go on with what an interrupted run left; `version` of everything that decides the numbers, by
-    name.  ``context[FIT]`` is the result of a stage that this one needs, ``context.known(SAMPLE)`` that of one that it
+    `inputs` the campaign and the hashes of its files; `settings`; `options` of the stage's command by name;
+    `folder` the output folder; `progress` (message, fraction of the stage), `notice` what the user should know;
+    `resume` whether to continue an interrupted run; `version` of everything that decides the numbers, by name.
+    ``context[FIT]`` is the result of a stage that this one needs, ``context.known(SAMPLE)`` that of one that it
     uses, None where that has not run.
     """
 
     inputs: Inputs
     settings: Settings
-    asked: Mapping[str, Any]
+    options: Mapping[str, Any]
     folder: Path
     progress: Progress
     notice: Notice | None
@@ -81,9 +81,9 @@ class Option:
     required: bool = False
     metavar: str | None = None
 
-    def given(self, asked: Mapping[str, Any]) -> bool:
+    def given(self, options: Mapping[str, Any]) -> bool:
         """Whether the option was typed."""
-        return asked.get(self.name) not in (None, (), False)
+        return options.get(self.name) not in (None, (), False)
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ class Stage(Generic[T]):
     along_with: Stage[Any] | None = None
     in_file: bool = True
     unfinished: Callable[[T, Settings], bool] = lambda result, settings: False
-    answers: Callable[[T, Mapping[str, Any]], bool] = lambda result, asked: True
+    answers: Callable[[T, Mapping[str, Any]], bool] = lambda result, options: True
     so_far: Callable[[Context], T | None] | None = None
     put: Callable[[Results, T], Results] | None = None
     warnings: Callable[[T, bool], Sequence[str]] = _no_warnings

@@ -154,17 +154,17 @@ class StageFolder:
     def _read_timings(self) -> dict[str, float]:
         content = read_bytes(self._timings_file)
         try:
-            found = json.loads(content or b"{}")
+            timings = json.loads(content or b"{}")
         except (ValueError, RecursionError):
             return {}
-        whole = isinstance(found, dict) and all(type(seconds) in (int, float) for seconds in found.values())
-        return found if whole else {}
+        whole = isinstance(timings, dict) and all(type(seconds) in (int, float) for seconds in timings.values())
+        return timings if whole else {}
 
 
 def dependents(stage: Stage[Any]) -> tuple[Stage[Any], ...]:
     """Stages that rest on one, directly or not, itself not among them."""
-    found: list[Stage[Any]] = []
+    after: list[Stage[Any]] = []
     for other in STAGES:
-        if any(before is stage or before in found for before in (*other.needs, *other.uses)):
-            found.append(other)
-    return tuple(found)
+        if any(before is stage or before in after for before in (*other.needs, *other.uses)):
+            after.append(other)
+    return tuple(after)

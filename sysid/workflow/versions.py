@@ -9,10 +9,10 @@ import platform
 def versions() -> dict[str, str]:
     """Versions of this package, Python and the libraries that decide the numbers."""
     names = ("sysid", "numpy", "scipy", "jax", "jaxlib", "optimistix", "emcee", "pandas")
-    found = {"python": platform.python_version()}
+    by_name = {"python": platform.python_version()}
     for name in names:
         try:
-            found[name] = importlib.metadata.version(name)
+            by_name[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
-            found[name] = "unknown"
-    return found
+            by_name[name] = "unknown"
+    return by_name

@@ -43,8 +43,8 @@ def test_logs_of_zeros_are_enough_to_see_what_would_be_learned(campaign: Path, c
     assert {"k_1", "k_6", "c_1", "c_6"} <= set(rows)
     assert float(rows["k_1"][5]) < 10.0 < float(rows["k_1"][4])
     held = sum(row[-1] == "yes" for row in rows.values())
-    assert f"{held} of {len(rows)} intervals hold the truth" in text
-    assert "by the covariance of the fit" in text
+    assert f"{held} of {len(rows)} intervals contain the true value" in text
+    assert "from the covariance of the fit" in text
 
 
 def test_runs_that_are_still_to_come_need_no_log(campaign: Path, capsys) -> None:
@@ -77,7 +77,7 @@ def test_pooled_counts_of_several_campaigns_are_printed() -> None:
     text = console.export_text()
     rows = [line.split() for line in text.splitlines() if line.startswith(("k_", "c_"))]
     assert rows == [["k_2[laden]", "80", "10", "50", "of", "50"], ["c_1", "80", "10", "0", "of", "50"]]
-    assert "50 of 100 intervals hold the truth (50 %); by chance 84 to 95 are expected" in text
+    assert "50 of 100 intervals contain the true value (50 %); by chance 84 to 95 are expected" in text
     assert "could not be calibrated: no start found." in text
     assert "not converged in 50 of 50" in text
 

@@ -91,7 +91,7 @@ def test_scale_is_the_root_mean_square_of_what_exact_data_ask_for():
     score = jacobian.T @ (residual + jacobian[:, :4] @ solved)
     directions = [Departure(ENVELOPE, i) for i in range(4)]
     found = departure_scale(jacobian.T @ jacobian, score, 1e-9 * np.eye(4), np.array([0.03]), directions)
-    np.testing.assert_allclose(found.asked, behind, rtol=1e-4)
+    np.testing.assert_allclose(found.estimate, behind, rtol=1e-4)
     np.testing.assert_allclose(found.sd, np.sqrt(np.mean(behind**2)), rtol=1e-3)
 
 

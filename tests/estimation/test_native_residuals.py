@@ -11,7 +11,7 @@ import rigid_truck
 from native_engine import needs_compiler
 from rigid_truck import bump, campaign, empty_run, true_log_parameters
 
-from sysid.campaign.records import AxleGroup, Campaign, Equaliser, ForceTable
+from sysid.campaign.records import AxleGroup, Campaign, Equaliser, ForceTable, FrameBending
 from sysid.estimation.fit.state import FitState, state_at
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
@@ -90,7 +90,7 @@ def test_linearisation(linearisations, field):
     assert (np.abs(ours - theirs) <= tolerance * size).all()
 
 
-@pytest.mark.parametrize("joined", ["beam", "equaliser"])
+@pytest.mark.parametrize("joined", ["beam", "equaliser", "equaliser and bending frame"])
 def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined):
     """Friction, stops and an asymmetric damper in front; gas spring, lash and tables behind, on a beam or a rocker."""
     spring = ForceTable((-0.1, -0.01, 0.01, 0.1), (-3.5e4, -3e3, 3e3, 4e4))
@@ -118,6 +118,8 @@ def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined
     else:
         vehicle = replace(rigid_truck.VEHICLE, axles=axles, equalisers=(Equaliser("tandem", (1, 2)),))
         load = rigid_truck.EMPTY
+        if "bending" in joined:
+            vehicle = replace(vehicle, bodies=(replace(vehicle.bodies[0], bending=FrameBending(8.0, 0.03)),))
     data = campaign([empty_run("a.csv", 7.0, samples=220)], vehicle=vehicle, load_cases=(load,))
     model = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
     x = model.parameters.start

@@ -68,8 +68,8 @@ def test_sensitivity_and_what_the_data_ask_for_are_those_of_a_dense_problem():
     effect = mass_effect(jacobian.T @ jacobian, at_declared, prior, sd)
     for k, unit in enumerate(np.eye(2)):
         assert np.allclose(effect.sensitivity[:, k], solved(unit) - solved(np.zeros(2)), rtol=1e-9)
-    assert np.allclose(effect.asked, joint[3:], rtol=1e-9)
-    assert np.allclose(solved(np.zeros(2)) + effect.sensitivity @ effect.asked, joint[:3], rtol=1e-9)
+    assert np.allclose(effect.estimate, joint[3:], rtol=1e-9)
+    assert np.allclose(solved(np.zeros(2)) + effect.sensitivity @ effect.estimate, joint[:3], rtol=1e-9)
 
 
 def test_masses_go_with_parameters_as_in_their_joint_distribution():
@@ -174,11 +174,11 @@ def test_the_optimum_moves_as_the_covariance_says(fits):
 
 def test_what_the_data_ask_for_is_what_the_masses_are(fits):
     _, (plain, _), (moved, _), _, masses, off = fits
-    asked = np.log([c.asked for c in moved.masses])
-    base = np.log([c.asked for c in plain.masses])
+    estimate = np.log([c.estimate for c in moved.masses])
+    base = np.log([c.estimate for c in plain.masses])
     assert [c.name for c in plain.masses] == [f.name for f in masses.factors]
     # Declared 2 % too high, the data ask for 2 % less than they do with the right value.
-    assert asked[1] - base[1] == pytest.approx(-off[1], abs=0.004)
+    assert estimate[1] - base[1] == pytest.approx(-off[1], abs=0.004)
 
 
 def test_a_mass_far_from_what_the_data_ask_for_is_named():

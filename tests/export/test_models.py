@@ -22,7 +22,7 @@ from sysid.export import chrono_merged, write_models
 from sysid.export.bridge import vehicle_csv
 from sysid.export.chrono import chrono_suspension, chrono_tire
 from sysid.export.lsdyna import _field, lsdyna_text
-from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
+from sysid.prediction.calibrated_elements import CalibratedFrame, CalibratedSuspension, CalibratedVehicle
 
 EXTENSION = np.linspace(-0.2, 0.2, 81)
 RATE = np.linspace(-3.0, 3.0, 121)
@@ -241,3 +241,18 @@ def test_every_format_says_what_a_rocker_does():
     (row,) = [r for r in rows if r["kind"] == "equaliser"]
     assert (row["name"], float(row["load_share"]), row["mass_kg"]) == ("tandem (1 2)", 0.8, "")
     assert all(r["load_share"] == "" for r in rows if r["kind"] != "equaliser")
+
+
+def test_every_format_says_that_a_frame_bends():
+    frame = CalibratedFrame(0, "truck", (0, 1), 7.5, 0.024, 8100.0)
+    vehicle = replace(calibrated(), frames=(frame,))
+    words = " ".join(" ".join(read_deck(lsdyna_text(vehicle)).comments).split())
+    assert "bends: first free mode 7.500 Hz, damping ratio 0.0240, modal mass 8100 kg" in words
+    assert "7.500 Hz" in chrono_suspension(vehicle, vehicle.suspensions[0])["Comment"]
+    rows = list(csv.DictReader(io.StringIO(vehicle_csv(small_campaign(), vehicle))))
+    (row,) = [r for r in rows if r["bending_frequency_hz"]]
+    assert (row["kind"], float(row["bending_frequency_hz"]), float(row["bending_modal_mass_kg"])) == (
+        "body",
+        7.5,
+        8100.0,
+    )

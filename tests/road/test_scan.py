@@ -159,7 +159,7 @@ def test_wheel_track_strips_see_their_own_height() -> None:
     assert error_of(middle, parabola) < 0.4e-3
     # 1.4 m of 3.5 m are worn by a fifth.
     assert error_of(whole, lambda s: (1 - 0.2 * 1.4 / 3.5) * parabola(s)) < 0.8e-3
-    assert any("differs between lanes" in text for text in whole.messages)
+    assert any("differs across the scanned width" in text for text in whole.messages)
     assert tracks.messages == ()
 
 

@@ -42,17 +42,31 @@ def linear(extension: np.ndarray, rate: np.ndarray, slip: np.ndarray) -> np.ndar
 
 
 @dataclass(frozen=True)
+class Bend:
+    """A frame that bends: its rise at the axles and at the points of the accelerometers per amplitude, modal mass [kg],
+    angular frequency [rad/s] and damping ratio.
+    """
+
+    at_axles: np.ndarray
+    at_points: np.ndarray
+    modal_mass: float
+    turn: float
+    ratio: float
+
+
+@dataclass(frozen=True)
 class Truck:
     """Quantities of the hand-written equations: statics, tire law, and the coupled mass of travel and pitch.
 
     `law` gives the suspension force from extension, rate and the state of Dahl friction elements with the slip length
-    `slip_m`; `load` is how the truck is loaded, its tires as stiff as ever at rest.
+    `slip_m`; `load` is how the truck is loaded, its tires as stiff as ever at rest; `bend` its frame.
     """
 
     height_m: float
     law: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] = linear
     slip_m: float = 1e-3
     load: LoadCase = EMPTY
+    bend: Bend | None = None
 
     def __post_init__(self) -> None:
         static = np.array(self.load.axle_loads_kg) * 9.81
@@ -73,12 +87,14 @@ class Truck:
         )
 
     def signals(self, t: float, y: np.ndarray) -> dict[str, np.ndarray]:
-        """Accelerations, forces and deflections in state y = (xi, z, theta, z_1..3, their rates, phi_1..3)."""
+        """Signals in state y = (xi, z, theta, z_1..3, their rates, phi_1..3, amplitude of bending and its rate)."""
         (xi, z, theta), axle = y[:3], y[3:6]
         (xi_rate, z_rate, theta_rate), axle_rate, slip = y[6:9], y[9:12], y[12:15]
         arm = X - self.cg_x
         extension = z - theta * arm - axle
         rate = z_rate - theta_rate * arm - axle_rate
+        if self.bend is not None:
+            extension, rate = extension + self.bend.at_axles * y[15], rate + self.bend.at_axles * y[16]
         pull = self.law(extension, rate, slip)
         s = SPEED_M_S * (t - START_S) - X + xi - theta * self.below
         slope = self.height_m * road(s, 1)
@@ -101,10 +117,17 @@ class Truck:
         ]
         xi_acceleration, theta_acceleration = np.linalg.solve(self.mass, right)
         z_acceleration = -pull.sum() / self.load.sprung_mass_kg[0]
+        points = z_acceleration - theta_acceleration * (np.array(POINTS_M) - self.cg_x)
+        bend, bending = self.bend, 0.0
+        if bend is not None:
+            spring = bend.turn**2 * y[15] + 2.0 * bend.ratio * bend.turn * y[16]
+            bending = -spring - float(bend.at_axles @ pull) / bend.modal_mass
+            points = points + bend.at_points * bending
         return {
+            "bending": np.array([y[16], bending]),
             "body": np.array([xi_acceleration, z_acceleration, theta_acceleration]),
             "axle_acceleration": (vertical - self.static + pull) / UNSPRUNG,
-            "body_acceleration": z_acceleration - theta_acceleration * (np.array(POINTS_M) - self.cg_x),
+            "body_acceleration": points,
             "tire_force": vertical,
             "horizontal_force": push,
             "deflection": extension,
@@ -114,14 +137,15 @@ class Truck:
 
     def rates(self, t: float, y: np.ndarray) -> np.ndarray:
         found = self.signals(t, y)
-        return np.concatenate([y[6:12], found["body"], found["axle_acceleration"], found["slip_rate"]])
+        rates = [y[6:12], found["body"], found["axle_acceleration"], found["slip_rate"], found["bending"]]
+        return np.concatenate(rates)
 
     def histories(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """Signals (n, channels) at `times` [s], from rest."""
         solution = solve_ivp(
             self.rates,
             (0.0, times[-1]),
-            np.zeros(15),
+            np.zeros(17),
             method="DOP853",
             t_eval=times,
             rtol=1e-11,

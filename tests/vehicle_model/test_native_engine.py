@@ -12,7 +12,7 @@ import rigid_truck
 import verification_case
 from native_engine import needs_compiler
 
-from sysid.campaign.records import AntiAliasFilter, AxleGroup, Equaliser, LoadCase, Vehicle
+from sysid.campaign.records import AntiAliasFilter, AxleGroup, Equaliser, FrameBending, LoadCase, Vehicle
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import TireLaw, effective_road, tire_law
@@ -20,7 +20,7 @@ from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.filters import discretise
 from sysid.vehicle_model.lane_matrices import LaneMatrices, lane_matrices
 from sysid.vehicle_model.simulation import SensorLayout
-from sysid.vehicle_model.suspension import Ramps, SuspensionLaw
+from sysid.vehicle_model.suspension import FrameLaw, Ramps, SuspensionLaw
 
 SPEED_M_S, START_S = np.array([[7.0], [9.5]]), np.array([[0.31], [0.27]])
 #: The first bump throws every wheel into the air, the second none.
@@ -231,6 +231,28 @@ def test_rockers_between_springs(both):
         assert_same(np.asarray(mine), np.asarray(other))
     assert_same(our_sensors, their_sensors)
     assert (np.abs(our_sensors - alone)[:, 0, 1:3].max(axis=(0, 2)) > 1e-4).all()
+
+
+@needs_compiler
+def test_frames_that_bend(both):
+    """Tractor and trailer that both bend: six body coordinates."""
+    vehicle, loads = verification_case.vehicle_and_loads(heights=True)
+    bent = tuple(replace(b, bending=FrameBending(hz, 0.03)) for b, hz in zip(vehicle.bodies, (11.0, 8.0), strict=True))
+
+    def run():
+        case = Case(replace(vehicle, bodies=bent), list(loads.values()), footprint=True, samples=540, sets=2)
+        assert case.lanes.body_rows.shape[2] == 6
+        shape = (2, 2, case.suspension.stiffness.shape[-1])
+        turn = 2 * np.pi * np.array([11.0, 8.0])[:, None] * np.exp(0.1 * case.random.normal(size=shape))
+        ratio = 0.03 * np.exp(0.3 * case.random.normal(size=shape))
+        frames = FrameLaw(jnp.asarray(turn**2), jnp.asarray(2 * ratio * turn))
+        case.suspension = case.suspension._replace(frames=frames)
+        return case.histories(), case.sensors(rigid_truck.FILTER)
+
+    (ours, our_sensors), (theirs, their_sensors) = both(run)
+    for mine, other in zip(ours, theirs, strict=True):
+        assert_same(np.asarray(mine), np.asarray(other), 1e-11)
+    assert_same(our_sensors, their_sensors, 1e-11)
 
 
 @needs_compiler

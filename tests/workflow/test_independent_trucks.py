@@ -1,4 +1,4 @@
-"""Trucks with rockers, simulated by equations apart from the package, through `calibrate.py fit` (long)."""
+"""Trucks with a rocker or a bending frame, simulated by equations of their own, through `calibrate.py fit` (long)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from independent_truck import THREE_AXLES, IndependentTruck, write_truck_campaign
+from independent_truck import LOWBOY, THREE_AXLES, IndependentTruck, write_truck_campaign
 
 pytestmark = pytest.mark.long
 
@@ -16,13 +16,13 @@ ROOT = Path(__file__).parents[2]
 ROCKER = '[[vehicle.group]]\nname = "tandem"\nkind = "equaliser"\naxles = ["axle 2", "axle 3"]\n'
 
 
-def fitted(folder: Path, truck: IndependentTruck, **declared: str) -> dict:
+def fitted(folder: Path, truck: IndependentTruck, **declared: str | tuple[float, ...]) -> dict:
     """result.json of the fit of a truck's campaign."""
     write_truck_campaign(folder / "campaign", truck, **declared)
     output = folder / "output"
     for stage in ("fit", "report"):
         command = [sys.executable, "calibrate.py", stage, str(folder / "campaign"), "--output", str(output)]
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=1800)
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=3600)
         assert done.returncode == 0, done.stderr
     return json.loads((output / "result.json").read_text(encoding="utf-8"))
 
@@ -57,3 +57,14 @@ def test_an_undeclared_rocker_is_named_on_the_first_screen(tmp_path):
     page = (tmp_path / "output" / "report.html").read_text(encoding="utf-8")
     first_screen = page[page.index('<section class="first"') :].split("</section>")[0]
     assert "behave as if a rocker shared" in first_screen
+
+
+def test_a_lowboy_whose_frame_bends(tmp_path):
+    bending = "bending = { frequency_hz = 8.4, damping_ratio = 0.03 }"  # as far off as such numbers are
+    result = fitted(tmp_path, LOWBOY, bending=bending, speeds=(12.0, 20.0))
+    worst = errors(result, LOWBOY)
+    assert worst["stiffness"] < 0.05
+    assert worst["damping"] < 0.12
+    by_name = {p["name"]: p["least_squares"]["value"] for p in result["parameters"]}
+    assert by_name["bending_hz[body 2]"] == pytest.approx(8.0, rel=0.02)
+    assert by_name["bending_ratio[body 2]"] == pytest.approx(0.025, rel=0.15)

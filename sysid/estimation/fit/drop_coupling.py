@@ -103,9 +103,10 @@ def _small_motion(campaign: Campaign, drops: DropSummary, load_case: str) -> tup
         np.array([a.tire_stiffness_N_per_m for a in vehicle.axles]),
         np.array([a.tire_damping_N_s_per_m for a in vehicle.axles]),
     )
-    shares = shares_before_data(vehicle)
+    shares, first = shares_before_data(vehicle), next(iter(campaign.load_cases.values()))
+    case = campaign.load_cases[load_case]
     return (
-        small_motion(vehicle, campaign.load_cases[load_case], stiffness, damping, *tires, load_share=shares),
+        small_motion(vehicle, case, stiffness, damping, *tires, load_share=shares, first=first),
         stiffness,
         damping,
     )

@@ -116,23 +116,23 @@ def _fit_point(
 
 
 def _mass_response(parameters: np.ndarray, effect: MassEffect, adjustment: Adjustment) -> MassResponse | None:
-    if not effect.asked.size:
+    if not effect.estimate.size:
         return None
     return mass_response(parameters, effect.by_data, effect.spread, adjustment.information)
 
 
 def _mass_checks(masses: UncertainMasses, effect: MassEffect) -> tuple[MassCheck, ...]:
     return tuple(
-        MassCheck(f.name, f.quantity, f.words, f.sd, float(np.exp(asked)))
-        for f, asked in zip(masses.factors, effect.asked, strict=False)
+        MassCheck(f.name, f.quantity, f.words, f.sd, float(np.exp(estimate)))
+        for f, estimate in zip(masses.factors, effect.estimate, strict=False)
     )
 
 
 def _mass_warnings(checks: tuple[MassCheck, ...]) -> tuple[str, ...]:
     sentences = []
     for check in checks:
-        if abs(np.log(check.asked)) > DOUBTFUL_MASS_SD * check.tolerance:
-            percent, side = 100.0 * abs(check.asked - 1.0), "above" if check.asked > 1.0 else "below"
+        if abs(np.log(check.estimate)) > DOUBTFUL_MASS_SD * check.tolerance:
+            percent, side = 100.0 * abs(check.estimate - 1.0), "above" if check.estimate > 1.0 else "below"
             sentences.append(
                 f"The data ask for a value about {percent:.0f} % {side} the declared one: {check.words}, declared "
                 f"within {100.0 * check.tolerance:g} %. Check it in campaign.toml, or widen its tolerance."

@@ -72,14 +72,14 @@ class ContactTrial:
 @dataclass(frozen=True)
 class MassCheck:
     """One declared mass property: `words` say which, `tolerance` is the standard deviation of the logarithm of a factor
-    on it, and `asked` the factor that the data would take for it if it were estimated with all other unknowns.
+    on it, and `estimate` the factor that the data would take for it if it were estimated with all other unknowns.
     """
 
     name: str
     quantity: str
     words: str
     tolerance: float
-    asked: float
+    estimate: float
 
 
 @dataclass(frozen=True)

@@ -172,7 +172,7 @@ def _search(
         negligible = max(_NEGLIGIBLE_FALL, _TOLERANCES * relative_tolerance)
         converged = fall <= negligible * max(best, relative_tolerance**2 * first)
         if not converged:
-            why += f", but a fall by {100.0 * fall / best:.2g} % is still promised"
+            why += f", but the linearised model predicts a further fall by {100.0 * fall / best:.2g} %"
         return Minimum(np.asarray(point) * scale, best, converged, iteration, why)
 
     best, rejections = np.inf, 0

@@ -13,7 +13,15 @@ import numpy as np
 from sysid.campaign.records import Axle, Campaign, LeafDimensions, PriorOverride, Vehicle
 from sysid.errors import CampaignError
 from sysid.estimation.parameters.named_priors import with_named_priors
-from sysid.estimation.parameters.parameter_set import SHARE_ODDS, Parameter, ParameterSet, PriorLink
+from sysid.estimation.parameters.parameter_set import (
+    BENDING_DAMPING,
+    BENDING_FREQUENCY,
+    SHARE_ODDS,
+    Parameter,
+    ParameterSet,
+    PriorLink,
+    bending_names,
+)
 from sysid.estimation.parameters.rockers import share_name
 from sysid.estimation.parameters.suspension_elements import ELEMENTS, LINEAR, law_elements, law_name, quantities
 from sysid.sdof.drop_results import DropEstimate, DropSummary
@@ -41,6 +49,11 @@ AIR_LINK_LEAST_SD = 0.05
 #: Odds s / (1 - s) of a rocker's load share and their log sd: half shared, and 95 % of the prior from 0.02 to 0.98, so
 #: that nothing but the data says how much friction in the rocker leaves of the sharing (an assumption).
 SHARE_ODDS_PRIOR = (1.0, 2.0)
+
+#: Spread of the logarithm of a declared bending frequency and damping ratio of a frame: a frame that somebody has hit
+#: with a hammer or computed is known to about 10 %, its damping to a factor of less than two (assumptions).
+BENDING_FREQUENCY_SD = 0.1
+BENDING_DAMPING_SD = 0.5
 
 #: Young's modulus of spring steel [Pa] (material data), and the spread of the leaf formula about real packs, an
 #: assumption: clamped length, full-length leaves and shackles.
@@ -134,6 +147,14 @@ def campaign_parameters(
         for rocker in vehicle.equalisers
         if rocker.load_share is None
     ]
+    for body in vehicle.bodies:
+        if body.bending is not None:
+            (hz, ratio), bent = bending_names(body.name), body.bending
+            frequency, damping = bent.frequency_hz, bent.damping_ratio
+            parameters += [
+                Parameter(hz, BENDING_FREQUENCY, "Hz", frequency, frequency, BENDING_FREQUENCY_SD),
+                Parameter(ratio, BENDING_DAMPING, "1", damping, damping, BENDING_DAMPING_SD),
+            ]
     for i, axle in enumerate(vehicle.axles):
         median, sd = _override(axle, "tire_stiffness", axle.tire_stiffness_N_per_m, TIRE_STIFFNESS_SD)
         parameters.append(Parameter(f"kt_{i + 1}", "tire_stiffness", "N/m", median, median, sd, axle=i))

@@ -12,7 +12,7 @@ import numpy as np
 from sysid.arrays import Axles, RunsByAxles
 from sysid.campaign.records import Vehicle
 from sysid.campaign.statics import carried_by_suspensions
-from sysid.estimation.parameters.parameter_set import SHARE_ODDS, ParameterSet
+from sysid.estimation.parameters.parameter_set import SHARE_ODDS, ParameterSet, bending_names
 from sysid.estimation.parameters.suspension_curves import (
     SuspensionCurves,
     joined,
@@ -25,7 +25,7 @@ from sysid.estimation.parameters.suspension_elements import coefficients, law_el
 from sysid.vehicle_model.contact import TireLaw, tire_law
 from sysid.vehicle_model.lane_arrays import AxleLanes, ParametersBySets
 from sysid.vehicle_model.lanes import Lanes
-from sysid.vehicle_model.suspension import SuspensionLaw
+from sysid.vehicle_model.suspension import FrameLaw, SuspensionLaw
 
 
 class ElementIndex(NamedTuple):
@@ -48,13 +48,21 @@ class RockerShares(NamedTuple):
     fixed: Axles
 
 
+class FramePositions(NamedTuple):
+    """Where frequency and damping ratio of every bending frame stand in the parameter vector, (nf,) each."""
+
+    frequency: np.ndarray
+    damping: np.ndarray
+
+
 class LawInputs(NamedTuple):
     """What turns parameters into laws; positions in the parameter vector and constants of R lanes.
 
     `stiffness` (R, na); `damping`, `tire_stiffness`, `tire_damping` (na,); `exponent` (); `elements` by quantity;
     `curves` declared by the campaign file; `static_load`, `reference_load`, `carried_load` (R, na, 1) [N]: road load in
     its lane and in the first load case, load on the suspension; `load_growth` (R, na, 1) the latter over that in the
-    first load case; `tire_factor` (R, na, 1) on a lane's tire stiffness; `shares` of rockers, None without any.
+    first load case; `tire_factor` (R, na, 1) on a lane's tire stiffness; `shares` of rockers and positions of
+    bending `frames`, None without any.
     """
 
     stiffness: RunsByAxles
@@ -70,6 +78,7 @@ class LawInputs(NamedTuple):
     load_growth: np.ndarray
     tire_factor: np.ndarray
     shares: RockerShares | None = None
+    frames: FramePositions | None = None
 
 
 def stiffness_positions(parameters: ParameterSet, axles: int, load_cases: list[str]) -> np.ndarray:
@@ -111,7 +120,16 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_ca
         carried / reference[..., None],
         np.ones_like(carried),
         _rocker_shares(vehicle, parameters),
+        _frame_positions(vehicle, parameters),
     )
+
+
+def _frame_positions(vehicle: Vehicle, parameters: ParameterSet) -> FramePositions | None:
+    names = [bending_names(body.name) for body in vehicle.bodies if body.bending is not None]
+    if not names:
+        return None
+    at = np.array([[parameters.names.index(n) for n in pair] for pair in names])
+    return FramePositions(at[:, 0], at[:, 1])
 
 
 def _rocker_shares(vehicle: Vehicle, parameters: ParameterSet) -> RockerShares | None:
@@ -161,6 +179,11 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: AxleLanes, damp
         odds = values[position]
         share = jnp.where(position[:, None] >= 0, odds / (1.0 + odds), fixed[:, None])
         given["load_share"] = jnp.broadcast_to(share, stiffness.shape)
+    frames = None
+    if inputs.frames is not None:
+        turn, ratio = 2.0 * jnp.pi * values[inputs.frames.frequency], values[inputs.frames.damping]
+        shape = (stiffness.shape[0], *turn.shape)
+        frames = FrameLaw(jnp.broadcast_to(turn**2, shape), jnp.broadcast_to(2.0 * ratio * turn, shape))
     curves, ramps, base, stop = inputs.curves, [], stiffness, element("stop_stiffness")
     if curves.spring is not None:
         ramps.append(table_ramps(curves.spring, stiffness))
@@ -174,5 +197,6 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: AxleLanes, damp
         ramps=joined(ramps),
         stops=None if curves.stops is None or stop is None else stop_ramps(curves.stops, stop),
         rate_ramps=None if damper is None else table_ramps(damper, damping),
+        frames=frames,
         **given,
     )

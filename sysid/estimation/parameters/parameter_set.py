@@ -14,12 +14,22 @@ import numpy as np
 SHARE_ODDS = "load_share_odds"
 
 
+#: Quantities of a frame that bends: frequency in the first load case, and damping ratio.
+BENDING_FREQUENCY, BENDING_DAMPING = "bending_frequency", "bending_damping_ratio"
+
+
+def bending_names(body: str) -> tuple[str, str]:
+    """Names of the parameters of a body's bending frame: frequency and damping ratio."""
+    return f"bending_hz[{body}]", f"bending_ratio[{body}]"
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One global parameter: value and description are kept apart.
 
     `quantity` is ``stiffness``, ``damping``, ``tire_stiffness``, ``tire_damping``, ``tire_exponent``,
-    ``load_share_odds`` of a rocker (at its first axle) or one of the quantities of
+    ``load_share_odds`` of a rocker (at its first axle), ``bending_frequency`` or ``bending_damping_ratio`` of a frame,
+    or one of the quantities of
     :mod:`sysid.estimation.parameters.suspension_elements`; `axle` its axle index, None for a property of all axles;
     `load_case` None means shared by all load cases.  `start` and `prior_median` in `unit`; `prior_sd` is the standard
     deviation of the logarithm.

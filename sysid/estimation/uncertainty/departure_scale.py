@@ -46,7 +46,7 @@ class DepartureScale:
     """Scale tau (n,) of every direction, and the amplitudes (n,) that the data ask for with it."""
 
     sd: np.ndarray
-    asked: np.ndarray
+    estimate: np.ndarray
 
 
 def departure_columns(
@@ -105,17 +105,17 @@ def departure_scale(
     names = np.array([d.group for d in directions])
     largest = np.array([PLAUSIBLE[d.kind] for d in directions])
     tau = largest.copy()
-    asked = np.zeros(names.size)
+    estimate = np.zeros(names.size)
     for _ in range(_ROUNDS):
         sd = np.concatenate([mass_sd, tau])
         # In units of their scales the unknowns have the unit matrix as prior: safe for scales that go to zero.
         left = np.linalg.inv(sd[:, None] * remaining * sd + np.eye(sd.size))
-        asked = (-(left @ (sd * right)) * sd)[masses:]
+        estimate = (-(left @ (sd * right)) * sd)[masses:]
         variance = (np.diag(left) * sd**2)[masses:]
         before = tau.copy()
         for group in dict.fromkeys(names):
             of = names == group
-            tau[of] = np.minimum(np.sqrt(np.mean(asked[of] ** 2 + variance[of])), largest[of])
+            tau[of] = np.minimum(np.sqrt(np.mean(estimate[of] ** 2 + variance[of])), largest[of])
         if np.allclose(tau, before, rtol=1e-3):
             break
-    return DepartureScale(tau, asked)
+    return DepartureScale(tau, estimate)

@@ -217,11 +217,11 @@ def group_statements(groups: Sequence[UndeterminedGroup]) -> tuple[str, ...]:
         if g.kind in ("sum", "ratio"):
             sentences.append(
                 f"{listed(g.names)} are only known as a {g.kind} from these sensors and runs "
-                f"({g.kind} \N{PLUS-MINUS SIGN} {100.0 * g.relative_sd:.2g} %), not one by one."
+                f"({g.kind} \N{PLUS-MINUS SIGN} {100.0 * g.relative_sd:.2g} %), not each of them."
             )
         elif g.known > 0:
             what = "one combination" if g.known == 1 else f"{g.known} combinations"
-            sentences.append(f"Of {listed(g.names)} these sensors and runs determine only {what}, not one by one.")
+            sentences.append(f"These sensors and runs determine only {what} of {listed(g.names)}, not each of them.")
     return tuple(sentences)
 
 

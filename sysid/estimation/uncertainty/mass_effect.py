@@ -42,15 +42,15 @@ class MassEffect:
     """What tolerances of masses do to the optimum of p parameters.
 
     `sensitivity` K (p, m): how far the optimum moves per log factor, and `by_data` how far without priors; `scatter`
-    (p, p): by how much they scatter the scores, H_xm B B' H_mx; `asked` (m,): the log factors that the data would
-    take, by one Gauss-Newton step; `spread` (m, m + 1) B = [Sigma^1/2, asked]: the tolerances and, since the optimum
+    (p, p): by how much they scatter the scores, H_xm B B' H_mx; `estimate` (m,): the log factors that the data would
+    take, by one Gauss-Newton step; `spread` (m, m + 1) B = [Sigma^1/2, estimate]: the tolerances and, since the optimum
     is not corrected for what the data ask for, that as well, as in a mean squared error.
     """
 
     sensitivity: ParametersByMasses
     by_data: ParametersByMasses
     scatter: ParametersByParameters
-    asked: Masses
+    estimate: Masses
     spread: np.ndarray
 
 
@@ -58,7 +58,7 @@ def mass_effect(information: np.ndarray, score: np.ndarray, prior: ParametersByP
     """Effect of masses that have not been estimated.
 
     With P the prior precision, K = -(H_xx + P)^-1 H_xm and, since the score of the parameters vanishes at the optimum,
-    asked = -(H_mm + Sigma^-1 + H_mx K)^-1 g_m.
+    estimate = -(H_mm + Sigma^-1 + H_mx K)^-1 g_m.
 
     Parameters
     ----------
@@ -72,10 +72,10 @@ def mass_effect(information: np.ndarray, score: np.ndarray, prior: ParametersByP
     sensitivity = -np.linalg.solve(information[:count, :count] + prior, cross)
     left = information[count:, count:] + np.diag(sd**-2.0) + cross.T @ sensitivity
     by_data = shift_by_masses(information, count)
-    asked = -np.linalg.solve(left, score[count:])
-    spread = np.concatenate([np.diag(sd), asked[:, None]], axis=1)
+    estimate = -np.linalg.solve(left, score[count:])
+    spread = np.concatenate([np.diag(sd), estimate[:, None]], axis=1)
     moved = cross @ spread
-    return MassEffect(sensitivity, by_data, moved @ moved.T, asked, spread)
+    return MassEffect(sensitivity, by_data, moved @ moved.T, estimate, spread)
 
 
 def shift_by_masses(information: np.ndarray, count: int) -> np.ndarray:

@@ -20,6 +20,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 #: Highest order that is tried.
 MAX_ORDER = 24
+#: Reflection coefficients stay below one in magnitude by this much, so that every model is stationary.
 _STATIONARY = 0.9999
 
 

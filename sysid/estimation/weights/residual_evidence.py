@@ -15,6 +15,7 @@ from sysid.estimation.weights.heavy_tails import heavy_tails
 from sysid.estimation.weights.reweighting import lags_of, plain_residual, residual_models
 from sysid.vehicle_model.engines.protocol import Linearisation
 
+#: Samples per segment of Welch's spectrum: 64 bands, enough to see body modes and wheel hop apart.
 _SEGMENT = 128
 
 

@@ -17,6 +17,7 @@ from sysid.estimation.weights.heavy_tails import heavy_tails
 from sysid.estimation.weights.noise import residual_scale
 from sysid.vehicle_model.engines.protocol import Linearisation
 
+#: Lags of the autocorrelation, five times the highest order of the autoregressive models.
 _LAGS = 120
 
 

@@ -88,9 +88,10 @@ class NativeEngine:
     ) -> Linearisation:
         """Derivatives as lanes of the time loop; those of the laws' rows by JAX."""
         at = jnp.broadcast_to(unknowns.value[:, None], unknowns.parameters.shape)
-        tangents = jax.jvp(lambda x: _law_arrays(*laws(x))["laws"], (at,), (unknowns.parameters,))[1]
+        tangents = jax.jvp(lambda x: _differentiated(*laws(x)), (at,), (unknowns.parameters,))[1]
         more = {
-            "law_tangents": tangents,
+            "law_tangents": tangents["laws"],
+            "frame_tangents": tangents["frames"],
             "motion_tangents": jnp.stack([unknowns.speed, unknowns.start_s]),
             **readings._asdict(),
         }
@@ -155,6 +156,7 @@ def _call(
         "nb": lanes.body_rows.shape[2],
         "nr": lanes.body_rows.shape[1],
         "n": arrays["rise"].shape[2],
+        "nf": 0 if lanes.frames is None else lanes.frames.select.shape[1],
         "L": rows,
         "J": sum(ramps),
         "poles": arrays["filter"].shape[0],
@@ -182,6 +184,7 @@ def _lane_arrays(lanes: LaneMatrices) -> dict[str, Any]:
         {name: getattr(lanes, name) for name in names}
         | dict(zip(("wheel", "tire_push", "beam_pull", "carries"), beams, strict=True))
         | {"sharing": _NOTHING if lanes.sharing is None else lanes.sharing}
+        | dict(zip(("frame_select", "frame_push"), lanes.frames or (_NOTHING,) * 2, strict=True))
     )
 
 
@@ -211,6 +214,12 @@ def _elements(law: SuspensionLaw) -> tuple[str, ...]:
     return tuple(n for n, fields in ELEMENTS.items() if all(getattr(law, field) is not None for field in fields))
 
 
+def _differentiated(suspension: SuspensionLaw, tire: TireLaw) -> dict[str, jax.Array]:
+    """Arrays that depend on parameters."""
+    arrays = _law_arrays(suspension, tire)
+    return {name: arrays[name] for name in ("laws", "frames")}
+
+
 def _corners(law: SuspensionLaw) -> tuple[Ramps | None, ...]:
     """Ramps of a law in the order in which they cross."""
     return law.ramps, law.stops, law.rate_ramps
@@ -238,6 +247,7 @@ def _law_arrays(suspension: SuspensionLaw, tire: TireLaw) -> dict[str, jax.Array
             sides.append(row(side))
     return {
         "laws": jnp.stack(rows),
+        "frames": jnp.zeros(0) if suspension.frames is None else jnp.stack(suspension.frames),
         "sides": jnp.stack(sides) if sides else jnp.zeros((0, *shape)),
         "reference_load": jnp.broadcast_to(jnp.asarray(tire.reference_load, float), (*shape[:2], 1)),
     }

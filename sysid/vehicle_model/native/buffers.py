@@ -4,7 +4,8 @@ The C++ side is compiled with a header made from this description (:mod:`sysid.v
 side checks every call against it.
 
 Shapes are in R runs, S parameter sets, T samples, C channels, na axles, nb body coordinates, nr body sensors, n
-stations of the road, L rows of the laws, J ramps, P unknowns and `poles` of the filter; all arrays hold 64-bit floats.
+stations of the road, nf bending frames, L rows of the laws, J ramps, P unknowns and `poles` of the filter; all arrays
+hold 64-bit floats.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from sysid.vehicle_model.contact import CELL_POLYNOMIAL, NO_DEFLECTION, SOFT_DAM
 from sysid.vehicle_model.suspension import ELEMENT_FIELDS, REFERENCE_RATE_M_S, SHORTEST
 
 #: Numbers of body coordinates that the kernel is compiled for, and the most axles it takes.
-COORDINATES = range(3, 7)
+COORDINATES = range(3, 9)
 MAX_AXLES = 24
 #: Rows of a footprint map: stretch alpha_1, alpha_2, alpha_3 and lift; drag beta_0, beta_1, beta_2.
 STRETCH_ROWS, DRAG_ROWS = 4, 3
@@ -79,11 +80,15 @@ BLOCKS: dict[str, tuple[Buffer, ...]] = {
         Buffer("beam_pull", ("R", "na", "na"), "`pull` of LaneBeams, empty without axle groups", True),
         Buffer("carries", ("R", "na", 1), "of LaneBeams, empty without axle groups", True),
         Buffer("sharing", ("R", "na", "na"), "of LaneMatrices, empty without rockers", True),
+        Buffer("frame_select", ("R", "nf", "nb"), "`select` of LaneFrames, empty where no frame bends", True),
+        Buffer("frame_push", ("R", "nb", "nf"), "`push` of LaneFrames, empty where no frame bends", True),
+        Buffer("frames", (2, "R", "nf", "S"), "of FrameLaw, empty where no frame bends", True),
         Buffer("sides", ("J", "R", "na", "S"), "sides of all ramps: of springs, of stops, of dampers"),
         Buffer("laws", ("L", "R", "na", "S"), "LAW_ROWS, ELEMENTS, place and slope of ramps"),
     ),
     "tangents": (
         Buffer("law_tangents", ("L", "R", "na", "P"), "derivatives of `laws`"),
+        Buffer("frame_tangents", (2, "R", "nf", "P"), "derivatives of `frames`", True),
         Buffer("motion_tangents", (2, "R", "P"), "derivatives of `motion`"),
     ),
     "readings": (

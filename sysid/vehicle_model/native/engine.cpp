@@ -62,6 +62,7 @@ class Inputs {
     coordinates = buffer_[kPosition].dimensions()[2];
     body_sensors = buffer_[kBodyRows].dimensions()[1];
     stations = buffer_[kRise].dimensions()[2];
+    frames = buffer_[kFrames].element_count() > 0 ? buffer_[kFrames].dimensions()[2] : 0;
     if (axles > kMaxAxles) problem = "too many axles for the native engine";
     clock = {settings.samples, settings.substeps, settings.interval};
     growth = settings.growth;
@@ -103,6 +104,9 @@ class Inputs {
                    data(kCarries) + r * axles};
     }
     if (buffer_[kSharing].element_count() > 0) run.sharing = data(kSharing) + r * axles * axles;
+    if (frames > 0)
+      run.frames = {static_cast<int>(frames), data(kFrameSelect) + r * frames * coordinates,
+                    data(kFramePush) + r * coordinates * frames};
     run.elements = elements;
     const bool footprint = buffer_[kStretch].element_count() > 0;
     run.road = {data(kRise) + r * each,
@@ -130,9 +134,22 @@ class Inputs {
       }
       return x;
     };
-    return read<Pack>(
+    Laws<Pack> found = read<Pack>(
         r, [&](int64_t row, int64_t i) { return pack(kLaws, row, i); },
         [&](int64_t row, int64_t i) { return pack(kSides, row, i); }, splat(data(kMotion)[r]), Pack{}, Pack{});
+    for (int64_t f = 0; f < frames; ++f) {
+      const auto coefficient = [&](int64_t row) {
+        Pack x;
+        for (int k = 0; k < kLanes; ++k) {
+          const int64_t set = first + k < sets ? first + k : sets - 1;
+          x[k] = data(kFrames)[((row * runs + r) * frames + f) * sets + set];
+        }
+        return x;
+      };
+      found.frame_stiffness.push_back(coefficient(0));
+      found.frame_damping.push_back(coefficient(1));
+    }
+    return found;
   }
 
   // Laws of run r with the derivatives with respect to the unknowns from `first` on.
@@ -158,6 +175,14 @@ class Inputs {
         },
         [&](int64_t row, int64_t i) { return data(kSides)[(row * runs + r) * axles + i]; }, speed + faster, faster,
         -speed * later);
+    for (int64_t f = 0; f < frames; ++f) {
+      const auto coefficient = [&](int64_t row) {
+        const int64_t at = (row * runs + r) * frames + f;
+        return jet(data(kFrames)[at], data(kLineariseTangents + kFrameTangents) + at * unknowns);
+      };
+      found.frame_stiffness.push_back(coefficient(0));
+      found.frame_damping.push_back(coefficient(1));
+    }
     for (int64_t begin = 0; begin < axles; begin += kLanes) {
       TireLaw<Pack> tires{};
       Pack load{};
@@ -183,7 +208,7 @@ class Inputs {
             clock.samples,                 runs * c};
   }
 
-  int64_t runs, axles, sets, coordinates, body_sensors, stations;
+  int64_t runs, axles, sets, coordinates, body_sensors, stations, frames;
   double growth;
   Elements elements;
   Channels channels;

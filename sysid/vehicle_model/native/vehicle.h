@@ -14,12 +14,19 @@ struct Beams {
   const double *wheel = nullptr, *tire = nullptr, *pull = nullptr, *carries = nullptr;
 };
 
+// Bending modes of frames, as in LaneFrames: (count, nb), (nb, count).
+struct Frames {
+  int count = 0;
+  const double *select = nullptr, *push = nullptr;
+};
+
 // Constants of one run (matrices as in LaneMatrices): na axles, nr body sensors.
 struct Run {
   int axles, body_sensors;
   const double *position, *rate, *acceleration, *inverse_unsprung, *static_load, *body_rows, *axle_x;
   Beams beams;
   const double* sharing = nullptr;  // (na, na) means over the axles of every rocker, null without rockers
+  Frames frames;
   RoadTable road;
   double speed, start, growth;
   Elements elements;
@@ -38,6 +45,7 @@ template <class V>
 struct Laws {
   std::vector<SuspensionLaw<V>> suspension;
   std::vector<TireLaw<V>> tire;
+  std::vector<V> frame_stiffness, frame_damping;  // (2 pi f)^2 [1/s2], 2 zeta (2 pi f) [1/s]
   V speed, ahead_rate, ahead_start;
   std::vector<TireLaw<Pack>> across;  // for jets: values of the tires' coefficients, lanes are axles
   std::vector<Pack> reference_load;   // [N], lanes are axles
@@ -252,6 +260,15 @@ void forces(const Run& run, const Laws<V>& laws, const RoadPoint* road, double t
       accumulate(body[j], tilt[l], state.body[l]);
       accumulate(body[j], hold[l], state.body_rate[l]);
     }
+  }
+  for (int f = 0; f < run.frames.count; ++f) {
+    V amplitude{}, swing{};
+    for (int j = 0; j < NB; ++j) {
+      accumulate(amplitude, run.frames.select[f * NB + j], state.body[j]);
+      accumulate(swing, run.frames.select[f * NB + j], state.body_rate[j]);
+    }
+    const V straightening = laws.frame_stiffness[f] * amplitude + laws.frame_damping[f] * swing;
+    for (int j = 0; j < NB; ++j) accumulate(body[j], run.frames.push[j * run.frames.count + f], straightening);
   }
   const bool linear = run.elements.linear();
   if (!linear) {

@@ -105,16 +105,14 @@ def _laws(fit: FitResult) -> Blocks:
     yield table
 
 
-def shown_determined(found: Identifiability | None) -> Blocks:
+def shown_determined(identifiability: Identifiability | None) -> Blocks:
     """What the data determine, in words."""
-    if found is None:
+    if identifiability is None:
         return
-    yield (
-        f"The data determine {found.determined} of {len(found.names)} combinations of the parameters better than the "
-        "priors do."
-    )
-    yield from found.statements
-    if found.warnings:
+    some = f"{identifiability.determined} of {len(identifiability.names)}"
+    yield f"The data determine {some} combinations of the parameters better than the priors do."
+    yield from identifiability.statements
+    if identifiability.warnings:
         yield CommandHint("Which run or sensor would help", "advise")
 
 
@@ -150,9 +148,9 @@ def _runs(context: Context) -> Sequence[str]:
     """All runs, or the named ones, or none where no option asks for any."""
     from sysid.validation.leave_out import chosen_runs
 
-    named = tuple(context.asked.get("left_out") or ())
-    every = bool(context.asked.get("leave_one_out"))
-    return chosen_runs(context.campaign, () if every else named) if every or named else ()
+    named = tuple(context.options.get("left_out") or ())
+    one_by_one = bool(context.options.get("leave_one_out"))
+    return chosen_runs(context.campaign, () if one_by_one else named) if one_by_one or named else ()
 
 
 LEFT_OUT = Itemwise(
@@ -176,10 +174,10 @@ def _validate(context: Context) -> Validation:
     from sysid.validation.channel_agreement import LeftOut
 
     fit = context[FIT].fit
-    found = validate(fit, context.settings.validation)
+    validation = validate(fit, context.settings.validation)
     kept = context.known(LEFT_OUT) or {}
     left = tuple(kept[h.file] for h in fit.histories if h.file in kept)
-    return replace(found, left_out=LeftOut(fit.names, left, found.channels)) if left else found
+    return replace(validation, left_out=LeftOut(fit.names, left, validation.channels)) if left else validation
 
 
 def show_validate(validation: Validation, results: Results) -> Blocks:
@@ -249,7 +247,7 @@ def _profiled(context: Context) -> Sequence[str]:
 
     names = context[FIT].fit.names
     chosen: list[str] = []
-    for name in context.asked.get("profiled") or ():
+    for name in context.options.get("profiled") or ():
         # k_3 stands for the stiffness of axle 3 in every load case.
         found = [n for n in names if n == name or n.startswith(f"{name}[")]
         if not found:
@@ -258,9 +256,9 @@ def _profiled(context: Context) -> Sequence[str]:
     return tuple(dict.fromkeys(chosen))
 
 
-def show_profile(found: Mapping[str, ProfileLikelihood], results: Results) -> Blocks:
+def show_profile(profiled: Mapping[str, ProfileLikelihood], results: Results) -> Blocks:
     """Deviance over value of every profiled parameter, and both intervals."""
-    for p in found.values():
+    for p in profiled.values():
         factor, unit = shown_unit(p.unit)
         table = TextTable(f"Profile of {p.name}", ("value", "unit", "deviance", "adjusted", "converged"))
         for value, deviance, adjusted, converged in zip(p.value, p.deviance, p.adjusted, p.converged, strict=True):

@@ -55,7 +55,7 @@ def _predict(context: Context) -> Predictions:
 
 def _requested(context: Context) -> Predictions:
     """Passes of the options (or requests of a caller) instead of those of the campaign, and no ratio against speed."""
-    requests = context.asked.get("requests") or requested_passes(context.campaign, context.asked)
+    requests = context.options.get("requests") or requested_passes(context.campaign, context.options)
     return _predicted(context, requests, ())
 
 
@@ -146,18 +146,18 @@ def _advise(context: Context) -> Advice:
 
     determined = context[FIT].fit.identifiability
     assert determined is not None
-    return advise(fit_state(context), determined, speeds_km_h=_speeds_km_h(context.asked), progress=context.progress)
+    return advise(fit_state(context), determined, speeds_km_h=_speeds_km_h(context.options), progress=context.progress)
 
 
-def _speeds_km_h(asked: Mapping[str, Any]) -> tuple[float, ...]:
+def _speeds_km_h(options: Mapping[str, Any]) -> tuple[float, ...]:
     from sysid.planning.advise import CANDIDATE_KM_H
 
-    return tuple(asked.get("candidate_speeds") or CANDIDATE_KM_H)
+    return tuple(options.get("candidate_speeds") or CANDIDATE_KM_H)
 
 
-def _of_these_speeds(advice: Advice, asked: Mapping[str, Any]) -> bool:
+def _of_these_speeds(advice: Advice, options: Mapping[str, Any]) -> bool:
     """Whether advice that is kept is about the speeds asked for."""
-    return {f"{3.6 * p.speed_m_s:.6g}" for p in advice.runs} == {f"{v:.6g}" for v in _speeds_km_h(asked)}
+    return {f"{3.6 * p.speed_m_s:.6g}" for p in advice.runs} == {f"{v:.6g}" for v in _speeds_km_h(options)}
 
 
 def show_advise(advice: Advice, results: Results) -> Blocks:

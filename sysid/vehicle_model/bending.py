@@ -1,0 +1,170 @@
+"""Frames that bend: one free-free bending mode per body, its shape and its modal mass.
+
+The mode's amplitude eta is a coordinate beside the body's heave and pitch: a point at x rises by phi(x) eta more.  The
+shape begins as that of a free uniform beam between the body's first and last support or hinge,
+
+    psi(t) = cosh b t + cos b t - r (sinh b t + sin b t),  t = (x - x_first) / L,  cos b cosh b = 1,  b = 4.7300,
+    r = (cosh b - cos b) / (sinh b - sin b),  mean square 1, 2 at both ends
+
+(R. D. Blevins, Formulas for natural frequency and mode shape, 1979, table 8-1), or as the declared one.  The body's
+mass along the same length has to have its mass m, centre of gravity and pitch inertia I.  It is taken to be that of a
+uniform beam with a point mass at each end; where one of these would be negative, because the mass lies nearer to the
+middle, the density of largest entropy mu(x) = exp(a + b x + c x^2) (E. T. Jaynes, Information theory and statistical
+mechanics, Physical Review 106 (1957), doi:10.1103/PhysRev.106.620).  Heave and pitch are taken out of the shape, so
+that the mode has no momentum and is orthogonal to both,
+
+    phi = psi - int mu psi / m - (x - x_cg) int mu psi (x - x_cg) / I,    modal mass int mu phi^2.
+
+What bends is the frame: its modal stiffness is the same in all load cases, (2 pi f)^2 times the modal mass in the first
+one, to which the declared frequency f belongs.  The slope of the bent frame moves no wheel fore and aft.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize
+
+from sysid.campaign.records import LoadCase, Vehicle
+from sysid.campaign.statics import static_equilibrium
+from sysid.errors import CampaignError
+
+#: First root of cos b cosh b = 1 beyond zero.
+FREE_BEAM_ROOT = 4.730040744862704
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(80)
+
+
+@dataclass(frozen=True)
+class FrameMode:
+    """Bending mode of one body in one load case.
+
+    `body` index; `rise` gives phi at positions x [m]; `modal_mass` [kg] in this load case and `stiffness_mass` [kg] in
+    the one that the frequency is declared for: the force that straightens the frame is -`stiffness_mass` (omega^2 eta +
+    2 zeta omega eta').
+    """
+
+    body: int
+    rise: Callable[[float], float]
+    modal_mass: float
+    stiffness_mass: float
+
+
+def free_beam(t: np.ndarray) -> np.ndarray:
+    """First bending mode psi of a free uniform beam at t in [0, 1] of its length, mean square 1."""
+    b = FREE_BEAM_ROOT
+    ratio = (np.cosh(b) - np.cos(b)) / (np.sinh(b) - np.sin(b))
+    return np.asarray(np.cosh(b * t) + np.cos(b * t) - ratio * (np.sinh(b * t) + np.sin(b * t)))
+
+
+def frame_modes(vehicle: Vehicle, load_case: LoadCase, first: LoadCase | None = None) -> tuple[FrameMode, ...]:
+    """Bending modes of all bodies that bend, front to rear.
+
+    Parameters
+    ----------
+    first : the load case that frequencies are declared for; None: `load_case`.
+
+    Raises
+    ------
+    CampaignError
+        If no mass along the body's length has its centre of gravity and pitch inertia.
+    """
+    modes = []
+    for b, body in enumerate(vehicle.bodies):
+        if body.bending is None:
+            continue
+        rise, mass = _shape(vehicle, b, load_case)
+        stiffness_mass = mass if first is None or first is load_case else _shape(vehicle, b, first)[1]
+        modes.append(FrameMode(b, rise, mass, stiffness_mass))
+    return tuple(modes)
+
+
+def frame_ends(vehicle: Vehicle, body: int) -> tuple[float, float]:
+    """Positions [m] of a body's first and last support or hinge."""
+    at = [x for x, a in zip(vehicle.suspension_x_m, vehicle.axles, strict=True) if a.body == body]
+    at += [a.x_m for a in vehicle.axles if a.body == body]
+    at += [b.hitch_x_m for b in vehicle.bodies[body : body + 2] if b.hitch_x_m is not None]
+    return min(at), max(at)
+
+
+def _shape(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[Callable[[float], float], float]:
+    """phi of a body and its modal mass [kg]."""
+    declared = vehicle.bodies[body].bending
+    assert declared is not None
+    low, high = (declared.x_m[0], declared.x_m[-1]) if declared.x_m else frame_ends(vehicle, body)
+    mass, inertia = case.sprung_mass_kg[body], case.pitch_inertia_kg_m2[body]
+    cg_x = float(static_equilibrium(vehicle, case).cg_x_m[body])
+    half, middle = 0.5 * (high - low), 0.5 * (high + low)
+    places, shares = mass_along((cg_x - middle) / half, inertia / mass / half**2, _what(vehicle, body, case))
+    x, lumps = middle + half * places, mass * shares
+
+    if declared.x_m:
+        spline = CubicSpline(declared.x_m, declared.rise, bc_type="natural")
+
+        def plain(at: np.ndarray) -> np.ndarray:
+            return np.asarray(spline(at))
+    else:
+
+        def plain(at: np.ndarray) -> np.ndarray:
+            return free_beam((np.asarray(at) - low) / (high - low))
+
+    beam = plain(x)
+    heave, pitch = float(lumps @ beam) / mass, float(lumps @ (beam * (x - cg_x))) / inertia
+
+    def rise(at: float) -> float:
+        return float(plain(np.array(at)) - heave - pitch * (at - cg_x))
+
+    return rise, float(lumps @ (beam - heave - pitch * (x - cg_x)) ** 2)
+
+
+def _what(vehicle: Vehicle, body: int, case: LoadCase) -> str:
+    return f"load case '{case.name}': the body '{vehicle.bodies[body].name}', whose frame bends,"
+
+
+def mass_along(centre: float, variance: float, what: str) -> tuple[np.ndarray, np.ndarray]:
+    """Places on [-1, 1] and the shares of a mass there, of given mean and variance about it, total 1.
+
+    Raises
+    ------
+    CampaignError
+        If there is no such mass; the sentence begins with `what`.
+    """
+    if not (abs(centre) < 1.0 and 0.01 < variance < 0.98 * (1.0 - centre) * (1.0 + centre)):
+        raise CampaignError(
+            f"{what} has its centre of gravity or its pitch inertia outside what mass between its ends can have; "
+            "give bending.shape with x_m from one end of the frame to the other, or correct pitch_inertia_kg_m2."
+        )
+    second = variance + centre**2
+    # Total, first and second moment of a uniform beam and of both ends.
+    beam, front, rear = np.linalg.solve([[1.0, 1.0, 1.0], [0.0, -1.0, 1.0], [1 / 3, 1.0, 1.0]], [1.0, centre, second])
+    if min(beam, front, rear) >= 0.0:
+        return np.append(_NODES, [-1.0, 1.0]), np.append(0.5 * beam * _WEIGHTS, [front, rear])
+    return _NODES, _WEIGHTS * _even_density(centre, second)
+
+
+def _even_density(centre: float, second: float) -> np.ndarray:
+    """Density of largest entropy at the nodes, of total 1 and given first and second moment."""
+    powers = np.stack([_NODES, _NODES**2])
+    moments = np.array([centre, second])
+
+    def dual(c: np.ndarray) -> tuple[float, np.ndarray]:
+        exponent = c @ powers
+        peak = exponent.max()
+        weight = _WEIGHTS * np.exp(exponent - peak)
+        total = weight.sum()
+        return float(peak + np.log(total) - c @ moments), powers @ weight / total - moments
+
+    def curvature(c: np.ndarray) -> np.ndarray:
+        exponent = c @ powers
+        weight = _WEIGHTS * np.exp(exponent - exponent.max())
+        weight /= weight.sum()
+        mean = powers @ weight
+        return np.asarray((powers * weight) @ powers.T - np.outer(mean, mean))
+
+    c = minimize(dual, np.zeros(2), jac=True, hess=curvature, method="trust-exact", options={"gtol": 1e-13}).x
+    for _ in range(3):  # to the last digit
+        c = c - np.linalg.solve(curvature(c), dual(c)[1])
+    found = np.exp(c @ powers - (c @ powers).max())
+    return np.asarray(found / (found @ _WEIGHTS))
