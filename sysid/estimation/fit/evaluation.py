@@ -9,6 +9,7 @@ from scipy.optimize import least_squares as scipy_least_squares
 
 from sysid.arrays import Parameters
 from sysid.campaign.records import Campaign
+from sysid.errors import DataRejectedError
 from sysid.estimation.fit.fit_result import FitResult, MassCheck
 from sysid.estimation.fit.minimiser import Minimum
 from sysid.estimation.fit.optimum import Optimum
@@ -57,6 +58,7 @@ def evaluate_optimum(
         report("cross-check by SciPy's trust-region solver", 0.92)
         difference = _scipy_difference(problem, vector, optimum.first)
     compressed = problem.compressed(vector)
+    _check_runs_are_seen(campaign, problem, compressed)
     allowances = campaign_allowances(campaign, model.parameters, model.felt)
     adjustment, effect, information = adjusted_information(campaign, problem, vector, allowances)
     covariance = _covariance(problem, compressed, adjustment)
@@ -144,6 +146,25 @@ def parameter_sd(optimum: Optimum) -> np.ndarray:
     """Standard deviations (p,) of the log parameters from the curvature of the cost at the optimum alone."""
     jacobian = optimum.problem.compressed(optimum.vector).jacobian
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian))[: optimum.problem.count]))
+
+
+def _check_runs_are_seen(campaign: Campaign, problem: Problem, compressed: Compressed) -> None:
+    """A run whose simulated passage has left its record no longer knows its start: nothing can be said of it.
+
+    Raises
+    ------
+    DataRejectedError
+        With the first such run.
+    """
+    own = np.linalg.norm(compressed.jacobian[:, problem.count :], axis=0).reshape(-1, 2)
+    lost = np.flatnonzero(own[:, 1] <= 1e-9 * np.median(own[:, 1]))
+    if lost.size:
+        run = campaign.bump_runs[problem.order[int(lost[0])]]
+        raise DataRejectedError(
+            f"{run.log.file}: the fit has moved its passage over the bump out of the record, as channels that "
+            "contradict each other make it do. See what the stage 'check' says of its channels (units, exchanged columns), "
+            "and compare its speed and load case with the test notes."
+        )
 
 
 def _covariance(problem: Problem, compressed: Compressed, adjustment: Adjustment) -> np.ndarray:

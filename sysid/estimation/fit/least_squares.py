@@ -13,6 +13,7 @@ from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit.evaluation import evaluate_optimum
 from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.fit.load_case_check import check_load_cases
 from sysid.estimation.fit.minimiser import Minimum, minimise
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
@@ -93,9 +94,9 @@ def optimise(
     """
     report("preparing the model", 0.0)
 
-    def prepared(tires: MapTires | None) -> BumpModel:
+    def prepared(tires: MapTires | None, of: Campaign = campaign) -> BumpModel:
         step, contact = options.target_step_s, options.contact
-        return bump_model(campaign, parameters, profiles, target_step_s=step, contact=contact, tires=tires)
+        return bump_model(of, parameters, profiles, target_step_s=step, contact=contact, tires=tires)
 
     again = options.contact == "footprint" and not keep_maps
     # For the tires of the maps residuals need not be weighted, nor minimised, to the last.
@@ -108,6 +109,7 @@ def optimise(
     if near is None:
         model = prepared(None)
         motion, instrument = _find_motion(campaign, model, parameters.start, report)
+        check_load_cases(campaign, model, motion, parameters.start, instrument, lambda other: prepared(None, other))
         optimum = optimise_from(campaign, model, motion, instrument, parameters.start, how, report)
     else:
         model = prepared(near.problem.model.tires)
