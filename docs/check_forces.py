@@ -20,7 +20,8 @@ import numpy as np
 import pandas as pd
 
 from sysid.campaign import check_quality, read_campaign
-from sysid.campaign.records import Campaign, PriorOverride
+from sysid.campaign.priors import PriorOverride
+from sysid.campaign.records import Campaign
 from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters

@@ -2,6 +2,7 @@
 
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
 from sysid.campaign.logs import read_log
+from sysid.campaign.priors import PriorOverride
 from sysid.campaign.quality import check_quality, quality_table
 from sysid.campaign.read import PointCloudReader, read_campaign
 from sysid.campaign.records import (
@@ -19,7 +20,6 @@ from sysid.campaign.records import (
     Log,
     PlankDrop,
     PredictionRequest,
-    PriorOverride,
     Scan,
     Sensor,
     SensorKind,

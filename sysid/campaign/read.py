@@ -13,13 +13,13 @@ from sysid import limits
 from sysid.campaign import paths
 from sysid.campaign.logs import LogWriting
 from sysid.campaign.named_files import NamedFiles
+from sysid.campaign.priors import NamedPrior
 from sysid.campaign.records import (
     Acquisition,
     AntiAliasFilter,
     BumpRun,
     BumpShape,
     Campaign,
-    NamedPrior,
     PlankDrop,
     PredictionRequest,
     Scan,

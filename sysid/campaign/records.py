@@ -13,6 +13,8 @@ from typing import Literal
 
 import numpy as np
 
+from sysid.campaign.priors import NamedPrior, PriorOverride
+
 #: What holds the speed: a driver or servo at once, a tow at constant speed, a cruise control slowly, or nothing.
 SpeedHeld = Literal["servo", "towed", "cruise", "free"]
 #: Bumps that are known by name.
@@ -28,23 +30,6 @@ class LeafDimensions:
     width_m: float
     thickness_m: float
     length_m: float
-
-
-@dataclass(frozen=True)
-class PriorOverride:
-    """A user's own lognormal prior: `median` in SI units and the multiplicative standard deviation `log_sd`."""
-
-    median: float
-    log_sd: float
-
-
-@dataclass(frozen=True)
-class NamedPrior:
-    """A user's own lognormal prior of the parameter of that name: `median` in `unit`, multiplicative `log_sd`."""
-
-    median: float
-    log_sd: float
-    unit: str
 
 
 @dataclass(frozen=True)

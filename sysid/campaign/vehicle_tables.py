@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from sysid.campaign.groups import check_groups
+from sysid.campaign.priors import PriorOverride
 from sysid.campaign.records import (
     Axle,
     AxleGroup,
@@ -17,7 +18,6 @@ from sysid.campaign.records import (
     LeafDimensions,
     LoadCase,
     MassTolerances,
-    PriorOverride,
     Vehicle,
 )
 from sysid.campaign.schema import CampaignFile

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, bump, campaign, empty_run
 
-from sysid.campaign.records import AxleGroup, LeafDimensions, NamedPrior, PredictionRequest, PriorOverride
+from sysid.campaign.priors import NamedPrior, PriorOverride
+from sysid.campaign.records import AxleGroup, LeafDimensions, PredictionRequest
 from sysid.errors import CampaignError
 from sysid.estimation.fit.law_choice import check_priors, laws_of_axles
 from sysid.estimation.parameters.campaign_parameters import best_drop_estimates, campaign_parameters

@@ -17,7 +17,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import null_space
 
 from sysid.campaign.groups import check_groups
-from sysid.campaign.records import Axle, AxleGroup, Body, LoadCase, PriorOverride, Vehicle
+from sysid.campaign.priors import PriorOverride
+from sysid.campaign.records import Axle, AxleGroup, Body, LoadCase, Vehicle
 from sysid.campaign.statics import static_equilibrium
 from sysid.errors import CampaignError
 from sysid.vehicle_model.assembly import assemble, coordinate_names

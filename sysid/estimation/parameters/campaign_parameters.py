@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.campaign.records import Axle, Campaign, LeafDimensions, PriorOverride, Vehicle
+from sysid.campaign.priors import PriorOverride
+from sysid.campaign.records import Axle, Campaign, LeafDimensions, Vehicle
 from sysid.errors import CampaignError
 from sysid.estimation.parameters.named_priors import with_named_priors
 from sysid.estimation.parameters.parameter_set import (

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.campaign.records import Campaign, NamedPrior
+from sysid.campaign.priors import NamedPrior
+from sysid.campaign.records import Campaign
 from sysid.errors import CampaignError
 from sysid.estimation.parameters.parameter_set import Parameter, PriorLink
 from sysid.wording import finish, nearest
