@@ -325,7 +325,7 @@ struct Missed {
 template <class V, int NB>
 void find_missed(const Run& run, const Laws<V>& laws, const std::vector<Forces<V, NB>>& stage, Missed<V, NB>& out) {
   const int na = run.axles;
-  V tire[kMaxAxles], tire_moment[kMaxAxles], pull[kMaxAxles], pull_moment[kMaxAxles];
+  V tire[kMaxAxles], tire_moment[kMaxAxles], pull[kMaxAxles]{}, pull_moment[kMaxAxles]{};
   out.at_axles = out.at_bodies = false;
   for (int i = 0; i < na; ++i) {
     tire[i] = tire_moment[i] = V{};
