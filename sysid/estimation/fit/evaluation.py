@@ -162,8 +162,8 @@ def _check_runs_are_seen(campaign: Campaign, problem: Problem, compressed: Compr
         run = campaign.bump_runs[problem.order[int(lost[0])]]
         raise DataRejectedError(
             f"{run.log.file}: the fit has moved its passage over the bump out of the record, as channels that "
-            "contradict each other make it do. See what the stage 'check' says of its channels (units, exchanged columns), "
-            "and compare its speed and load case with the test notes."
+            "contradict each other make it do. See what the stage 'check' says of its channels (units, exchanged "
+            "columns), and compare its speed and load case with the test notes."
         )
 
 
