@@ -180,7 +180,9 @@ def document(result: dict[str, Any], campaign: dict[str, Any], truth: dict[str, 
         sampled = [(q, t) for q, t in ratios if q["q05"] is not None]
         held = f"{sum(inside(q, t) for q, t in sampled)} of {len(sampled)}" if sampled else "not sampled"
         summary.append(["peak load ratios of passes nobody drove", spread((q["q50"], t) for q, t in ratios), held])
-    stages = ", ".join(f"{name} {value:.0f} s" for name, value in seconds.items() if value is not None and value >= 1)
+    # Parts of a stage stand as "stage: part".
+    whole = {name: value for name, value in seconds.items() if value is not None and value >= 1 and ": " not in name}
+    stages = ", ".join(f"{name} {value:.0f} s" for name, value in whole.items())
     lines = [
         "# Accuracy on the shipped campaign",
         "",
