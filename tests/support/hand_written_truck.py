@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,8 @@ POINTS_M = (0.3, 5.0)
 ALPHA = 0.15
 OUTPUT_S = 0.005
 FINE_S = 0.000125
+#: Histories that are compared.
+CHANNELS = ("deflection", "axle_acceleration", "body_acceleration", "tire_force", "suspension_force")
 
 X = np.array([a.x_m for a in AXLES])
 UNSPRUNG = np.array([a.unsprung_mass_kg for a in AXLES])
@@ -159,3 +161,13 @@ class Truck:
 def relative_rms(ours: np.ndarray, exact: np.ndarray) -> np.ndarray:
     """Per channel RMS(ours - exact) / RMS(exact - its static value)."""
     return np.sqrt(np.mean((ours - exact) ** 2, axis=0) / np.mean((exact - exact[0]) ** 2, axis=0))
+
+
+def worst_error(ours: object, oracle: Sequence[Mapping[str, np.ndarray]]) -> float:
+    """Largest relative RMS of any channel; `ours` has a lane for every pass of `oracle`, which is `FINE_S` fine."""
+    every = round(OUTPUT_S / FINE_S)
+    return max(
+        float(relative_rms(np.asarray(getattr(ours, q))[:, lane, :, 0], one[q][::every]).max())
+        for q in CHANNELS
+        for lane, one in enumerate(oracle)
+    )

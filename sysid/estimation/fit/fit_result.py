@@ -34,9 +34,11 @@ _PARAMETER_COLUMNS = (
 
 @dataclass(frozen=True)
 class LawTrial:
-    """One set of suspension laws that was fitted: `laws` by axle, number of `parameters`, `cost` (half the weighted sum
-    of squares with priors, same weights for all trials), `misfit` (residual over instrument noise) and `gain` in the
-    information criterion over the first trial.
+    """One set of suspension laws that was fitted: `laws` by axle, number of `parameters`, `cost`, `misfit` (residual
+    over instrument noise) and `gain` in the information criterion over the first trial.
+
+    The cost is half the weighted sum of squares with priors; where several laws were fitted, under the same weights and
+    with masses and tires free within their tolerances.
     """
 
     laws: tuple[str, ...]

@@ -7,8 +7,8 @@ tolerances (:mod:`sysid.estimation.fit.law_evidence`), gradient g and informatio
     promised gain = g_z' (S_zz + I)^-1 g_z - p ln n,
 
 S the information about z that is left when x and y are eliminated, z in units of its prior scale (C. R. Rao, Large
-sample tests of statistical hypotheses, Mathematical Proceedings of the Cambridge Philosophical Society 44 (1948),
-doi:10.1017/S0305004100023987).
+sample tests of statistical hypotheses concerning several parameters, Mathematical Proceedings of the Cambridge
+Philosophical Society 44 (1948), doi:10.1017/S0305004100023987).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.lane_laws import ElementIndex, LawInputs
 from sysid.estimation.parameters.suspension_elements import ElementQuantity, quantities
 from sysid.estimation.residuals.bump_model import BumpModel
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, trial_residuals
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, difference_columns
 
 #: Share of its prior scale by which a parameter is moved off the value that takes its element out.
 STEP = 0.1
@@ -122,16 +122,8 @@ class Screen:
 def candidate_columns(campaign: Campaign, optimum: Optimum, found: Sequence[Candidate]) -> tuple[ResidualColumns, ...]:
     """Derivatives of every group's residuals by the candidates, in units of their prior scales."""
     problem = optimum.problem
-    model, (parameters, motion) = problem.model, problem.unpack(optimum.vector)
-    columns = empty_columns(model, len(found))
-    base = trial_residuals(model, model, problem.weights, parameters, motion)
-    for j, candidate in enumerate(found):
-        trial = _with_candidate(campaign, model, candidate)
-        moved = trial_residuals(model, trial, problem.weights, parameters, motion)
-        for column, (residual, gain), (here, gain_here) in zip(columns, moved, base, strict=True):
-            column.residual[..., j] = (residual - here) / STEP
-            column.gain[..., j] = (gain - gain_here) / STEP
-    return columns
+    trials = [(_with_candidate(campaign, problem.model, candidate), STEP) for candidate in found]
+    return difference_columns(problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
 
 
 def _with_candidate(campaign: Campaign, model: BumpModel, candidate: Candidate) -> BumpModel:

@@ -1,9 +1,8 @@
 """Rockers that nobody declared: do neighbouring axles behave as if something shared load between their springs?
 
-A score test (C. R. Rao, Large sample tests of statistical hypotheses concerning several parameters, Proceedings of the
-Cambridge Philosophical Society 44 (1948), doi:10.1017/S0305004100023987) needs no fit with a rocker.  With the share s
-of a rocker between some axles, 0 at the optimum at hand, and everything that would move with it, z (parameters,
-declared masses and tires within their tolerances, speeds and starts of the runs), one linear step from there gains
+A score test, as in :mod:`sysid.estimation.fit.law_screen`, needs no fit with a rocker.  With the share s of a rocker
+between some axles, 0 at the optimum at hand, and everything that would move with it, z (parameters, declared masses and
+tires within their tolerances, speeds and starts of the runs), one linear step from there gains
 
     2 (cost(0) - cost(s)) = u^2 / v,    u = g_s - H_sz (H_zz + P)^-1 g_z,    v = H_ss - H_sz (H_zz + P)^-1 H_zs,
 
@@ -29,7 +28,7 @@ from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.parameters.rockers import LoadShare, share_from_fit, share_name
 from sysid.estimation.parameters.suspension_elements import law_elements
-from sysid.estimation.uncertainty.residual_columns import empty_columns, trial_residuals
+from sysid.estimation.uncertainty.residual_columns import difference_columns
 from sysid.progress import Progress
 from sysid.road.road_profile import RoadProfile
 from sysid.sdof.drop_results import DropSummary
@@ -44,8 +43,6 @@ SIZES = (2, 3)
 _STEP = 0.01
 #: A rocker that shares less than this is not worth a sentence: rubber and brake reactions do as much (an assumption).
 LEAST_SHARE = 0.15
-#: A linear step from 0 has to promise this many times what decides before a fit is made.
-_PROMISE = 1.0
 #: At most so many rockers are looked for.
 _MOST = 3
 
@@ -80,17 +77,11 @@ def rocker_scores(campaign: Campaign, optimum: Optimum) -> tuple[RockerScore, ..
     chosen = candidates(vehicle)
     if not chosen:
         return ()
-    parameters, motion = problem.unpack(optimum.vector)
-    model, weights = problem.model, problem.weights
-    columns = empty_columns(model, len(chosen))
-    base = trial_residuals(model, model, weights, parameters, motion)
-    for k, axles in enumerate(chosen):
-        rocker = Equaliser("", axles, _STEP)
-        joined_by = replace(vehicle, equalisers=(*vehicle.equalisers, rocker))
-        moved = trial_residuals(model, model.with_vehicle(joined_by, campaign.load_cases), weights, parameters, motion)
-        for column, (residual, gain), (here, gain_here) in zip(columns, moved, base, strict=True):
-            column.residual[..., k] = (residual - here) / _STEP
-            column.gain[..., k] = (gain - gain_here) / _STEP
+    trials = []
+    for axles in chosen:
+        joined_by = replace(vehicle, equalisers=(*vehicle.equalisers, Equaliser("", axles, _STEP)))
+        trials.append((problem.model.with_vehicle(joined_by, campaign.load_cases), _STEP))
+    columns = difference_columns(problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
     pull, information = LawEvidence(campaign, optimum).without_known(optimum, columns)
     v = np.diag(information)
     found = [RockerScore(a, float(pull[k] ** 2 / v[k]), float(-pull[k] / v[k])) for k, a in enumerate(chosen)]
@@ -117,7 +108,7 @@ def undeclared_rockers(
     found: list[LoadShare] = []
     while optimum.misfit >= MISFIT and len(found) < _MOST:
         decides = DECISIVE + float(np.log(effective_residuals(optimum)))
-        promising = [s for s in rocker_scores(campaign, optimum) if s.share > 0.0 and s.gain > _PROMISE * decides]
+        promising = [s for s in rocker_scores(campaign, optimum) if s.share > 0.0 and s.gain > decides]
         if not promising:
             break
         report(f"a rocker between axles {joined_words([str(i + 1) for i in promising[0].axles])}", 0.98)

@@ -13,7 +13,7 @@ from sysid.arrays import Masses, Parameters, ParametersByMasses, ParametersByPar
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, trial_residuals
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, difference_columns
 from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
 
 STEP = 1e-4
@@ -23,18 +23,9 @@ def mass_columns(
     model: BumpModel, masses: UncertainMasses, weights: Weights, log_parameters: Parameters, motion: RunMotion
 ) -> tuple[ResidualColumns, ...]:
     """Columns of every group about the declared masses, at log parameters (p,) and run motions."""
-    count = len(masses.factors)
-    columns = empty_columns(model, count)
-    if count == 0:
-        return columns
-    base = trial_residuals(model, model, weights, log_parameters, motion)
-    for k in range(count):
-        other = model.with_vehicle(*masses.applied(STEP * np.eye(count)[k]))
-        moved = trial_residuals(model, other, weights, log_parameters, motion)
-        for column, (residual, gain), (here, gain_here) in zip(columns, moved, base, strict=True):
-            column.residual[..., k] = (residual - here) / STEP
-            column.gain[..., k] = (gain - gain_here) / STEP
-    return columns
+    moved = STEP * np.eye(len(masses.factors))
+    trials = [(model.with_vehicle(*masses.applied(by)), STEP) for by in moved]
+    return difference_columns(model, weights, log_parameters, motion, trials)
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,32 @@ def trial_residuals(
     return [(np.asarray(residual), np.asarray(gain)) for residual, gain in residuals]
 
 
+def difference_columns(
+    model: BumpModel,
+    weights: Weights,
+    log_parameters: Parameters,
+    motion: RunMotion,
+    trials: Sequence[tuple[BumpModel, float]],
+) -> tuple[ResidualColumns, ...]:
+    """Forward differences of every group's residuals by amplitudes.
+
+    Parameters
+    ----------
+    model : holds the readings; log_parameters : (p,); motion : of all runs.
+    trials : per amplitude the same runs with that amplitude moved, and by how much.
+    """
+    columns = empty_columns(model, len(trials))
+    if not trials:
+        return columns
+    base = trial_residuals(model, model, weights, log_parameters, motion)
+    for k, (trial, step) in enumerate(trials):
+        moved = trial_residuals(model, trial, weights, log_parameters, motion)
+        for column, (residual, gain), (here, gain_here) in zip(columns, moved, base, strict=True):
+            column.residual[..., k] = (residual - here) / step
+            column.gain[..., k] = (gain - gain_here) / step
+    return columns
+
+
 @jax.jit
 def _residuals(
     arrays: GroupArrays, noise_sd: RunsByChannels, tempering: RunsByChannels, signals: jax.Array
