@@ -59,8 +59,8 @@ def suspension_estimates(
 ) -> tuple[AxleEstimates, ...]:
     """Estimates of `quantity` per axle and, where they differ, per load case, front to rear.
 
-    90 % intervals: drops value +- 1.645 sd (scatter over the repeats and tolerances of declared quantities), fit
-    exp(ln value +- 1.645 sd/value) for parameters kept as logarithms, posterior its 5 % and 95 % quantiles.
+    90 % intervals: exp(ln value +- 1.645 sd/value) of drops (scatter over the repeats and tolerances of declared
+    quantities) and of parameters that the fit keeps as logarithms; of the posterior its 5 % and 95 % quantiles.
     """
     pooled = () if drops is None else drops.pooled
     fitted = () if fit is None else tuple(p for p in fit.parameters if p.quantity == quantity and p.axle is not None)
@@ -95,14 +95,18 @@ def suspension_estimates(
 
 def _from_drop(e: DropEstimate, quantity: Quantity) -> Estimate:
     value, sd = (e.stiffness, e.stiffness_sd) if quantity == "stiffness" else (e.damping, e.damping_sd)
-    kind = "90 % interval of repeats and tolerances"
-    return Estimate(e.method, value, value - Z90 * sd, value + Z90 * sd, kind, e.usable, True, e.note)
+    low, high = _interval(value, sd, positive=True)
+    return Estimate(e.method, value, low, high, "90 % interval of repeats and tolerances", e.usable, True, e.note)
 
 
 def _from_fit(p: ParameterEstimate) -> Estimate:
-    if p.transform == "log" and p.value > 0.0:
-        factor = math.exp(Z90 * p.sd / p.value) if math.isfinite(p.sd) else math.nan
-        low, high = p.value / factor, p.value * factor
-    else:
-        low, high = p.value - Z90 * p.sd, p.value + Z90 * p.sd
+    low, high = _interval(p.value, p.sd, positive=p.transform == "log")
     return Estimate("fitted", p.value, low, high, "90 % confidence interval", identified=p.identified)
+
+
+def _interval(value: float, sd: float, *, positive: bool) -> tuple[float, float]:
+    """90 % interval, of a value that has to be positive in its logarithm."""
+    if not (positive and value > 0.0):
+        return value - Z90 * sd, value + Z90 * sd
+    factor = math.exp(Z90 * sd / value) if math.isfinite(sd) else math.nan
+    return value / factor, value * factor

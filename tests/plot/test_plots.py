@@ -262,8 +262,9 @@ def test_estimates_are_matched_to_axles_and_load_cases(results):
     ]  # fmt: skip
     first = rows[0].estimates
     assert set(first) == {"paper", "corrected", "fitted", "posterior"}
-    # Normal interval of the drops, lognormal interval of the fit, quantiles of the posterior.
-    assert (first["paper"].low, first["paper"].high) == pytest.approx(stats.norm(3e5, 4e3).interval(0.9))
+    # Lognormal intervals of drops and fit, quantiles of the posterior.
+    of_drops = stats.lognorm(4e3 / 3e5, scale=3e5).interval(0.9)
+    assert (first["paper"].low, first["paper"].high) == pytest.approx(of_drops)
     assert (first["fitted"].low, first["fitted"].high) == pytest.approx(stats.lognorm(0.01, scale=4.2e5).interval(0.9))
     s = results.posterior.summaries[0]
     assert (first["posterior"].value, first["posterior"].low, first["posterior"].high) == (s.q50, s.q05, s.q95)
