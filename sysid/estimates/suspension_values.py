@@ -59,8 +59,9 @@ def suspension_estimates(
 ) -> tuple[AxleEstimates, ...]:
     """Estimates of `quantity` per axle and, where they differ, per load case, front to rear.
 
-    90 % intervals: exp(ln value +- 1.645 sd/value) of drops (scatter over the repeats and tolerances of declared
-    quantities) and of parameters that the fit keeps as logarithms; of the posterior its 5 % and 95 % quantiles.
+    90 % intervals: exp(ln value +- 1.645 s), s = sqrt(ln(1 + (sd/value)^2)) of drops (scatter of repeats, tolerances of
+    declared quantities) and s = sd/value of parameters that the fit keeps as logarithms; of the posterior its 5 % and
+    95 % quantiles.
     """
     pooled = () if drops is None else drops.pooled
     fitted = () if fit is None else tuple(p for p in fit.parameters if p.quantity == quantity and p.axle is not None)
@@ -95,18 +96,21 @@ def suspension_estimates(
 
 def _from_drop(e: DropEstimate, quantity: Quantity) -> Estimate:
     value, sd = (e.stiffness, e.stiffness_sd) if quantity == "stiffness" else (e.damping, e.damping_sd)
-    low, high = _interval(value, sd, positive=True)
+    # Records that cannot be used alone have standard deviations of many times the value; a lognormal variable with
+    # that mean and standard deviation still has a finite interval.
+    logarithmic = math.sqrt(2.0 * math.log(math.hypot(1.0, sd / value))) if value > 0.0 else math.nan
+    low, high = _interval(value, sd, logarithmic)
     return Estimate(e.method, value, low, high, "90 % interval of repeats and tolerances", e.usable, True, e.note)
 
 
 def _from_fit(p: ParameterEstimate) -> Estimate:
-    low, high = _interval(p.value, p.sd, positive=p.transform == "log")
+    low, high = _interval(p.value, p.sd, p.sd / p.value if p.transform == "log" else math.nan)
     return Estimate("fitted", p.value, low, high, "90 % confidence interval", identified=p.identified)
 
 
-def _interval(value: float, sd: float, *, positive: bool) -> tuple[float, float]:
-    """90 % interval, of a value that has to be positive in its logarithm."""
-    if not (positive and value > 0.0):
+def _interval(value: float, sd: float, logarithmic: float) -> tuple[float, float]:
+    """90 % interval from the standard deviation of the logarithm, where there is one, or from that of the value."""
+    if math.isnan(logarithmic):
         return value - Z90 * sd, value + Z90 * sd
-    factor = math.exp(Z90 * sd / value) if math.isfinite(sd) else math.nan
+    factor = math.exp(Z90 * logarithmic)
     return value / factor, value * factor

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 from small_results import campaign_only, small_fit, small_results
 
 from sysid.estimates import Estimates
@@ -70,3 +71,15 @@ def test_a_quantity_is_asked_for_by_its_name():
     assert found.suspension("stiffness") is found.stiffness
     assert found.suspension("damping") is found.damping
     assert [row.best.value for row in found.damping] == [1.1e4, 9.0e3]
+
+
+@pytest.mark.parametrize("spread", [0.05, 0.8, 1e3, 1e150])
+def test_intervals_of_drops_are_lognormal_with_the_standard_deviation_of_the_record(spread):
+    results = small_results(posterior=None, fit=None)
+    pooled = tuple(replace(e, damping_sd=spread * e.damping) for e in results.drops.pooled)
+    row = of(replace(results, drops=replace(results.drops, pooled=pooled))).damping[0]
+    best = row.best
+    assert 0.0 < best.low < best.value < best.high < np.inf
+    if spread < 1e6:  # beyond it SciPy's moments overflow
+        variable = stats.lognorm(np.log(best.high / best.low) / (2.0 * stats.norm.ppf(0.95)))
+        assert variable.std() / variable.mean() == pytest.approx(spread, rel=1e-6)
