@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import shlex
 import subprocess
@@ -40,9 +41,23 @@ def same_command(*more: str) -> str:
     return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
 
 
+class _Sentences(logging.Handler):
+    """Hands what the package logs to the terminal, in the words of the command."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        super().__init__(logging.WARNING)
+        self._say = say
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._say(record.getMessage())
+
+
 def configured(say: Callable[[str], None]) -> None:
     """Settings of the process as :func:`sysid.runtime.configure` makes them; its warnings go to `say`, one each."""
     from sysid.runtime import configure
+
+    logger = logging.getLogger("sysid")
+    logger.handlers = [*(h for h in logger.handlers if not isinstance(h, _Sentences)), _Sentences(say)]
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -7,6 +7,7 @@ Both keep one protocol (:mod:`sysid.vehicle_model.engines.protocol`) with the sa
 
 from __future__ import annotations
 
+import logging
 import os
 from functools import cache
 
@@ -23,6 +24,7 @@ from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.native import kernel
 from sysid.vehicle_model.native.build import BuildError
 
+_LOGGER = logging.getLogger(__name__)
 _CHOICES = ("auto", "native", "reference", "jax")
 
 __all__ = ["Timing", "WheelRoad", "engine_name", "engine_of_process", "wheel_road"]
@@ -46,12 +48,22 @@ def engine_of_process() -> Engine:
         return NATIVE
     if choice == "native":
         raise SysidError(f"The native engine cannot be used: {problem}; set SYSID_ENGINE=auto to do without it.")
+    _say_once(problem)
     return REFERENCE
 
 
 def engine_name() -> str:
     """Name of the engine of this process (raises as :func:`engine_of_process`)."""
     return engine_of_process().name
+
+
+@cache
+def _say_once(problem: str) -> None:
+    _LOGGER.warning(
+        "The native engine cannot be used: %s. JAX computes instead: the same results, ten times slower. Install a C++ "
+        "compiler (on Debian and Ubuntu: apt install g++), or set SYSID_ENGINE=reference to go without this note.",
+        problem,
+    )
 
 
 @cache

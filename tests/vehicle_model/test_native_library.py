@@ -12,6 +12,7 @@ import pytest
 from native_engine import needs_compiler
 
 from sysid import private_files, runtime
+from sysid.cli.invocation import configured
 from sysid.errors import SysidError
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.engines.reference import REFERENCE
@@ -25,7 +26,7 @@ def unregistered(monkeypatch, tmp_path):
     """A process that has not loaded the engine yet, with empty cache folders."""
     monkeypatch.setenv("SYSID_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(runtime, "_user_cache", lambda: tmp_path / "own")
-    caches = (engine._problem, kernel._registered, runtime._say)
+    caches = (engine._problem, engine._say_once, kernel._registered, runtime._say)
     for cache in caches:
         cache.cache_clear()
     yield tmp_path
@@ -219,10 +220,23 @@ def test_a_broken_compiler_means_the_reference_engine(monkeypatch, unregistered)
         engine.engine_name()
 
 
-def test_no_compiler_means_the_reference_engine(monkeypatch, unregistered):
+def test_no_compiler_means_the_reference_engine_and_is_said_once(monkeypatch, unregistered, caplog):
     monkeypatch.setenv("CXX", "no-such-compiler")
     monkeypatch.setenv("SYSID_ENGINE", "auto")
-    assert engine.engine_name() == "reference"
+    assert engine.engine_name() == engine.engine_name() == "reference"
+    (said,) = caplog.messages
+    assert "no C++ compiler was found" in said
+    assert "apt install g++" in said
+
+
+def test_the_command_line_says_that_the_native_engine_is_missing(monkeypatch, unregistered):
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    monkeypatch.setenv("SYSID_ENGINE", "auto")
+    said: list[str] = []
+    for _ in range(2):  # a second command in one process does not say it twice
+        configured(said.append)
+    engine.engine_of_process()
+    assert len([s for s in said if "ten times slower" in s]) == 1
 
 
 @needs_compiler
