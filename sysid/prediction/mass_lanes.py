@@ -19,7 +19,7 @@ from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.lane_arrays import ParametersBySets
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.lanes import Lanes, Pass, pass_matrices
-from sysid.vehicle_model.simulation import Motion
+from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 #: Lanes that are simulated side by side.
@@ -83,7 +83,7 @@ def histories_of_draws(
         stacked = jax.tree.map(lambda *parts: np.concatenate(parts), *matrices)
         inputs = jax.tree.map(lambda *parts: np.stack(parts), *laws)
         speed, start_s = (jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s))
-        road = wheel_road(stacked, _joined(roads), lanes.axle_x, speed, start_s, timing)
+        road = wheel_road(stacked, _joined(roads), lanes.axle_x, Motion(speed, start_s), timing)
         sets = jnp.asarray(log_parameters[chosen, :, None])
         tire, suspension, *deflections = _histories(stacked, inputs, road, sets, timing=timing)
         chunks.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, *deflections)])

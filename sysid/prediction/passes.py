@@ -30,7 +30,7 @@ from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.lane_arrays import ParametersBySets
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
-from sysid.vehicle_model.simulation import Motion
+from sysid.vehicle_model.motion import Motion
 
 #: Output interval of predicted histories [s], and how long before and after the passage they reach.
 INTERVAL_S = 0.001
@@ -100,7 +100,7 @@ def _simulate(
     timing, motion = Timing(samples, INTERVAL_S, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
     if vehicles is None:
         laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
-        wheels = wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
+        wheels = wheel_road(lanes.matrices, road, lanes.axle_x, motion, timing)
         histories = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), timing=timing)
         tire, suspension, deflection, sunk = (np.asarray(h) for h in histories)
         suspension = suspension + lanes.matrices.carried_load[0]

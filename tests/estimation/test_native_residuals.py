@@ -24,7 +24,8 @@ from sysid.vehicle_model.engines.protocol import Linearisation
 
 pytestmark = needs_compiler
 
-MOTION = RunMotion(np.array([6.1, 8.3]), np.array([0.44, 0.61]))
+#: One run brakes, the other gathers speed.
+MOTION = RunMotion(np.array([6.1, 8.3]), np.array([0.44, 0.61]), np.array([-0.05, 0.03]))
 
 
 @pytest.fixture
@@ -123,7 +124,7 @@ def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined
     data = campaign([empty_run("a.csv", 7.0, samples=220)], vehicle=vehicle, load_cases=(load,))
     model = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
     x = model.parameters.start
-    motion, found = RunMotion(np.array([7.1]), np.array([0.35])), []
+    motion, found = RunMotion.steady(np.array([7.1]), np.array([0.35])), []
     for name in ("native", "reference"):
         monkeypatch.setenv("SYSID_ENGINE", name)
         (signals,) = simulate_runs(model, x + 0.02, motion)
@@ -158,14 +159,13 @@ def test_many_parameters_need_several_passes(made, native):
         state.point.weights.noise_sd[0],
         state.point.weights.tempering[0],
         jnp.asarray(x),
-        jnp.asarray(MOTION.speed_m_s[list(model.groups[0].runs)]),
-        jnp.asarray(MOTION.start_s[list(model.groups[0].runs)]),
+        MOTION.of(model.groups[0].runs),
         shape=model.shapes[0],
     )
     plain = linearised(state, state.point.log_parameters)
     count = state.point.log_parameters.size
     jacobian = np.asarray(wide.residual_jacobian)
-    used = np.r_[0:count, x.size : x.size + 2]
+    used = np.r_[0:count, x.size : x.size + 3]
     np.testing.assert_allclose(
         jacobian[..., used], plain.residual_jacobian, rtol=0, atol=1e-11 * np.abs(plain.residual_jacobian).max()
     )

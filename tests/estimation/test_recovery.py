@@ -10,7 +10,7 @@ from synthetic_fit import CLIPPED, LOST, NOISE, NOMINAL_M_S, SAMPLES, SPEED_M_S,
 from sysid.estimation.fit.start_search import search_motion
 from sysid.estimation.residuals.compressed import compress, run_blocks
 from sysid.estimation.residuals.linearisation import linearise
-from sysid.estimation.residuals.run_motion import RunMotion, speed_prior
+from sysid.estimation.residuals.run_motion import RunMotion, motion_prior
 from sysid.estimation.residuals.signals import simulate_runs
 
 
@@ -94,9 +94,9 @@ def test_compressed_problem_has_the_squares_and_products_of_the_dense_one(fit):
     state, campaign = fit.state, fit.campaign
     nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
     parameters = fit.truth + 0.02
-    motion = RunMotion(state.point.motion.speed_m_s * 1.001, state.point.motion.start_s)
+    motion = RunMotion.steady(state.point.motion.speed_m_s * 1.001, state.point.motion.start_s)
     lin = linearise(state.model, state.point.weights, parameters, motion)
-    small = compress(state.model, lin, parameters, motion, speed_prior(campaign.bump_runs))
+    small = compress(state.model, lin, parameters, motion, motion_prior(campaign.bump_runs))
     p = parameters.size
     residuals, jacobians = [], []
     for position, group in enumerate(state.model.groups):

@@ -201,7 +201,7 @@ def test_matrices_are_assembled_again_as_for_a_vehicle_declared_so():
     masses = uncertain_masses(data)
     vehicle, cases = masses.applied(0.5 * masses.sd)
     other = bump_model(replace(data, vehicle=vehicle, load_cases=cases), parameters, profiles)
-    motion = RunMotion(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
+    motion = RunMotion.steady(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
     x = parameters.start
     for ours, theirs in zip(
         simulate_runs(model.with_vehicle(vehicle, cases), x, motion), simulate_runs(other, x, motion), strict=True

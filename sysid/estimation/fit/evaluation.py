@@ -22,7 +22,7 @@ from sysid.estimation.residuals.compressed import Compressed
 from sysid.estimation.residuals.histories import run_histories
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.run_history import RunHistory
-from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, RunMotion
+from sysid.estimation.residuals.run_motion import CHANGE, OWN, SHIFT, SHIFT_UNIT_M, SPEED, SPEED_UNIT, RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, Identifiability, assess
@@ -156,8 +156,8 @@ def _check_runs_are_seen(campaign: Campaign, problem: Problem, compressed: Compr
     DataRejectedError
         With the first such run.
     """
-    own = np.linalg.norm(compressed.jacobian[:, problem.count :], axis=0).reshape(-1, 2)
-    lost = np.flatnonzero(own[:, 1] <= 1e-9 * np.median(own[:, 1]))
+    own = np.linalg.norm(compressed.jacobian[:, problem.count :], axis=0).reshape(-1, OWN)[:, SHIFT]
+    lost = np.flatnonzero(own <= 1e-9 * np.median(own))
     if lost.size:
         run = campaign.bump_runs[problem.order[int(lost[0])]]
         raise DataRejectedError(
@@ -266,7 +266,7 @@ def _estimates(
     for position, run in enumerate(problem.order):
         record = campaign.bump_runs[run]
         speed, start = float(motion.speed_m_s[run]), float(motion.start_s[run])
-        speed_sd, shift_sd = sd[problem.count + 2 * position : problem.count + 2 * position + 2]
+        own_sd = sd[problem.count + OWN * position : problem.count + OWN * (position + 1)]
         nominal = record.nominal_speed_m_s
         shared = ParameterEstimate(
             name=f"speed[{record.log.file}]",
@@ -278,7 +278,7 @@ def _estimates(
             law="constant",
             transform="none",
             value=speed,
-            sd=float(speed_sd * SPEED_UNIT * speed),
+            sd=float(own_sd[SPEED] * SPEED_UNIT * speed),
             start=nominal,
             prior_median=nominal,
             prior_sd=record.speed_sd * nominal,
@@ -292,12 +292,28 @@ def _estimates(
                 quantity="start",
                 unit="s",
                 value=start,
-                sd=float(shift_sd * SHIFT_UNIT_M / speed),
+                sd=float(own_sd[SHIFT] * SHIFT_UNIT_M / speed),
                 start=float(problem.reference.start_s[run]),
                 prior_median=float(problem.reference.start_s[run]),
                 prior_sd=float("inf"),
             )
         )
+        if record.speed_change_sd > 0.0:
+            change_sd = float(own_sd[CHANGE] * record.speed_change_sd)
+            local.append(
+                replace(
+                    shared,
+                    name=f"speed_change[{record.log.file}]",
+                    quantity="speed_change",
+                    unit="1",
+                    value=float(motion.speed_change[run]),
+                    sd=change_sd,
+                    start=0.0,
+                    prior_median=0.0,
+                    prior_sd=record.speed_change_sd,
+                    identified=change_sd < IDENTIFIED_SHRINKAGE * record.speed_change_sd,
+                )
+            )
     return globals_, tuple(local)
 
 
