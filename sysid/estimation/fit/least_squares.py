@@ -24,7 +24,7 @@ from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
-from sysid.estimation.residuals.run_motion import OWN, RunMotion
+from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise as noise_model
 from sysid.estimation.weights.reweighting import reweighted
 from sysid.progress import Progress, unwatched
@@ -140,7 +140,7 @@ def _with_own_maps(
     model, weights = prepared(map_tires(before.problem.model.parameters, values)), before.problem.weights
     again = optimise_from(campaign, model, motion, before.instrument, values, options, report, weights=weights)
     # The cross-check starts from where the search for all began.
-    first = np.concatenate([before.first[: before.problem.count], np.zeros(again.first.size - before.problem.count)])
+    first = again.problem.vector(before.first[: before.problem.count])
     iterations = before.minimum.iterations + again.minimum.iterations
     return replace(again, first=first, minimum=replace(again.minimum, iterations=iterations))
 
@@ -167,7 +167,7 @@ def optimise_from(
     """
     first_weights = Weights(_first_scale(model, instrument), tuple(np.ones_like(n) for n in instrument))
     problem = Problem(model, campaign, motion, weights or first_weights)
-    vector = np.concatenate([start, np.zeros(OWN * len(problem.order))])
+    vector = problem.vector(start)
     first, iterations, rounds = vector.copy(), 0, options.weight_rounds + 1
     minimum: Minimum | None = None
     for number in range(rounds):

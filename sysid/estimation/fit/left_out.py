@@ -17,7 +17,7 @@ from sysid.estimation.residuals.histories import run_histories
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_history import RunHistory
-from sysid.estimation.residuals.run_motion import OWN, RunMotion
+from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.progress import Progress, unwatched
 
 
@@ -66,7 +66,7 @@ def _own_motion(problem: Problem, log_parameters: Parameters) -> RunMotion:
         residual, jacobian = problem.evaluate(np.concatenate([log_parameters, local]))
         return residual, jacobian[:, problem.count :]
 
-    best = minimise(evaluate, np.zeros(OWN * len(problem.order)), relative_tolerance=1e-7)
+    best = minimise(evaluate, problem.vector(log_parameters)[problem.count :], relative_tolerance=1e-7)
     return problem.unpack(np.concatenate([log_parameters, best.point]))[1]
 
 

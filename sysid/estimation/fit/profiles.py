@@ -23,7 +23,6 @@ from sysid.display import Z90
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.minimiser import Evaluation, minimise
 from sysid.estimation.fit.state import FitState
-from sysid.estimation.residuals.run_motion import OWN
 from sysid.progress import Progress, unwatched
 from sysid.tabular import Tabular
 
@@ -163,7 +162,7 @@ def profile_parameter(
     """
     index = fit.names.index(name)
     problem = state.problem()
-    vector = np.concatenate([state.point.log_parameters, np.zeros(OWN * len(problem.order))])
+    vector = problem.vector(state.point.log_parameters)
     best, sd = float(vector[index]), float(np.sqrt(fit.covariance[index, index]))
     jacobian = problem.compressed(vector).jacobian
     curvature = float(np.linalg.inv(jacobian.T @ jacobian)[index, index])

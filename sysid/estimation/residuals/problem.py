@@ -6,7 +6,7 @@ from copy import copy
 
 import numpy as np
 
-from sysid.arrays import UnknownsOfFit
+from sysid.arrays import Parameters, UnknownsOfFit
 from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.compressed import Compressed, compress, run_order
@@ -26,6 +26,10 @@ class Problem:
         self.count = len(model.parameters.parameters)
         # Checks, covariance and the next round ask for the same point again.
         self._latest: tuple[bytes, Weights, tuple[Linearisation, ...]] | None = None
+
+    def vector(self, log_parameters: Parameters) -> UnknownsOfFit:
+        """The vector of log parameters (p,) and the motions that unknowns are counted from."""
+        return np.concatenate([log_parameters, np.zeros(OWN * len(self.order))])
 
     def unpack(self, vector: UnknownsOfFit) -> tuple[np.ndarray, RunMotion]:
         """Log parameters and run motions of a vector."""
