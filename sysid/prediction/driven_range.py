@@ -43,7 +43,7 @@ def _histories(
 
 
 def driven_range(state: FitState) -> DrivenRange:
-    """Extremes of all runs of a fit at its optimum, each at its own speed and start, at every integration step."""
+    """Extremes of all runs of a fit at its optimum, each in its own motion, at every integration step."""
     model, point = state.model, state.point
     axles = len(state.campaign.vehicle.axles)
     most = {name: np.zeros(axles) for name in _AXLEWISE}

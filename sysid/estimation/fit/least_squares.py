@@ -160,7 +160,7 @@ def optimise_from(
 
     Parameters
     ----------
-    motion : speed and start of every run.
+    motion : of every run.
     instrument : (R, C) instrument noise per group [SI].
     start : (p,) log parameters.
     weights : those of the first round; None for weights that suit parameters which are still far off.
