@@ -140,6 +140,36 @@ def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined
     assert used.all(), [n for n, u in zip(model.parameters.names, used, strict=False) if not u]
 
 
+def test_derivatives_by_travels_to_the_stops_are_differences(native):
+    """Both stops of every axle are reached."""
+    law = "friction + estimated_bump_stops"
+    vehicle = replace(rigid_truck.VEHICLE, axles=tuple(replace(a, suspension_law=law) for a in rigid_truck.AXLES))
+    data = campaign([empty_run("a.csv", 7.0, samples=260)], vehicle=vehicle)
+    model = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
+    names = list(model.parameters.names)
+    x = model.parameters.start.copy()
+    travels = [i for i, n in enumerate(names) if n.startswith(("jounce", "rebound"))]
+    assert len(travels) == 6
+    x[travels] = np.log(0.012)
+    motion = RunMotion.steady(np.array([7.1]), np.array([0.35]))
+    (signals,) = simulate_runs(model, x + 0.02, motion)
+    model = replace(model, arrays=(model.arrays[0]._replace(value=signals),))
+    weights = Weights((0.1 * signals.std(axis=0),), (np.ones(signals.shape[1:]),))
+
+    def residual(point: np.ndarray) -> np.ndarray:
+        (one,) = linearise(model, weights, point, motion)
+        return np.asarray(one.residual)[:, 0]
+
+    (here,) = linearise(model, weights, x, motion)
+    jacobian = np.asarray(here.residual_jacobian)[:, 0]
+    for k in travels:
+        step = 1e-5 * np.eye(x.size)[k]
+        slope = (residual(x + step) - residual(x - step)) / 2e-5
+        size = np.sqrt((slope**2).sum())
+        assert size > 1.0
+        assert np.sqrt(((jacobian[..., k] - slope) ** 2).sum()) < 1e-5 * size, names[k]
+
+
 def test_clipped_samples_matter(linearisations, made):
     """Otherwise the comparison above would say nothing about them: some count and some do not."""
     censored = made[1].model.arrays[0].censored != 0
