@@ -161,7 +161,7 @@ def recorded(monkeypatch) -> list[np.ndarray]:
     """The sets of parameters that reach each pass, without simulating it."""
     seen: list[np.ndarray] = []
 
-    def stand_in(campaign, parameters, roads, request, sets, vehicles=None, driven=None):
+    def stand_in(campaign, parameters, roads, request, sets, vehicles=None, driven=None, stops=None):
         seen.append(sets)
         return request
 
