@@ -262,59 +262,61 @@ def _estimates(
         )
         for i, p in enumerate(problem.model.parameters.parameters)
     )
-    local = []
-    for position, run in enumerate(problem.order):
-        record = campaign.bump_runs[run]
-        speed, start = float(motion.speed_m_s[run]), float(motion.start_s[run])
-        own_sd = sd[problem.count + OWN * position : problem.count + OWN * (position + 1)]
-        nominal = record.nominal_speed_m_s
-        shared = ParameterEstimate(
-            name=f"speed[{record.log.file}]",
-            quantity="speed",
-            unit="m/s",
-            axle=None,
-            load_case=record.load_case,
-            run=record.log.file,
-            law="constant",
-            transform="none",
-            value=speed,
-            sd=float(own_sd[SPEED] * SPEED_UNIT * speed),
-            start=nominal,
-            prior_median=nominal,
-            prior_sd=record.speed_sd * nominal,
-            identified=True,
-        )
-        local.append(shared)
-        local.append(
-            replace(
-                shared,
-                name=f"start[{record.log.file}]",
-                quantity="start",
-                unit="s",
-                value=start,
-                sd=float(own_sd[SHIFT] * SHIFT_UNIT_M / speed),
-                start=float(problem.reference.start_s[run]),
-                prior_median=float(problem.reference.start_s[run]),
-                prior_sd=float("inf"),
-            )
-        )
-        if record.speed_change_sd > 0.0:
-            change_sd = float(own_sd[CHANGE] * record.speed_change_sd)
-            local.append(
-                replace(
-                    shared,
-                    name=f"speed_change[{record.log.file}]",
-                    quantity="speed_change",
-                    unit="1",
-                    value=float(motion.speed_change[run]),
-                    sd=change_sd,
-                    start=0.0,
-                    prior_median=0.0,
-                    prior_sd=record.speed_change_sd,
-                    identified=change_sd < IDENTIFIED_SHRINKAGE * record.speed_change_sd,
-                )
-            )
+    own_sd = sd[problem.count :].reshape(-1, OWN)
+    local = [
+        e for run, one in zip(problem.order, own_sd, strict=True) for e in _of_run(campaign, problem, motion, run, one)
+    ]
     return globals_, tuple(local)
+
+
+def _of_run(
+    campaign: Campaign, problem: Problem, motion: RunMotion, run: int, sd: np.ndarray
+) -> list[ParameterEstimate]:
+    """Speed, start and, where it is unknown, change of speed of a run; `sd` (3,) of its scaled unknowns."""
+    record, reference = campaign.bump_runs[run], float(problem.reference.start_s[run])
+    speed, nominal, change_sd = float(motion.speed_m_s[run]), record.nominal_speed_m_s, record.speed_change_sd
+    of_speed = ParameterEstimate(
+        name=f"speed[{record.log.file}]",
+        quantity="speed",
+        unit="m/s",
+        axle=None,
+        load_case=record.load_case,
+        run=record.log.file,
+        law="constant",
+        transform="none",
+        value=speed,
+        sd=float(sd[SPEED] * SPEED_UNIT * speed),
+        start=nominal,
+        prior_median=nominal,
+        prior_sd=record.speed_sd * nominal,
+        identified=True,
+    )
+    of_start = replace(
+        of_speed,
+        name=f"start[{record.log.file}]",
+        quantity="start",
+        unit="s",
+        value=float(motion.start_s[run]),
+        sd=float(sd[SHIFT] * SHIFT_UNIT_M / speed),
+        start=reference,
+        prior_median=reference,
+        prior_sd=float("inf"),
+    )
+    if change_sd == 0.0:
+        return [of_speed, of_start]
+    of_change = replace(
+        of_speed,
+        name=f"speed_change[{record.log.file}]",
+        quantity="speed_change",
+        unit="1",
+        value=float(motion.speed_change[run]),
+        sd=float(sd[CHANGE] * change_sd),
+        start=0.0,
+        prior_median=0.0,
+        prior_sd=change_sd,
+        identified=bool(sd[CHANGE] < IDENTIFIED_SHRINKAGE),
+    )
+    return [of_speed, of_start, of_change]
 
 
 def fit_warnings(
