@@ -114,7 +114,7 @@ def _more_axles(inputs: _GroupInputs, shape: GroupShape, count: int) -> tuple[_G
     )
     axle_x = arrays.axle_x[index]
     with engine("native"):
-        course = wheel_road(matrices, stretched, axle_x, inputs.road.speed, inputs.road.start_s, shape.timing)
+        course = wheel_road(matrices, stretched, axle_x, inputs.road.motion, shape.timing)
     seen = shape._replace(
         deflection_axles=tuple(i % count for i in shape.deflection_axles),
         acceleration_axles=tuple(i % count for i in shape.acceleration_axles),

@@ -86,7 +86,7 @@ def nominal_point() -> Point:
     campaign, _ = shipped_campaign()
     speed = np.array([run.nominal_speed_m_s for run in campaign.bump_runs])
     parameters = campaign_parameters(campaign, None)
-    return Point(np.asarray(parameters.start, float), RunMotion(speed, np.full(speed.size, 1.0)))
+    return Point(np.asarray(parameters.start, float), RunMotion.steady(speed, np.full(speed.size, 1.0)))
 
 
 def fitted_point(folder: Path) -> Point:
@@ -98,7 +98,8 @@ def fitted_point(folder: Path) -> Point:
     log_parameters = np.log([p.value for p in fit.parameters])
     files = [run.log.file for run in calibration.campaign.bump_runs]
     found = {(p.quantity, p.run): p.value for p in fit.run_parameters}
-    motion = RunMotion(*(np.array([found[quantity, file] for file in files]) for quantity in ("speed", "start")))
+    # Other programs of the comparison drive at constant speed.
+    motion = RunMotion.steady(*(np.array([found[quantity, file] for file in files]) for quantity in ("speed", "start")))
     return Point(log_parameters, motion)
 
 
@@ -115,7 +116,7 @@ def make_work(point: Point, runs: Sequence[int]) -> Work:
         campaign,
         model,
         point.log_parameters,
-        RunMotion(point.motion.speed_m_s[chosen], point.motion.start_s[chosen]),
+        point.motion.of(chosen),
         Weights(sd, tuple(np.ones_like(s) for s in sd)),
     )
     return Work(campaign, model, state)

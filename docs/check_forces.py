@@ -77,12 +77,12 @@ def main() -> None:
     print(f"stiffness and damping held within {off:.1e} of the truth")
     point, roads = state.point, state.model.felt
     worst = []
-    for run, speed, start in zip(campaign.bump_runs, point.motion.speed_m_s, point.motion.start_s, strict=True):
+    for number, run in enumerate(campaign.bump_runs):
         lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [Pass(run.load_case, run.bump)], [])
         laws = law_inputs(campaign.vehicle, parameters, lanes, [run.load_case])
         timing = Timing(round(run.log.duration_s / 0.001), 0.001, 1)
-        motion = jnp.full((1, 1), speed), jnp.full((1, 1), start)
-        road = wheel_road(lanes.matrices, lanes.road, lanes.axle_x, *motion, timing)
+        motion = point.motion.of([number]).along_road(lanes.axle_x)
+        road = wheel_road(lanes.matrices, lanes.road, lanes.axle_x, motion, timing)
         suspension, tire = lane_laws(laws, jnp.asarray(point.log_parameters)[:, None])
         found = road.engine.histories(lanes.matrices, suspension, tire, road, timing)
         force = np.asarray(found.tire_force)[:, 0, :, 0]

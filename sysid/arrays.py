@@ -41,11 +41,11 @@ DrawsByParameters: TypeAlias = np.ndarray
 Masses: TypeAlias = np.ndarray
 #: (p, m)
 ParametersByMasses: TypeAlias = np.ndarray
-#: (p + 2 runs,) global parameters, then speed and start of every run.
+#: (p + 3 runs,) global parameters, then the motion of every run.
 UnknownsOfFit: TypeAlias = np.ndarray
 #: (m,) residuals of all runs in one vector.
 Residuals: TypeAlias = np.ndarray
-#: (m, p + 2 runs) their derivatives.
+#: (m, p + 3 runs) their derivatives.
 ResidualsByUnknowns: TypeAlias = np.ndarray
 
 #: (E, steps, W) of every ensemble, step and walker.

@@ -124,12 +124,10 @@ def our_signals(work: Work, name: str, refine: int = 1) -> np.ndarray:
     arrays = work.model.arrays[0]
     shape = work.model.shapes[0]._replace(substeps=work.model.shapes[0].substeps * refine)
     runs = list(work.model.groups[0].runs)
-    speed, start = (
-        jnp.asarray(v[runs])[:, None] for v in (work.state.point.motion.speed_m_s, work.state.point.motion.start_s)
-    )
+    motion = work.state.point.motion.of(runs)
     parameters = jnp.asarray(work.state.point.log_parameters)[:, None]
     with engine(name):
-        road = wheel_road(arrays, work.model.roads[0], speed, start, shape)
+        road = wheel_road(arrays, work.model.roads[0], motion, shape)
         signals = simulate_group(arrays, shape, parameters, road)
     return np.asarray(signals[..., 0])
 

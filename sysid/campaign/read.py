@@ -243,6 +243,7 @@ class _Inputs:
                     log=self.files.log(entry.file, key, sensors, self._writing(entry)),
                     bump=self._bump(entry.bump, key, scans),
                     speed_held=entry.speed_held,
+                    speed_change_sd=entry.speed_change_sd,
                 )
             )
         return tuple(runs)

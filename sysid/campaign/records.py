@@ -299,8 +299,9 @@ class PlankDrop:
 class BumpRun:
     """One pass over a bump at a nominal speed [m/s]; `bump` names the scan it belongs to.
 
-    `speed_sd` is the relative standard deviation of the true speed about the nominal one; `speed_held` says what keeps
-    the speed over the bump.
+    `speed_sd` is the relative standard deviation of the true speed at axle 1 about the nominal one, `speed_change_sd`
+    that of its relative change until the last axle passes (0: none); `speed_held` says what keeps the speed over the
+    bump.
     """
 
     case: str
@@ -310,6 +311,7 @@ class BumpRun:
     log: Log
     bump: str = "bump"
     speed_sd: float = 0.03
+    speed_change_sd: float = 0.02
     speed_held: SpeedHeld = "servo"
 
 

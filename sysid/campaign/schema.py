@@ -158,6 +158,7 @@ class BumpRunTable(LogTable):
     repeat: Annotated[int, Field(strict=True, ge=1, le=10_000)] = 1
     bump: Name | None = None
     speed_held: Literal["servo", "towed", "cruise", "free"] = "servo"
+    speed_change_sd: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=0.5)] = 0.02
 
 
 class ShapeTable(Table):

@@ -268,7 +268,13 @@ def _prediction(prediction: PassPrediction, axle: int, file: str) -> dict[str, A
         "lift_off": bool(prediction.lift_off[axle]),
         "file": file,
         "trust": [
-            {"what": e.what, "axle": e.axle + 1, "reached": _number(e.reached), "driven": _number(e.driven)}
+            {
+                "what": e.what,
+                "axle": e.axle + 1,
+                "reached": _number(e.reached),
+                "driven": _number(e.driven),
+                **({} if e.assumed is None else {"assumed_stop": _number(e.assumed)}),
+            }
             for e in prediction.trust
             if e.axle == axle
         ],

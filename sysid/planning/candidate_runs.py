@@ -18,7 +18,7 @@ from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.linearisation import linearise
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_data import RunGroup
-from sysid.estimation.residuals.run_motion import SPEED_UNIT, RunMotion
+from sysid.estimation.residuals.run_motion import RunMotion, motion_prior
 from sysid.estimation.residuals.run_unknowns import without_runs
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.mass_effect import mass_columns
@@ -43,9 +43,9 @@ class RunKind:
 
 @dataclass(frozen=True)
 class RunInformation:
-    """What each channel of a candidate run says about p parameters, m mass factors and the run's own two unknowns.
+    """What each channel of a candidate run says about p parameters, m mass factors and the run's own motion.
 
-    `channels` (C, n, n) normal matrices, n = p + m + 2, in the order of `sensors`; `own_prior` (2, 2) prior precision
+    `channels` (C, n, n) normal matrices, n = p + m + 3, in the order of `sensors`; `own_prior` (3, 3) prior precision
     of the run's own unknowns.
     """
 
@@ -102,7 +102,7 @@ def run_information(state: FitState, kinds: Sequence[RunKind], sensors: Sequence
     campaign, point = state.campaign, state.point
     runs = tuple(_empty_run(campaign, state.profiles, kind, sensors) for kind in kinds)
     model = model_of(replace(campaign, bump_runs=runs), state.profiles, point)
-    motion = RunMotion(np.array([k.speed_m_s for k in kinds]), np.full(len(kinds), BEFORE_S))
+    motion = RunMotion.steady(np.array([k.speed_m_s for k in kinds]), np.full(len(kinds), BEFORE_S))
     signals = simulate_runs(model, point.log_parameters, motion)
     weights = _weights(state, model, signals)
     model = _read_by_sensors(model, signals)
@@ -111,14 +111,14 @@ def run_information(state: FitState, kinds: Sequence[RunKind], sensors: Sequence
         mass_columns(model, state.allowances.masses, weights, point.log_parameters, motion),
     )
     order = [sensors.index(s) for s in model.layout.sensors]
+    own_prior = motion_prior(runs).precision(motion, range(len(runs)))
     by_run: dict[int, RunInformation] = {}
     for group, lin in zip(model.groups, lins, strict=True):
         for r, run in enumerate(group.runs):
             normal = np.empty((len(sensors), *(lin.residual_jacobian.shape[-1],) * 2))
             for c, at in enumerate(order):
                 normal[at] = _normal(lin, r, c)
-            run_prior = np.diag([(SPEED_UNIT / runs[run].speed_sd) ** 2, 0.0])
-            by_run[run] = RunInformation(kinds[run], sensors, normal, run_prior)
+            by_run[run] = RunInformation(kinds[run], sensors, normal, own_prior[run])
     return tuple(by_run[i] for i in range(len(kinds)))
 
 
@@ -138,9 +138,11 @@ def _empty_run(
     time = np.arange(int(np.ceil((BEFORE_S + AFTER_S + reach / kind.speed_m_s) / interval))) * interval
     channels = tuple(Channel(s, time, np.zeros(time.size), np.zeros(time.size, np.int8)) for s in sensors)
     label = f"{kind.load_case}, {3.6 * kind.speed_m_s:.4g} km/h over {kind.bump}"
-    speed_sd = float(np.median([r.speed_sd for r in campaign.bump_runs]))
+    speed_sd, change_sd = (
+        float(np.median(v)) for v in zip(*((r.speed_sd, r.speed_change_sd) for r in campaign.bump_runs), strict=True)
+    )
     log = Log(label, interval, channels)
-    return BumpRun(label, kind.load_case, kind.speed_m_s, 1, log, kind.bump, speed_sd, speed_held=alike[0].speed_held)
+    return BumpRun(label, kind.load_case, kind.speed_m_s, 1, log, kind.bump, speed_sd, change_sd, alike[0].speed_held)
 
 
 def _weights(state: FitState, model: BumpModel, signals: Sequence[np.ndarray]) -> Weights:

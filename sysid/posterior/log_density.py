@@ -1,6 +1,6 @@
 """Log-density of the global parameters: the least-squares residuals with the runs' own unknowns marginalised.
 
-At the optimum the speed and start of a run move its residuals along the columns J_eta.  Integrating them out with
+At the optimum the motion of a run moves its residuals along the columns J_eta.  Integrating them out with
 their Gaussian priors leaves, per run,
 
     -1/2 (r'r - b' N^-1 b),   b = J_eta' r + prior,   N = J_eta' J_eta + prior precision,
@@ -30,7 +30,7 @@ from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.lane_laws import lane_laws
 from sysid.estimation.residuals.bump_model import GroupArrays, GroupShape
 from sysid.estimation.residuals.linearisation import linearise
-from sysid.estimation.residuals.run_motion import speed_prior
+from sysid.estimation.residuals.run_motion import motion_prior
 from sysid.estimation.residuals.run_unknowns import run_normal
 from sysid.estimation.residuals.signals import wheel_road
 from sysid.vehicle_model.engine import WheelRoad
@@ -41,7 +41,7 @@ LIKELIHOOD = (
     "Gaussian residuals, heavy tails by weights of single readings; scale per run and channel from the least-squares "
     "residuals; residuals correlated in time are tempered by their variance inflation; the likelihood is flattened for "
     "model error, departures from the model and tolerances of declared masses by a sandwich over blocks of channel and "
-    "case (curvature adjustment); run speed and start marginalised, sensor offset and gain eliminated"
+    "case (curvature adjustment); run motions marginalised, sensor offset and gain eliminated"
 )
 
 
@@ -94,21 +94,19 @@ class LogDensity:
         self._tilt = follow.T @ (flat @ flat - flat) @ pull
         self.rejected: list[np.ndarray] = []
         self.rejected_count = 0
-        expected = speed_prior(state.campaign.bump_runs)
+        expected = motion_prior(state.campaign.bump_runs)
         count = self.centre.size
         self._inputs = []
         lin = linearise(state.model, point.weights, self.centre, point.motion)
         weighted = point.weights.on(state.model.arrays)
         for position, group in enumerate(state.model.groups):
             runs = list(group.runs)
-            speed, start = point.motion.speed_m_s[runs], point.motion.start_s[runs]
             local = np.asarray(lin[position].residual_jacobian[..., count:])
             gain = np.asarray(lin[position].gain_jacobian[..., count:])
-            speed_residual, speed_rows = expected.rows(point.motion, runs)
-            normal = run_normal(local, gain, np.einsum("rk,rl->rkl", speed_rows, speed_rows))
-            pull = speed_residual[:, None] * speed_rows
+            normal = run_normal(local, gain, expected.precision(point.motion, runs))
+            pull = np.einsum("rj,rjk->rk", *expected.rows(point.motion, runs))
             arrays, shape = weighted[position], state.model.shapes[position]
-            road = wheel_road(arrays, state.model.roads[position], speed[:, None], start[:, None], shape)
+            road = wheel_road(arrays, state.model.roads[position], point.motion.of(runs), shape)
             self._inputs.append(
                 _GroupInputs(
                     arrays,

@@ -43,7 +43,7 @@ def _histories(
 
 
 def driven_range(state: FitState) -> DrivenRange:
-    """Extremes of all runs of a fit at its optimum, each at its own speed and start, at every integration step."""
+    """Extremes of all runs of a fit at its optimum, each in its own motion, at every integration step."""
     model, point = state.model, state.point
     axles = len(state.campaign.vehicle.axles)
     most = {name: np.zeros(axles) for name in _AXLEWISE}
@@ -51,8 +51,8 @@ def driven_range(state: FitState) -> DrivenRange:
         runs = list(group.runs)
         step_s = shape.interval_s / shape.substeps
         timing = Timing(shape.samples * shape.substeps, step_s, 1)
-        speed, start = (jnp.asarray(v[runs])[:, None] for v in (point.motion.speed_m_s, point.motion.start_s))
-        wheels = wheel_road(arrays.matrices, road, arrays.axle_x, speed, start, timing)
+        motion = point.motion.of(runs).along_road(arrays.axle_x)
+        wheels = wheel_road(arrays.matrices, road, arrays.axle_x, motion, timing)
         histories = _histories(arrays.matrices, arrays.laws, wheels, jnp.asarray(point.log_parameters), timing=timing)
         force, sunk, extension = (np.asarray(h) for h in histories)
         reached = extremes(sunk, extension, force, step_s)

@@ -13,13 +13,14 @@ from sysid.arrays import DrawsByParameters
 from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import Allowances
+from sysid.prediction.assumed_stops import AssumedStops
 from sysid.prediction.driven_range import spring_deflection
 from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.lane_arrays import ParametersBySets
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.lanes import Lanes, Pass, pass_matrices
-from sysid.vehicle_model.simulation import Motion
+from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 #: Lanes that are simulated side by side.
@@ -30,11 +31,13 @@ TOGETHER = 20
 class VehicleDraws:
     """Vehicles that go with n draws of the parameters.
 
-    `amounts` (n, m + d): log factors on the m uncertain masses, then amplitudes of the d departures.
+    `amounts` (n, m + d): log factors on the m uncertain masses, then amplitudes of the d departures; `stops` that are
+    assumed, None without any.
     """
 
     allowances: Allowances
     amounts: np.ndarray
+    stops: AssumedStops | None = None
 
     def __post_init__(self) -> None:
         given, width = self.amounts.shape[1], self.allowances.count
@@ -43,7 +46,7 @@ class VehicleDraws:
 
     def first(self, count: int) -> VehicleDraws:
         """The vehicles of the first draws."""
-        return replace(self, amounts=self.amounts[:count])
+        return replace(self, amounts=self.amounts[:count], stops=self.stops and self.stops.first(count))
 
 
 def histories_of_draws(
@@ -72,18 +75,19 @@ def histories_of_draws(
         # The last chunk repeats its last draw: one size is compiled once.
         chosen = np.minimum(np.arange(first, first + TOGETHER), count - 1)
         matrices, laws, roads = [], [], []
-        for amounts in vehicles.amounts[chosen]:
-            log_factors, amplitudes = vehicles.allowances.split(amounts)
+        for draw in chosen:
+            log_factors, amplitudes = vehicles.allowances.split(vehicles.amounts[draw])
             vehicle, cases = masses.applied(log_factors)
             of_draw = replace(lanes, matrices=pass_matrices(vehicle, cases, [driven], []))
             matrices.append(of_draw.matrices)
             inputs = law_inputs(vehicle, parameters, of_draw, [driven.load_case])
-            laws.append(departures.laws(inputs, amplitudes, [driven.load_case]))
+            inputs = departures.laws(inputs, amplitudes, [driven.load_case])
+            laws.append(inputs if vehicles.stops is None else vehicles.stops.on(inputs, int(draw)))
             roads.append(departures.road([driven], amplitudes))
         stacked = jax.tree.map(lambda *parts: np.concatenate(parts), *matrices)
         inputs = jax.tree.map(lambda *parts: np.stack(parts), *laws)
         speed, start_s = (jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s))
-        road = wheel_road(stacked, _joined(roads), lanes.axle_x, speed, start_s, timing)
+        road = wheel_road(stacked, _joined(roads), lanes.axle_x, Motion(speed, start_s), timing)
         sets = jnp.asarray(log_parameters[chosen, :, None])
         tire, suspension, *deflections = _histories(stacked, inputs, road, sets, timing=timing)
         chunks.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, *deflections)])

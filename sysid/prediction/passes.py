@@ -17,6 +17,7 @@ from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import campaign_allowances
+from sysid.prediction.assumed_stops import AssumedStops, assumed_stops
 from sysid.prediction.driven_range import driven_range, spring_deflection
 from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.mass_lanes import VehicleDraws, histories_of_draws
@@ -30,7 +31,7 @@ from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.lane_arrays import ParametersBySets
 from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
-from sysid.vehicle_model.simulation import Motion
+from sysid.vehicle_model.motion import Motion
 
 #: Output interval of predicted histories [s], and how long before and after the passage they reach.
 INTERVAL_S = 0.001
@@ -86,8 +87,9 @@ def _simulate(
     request: PredictionRequest,
     sets: np.ndarray,
     vehicles: VehicleDraws | None = None,
+    stops: AssumedStops | None = None,
 ) -> _Pass:
-    """`sets` (p, S) log parameters; `vehicles` of the S draws, None for the declared one."""
+    """`sets` (p, S) log parameters; `vehicles` of the S draws, None for the declared one with assumed `stops`."""
     wanted = Pass(request.load_case, request.bump)
     lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
     road, speed = lanes.road, request.speed_m_s
@@ -100,7 +102,8 @@ def _simulate(
     timing, motion = Timing(samples, INTERVAL_S, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
     if vehicles is None:
         laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
-        wheels = wheel_road(lanes.matrices, road, lanes.axle_x, motion.speed, motion.start_s, timing)
+        laws = laws if stops is None else stops.on(laws, 0)
+        wheels = wheel_road(lanes.matrices, road, lanes.axle_x, motion, timing)
         histories = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), timing=timing)
         tire, suspension, deflection, sunk = (np.asarray(h) for h in histories)
         suspension = suspension + lanes.matrices.carried_load[0]
@@ -130,6 +133,7 @@ def predict_pass(
     sets: np.ndarray,
     vehicles: VehicleDraws | None = None,
     driven: DrivenRange | None = None,
+    stops: AssumedStops | None = None,
 ) -> PassPrediction:
     """Wheel loads of one pass, for a point estimate or for posterior draws.
 
@@ -142,13 +146,17 @@ def predict_pass(
     sets : (n, p) log parameters: one row, or draws, of which the bands are quantiles.
     vehicles : those that belong to the draws, None for the declared one.
     driven : what the driven runs reached; without it nothing is said about extrapolation.
+    stops : those of the declared vehicle that are assumed; drawn ones have their own.
     """
-    p = _simulate(campaign, parameters, roads, request, sets.T, vehicles)
+    p = _simulate(campaign, parameters, roads, request, sets.T, vehicles, stops)
     force = quantiles(p.tire_N)
     suspension = quantiles(p.suspension_N)
     ratio = quantiles(p.tire_N.max(axis=0) / p.static_N[:, None])
-    jounce, rebound = quantiles((-p.deflection_m).max(axis=0)), quantiles(p.deflection_m.max(axis=0))
-    trust = () if driven is None else extrapolations(p.reached(request.speed_m_s), driven, request.load_case)
+    travel = (-p.deflection_m).max(axis=0), p.deflection_m.max(axis=0)
+    jounce, rebound = (quantiles(t) for t in travel)
+    assumed = stops if vehicles is None else vehicles.stops
+    acting = {} if assumed is None else assumed.acting(*travel)
+    trust = () if driven is None else extrapolations(p.reached(request.speed_m_s), driven, request.load_case, acting)
     together = float(np.median(p.tire_N.sum(axis=1).mean(axis=0))) / float(p.static_N.sum())
     return PassPrediction(
         load_case=request.load_case,
@@ -162,7 +170,7 @@ def predict_pass(
         peak_ratio_q50=ratio.q50,
         peak_ratio_q95=ratio.q95,
         lift_off=(p.tire_N.min(axis=0) <= 0.0).mean(axis=1) >= 0.5,
-        warnings=remarks(campaign, request, trust, together),
+        warnings=remarks(campaign, request, trust, together, acting),
         suspension_force_N=Quantiles(_transposed(suspension.q05), suspension.q50.T, _transposed(suspension.q95)),
         load_coefficient=quantiles(load_coefficient(p.tire_N, p.static_N, p.passing)),
         lift_off_s=quantiles(lift_off_time(p.tire_N, INTERVAL_S)),
@@ -202,6 +210,7 @@ def speed_sweep(
     progress: Progress = unwatched,
     vehicles: VehicleDraws | None = None,
     driven: DrivenRange | None = None,
+    stops: AssumedStops | None = None,
 ) -> SpeedSweep:
     """Peak load ratio and dynamic load coefficient of one load case over a bump against speed.
 
@@ -211,11 +220,12 @@ def speed_sweep(
     speeds_m_s : (m,) [m/s].
     vehicles : those that belong to the sets, None for the declared one.
     driven : what the driven runs reached; without it nothing but the speed is compared with them.
+    stops : those of the declared vehicle that are assumed; drawn ones have their own.
     """
     peaks, coefficients, beyond = [], [], []
     for i, speed in enumerate(speeds_m_s):
         progress(f"ratio against speed, {load_case}", i / len(speeds_m_s))
-        p = _simulate(campaign, parameters, roads, PredictionRequest(load_case, speed, bump), sets, vehicles)
+        p = _simulate(campaign, parameters, roads, PredictionRequest(load_case, speed, bump), sets, vehicles, stops)
         peaks.append(p.tire_N.max(axis=0) / p.static_N[:, None])
         coefficients.append(load_coefficient(p.tire_N, p.static_N, p.passing))
         trust = () if driven is None else extrapolations(p.reached(speed), driven, load_case)
@@ -275,17 +285,21 @@ def predict(
     if draws is not None and draws.shape[0] > DRAWS:
         draws = draws[random.choice(draws.shape[0], DRAWS, replace=False)]
     roads = effective_roads(state, requests)
-    vehicles = None
+    vehicles, stops = None, assumed_stops(campaign.vehicle, parameters, driven, None)
     if draws is not None and response is not None:
-        vehicles = VehicleDraws(campaign_allowances(campaign, parameters, roads), response.draws(draws, random))
+        amounts = response.draws(draws, random)
+        drawn = assumed_stops(campaign.vehicle, parameters, driven, random, len(amounts))
+        vehicles = VehicleDraws(campaign_allowances(campaign, parameters, roads), amounts, drawn)
     sets = state.point.log_parameters[None] if draws is None else draws
-    passes = tuple(predict_pass(campaign, parameters, roads, request, sets, vehicles, driven) for request in requests)
+    passes = tuple(
+        predict_pass(campaign, parameters, roads, request, sets, vehicles, driven, stops) for request in requests
+    )
     sets = sets[:SWEEP_DRAWS].T
     few = None if vehicles is None else vehicles.first(SWEEP_DRAWS)
     pairs = dict.fromkeys((r.load_case, r.bump) for r in requests if r.shape is None)
     speeds = [v / 3.6 for v in sweep_km_h]
     sweeps = tuple(
-        speed_sweep(campaign, parameters, case, bump, roads, sets, speeds, progress, few, driven)
+        speed_sweep(campaign, parameters, case, bump, roads, sets, speeds, progress, few, driven, stops)
         for case, bump in pairs
         if speeds
     )

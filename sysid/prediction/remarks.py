@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.prediction.trust import MARGIN, Extrapolation
@@ -27,6 +27,7 @@ def remarks(
     request: PredictionRequest,
     trust: Sequence[Extrapolation],
     impulse: float,
+    acting: Mapping[int, tuple[str, float]] | None = None,
 ) -> tuple[str, ...]:
     """Sentences about one pass.
 
@@ -34,11 +35,18 @@ def remarks(
     ----------
     trust : what of the pass goes beyond the driven runs.
     impulse : mean of all wheel loads over the pass over the weight.
+    acting : bump stops that act and that nobody declared, by axle (index): direction and travel [m].
     """
     name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
     if request.shape is not None:
         name += f", {request.shape.label}"
     sentences = [*_extrapolation(campaign, request, name), *_beyond(trust, name)]
+    if acting:
+        stops = ", ".join(f"axle {i + 1} in {way} at about {1e3 * m:.0f} mm" for i, (way, m) in sorted(acting.items()))
+        sentences.append(
+            f"{name}: bump stops act that are assumed, not declared: {stops}. Declare jounce_travel_m and "
+            "rebound_travel_m if the travel is known."
+        )
     if abs(impulse - 1.0) > _IMPULSE:
         sentences.append(
             f"{name}: averaged over the pass the wheel loads sum to {impulse:.3f} times the weight; the truck is not "

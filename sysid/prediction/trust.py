@@ -57,25 +57,34 @@ class Reached:
 
 @dataclass(frozen=True)
 class Extrapolation:
-    """One quantity of one axle (index) that goes beyond the driven runs; `reached` and `driven` in m/s, m or s."""
+    """One quantity of one axle (index) that goes beyond the driven runs; `reached` and `driven` in m/s, m or s.
+
+    `assumed` is the travel [m] of a bump stop that acts there and that nobody declared, None without one.
+    """
 
     what: What
     axle: int
     reached: float
     driven: float
+    assumed: float | None = None
 
 
-def extrapolations(reached: Reached, driven: DrivenRange, load_case: str) -> tuple[Extrapolation, ...]:
+def extrapolations(
+    reached: Reached, driven: DrivenRange, load_case: str, acting: Mapping[int, tuple[str, float]] | None = None
+) -> tuple[Extrapolation, ...]:
     """What of a pass goes beyond the driven runs by more than :data:`MARGIN`, axle by axle; empty where nothing does.
 
     The speed counts against the runs of the same load case, 0 without any.  Of both directions of travel the one that
     goes further beyond is named.  A wheel that leaves the road counts where it did so in no driven run.
+    `acting` are assumed bump stops that act, by axle: direction and travel [m].
     """
     beyond: list[Extrapolation] = []
+    assumed = acting or {}
 
     def compare(what: What, axle: int, value: float, limit: float) -> None:
         if value > MARGIN * limit:
-            beyond.append(Extrapolation(what, axle, value, limit))
+            stop = assumed[axle][1] if what == "travel" and axle in assumed else None
+            beyond.append(Extrapolation(what, axle, value, limit, stop))
 
     for i in range(len(reached.jounce_m)):
         compare("speed", i, reached.speed_m_s, driven.speed_m_s.get(load_case, 0.0))

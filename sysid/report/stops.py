@@ -71,6 +71,7 @@ def remedies(results: Results) -> list[str]:
         every_axle = len(unknown) == len(results.campaign.vehicle.axles)
         axles = "every axle" if every_axle else listing([f"axle {i + 1}" for i in unknown])
         steps.append(
-            f"Declare jounce_travel_m and rebound_travel_m of {axles}: bump stops then act there in the model."
+            f"Declare jounce_travel_m and rebound_travel_m of {axles}: bump stops then act there, not at usual travels "
+            "that the model assumes."
         )
     return steps

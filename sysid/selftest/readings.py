@@ -105,18 +105,24 @@ def _way(campaign: Campaign, run: BumpRun, profiles: Mapping[str, RoadProfile]) 
 
 
 def draw_motion(campaign: Campaign, profiles: Mapping[str, RoadProfile], random: np.random.Generator) -> RunMotion:
-    """Speeds from their priors, at most two standard deviations off, and starts about a second into the record.
+    """Speeds and their changes from their priors, at most two standard deviations off, and starts about a second in.
 
     In a record too short for that a run starts as early as its passage needs, but not in the first tenth.
     """
     nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
     spread = np.array([r.speed_sd for r in campaign.bump_runs])
-    off = np.clip(random.standard_normal(nominal.size), -2.0, 2.0)
-    speed = nominal * (1.0 + spread * off)
+
+    def off() -> np.ndarray:
+        return np.clip(random.standard_normal(nominal.size), -2.0, 2.0)
+
+    speed = nominal * (1.0 + spread * off())
     length = np.array([r.log.duration_s for r in campaign.bump_runs])
     way = np.array([_way(campaign, r, profiles) for r in campaign.bump_runs])
-    latest = np.maximum(length - way / speed - LEAST_AFTER_S, 0.1 * length)
-    return RunMotion(speed, np.minimum(BEFORE_S + random.uniform(-0.3, 0.3, nominal.size), latest))
+    start = BEFORE_S + random.uniform(-0.3, 0.3, nominal.size)
+    change = np.array([r.speed_change_sd for r in campaign.bump_runs]) * off()
+    slowest = speed * np.minimum(1.0, 1.0 + change)
+    latest = np.maximum(length - way / slowest - LEAST_AFTER_S, 0.1 * length)
+    return RunMotion(speed, np.minimum(start, latest), change)
 
 
 def simulated_campaign(

@@ -6,9 +6,9 @@ from sysid.vehicle_model.filters import FilterRecursion, discretise
 from sysid.vehicle_model.lane_matrices import LaneMatrices, lane_matrices
 from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, Pass, make_lanes
 from sysid.vehicle_model.measured_road import measured_road
+from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.simulation import (
     Histories,
-    Motion,
     SensorLayout,
     simulate_histories,
     simulate_sensors,

@@ -19,8 +19,8 @@ from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engines.native import NATIVE
 from sysid.vehicle_model.engines.protocol import Engine, Timing, WheelRoad
 from sysid.vehicle_model.engines.reference import REFERENCE
-from sysid.vehicle_model.lane_arrays import HostOrDevice
 from sysid.vehicle_model.lane_matrices import LaneMatrices
+from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.native import kernel
 from sysid.vehicle_model.native.build import BuildError
 
@@ -82,14 +82,13 @@ def wheel_road(
     lanes: LaneMatrices,
     road: EffectiveRoad,
     axle_x: np.ndarray,
-    speed: HostOrDevice,
-    start_s: HostOrDevice,
+    motion: Motion,
     timing: Timing,
 ) -> WheelRoad:
-    """The road of R runs at speeds [m/s] and starts [s] (R, 1), prepared by the engine of this process.
+    """The road of R runs at motions (R, 1), prepared by the engine of this process.
 
     Vehicles that this engine does not take get the reference engine.
     """
     engine = engine_of_process()
     chosen = engine if engine.takes(lanes) else REFERENCE
-    return chosen.prepare(road, axle_x, speed, start_s, timing)
+    return chosen.prepare(road, axle_x, motion, timing)

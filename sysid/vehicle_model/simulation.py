@@ -21,8 +21,9 @@ from sysid.errors import SysidError
 from sysid.vehicle_model.contact import RoadInput, TireLaw, contact_force
 from sysid.vehicle_model.filters import FilterRecursion, filter_memory, filtered, next_memory
 from sysid.vehicle_model.kink import clipped_integrals
-from sysid.vehicle_model.lane_arrays import AxleHistories, AxleLanes, ChannelHistories, HostOrDevice, PerLane
+from sysid.vehicle_model.lane_arrays import AxleHistories, AxleLanes, ChannelHistories
 from sysid.vehicle_model.lane_matrices import LaneMatrices
+from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.suspension import (
     SuspensionLaw,
     has_kinks,
@@ -31,20 +32,6 @@ from sysid.vehicle_model.suspension import (
     slip_at_stage,
     suspension_force,
 )
-
-
-class Motion(NamedTuple):
-    """How each lane moves along the road, (R, S).
-
-    `speed` [m/s] and `start_s` [s] (axle 1 over the start of the bump) at which the road input was looked up;
-    `speed_change` [m/s] and `start_change` [s] are small departures from them, linear in their effect, for derivatives
-    with respect to both; None where none are wanted.
-    """
-
-    speed: HostOrDevice
-    start_s: HostOrDevice
-    speed_change: PerLane | None = None
-    start_change: PerLane | None = None
 
 
 class SensorLayout(NamedTuple):
@@ -106,11 +93,10 @@ def _forces(
     axles = lanes.static_load.shape[1]
     shift = jnp.matmul(lanes.position, state.body)
     drift = jnp.matmul(lanes.rate, state.body_rate)
-    nominal = motion.speed
-    if motion.speed_change is not None and motion.start_change is not None:
-        ahead = motion.speed_change * (time_s - motion.start_s) - motion.speed * motion.start_change
-        road = road.shifted(ahead[:, None])
-        nominal = nominal + motion.speed_change
+    nominal = motion.speed_at(time_s)
+    if motion.change is not None:
+        road = road.shifted(motion.ahead(motion.change, time_s)[:, None])
+        nominal = nominal + motion.faster(motion.change, time_s)
     advance = shift[:, axles : 2 * axles]
     speed = drift[:, axles : 2 * axles] + nominal[:, None]
     unclipped, drag = contact_force(

@@ -82,6 +82,19 @@ def test_other_units():
     assert pressure_pa(800.0) == pytest.approx(8e5, rel=1e-15)
 
 
+def test_how_the_speed_of_a_run_is_held_and_may_change(small):
+    (plain,) = read_campaign(small()).bump_runs
+    assert (plain.speed_held, plain.speed_change_sd) == ("servo", 0.02)
+    line = "nominal_speed_km_h = 36"
+    for value in (0.0, 0.05):
+        file = small((line, f'{line}, speed_held = "cruise", speed_change_sd = {value}'))
+        (run,) = read_campaign(file).bump_runs
+        assert (run.speed_held, run.speed_change_sd) == ("cruise", value)
+    for value in ("-0.01", "0.6", "nan", '"2 %"'):
+        with pytest.raises(CampaignError, match="speed_change_sd"):
+            read_campaign(small((line, f"{line}, speed_change_sd = {value}")))
+
+
 def test_point_cloud_reader_gets_file_and_unit(small):
     calls = []
 

@@ -19,7 +19,7 @@ from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE, departure_sc
 from sysid.estimation.uncertainty.departures import ENVELOPE, FRICTION, SPOKES, TIRE_LOAD, Departure, Departures
 from sysid.vehicle_model.lanes import EffectiveRoads
 
-MOTION = RunMotion(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
+MOTION = RunMotion.steady(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
 
 
 @pytest.fixture(scope="module")

@@ -14,24 +14,31 @@ from rigid_truck import bump, campaign, empty_run, true_log_parameters
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.linearisation import linearise_group
-from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT
+from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, RunMotion
 from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import simulate_group
 from sysid.vehicle_model.engines.protocol import Linearisation
 from sysid.vehicle_model.engines.reference import REFERENCE
+from sysid.vehicle_model.motion import Motion
 
 #: Just beside the nominal motion, at which half steps fall on the stations of the road: there the fifth derivative of
 #: the road jumps and differences lose an order, see the test of the nominal motion below.
-SPEED_M_S, START_S = 8.01, 0.2503
-#: Half width of the central differences: log parameters, relative speed in its unit, shift in its unit.
-STEPS = {"log": 1e-5, "speed": 1e-5, "start": 1e-5}
+SPEED_M_S, START_S, CHANGE = 8.01, 0.2503, -0.06
+#: Half width of the central differences: log parameters, and the unknowns of the motion in their units.
+STEPS = {"log": 1e-5, "speed": 1e-5, "start": 1e-5, "speed_change": 1e-5}
+#: Unit of the change of speed: the standard deviation of its prior.
+CHANGE_SD = 0.02
 
 
 @partial(jax.jit, static_argnames=("shape",))
-def signals(arrays, road, x, speed, start, *, shape):
-    """Sensor signals (T, R, C, S) of parameter sets (p, S), each with its own speed and start (R, S)."""
-    inputs = REFERENCE.prepare(road, arrays.axle_x, speed, start, shape.timing)
-    return simulate_group(arrays, shape, x, inputs)
+def signals(arrays, road, x, motion, *, shape):
+    """Sensor signals (T, R, C, S) of parameter sets (p, S), each with its own motion (R, S)."""
+    return simulate_group(arrays, shape, x, REFERENCE.prepare(road, arrays.axle_x, motion, shape.timing))
+
+
+def lanes(axle_x, speed, start, change) -> Motion:
+    """Motions (1, S); the acceleration from v^2 - v_0^2 = 2 a L, written out here once more."""
+    return Motion(*(jnp.asarray(v) for v in (speed, start, ((1 + change) ** 2 - 1) * speed**2 / (2 * axle_x.max()))))
 
 
 @pytest.fixture(scope="session")
@@ -39,9 +46,10 @@ def model() -> BumpModel:
     """One run of the three-axle truck over a bump that all its axles leave, with its own signals as readings."""
     runs = campaign([empty_run("run.csv", SPEED_M_S, samples=250)])
     empty = bump_model(runs, campaign_parameters(runs, None), {"bump": bump()})
-    truth = np.tile(true_log_parameters(empty.parameters.names)[:, None], 2 * len(empty.parameters.names) + 4)
+    truth = np.tile(true_log_parameters(empty.parameters.names)[:, None], 2 * len(empty.parameters.names) + 6)
     sets = np.ones((1, truth.shape[1]))
-    y = signals(empty.arrays[0], empty.roads[0], truth, SPEED_M_S * sets, START_S * sets, shape=empty.shapes[0])
+    motion = lanes(empty.arrays[0].axle_x, SPEED_M_S * sets, START_S * sets, CHANGE * sets)
+    y = signals(empty.arrays[0], empty.roads[0], truth, motion, shape=empty.shapes[0])
     return replace(empty, arrays=(empty.arrays[0]._replace(value=np.asarray(y)[..., 0]),))
 
 
@@ -63,8 +71,7 @@ def linearised(model, noise, point, speed_m_s: float, start_s: float) -> Lineari
         noise,
         np.ones_like(noise),
         jnp.asarray(point),
-        jnp.array([speed_m_s]),
-        jnp.array([start_s]),
+        RunMotion(np.array([speed_m_s]), np.array([start_s]), np.array([CHANGE])),
         shape=model.shapes[0],
     )
 
@@ -75,13 +82,14 @@ def exact(model, point, noise) -> Linearisation:
 
 
 def central_differences(model, noise, point, speed_m_s: float, start_s: float, steps: np.ndarray):
-    """Differences of residuals (T, C, p + 2) and gain residuals (C, p + 2), all in one batch."""
+    """Differences of residuals (T, C, p + 3) and gain residuals (C, p + 3), all in one batch."""
     count = point.size
     moved = np.concatenate([np.diag(steps), -np.diag(steps)], axis=1)
     x = point[:, None] + moved[:count]
     speed = speed_m_s * (1 + SPEED_UNIT * moved[count : count + 1])
-    start = start_s + SHIFT_UNIT_M / speed_m_s * moved[count + 1 :]
-    y = signals(model.arrays[0], model.roads[0], x, jnp.asarray(speed), jnp.asarray(start), shape=model.shapes[0])
+    start = start_s + SHIFT_UNIT_M / speed_m_s * moved[count + 1 : count + 2]
+    motion = lanes(model.arrays[0].axle_x, speed, start, CHANGE + CHANGE_SD * moved[count + 2 :])
+    y = signals(model.arrays[0], model.roads[0], x, motion, shape=model.shapes[0])
     found = []
     for values in group_residuals(model.arrays[0], noise, np.ones_like(noise), y):
         plus, minus = np.split(np.asarray(values), 2, axis=-1)
@@ -91,13 +99,13 @@ def central_differences(model, noise, point, speed_m_s: float, start_s: float, s
 
 @pytest.fixture(scope="session")
 def differences(model, point, noise) -> tuple[np.ndarray, np.ndarray]:
-    steps = np.array([STEPS["log"]] * point.size + [STEPS["speed"], STEPS["start"]])
+    steps = np.array([STEPS["log"]] * point.size + [STEPS["speed"], STEPS["start"], STEPS["speed_change"]])
     return central_differences(model, noise, point, SPEED_M_S, START_S, steps)
 
 
 def test_jacobian_equals_central_differences_in_every_channel(model, exact, differences):
     jacobian = np.asarray(exact.residual_jacobian)[:, 0]
-    names = [*model.parameters.names, "speed", "start"]
+    names = [*model.parameters.names, "speed", "start", "speed_change"]
     size = np.sqrt((jacobian**2).sum(axis=0))
     error = np.sqrt(((jacobian - differences[0]) ** 2).sum(axis=0)) / size
     assert (size > 0).all()
@@ -115,11 +123,12 @@ def test_wheels_leave_the_ground(model, point, exact):
     assert (accelerations.min(axis=0) < -15.0).all()
 
 
-def test_speed_and_start_at_the_nominal_motion(model, point, noise):
+def test_speed_and_start_at_the_nominal_motion(model, point, noise, monkeypatch):
     """8 m/s from 0.25 s: every half step looks the road up exactly on a station."""
-    jacobian = np.asarray(linearised(model, noise, point, 8.0, 0.25).residual_jacobian)[:, 0, :, -2:]
-    steps = np.array([STEPS["log"]] * point.size + [3e-6, 1e-5])
-    found = central_differences(model, noise, point, 8.0, 0.25, steps)[0][..., -2:]
+    monkeypatch.setitem(globals(), "CHANGE", 0.0)
+    jacobian = np.asarray(linearised(model, noise, point, 8.0, 0.25).residual_jacobian)[:, 0, :, -3:-1]
+    steps = np.array([STEPS["log"]] * point.size + [3e-6, 1e-5, 1e-5])
+    found = central_differences(model, noise, point, 8.0, 0.25, steps)[0][..., -3:-1]
     error = np.sqrt(((jacobian - found) ** 2).sum(axis=0) / (jacobian**2).sum(axis=0))
     # First order in the step here: 4e-8 of a unit for the start, 3e-6 for the speed.
     assert error[:, 1].max() < 1e-6
@@ -130,7 +139,7 @@ def test_forward_equals_reverse_mode(model, point):
     shape = model.shapes[0]._replace(samples=48, interval_s=0.0025, substeps=1)
     arrays = model.arrays[0]
     one = jnp.ones((1, 1))
-    inputs = REFERENCE.prepare(model.roads[0], arrays.axle_x, SPEED_M_S * one, 0.03 * one, shape.timing)
+    inputs = REFERENCE.prepare(model.roads[0], arrays.axle_x, Motion(SPEED_M_S * one, 0.03 * one), shape.timing)
     random = np.random.default_rng(0)
     direction = jnp.asarray(random.normal(size=(point.size, 1)))
 

@@ -25,7 +25,7 @@ def optimum(fit, campaign, tires: MapTires) -> np.ndarray:
     """Log parameters of the least-squares optimum under given maps, priors left out of sight by sharp data."""
     model = bump_model(campaign, fit.parameters, {"bump": bump()}, tires=tires)
     problem = Problem(model, campaign, fit.state.point.motion, fit.state.point.weights)
-    start = np.concatenate([fit.state.point.log_parameters, np.zeros(4)])
+    start = problem.vector(fit.state.point.log_parameters)
     return minimise(problem.evaluate, start, relative_tolerance=1e-10).point[: fit.truth.size]
 
 

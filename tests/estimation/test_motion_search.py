@@ -30,7 +30,7 @@ def truck():
     parameters = campaign_parameters(blank, None)
     model = bump_model(blank, parameters, {"bump": bump()})
     truth = true_log_parameters(parameters.names)
-    (signals,) = simulate_runs(model, truth, RunMotion(SPEED_M_S, START_S))
+    (signals,) = simulate_runs(model, truth, RunMotion.steady(SPEED_M_S, START_S))
     scale = np.array([NOISE[s.kind] for s in SENSORS])
     random = np.random.default_rng(3)
     (group,) = model.groups

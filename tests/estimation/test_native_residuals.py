@@ -24,7 +24,8 @@ from sysid.vehicle_model.engines.protocol import Linearisation
 
 pytestmark = needs_compiler
 
-MOTION = RunMotion(np.array([6.1, 8.3]), np.array([0.44, 0.61]))
+#: One run brakes, the other gathers speed.
+MOTION = RunMotion(np.array([6.1, 8.3]), np.array([0.44, 0.61]), np.array([-0.05, 0.03]))
 
 
 @pytest.fixture
@@ -123,7 +124,7 @@ def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined
     data = campaign([empty_run("a.csv", 7.0, samples=220)], vehicle=vehicle, load_cases=(load,))
     model = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
     x = model.parameters.start
-    motion, found = RunMotion(np.array([7.1]), np.array([0.35])), []
+    motion, found = RunMotion.steady(np.array([7.1]), np.array([0.35])), []
     for name in ("native", "reference"):
         monkeypatch.setenv("SYSID_ENGINE", name)
         (signals,) = simulate_runs(model, x + 0.02, motion)
@@ -137,6 +138,36 @@ def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined
     jacobian = found[1][2]
     used = np.abs(jacobian).max(axis=(0, 1, 2)) > 0.0
     assert used.all(), [n for n, u in zip(model.parameters.names, used, strict=False) if not u]
+
+
+def test_derivatives_by_travels_to_the_stops_are_differences(native):
+    """Both stops of every axle are reached."""
+    law = "friction + estimated_bump_stops"
+    vehicle = replace(rigid_truck.VEHICLE, axles=tuple(replace(a, suspension_law=law) for a in rigid_truck.AXLES))
+    data = campaign([empty_run("a.csv", 7.0, samples=260)], vehicle=vehicle)
+    model = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
+    names = list(model.parameters.names)
+    x = model.parameters.start.copy()
+    travels = [i for i, n in enumerate(names) if n.startswith(("jounce", "rebound"))]
+    assert len(travels) == 6
+    x[travels] = np.log(0.012)
+    motion = RunMotion.steady(np.array([7.1]), np.array([0.35]))
+    (signals,) = simulate_runs(model, x + 0.02, motion)
+    model = replace(model, arrays=(model.arrays[0]._replace(value=signals),))
+    weights = Weights((0.1 * signals.std(axis=0),), (np.ones(signals.shape[1:]),))
+
+    def residual(point: np.ndarray) -> np.ndarray:
+        (one,) = linearise(model, weights, point, motion)
+        return np.asarray(one.residual)[:, 0]
+
+    (here,) = linearise(model, weights, x, motion)
+    jacobian = np.asarray(here.residual_jacobian)[:, 0]
+    for k in travels:
+        step = 1e-5 * np.eye(x.size)[k]
+        slope = (residual(x + step) - residual(x - step)) / 2e-5
+        size = np.sqrt((slope**2).sum())
+        assert size > 1.0
+        assert np.sqrt(((jacobian[..., k] - slope) ** 2).sum()) < 1e-5 * size, names[k]
 
 
 def test_clipped_samples_matter(linearisations, made):
@@ -158,14 +189,13 @@ def test_many_parameters_need_several_passes(made, native):
         state.point.weights.noise_sd[0],
         state.point.weights.tempering[0],
         jnp.asarray(x),
-        jnp.asarray(MOTION.speed_m_s[list(model.groups[0].runs)]),
-        jnp.asarray(MOTION.start_s[list(model.groups[0].runs)]),
+        MOTION.of(model.groups[0].runs),
         shape=model.shapes[0],
     )
     plain = linearised(state, state.point.log_parameters)
     count = state.point.log_parameters.size
     jacobian = np.asarray(wide.residual_jacobian)
-    used = np.r_[0:count, x.size : x.size + 2]
+    used = np.r_[0:count, x.size : x.size + 3]
     np.testing.assert_allclose(
         jacobian[..., used], plain.residual_jacobian, rtol=0, atol=1e-11 * np.abs(plain.residual_jacobian).max()
     )

@@ -10,7 +10,7 @@ from synthetic_fit import CLIPPED, LOST, NOISE, NOMINAL_M_S, SAMPLES, SPEED_M_S,
 from sysid.estimation.fit.start_search import search_motion
 from sysid.estimation.residuals.compressed import compress, run_blocks
 from sysid.estimation.residuals.linearisation import linearise
-from sysid.estimation.residuals.run_motion import RunMotion, speed_prior
+from sysid.estimation.residuals.run_motion import RunMotion, motion_prior
 from sysid.estimation.residuals.signals import simulate_runs
 
 
@@ -94,31 +94,32 @@ def test_compressed_problem_has_the_squares_and_products_of_the_dense_one(fit):
     state, campaign = fit.state, fit.campaign
     nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
     parameters = fit.truth + 0.02
-    motion = RunMotion(state.point.motion.speed_m_s * 1.001, state.point.motion.start_s)
+    motion = RunMotion(state.point.motion.speed_m_s * 1.001, state.point.motion.start_s, np.array([-0.03, 0.01]))
     lin = linearise(state.model, state.point.weights, parameters, motion)
-    small = compress(state.model, lin, parameters, motion, speed_prior(campaign.bump_runs))
+    small = compress(state.model, lin, parameters, motion, motion_prior(campaign.bump_runs))
     p = parameters.size
     residuals, jacobians = [], []
     for position, group in enumerate(state.model.groups):
         for r, run in enumerate(group.runs):
-            column = p + 2 * [g for grp in state.model.groups for g in grp.runs].index(run)
+            column = p + 3 * [g for grp in state.model.groups for g in grp.runs].index(run)
             for part, slopes in (
                 (np.asarray(lin[position].residual)[:, r].reshape(-1), lin[position].residual_jacobian[:, r]),
                 (np.asarray(lin[position].gain_residual)[r], lin[position].gain_jacobian[r]),
             ):
-                rows = np.asarray(slopes).reshape(-1, p + 2)
-                wide = np.zeros((rows.shape[0], p + 2 * nominal.size))
-                wide[:, :p], wide[:, column : column + 2] = rows[:, :p], rows[:, p:]
+                rows = np.asarray(slopes).reshape(-1, p + 3)
+                wide = np.zeros((rows.shape[0], p + 3 * nominal.size))
+                wide[:, :p], wide[:, column : column + 3] = rows[:, :p], rows[:, p:]
                 residuals.append(part)
                 jacobians.append(wide)
             speed = motion.speed_m_s[run] / nominal[run]
-            prior = np.zeros((1, p + 2 * nominal.size))
+            prior = np.zeros((2, p + 3 * nominal.size))
             prior[0, column] = 0.01 * speed / 0.03
-            residuals.append(np.array([(speed - 1.0) / 0.03]))
+            prior[1, column + 2] = 1.0
+            residuals.append(np.array([(speed - 1.0) / 0.03, motion.speed_change[run] / 0.02]))
             jacobians.append(prior)
     for k, parameter in enumerate(fit.parameters.parameters):
         residuals.append(np.array([(parameters[k] - np.log(parameter.prior_median)) / parameter.prior_sd]))
-        jacobians.append(np.eye(1, p + 2 * nominal.size, k) / parameter.prior_sd)
+        jacobians.append(np.eye(1, p + 3 * nominal.size, k) / parameter.prior_sd)
     r, jacobian = np.concatenate(residuals), np.concatenate(jacobians)
     assert small.residual.size < r.size / 20
     assert small.residual @ small.residual == pytest.approx(r @ r, rel=1e-10)
@@ -133,7 +134,7 @@ def test_compressed_problem_has_the_squares_and_products_of_the_dense_one(fit):
 def test_local_columns_count_in_units_of_the_reference(fit):
     """Derivatives with respect to the solver's vector by differences, away from the reference motion."""
     problem = fit.state.problem()
-    vector = np.concatenate([fit.truth, [2.0, -1.0, -1.5, 3.0]])
+    vector = np.concatenate([fit.truth, [2.0, -1.0, 1.5, -1.5, 3.0, -0.7]])
     residual, jacobian = problem.evaluate(vector)
     gradient = jacobian.T @ residual
     for k in range(fit.truth.size, vector.size):

@@ -40,7 +40,9 @@ def measured(share: float, friction: float):
     logs = np.log([truth.get(p.name, p.start) for p in parameters.parameters])
     model = bump_model(behind, parameters, PROFILES)
     random, filled = np.random.default_rng(11), {}
-    for signals, group in zip(simulate_runs(model, logs, RunMotion(SPEED_M_S, START_S)), model.groups, strict=True):
+    for signals, group in zip(
+        simulate_runs(model, logs, RunMotion.steady(SPEED_M_S, START_S)), model.groups, strict=True
+    ):
         for position, r in enumerate(group.runs):
             clean = signals[: len(runs[r].log.channels[0].value), position]
             noise = np.array([2e-4 if c.sensor.kind == "suspension_deflection" else 0.1 for c in runs[r].log.channels])

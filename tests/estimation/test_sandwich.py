@@ -53,10 +53,10 @@ def test_repeats_in_one_block_count_as_one() -> None:
 def test_a_run_s_own_unknowns_are_eliminated_like_a_schur_complement() -> None:
     random = np.random.default_rng(5)
     residual = random.standard_normal((50, 1, 2))
-    jacobian = random.standard_normal((50, 1, 2, 5))
-    prior = np.diag([0.3, 0.0])[None]
-    scores, information = block_scores(residual, jacobian, np.zeros((1, 2)), np.zeros((1, 2, 5)), prior)
-    dense = jacobian[:, 0].reshape(-1, 5)
+    jacobian = random.standard_normal((50, 1, 2, 6))
+    prior = np.diag([0.3, 0.0, 1.0])[None]
+    scores, information = block_scores(residual, jacobian, np.zeros((1, 2)), np.zeros((1, 2, 6)), prior)
+    dense = jacobian[:, 0].reshape(-1, 6)
     normal = dense.T @ dense
     normal[3:, 3:] += prior[0]
     inverse = np.linalg.inv(normal)

@@ -11,7 +11,14 @@ from rigid_truck import AXLES
 
 from sysid.campaign.records import ForceTable, LeafDimensions
 from sysid.estimation.parameters.campaign_parameters import leaf_pack_stiffness
-from sysid.estimation.parameters.suspension_curves import lash_ramps, stop_ramps, suspension_curves, table_ramps
+from sysid.estimation.parameters.suspension_curves import (
+    joined_stops,
+    lash_ramps,
+    stop_ramps,
+    suspension_curves,
+    table_ramps,
+)
+from sysid.estimation.parameters.suspension_elements import NO_STOP_M
 from sysid.vehicle_model.suspension import SuspensionLaw, damper_force, spring_force
 
 EXTENSION = (-0.08, -0.05, -0.02, 0.03, 0.07)
@@ -77,6 +84,17 @@ def test_stops_act_beyond_the_declared_travel_alone():
             assert found_N == pytest.approx(
                 force, rel=1e-9 if exact else 0.0, abs=0.0 if exact else 2e6 * 0.008**2 / (4.0 * 0.015) + 1e-3
             )
+
+
+def test_estimated_travels_act_as_declared_ones_and_beside_them():
+    axles = [replace(AXLES[0], rebound_travel_m=0.06, jounce_travel_m=0.09), AXLES[1]]
+    declared = suspension_curves(axles, [frozenset({"bump_stops"}), frozenset()], *(np.tile(LOADS, 2),) * 2).stops
+    never = NO_STOP_M * np.ones((2, 1, 1))
+    jounce, rebound = (np.concatenate([never, v * np.ones((2, 1, 1))], axis=1) for v in (0.05, 0.04))
+    both = np.asarray(joined_stops(declared, jnp.asarray(jounce), jnp.asarray(rebound)))
+    np.testing.assert_array_equal(both[:, 0, :, 0], [[0.06, 0.04], [-0.09, -0.05]])
+    alone = np.asarray(joined_stops(None, jnp.asarray(jounce), jnp.asarray(rebound)))
+    np.testing.assert_array_equal(alone[:, 1, :, 0], [[NO_STOP_M, 0.04], [-NO_STOP_M, -0.05]])
 
 
 def test_a_slack_hanger_carries_nothing_until_it_has_moved():

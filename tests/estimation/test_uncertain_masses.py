@@ -157,8 +157,9 @@ def test_the_optimum_moves_as_the_covariance_says(fits):
     parameters, tires = state.model.parameters, state.model.tires
     heavier = bump_model(other, parameters, {"bump": rigid_truck.bump()}, tires=tires)
     problem = Problem(heavier, other, state.point.motion, state.point.weights)
-    start = np.concatenate([state.point.log_parameters, np.zeros(4)])
-    change = minimise(problem.evaluate, start, relative_tolerance=1e-8).point[:-4] - state.point.log_parameters
+    start = problem.vector(state.point.log_parameters)
+    found = minimise(problem.evaluate, start, relative_tolerance=1e-8).point[: problem.count]
+    change = found - state.point.log_parameters
     _, effect, _ = adjusted_information(data, state.problem(), start, state.allowances)
     names = list(plain.names)
     for name in ("c_2", "kt_2", "ct_2"):
@@ -201,7 +202,7 @@ def test_matrices_are_assembled_again_as_for_a_vehicle_declared_so():
     masses = uncertain_masses(data)
     vehicle, cases = masses.applied(0.5 * masses.sd)
     other = bump_model(replace(data, vehicle=vehicle, load_cases=cases), parameters, profiles)
-    motion = RunMotion(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
+    motion = RunMotion.steady(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
     x = parameters.start
     for ours, theirs in zip(
         simulate_runs(model.with_vehicle(vehicle, cases), x, motion), simulate_runs(other, x, motion), strict=True

@@ -17,6 +17,7 @@ from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import simulate_group
 from sysid.posterior.log_density import LogDensity
 from sysid.vehicle_model.engines.reference import REFERENCE
+from sysid.vehicle_model.motion import Motion
 
 
 @pytest.fixture(scope="session")
@@ -39,38 +40,46 @@ def in_batches(density: LogDensity, points: np.ndarray) -> np.ndarray:
 
 
 @partial(jax.jit, static_argnames=("shape",))
-def squares(arrays, road, noise, tempering, x, speed, start, *, shape) -> jax.Array:
+def squares(arrays, road, noise, tempering, x, motion, *, shape) -> jax.Array:
     """Sum of squared residuals, sensor gains included, of every run and set (R, S), simulated at each set's motion."""
-    inputs = REFERENCE.prepare(road, arrays.axle_x, speed, start, shape.timing)
+    inputs = REFERENCE.prepare(road, arrays.axle_x, motion, shape.timing)
     signals = simulate_group(arrays, shape, x, inputs)
     residual, gain = group_residuals(arrays, noise, tempering, signals)
     return (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
 
 
+def motions(fit: SyntheticFit, runs: list[int], local: np.ndarray) -> tuple[Motion, np.ndarray]:
+    """Motions (R, S) at scaled unknowns (R, 3, S) away from the optimum, and their changes of speed (R, S)."""
+    best = fit.state.point.motion
+    speed0, start0 = best.speed_m_s[runs][:, None], best.start_s[runs][:, None]
+    speed = speed0 * (1 + SPEED_UNIT * local[:, 0])
+    change = best.speed_change[runs][:, None] + 0.02 * local[:, 2]
+    length = max(a.x_m for a in fit.campaign.vehicle.axles)
+    acceleration = ((1.0 + change) ** 2 - 1.0) * speed**2 / (2.0 * length)
+    start = start0 + SHIFT_UNIT_M / speed0 * local[:, 1]
+    return Motion(*(jnp.asarray(v) for v in (speed, start, acceleration))), change
+
+
 def log_marginal(fit: SyntheticFit, x: np.ndarray, widths: np.ndarray) -> float:
-    """log of the integral over speed and start of both runs, on grids of 9 by 9 simulations; with the prior of x."""
+    """log of the integral over the motions of both runs, on grids of 9^3 simulations; with the prior of x."""
     model, state = fit.state.model, fit.state
     runs = list(model.groups[0].runs)
     # Steps of 1.25 standard deviations integrate a Gaussian to 1e-5.
     u = np.linspace(-5.0, 5.0, 9)
-    first, second = (g.ravel() for g in np.meshgrid(u, u))
-    # Whitened grid of each run: speed and shift are strongly correlated.
-    local = np.einsum("rkl,ls->rks", widths, np.stack([first, second]))
-    speed0, start0 = state.point.motion.speed_m_s[runs][:, None], state.point.motion.start_s[runs][:, None]
-    speed = speed0 * (1 + SPEED_UNIT * local[:, 0])
-    start = start0 + SHIFT_UNIT_M / speed0 * local[:, 1]
+    # Whitened grid of each run: its unknowns are strongly correlated.
+    local = np.einsum("rkl,ls->rks", widths, np.stack([g.ravel() for g in np.meshgrid(u, u, u)]))
+    motion, change = motions(fit, runs, local)
     total = squares(
         state.point.weights.on(model.arrays)[0],
         model.roads[0],
         state.point.weights.noise_sd[0],
         state.point.weights.tempering[0],
-        jnp.asarray(np.tile(x[:, None], u.size**2)),
-        jnp.asarray(speed),
-        jnp.asarray(start),
+        jnp.asarray(np.tile(x[:, None], u.size**3)),
+        motion,
         shape=model.shapes[0],
     )
     nominal = np.array(NOMINAL_M_S)[runs][:, None]
-    total = np.asarray(total) + ((speed / nominal - 1.0) / 0.03) ** 2
+    total = np.asarray(total) + ((np.asarray(motion.speed) / nominal - 1.0) / 0.03) ** 2 + (change / 0.02) ** 2
     prior = sum(((x[i] - np.log(p.prior_median)) / p.prior_sd) ** 2 for i, p in enumerate(fit.parameters.parameters))
     return float(logsumexp(-0.5 * total, axis=1).sum() - 0.5 * prior)
 
@@ -84,14 +93,14 @@ def test_marginalisation_equals_brute_force_integration(fit, density):
     files = [fit.campaign.bump_runs[r].log.file for r in fit.state.model.groups[0].runs]
     # Conditional widths for the grid, in the solver's units: a factor of the local normal matrix.
     inputs = density._inputs[0]
-    normal = np.einsum("trck,trcl->rkl", inputs.local.residual, inputs.local.residual)
+    normal = np.einsum("trck,trcl->rkl", inputs.local.residual, inputs.local.residual) + np.diag([0.0, 0.0, 1.0])
     widths = np.linalg.inv(np.linalg.cholesky(normal)).transpose(0, 2, 1)
     assert all(by_run[f]["speed"] > 0 for f in files)
     random = np.random.default_rng(3)
     points = [centre, centre + sd * np.eye(13)[0], centre + sd * random.normal(size=13)]
     brute = np.array([log_marginal(fit, x, widths) for x in points])
     ours = in_batches(density, np.array(points))
-    # The columns of speed and start are frozen at the optimum: exact up to their change over a standard deviation.
+    # The columns of the motion are frozen at the optimum: exact up to their change over a standard deviation.
     np.testing.assert_allclose(ours - ours[0], brute - brute[0], rtol=5e-3, atol=0.02)
     assert np.ptp(brute) > 1.0
 

@@ -1,4 +1,4 @@
-"""Speed and start integrated out against speed and start sampled, on a small campaign."""
+"""Motions of runs integrated out against motions sampled, on a small campaign."""
 
 from __future__ import annotations
 
@@ -10,30 +10,29 @@ import pytest
 from figures import record
 from scipy.stats import multivariate_t
 from synthetic_fit import NOMINAL_M_S, SyntheticFit, synthetic_fit
-from test_log_density import squares
+from test_log_density import motions, squares
 
 from sysid.estimation.residuals.compressed import compress, run_order
 from sysid.estimation.residuals.linearisation import linearise
-from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, speed_prior
+from sysid.estimation.residuals.run_motion import motion_prior
 from sysid.posterior.log_density import LogDensity
+from sysid.vehicle_model.motion import Motion
 
 BATCH = 100
 DRAWS = 4000
 #: Degrees of freedom of the proposals.
 FREEDOM = 15.0
-#: Standard deviation of a run's speed about the nominal one.
-SPEED_SD = 0.03
+#: Standard deviation of a run's speed about the nominal one, and of its change over the passage.
+SPEED_SD, CHANGE_SD = 0.03, 0.02
 
 
 def joint_density(fit: SyntheticFit, points: np.ndarray) -> np.ndarray:
-    """Log-density (n,) of log parameters and scaled speed and start of both runs, (n, p + 4), nothing integrated."""
+    """Log-density (n,) of log parameters and scaled motions of both runs, (n, p + 6), nothing integrated."""
     model, state = fit.state.model, fit.state
     runs = list(model.groups[0].runs)
     count = fit.truth.size
-    parameters, local = points[:, :count], points[:, count:].reshape(-1, len(runs), 2)
-    speed0, start0 = state.point.motion.speed_m_s[runs][:, None], state.point.motion.start_s[runs][:, None]
-    speed = speed0 * (1.0 + SPEED_UNIT * local[..., 0].T)
-    start = start0 + SHIFT_UNIT_M / speed0 * local[..., 1].T
+    parameters, local = points[:, :count], points[:, count:].reshape(-1, len(runs), 3)
+    motion, change = motions(fit, runs, np.moveaxis(local, 0, -1))
     weights = (state.point.weights.noise_sd[0], state.point.weights.tempering[0])
     total = [
         squares(
@@ -41,14 +40,14 @@ def joint_density(fit: SyntheticFit, points: np.ndarray) -> np.ndarray:
             model.roads[0],
             *weights,
             jnp.asarray(parameters[k : k + BATCH].T),
-            jnp.asarray(speed[:, k : k + BATCH]),
-            jnp.asarray(start[:, k : k + BATCH]),
+            Motion(*(v[:, k : k + BATCH] for v in motion[:3])),
             shape=model.shapes[0],
         )
         for k in range(0, len(points), BATCH)
     ]
     nominal = np.array(NOMINAL_M_S)[runs][:, None]
-    data = (np.concatenate(total, axis=1) + ((speed / nominal - 1.0) / SPEED_SD) ** 2).sum(axis=0)
+    expected = ((np.asarray(motion.speed) / nominal - 1.0) / SPEED_SD) ** 2 + (change / CHANGE_SD) ** 2
+    data = (np.concatenate(total, axis=1) + expected).sum(axis=0)
     rows, targets = fit.parameters.prior_rows()
     return -0.5 * (data + ((parameters @ rows.T - targets) ** 2).sum(axis=1))
 
@@ -76,7 +75,7 @@ def test_sampled_motions_give_the_same_posterior():
     fit = synthetic_fit()
     state, count = fit.state, fit.truth.size
     assert list(run_order(state.model)) == list(state.model.groups[0].runs)
-    expected = speed_prior(fit.campaign.bump_runs)
+    expected = motion_prior(fit.campaign.bump_runs)
     lins = linearise(state.model, state.point.weights, state.point.log_parameters, state.point.motion)
     jacobian = compress(state.model, lins, state.point.log_parameters, state.point.motion, expected).jacobian
     covariance = np.linalg.inv(jacobian.T @ jacobian)
@@ -86,7 +85,7 @@ def test_sampled_motions_give_the_same_posterior():
     sampled, sampled_sd, size = weighted_moments(lambda x: joint_density(fit, x), centre, covariance, 1)
     ours, ours_sd, other_size = weighted_moments(lambda x: marginal_density(fit, x), centre[:count], shared, 2)
     _, fixed_sd, _ = weighted_moments(
-        lambda x: joint_density(fit, np.concatenate([x, np.zeros((len(x), 4))], axis=1)), centre[:count], shared, 3
+        lambda x: joint_density(fit, np.concatenate([x, np.zeros((len(x), 6))], axis=1)), centre[:count], shared, 3
     )
     assert min(size, other_size) > 400
     error = np.sqrt(1.0 / size + 1.0 / other_size)

@@ -45,7 +45,7 @@ def fit() -> Case:
     scale = np.where(group.measured.any(axis=0), noise, np.inf)
     truth = true_log_parameters(parameters.names)
     weights = Weights((scale,), (np.full_like(scale, 0.6),))
-    state = state_at(data, model, truth, RunMotion(SPEED_M_S, START_S), weights)
+    state = state_at(data, model, truth, RunMotion.steady(SPEED_M_S, START_S), weights)
     return Case(data, parameters, profiles, state, truth)
 
 

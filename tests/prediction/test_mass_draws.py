@@ -114,7 +114,7 @@ def asked_of_fit(*requests: PredictionRequest, drawn: bool = True):
     model = bump_model(data, parameters, PROFILES)
     scale = tuple(np.ones((len(g.runs), len(model.layout.sensors))) for g in model.groups)
     x = parameters.start
-    state = state_at(data, model, x, RunMotion(np.full(2, 9.0), np.full(2, 0.5)), Weights(scale, scale))
+    state = state_at(data, model, x, RunMotion.steady(np.full(2, 9.0), np.full(2, 0.5)), Weights(scale, scale))
     count = state.allowances.count
     # Vehicles that all draws share: exact numbers instead of statistics.
     response = MassResponse(x, np.zeros((count, x.size)), np.zeros((count, 1)))

@@ -40,7 +40,7 @@ def fitted(data: Campaign, parameters: ParameterSet, values: np.ndarray) -> FitS
     """A fit that ended at given values."""
     model = bump_model(data, parameters, {"bump": PROFILE})
     scale = np.ones((1, len(model.layout.sensors)))
-    motion = RunMotion(np.array([SPEED_M_S]), np.array([0.5]))
+    motion = RunMotion.steady(np.array([SPEED_M_S]), np.array([0.5]))
     return state_at(data, model, values, motion, Weights((scale,), (scale,)))
 
 
@@ -161,7 +161,7 @@ def recorded(monkeypatch) -> list[np.ndarray]:
     """The sets of parameters that reach each pass, without simulating it."""
     seen: list[np.ndarray] = []
 
-    def stand_in(campaign, parameters, roads, request, sets, vehicles=None, driven=None):
+    def stand_in(campaign, parameters, roads, request, sets, vehicles=None, driven=None, stops=None):
         seen.append(sets)
         return request
 

@@ -32,7 +32,7 @@ def state() -> FitState:
     parameters = campaign_parameters(data, None)
     model = bump_model(data, parameters, {"bump": bump()}, target_step_s=0.001)
     scale = np.ones((1, len(model.layout.sensors)))
-    motion = RunMotion(np.array([SPEED_M_S]), np.array([0.5]))
+    motion = RunMotion.steady(np.array([SPEED_M_S]), np.array([0.5]))
     return state_at(data, model, true_log_parameters(parameters.names), motion, Weights((scale,), (scale,)))
 
 

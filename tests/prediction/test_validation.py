@@ -55,6 +55,7 @@ def history() -> RunHistory:
         load_case="empty",
         speed_m_s=5.0,
         speed_sd=0.01,
+        speed_change=0.0,
         start_s=1.0,
         columns=("lvdt", "accel", "dead"),
         kinds=("suspension_deflection", "axle_acceleration", "axle_acceleration"),

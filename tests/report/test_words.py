@@ -96,6 +96,7 @@ def test_undeclared_travel_is_asked_for():
     (step,) = [s for s in verdict(with_axles(rebound_travel_m=None)).todo if "jounce_travel_m" in s]
     assert "every axle" in step
     assert "bump stops then act there" in step
+    assert "assumes" in step
 
 
 def test_what_a_pass_goes_beyond_is_said_once_with_its_axles():

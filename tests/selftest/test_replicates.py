@@ -130,6 +130,20 @@ def test_passages_lie_inside_short_records() -> None:
         assert seconds < 1.0 or (through < seconds).all()
 
 
+def test_speeds_change_as_their_priors_say() -> None:
+    data, random = plan(), np.random.default_rng(2)
+    spread = (0.03, 0.0, 0.1)
+    runs = tuple(replace(data.bump_runs[0], speed_change_sd=spread[k % 3]) for k in range(3000))
+    motion = draw_motion(replace(data, bump_runs=runs), PROFILES, random)
+    assert (motion.speed_change[1::3] == 0.0).all()
+    for k in (0, 2):
+        drawn = motion.speed_change[k::3] / spread[k]
+        # A normal one that stops at two standard deviations has a standard deviation of 0.96.
+        assert drawn.std() == pytest.approx(0.96, abs=0.07)
+        assert drawn.mean() == pytest.approx(0.0, abs=0.12)
+        assert np.abs(drawn).max() == 2.0
+
+
 def test_the_truth_rolls_by_the_contact_law_of_the_fit(monkeypatch) -> None:
     laws = []
 

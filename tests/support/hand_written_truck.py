@@ -61,7 +61,8 @@ class Truck:
     """Quantities of the hand-written equations: statics, tire law, and the coupled mass of travel and pitch.
 
     `law` gives the suspension force from extension, rate and the state of Dahl friction elements with the slip length
-    `slip_m`; `load` is how the truck is loaded, its tires as stiff as ever at rest; `bend` its frame.
+    `slip_m`; `load` is how the truck is loaded, its tires as stiff as ever at rest; `bend` its frame; the speed that is
+    held changes by `acceleration_m_s2`.
     """
 
     height_m: float
@@ -69,6 +70,7 @@ class Truck:
     slip_m: float = 1e-3
     load: LoadCase = EMPTY
     bend: Bend | None = None
+    acceleration_m_s2: float = 0.0
 
     def __post_init__(self) -> None:
         static = np.array(self.load.axle_loads_kg) * 9.81
@@ -98,9 +100,10 @@ class Truck:
         if self.bend is not None:
             extension, rate = extension + self.bend.at_axles * y[15], rate + self.bend.at_axles * y[16]
         pull = self.law(extension, rate, slip)
-        s = SPEED_M_S * (t - START_S) - X + xi - theta * self.below
+        tau, a = t - START_S, self.acceleration_m_s2
+        s = SPEED_M_S * tau + a * tau**2 / 2.0 - X + xi - theta * self.below
         slope = self.height_m * road(s, 1)
-        speed = SPEED_M_S + xi_rate - theta_rate * self.below
+        speed = SPEED_M_S + a * tau + xi_rate - theta_rate * self.below
         v, v_rate = self.height_m * road(s) - axle, slope * speed - axle_rate
         a, a_slope = ALPHA * road(s), ALPHA * road(s, 1)
         # Clear of the road, above first contact at v = -rest, the map stays what it was there.

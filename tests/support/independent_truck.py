@@ -9,6 +9,7 @@ order with steps of half a millisecond, all runs of a campaign side by side.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import cycle, product
 from pathlib import Path
 
 import jax
@@ -125,6 +126,10 @@ class Equations:
         stiff += sum(t * np.outer(theta[b], theta[b]) for b, t in enumerate(tilt))
         damp += loads.sum() / HOLD_S * np.outer(xi[0], xi[0])
         free = null_space(np.array(rows)) if rows else np.eye(mass.shape[0])
+        # Per unit of acceleration: inertia forces of all masses, and forces at the ground that overcome them, shared as
+        # the axle loads are; torques of brakes and shafts turn the bodies.
+        ground = np.array([ahead(body[i], 0.0) for i in range(na)])
+        driven = loads @ ground - mass @ xi.sum(axis=0)
         extension = np.array([up(body[i], x[i]) - unit[3 * nb + len(bends) + i] for i in range(na)])
         through = np.eye(na)
         members = list(truck.rocker)
@@ -142,6 +147,7 @@ class Equations:
         self.lift = inverse @ self.wheel.T
         self.drive = inverse @ self.forward.T
         self.static = loads * GRAVITY
+        self.shift = inverse @ free.T @ driven
 
     @staticmethod
     def _statics(truck: IndependentTruck, loads: np.ndarray, sprung: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -236,11 +242,19 @@ def rest_height(radius: float, load: float, spring: float) -> float:
     return radius - brentq(lambda d: spring * flat_force(radius, d) - load, 1e-6, 0.25)
 
 
-def simulate(truck: IndependentTruck, runs: list[tuple[str, float, float]], seconds: float) -> np.ndarray:
-    """Readings (T, runs, 3 na): deflections, axle and frame accelerations; runs of (load case, speed, start)."""
-    each = [Equations(truck, case) for case, _, _ in runs]
+def simulate(
+    truck: IndependentTruck, runs: list[tuple[str, float, float, float]], seconds: float, *, load_shift: bool = False
+) -> np.ndarray:
+    """Readings (T, runs, 3 na): deflections, axle and frame accelerations.
+
+    Runs are of (load case, speed and start at axle 1, share by which the speed changes until the last axle passes), at
+    constant acceleration; with `load_shift` its inertia forces lean the truck, which begins in that equilibrium.
+    """
+    each = [Equations(truck, case) for case, *_ in runs]
     m = {n: jnp.asarray(np.stack([getattr(e, n) for e in each])) for n in vars(each[0])}
-    speed, start = (jnp.asarray([r[k] for r in runs])[:, None] for k in (1, 2))
+    speed, start, change = (jnp.asarray([r[k] for r in runs])[:, None] for k in (1, 2, 3))
+    acceleration = ((speed * (1.0 + change)) ** 2 - speed**2) / (2.0 * truck.x_m[-1])
+    leaning = float(load_shift) * acceleration * m.pop("shift")
     first = np.array(next(iter(truck.load_cases.values()))[0]) * GRAVITY
     tires = [spokes(*v) for v in zip(truck.radius_m, first, truck.tire_N_per_m, truck.tire_N_s_per_m, strict=True)]
     rest = jnp.asarray(
@@ -254,9 +268,10 @@ def simulate(truck: IndependentTruck, runs: list[tuple[str, float, float]], seco
         return jnp.einsum("rij,rj->ri", a, v)
 
     def accelerations(t, q, v):
-        s = speed * (t - start) - x + dot(m["forward"], q)
+        tau = t - start
+        s = speed * tau + 0.5 * acceleration * tau**2 - x + dot(m["forward"], q)
         h = rest + dot(m["wheel"], q)
-        s_rate, h_rate = speed + dot(m["forward"], v), dot(m["wheel"], v)
+        s_rate, h_rate = speed + acceleration * tau + dot(m["forward"], v), dot(m["wheel"], v)
         delta, rate = jax.jvp(lambda s, h: shortening(s, h, radius), (s, h), (s_rate, h_rate))
         touching = delta > 0.0
         force = jnp.where(touching, spring[:, None] * jnp.where(touching, delta, 1.0) ** SPOKE_EXPONENT, 0.0)
@@ -270,6 +285,7 @@ def simulate(truck: IndependentTruck, runs: list[tuple[str, float, float]], seco
             - dot(m["push"], pull)
             + dot(m["lift"], vertical - m["static"])
             + dot(m["drive"], along)
+            + leaning
         )
 
     def step(state, number):
@@ -286,6 +302,15 @@ def simulate(truck: IndependentTruck, runs: list[tuple[str, float, float]], seco
     substeps = round(INTERVAL_S / STEP_S)
     still = jnp.zeros((len(runs), m["push"].shape[1]))
 
+    def at_rest(q):
+        # Nothing holds a truck fore and aft: the smallest motion that balances everything else.
+        def left(flat):
+            return accelerations(0.0, flat.reshape(q.shape), still).ravel()
+
+        for _ in range(8 if load_shift else 0):  # Newton's method
+            q = q - jnp.linalg.lstsq(jax.jacfwd(left)(q.ravel()), left(q.ravel()))[0].reshape(q.shape)
+        return q
+
     @jax.jit
     def all_steps(state):
         def sample(state, k):
@@ -295,7 +320,7 @@ def simulate(truck: IndependentTruck, runs: list[tuple[str, float, float]], seco
 
         return jax.lax.scan(sample, state, jnp.arange(round(seconds / INTERVAL_S)))[1]
 
-    return np.asarray(all_steps((still, still)))
+    return np.asarray(all_steps((at_rest(still), still)))
 
 
 def write_truck_campaign(
@@ -305,36 +330,43 @@ def write_truck_campaign(
     declare: str = "",
     bending: str = "",
     speeds=(8.0, 16.0, 24.0),
+    changes=(0.0,),
+    load_shift: bool = False,
+    of_runs: str = "",
     seed: int = 1,
-) -> None:
+) -> dict[str, tuple[float, float]]:
     """A campaign folder with a scan and one run per load case and speed [km/h]; declared masses are the true ones.
 
-    `declare` is text after the axles, such as a group; `bending` a key of the last body.
+    `declare` is text after the axles, such as a group; `bending` a key of the last body; `changes` of the speed over a
+    passage are taken by the runs in turn, `load_shift` as in :func:`simulate`; `of_runs` a key of every run.  Returns
+    speed at axle 1 [m/s] and its change by the file of a run.
     """
     rng = np.random.default_rng(seed)
     (folder / "bump_runs").mkdir(parents=True, exist_ok=True)
     write_scan(folder / "bump_scan.csv", lambda s: np.asarray(height(s)), 0.5 * LENGTH_M, 20_000, 0.0015, rng)
     runs = [
-        (case, v / 3.6 * (1.0 + 0.01 * rng.normal()), rng.uniform(0.7, 1.2), v)
-        for case in truck.load_cases
-        for v in speeds
+        (case, v / 3.6 * (1.0 + 0.01 * rng.normal()), rng.uniform(0.7, 1.2), change, v)
+        for (case, v), change in zip(product(truck.load_cases, speeds), cycle(changes))
     ]
-    length = [r[2] + (truck.x_m[-1] + LENGTH_M) / r[1] + 2.0 for r in runs]
-    clean = simulate(truck, [r[:3] for r in runs], max(length))
+    length = [r[2] + (truck.x_m[-1] + LENGTH_M) / (r[1] * (1.0 + min(r[3], 0.0))) + 2.0 for r in runs]
+    clean = simulate(truck, [r[:4] for r in runs], max(length), load_shift=load_shift)
     columns, kinds = sensor_columns(len(truck.x_m))
     sd = np.array([NOISE[k] for k in kinds])
-    lines = []
-    for r, (case, _, _, v) in enumerate(runs):
+    lines, driven = [], {}
+    for r, (case, speed, _, change, v) in enumerate(runs):
         file = f"bump_runs/{case}_{v:g}.csv"
         values = clean[: int(length[r] / INTERVAL_S), r]
         gain = 1.0 + 0.003 * rng.normal(size=sd.size)
         values = gain * values + sd * (rng.normal(size=values.shape) + 4.0 * rng.uniform(-1.0, 1.0, sd.size))
         write_log(folder / file, INTERVAL_S, columns, kinds, values)
+        driven[file] = speed, change
+        key = f", {of_runs}" if of_runs else ""
         lines.append(
-            f'  {{ case = "{case} {v:g}", file = "{file}", load_case = "{case}", nominal_speed_km_h = {v:g} }},'
+            f'  {{ case = "{case} {v:g}", file = "{file}", load_case = "{case}", nominal_speed_km_h = {v:g}{key} }},'
         )
     text = _campaign_text(truck, declare, bending, lines)
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
+    return driven
 
 
 def _campaign_text(truck: IndependentTruck, declare: str, bending: str, runs: list[str]) -> str:

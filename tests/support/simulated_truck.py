@@ -46,6 +46,7 @@ def simulated_truck(
     law: SuspensionLaw | None = None,
     filtered: bool = False,
     speed_m_s: float = SPEED_M_S,
+    acceleration_m_s2: float = 0.0,
     vehicle: Vehicle = VEHICLE,
     load: LoadCase = EMPTY,
     heights_m: tuple[float, float] = HEIGHTS_M,
@@ -53,7 +54,7 @@ def simulated_truck(
     """The package's own simulation of both bumps with steps of `step_s`; linear suspensions unless `law` is given."""
     suspension = law or SuspensionLaw(per_axle(STIFFNESS), per_axle(DAMPING))
     model = truck_model(step_s, filtered=filtered, vehicle=vehicle, load=load, heights_m=heights_m)
-    return model(suspension, speed_m_s)
+    return model(suspension, speed_m_s, acceleration_m_s2)
 
 
 def truck_model(
@@ -66,7 +67,7 @@ def truck_model(
     load: LoadCase = EMPTY,
     heights_m: tuple[float, float] = HEIGHTS_M,
 ):
-    """The simulation as a function of suspension law and speed [m/s]."""
+    """The simulation as a function of suspension law, speed [m/s] and acceleration [m/s2]."""
     matrices = assemble(vehicle, load)
     lanes = lane_matrices([matrices] * 2, [(0, x) for x in POINTS_M])
     station = np.arange(-250, 300) * 0.01
@@ -79,13 +80,14 @@ def truck_model(
     samples, substeps = round(duration_s / every_s), round(every_s / step_s)
 
     @jax.jit
-    def run(suspension, speed):
+    def run(suspension, speed, acceleration=0.0):
         tire = tire_law(
             per_axle(TIRE_STIFFNESS), per_axle(TIRE_DAMPING), EXPONENT, lanes.static_load, lanes.static_load
         )
-        motion = Motion(jnp.full((2, 1), speed), jnp.full((2, 1), START_S))
-        times = stage_times(samples, every_s, substeps)[:, None, None, None]
-        inputs = road_input(table, motion.speed[:, None] * (times - START_S) - X[:, None])
+        motion = Motion(*(jnp.full((2, 1), v) for v in (speed, START_S, acceleration)))
+        tau = stage_times(samples, every_s, substeps)[:, None, None, None] - START_S
+        way = tau * (motion.speed[:, None] + 0.5 * tau * motion.acceleration[:, None])
+        inputs = road_input(table, way - X[:, None])
         laws = (suspension, tire, motion, inputs)
         options = {"interval_s": every_s, "substeps": substeps}
         if filtered:

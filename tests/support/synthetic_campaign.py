@@ -39,7 +39,8 @@ from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.contact import EffectiveRoad, road_input
 from sysid.vehicle_model.filters import discretise
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
-from sysid.vehicle_model.simulation import Motion, SensorLayout, simulate_sensors, stage_times
+from sysid.vehicle_model.motion import Motion
+from sysid.vehicle_model.simulation import SensorLayout, simulate_sensors, stage_times
 
 
 @dataclass(frozen=True)

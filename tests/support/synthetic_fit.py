@@ -53,7 +53,7 @@ def synthetic_campaign() -> tuple[Campaign, ParameterSet, dict[str, RoadProfile]
     profiles = {"bump": bump()}
     truth = true_log_parameters(parameters.names)
     model = bump_model(blank, parameters, profiles, tires=map_tires(parameters, truth))
-    (signals,) = simulate_runs(model, truth, RunMotion(SPEED_M_S, START_S))
+    (signals,) = simulate_runs(model, truth, RunMotion.steady(SPEED_M_S, START_S))
     random = np.random.default_rng(SEED)
     filled = []
     for r, run in enumerate(runs):

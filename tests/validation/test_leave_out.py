@@ -37,7 +37,7 @@ def measured_campaign():
     parameters = campaign_parameters(blank, None)
     truth = true_log_parameters(parameters.names)
     model = bump_model(blank, parameters, PROFILES, tires=map_tires(parameters, truth))
-    (signals,) = simulate_runs(model, truth, RunMotion(SPEED, START))
+    (signals,) = simulate_runs(model, truth, RunMotion.steady(SPEED, START))
     random = np.random.default_rng(11)
     scale = np.array([NOISE[s.kind] for s in SENSORS])
     filled = []

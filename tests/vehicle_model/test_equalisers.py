@@ -19,7 +19,8 @@ from sysid.errors import CampaignError, SysidError
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import effective_road, road_input, tire_law
 from sysid.vehicle_model.lane_matrices import lane_matrices
-from sysid.vehicle_model.simulation import Motion, simulate_histories, stage_times
+from sysid.vehicle_model.motion import Motion
+from sysid.vehicle_model.simulation import simulate_histories, stage_times
 from sysid.vehicle_model.suspension import Ramps, SuspensionLaw
 from sysid.vehicle_model.vibration_modes import natural_modes
 

@@ -21,7 +21,8 @@ from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import road_input, tire_law
 from sysid.vehicle_model.lane_matrices import lane_matrices
 from sysid.vehicle_model.measured_road import measured_road
-from sysid.vehicle_model.simulation import Motion, simulate_histories, stage_times
+from sysid.vehicle_model.motion import Motion
+from sysid.vehicle_model.simulation import simulate_histories, stage_times
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "iri"

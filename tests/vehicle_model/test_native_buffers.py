@@ -12,6 +12,7 @@ from test_native_engine import truck
 
 from sysid.vehicle_model.engines import native
 from sysid.vehicle_model.filters import discretise
+from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.native import buffers, header, kernel
 from sysid.vehicle_model.native.kernel import Call
 from sysid.vehicle_model.simulation import Histories
@@ -21,7 +22,7 @@ from sysid.vehicle_model.simulation import Histories
 def call() -> Call:
     """Two runs of a truck with three axles on one body, 50 samples, 2 sets."""
     case = truck(footprint=True, samples=50, sets=2)
-    road = native.NATIVE.prepare(case.road, case.axle_x, jnp.ones((2, 1)), jnp.zeros((2, 1)), case.timing)
+    road = native.NATIVE.prepare(case.road, case.axle_x, Motion(jnp.ones((2, 1)), jnp.zeros((2, 1))), case.timing)
     step_s = case.timing.interval_s / case.timing.substeps
     laws = case.suspension, case.tire
     return native._call(

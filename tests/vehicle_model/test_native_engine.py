@@ -19,10 +19,12 @@ from sysid.vehicle_model.contact import TireLaw, effective_road, tire_law
 from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.filters import discretise
 from sysid.vehicle_model.lane_matrices import LaneMatrices, lane_matrices
+from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.simulation import SensorLayout
 from sysid.vehicle_model.suspension import FrameLaw, Ramps, SuspensionLaw
 
-SPEED_M_S, START_S = np.array([[7.0], [9.5]]), np.array([[0.31], [0.27]])
+#: One run brakes, the other gathers speed.
+SPEED_M_S, START_S, ACCELERATION = np.array([[7.0], [9.5]]), np.array([[0.31], [0.27]]), np.array([[-0.1], [0.6]])
 #: The first bump throws every wheel into the air, the second none.
 HEIGHT_M = np.array([0.08, 0.01])[:, None, None]
 SETS = 11
@@ -89,8 +91,8 @@ class Case:
         return run(wheels)
 
     def _wheels(self):
-        speed, start = jnp.asarray(SPEED_M_S), jnp.asarray(START_S)
-        return engine.wheel_road(self.lanes, self.road, self.axle_x, speed, start, self.timing)
+        motion = Motion(jnp.asarray(SPEED_M_S), jnp.asarray(START_S), jnp.asarray(ACCELERATION))
+        return engine.wheel_road(self.lanes, self.road, self.axle_x, motion, self.timing)
 
 
 def truck(**options) -> Case:

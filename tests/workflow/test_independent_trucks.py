@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,14 +18,14 @@ ROCKER = '[[vehicle.group]]\nname = "tandem"\nkind = "equaliser"\naxles = ["axle
 
 
 def fitted(folder: Path, truck: IndependentTruck, **declared: str | tuple[float, ...]) -> dict:
-    """result.json of the fit of a truck's campaign."""
-    write_truck_campaign(folder / "campaign", truck, **declared)
+    """result.json of the fit of a truck's campaign, and how its runs were driven as `driven`."""
+    driven = write_truck_campaign(folder / "campaign", truck, **declared)
     output = folder / "output"
     for stage in ("fit", "report"):
         command = [sys.executable, "calibrate.py", stage, str(folder / "campaign"), "--output", str(output)]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=3600)
         assert done.returncode in (0, 4), done.stderr  # 4: a fit without the rocker need not converge
-    return json.loads((output / "result.json").read_text(encoding="utf-8"))
+    return json.loads((output / "result.json").read_text(encoding="utf-8")) | {"driven": driven}
 
 
 def errors(result: dict, truck: IndependentTruck) -> dict[str, float]:
@@ -69,3 +70,31 @@ def test_a_lowboy_whose_frame_bends(tmp_path):
     by_name = {p["name"]: p["least_squares"]["value"] for p in result["parameters"]}
     assert by_name["bending_hz[body 2]"] == pytest.approx(8.0, rel=0.002)
     assert by_name["bending_ratio[body 2]"] == pytest.approx(0.025, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("truck", "load_shift", "of_k", "of_c"),
+    [
+        (replace(THREE_AXLES, rocker=(), share=0.0), False, 0.003, 0.006),
+        (replace(THREE_AXLES, rocker=(), share=0.0), True, 0.004, 0.012),
+        (replace(LOWBOY, bending=()), False, 0.004, 0.012),
+    ],
+    ids=["three axles", "three axles with load shift", "lowboy"],
+)
+def test_a_truck_whose_speed_falls_by_five_per_cent(tmp_path, truck, load_shift, of_k, of_c):
+    result = fitted(tmp_path, truck, changes=(-0.05,), load_shift=load_shift)
+    worst = errors(result, truck)
+    assert worst["stiffness"] < of_k
+    assert worst["damping"] < of_c
+    found = {(p["quantity"], p["run"]): p["least_squares"]["value"] for p in result["parameters"] if p["run"]}
+    for file, (speed, change) in result["driven"].items():
+        assert found["speed", file] == pytest.approx(speed, rel=0.006)
+        assert found["speed_change", file] == pytest.approx(change, abs=0.006)
+
+
+def test_what_a_constant_speed_makes_of_it(tmp_path):
+    """The parameter switched off: the three axles that the test above finds within 0.3 %."""
+    truck = replace(THREE_AXLES, rocker=(), share=0.0)
+    result = fitted(tmp_path, truck, changes=(-0.05,), of_runs="speed_change_sd = 0")
+    assert errors(result, truck)["stiffness"] > 0.03
+    assert not [p for p in result["parameters"] if p["quantity"] == "speed_change"]

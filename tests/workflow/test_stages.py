@@ -41,7 +41,7 @@ def stubbed(tmp_path: Path, monkeypatch) -> Callable[..., Calibration]:
             tires=None,
             target_step_s=0.001,
             log_parameters=np.zeros(count),
-            motion=RunMotion(np.ones(2), np.zeros(2)),
+            motion=RunMotion.steady(np.ones(2), np.zeros(2)),
             weights=Weights((), ()),
             adjustment=np.eye(count),
         )

@@ -44,7 +44,7 @@ SUMMARY = DropSummary((), (estimate(4.2e5), estimate(1.0)), ("a message",))
 def small_kept_fit() -> KeptFit:
     count = len(small_fit().names)
     weights = Weights((np.ones((2, 3)),), (np.ones((2, 3)),), None)
-    motion = RunMotion(np.ones(2), np.zeros(2))
+    motion = RunMotion.steady(np.ones(2), np.zeros(2))
     parameters = ParameterSet((Parameter("k_1", "stiffness", "N/m", 1.0, 1.0, 0.1),), (PriorLink("a", "b", 0.0, 0.1),))
     point = FitPoint(parameters, "cams", MapTires((1.0, 2.0)), 0.001, np.zeros(count), motion, weights, np.eye(count))
     return KeptFit(small_fit(), point)

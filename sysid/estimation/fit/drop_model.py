@@ -200,6 +200,7 @@ def _as_run(number: int, drop: PlankDrop) -> BumpRun:
         log=replace(drop.log, channels=tuple(channels)),
         bump=f"drop {number + 1}",
         speed_sd=0.1 if declared else SPEED_LOG_SD,
+        speed_change_sd=0.0,
     )
 
 
@@ -236,7 +237,7 @@ def _search(
         starts = released_s + FOOT_M / speeds
         model = model_at(speeds, starts)
         noise = _instrument_noise(model, runs)
-        signals = simulate_runs(model, start, RunMotion(speeds, starts))
+        signals = simulate_runs(model, start, RunMotion.steady(speeds, starts))
         for position, group in enumerate(model.groups):
             for r, run in enumerate(group.runs):
                 samples = SLACK_S / group.interval_s
@@ -250,7 +251,7 @@ def _search(
         trial(nominal * np.where(reach > 0.2, factor, 1.0 + (factor - 1.0) * 0.1))
     for factor in _FINER:
         trial(speed * factor)
-    return RunMotion(speed, begin)
+    return RunMotion.steady(speed, begin)
 
 
 def _instrument_noise(model: BumpModel, runs: Sequence[BumpRun]) -> tuple[np.ndarray, ...]:

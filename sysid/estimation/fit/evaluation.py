@@ -22,7 +22,7 @@ from sysid.estimation.residuals.compressed import Compressed
 from sysid.estimation.residuals.histories import run_histories
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.run_history import RunHistory
-from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, RunMotion
+from sysid.estimation.residuals.run_motion import CHANGE, OWN, SHIFT, SHIFT_UNIT_M, SPEED, SPEED_UNIT, RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, Identifiability, assess
@@ -156,8 +156,8 @@ def _check_runs_are_seen(campaign: Campaign, problem: Problem, compressed: Compr
     DataRejectedError
         With the first such run.
     """
-    own = np.linalg.norm(compressed.jacobian[:, problem.count :], axis=0).reshape(-1, 2)
-    lost = np.flatnonzero(own[:, 1] <= 1e-9 * np.median(own[:, 1]))
+    own = np.linalg.norm(compressed.jacobian[:, problem.count :], axis=0).reshape(-1, OWN)[:, SHIFT]
+    lost = np.flatnonzero(own <= 1e-9 * np.median(own))
     if lost.size:
         run = campaign.bump_runs[problem.order[int(lost[0])]]
         raise DataRejectedError(
@@ -262,43 +262,61 @@ def _estimates(
         )
         for i, p in enumerate(problem.model.parameters.parameters)
     )
-    local = []
-    for position, run in enumerate(problem.order):
-        record = campaign.bump_runs[run]
-        speed, start = float(motion.speed_m_s[run]), float(motion.start_s[run])
-        speed_sd, shift_sd = sd[problem.count + 2 * position : problem.count + 2 * position + 2]
-        nominal = record.nominal_speed_m_s
-        shared = ParameterEstimate(
-            name=f"speed[{record.log.file}]",
-            quantity="speed",
-            unit="m/s",
-            axle=None,
-            load_case=record.load_case,
-            run=record.log.file,
-            law="constant",
-            transform="none",
-            value=speed,
-            sd=float(speed_sd * SPEED_UNIT * speed),
-            start=nominal,
-            prior_median=nominal,
-            prior_sd=record.speed_sd * nominal,
-            identified=True,
-        )
-        local.append(shared)
-        local.append(
-            replace(
-                shared,
-                name=f"start[{record.log.file}]",
-                quantity="start",
-                unit="s",
-                value=start,
-                sd=float(shift_sd * SHIFT_UNIT_M / speed),
-                start=float(problem.reference.start_s[run]),
-                prior_median=float(problem.reference.start_s[run]),
-                prior_sd=float("inf"),
-            )
-        )
+    own_sd = sd[problem.count :].reshape(-1, OWN)
+    local = [
+        e for run, one in zip(problem.order, own_sd, strict=True) for e in _of_run(campaign, problem, motion, run, one)
+    ]
     return globals_, tuple(local)
+
+
+def _of_run(
+    campaign: Campaign, problem: Problem, motion: RunMotion, run: int, sd: np.ndarray
+) -> list[ParameterEstimate]:
+    """Speed, start and, where it is unknown, change of speed of a run; `sd` (3,) of its scaled unknowns."""
+    record, reference = campaign.bump_runs[run], float(problem.reference.start_s[run])
+    speed, nominal, change_sd = float(motion.speed_m_s[run]), record.nominal_speed_m_s, record.speed_change_sd
+    of_speed = ParameterEstimate(
+        name=f"speed[{record.log.file}]",
+        quantity="speed",
+        unit="m/s",
+        axle=None,
+        load_case=record.load_case,
+        run=record.log.file,
+        law="constant",
+        transform="none",
+        value=speed,
+        sd=float(sd[SPEED] * SPEED_UNIT * speed),
+        start=nominal,
+        prior_median=nominal,
+        prior_sd=record.speed_sd * nominal,
+        identified=True,
+    )
+    of_start = replace(
+        of_speed,
+        name=f"start[{record.log.file}]",
+        quantity="start",
+        unit="s",
+        value=float(motion.start_s[run]),
+        sd=float(sd[SHIFT] * SHIFT_UNIT_M / speed),
+        start=reference,
+        prior_median=reference,
+        prior_sd=float("inf"),
+    )
+    if change_sd == 0.0:
+        return [of_speed, of_start]
+    of_change = replace(
+        of_speed,
+        name=f"speed_change[{record.log.file}]",
+        quantity="speed_change",
+        unit="1",
+        value=float(motion.speed_change[run]),
+        sd=float(sd[CHANGE] * change_sd),
+        start=0.0,
+        prior_median=0.0,
+        prior_sd=change_sd,
+        identified=bool(sd[CHANGE] < IDENTIFIED_SHRINKAGE),
+    )
+    return [of_speed, of_start, of_change]
 
 
 def fit_warnings(

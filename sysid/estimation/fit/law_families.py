@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 from sysid.campaign.records import Axle
 
+#: Stops whose travels nobody declared.
+STOPS = "estimated_bump_stops"
 Laws = tuple[frozenset[str], ...]
 #: Elements worth trying on an axle without a declared law, by the kind of its suspension.
 CANDIDATES = {
@@ -23,13 +25,18 @@ FAMILIES = (
     ("asymmetric_damper", "other"),
     ("asymmetric_damper", "leaf"),
     ("gas_spring", "air"),
+    (STOPS, "air"),
+    (STOPS, "other"),
+    (STOPS, "leaf"),
 )
 
 
 def richest_laws(axles: Sequence[Axle], declared: Laws) -> Laws:
     """The candidates of every axle without a declared law; the declared law of all others."""
     return tuple(
-        law if axle.suspension_law is not None else law | CANDIDATES[axle.suspension]
+        law
+        if axle.suspension_law is not None
+        else law | CANDIDATES[axle.suspension] | (frozenset() if axle.has_stops else {STOPS})
         for axle, law in zip(axles, declared, strict=True)
     )
 

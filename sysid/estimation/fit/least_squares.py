@@ -140,7 +140,7 @@ def _with_own_maps(
     model, weights = prepared(map_tires(before.problem.model.parameters, values)), before.problem.weights
     again = optimise_from(campaign, model, motion, before.instrument, values, options, report, weights=weights)
     # The cross-check starts from where the search for all began.
-    first = np.concatenate([before.first[: before.problem.count], np.zeros(again.first.size - before.problem.count)])
+    first = again.problem.vector(before.first[: before.problem.count])
     iterations = before.minimum.iterations + again.minimum.iterations
     return replace(again, first=first, minimum=replace(again.minimum, iterations=iterations))
 
@@ -160,14 +160,14 @@ def optimise_from(
 
     Parameters
     ----------
-    motion : speed and start of every run.
+    motion : of every run.
     instrument : (R, C) instrument noise per group [SI].
     start : (p,) log parameters.
     weights : those of the first round; None for weights that suit parameters which are still far off.
     """
     first_weights = Weights(_first_scale(model, instrument), tuple(np.ones_like(n) for n in instrument))
     problem = Problem(model, campaign, motion, weights or first_weights)
-    vector = np.concatenate([start, np.zeros(2 * len(problem.order))])
+    vector = problem.vector(start)
     first, iterations, rounds = vector.copy(), 0, options.weight_rounds + 1
     minimum: Minimum | None = None
     for number in range(rounds):

@@ -1,4 +1,4 @@
-"""A run predicted by a fit that has not seen it: the parameters of the other runs, its own speed and start."""
+"""A run predicted by a fit that has not seen it: the parameters of the other runs, its own motion."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def fit_without(
 ) -> LeftOutFit:
     """Fit all runs but one, beginning at the optimum of all, and simulate that one with what they say.
 
-    The run's own speed and start, and offset and gain of its sensors, are found from its record, because nothing else
-    knows them; they are 2 numbers per run and 2 per channel.
+    The run's own motion, and offset and gain of its sensors, are found from its record, because nothing else knows
+    them; they are 3 numbers per run and 2 per channel.
 
     Parameters
     ----------
@@ -60,13 +60,13 @@ def fit_without(
 
 
 def _own_motion(problem: Problem, log_parameters: Parameters) -> RunMotion:
-    """Speed and start that suit the records best while the parameters stay as they are."""
+    """Motions that suit the records best while the parameters stay as they are."""
 
     def evaluate(local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         residual, jacobian = problem.evaluate(np.concatenate([log_parameters, local]))
         return residual, jacobian[:, problem.count :]
 
-    best = minimise(evaluate, np.zeros(2 * len(problem.order)), relative_tolerance=1e-7)
+    best = minimise(evaluate, problem.vector(log_parameters)[problem.count :], relative_tolerance=1e-7)
     return problem.unpack(np.concatenate([log_parameters, best.point]))[1]
 
 
@@ -76,7 +76,7 @@ def _part(state: FitState, runs: tuple[int, ...]) -> tuple[Campaign, BumpModel, 
     model = model_of(part, state.profiles, state.point)
     fitted, driven = state.point.weights, state.point.motion
     chosen = list(runs)
-    motion = RunMotion(driven.speed_m_s[chosen], driven.start_s[chosen])
+    motion = driven.of(chosen)
     columns = [s.column for s in state.model.layout.sensors]
     channels = [columns.index(s.column) for s in model.layout.sensors]
 

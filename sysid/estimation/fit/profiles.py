@@ -162,7 +162,7 @@ def profile_parameter(
     """
     index = fit.names.index(name)
     problem = state.problem()
-    vector = np.concatenate([state.point.log_parameters, np.zeros(2 * len(problem.order))])
+    vector = problem.vector(state.point.log_parameters)
     best, sd = float(vector[index]), float(np.sqrt(fit.covariance[index, index]))
     jacobian = problem.compressed(vector).jacobian
     curvature = float(np.linalg.inv(jacobian.T @ jacobian)[index, index])

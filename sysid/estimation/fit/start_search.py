@@ -34,7 +34,7 @@ GAIN_RANGE = (0.4, 2.5)
 def search_motion(
     model: BumpModel, campaign: Campaign, log_parameters: Parameters, noise_sd: tuple[RunsByChannels, ...]
 ) -> RunMotion:
-    """Speed and start of every run that make simulated histories fit best at the given parameters.
+    """Speed, taken as constant, and start of every run that make simulated histories fit best at given parameters.
 
     For every run and speed candidate v the start t_0 minimises sum_c sum_n (d_c(n) - g_c y_c(n; v, t_0))^2 / s_c^2,
     with s_c the noise plus a tenth of the channel's own RMS, so that no single axle or sensor decides, and g_c the best
@@ -55,7 +55,7 @@ def search_motion(
     factors = 1.0 + np.arange(-SPEED_REACH, SPEED_REACH + 1e-9, SPEED_STEP)
     nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
     trial_start = 1.0 + 0.5 / nominal
-    signals = [simulate_runs(model, log_parameters, RunMotion(nominal * f, trial_start)) for f in factors]
+    signals = [simulate_runs(model, log_parameters, RunMotion.steady(nominal * f, trial_start)) for f in factors]
     _check_finite(campaign, model, signals)
     for position, group in enumerate(model.groups):
         for r, run in enumerate(group.runs):
@@ -68,7 +68,7 @@ def search_motion(
             )
             speed[run] = nominal[run] * factors[best[2]]
             start[run] = trial_start[run] + best[1] * group.interval_s
-    return RunMotion(speed, start)
+    return RunMotion.steady(speed, start)
 
 
 def _check_finite(campaign: Campaign, model: BumpModel, signals: Sequence[Sequence[np.ndarray]]) -> None:

@@ -16,6 +16,7 @@ from sysid.estimation.parameters.parameter_set import SHARE_ODDS, ParameterSet, 
 from sysid.estimation.parameters.suspension_curves import (
     SuspensionCurves,
     joined,
+    joined_stops,
     lash_ramps,
     stop_ramps,
     suspension_curves,
@@ -23,7 +24,7 @@ from sysid.estimation.parameters.suspension_curves import (
 )
 from sysid.estimation.parameters.suspension_elements import coefficients, law_elements, quantities
 from sysid.vehicle_model.contact import TireLaw, tire_law
-from sysid.vehicle_model.lane_arrays import AxleLanes, ParametersBySets
+from sysid.vehicle_model.lane_arrays import AxleLanes, HostOrDevice, ParametersBySets
 from sysid.vehicle_model.lanes import Lanes
 from sysid.vehicle_model.suspension import FrameLaw, SuspensionLaw
 
@@ -191,11 +192,15 @@ def _suspension(inputs: LawInputs, values: jax.Array, stiffness: AxleLanes, damp
     if curves.lash is not None:
         ramps.append(lash_ramps(curves.lash, stiffness, inputs.carried_load))
     damper = curves.damper
+    stops: HostOrDevice | None = curves.stops
+    jounce, rebound = element("jounce_travel"), element("rebound_travel")
+    if jounce is not None and rebound is not None:
+        stops = joined_stops(stops, jounce, rebound)
     return SuspensionLaw(
         base,
         damping if damper is None else damping * damper.share,
         ramps=joined(ramps),
-        stops=None if curves.stops is None or stop is None else stop_ramps(curves.stops, stop),
+        stops=None if stops is None or stop is None else stop_ramps(stops, stop),
         rate_ramps=None if damper is None else table_ramps(damper, damping),
         frames=frames,
         **given,

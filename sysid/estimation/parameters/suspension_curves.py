@@ -14,7 +14,8 @@ import numpy as np
 
 from sysid.arrays import RunsByAxles
 from sysid.campaign.records import Axle, ForceTable
-from sysid.vehicle_model.lane_arrays import AxleLanes
+from sysid.estimation.parameters.suspension_elements import NO_STOP_M
+from sysid.vehicle_model.lane_arrays import AxleLanes, HostOrDevice
 from sysid.vehicle_model.suspension import REFERENCE_RATE_M_S, Ramps
 
 #: Compression [m] at which a rubber stop is three times as stiff as where it begins to act: an assumption.
@@ -22,7 +23,7 @@ STOP_LENGTH_M = 0.015
 #: Compressions [m] at which the straight pieces of a stop meet its curve.
 STOP_KNOTS_M = (0.0, 0.006, 0.014)
 #: Place of a corner that is never reached, for axles with fewer corners than others.
-_NEVER = 1e3
+_NEVER = NO_STOP_M
 
 
 class TableCorners(NamedTuple):
@@ -122,7 +123,21 @@ def table_ramps(corners: TableCorners, slope: AxleLanes) -> Ramps:
     )
 
 
-def stop_ramps(stops: np.ndarray, stiffness: AxleLanes) -> Ramps:
+def joined_stops(declared: HostOrDevice | None, jounce: AxleLanes, rebound: AxleLanes) -> HostOrDevice:
+    """Extension at the rebound and at the jounce stop (2, R, na, S) [m], of declared and of estimated travels.
+
+    Parameters
+    ----------
+    declared : (2, R, na, 1) extension at declared stops [m], None without any.
+    jounce, rebound : (R, na, S) estimated travels [m], never reached where none is estimated.
+    """
+    estimated = jnp.stack([rebound, -jounce])
+    if declared is None:
+        return estimated
+    return jnp.stack([jnp.minimum(declared[0], estimated[0]), jnp.maximum(declared[1], estimated[1])])
+
+
+def stop_ramps(stops: HostOrDevice, stiffness: AxleLanes) -> Ramps:
     """Ramps of rubber stops, F = k d (1 + d / l) at a travel d beyond the free one, as straight pieces.
 
     The pieces meet the curve at :data:`STOP_KNOTS_M`; beyond the last of them the force goes on as steeply as the curve
@@ -130,14 +145,14 @@ def stop_ramps(stops: np.ndarray, stiffness: AxleLanes) -> Ramps:
 
     Parameters
     ----------
-    stops : (2, R, na, 1) extension at the rebound and at the jounce stop [m].
+    stops : (2, R, na, 1 or S) extension at the rebound and at the jounce stop [m].
     stiffness : (R, na, S) k, where the stops begin to act [N/m].
     """
     knots = np.array(STOP_KNOTS_M)
     curve = knots * (1.0 + knots / STOP_LENGTH_M)
     slopes = np.append(np.diff(curve) / np.diff(knots), 1.0 + 2.0 * knots[-1] / STOP_LENGTH_M)
     side = np.array([1.0, -1.0])[:, None, None, None]
-    shape = (*stops.shape[:-1], stiffness.shape[-1])
+    shape = (2, *stiffness.shape)
     return joined_parts(
         [
             Ramps(

@@ -6,7 +6,7 @@ A law is written in the campaign file as ``linear`` or as elements joined by ``+
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import jax
@@ -56,9 +56,26 @@ class Element:
 PROGRESSIVITY = 0.4
 #: Assumed stiffness of a pair of rubber stops where they begin to act [N/m]; they stiffen as they are compressed.
 STOP_STIFFNESS = 2e6
+#: Travel to the stops from rest [m], median and standard deviation of the logarithm, where nobody declares it: trucks
+#: have 60 to 90 mm in jounce and 70 to 95 mm in rebound (general knowledge), air springs rather more than leaf packs.
+JOUNCE_TRAVEL_M = {"leaf": 0.070, "air": 0.080, "other": 0.075}
+REBOUND_TRAVEL_M = {"leaf": 0.078, "air": 0.085, "other": 0.082}
+TRAVEL_SD = 0.12
+#: Travel of an axle without stops: longer than any.
+NO_STOP_M = 1e3
 #: Share of the carried load at which leaf packs (air-sprung and other axles) rub: assumptions inside the 2 to 10 % that
 #: are generally known of leaf packs.
 FRICTION_SHARE = {"leaf": 0.05, "air": 0.02, "other": 0.03}
+
+_STOP = ElementQuantity("stop_stiffness", "stop", "N/m", False, lambda axle, carried: STOP_STIFFNESS, 0.7, 0.0)
+
+
+def _travel(quantity: str, symbol: str, medians: Mapping[str, float]) -> ElementQuantity:
+    def median(axle: Axle, carried: float) -> float:
+        return medians[axle.suspension]
+
+    return ElementQuantity(quantity, symbol, "m", False, median, TRAVEL_SD, NO_STOP_M, decides=False)
+
 
 ELEMENTS = {
     element.name: element
@@ -124,7 +141,16 @@ ELEMENTS = {
         Element(
             "bump_stops",
             "stops at the end of the declared jounce and rebound travel, on every axle that declares one",
-            (ElementQuantity("stop_stiffness", "stop", "N/m", False, lambda axle, carried: STOP_STIFFNESS, 0.7, 0.0),),
+            (_STOP,),
+        ),
+        Element(
+            "estimated_bump_stops",
+            "stops at the end of travels that nobody declared",
+            (
+                _STOP,
+                _travel("jounce_travel", "jounce", JOUNCE_TRAVEL_M),
+                _travel("rebound_travel", "rebound", REBOUND_TRAVEL_M),
+            ),
         ),
         Element("hanger_lash", "free travel between leaf pack and hanger, as declared", ()),
         Element("spring_table", "force-extension table, scaled by the stiffness", ()),

@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid.arrays import Channels, SamplesByRunsByChannels
+from sysid.arrays import Channels, Runs, SamplesByRunsByChannels
 from sysid.campaign.records import AntiAliasFilter, Campaign, LoadCase, Vehicle
 from sysid.estimation.parameters.lane_laws import LawInputs, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.run_data import ChannelLayout, RunGroup, channel_layout, group_runs
+from sysid.estimation.residuals.run_motion import motion_prior
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.road_profile import RoadProfile
 from sysid.runtime import require_64_bit
@@ -34,7 +35,8 @@ TARGET_STEP_S = 0.00125
 class GroupArrays(NamedTuple):
     """Arrays of one group of runs that the compiled functions take: model constants, data and weights.
 
-    `measured` (T, R, C) square root of the weight of every plain reading, 0 where there is none.
+    `measured` (T, R, C) square root of the weight of every plain reading, 0 where there is none; `change_unit` (R,)
+    unit of the unknown change of speed, 0 where there is none.
     """
 
     matrices: LaneMatrices
@@ -44,6 +46,7 @@ class GroupArrays(NamedTuple):
     measured: SamplesByRunsByChannels
     censored: SamplesByRunsByChannels
     gain_sd: Channels
+    change_unit: Runs
 
     def readings(self, noise_sd: HostOrDevice, tempering: HostOrDevice) -> Readings:
         """Data of the runs with residual scale [SI] and tempering (R, C)."""
@@ -174,6 +177,7 @@ def bump_model(
                 group.measured.astype(float),
                 group.censored.astype(float),
                 gain_sd,
+                motion_prior(runs).change_sd,
             )
         )
     return BumpModel(

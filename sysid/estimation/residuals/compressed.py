@@ -9,16 +9,16 @@ import numpy as np
 
 from sysid.arrays import Parameters, Residuals, ResidualsByUnknowns
 from sysid.estimation.residuals.bump_model import BumpModel
-from sysid.estimation.residuals.run_motion import RunMotion, SpeedPrior
+from sysid.estimation.residuals.run_motion import OWN, MotionPrior, RunMotion
 from sysid.vehicle_model.engines.protocol import Linearisation
 
 
 class Compressed(NamedTuple):
-    """Residual vector (m,) and Jacobian (m, p + 2 runs) with the squares and products of the full problem.
+    """Residual vector (m,) and Jacobian (m, p + 3 runs) with the squares and products of the full problem.
 
     The residuals of each run are replaced by a square factor F with F'F = [J r]'[J r]: it carries the same r'r, J'r and
     J'J, so Gauss-Newton and Levenberg-Marquardt steps are unchanged.  Run-local columns follow the global ones:
-    speed and start of the first run of the first group, and so on.
+    the motion of the first run of the first group, and so on.
     """
 
     residual: Residuals
@@ -31,7 +31,7 @@ def run_order(model: BumpModel) -> list[int]:
 
 
 def run_blocks(linearisation: Linearisation) -> list[np.ndarray]:
-    """Per run the matrix [J r] (rows, p + 3) of all its residuals, sensor gains included."""
+    """Per run the matrix [J r] (rows, p + 4) of all its residuals, sensor gains included."""
     residual, jacobian = np.asarray(linearisation.residual), np.asarray(linearisation.residual_jacobian)
     gain, gain_jacobian = np.asarray(linearisation.gain_residual), np.asarray(linearisation.gain_jacobian)
     blocks = []
@@ -64,27 +64,27 @@ def compress(
     linearisations: Sequence[Linearisation],
     log_parameters: Parameters,
     motion: RunMotion,
-    nominal: SpeedPrior,
+    expected: MotionPrior,
 ) -> Compressed:
-    """Assemble the compressed problem: data, sensor gains, global priors and the priors of the run speeds."""
+    """Assemble the compressed problem: data, sensor gains, global priors and the priors of the runs' motions."""
     count = log_parameters.shape[0]
     order = run_order(model)
-    width = count + 2 * len(order)
+    width = count + OWN * len(order)
     blocks = [block for lin in linearisations for block in run_blocks(lin)]
     residuals, jacobians = [], []
     for position, block in enumerate(blocks):
         factor = square_factor(block)
         wide = np.zeros((factor.shape[0], width))
         wide[:, :count] = factor[:, :count]
-        wide[:, count + 2 * position : count + 2 * position + 2] = factor[:, count : count + 2]
+        wide[:, count + OWN * position : count + OWN * (position + 1)] = factor[:, count : count + OWN]
         residuals.append(factor[:, -1])
         jacobians.append(wide)
     rows, targets = model.parameters.prior_rows()
     residuals.append(rows @ log_parameters - targets)
     jacobians.append(np.concatenate([rows, np.zeros((len(targets), width - count))], axis=1))
-    residual, derivative = nominal.rows(motion, order)
-    residuals.append(residual)
-    wide = np.zeros((len(order), width))
-    wide[np.arange(len(order)), count + 2 * np.arange(len(order))] = derivative[:, 0]
-    jacobians.append(wide)
+    for position, (residual, derivative) in enumerate(zip(*expected.rows(motion, order), strict=True)):
+        residuals.append(residual)
+        wide = np.zeros((residual.size, width))
+        wide[:, count + OWN * position : count + OWN * (position + 1)] = derivative
+        jacobians.append(wide)
     return Compressed(np.concatenate(residuals), np.concatenate(jacobians))

@@ -79,6 +79,7 @@ def run_histories(
                 load_case=record.load_case,
                 speed_m_s=float(motion.speed_m_s[run]),
                 speed_sd=float("nan"),
+                speed_change=float(motion.speed_change[run]),
                 start_s=float(motion.start_s[run]),
                 columns=tuple(s.column for s in model.layout.sensors),
                 kinds=tuple(s.kind for s in model.layout.sensors),

@@ -1,7 +1,7 @@
 """All residuals of a campaign and their exact Jacobian.
 
-The unknowns are the global log parameters x (p,), and per run a relative speed change and a start shift in scaled
-units.  A run's speed and start touch that run only, so p + 2 forward-mode tangents give the Jacobian of all runs.
+The unknowns are the global log parameters x (p,), and per run those of its motion in scaled units.  A run's motion
+touches that run only, so p + 3 forward-mode tangents give the Jacobian of all runs.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from sysid.arrays import Parameters
 from sysid.estimation.parameters.lane_laws import lane_laws
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays, GroupShape
 from sysid.estimation.residuals.residual_weights import Weights
-from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, RunMotion
+from sysid.estimation.residuals.run_motion import OWN, RunMotion
 from sysid.estimation.residuals.signals import wheel_road
 from sysid.threads import side_by_side
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import WheelRoad
 from sysid.vehicle_model.engines.protocol import Linearisation, Unknowns
 from sysid.vehicle_model.lane_arrays import HostOrDevice
+from sysid.vehicle_model.motion import MotionChange
 
 
 def linearise_group(
@@ -30,17 +31,17 @@ def linearise_group(
     noise_sd: HostOrDevice,
     tempering: HostOrDevice,
     log_parameters: jax.Array,
-    speed: jax.Array,
-    start: jax.Array,
+    motion: RunMotion,
     *,
     shape: GroupShape,
 ) -> Linearisation:
-    """Residuals of one group and their derivatives at x (p,), speed and start (R,).
+    """Residuals of one group and their derivatives at x (p,) and the motion of its runs.
 
-    The last two columns belong to each run's own speed and start in scaled units.
+    The last three columns belong to each run's own motion in scaled units.
     """
-    inputs = wheel_road(arrays, road, speed[:, None], start[:, None], shape)
-    linearised: Linearisation = _linearise(arrays, inputs, noise_sd, tempering, log_parameters, speed, shape=shape)
+    inputs = wheel_road(arrays, road, motion, shape)
+    own = motion.per_unit(arrays.axle_x, arrays.change_unit)
+    linearised: Linearisation = _linearise(arrays, inputs, noise_sd, tempering, log_parameters, own, shape=shape)
     return linearised
 
 
@@ -51,19 +52,16 @@ def _linearise(
     noise_sd: HostOrDevice,
     tempering: HostOrDevice,
     log_parameters: jax.Array,
-    speed: jax.Array,
+    own: MotionChange,
     *,
     shape: GroupShape,
 ) -> Linearisation:
     count = log_parameters.shape[0]
-    columns = jnp.eye(count + 2)
-    run_columns = jnp.broadcast_to(columns[count:, None, :], (2, speed.shape[0], count + 2))
     unknowns = Unknowns(
         log_parameters,
-        columns[:count],
-        # Local unknowns are displacements along the road.
-        speed=run_columns[0] * SPEED_UNIT * speed[:, None],
-        start_s=run_columns[1] * SHIFT_UNIT_M / speed[:, None],
+        jnp.eye(count, count + OWN),
+        # Parameters come first, then the unknowns of a run's own motion.
+        jax.tree.map(lambda by_own: jnp.pad(by_own, ((0, 0), (count, 0))), own),
     )
     return road.engine.linearise(
         arrays.matrices,
@@ -93,8 +91,7 @@ def linearise(
                 weights.noise_sd[position],
                 weights.tempering[position],
                 jnp.asarray(log_parameters),
-                jnp.asarray(motion.speed_m_s[runs]),
-                jnp.asarray(motion.start_s[runs]),
+                motion.of(runs),
                 shape=model.shapes[position],
             )
         )

@@ -6,13 +6,13 @@ from copy import copy
 
 import numpy as np
 
-from sysid.arrays import UnknownsOfFit
+from sysid.arrays import Parameters, UnknownsOfFit
 from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.compressed import Compressed, compress, run_order
 from sysid.estimation.residuals.linearisation import linearise
 from sysid.estimation.residuals.residual_weights import Weights
-from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, RunMotion, speed_prior
+from sysid.estimation.residuals.run_motion import OWN, SHIFT, SPEED, RunMotion, motion_prior
 from sysid.vehicle_model.engines.protocol import Linearisation
 
 
@@ -21,20 +21,21 @@ class Problem:
 
     def __init__(self, model: BumpModel, campaign: Campaign, motion: RunMotion, weights: Weights):
         self.model, self.reference, self.weights = model, motion, weights
-        self.nominal = speed_prior(campaign.bump_runs)
+        self.expected = motion_prior(campaign.bump_runs)
         self.order = run_order(model)
         self.count = len(model.parameters.parameters)
         # Checks, covariance and the next round ask for the same point again.
         self._latest: tuple[bytes, Weights, tuple[Linearisation, ...]] | None = None
 
+    def vector(self, log_parameters: Parameters) -> UnknownsOfFit:
+        """The vector of log parameters (p,) and the motions that unknowns are counted from."""
+        return np.concatenate([log_parameters, np.zeros(OWN * len(self.order))])
+
     def unpack(self, vector: UnknownsOfFit) -> tuple[np.ndarray, RunMotion]:
         """Log parameters and run motions of a vector."""
-        local = vector[self.count :].reshape(-1, 2)
-        speed, start = self.reference.speed_m_s.copy(), self.reference.start_s.copy()
-        reference = self.reference.speed_m_s[self.order]
-        speed[self.order] = reference * (1.0 + SPEED_UNIT * local[:, 0])
-        start[self.order] = self.reference.start_s[self.order] + SHIFT_UNIT_M / reference * local[:, 1]
-        return vector[: self.count], RunMotion(speed, start)
+        moved = np.zeros((self.reference.speed_m_s.size, OWN))
+        moved[self.order] = vector[self.count :].reshape(-1, OWN)
+        return vector[: self.count], self.reference.moved(moved, self.expected.change_sd)
 
     def with_weights(self, weights: Weights) -> Problem:
         """The same residuals under other weights."""
@@ -52,17 +53,17 @@ class Problem:
         return self._latest[2]
 
     def evaluate(self, vector: UnknownsOfFit) -> tuple[np.ndarray, np.ndarray]:
-        """Compressed residuals (m,) and Jacobian (m, p + 2 runs)."""
+        """Compressed residuals (m,) and Jacobian (m, p + 3 runs)."""
         problem = self.compressed(vector)
         return problem.residual, problem.jacobian
 
     def compressed(self, vector: UnknownsOfFit) -> Compressed:
         """Compressed residuals and Jacobian with respect to the vector."""
         parameters, motion = self.unpack(vector)
-        problem = compress(self.model, self.linearise(vector), parameters, motion, self.nominal)
+        problem = compress(self.model, self.linearise(vector), parameters, motion, self.expected)
         # The tangents are taken in units of the current speed, the vector counts in units of the reference speed.
         jacobian = problem.jacobian.copy()
         ratio = motion.speed_m_s[self.order] / self.reference.speed_m_s[self.order]
-        jacobian[:, self.count :: 2] /= ratio
-        jacobian[:, self.count + 1 :: 2] *= ratio
+        jacobian[:, self.count + SPEED :: OWN] /= ratio
+        jacobian[:, self.count + SHIFT :: OWN] *= ratio
         return Compressed(problem.residual, jacobian)

@@ -41,9 +41,10 @@ class HistoryBand:
 class RunHistory(Tabular):
     """Measured against simulated histories of one run at the least-squares optimum.
 
-    `time_s` (n,); per channel rows: `measured` and `simulated` (channels, n) in SI with the estimated sensor offset and
-    gain applied to the simulation; NaN where missing; `censored` as in the records; `noise_sd` (channels,) residual
-    scale; `offset`, `gain` (channels,); `band` what the posterior says of the same signals, None before sampling.
+    `speed_m_s` at axle 1, `speed_change` the share by which it changes until the last axle passes; `time_s` (n,); per
+    channel rows: `measured` and `simulated` (channels, n) in SI with the estimated sensor offset and gain applied to
+    the simulation; NaN where missing; `censored` as in the records; `noise_sd` (channels,) residual scale; `offset`,
+    `gain` (channels,); `band` what the posterior says of the same signals, None before sampling.
     """
 
     file: str
@@ -51,6 +52,7 @@ class RunHistory(Tabular):
     load_case: str
     speed_m_s: float
     speed_sd: float
+    speed_change: float
     start_s: float
     columns: tuple[str, ...]
     kinds: tuple[str, ...]

@@ -1,4 +1,8 @@
-"""Speed and start of every run: what the search finds, and what the campaign says of the speed beforehand."""
+"""Motion of every run: what the search finds, and what the campaign says of it beforehand.
+
+A run has unknowns of its own: its speed v and start t_0 at axle 1, and by which share its speed changes until the last
+axle is where axle 1 was, L behind.  Where the last of them comes from the acceleration is constant.
+"""
 
 from __future__ import annotations
 
@@ -9,39 +13,105 @@ import numpy as np
 
 from sysid.arrays import Runs
 from sysid.campaign.records import BumpRun
+from sysid.vehicle_model.motion import Motion, MotionChange, acceleration_of
 
-#: One unit of the scaled local unknowns: relative speed change, and shift along the road [m].
+#: One unit of the scaled local unknowns: relative change of the speed at axle 1, and shift along the road [m]; of the
+#: change over the passage it is the standard deviation of its prior.
 SPEED_UNIT = 0.01
 SHIFT_UNIT_M = 0.02
+#: How many unknowns a run has of its own, and in which order they stand behind those that all runs share.
+OWN = 3
+SPEED, SHIFT, CHANGE = range(OWN)
 
 
 @dataclass(frozen=True)
 class RunMotion:
-    """Speed [m/s] and start [s] of every run, in the order of the campaign's bump runs; NaN for runs left out."""
+    """Motion of every run, in the order of the campaign's bump runs; NaN for runs left out.
+
+    Speed [m/s] and start [s] at axle 1, and relative change of the speed until the last axle passes.
+    """
 
     speed_m_s: Runs
     start_s: Runs
+    speed_change: Runs
+
+    @classmethod
+    def steady(cls, speed_m_s: Runs, start_s: Runs) -> RunMotion:
+        """Runs whose speed does not change."""
+        return cls(speed_m_s, start_s, np.zeros_like(speed_m_s))
+
+    def of(self, runs: Sequence[int]) -> RunMotion:
+        """Motion of some runs, in their order."""
+        chosen = list(runs)
+        return RunMotion(self.speed_m_s[chosen], self.start_s[chosen], self.speed_change[chosen])
+
+    def along_road(self, axle_x: np.ndarray) -> Motion:
+        """The runs as lanes (R, 1) of a vehicle with axles at `axle_x` (na, 1) [m]."""
+        acceleration = acceleration_of(self.speed_change, self.speed_m_s, float(np.ptp(axle_x)))
+        return Motion(self.speed_m_s[:, None], self.start_s[:, None], acceleration[:, None])
+
+    def per_unit(self, axle_x: np.ndarray, change_unit: Runs) -> MotionChange:
+        """Derivatives (R, 3) of the lanes' motion by the scaled unknowns of the runs.
+
+        Parameters
+        ----------
+        change_unit : (R,) unit of the change of speed.
+        """
+        speed, length, still = self.speed_m_s, float(np.ptp(axle_x)), np.zeros_like(self.speed_m_s)
+        acceleration = acceleration_of(self.speed_change, speed, length)
+        # d/dc ((1 + c)^2 - 1) / 2 = 1 + c; at a given change the acceleration goes with the square of the speed.
+        by_change = 0.0 if length <= 0.0 else (1.0 + self.speed_change) * speed**2 / length
+        return MotionChange(
+            speed=np.stack([SPEED_UNIT * speed, still, still], axis=1),
+            start_s=np.stack([still, SHIFT_UNIT_M / speed, still], axis=1),
+            acceleration=np.stack([2.0 * SPEED_UNIT * acceleration, still, by_change * change_unit], axis=1),
+        )
+
+    def moved(self, unknowns: np.ndarray, change_unit: Runs) -> RunMotion:
+        """The motion that scaled unknowns (R, 3) away from this one has; `change_unit` as in :meth:`per_unit`."""
+        return RunMotion(
+            self.speed_m_s * (1.0 + SPEED_UNIT * unknowns[:, SPEED]),
+            self.start_s + SHIFT_UNIT_M / self.speed_m_s * unknowns[:, SHIFT],
+            self.speed_change + change_unit * unknowns[:, CHANGE],
+        )
 
 
 @dataclass(frozen=True)
-class SpeedPrior:
-    """Nominal speed [m/s] and relative standard deviation about it, per run in the order of the campaign."""
+class MotionPrior:
+    """What is known of the runs' motions beforehand, (R,) each in the order of the campaign.
+
+    Nominal speed [m/s] and relative standard deviation about it; standard deviation of the change of speed about zero,
+    0 where there is none.
+    """
 
     speed_m_s: Runs
     relative_sd: Runs
+    change_sd: Runs
 
     def rows(self, motion: RunMotion, runs: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-        """The prior of some runs' speeds as residuals (R,), and their derivatives (R, 2) by the runs' own unknowns.
+        """The priors of some runs as residuals (R, 2), and their derivatives (R, 2, 3) by the runs' own unknowns.
 
-        With v_0 the nominal speed and s its relative standard deviation the residual is (v / v_0 - 1) / s; one unit of
-        a run's first unknown is 1 % of its present speed v, the second (its start) has no prior.
+        With v_0 the nominal speed and s its relative standard deviation the residuals are (v / v_0 - 1) / s, and the
+        change of speed in units of its standard deviation.  The start has no prior.
         """
         chosen = list(runs)
         ratio = motion.speed_m_s[chosen] / self.speed_m_s[chosen]
-        sd = self.relative_sd[chosen]
-        return (ratio - 1.0) / sd, np.stack([SPEED_UNIT * ratio / sd, np.zeros(len(chosen))], axis=1)
+        sd, change_sd = self.relative_sd[chosen], self.change_sd[chosen]
+        change = motion.speed_change[chosen] / np.where(change_sd > 0.0, change_sd, 1.0)
+        derivative = np.zeros((len(chosen), 2, OWN))
+        derivative[:, 0, SPEED] = SPEED_UNIT * ratio / sd
+        # Without a change its unknown moves nothing: it stays where it is.
+        derivative[:, 1, CHANGE] = 1.0
+        return np.stack([(ratio - 1.0) / sd, change], axis=1), derivative
+
+    def precision(self, motion: RunMotion, runs: Sequence[int]) -> np.ndarray:
+        """Prior precision (R, 3, 3) of some runs' own unknowns."""
+        _, derivative = self.rows(motion, runs)
+        return np.asarray(np.einsum("rjk,rjl->rkl", derivative, derivative))
 
 
-def speed_prior(runs: Sequence[BumpRun]) -> SpeedPrior:
-    """Prior of the runs' speeds as the campaign declares them."""
-    return SpeedPrior(np.array([r.nominal_speed_m_s for r in runs]), np.array([r.speed_sd for r in runs]))
+def motion_prior(runs: Sequence[BumpRun]) -> MotionPrior:
+    """Prior of the runs' motions as the campaign declares them."""
+    return MotionPrior(
+        *(np.array(v) for v in zip(*((r.nominal_speed_m_s, r.speed_sd, r.speed_change_sd) for r in runs), strict=True))
+    )

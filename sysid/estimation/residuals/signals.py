@@ -16,14 +16,12 @@ from sysid.threads import side_by_side
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import WheelRoad
-from sysid.vehicle_model.lane_arrays import ChannelHistories, HostOrDevice, ParametersBySets
+from sysid.vehicle_model.lane_arrays import ChannelHistories, ParametersBySets
 
 
-def wheel_road(
-    arrays: GroupArrays, road: EffectiveRoad, speed: HostOrDevice, start_s: HostOrDevice, shape: GroupShape
-) -> WheelRoad:
-    """The road of a group at speeds [m/s] and starts [s] (R, 1), for the engine of this process."""
-    return engine.wheel_road(arrays.matrices, road, arrays.axle_x, speed, start_s, shape.timing)
+def wheel_road(arrays: GroupArrays, road: EffectiveRoad, motion: RunMotion, shape: GroupShape) -> WheelRoad:
+    """The road of a group whose runs move as `motion` (R,) says, for the engine of this process."""
+    return engine.wheel_road(arrays.matrices, road, arrays.axle_x, motion.along_road(arrays.axle_x), shape.timing)
 
 
 def simulate_group(
@@ -45,8 +43,7 @@ def simulate_runs(model: BumpModel, log_parameters: Parameters, motion: RunMotio
     def one(position: int) -> np.ndarray:
         runs = list(model.groups[position].runs)
         arrays, shape = model.arrays[position], model.shapes[position]
-        speed, start = jnp.asarray(motion.speed_m_s[runs]), jnp.asarray(motion.start_s[runs])
-        road = wheel_road(arrays, model.roads[position], speed[:, None], start[:, None], shape)
+        road = wheel_road(arrays, model.roads[position], motion.of(runs), shape)
         signals = _group_signals(arrays, road, jnp.asarray(log_parameters), shape=shape)
         return np.asarray(jax.block_until_ready(signals))
 

@@ -1,6 +1,6 @@
 """What the data say about parameters and masses, and what more data would add to it.
 
-The information H of parameters and mass factors (runs' own speeds and starts eliminated) is kept apart from what makes
+The information H of parameters and mass factors (runs' own motions eliminated) is kept apart from what makes
 the covariance honest: the flattening C_0 for model error and departures from the model, and the tolerances Sigma of
 masses.  With more data of information D, H' = H + D,
 
@@ -64,7 +64,7 @@ class DataInformation:
 
 @dataclass(frozen=True)
 class BlockInformation:
-    """Scores and information of p parameters and m further unknowns, runs' own speeds and starts eliminated.
+    """Scores and information of p parameters and m further unknowns, runs' own motions eliminated.
 
     `matrix` (p + m, p + m); `scores` (n, p + m) of single runs and channels, and for each the block it belongs to
     (`blocks`: one channel in all repeats of one case).
@@ -99,8 +99,7 @@ def information_with(
     information = np.zeros((shared, shared))
     for group, lin in zip(problem.model.groups, with_columns(problem.linearise(vector), columns), strict=True):
         runs = list(group.runs)
-        _, speed_rows = problem.nominal.rows(motion, runs)
-        prior = np.einsum("rk,rl->rkl", speed_rows, speed_rows)
+        prior = problem.expected.precision(motion, runs)
         run_scores, data = block_scores(
             np.asarray(lin.residual),
             np.asarray(lin.residual_jacobian),

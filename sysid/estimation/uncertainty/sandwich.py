@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
+from sysid.estimation.residuals.run_motion import OWN
 from sysid.estimation.residuals.run_unknowns import response_of_runs
 
 #: Smallest eigenvalue of an information with a diagonal of ones.
@@ -52,12 +53,12 @@ def block_scores(
     gain_jacobian: np.ndarray,
     local_prior: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Scores and information of a group of runs with each run's own two unknowns eliminated.
+    """Scores and information of a group of runs with each run's own unknowns eliminated.
 
     Parameters
     ----------
-    residual : (T, R, C); jacobian : (T, R, C, p + 2); gain_residual : (R, C); gain_jacobian : (R, C, p + 2).
-    local_prior : (R, 2, 2) prior precision of the run's own unknowns.
+    residual : (T, R, C); jacobian : (T, R, C, p + 3); gain_residual : (R, C); gain_jacobian : (R, C, p + 3).
+    local_prior : (R, 3, 3) prior precision of the run's own unknowns.
 
     Returns
     -------
@@ -67,7 +68,7 @@ def block_scores(
     scores += gain_jacobian * gain_residual[..., None]
     normal = np.einsum("trck,trcl->rkl", jacobian, jacobian, optimize=True)
     normal += np.einsum("rck,rcl->rkl", gain_jacobian, gain_jacobian)
-    count = normal.shape[-1] - 2
+    count = normal.shape[-1] - OWN
     eliminate = response_of_runs(normal, local_prior)
     information = normal[:, :count, :count] - normal[:, :count, count:] @ eliminate
     return scores[..., :count] - scores[..., count:] @ eliminate, information

@@ -21,6 +21,7 @@ from sysid.vehicle_model.engines.protocol import (
 from sysid.vehicle_model.filters import FilterRecursion
 from sysid.vehicle_model.lane_arrays import ChannelHistories, HostOrDevice, PerLane
 from sysid.vehicle_model.lane_matrices import LaneMatrices
+from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.native import kernel
 from sysid.vehicle_model.native.buffers import COORDINATES, ELEMENTS, MAX_AXLES, POLE_NUMBERS, law_rows
 from sysid.vehicle_model.native.kernel import Call
@@ -48,11 +49,9 @@ class NativeEngine:
         """Vehicles of the sizes that the kernel is compiled for."""
         return lanes.body_rows.shape[2] in COORDINATES and lanes.static_load.shape[1] <= MAX_AXLES
 
-    def prepare(
-        self, road: EffectiveRoad, axle_x: HostOrDevice, speed: HostOrDevice, start_s: HostOrDevice, timing: Timing
-    ) -> WheelRoad:
+    def prepare(self, road: EffectiveRoad, axle_x: HostOrDevice, motion: Motion, timing: Timing) -> WheelRoad:
         """Nothing to do beforehand."""
-        return WheelRoad(self, _Course(road, axle_x), speed, start_s)
+        return WheelRoad(self, _Course(road, axle_x), motion)
 
     def sensors(
         self,
@@ -92,7 +91,7 @@ class NativeEngine:
         more = {
             "law_tangents": tangents["laws"],
             "frame_tangents": tangents["frames"],
-            "motion_tangents": jnp.stack([unknowns.speed, unknowns.start_s]),
+            "motion_tangents": jnp.stack(unknowns.motion),
             **readings._asdict(),
         }
         one = laws(unknowns.value[:, None])
@@ -190,7 +189,7 @@ def _lane_arrays(lanes: LaneMatrices) -> dict[str, Any]:
 
 def _road_arrays(road: WheelRoad) -> dict[str, Any]:
     course: _Course = road.prepared
-    table = course.road
+    table, (speed, start_s, acceleration, _) = course.road, road.motion
     return {
         "rise": table.rise,
         "stretch": _NOTHING if table.stretch is None else table.stretch,
@@ -198,7 +197,7 @@ def _road_arrays(road: WheelRoad) -> dict[str, Any]:
         "grid": jnp.stack([jnp.asarray(table.first_station_m, float), jnp.asarray(table.step_m, float)]),
         "polynomial": CELL_POLYNOMIAL,
         "axle_x": course.axle_x,
-        "motion": jnp.stack([road.speed[:, 0], road.start_s[:, 0]]),
+        "motion": jnp.stack([speed[:, 0], start_s[:, 0], jnp.broadcast_to(acceleration, speed.shape)[:, 0]]),
     }
 
 

@@ -17,6 +17,7 @@ from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
 from sysid.vehicle_model.filters import FilterRecursion
 from sysid.vehicle_model.lane_arrays import ChannelHistories, HostOrDevice, ParametersBySets, PerLane
 from sysid.vehicle_model.lane_matrices import LaneMatrices
+from sysid.vehicle_model.motion import Motion, MotionChange
 from sysid.vehicle_model.readings import Readings
 from sysid.vehicle_model.simulation import Histories, SensorLayout
 from sysid.vehicle_model.suspension import SuspensionLaw
@@ -36,14 +37,12 @@ class Timing(NamedTuple):
 class Unknowns(NamedTuple):
     """A parameter set, and P directions in which parameters and motions of the runs move from it.
 
-    `value` (p,) parameters; `parameters` (p, P), `speed` (R, P) [m/s] and `start_s` (R, P) [s] derivatives with respect
-    to the P unknowns.
+    `value` (p,) parameters; `parameters` (p, P) and `motion` (R, P) derivatives with respect to the P unknowns.
     """
 
     value: jax.Array
     parameters: jax.Array
-    speed: jax.Array
-    start_s: jax.Array
+    motion: MotionChange
 
 
 class Linearisation(NamedTuple):
@@ -61,10 +60,10 @@ class Linearisation(NamedTuple):
 
 
 class LocalColumns(NamedTuple):
-    """What marginalises speed and start of every run.
+    """What marginalises the three unknowns of the motion of every run.
 
-    `residual` (T, R, C, 2) and `gain` (R, C, 2) the columns J of their residuals, `offset` (R, 2) what their priors add
-    to b = J'r, `factor` (R, 2, 2) the inverse Cholesky factor of their normal matrix.
+    `residual` (T, R, C, 3) and `gain` (R, C, 3) the columns J of their residuals, `offset` (R, 3) what their priors add
+    to b = J'r, `factor` (R, 3, 3) the inverse Cholesky factor of their normal matrix.
     """
 
     residual: HostOrDevice
@@ -73,18 +72,17 @@ class LocalColumns(NamedTuple):
     factor: HostOrDevice
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=["prepared", "speed", "start_s"], meta_fields=["engine"])
+@partial(jax.tree_util.register_dataclass, data_fields=["prepared", "motion"], meta_fields=["engine"])
 @dataclass(frozen=True)
 class WheelRoad:
     """The road that the wheels of R runs meet, prepared by the engine that can use it.
 
-    `speed` [m/s] and `start_s` [s] of the runs, (R, 1); `prepared` is the engine's own.
+    `motion` of the runs, (R, 1); `prepared` is the engine's own.
     """
 
     engine: Engine
     prepared: Any
-    speed: HostOrDevice
-    start_s: HostOrDevice
+    motion: Motion
 
 
 class Engine(Protocol):
@@ -97,15 +95,8 @@ class Engine(Protocol):
     def takes(self, lanes: LaneMatrices) -> bool:
         """Whether it can integrate vehicles of this size."""
 
-    def prepare(
-        self,
-        road: EffectiveRoad,
-        axle_x: HostOrDevice,
-        speed: HostOrDevice,
-        start_s: HostOrDevice,
-        timing: Timing,
-    ) -> WheelRoad:
-        """The road of runs with axles at `axle_x` (na, 1) [m], at speeds [m/s] and starts [s] (R, 1)."""
+    def prepare(self, road: EffectiveRoad, axle_x: HostOrDevice, motion: Motion, timing: Timing) -> WheelRoad:
+        """The road of runs with axles at `axle_x` (na, 1) [m], at motions (R, 1)."""
 
     def sensors(
         self,

@@ -21,25 +21,23 @@ from sysid.vehicle_model.engines.protocol import (
 from sysid.vehicle_model.filters import FilterRecursion
 from sysid.vehicle_model.lane_arrays import ChannelHistories, ChannelLanes, HostOrDevice, ParametersBySets, PerLane
 from sysid.vehicle_model.lane_matrices import LaneMatrices
+from sysid.vehicle_model.motion import Motion, MotionChange
 from sysid.vehicle_model.readings import Readings, standardised_residuals
-from sysid.vehicle_model.simulation import Histories, Motion, SensorLayout, stage_times
+from sysid.vehicle_model.simulation import Histories, SensorLayout, stage_times
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 
 @partial(jax.jit, static_argnames=("timing",))
-def _looked_up(
-    road: EffectiveRoad, axle_x: HostOrDevice, speed: HostOrDevice, start_s: HostOrDevice, *, timing: Timing
-) -> RoadInput:
-    times = stage_times(timing.samples, timing.interval_s, timing.substeps)[:, None, None, None]
-    return road_input(road, speed[:, None] * (times - start_s[:, None]) - axle_x)
+def _looked_up(road: EffectiveRoad, axle_x: HostOrDevice, motion: Motion, *, timing: Timing) -> RoadInput:
+    times = stage_times(timing.samples, timing.interval_s, timing.substeps)[:, None, None]
+    return road_input(road, motion.travelled(times)[:, :, None] - axle_x)
 
 
 @dataclass(frozen=True)
 class ReferenceEngine:
     """The pure JAX twin; see :class:`sysid.vehicle_model.engines.protocol.Engine`.
 
-    The road is looked up at every half step before the time loop.  Speeds and starts may be (R, S), one motion per
-    parameter set.
+    The road is looked up at every half step before the time loop.  Motions may be (R, S), one per parameter set.
     """
 
     name: str = "reference"
@@ -48,11 +46,9 @@ class ReferenceEngine:
         """Vehicles of any size."""
         return True
 
-    def prepare(
-        self, road: EffectiveRoad, axle_x: HostOrDevice, speed: HostOrDevice, start_s: HostOrDevice, timing: Timing
-    ) -> WheelRoad:
+    def prepare(self, road: EffectiveRoad, axle_x: HostOrDevice, motion: Motion, timing: Timing) -> WheelRoad:
         """The road at every half step."""
-        return WheelRoad(self, _looked_up(road, axle_x, speed, start_s, timing=timing), speed, start_s)
+        return WheelRoad(self, _looked_up(road, axle_x, motion, timing=timing), motion)
 
     def sensors(
         self,
@@ -65,8 +61,7 @@ class ReferenceEngine:
         recursion: FilterRecursion | None,
     ) -> ChannelHistories:
         """Filtered sensor signals (T, R, C, S)."""
-        motion = Motion(road.speed, road.start_s)
-        return _sensors(lanes, suspension, tire, motion, road, timing, layout, recursion)
+        return _sensors(lanes, suspension, tire, road.motion, road, timing, layout, recursion)
 
     def histories(
         self, lanes: LaneMatrices, suspension: SuspensionLaw, tire: TireLaw, road: WheelRoad, timing: Timing
@@ -76,7 +71,7 @@ class ReferenceEngine:
             lanes,
             suspension,
             tire,
-            Motion(road.speed, road.start_s),
+            road.motion,
             road.prepared,
             interval_s=timing.interval_s,
             substeps=timing.substeps,
@@ -96,17 +91,17 @@ class ReferenceEngine:
         """Forward-mode derivatives: one lane for each unknown."""
 
         def residuals(
-            parameters: ParametersBySets, speed: PerLane, start_s: PerLane
+            parameters: ParametersBySets, change: MotionChange
         ) -> tuple[ChannelHistories, ChannelLanes, ChannelHistories]:
             suspension, tire = laws(parameters)
-            motion = Motion(road.speed, road.start_s, speed, start_s)
+            motion = road.motion._replace(change=change)
             simulated = _sensors(lanes, suspension, tire, motion, road, timing, layout, recursion)
             return (*standardised_residuals(readings, simulated), simulated)
 
-        tangents = unknowns.parameters, unknowns.speed, unknowns.start_s
+        tangents = unknowns.parameters, unknowns.motion
         at = jnp.broadcast_to(unknowns.value[:, None], unknowns.parameters.shape)
-        still = jnp.zeros_like(unknowns.speed)
-        (residual, gain, simulated), (columns, gain_columns, _) = jax.jvp(residuals, (at, still, still), tangents)
+        still = jax.tree.map(jnp.zeros_like, unknowns.motion)
+        (residual, gain, simulated), (columns, gain_columns, _) = jax.jvp(residuals, (at, still), tangents)
         return Linearisation(residual[..., 0], columns, gain[..., 0], gain_columns, simulated[..., 0])
 
     def misfits(
@@ -126,7 +121,7 @@ class ReferenceEngine:
         residual, gain = standardised_residuals(readings, simulated)
         squares = (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
         projections = []
-        for k in range(2):
+        for k in range(local.offset.shape[-1]):
             along = (residual * local.residual[..., k, None]).sum(axis=(0, 2))
             along = along + (gain * local.gain[..., k, None]).sum(axis=1)
             projections.append(along + local.offset[:, k, None])

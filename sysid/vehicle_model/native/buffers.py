@@ -26,6 +26,8 @@ STRETCH_ROWS, DRAG_ROWS = 4, 3
 #: Coefficients of the road's polynomial on a cell, and the real numbers of one pole of the filter.
 CELL_POWERS = len(CELL_POLYNOMIAL)
 POLE_NUMBERS = 10
+#: Numbers of a run's motion: speed, start and acceleration.
+MOTION_NUMBERS = 3
 
 #: Integer and real constants of both sides, by their names in C++.
 CONSTANTS: dict[str, int | float] = {
@@ -36,6 +38,7 @@ CONSTANTS: dict[str, int | float] = {
     "kDragRows": DRAG_ROWS,
     "kCellPowers": CELL_POWERS,
     "kPoleNumbers": POLE_NUMBERS,
+    "kMotionNumbers": MOTION_NUMBERS,
     "kReferenceRate": REFERENCE_RATE_M_S,
     "kShortest": SHORTEST,
     "kSoftDamping": SOFT_DAMPING,
@@ -72,7 +75,7 @@ BLOCKS: dict[str, tuple[Buffer, ...]] = {
         Buffer("grid", (2,), "first station and step [m]"),
         Buffer("polynomial", (CELL_POWERS, CELL_POWERS), "CELL_POLYNOMIAL"),
         Buffer("axle_x", ("na", 1), "[m]"),
-        Buffer("motion", (2, "R"), "speed [m/s] and start [s]"),
+        Buffer("motion", (MOTION_NUMBERS, "R"), "speed [m/s], start [s] and acceleration [m/s2]"),
         Buffer("reference_load", ("R", "na", 1), "of TireLaw [N]"),
         Buffer("filter", ("poles", POLE_NUMBERS), "real and imaginary part of decay, start, middle, weight, feed"),
         Buffer("wheel", ("R", "na", "na"), "of LaneBeams, empty without axle groups", True),
@@ -89,7 +92,7 @@ BLOCKS: dict[str, tuple[Buffer, ...]] = {
     "tangents": (
         Buffer("law_tangents", ("L", "R", "na", "P"), "derivatives of `laws`"),
         Buffer("frame_tangents", (2, "R", "nf", "P"), "derivatives of `frames`", True),
-        Buffer("motion_tangents", (2, "R", "P"), "derivatives of `motion`"),
+        Buffer("motion_tangents", (MOTION_NUMBERS, "R", "P"), "derivatives of `motion`"),
     ),
     "readings": (
         Buffer("value", ("T", "R", "C"), "of Readings"),
@@ -100,10 +103,10 @@ BLOCKS: dict[str, tuple[Buffer, ...]] = {
         Buffer("gain_sd", ("C",), "of Readings"),
     ),
     "local": (
-        Buffer("local_residual", ("T", "R", "C", 2), "of LocalColumns"),
-        Buffer("local_gain", ("R", "C", 2), "of LocalColumns"),
-        Buffer("local_offset", ("R", 2), "of LocalColumns"),
-        Buffer("local_factor", ("R", 2, 2), "of LocalColumns"),
+        Buffer("local_residual", ("T", "R", "C", MOTION_NUMBERS), "of LocalColumns"),
+        Buffer("local_gain", ("R", "C", MOTION_NUMBERS), "of LocalColumns"),
+        Buffer("local_offset", ("R", MOTION_NUMBERS), "of LocalColumns"),
+        Buffer("local_factor", ("R", MOTION_NUMBERS, MOTION_NUMBERS), "of LocalColumns"),
     ),
 }
 

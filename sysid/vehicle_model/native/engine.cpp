@@ -118,8 +118,8 @@ class Inputs {
                 data(kGrid)[0],
                 data(kGrid)[1],
                 data(kPolynomial)};
-    run.speed = data(kMotion)[r];
-    run.start = data(kMotion)[runs + r];
+    const auto motion = [&](int k) { return data(kMotion)[k * runs + r]; };
+    run.motion = {motion(0), motion(1), motion(2)};
     run.growth = growth;
     return run;
   }
@@ -136,7 +136,7 @@ class Inputs {
     };
     Laws<Pack> found = read<Pack>(
         r, [&](int64_t row, int64_t i) { return pack(kLaws, row, i); },
-        [&](int64_t row, int64_t i) { return pack(kSides, row, i); }, splat(data(kMotion)[r]), Pack{}, Pack{});
+        [&](int64_t row, int64_t i) { return pack(kSides, row, i); }, MotionChange<Pack>{});
     for (int64_t f = 0; f < frames; ++f) {
       const auto coefficient = [&](int64_t row) {
         Pack x;
@@ -163,18 +163,17 @@ class Inputs {
         x.d[k / kLanes][k % kLanes] = tangents[first + k - 1];
       return x;
     };
-    // Ahead of the looked-up road by d speed (t - start) - speed d start.
-    const double speed = data(kMotion)[r];
-    const Jet<T> faster = jet(0.0, data(kLineariseTangents + kMotionTangents) + r * unknowns);
-    const Jet<T> later = jet(0.0, data(kLineariseTangents + kMotionTangents) + (runs + r) * unknowns);
+    const auto change = [&](int k) {
+      return jet(0.0, data(kLineariseTangents + kMotionTangents) + (k * runs + r) * unknowns);
+    };
     Laws<Jet<T>> found = read<Jet<T>>(
         r,
         [&](int64_t row, int64_t i) {
           const int64_t at = (row * runs + r) * axles + i;
           return jet(data(kLaws)[at], data(kLineariseTangents + kLawTangents) + at * unknowns);
         },
-        [&](int64_t row, int64_t i) { return data(kSides)[(row * runs + r) * axles + i]; }, speed + faster, faster,
-        -speed * later);
+        [&](int64_t row, int64_t i) { return data(kSides)[(row * runs + r) * axles + i]; },
+        MotionChange<Jet<T>>{change(0), change(1), change(2)});
     for (int64_t f = 0; f < frames; ++f) {
       const auto coefficient = [&](int64_t row) {
         const int64_t at = (row * runs + r) * frames + f;
@@ -219,12 +218,9 @@ class Inputs {
  private:
   // All laws of run r; coefficient(row, axle) and side(ramp, axle) give the rows of kLaws and kSides.
   template <class V, class Coefficient, class Side>
-  Laws<V> read(int64_t r, Coefficient&& coefficient, Side&& side, const V& speed, const V& ahead_rate,
-               const V& ahead_start) const {
+  Laws<V> read(int64_t r, Coefficient&& coefficient, Side&& side, const MotionChange<V>& change) const {
     Laws<V> found;
-    found.speed = speed;
-    found.ahead_rate = ahead_rate;
-    found.ahead_start = ahead_start;
+    found.change = change;
     for (int64_t i = 0; i < axles; ++i) {
       int64_t row = 0;
       const auto next = [&] { return coefficient(row++, i); };
@@ -363,11 +359,12 @@ ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings se
     known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
       for (int64_t c = 0; c < channels; ++c) signal[c * in.clock.samples + t] = shown[c];
     });
-    const LocalColumns columns = {in.data(kMisfitsLocal + kLocalResidual) + r * channels * 2,
-                                  in.data(kMisfitsLocal + kLocalGain) + r * channels * 2,
-                                  in.data(kMisfitsLocal + kLocalOffset) + r * 2,
-                                  in.data(kMisfitsLocal + kLocalFactor) + r * 4,
-                                  in.runs * channels * 2};
+    const int64_t own = r * channels * kMotionNumbers;
+    const LocalColumns columns = {in.data(kMisfitsLocal + kLocalResidual) + own,
+                                  in.data(kMisfitsLocal + kLocalGain) + own,
+                                  in.data(kMisfitsLocal + kLocalOffset) + r * kMotionNumbers,
+                                  in.data(kMisfitsLocal + kLocalFactor) + r * kMotionNumbers * kMotionNumbers,
+                                  in.runs * channels * kMotionNumbers};
     const Pack found = misfit(in.readings(r, kMisfitsReadings), columns, signal.get(), static_cast<int>(channels));
     store(found, out + r * in.sets, first, in.sets);
   });

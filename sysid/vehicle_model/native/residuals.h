@@ -70,32 +70,35 @@ inline V residual(const Readings& data, const SensorFit<V>& fit, const V& y, int
   return fit.scale * counted;
 }
 
-// Columns along which a run's own unknowns move its residuals, and the whitening factor of their normal matrix.
+// Columns along which a run's own n unknowns, those of its motion, move its residuals, and the whitening factor of their
+// normal matrix.
 struct LocalColumns {
-  const double *along, *gain;  // (T, R, C, 2) with rows `stride` apart, (C, 2)
-  const double *offset, *factor;  // (2,), (2, 2)
+  const double *along, *gain;  // (T, R, C, n) with rows `stride` apart, (C, n)
+  const double *offset, *factor;  // (n,), (n, n)
   int64_t stride;
 };
 
 // r'r - b' N^-1 b with b = J' r + prior: the squares of a run with its own unknowns marginalised; signals (C, T).
 inline Pack misfit(const Readings& data, const LocalColumns& local, const Pack* signals, int channels) {
-  Pack squares{}, b[2] = {splat(local.offset[0]), splat(local.offset[1])};
+  constexpr int n = kMotionNumbers;
+  Pack squares{}, b[n];
+  for (int k = 0; k < n; ++k) b[k] = splat(local.offset[k]);
   for (int c = 0; c < channels; ++c) {
     const Pack* signal = signals + c * data.samples;
     const SensorFit<Pack> fit = fit_sensor(data, signal, c);
     const Pack g = fit.gain_residual;
     squares += g * g;
-    for (int k = 0; k < 2; ++k) b[k] += local.gain[2 * c + k] * g;
+    for (int k = 0; k < n; ++k) b[k] += local.gain[n * c + k] * g;
     for (int64_t t = 0; t < data.samples; ++t) {
       const Pack r = residual(data, fit, signal[t], t, c);
-      const double* column = local.along + t * local.stride + 2 * c;
+      const double* column = local.along + t * local.stride + n * c;
       squares += r * r;
-      b[0] += column[0] * r;
-      b[1] += column[1] * r;
+      for (int k = 0; k < n; ++k) b[k] += column[k] * r;
     }
   }
-  for (int k = 0; k < 2; ++k) {
-    const Pack whitened = local.factor[2 * k] * b[0] + local.factor[2 * k + 1] * b[1];
+  for (int k = 0; k < n; ++k) {
+    Pack whitened{};
+    for (int l = 0; l < n; ++l) whitened += local.factor[n * k + l] * b[l];
     squares -= whitened * whitened;
   }
   return squares;

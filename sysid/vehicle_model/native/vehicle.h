@@ -20,6 +20,28 @@ struct Frames {
   const double *select = nullptr, *push = nullptr;
 };
 
+// How a run moves along the road (equations of motion.py): axle 1 over the start of the bump at `start` [s] with `speed`
+// [m/s], and a constant acceleration [m/s2].
+struct Motion {
+  double speed, start, acceleration;
+  // Time from the start [s], at most (in size) where the run stands.
+  double since_start(double time) const {
+    const double tau = time - start;
+    return speed + acceleration * tau < 0.0 ? -speed / acceleration : tau;
+  }
+  double travelled(double time) const {
+    const double tau = since_start(time);
+    return tau * (speed + 0.5 * acceleration * tau);
+  }
+  double speed_at(double time) const { return speed + acceleration * since_start(time); }
+};
+
+// Derivatives of a run's motion (their values are zero).
+template <class V>
+struct MotionChange {
+  V speed, start, acceleration;
+};
+
 // Constants of one run (matrices as in LaneMatrices): na axles, nr body sensors.
 struct Run {
   int axles, body_sensors;
@@ -28,7 +50,8 @@ struct Run {
   const double* sharing = nullptr;  // (na, na) means over the axles of every rocker, null without rockers
   Frames frames;
   RoadTable road;
-  double speed, start, growth;
+  Motion motion;
+  double growth;
   Elements elements;
 };
 
@@ -39,14 +62,13 @@ struct TireLaw {
   double reference_load;
 };
 
-// Laws of all axles; forward speed, and how far the run is ahead of where the road is looked up, which is
-// ahead_rate (t - start) + ahead_start (derivatives only: its value is zero).
+// Laws of all axles, and derivatives of the run's motion.
 template <class V>
 struct Laws {
   std::vector<SuspensionLaw<V>> suspension;
   std::vector<TireLaw<V>> tire;
   std::vector<V> frame_stiffness, frame_damping;  // (2 pi f)^2 [1/s2], 2 zeta (2 pi f) [1/s]
-  V speed, ahead_rate, ahead_start;
+  MotionChange<V> change;
   std::vector<TireLaw<Pack>> across;  // for jets: values of the tires' coefficients, lanes are axles
   std::vector<Pack> reference_load;   // [N], lanes are axles
 };
@@ -148,6 +170,10 @@ void contacts(const Run& run, const Laws<Jet<T>>& laws, const RoadPoint* road, d
   enum { kDeflection, kRate, kInverse, kExponent, kDamping, kForceInputs };
   using Outer = Local<kForceInputs>;
   Squash<Partials> squashed[kLanes];
+  // How far the run is ahead of where the road is looked up.
+  const double tau = run.motion.since_start(time);
+  const Jet<T> ahead = tau * laws.change.speed + 0.5 * tau * tau * laws.change.acceleration -
+                       run.motion.speed_at(time) * laws.change.start;
   for (int first = 0; first < run.axles; first += kLanes) {
     const int count = run.axles - first < kLanes ? run.axles - first : kLanes;
     const TireLaw<Pack>& tires = laws.across[first / kLanes];
@@ -181,7 +207,6 @@ void contacts(const Run& run, const Laws<Jet<T>>& laws, const RoadPoint* road, d
       if (road[i].flat) {
         slopes += by_deflection * (law.static_deflection - wheel.rise[i]) - by_rate * wheel.rise_rate[i];
       } else {
-        const Jet<T> ahead = (time - run.start) * laws.ahead_rate + laws.ahead_start;
         const Partials by = by_deflection * squashed[k].deflection + by_rate * squashed[k].rate;
         slopes += slope(by, kByRest) * law.static_deflection + slope(by, kByAdvance) * wheel.advance[i] +
                   slope(by, kBySpeed) * wheel.speed[i] + slope(by, kByRise) * wheel.rise[i] +
@@ -195,6 +220,16 @@ void contacts(const Run& run, const Laws<Jet<T>>& laws, const RoadPoint* road, d
       unclipped[i] = slopes;
     }
   }
+}
+
+// Forward speed of a run.
+inline Pack forward_speed(const Run& run, const Laws<Pack>&, double time) { return splat(run.motion.speed_at(time)); }
+template <int T>
+inline Jet<T> forward_speed(const Run& run, const Laws<Jet<T>>& laws, double time) {
+  const double tau = run.motion.since_start(time), now = run.motion.speed_at(time);
+  if (now <= 0.0) return Jet<T>{};
+  const MotionChange<Jet<T>>& change = laws.change;
+  return now + (change.speed + tau * change.acceleration - run.motion.acceleration * change.start);
 }
 
 // -------------------------------------------------------------------------------------------------------------- forces
@@ -232,6 +267,7 @@ void forces(const Run& run, const Laws<V>& laws, const RoadPoint* road, double t
     wheel.rise = rise;
     wheel.rise_rate = rise_rate;
   }
+  const V nominal = forward_speed(run, laws, time);
   for (int i = 0; i < na; ++i) {
     const double *up = run.position + i * NB, *up_rate = run.rate + i * NB;
     V above = -state.axle[i], above_rate = -state.axle_rate[i];
@@ -243,7 +279,7 @@ void forces(const Run& run, const Laws<V>& laws, const RoadPoint* road, double t
     out.rate[i] = above_rate;
     if (road[i].flat) continue;
     const double *along = run.position + (na + i) * NB, *along_rate = run.rate + (na + i) * NB;
-    V advance{}, speed = laws.speed;
+    V advance{}, speed = nominal;
     for (int j = 0; j < NB; ++j) {
       accumulate(advance, along[j], state.body[j]);
       accumulate(speed, along_rate[j], state.body_rate[j]);
@@ -483,10 +519,10 @@ void integrate(const Run& run, const Laws<V>& laws, const Channels& channels, co
   std::vector<RoadPoint> points(3 * na);
   RoadPoint *road = &points[0], *road_middle = &points[na], *road_end = &points[2 * na];
   const auto look_up = [&](int64_t half_steps, RoadPoint* at) {
-    const double time = static_cast<double>(half_steps) * half_step;
+    const double travelled = run.motion.travelled(static_cast<double>(half_steps) * half_step);
     bool flat = true;
     for (int i = 0; i < na; ++i) {
-      wheels[i].look_up(run.speed * (time - run.start) - run.axle_x[i], at[i]);
+      wheels[i].look_up(travelled - run.axle_x[i], at[i]);
       flat = flat && at[i].flat;
     }
     return flat;

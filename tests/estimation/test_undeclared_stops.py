@@ -1,0 +1,76 @@
+"""Bump stops that nobody declared and the runs reach: found by the comparison of laws, but not where there are none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rigid_truck import AXLES, SENSORS, STIFFNESS, VEHICLE, bump, campaign, empty_run, true_log_parameters, with_values
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.fit.law_choice import fit_with_laws
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.map_tires import map_tires
+from sysid.estimation.residuals.bump_model import bump_model
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.signals import simulate_runs
+
+PROFILES = {"bump": bump(0.1, 0.9)}
+NOISE = {"suspension_deflection": 2e-4, "axle_acceleration": 0.15, "body_acceleration": 0.05}
+OPTIONS = FitOptions(weight_rounds=1, cross_check=False, tolerance=1e-5, target_step_s=0.0025)
+#: Travels [m] of the axles that declare them here, and that the runs reach.
+JOUNCE_M, REBOUND_M = (0.062, 0.088, 0.07), (0.068, 0.061, 0.072)
+STOP_N_PER_M = 2.4e6
+
+
+def recorded(stops: bool) -> Campaign:
+    """Two runs of a truck with or without stops; the campaign that is fitted says nothing about them."""
+    runs = [empty_run(f, v, samples=400) for f, v in (("slow.csv", 6.0), ("fast.csv", 9.0))]
+    axles = tuple(
+        replace(a, jounce_travel_m=j, rebound_travel_m=r) for a, j, r in zip(AXLES, JOUNCE_M, REBOUND_M, strict=True)
+    )
+    true = campaign(runs, vehicle=replace(VEHICLE, axles=axles) if stops else VEHICLE)
+    parameters = campaign_parameters(true, None)
+    plain = campaign_parameters(campaign(runs), None)
+    values = dict(zip(plain.names, true_log_parameters(plain.names), strict=True))
+    x = np.array([values.get(n, np.log(STOP_N_PER_M)) for n in parameters.names])
+    model = bump_model(true, parameters, PROFILES, tires=map_tires(plain, np.array(list(values.values()))))
+    (signals,) = simulate_runs(model, x, RunMotion.steady(np.array([6.05, 8.92]), np.array([0.41, 0.38])))
+    random = np.random.default_rng(8)
+    sd = np.array([NOISE[s.kind] for s in SENSORS])
+    order = list(model.groups[0].runs)
+    filled = [
+        with_values(run, signals[:, order.index(r)] + sd * random.normal(size=(400, len(SENSORS))))
+        for r, run in enumerate(runs)
+    ]
+    return replace(campaign(runs), bump_runs=tuple(filled))
+
+
+@pytest.fixture(scope="module")
+def found():
+    return fit_with_laws(recorded(True), None, PROFILES, OPTIONS)[0]
+
+
+def test_stops_are_found_with_their_travels(found):
+    assert found.laws == ("estimated_bump_stops",) * 3
+    by_name = {p.name: p for p in found.parameters}
+    for i in range(3):
+        assert by_name[f"k_{i + 1}"].value == pytest.approx(STIFFNESS[i], rel=0.01)
+        for travel, truth in ((f"jounce_{i + 1}", JOUNCE_M[i]), (f"rebound_{i + 1}", REBOUND_M[i])):
+            assert by_name[travel].value == pytest.approx(truth, abs=0.003), travel
+            assert by_name[travel].unit == "m"
+
+
+def test_laws_without_stops_were_worse(found):
+    linear = found.law_comparison.trials[0]
+    assert set(linear.laws) == {"linear"}
+    assert linear.misfit > 2.0
+
+
+def test_none_are_found_on_a_truck_without_stops():
+    """It goes through the travels that trucks usually have."""
+    fit, _ = fit_with_laws(recorded(False), None, PROFILES, replace(OPTIONS, laws="compare"))
+    assert set(fit.laws) == {"linear"}
+    assert max(abs(p.value / k - 1.0) for p, k in zip(fit.parameters[:3], STIFFNESS, strict=True)) < 0.01
