@@ -52,8 +52,9 @@ class SuspensionLaw(NamedTuple):
     """Suspension per lane and axle, arrays (R, na, S); elements that are None act on no axle.
 
     - `stiffness` k [N/m], `damping` c [N s/m].
-    - `softening` 1/l [1/m]: gas spring S = k e / (1 + e / l), the isothermal law P = P_0 l / (l + e) for k = P_0 / l; 0
-      is a linear spring.
+    - `softening` 1/l [1/m] and `stiffening` 1/d^2 [1/m2]: air spring S = k e (1 / (1 + e / l) + (e / d)^2), the isothermal
+      law P = P_0 l / (l + e) for k = P_0 / l and a bellows whose area grows towards both ends of its stroke; zeros are a
+      linear spring.
     - `saturation` v_s [m/s], `rounding` b and `tail` r: damper D = c g s(v) V / s(V), V = 0.5 m/s,
       s(v) = r v + (1 - r) v / sqrt(1 + 2 b |v| / v_s + (v / v_s)^2); r = 1 is a linear damper, b = 0 a knee at v_s,
       b = 1 the hyperbola v / (1 + |v| / v_s), small v_s with r > 0 a regularised Coulomb force beside a viscous one.
@@ -69,6 +70,7 @@ class SuspensionLaw(NamedTuple):
     stiffness: AxleLanes
     damping: AxleLanes
     softening: AxleLanes | None = None
+    stiffening: AxleLanes | None = None
     saturation: AxleLanes | None = None
     rounding: AxleLanes | None = None
     tail: AxleLanes | None = None
@@ -85,7 +87,7 @@ class SuspensionLaw(NamedTuple):
 #: Elements with smooth coefficients, and the fields of :class:`SuspensionLaw` that are theirs: the native engine leaves
 #: out those that no axle has.
 ELEMENT_FIELDS: dict[str, tuple[str, ...]] = {
-    "gas_spring": ("softening",),
+    "gas_spring": ("softening", "stiffening"),
     "saturating": ("saturation", "rounding", "tail"),
     "asymmetric": ("asymmetry",),
     "friction": ("friction", "slip"),
@@ -109,6 +111,8 @@ def _of_spring(law: SuspensionLaw, extension: AxleLanes) -> jax.Array:
     force = law.stiffness * extension
     if law.softening is not None:
         force = force / jnp.maximum(1.0 + extension * law.softening, SHORTEST)
+    if law.stiffening is not None:
+        force = force + law.stiffness * law.stiffening * extension**3
     if law.ramps is not None:
         force = force + _ramp_force(law.ramps, extension)
     return jnp.asarray(force)

@@ -273,7 +273,7 @@ def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEsti
     parameters = optimum.problem.model.parameters
     sd = parameter_sd(optimum) * max(1.0, optimum.misfit)
     doubtful = optimum.misfit >= DOUBT
-    form = (MODEL_STIFFNESS_SD, MODEL_DAMPING_SD) if doubtful else (0.0, 0.0)
+    form = (DOUBTFUL_STIFFNESS_SD, DOUBTFUL_DAMPING_SD) if doubtful else (0.0, 0.0)
     note = (
         f"the model leaves {optimum.misfit:.1f} times the instrument noise, as with dry friction or dampers that are "
         "not linear: its standard deviations allow for that"

@@ -54,6 +54,8 @@ class Element:
 #: Assumed share of a bellows' pressure stiffness that its progressivity shows: auxiliary volumes and rubber leave less
 #: than the 1 of a closed isothermal volume; the wide prior leaves room for either.
 PROGRESSIVITY = 0.4
+#: Assumed share by which a bellows' widening ends raise its force at this stroke, beyond the gas law: 0.02 to 1 in 95 %.
+STROKE_STIFFENING, STIFFENING_STROKE_M = 0.15, 0.1
 #: Assumed stiffness of a pair of rubber stops where they begin to act [N/m]; they stiffen as they are compressed.
 STOP_STIFFNESS = 2e6
 #: Share of the carried load at which leaf packs (air-sprung and other axles) rub: assumptions inside the 2 to 10 % that
@@ -129,6 +131,18 @@ ELEMENTS = {
                     0.0,
                     "softening",
                     lambda progressivity, stiffness, carried, growth: progressivity * stiffness / carried,
+                ),
+                ElementQuantity(
+                    "stroke_stiffening",
+                    "stiffening",
+                    "1",
+                    True,
+                    lambda axle, carried: STROKE_STIFFENING,
+                    1.2,
+                    0.0,
+                    "stiffening",
+                    lambda share, stiffness, carried, growth: share / STIFFENING_STROKE_M**2,
+                    decides=False,
                 ),
             ),
         ),

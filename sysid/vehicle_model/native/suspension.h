@@ -27,7 +27,7 @@ struct Elements : SmoothElements {
 template <class V>
 struct SuspensionLaw {
   V stiffness, damping;                // k [N/m], c [N s/m]
-  V softening;                         // 1/l [1/m]
+  V softening, stiffening;             // 1/l [1/m], 1/d^2 [1/m2]
   V saturation, rounding, tail;        // v_s [m/s], b, r
   V stated, curvature;                 // shape at the reference rate; D = c v / stated + curvature v |v| near rest
   V rebound, compression, corner;      // 2 q / (1 + q), 2 / (1 + q), and their difference
@@ -43,14 +43,15 @@ inline V ramp_force(const std::vector<Ramp<V>>& ramps, const V& x) {
   return sum;
 }
 
-// S = k e / max(1 + e / l, 0.05): the isothermal law of a gas spring.
+// S = k e (1 / max(1 + e / l, 0.05) + (e / d)^2): the isothermal law of a gas spring, and a bellows that widens.
 template <class V>
 inline V spring_force(const Elements& has, const SuspensionLaw<V>& law, const V& extension) {
   V force = law.stiffness * extension;
   if (has.gas_spring) {
     const V length = 1.0 + extension * law.softening;
     const V shortest = constant_row<V>(kShortest - Scalar<V>{});
-    force = force / select(value(length) < kShortest, shortest, length);
+    force = force / select(value(length) < kShortest, shortest, length) +
+            law.stiffness * extension * (law.stiffening * (extension * extension));
   }
   if (has.ramps > 0) force += ramp_force(law.ramps, extension);
   return force;
@@ -127,6 +128,7 @@ inline SuspensionLaw<V> suspension_law(const Elements& has, const Coefficients<V
   law.stiffness = c.stiffness;
   law.damping = c.damping;
   law.softening = c.softening;
+  law.stiffening = c.stiffening;
   if (has.saturating) {
     law.saturation = c.saturation;
     law.rounding = c.rounding;
