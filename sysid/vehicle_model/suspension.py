@@ -52,9 +52,9 @@ class SuspensionLaw(NamedTuple):
     """Suspension per lane and axle, arrays (R, na, S); elements that are None act on no axle.
 
     - `stiffness` k [N/m], `damping` c [N s/m].
-    - `softening` 1/l [1/m] and `stiffening` 1/d^2 [1/m2]: air spring S = k e (1 / (1 + e / l) + (e / d)^2), the isothermal
-      law P = P_0 l / (l + e) for k = P_0 / l and a bellows whose area grows towards both ends of its stroke; zeros are a
-      linear spring.
+    - `softening` 1/l [1/m] and `stiffening` 1/d^2 [1/m2]: air spring S = k e (1 / (1 + e / l) + (e / d)^2), the
+      isothermal law P = P_0 l / (l + e) for k = P_0 / l, and a bellows whose area grows towards both ends of its
+      stroke; zeros are a linear spring.
     - `saturation` v_s [m/s], `rounding` b and `tail` r: damper D = c g s(v) V / s(V), V = 0.5 m/s,
       s(v) = r v + (1 - r) v / sqrt(1 + 2 b |v| / v_s + (v / v_s)^2); r = 1 is a linear damper, b = 0 a knee at v_s,
       b = 1 the hyperbola v / (1 + |v| / v_s), small v_s with r > 0 a regularised Coulomb force beside a viscous one.

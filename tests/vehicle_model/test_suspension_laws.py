@@ -15,6 +15,7 @@ from sysid.vehicle_model.suspension import Ramps, SuspensionLaw, damper_force, s
 FRICTION = np.array([1500.0, 900.0, 3000.0])
 SLIP_M = 1e-3
 SOFTENING = np.array([0.0, 2.5, 4.0])
+STIFFENING = np.array([0.0, 30.0, 60.0])
 KNEE = np.array([0.25, 0.2, 0.6])
 TAIL = np.array([0.3, 0.15, 0.0])
 BROAD_KNEE = np.array([0.8, 1.2, 1.0])
@@ -24,7 +25,7 @@ STOP_M, STOP = np.array([0.02, 0.03, 0.025]), np.array([2e6, 3e6, 2.5e6])
 
 
 def gas(e, v, phi):
-    return STIFFNESS * e / (1 + SOFTENING * e) + DAMPING * v
+    return STIFFNESS * e / (1 + SOFTENING * e) + STIFFNESS * STIFFENING * e**3 + DAMPING * v
 
 
 def saturating(e, v, phi):
@@ -59,7 +60,7 @@ STOP_RAMPS = Ramps(
     side=jnp.stack([per_axle(np.ones(3)), per_axle(-np.ones(3))]),
 )
 LAWS = {
-    "gas spring": (gas, LINEAR._replace(softening=per_axle(SOFTENING))),
+    "gas spring": (gas, LINEAR._replace(softening=per_axle(SOFTENING), stiffening=per_axle(STIFFENING))),
     "saturating damper": (
         saturating,
         LINEAR._replace(saturation=per_axle(KNEE), rounding=per_axle(ROUNDING), tail=per_axle(TAIL)),

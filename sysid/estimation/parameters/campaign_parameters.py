@@ -66,8 +66,8 @@ METHOD_PREFERENCE = ("model", "free_decay", "corrected", "paper")
 #: an assumption.
 MODEL_STIFFNESS_SD = 0.2
 MODEL_DAMPING_SD = 0.4
-#: The same where linear laws do not explain the drops: dry friction raises the k of small swings, and c holds it all, up
-#: to ten times the viscous part on leaf packs (an assumption; both occur with friction of 5 to 7 % of the load).
+#: The same where linear laws do not explain the drops: dry friction raises the k of small swings, and c holds all of
+#: it, up to ten times the viscous part on leaf packs (an assumption; seen with friction of 5 to 7 % of the load).
 DOUBTFUL_STIFFNESS_SD = 0.4
 DOUBTFUL_DAMPING_SD = 1.0
 

@@ -54,7 +54,7 @@ class Element:
 #: Assumed share of a bellows' pressure stiffness that its progressivity shows: auxiliary volumes and rubber leave less
 #: than the 1 of a closed isothermal volume; the wide prior leaves room for either.
 PROGRESSIVITY = 0.4
-#: Assumed share by which a bellows' widening ends raise its force at this stroke, beyond the gas law: 0.02 to 1 in 95 %.
+#: Assumed share of k e by which the ends of a bellows, where it widens, raise the force at this stroke (0.02 to 1).
 STROKE_STIFFENING, STIFFENING_STROKE_M = 0.15, 0.1
 #: Assumed stiffness of a pair of rubber stops where they begin to act [N/m]; they stiffen as they are compressed.
 STOP_STIFFNESS = 2e6
