@@ -52,10 +52,12 @@ class SuspensionLaw(NamedTuple):
     """Suspension per lane and axle, arrays (R, na, S); elements that are None act on no axle.
 
     - `stiffness` k [N/m], `damping` c [N s/m].
-    - `softening` 1/l [1/m]: gas spring S = k e / (1 + e / l), the isothermal law P = P_0 l / (l + e) for k = P_0 / l; 0
-      is a linear spring.
-    - `saturation` v_s [m/s] and `tail` r: damper D = c g s(v) V / s(V), s(v) = r v + (1 - r) v / sqrt(1 + (v / v_s)^2),
-      V = 0.5 m/s; r = 1 is a linear damper, small v_s with r > 0 a regularised Coulomb force beside a viscous one.
+    - `softening` 1/l [1/m] and `stiffening` 1/d^2 [1/m2]: air spring S = k e (1 / (1 + e / l) + (e / d)^2), the
+      isothermal law P = P_0 l / (l + e) for k = P_0 / l, and a bellows whose area grows towards both ends of its
+      stroke; zeros are a linear spring.
+    - `saturation` v_s [m/s], `rounding` b and `tail` r: damper D = c g s(v) V / s(V), V = 0.5 m/s,
+      s(v) = r v + (1 - r) v / sqrt(1 + 2 b |v| / v_s + (v / v_s)^2); r = 1 is a linear damper, b = 0 a knee at v_s,
+      b = 1 the hyperbola v / (1 + |v| / v_s), small v_s with r > 0 a regularised Coulomb force beside a viscous one.
     - `asymmetry` q: g = 2 q / (1 + q) in rebound (v > 0) and 2 / (1 + q) in compression; 1 is symmetric.
     - `friction` F_c [N] and `slip` z_s [m]: Dahl's element d phi / d e = (1 - phi sgn v) / z_s (P. R. Dahl, "A solid
       friction model", 1968).
@@ -68,7 +70,9 @@ class SuspensionLaw(NamedTuple):
     stiffness: AxleLanes
     damping: AxleLanes
     softening: AxleLanes | None = None
+    stiffening: AxleLanes | None = None
     saturation: AxleLanes | None = None
+    rounding: AxleLanes | None = None
     tail: AxleLanes | None = None
     asymmetry: AxleLanes | None = None
     friction: AxleLanes | None = None
@@ -83,8 +87,8 @@ class SuspensionLaw(NamedTuple):
 #: Elements with smooth coefficients, and the fields of :class:`SuspensionLaw` that are theirs: the native engine leaves
 #: out those that no axle has.
 ELEMENT_FIELDS: dict[str, tuple[str, ...]] = {
-    "gas_spring": ("softening",),
-    "saturating": ("saturation", "tail"),
+    "gas_spring": ("softening", "stiffening"),
+    "saturating": ("saturation", "rounding", "tail"),
     "asymmetric": ("asymmetry",),
     "friction": ("friction", "slip"),
     "equaliser": ("load_share",),
@@ -107,6 +111,8 @@ def _of_spring(law: SuspensionLaw, extension: AxleLanes) -> jax.Array:
     force = law.stiffness * extension
     if law.softening is not None:
         force = force / jnp.maximum(1.0 + extension * law.softening, SHORTEST)
+    if law.stiffening is not None:
+        force = force + law.stiffness * law.stiffening * extension**3
     if law.ramps is not None:
         force = force + _ramp_force(law.ramps, extension)
     return jnp.asarray(force)
@@ -123,12 +129,17 @@ def damper_force(law: SuspensionLaw, rate: AxleLanes) -> jax.Array:
 
 
 def _symmetric_damper(law: SuspensionLaw, rate: AxleLanes) -> jax.Array:
-    if law.saturation is None or law.tail is None:
+    if law.saturation is None or law.tail is None or law.rounding is None:
         return law.damping * rate
 
-    knee, tail = law.saturation, law.tail
-    now, stated = (tail + (1.0 - tail) / jnp.sqrt(1.0 + (v / knee) ** 2) for v in (rate, REFERENCE_RATE_M_S))
-    return jnp.asarray(law.damping * rate * now / stated)
+    return jnp.asarray(law.damping * rate * _damper_shape(law, rate) / _damper_shape(law, REFERENCE_RATE_M_S))
+
+
+def _damper_shape(law: SuspensionLaw, rate: AxleLanes | float) -> jax.Array:
+    if law.saturation is None or law.tail is None or law.rounding is None:
+        raise ValueError("a damper without a knee has no shape")
+    relative = jnp.abs(rate) / law.saturation
+    return law.tail + (1.0 - law.tail) / jnp.sqrt(1.0 + relative * (2.0 * law.rounding + relative))
 
 
 def suspension_force(
@@ -230,7 +241,7 @@ def _turning_point(change: jax.Array, v0: jax.Array, v1: jax.Array, turns: jax.A
 
 def has_kinks(law: SuspensionLaw) -> bool:
     """Whether the law has corners in extension or rate that the integrator corrects."""
-    return any(part is not None for part in (law.ramps, law.stops, law.rate_ramps, law.asymmetry))
+    return any(part is not None for part in (law.ramps, law.stops, law.rate_ramps, law.asymmetry, law.saturation))
 
 
 def kink_corrections(
@@ -259,12 +270,34 @@ def kink_corrections(
         if ramps is law.ramps:
             mean, first = shared(law, sharing, mean), shared(law, sharing, first)
         impulse, moment = impulse + mean, moment + first
+    curvature: AxleLanes | float = 0.0
+    if law.saturation is not None and law.tail is not None and law.rounding is not None:
+        # D = c v / s(V) + curvature v |v| near rest.
+        mean, first = _missed_curvature(rate[0], rate[3])
+        stated = _damper_shape(law, REFERENCE_RATE_M_S)
+        curvature = (law.tail - 1.0) * law.rounding * law.damping / (law.saturation * stated)
+        impulse, moment = impulse + curvature * mean, moment + curvature * first
     if law.asymmetry is not None:
         # D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): only the second part has a corner.
-        mean, first = _missed(*(_symmetric_damper(law, v) for v in rate))
+        # The parabola goes on as d(v) does for v > 0.
+        ahead = (_symmetric_damper(law, v) + 2.0 * curvature * jnp.minimum(v, 0.0) ** 2 for v in rate)
+        mean, first = _missed(*ahead)
         share = 2.0 * (law.asymmetry - 1.0) / (law.asymmetry + 1.0)
         impulse, moment = impulse + share * mean, moment + share * first
     return impulse, moment
+
+
+def _missed_curvature(a: jax.Array, b: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Exact less Runge-Kutta integrals of v |v| and (1 - s) v |v|, v the straight line from `a` to `b` through zero."""
+    turns = a * b < 0.0
+    first, last = jnp.where(turns, a, 0.0), jnp.where(turns, b, 1.0)
+    middle, change = 0.5 * (first + last), last - first
+    before, between, after = (v * jnp.abs(v) for v in (first, middle, last))
+    cubes = (jnp.abs(last) ** 3 - jnp.abs(first) ** 3) / (3.0 * change)
+    fourth = (after * jnp.abs(after) - before * jnp.abs(before)) / (4.0 * change)
+    mean = cubes - (before + 4.0 * between + after) / 6.0
+    moment = (last * cubes - fourth) / change - (before + 2.0 * between) / 6.0
+    return jnp.where(turns, mean, 0.0), jnp.where(turns, moment, 0.0)
 
 
 def _missed(*values: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -15,10 +15,16 @@ DOCS = Path(__file__).parents[2] / "docs"
 DONE = Minimum(np.zeros(1), 1.0, True, 3, "the cost no longer changes")
 
 
-def warned(misfit: float = 1.0, halving: float = 1e-5, apart: float = 0.01, minimum: Minimum = DONE) -> tuple[str, ...]:
+def warned(
+    misfit: float = 1.0,
+    halving: float = 1e-5,
+    apart: float = 0.01,
+    minimum: Minimum = DONE,
+    instruments: float = 0.0,
+) -> tuple[str, ...]:
     determined = small_fit().identifiability
     assert determined is not None
-    return fit_warnings(minimum, misfit, halving, apart, determined)
+    return fit_warnings(minimum, (misfit, instruments or misfit), halving, apart, determined)
 
 
 def documented(page: str, pattern: str) -> float:
@@ -29,6 +35,13 @@ def documented(page: str, pattern: str) -> float:
 
 def test_a_fit_without_reason_for_a_warning_has_none():
     assert warned() == warned(apart=float("nan")) == ()
+
+
+def test_a_rough_road_is_no_fault_of_the_model():
+    """Residuals as large as what the sensors show before the bump call for no warning, larger ones name both ratios."""
+    assert warned(misfit=1.0, instruments=1.6) == ()
+    (said,) = warned(misfit=1.5, instruments=2.4)
+    assert "1.5 times what the sensors show before the bump, 2.4 times the instrument noise" in said
 
 
 @pytest.mark.parametrize(

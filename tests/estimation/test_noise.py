@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_data import RunGroup
-from sysid.estimation.weights.noise import instrument_noise, residual_scale
+from sysid.estimation.weights.noise import instrument_noise, residual_scale, rolling_noise
 
 
 def group(value: np.ndarray, measured: np.ndarray | None = None) -> RunGroup:
@@ -61,8 +62,23 @@ def test_readings_that_never_follow_each_other_tell_no_noise_and_no_misfit():
     assert np.isfinite(instrument[0, 0])
     assert np.isinf(instrument[0, 1])
     weights = Weights((2.0 * np.where(np.isinf(instrument), 1.0, instrument),), ())
-    optimum = Optimum(SimpleNamespace(weights=weights), np.zeros(1), np.zeros(1), None, (instrument,))
+    still = np.zeros_like(instrument)
+    optimum = Optimum(SimpleNamespace(weights=weights), np.zeros(1), np.zeros(1), None, (instrument,), (still,))
     assert optimum.misfit == pytest.approx(2.0)
+    rolling = replace(optimum, rolling=(1.6 * instrument,))
+    assert (rolling.misfit, rolling.over_instruments) == (pytest.approx(1.25), pytest.approx(2.0))
+
+
+def test_what_a_rolling_truck_shows_holds_slow_motion_that_differences_do_not():
+    """Heave of 1.5 Hz and amplitude 3 under noise of 0.3: sqrt(9 / 2 + 0.09), and the bump after it does not count."""
+    time = np.arange(2000) * 0.005
+    value = (3.0 * np.sin(2 * np.pi * 1.5 * time) + np.random.default_rng(13).normal(size=2000) * 0.3)[:, None] + 7.0
+    value[800:] += 50.0
+    mask = np.ones(value.shape, bool)
+    assert rolling_noise(group(value, mask), 4.0)[0, 0] == pytest.approx(np.sqrt(4.5 + 0.09), rel=0.02)
+    assert instrument_noise(group(value, mask), 4.0)[0, 0] < 0.4
+    mask[:795] = False
+    assert rolling_noise(group(value, mask), 4.0)[0, 0] == 0.0
 
 
 def test_no_scale_falls_below_a_thousandth_of_the_signal():

@@ -163,8 +163,8 @@ def elements(case: Case) -> dict[str, dict]:
         return jnp.asarray(value * np.exp(0.2 * case.random.normal(size=case.suspension.stiffness.shape)))
 
     return {
-        "gas spring": {"softening": varied(4.0)},
-        "saturating damper": {"saturation": varied(0.3), "tail": varied(0.2)},
+        "gas spring": {"softening": varied(4.0), "stiffening": varied(30.0)},
+        "saturating damper": {"saturation": varied(0.3), "rounding": varied(0.6), "tail": varied(0.2)},
         "asymmetric damper": {"asymmetry": varied(2.5)},
         "friction": {"friction": varied(2000.0), "slip": varied(1e-3)},
         "spring corners": {"ramps": ramps(case, (0.012, 0.02, -0.015), 1e6)},

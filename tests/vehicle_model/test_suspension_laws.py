@@ -15,20 +15,29 @@ from sysid.vehicle_model.suspension import Ramps, SuspensionLaw, damper_force, s
 FRICTION = np.array([1500.0, 900.0, 3000.0])
 SLIP_M = 1e-3
 SOFTENING = np.array([0.0, 2.5, 4.0])
+STIFFENING = np.array([0.0, 30.0, 60.0])
 KNEE = np.array([0.25, 0.2, 0.6])
 TAIL = np.array([0.3, 0.15, 0.0])
+BROAD_KNEE = np.array([0.8, 1.2, 1.0])
+ROUNDING = np.array([0.0, 0.5, 1.5])
 ASYMMETRY = np.array([2.5, 1.0, 4.0])
 STOP_M, STOP = np.array([0.02, 0.03, 0.025]), np.array([2e6, 3e6, 2.5e6])
 
 
 def gas(e, v, phi):
-    return STIFFNESS * e / (1 + SOFTENING * e) + DAMPING * v
+    return STIFFNESS * e / (1 + SOFTENING * e) + STIFFNESS * STIFFENING * e**3 + DAMPING * v
 
 
 def saturating(e, v, phi):
-    shape = TAIL * v + (1 - TAIL) * v / np.sqrt(1 + (v / KNEE) ** 2)
-    stated = TAIL * 0.5 + (1 - TAIL) * 0.5 / np.sqrt(1 + (0.5 / KNEE) ** 2)
-    return STIFFNESS * e + 0.5 * DAMPING * shape / stated
+    def shape(rate):
+        return TAIL + (1 - TAIL) / np.sqrt(1 + 2 * ROUNDING * np.abs(rate) / KNEE + (rate / KNEE) ** 2)
+
+    return STIFFNESS * e + DAMPING * v * shape(v) / shape(0.5)
+
+
+def hyperbolic(e, v, phi):
+    side = np.where(v > 0, ASYMMETRY, 1.0) * 2 / (1 + ASYMMETRY)
+    return STIFFNESS * e + DAMPING * side * v * (1 + 0.5 / BROAD_KNEE) / (1 + np.abs(v) / BROAD_KNEE)
 
 
 def asymmetric(e, v, phi):
@@ -51,8 +60,20 @@ STOP_RAMPS = Ramps(
     side=jnp.stack([per_axle(np.ones(3)), per_axle(-np.ones(3))]),
 )
 LAWS = {
-    "gas spring": (gas, LINEAR._replace(softening=per_axle(SOFTENING))),
-    "saturating damper": (saturating, LINEAR._replace(saturation=per_axle(KNEE), tail=per_axle(TAIL))),
+    "gas spring": (gas, LINEAR._replace(softening=per_axle(SOFTENING), stiffening=per_axle(STIFFENING))),
+    "saturating damper": (
+        saturating,
+        LINEAR._replace(saturation=per_axle(KNEE), rounding=per_axle(ROUNDING), tail=per_axle(TAIL)),
+    ),
+    "hyperbolic damper": (
+        hyperbolic,
+        LINEAR._replace(
+            saturation=per_axle(BROAD_KNEE),
+            rounding=per_axle(np.ones(3)),
+            tail=per_axle(np.zeros(3)),
+            asymmetry=per_axle(ASYMMETRY),
+        ),
+    ),
     "asymmetric damper": (asymmetric, LINEAR._replace(asymmetry=per_axle(ASYMMETRY))),
     "friction": (friction, LINEAR._replace(friction=per_axle(FRICTION), slip=per_axle(np.full(3, SLIP_M)))),
     "stops": (stops, LINEAR._replace(ramps=STOP_RAMPS)),

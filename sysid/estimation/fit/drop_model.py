@@ -19,7 +19,11 @@ from sysid.estimation.fit.least_squares import optimise_from
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.start_search import best_shift
-from sysid.estimation.parameters.campaign_parameters import MODEL_DAMPING_SD, MODEL_STIFFNESS_SD, campaign_parameters
+from sysid.estimation.parameters.campaign_parameters import (
+    DOUBTFUL_DAMPING_SD,
+    DOUBTFUL_STIFFNESS_SD,
+    campaign_parameters,
+)
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
@@ -274,7 +278,7 @@ def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEsti
     parameters = optimum.problem.model.parameters
     sd = parameter_sd(optimum) * max(1.0, optimum.misfit)
     doubtful = optimum.misfit >= DOUBT
-    form = (MODEL_STIFFNESS_SD, MODEL_DAMPING_SD) if doubtful else (0.0, 0.0)
+    form = (DOUBTFUL_STIFFNESS_SD, DOUBTFUL_DAMPING_SD) if doubtful else (0.0, 0.0)
     note = (
         f"the model leaves {optimum.misfit:.1f} times the instrument noise, as with dry friction or dampers that are "
         "not linear: its standard deviations allow for that"

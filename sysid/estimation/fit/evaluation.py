@@ -72,7 +72,7 @@ def evaluate_optimum(
     median_inflation = float(np.median(np.concatenate([v[u] for v, u in zip(inflation, usable, strict=True)])))
     shared = covariance[: problem.count, : problem.count]
     determined = assess(estimates, shared, information)
-    warnings = fit_warnings(minimum, optimum.misfit, halving, difference, determined)
+    warnings = fit_warnings(minimum, (optimum.misfit, optimum.over_instruments), halving, difference, determined)
     checks = _mass_checks(allowances.masses, effect)
     point = _fit_point(problem, vector, effect, adjustment, information)
     fit = FitResult(
@@ -320,24 +320,27 @@ def _of_run(
 
 
 def fit_warnings(
-    minimum: Minimum, misfit: float, halving: float, cross_check: float, determined: Identifiability
+    minimum: Minimum, misfits: tuple[float, float], halving: float, cross_check: float, determined: Identifiability
 ) -> tuple[str, ...]:
     """Sentences about a fit that somebody should read before using it.
 
     Parameters
     ----------
-    misfit : median over channels of residual over instrument noise.
+    misfits : median over channels of residual over what the channels show before the bump, and over instrument noise.
     halving : largest relative RMS change of a channel with half the integration step.
     cross_check : distance of an independent solver's optimum [sd], NaN where none looked for it.
     """
     sentences = []
     if not minimum.converged:
         sentences.append(f"Least squares has not converged ({minimum.message}); the values are not final.")
+    misfit, over_instruments = misfits
+    size = f"{over_instruments:.1f} times the instrument noise"
+    if over_instruments >= 1.1 * misfit:
+        size = f"{misfit:.1f} times what the sensors show before the bump, {size}"
     if misfit >= MISFIT:
         sentences.append(
-            f"Residuals are {misfit:.1f} times the instrument noise (median over channels): the model does not explain "
-            "everything the sensors saw. Intervals are widened by what these residuals ask for and may not hold all of "
-            "it."
+            f"Residuals are {size} (median over channels): the model does not explain everything the sensors saw. "
+            "Intervals are widened by what these residuals ask for and may not hold all of it."
         )
     if halving > STEP_HALVING:
         sentences.append(

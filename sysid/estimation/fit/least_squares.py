@@ -24,6 +24,7 @@ from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_data import RunGroup
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise as noise_model
 from sysid.estimation.weights.reweighting import reweighted
@@ -184,7 +185,8 @@ def optimise_from(
         if not last:
             problem.weights = reweighted(problem, problem.linearise(vector))
     assert minimum is not None
-    return Optimum(problem, vector, first, replace(minimum, iterations=iterations), instrument)
+    rolling = _before_the_bump(noise_model.rolling_noise, model, motion)
+    return Optimum(problem, vector, first, replace(minimum, iterations=iterations), instrument, rolling)
 
 
 def _start_from(parameters: ParameterSet, near: Optimum) -> np.ndarray:
@@ -206,10 +208,13 @@ def _find_motion(
 
 def instrument_noise(model: BumpModel, motion: RunMotion) -> tuple[np.ndarray, ...]:
     """Instrument noise (R, C) per group [SI], from the records before their runs meet the bump."""
-    return tuple(
-        noise_model.instrument_noise(g, noise_model.quiet_time(model, g, motion.start_s, motion.speed_m_s))
-        for g in model.groups
-    )
+    return _before_the_bump(noise_model.instrument_noise, model, motion)
+
+
+def _before_the_bump(
+    noise: Callable[[RunGroup, float], np.ndarray], model: BumpModel, motion: RunMotion
+) -> tuple[np.ndarray, ...]:
+    return tuple(noise(g, noise_model.quiet_time(model, g, motion.start_s, motion.speed_m_s)) for g in model.groups)
 
 
 def _report_iteration(report: Progress, number: int, rounds: int, iteration: int, cost: float) -> None:

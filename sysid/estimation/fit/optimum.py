@@ -16,7 +16,8 @@ class Optimum:
     """Where least squares ended for one set of suspension laws.
 
     `vector` the optimum and `first` where the last search began from, in the unknowns of `problem`; `minimum` how it
-    ended; `instrument` (R, C) noise of the instruments per group [SI].
+    ended; `instrument` (R, C) noise of the instruments per group [SI], `rolling` (R, C) what the channels show while
+    the truck rolls towards the bump, 0 where nothing tells it.
     """
 
     problem: Problem
@@ -24,11 +25,25 @@ class Optimum:
     first: UnknownsOfFit
     minimum: Minimum
     instrument: tuple[RunsByChannels, ...]
+    rolling: tuple[RunsByChannels, ...]
 
     @property
     def misfit(self) -> float:
-        """Median over channels and runs of residual scale over instrument noise, where both are known."""
-        pairs = zip(self.problem.weights.noise_sd, self.instrument, strict=True)
+        """Median over channels and runs of residual scale over noise, where both are known.
+
+        Noise is the larger of the instruments' and of what the channels show before the bump: roughness of the road and
+        the engine are no faults of the model.
+        """
+        both = zip(self.instrument, self.rolling, strict=True)
+        return self._median_over(tuple(np.maximum(i, r) for i, r in both))
+
+    @property
+    def over_instruments(self) -> float:
+        """Median over channels and runs of residual scale over the noise of the instruments alone."""
+        return self._median_over(self.instrument)
+
+    def _median_over(self, noise: tuple[RunsByChannels, ...]) -> float:
+        pairs = zip(self.problem.weights.noise_sd, noise, strict=True)
         known = [(n, i, np.isfinite(n) & np.isfinite(i)) for n, i in pairs]
         return float(np.median(np.concatenate([n[k] / i[k] for n, i, k in known])))
 

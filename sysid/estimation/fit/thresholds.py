@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-#: Residual over instrument noise from which on the model's form, not the noise, limits the fit: in fits of simulated
-#: trucks estimates were biased from about there.
+#: Residual over noise (of the instruments, or of the channels before the bump where that is more) from which on the
+#: model's form, not the noise, limits the fit: in fits of simulated trucks estimates were biased from about there.
 MISFIT = 1.3
 #: Relative RMS change of a channel when the integration step is halved: values of k and c move by about as much, and
 #: this is a tenth of the narrowest intervals that a campaign yields.

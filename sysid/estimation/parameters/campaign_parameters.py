@@ -66,6 +66,10 @@ METHOD_PREFERENCE = ("model", "free_decay", "corrected", "paper")
 #: an assumption.
 MODEL_STIFFNESS_SD = 0.2
 MODEL_DAMPING_SD = 0.4
+#: The same where linear laws do not explain the drops: dry friction raises the k of small swings, and c holds all of
+#: it, up to ten times the viscous part on leaf packs (an assumption; seen with friction of 5 to 7 % of the load).
+DOUBTFUL_STIFFNESS_SD = 0.4
+DOUBTFUL_DAMPING_SD = 1.0
 
 
 def declared_laws(campaign: Campaign) -> tuple[frozenset[str], ...]:
@@ -245,6 +249,8 @@ def _suspension_parameter(
         generic = GENERIC_DAMPING
     by_axle = best_drop_estimates(drops, load_case)
     by_model = i in by_axle and by_axle[i].method == "model"
+    if by_model and quantity == "damping" and by_axle[i].damping_sd >= DOUBTFUL_DAMPING_SD * by_axle[i].damping:
+        by_axle = {}
     values = [
         getattr(by_axle[j], quantity) / (len(on) if by_model else 1) for j in ([i] if by_model else on) if j in by_axle
     ]
@@ -256,7 +262,9 @@ def _suspension_parameter(
         shifts = np.clip(np.log(np.maximum(values, 1e-6 * generic[0]) / generic[0]), -limit, limit)
         median, sd = generic[0] * float(np.exp(shifts).mean()), spread
         if by_model:
-            sd = MODEL_STIFFNESS_SD if quantity == "stiffness" else MODEL_DAMPING_SD
+            of = by_axle[i]
+            own = (of.stiffness_sd / of.stiffness) if quantity == "stiffness" else (of.damping_sd / of.damping)
+            sd = max(MODEL_STIFFNESS_SD if quantity == "stiffness" else MODEL_DAMPING_SD, own)
     median *= len(on)
     start = median
     if quantity == "stiffness" and axle.leaf is not None:

@@ -54,6 +54,8 @@ class Element:
 #: Assumed share of a bellows' pressure stiffness that its progressivity shows: auxiliary volumes and rubber leave less
 #: than the 1 of a closed isothermal volume; the wide prior leaves room for either.
 PROGRESSIVITY = 0.4
+#: Assumed share of k e by which the ends of a bellows, where it widens, raise the force at this stroke (0.02 to 1).
+STROKE_STIFFENING, STIFFENING_STROKE_M = 0.15, 0.1
 #: Assumed stiffness of a pair of rubber stops where they begin to act [N/m]; they stiffen as they are compressed.
 STOP_STIFFNESS = 2e6
 #: Travel to the stops from rest [m], median and standard deviation of the logarithm, where nobody declares it: trucks
@@ -111,14 +113,25 @@ ELEMENTS = {
                     "knee",
                     "m/s",
                     False,
-                    lambda axle, carried: 0.4,
-                    0.6,
+                    lambda axle, carried: 0.6,
+                    0.8,
                     1.0,
                     "saturation",
                     decides=False,
                 ),
+                ElementQuantity(
+                    "damper_rounding",
+                    "rounding",
+                    "1",
+                    True,
+                    lambda axle, carried: 0.5,
+                    1.0,
+                    1.0,
+                    "rounding",
+                    decides=False,
+                ),
                 # Axles without the element have a tail of one, which makes the damper linear.
-                ElementQuantity("damper_tail", "tail", "1", True, lambda axle, carried: 0.3, 0.7, 1.0, "tail"),
+                ElementQuantity("damper_tail", "tail", "1", True, lambda axle, carried: 0.2, 1.0, 1.0, "tail"),
             ),
         ),
         Element(
@@ -135,6 +148,18 @@ ELEMENTS = {
                     0.0,
                     "softening",
                     lambda progressivity, stiffness, carried, growth: progressivity * stiffness / carried,
+                ),
+                ElementQuantity(
+                    "stroke_stiffening",
+                    "stiffening",
+                    "1",
+                    True,
+                    lambda axle, carried: STROKE_STIFFENING,
+                    1.2,
+                    0.0,
+                    "stiffening",
+                    lambda share, stiffness, carried, growth: share / STIFFENING_STROKE_M**2,
+                    decides=False,
                 ),
             ),
         ),

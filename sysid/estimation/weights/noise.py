@@ -1,4 +1,4 @@
-"""Residual scales: instrument noise from the quiet start, and what remains at the optimum."""
+"""Residual scales: noise of instruments and of the road from the quiet start, and what remains at the optimum."""
 
 from __future__ import annotations
 
@@ -32,6 +32,20 @@ def instrument_noise(group: RunGroup, quiet_s: float) -> np.ndarray:
     quietest = np.where(full, mean, np.inf).min(axis=0)
     sigma = np.sqrt(np.where(pairs[0] >= _PAIRS, mean[0], quietest) / 2.0)
     return np.asarray(np.maximum(sigma, _floor(group)))
+
+
+def rolling_noise(group: RunGroup, quiet_s: float) -> np.ndarray:
+    """Standard deviation (R, C) of every channel while the truck rolls towards the bump, 0 where nothing tells it.
+
+    It holds what no model of the bump explains: noise of the instruments, roughness of the road, vibration of the
+    engine.  Channels with fewer than 8 readings in the first `quiet_s` seconds tell nothing.
+    """
+    first = slice(0, max(_PAIRS, int(quiet_s / group.interval_s)))
+    measured, value = group.measured[first], group.value[first]
+    count = measured.sum(axis=0)
+    mean = np.where(measured, value, 0.0).sum(axis=0) / np.maximum(count, 1)
+    square = np.where(measured, (value - mean) ** 2, 0.0).sum(axis=0) / np.maximum(count - 1, 1)
+    return np.where(count >= _PAIRS, np.sqrt(square), 0.0)
 
 
 def _sums(values: np.ndarray, length: int) -> np.ndarray:

@@ -38,6 +38,7 @@ template <class V>
 using Scalar = typename ScalarOf<V>::type;
 
 // Scalar functions for the values of jets.
+inline bool any(bool x) { return x; }
 inline double select(bool where, double yes, double no) { return where ? yes : no; }
 inline double absolute(double x) { return std::fabs(x); }
 inline double sign_of(double x) { return std::copysign(1.0, x); }

@@ -18,7 +18,7 @@ struct Ramp {
 // Which elements a group of runs has: what none of its axles needs is not computed.
 struct Elements : SmoothElements {
   int ramps = 0, stops = 0, rate_ramps = 0;
-  bool corners() const { return asymmetric || ramps > 0 || stops > 0 || rate_ramps > 0; }
+  bool corners() const { return saturating || asymmetric || ramps > 0 || stops > 0 || rate_ramps > 0; }
   bool linear() const { return !any() && !corners(); }
 };
 
@@ -27,8 +27,9 @@ struct Elements : SmoothElements {
 template <class V>
 struct SuspensionLaw {
   V stiffness, damping;                // k [N/m], c [N s/m]
-  V softening;                         // 1/l [1/m]
-  V saturation, tail, stated;          // v_s [m/s], r, and what the damper's shape is at the reference rate
+  V softening, stiffening;             // 1/l [1/m], 1/d^2 [1/m2]
+  V saturation, rounding, tail;        // v_s [m/s], b, r
+  V stated, curvature;                 // shape at the reference rate; D = c v / stated + curvature v |v| near rest
   V rebound, compression, corner;      // 2 q / (1 + q), 2 / (1 + q), and their difference
   V friction, slip;                    // F_c [N], z_s [m]
   V load_share;                        // s of a rocker between springs
@@ -42,24 +43,25 @@ inline V ramp_force(const std::vector<Ramp<V>>& ramps, const V& x) {
   return sum;
 }
 
-// S = k e / max(1 + e / l, 0.05): the isothermal law of a gas spring.
+// S = k e (1 / max(1 + e / l, 0.05) + (e / d)^2): the isothermal law of a gas spring, and a bellows that widens.
 template <class V>
 inline V spring_force(const Elements& has, const SuspensionLaw<V>& law, const V& extension) {
   V force = law.stiffness * extension;
   if (has.gas_spring) {
     const V length = 1.0 + extension * law.softening;
     const V shortest = constant_row<V>(kShortest - Scalar<V>{});
-    force = force / select(value(length) < kShortest, shortest, length);
+    force = force / select(value(length) < kShortest, shortest, length) +
+            law.stiffness * extension * (law.stiffening * (extension * extension));
   }
   if (has.ramps > 0) force += ramp_force(law.ramps, extension);
   return force;
 }
 
-// r + (1 - r) / sqrt(1 + (v / v_s)^2)
+// r + (1 - r) / sqrt(1 + 2 b |v| / v_s + (v / v_s)^2)
 template <class V>
 inline V damper_shape(const SuspensionLaw<V>& law, const V& rate) {
-  const V relative = rate / law.saturation;
-  return law.tail + (1.0 + -law.tail) / square_root(1.0 + relative * relative);
+  const V relative = absolute(rate) / law.saturation;
+  return law.tail + (1.0 + -law.tail) / square_root(1.0 + relative * (2.0 * law.rounding + relative));
 }
 
 // c v, or c v times the damper's shape over what that is at the reference rate.
@@ -126,10 +128,13 @@ inline SuspensionLaw<V> suspension_law(const Elements& has, const Coefficients<V
   law.stiffness = c.stiffness;
   law.damping = c.damping;
   law.softening = c.softening;
+  law.stiffening = c.stiffening;
   if (has.saturating) {
     law.saturation = c.saturation;
+    law.rounding = c.rounding;
     law.tail = c.tail;
     law.stated = damper_shape(law, constant_row<V>(Scalar<V>{} + kReferenceRate));
+    law.curvature = -(1.0 + -law.tail) * law.rounding * law.damping / (law.saturation * law.stated);
   }
   if (has.asymmetric) {
     law.compression = 2.0 * reciprocal(1.0 + c.asymmetry);
@@ -155,6 +160,19 @@ struct MissedForce {
     moment += factor * first;
     found = true;
   }
+  // Of factor v |v| where v changes sign along the straight line from a to b: the curvature of a rounded damper.
+  void add_curvature(const V& a, const V& b, const V& factor) {
+    const auto turns = value(a) * value(b) < 0.0;
+    if (!any(turns)) return;
+    const V one = constant_row<V>(Scalar<V>{} + 1.0), first = select(turns, a, V{}), last = select(turns, b, one);
+    const V middle = 0.5 * (first + last), change = last - first;
+    const V before = absolute(first) * first, between = absolute(middle) * middle, after = absolute(last) * last;
+    const V cubes = (absolute(after) * absolute(last) - absolute(before) * absolute(first)) / (3.0 * change);
+    const V fourth = (after * absolute(after) - before * absolute(before)) / (4.0 * change);
+    impulse += factor * select(turns, cubes - (1.0 / 6.0) * (before + 4.0 * between + after), V{});
+    moment += factor * select(turns, (last * cubes - fourth) / change - (1.0 / 6.0) * (before + 2.0 * between), V{});
+    found = true;
+  }
   void add(const std::vector<Ramp<V>>& ramps, const V (&x)[4]) {
     for (const Ramp<V>& ramp : ramps) {
       V p[4];
@@ -170,10 +188,16 @@ inline void add_missed(const Elements& has, const SuspensionLaw<V>& law, const V
                        MissedForce<V>& missed) {
   missed.add(law.stops, extension);
   missed.add(law.rate_ramps, rate);
+  if (has.saturating) missed.add_curvature(rate[0], rate[3], law.curvature);
   if (has.asymmetric) {
     // D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): only the second part has a corner.
     V p[4];
-    for (int k = 0; k < 4; ++k) p[k] = symmetric_damper(has, law, rate[k]);
+    for (int k = 0; k < 4; ++k) {
+      p[k] = symmetric_damper(has, law, rate[k]);
+      // The parabola goes on as d(v) does for v > 0.
+      const V below = positive(-rate[k]);
+      if (has.saturating) p[k] += 2.0 * law.curvature * below * below;
+    }
     missed.add(p, law.corner);
   }
 }
