@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -195,7 +194,11 @@ def _kind(
 ) -> tuple[SensorKind | None, bool, list[str]]:
     """Kind, whether name and behaviour agree, and reasons."""
     by_name = said.kind
-    if by_name is not None and unit is not None and (by_name == "suspension_deflection") != (_dimension(unit) == "length"):
+    if (
+        by_name is not None
+        and unit is not None
+        and (by_name == "suspension_deflection") != (_dimension(unit) == "length")
+    ):
         by_name = None
     hop = float(np.median([look.hop_share for look in of_logs])) if of_logs else 0.0
     if role is None and unit is not None and _dimension(unit) == "length":
@@ -274,9 +277,7 @@ def _units_of(three: Three, seen: Mapping[str, Sequence[Look]]) -> dict[str, str
     costs = [_unit_costs(kind, seen[column]) for column, kind in members]
     best: tuple[float, tuple[str, ...]] | None = None
     for chosen in itertools.product(*costs):
-        length, axle, body = (
-            si_factor(u, "length" if i == 0 else "acceleration") for i, u in enumerate(chosen)
-        )
+        length, axle, body = (si_factor(u, "length" if i == 0 else "acceleration") for i, u in enumerate(chosen))
         cost = sum(c[u] for c, u in zip(costs, chosen, strict=True))
         for factor, expected in ((three.alpha, axle / length), (three.beta, body / length)):
             cost += (np.log(abs(factor) / expected) / 0.12) ** 2
@@ -291,4 +292,4 @@ def _signs(three: Three) -> dict[str, int]:
     """Which column of a three is upside down; that all are cannot be seen here."""
     a, b = int(np.sign(three.alpha)), int(np.sign(three.beta))
     turned = three.deflection if a < 0 and b < 0 else three.axle if a < 0 else three.body if b < 0 else None
-    return {cast(str, turned): -1} if turned is not None else {}
+    return {turned: -1} if turned is not None else {}

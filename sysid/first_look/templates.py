@@ -70,7 +70,7 @@ def template_text(name: str) -> str:
     """
     if name not in template_names():
         raise CampaignError(finish(f"There is no vehicle '{name[:60]}'; {nearest(name, template_names())}"))
-    return (_folder() / f"{name}.toml").read_text(encoding="utf-8")
+    return str((_folder() / f"{name}.toml").read_text(encoding="utf-8"))
 
 
 def _folder() -> Any:

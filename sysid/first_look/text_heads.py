@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 
 from sysid.logs.text_numbers import MISSING, cells_of, encoding_of, head_lines
 from sysid.logs.text_table import without_error_marks
@@ -109,6 +110,6 @@ def _rising(names: tuple[str, ...], body: list[list[str]]) -> str | None:
         values = [float(cells[0].replace(",", ".")) for cells in body]
     except (ValueError, IndexError):
         return None
-    steps = [b - a for a, b in zip(values, values[1:], strict=False)]
+    steps = [b - a for a, b in pairwise(values)]
     even = len(steps) > 3 and min(steps) > 0.0 and max(steps) < 1.5 * min(steps)
     return names[0] if even and not _LENGTH.search(names[0].casefold()) else None
