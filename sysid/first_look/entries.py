@@ -81,7 +81,12 @@ def _motion(log: SeenLog, kinds: Mapping[str, KindGuess]) -> TestKind | None:
     times = [x.arrival_s for x in looks if x.arrival_s is not None]
     if max(times) - min(times) > _ONE_AFTER_THE_OTHER_S:
         return "bump_run"
-    lift = float(np.median([x.lift * kinds[x.name].sign for x in looks]))
+    # Over a bump axle and frame rise first and the suspension is pressed together, off a plank all is turned round.
+    up = {"suspension_deflection": -1, "axle_acceleration": 1, "body_acceleration": 1}
+    lifts = [
+        x.lift * kinds[x.name].sign * up[k] for x in log.looks if x.alive and (k := kinds[x.name].kind) is not None
+    ]
+    lift = float(np.median(lifts))
     if abs(lift) < _CLEAR:
         return None
     return "bump_run" if lift > 0.0 else "plank_drop"

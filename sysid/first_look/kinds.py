@@ -151,11 +151,17 @@ def guess_kinds(
     result = {}
     for column, of_logs in seen.items():
         told = _told_unit(column, of_logs, said[column])
-        if said[column].other or (told is not None and told[0] is None):
+        role = roles.get(column)
+        elsewhere = told is not None and told[0] is None
+        if role is None and (said[column].other or elsewhere):
             result[column] = KindGuess(column, None, None, 1, True, ("no sensor of a campaign by its name or unit",))
             continue
+        if elsewhere:
+            # A bare signal, such as volts: what it means in metres or m/s2 stands in no file.
+            why_not = f"fits as {_NOUN[role[0]]}, but the file gives another unit: a scale is needed" if role else ""
+            result[column] = KindGuess(column, role and role[0], None, 1, False, (why_not,))
+            continue
         unit = told[0] if told else None
-        role = roles.get(column)
         kind, kind_sure, why = _kind(said[column], role and role[0], of_logs, unit)
         unit, unit_sure, of_unit = _unit(kind, unit, units.get(column), of_logs)
         sign = signs.get(column, 1) if role is not None and kind == role[0] else 1
@@ -243,9 +249,11 @@ def _unit(
         sizes = "the factors between the sensors" if by_three else "the size of its readings"
         return best, False, [f"unit by {sizes}"]
     of_told = costs.get(told, _cost_of(kind, told, of_logs, 0.0))
-    if (by_three is not None and by_three != told) or of_told > min(costs.values()) + _MUCH_WORSE:
-        size = np.median([look.size for look in of_logs])
-        return told, False, [f"unit said, but readings of {size:.3g} look like {best}"]
+    size = np.median([look.size for look in of_logs])
+    if by_three is not None and by_three != told:
+        return by_three, False, [f"said to be in {told}, but readings up to {size:.3g} fit the other sensors in {best}"]
+    if of_told > min(costs.values()) + _MUCH_WORSE:
+        return told, False, [f"said to be in {told}, but readings up to {size:.3g} look like {best}"]
     return told, True, []
 
 

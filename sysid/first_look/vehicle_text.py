@@ -11,6 +11,7 @@ from sysid.first_look.records import FirstLook
 from sysid.first_look.templates import Template
 from sysid.first_look.toml_text import banner, commented, quoted, section, todo, toml_key, value_text
 
+_NO_LOAD_CASE = f"{CONFIRM}: no path says a load case, so all drops and runs are taken for one"
 #: Standard deviations of mass properties that nobody has measured: assumptions.
 _TOLERANCES = {"unsprung_mass": 0.1, "pitch_inertia": 0.15, "cg_height": 0.1, "hitch_height": 0.05}
 
@@ -115,7 +116,8 @@ def load_case_text(look: FirstLook, name: str, kind: str) -> str:
         case = chosen.load_cases["empty" if kind == "empty" else "laden"]
         said = f"assumed, of the {'empty' if kind == 'empty' else 'laden'} template"
         lines += [(f"{key} = {value_text(case[key])}", said) for key in ("pitch_inertia_kg_m2", "cg_height_m")]
-    return section(f"load_case.{toml_key(name)}", commented(lines))
+    doubt = "" if any(log.said.load_case for log in look.logs) else f"# {_NO_LOAD_CASE}\n"
+    return doubt + section(f"load_case.{toml_key(name)}", commented(lines))
 
 
 def position_of(look: FirstLook, index: int) -> float | None:

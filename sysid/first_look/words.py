@@ -45,7 +45,7 @@ _OTHER = (
      "brems", "frein", "trigger", "kraft", "force", "strain", "dehnung", "latitude", "longitude", "satell", "batter",
      "spannung", "volt", "torque", "moment", "drehzahl", "throttle", "counter", "status"),
     frozenset(("gps", "lat", "lon", "alt", "rpm", "yaw", "roll", "nick", "dms", "index", "lightbarrier", "marker",
-               "event", "flag", "x", "y", "lateral", "longitudinal", "quer", "laengs", "ax", "ay", "kmh", "odo")),
+               "event", "flag", "x", "y", "lateral", "longitudinal", "quer", "laengs", "ay", "kmh", "odo")),
 )  # fmt: skip
 _PLACES: dict[PlaceWord, tuple[tuple[str, ...], frozenset[str]]] = {
     "front": (("front", "vorder", "vorn", "avant", "steer", "lenkachs", "direct"), frozenset(("va", "fa", "fr", "av"))),
