@@ -135,16 +135,26 @@ def _truth(tables: Any, path: tuple[str | int, ...], written: Written) -> str | 
         return str(true["scan"]["heading_deg"])
     if path == ("tests", "plank_height_m"):
         return str(true["tests"]["plank_drop"][0]["plank_height_m"])
+    if path[0] == "sensors":
+        listed = true["sensors"][path[1]][written.column[str(path[1])][str(path[2])]]
+        # A frame sensor whose kind is left has a key 'axle' to fill in that it must not have.
+        value = listed.get(str(path[3])) if path[3] in listed else None
+        if path[3] == "axle" and value is not None:
+            value = _axle_of(tables, true, value)
+        return f'"{value}"' if isinstance(value, str) else None if value is None else str(value)
     if path[0] == "tests":
         entry = tables["tests"][path[1]][path[2]]
-        value = _entry(true, written.file[entry["file"]])[1][path[3]]  # type: ignore[index]
+        # A drop that was taken for a run has no speed over a bump.
+        value = _entry(true, written.file[entry["file"]])[1].get(str(path[3]), 10)
         return f'"{_axle_of(tables, true, value)}"' if path[3] == "axle" else str(value)
     raise LookupError(f"nothing is known of {path}")
 
 
 def _axle_of(tables: Any, true: Mapping[str, Any], name: str) -> str:
+    """Name that the file has for an axle of the truth, its last one where it has fewer axles."""
     names = [a["name"] for a in sorted(true["vehicle"]["axle"], key=lambda a: a["x_m"])]
-    return str(sorted(tables["vehicle"]["axle"], key=lambda a: a["x_m"])[names.index(name)]["name"])
+    own = sorted(tables["vehicle"]["axle"], key=lambda a: a["x_m"])
+    return str(own[min(names.index(name), len(own) - 1)]["name"])
 
 
 def _inline(table: Mapping[str, Any]) -> str:

@@ -29,12 +29,16 @@ SHORT = {"suspension_deflection": "D{}", "axle_acceleration": "AX{}_Z", "body_ac
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to write a campaign: `format` of its logs, `names` of its columns, whether files keep their names."""
+    """One way to write a campaign: `format` of its logs, `names` of its columns, whether files keep their names.
+
+    Columns of the kind `without` are left out, with ``others`` all but axle accelerations.
+    """
 
     title: str
     format: str = "csv"
     names: str = "as they are"
     anonymous_files: bool = False
+    without: str = ""
 
 
 VARIANTS = (
@@ -50,6 +54,10 @@ VARIANTS = (
     Variant("two columns exchanged by name", names="exchanged"),
     Variant("accelerations in m/s^2 under names with g", names="wrong unit"),
     Variant("one axle sensor upside down", names="upside down"),
+    Variant("no frame sensors", without="body_acceleration"),
+    Variant("no deflections", without="suspension_deflection"),
+    Variant("no frame sensors, anonymous columns", names="anonymous", without="body_acceleration"),
+    Variant("only axles, anonymous columns and files", names="anonymous", anonymous_files=True, without="others"),
 )
 
 
@@ -82,7 +90,7 @@ def write_variant(campaign: Path, folder: Path, variant: Variant) -> Written:
     changed: dict[str, dict[str, Any]] = {}
     shuffled = random.Random(5)
     for kind in ("bump_run", "plank_drop"):
-        sensors = tables["sensors"].get(kind, {})
+        sensors = {c: s for c, s in tables["sensors"].get(kind, {}).items() if _there(s["kind"], variant.without)}
         renamed = _renamed(sensors, tables, variant.names, shuffled)
         columns[kind] = {new: old for old, new in renamed.items()}
         for entry in tables["tests"].get(kind, []):
@@ -99,6 +107,10 @@ def write_variant(campaign: Path, folder: Path, variant: Variant) -> Written:
             _WRITERS[variant.format](path, table)
             files[path.relative_to(folder).as_posix()] = entry["file"]
     return Written(folder, tables, columns, files, changed)
+
+
+def _there(kind: str, without: str) -> bool:
+    return kind != without and (without != "others" or kind == "axle_acceleration")
 
 
 def _axle_number(sensor: Mapping[str, Any], tables: Mapping[str, Any]) -> str:

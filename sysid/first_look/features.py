@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.campaign import defects
-from sysid.campaign.consistency import BAND_HZ, arrival, first_lift
+from sysid.campaign.consistency import BAND_HZ, PAIR_BAND_HZ, arrival, first_lift
 from sysid.campaign.records import Channel, Sensor
 from sysid.logs.channels import RawChannel
 
@@ -51,16 +51,19 @@ class Look:
 
 @dataclass(frozen=True)
 class Threes:
-    """Fit of q'' = beta b - alpha a for all threes of the columns `names` (n).
+    """Fit of q'' = beta b - alpha a for all threes of the columns `names` (n), and of q'' = -alpha a for all pairs.
 
     `unexplained` (q, a, b) is the share of q'' that is left, NaN where two are alike; `alpha`, `beta` (q, a, b) in
-    units of the file.
+    units of the file.  `pair_unexplained`, `pair_alpha` (q, a) are those of pairs in the band of wheel hop, where the
+    frame moves little.
     """
 
     names: tuple[str, ...]
     unexplained: np.ndarray
     alpha: np.ndarray
     beta: np.ndarray
+    pair_unexplained: np.ndarray
+    pair_alpha: np.ndarray
 
 
 def looks(channels: Sequence[RawChannel]) -> tuple[Look, ...]:
@@ -89,7 +92,10 @@ def _look(raw: RawChannel, channel: Channel, start_s: float | None) -> Look:
     duration = float(time[-1] - time[0]) if time.size else 0.0
     if value.size < _LEAST_SAMPLES or step <= 0.0 or np.ptp(value) == 0.0:
         return Look(*told, duration)
-    rest, noise = defects.rest_of(channel, start_s)
+    # The first axle moves before most columns do: its rest ends with its own first motion.
+    own_s = defects.motion_start([channel])
+    starts = [s for s in (own_s, start_s) if s is not None]
+    rest, noise = defects.rest_of(channel, min(starts, default=None))
     if rest is None or noise is None:
         rest, noise = float(np.median(value)), float(np.std(np.diff(value, 2)) / np.sqrt(6.0))
     size = float(np.max(np.abs(value - rest)))
@@ -121,9 +127,9 @@ def _share(time: np.ndarray, departure: np.ndarray, step: float) -> float:
 
 
 def threes(channels: Sequence[RawChannel], seen: Sequence[Look]) -> Threes | None:
-    """Fit of all threes of living columns of a log; None where there are fewer than three or the log is too short."""
+    """Fit of all threes and pairs of living columns of a log; None where there are too few or the log is too short."""
     chosen = [(_channel(c), look) for c, look in zip(channels, seen, strict=True) if look.alive][:MOST_COMPARED]
-    if len(chosen) < 3:
+    if len(chosen) < 2:
         return None
     step = max(1.0 / look.rate_hz for _, look in chosen)
     begin = max(float(c.time_s[0]) for c, _ in chosen)
@@ -132,11 +138,16 @@ def threes(channels: Sequence[RawChannel], seen: Sequence[Look]) -> Threes | Non
     if count < _LEAST_SAMPLES or count > _MOST_STEPS or step > 0.4 / BAND_HZ[1] or count * step < 1.0:
         return None
     grid = begin + step * np.arange(count)
-    accelerations, deflections = _spectra([c for c, _ in chosen], grid, step)
-    return _fitted(tuple(look.name for _, look in chosen), accelerations, deflections)
+    members = [c for c, _ in chosen]
+    broad, narrow = (_scaled(*_spectra(members, grid, step, band)) for band in (BAND_HZ, PAIR_BAND_HZ))
+    if broad is None or narrow is None:
+        return None
+    return Threes(tuple(look.name for _, look in chosen), *_of_threes(broad), *_of_pairs(narrow))
 
 
-def _spectra(channels: Sequence[Channel], grid: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+def _spectra(
+    channels: Sequence[Channel], grid: np.ndarray, step: float, band_hz: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
     """Columns as accelerations and as deflections differentiated twice, at the level of velocity (see
     :func:`sysid.campaign.consistency.fit_factors`): real and imaginary parts (2 F, n)."""
     good = [np.isfinite(c.value) for c in channels]
@@ -146,30 +157,47 @@ def _spectra(channels: Sequence[Channel], grid: np.ndarray, step: float) -> tupl
     window[:edge] = 0.5 - 0.5 * np.cos(np.pi * np.arange(edge) / edge)
     window[-edge:] = window[:edge][::-1]
     frequency = np.fft.rfftfreq(grid.size, step)
-    band = (frequency >= BAND_HZ[0]) & (frequency <= BAND_HZ[1])
+    band = (frequency >= band_hz[0]) & (frequency <= min(band_hz[1], 0.4 / step))
     omega = 2.0 * np.pi * frequency[band][:, None]
     spectrum = np.fft.rfft((values - np.median(values, axis=0)) * window[:, None], axis=0)[band]
     return tuple(np.concatenate([s.real, s.imag]) for s in (spectrum / omega, -omega * spectrum))  # type: ignore[return-value]
 
 
-def _fitted(names: tuple[str, ...], predictors: np.ndarray, targets: np.ndarray) -> Threes | None:
+@dataclass(frozen=True)
+class _Correlations:
+    """Correlations between columns as accelerations (a, b), of deflections differentiated twice with them (q, a), and
+    the factor from each column's unit length to its own (q, a)."""
+
+    alike: np.ndarray
+    own: np.ndarray
+    gain: np.ndarray
+
+
+def _scaled(predictors: np.ndarray, targets: np.ndarray) -> _Correlations | None:
     scale, size = np.linalg.norm(predictors, axis=0), np.linalg.norm(targets, axis=0)
-    if not (np.all(scale > 0.0) and np.all(size > 0.0)):
+    if predictors.shape[0] < 12 or not (np.all(scale > 0.0) and np.all(size > 0.0)):
         return None
     predictors, targets = predictors / scale, targets / size
-    alike = predictors.T @ predictors
-    own = targets.T @ predictors
-    a, b = own[:, :, None], own[:, None, :]
-    determinant = 1.0 - alike[None] ** 2
+    return _Correlations(predictors.T @ predictors, targets.T @ predictors, size[:, None] / scale[None, :])
+
+
+def _of_threes(c: _Correlations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Unexplained share, alpha and beta (q, a, b)."""
+    a, b = c.own[:, :, None], c.own[:, None, :]
     with np.errstate(divide="ignore", invalid="ignore"):
-        of_a = (a - alike[None] * b) / determinant
-        of_b = (b - alike[None] * a) / determinant
-    left = 1.0 - of_a * a - of_b * b
-    count = len(names)
-    bad = np.abs(alike) > _COLLINEAR
-    index = np.arange(count)
-    left[:, bad] = np.nan
+        determinant = 1.0 - c.alike[None] ** 2
+        of_a = (a - c.alike[None] * b) / determinant
+        of_b = (b - c.alike[None] * a) / determinant
+        left = 1.0 - of_a * a - of_b * b
+    left[:, np.abs(c.alike) > _COLLINEAR] = np.nan
+    index = np.arange(c.own.shape[0])
     left[index, index, :] = np.nan
     left[index, :, index] = np.nan
-    gain = size[:, None, None]
-    return Threes(names, np.clip(left, 0.0, 1.0), -of_a * gain / scale[None, :, None], of_b * gain / scale[None, None])
+    return np.clip(left, 0.0, 1.0), -of_a * c.gain[:, :, None], of_b * c.gain[:, None, :]
+
+
+def _of_pairs(c: _Correlations) -> tuple[np.ndarray, np.ndarray]:
+    """Unexplained share and alpha (q, a)."""
+    left = 1.0 - c.own**2
+    np.fill_diagonal(left, np.nan)
+    return left, -c.own * c.gain

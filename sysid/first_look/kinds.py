@@ -7,17 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from sysid.campaign.records import SensorKind
 from sysid.campaign.units import is_other_quantity, recognised_unit, si_factor
-from sysid.first_look.features import Look, Threes
+from sysid.first_look.features import Look
+from sysid.first_look.matching import Three
 from sysid.first_look.words import NameSays
 
-#: Share of q'' that a three may leave unexplained, and |ln| by which its factors may differ from each other.
-_UNEXPLAINED, _FACTORS = 0.5, 0.5
 _G = 9.80665
-_LARGEST_COST = 6.0
 #: Share of the power in the band of wheel hop from which a column without a three counts as an axle's.
 _HOPS = 0.35
 #: Units that loggers write, with the cost of taking them.
@@ -33,18 +30,6 @@ _MUCH_WORSE = 3.0  # cost by which another unit must be better to speak against 
 
 
 @dataclass(frozen=True)
-class Three:
-    """Columns of one axle that fulfil q'' = beta b - alpha a, with the share left unexplained."""
-
-    deflection: str
-    axle: str
-    body: str
-    unexplained: float
-    alpha: float
-    beta: float
-
-
-@dataclass(frozen=True)
 class KindGuess:
     """Kind, unit and sign of one column; `sure` where name or file and behaviour say the same of both.
 
@@ -57,74 +42,6 @@ class KindGuess:
     sign: int
     sure: bool
     why: tuple[str, ...]
-
-
-def matched_threes(fits: Sequence[Threes], hop: Mapping[str, float]) -> tuple[Three, ...]:
-    """Threes of columns that belong together, from the logs of one layout.
-
-    Parameters
-    ----------
-    fits
-        Fits of all threes, one per log.
-    hop
-        Share of the power in the band of wheel hop by column: an axle has more of it than the frame above.
-    """
-    names = sorted({n for fit in fits for n in fit.names})
-    if len(names) < 3:
-        return ()
-    left, alpha, beta = _averaged(fits, names)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.abs(np.log(np.abs(alpha / beta)))
-        # Accelerations in g and in m/s^2 side by side are rare.
-        ratio = np.minimum(ratio, np.abs(ratio - np.log(_G)) + 0.15)
-        cost = np.log(left + 0.003) + np.minimum((ratio / 0.15) ** 2, _LARGEST_COST)
-    shares = np.array([hop.get(n, 0.0) for n in names])
-    cost[~(left < _UNEXPLAINED) | ~(ratio < _FACTORS)] = np.inf
-    cost[:, ~(shares[:, None] > shares[None, :])] = np.inf
-    return _picked(names, cost, left, alpha, beta)
-
-
-def _averaged(fits: Sequence[Threes], names: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean share left and median factors over the logs, NaN where no log has the three."""
-    place = {n: i for i, n in enumerate(names)}
-    shape = (len(names),) * 3
-    stacks = [np.full((len(fits), *shape), np.nan) for _ in range(3)]
-    for k, fit in enumerate(fits):
-        at = np.array([place[n] for n in fit.names])
-        for stack, values in zip(stacks, (fit.unexplained, fit.alpha, fit.beta), strict=True):
-            stack[k][np.ix_(at, at, at)] = values
-    empty = np.all(np.isnan(stacks[0]), axis=0)
-    for stack in stacks:
-        stack[:, empty] = 1.0
-    left, alpha, beta = np.nanmean(stacks[0], axis=0), np.nanmedian(stacks[1], axis=0), np.nanmedian(stacks[2], axis=0)
-    left[empty] = np.nan
-    return left, alpha, beta
-
-
-def _picked(
-    names: Sequence[str], cost: np.ndarray, left: np.ndarray, alpha: np.ndarray, beta: np.ndarray
-) -> tuple[Three, ...]:
-    """The best threes without a column twice; then the frame columns, which neighbours share, are dealt out anew."""
-    free = cost.copy()
-    chosen: list[tuple[int, int, int]] = []
-    while np.isfinite(free).any():
-        q, a, b = (int(i) for i in np.unravel_index(int(np.argmin(free)), free.shape))
-        chosen.append((q, a, b))
-        for i in (q, a, b):
-            free[i], free[:, i], free[:, :, i] = np.inf, np.inf, np.inf
-    if not chosen:
-        return ()
-    bodies = [b for _, _, b in chosen]
-    table = np.array([[cost[q, a, b] for b in bodies] for q, a, _ in chosen])
-    rows, columns = linear_sum_assignment(np.where(np.isfinite(table), table, 100.0))
-    result = []
-    for row, column in zip(rows, columns, strict=True):
-        q, a, _ = chosen[row]
-        b = bodies[column]
-        result.append(
-            Three(names[q], names[a], names[b], float(left[q, a, b]), float(alpha[q, a, b]), float(beta[q, a, b]))
-        )
-    return tuple(result)
 
 
 def guess_kinds(
@@ -145,7 +62,8 @@ def guess_kinds(
     for three in found:
         roles[three.deflection] = ("suspension_deflection", three)
         roles[three.axle] = ("axle_acceleration", three)
-        roles[three.body] = ("body_acceleration", three)
+        if three.body is not None:
+            roles[three.body] = ("body_acceleration", three)
     units = {c: u for three in found for c, u in _units_of(three, seen).items()}
     signs = {c: s for three in found for c, s in _signs(three).items()}
     result = {}
@@ -176,6 +94,12 @@ _NOUN: dict[SensorKind, str] = {
     "axle_acceleration": "an axle acceleration",
     "body_acceleration": "a frame acceleration",
 }
+
+
+def told_dimensions(seen: Mapping[str, Sequence[Look]], said: Mapping[str, NameSays]) -> dict[str, str]:
+    """``length`` or ``acceleration`` of the columns whose unit their file or name says."""
+    told = {column: _told_unit(column, of_logs, said[column]) for column, of_logs in seen.items()}
+    return {column: _dimension(unit[0]) for column, unit in told.items() if unit is not None and unit[0] is not None}
 
 
 def _told_unit(column: str, of_logs: Sequence[Look], said: NameSays) -> tuple[str | None] | None:
@@ -215,7 +139,7 @@ def _kind(
         reason = f"{100.0 * hop:.0f} % of its power is wheel hop"
     else:
         behaviour = role
-        reason = f"fits as {_NOUN[role]} to two others"
+        reason = f"fits as {_NOUN[role]} to others"
     if by_name is None:
         return behaviour, False, [f"kind by behaviour: {reason}" if behaviour else "kind not known"]
     if behaviour is None:
@@ -277,18 +201,21 @@ def _unit_costs(kind: SensorKind, of_logs: Sequence[Look]) -> dict[str, float]:
 
 def _units_of(three: Three, seen: Mapping[str, Sequence[Look]]) -> dict[str, str]:
     """Units of a three: the factors between its columns leave few choices, the sizes decide among them."""
-    members: tuple[tuple[str, SensorKind], ...] = (
+    members: list[tuple[str, SensorKind]] = [
         (three.deflection, "suspension_deflection"),
         (three.axle, "axle_acceleration"),
-        (three.body, "body_acceleration"),
-    )
+    ]
+    if three.body is not None:
+        members.append((three.body, "body_acceleration"))
     costs = [_unit_costs(kind, seen[column]) for column, kind in members]
     best: tuple[float, tuple[str, ...]] | None = None
     for chosen in itertools.product(*costs):
-        length, axle, body = (si_factor(u, "length" if i == 0 else "acceleration") for i, u in enumerate(chosen))
+        length, *others = (si_factor(u, "length" if i == 0 else "acceleration") for i, u in enumerate(chosen))
         cost = sum(c[u] for c, u in zip(costs, chosen, strict=True))
-        for factor, expected in ((three.alpha, axle / length), (three.beta, body / length)):
-            cost += (np.log(abs(factor) / expected) / 0.12) ** 2
+        # Without the frame's share the factor of a pair is a little off.
+        spread = 0.12 if three.body is not None else 0.3
+        for factor, other in zip((three.alpha, three.beta), others, strict=False):
+            cost += (np.log(abs(factor) * length / other) / spread) ** 2
         if best is None or cost < best[0]:
             best = (float(cost), chosen)
     if best is None:
@@ -298,6 +225,9 @@ def _units_of(three: Three, seen: Mapping[str, Sequence[Look]]) -> dict[str, str
 
 def _signs(three: Three) -> dict[str, int]:
     """Which column of a three is upside down; that all are cannot be seen here."""
+    if three.body is None:
+        # Which of two is turned cannot be told: the one that moves the wrong way first.
+        return {three.axle: -1} if three.alpha < 0.0 else {}
     a, b = int(np.sign(three.alpha)), int(np.sign(three.beta))
     turned = three.deflection if a < 0 and b < 0 else three.axle if a < 0 else three.body if b < 0 else None
     return {turned: -1} if turned is not None else {}

@@ -14,8 +14,9 @@ from sysid.first_look.entries import Driven, entries_of, kind_of_test, load_case
 from sysid.first_look.features import Threes, looks, threes
 from sysid.first_look.file_words import TestKind, path_says
 from sysid.first_look.folder import names_in, opened
-from sysid.first_look.kinds import KindGuess, Three, guess_kinds, matched_threes
+from sysid.first_look.kinds import KindGuess, guess_kinds, told_dimensions
 from sysid.first_look.log_columns import LogColumns, read_columns_of
+from sysid.first_look.matching import Three, matched_threes
 from sysid.first_look.places import (
     Order,
     Passage,
@@ -127,7 +128,8 @@ def _layouts(logs: Sequence[SeenLog], fits: Mapping[str, Threes]) -> list[_Layou
         sides = paired_sides(sorted(columns))
         said = {c: column_says(c) for c in columns}
         said = {c: replace(s, side=s.side or sides.get(c)) for c, s in said.items()}
-        found = matched_threes([fits[log.file] for log in members if log.file in fits], hop)
+        of_members = [fits[log.file] for log in members if log.file in fits]
+        found = matched_threes(of_members, hop, told_dimensions(alive, said))
         result.append(_Layout(tuple(members), guess_kinds(alive, said, found), said, found))
     return result
 
@@ -236,7 +238,7 @@ def _sensors(
     """One guess per column of the logs of runs, or of drops."""
     result: dict[str, SensorGuess] = {}
     for layout in layouts:
-        of_three = {c: t.axle for t in layout.found for c in (t.deflection, t.axle, t.body)}
+        of_three = {c: t.axle for t in layout.found for c in (t.deflection, t.axle, t.body) if c}
         alone = Counter(g.kind for g in layout.kinds.values() if g.kind is not None)
         for column, guess in layout.kinds.items():
             if guess.kind is None and guess.sure:
