@@ -6,9 +6,10 @@ import re
 from dataclasses import dataclass
 from itertools import pairwise
 
+from sysid.campaign.units import is_other_quantity, recognised_unit
 from sysid.logs.text_numbers import MISSING, cells_of, encoding_of, head_lines
 from sysid.logs.text_table import without_error_marks
-from sysid.logs.time_columns import TIME_NAMES
+from sysid.logs.time_columns import TIME_NAMES, time_unit
 
 _HEAD_BYTES = 65536
 _ROWS = 40
@@ -21,7 +22,6 @@ TIME_WORDS = re.compile(
 )
 _AXIS = re.compile(r"^([xyz])(?:[\s_\[(].*)?$")
 _LENGTH = re.compile(r"_m$|\[m\]|\(m\)|_mm$|station|dist|weg")
-_UNIT = re.compile(r"^[\[(]?[\w/^°²µ%*·.\-]{0,10}[\])]?$")
 
 
 @dataclass(frozen=True)
@@ -86,12 +86,16 @@ def _names(above: list[list[str]], width: int) -> tuple[list[str], bool]:
 
     if len(above) == 2 and fits(above[0]) and fits(above[1]):
         units = [c for c in above[1] if c]
-        # Names differ from each other, units repeat.
-        if all(_UNIT.match(c) for c in units) and len(set(units)) < max(2, len(units)):
+        if units and all(_is_unit(c) for c in units):
             return above[0], True
     if above and fits(above[-1]):
         return above[-1], False
     return [], False
+
+
+def _is_unit(cell: str) -> bool:
+    bare = cell.strip("[]() ")
+    return recognised_unit(bare) is not None or is_other_quantity(bare) or time_unit(bare) is not None
 
 
 def _numeric(cells: list[str]) -> bool:

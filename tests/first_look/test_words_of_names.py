@@ -37,7 +37,9 @@ def test_a_column_says(name, kind, unit, number, place, side) -> None:
     assert (said.kind, said.unit, said.number, said.place, said.side) == (kind, unit, number, place, side)
 
 
-@pytest.mark.parametrize("name", ["speed_kmh", "GPS_lat", "Temperatur Öl", "brake pressure", "accX_axle1", "Lenkradwinkel"])
+@pytest.mark.parametrize(
+    "name", ["speed_kmh", "GPS_lat", "Temperatur Öl", "brake pressure", "accX_axle1", "Lenkradwinkel"]
+)
 def test_a_column_that_no_campaign_uses(name: str) -> None:
     assert column_says(name).other
     assert column_says(name).kind is None
