@@ -79,4 +79,5 @@ def main() -> None:
         arguments.document.write_text(text, encoding="utf-8")
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -100,9 +100,10 @@ def _columns(look: FirstLook) -> TextTable:
 
 def _files(look: FirstLook) -> TextTable:
     kinds = {entry.file: entry for entry in look.tests}
+    units_of = {s.column: s.unit for s in (*look.run_sensors, *look.drop_sensors) if s.unit is not None}
     table = TextTable("Files", ("file", "what", "columns", "Hz", "length s", "units", "taken for"))
     for log in look.logs[:_ROWS]:
-        units = sorted({x.unit for x in log.looks if x.unit})
+        units = sorted({units_of[c] for c in log.columns if c in units_of} | {x.unit for x in log.looks if x.unit})
         entry = kinds[log.file]
         what = "drop" if entry.kind == "plank_drop" else "run"
         detail = f", axle {entry.axle + 1}" if entry.axle is not None else ""
