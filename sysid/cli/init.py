@@ -80,6 +80,8 @@ def _show(screen: Console, look: FirstLook, target: Path, text: str) -> None:
     drops = sum(entry.kind == "plank_drop" for entry in look.tests)
     columns = len(look.run_sensors) + len(look.drop_sensors)
     vehicle = f"vehicle {look.template.name}" if look.template else f"a vehicle with {look.axles} axles, no template"
+    if not look.axles:
+        vehicle = "nothing says how many axles: give --vehicle"
     screen.print(
         f"{drops} drops and {len(look.tests) - drops} runs, {columns} columns of sensors, {vehicle}. Wrote {target}: "
         f"{len(todos)} values to fill in, {len(doubts)} guesses to confirm; its comments say which.",

@@ -20,7 +20,7 @@ from sysid.logs.channels import RawChannel
 #: Wheel hop [Hz], where an axle moves more than the frame above it.
 HOP_HZ = (6.0, 20.0)
 #: Columns of a log that are compared in threes, and steps of the grid on which they are.
-MOST_COMPARED = 60
+MOST_COMPARED = 48
 _MOST_STEPS = 200_000
 _ALIVE = 6.0  # largest departure over noise
 _LEAST_SAMPLES = 40
@@ -193,7 +193,9 @@ def _of_threes(c: _Correlations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     index = np.arange(c.own.shape[0])
     left[index, index, :] = np.nan
     left[index, :, index] = np.nan
-    return np.clip(left, 0.0, 1.0), -of_a * c.gain[:, :, None], of_b * c.gain[:, None, :]
+    found = (np.clip(left, 0.0, 1.0), -of_a * c.gain[:, :, None], of_b * c.gain[:, None, :])
+    # All threes of many logs are kept at once.
+    return found[0].astype(np.float32), found[1].astype(np.float32), found[2].astype(np.float32)
 
 
 def _of_pairs(c: _Correlations) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ from sysid.first_look.file_words import TestKind, path_says
 from sysid.first_look.folder import names_in, opened
 from sysid.first_look.kinds import KindGuess, guess_kinds, told_dimensions
 from sysid.first_look.log_columns import LogColumns, read_columns_of
-from sysid.first_look.matching import Three, matched_threes
+from sysid.first_look.matching import Three, matched_threes, upright
 from sysid.first_look.places import (
     Order,
     Passage,
@@ -37,6 +37,8 @@ from sysid.wording import shorten
 
 #: Largest difference between shares of the passage at which a template fits the arrivals.
 _FITS = 0.12
+#: Logs with the same columns whose threes are compared, and logs altogether: more say nothing new and take memory.
+_FITTED_ALIKE, _FITTED = 30, 300
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,7 @@ def first_look(folder: Path, vehicle: str | None = None, progress: Progress = un
 def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, Threes], list[SeenScan], list[str]]:
     logs: list[SeenLog] = []
     fits: dict[str, Threes] = {}
+    counts: Counter[frozenset[str]] = Counter()
     scans: list[SeenScan] = []
     messages: list[str] = []
     names = names_in(folder)
@@ -95,10 +98,14 @@ def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, T
             refused = error
             messages.append(str(error))
             continue
-        log, fit = _seen(columns)
+        log = _seen(columns)
         logs.append(log)
-        if fit is not None:
-            fits[name] = fit
+        layout = frozenset(log.columns)
+        if len(fits) < _FITTED and counts[layout] < _FITTED_ALIKE:
+            fit = threes(columns.channels, log.looks)
+            if fit is not None:
+                fits[name] = fit
+                counts[layout] += 1
     if not logs:
         label = shorten(folder, 100)
         if refused is not None:
@@ -108,12 +115,10 @@ def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, T
     return logs, fits, scans, messages
 
 
-def _seen(columns: LogColumns) -> tuple[SeenLog, Threes | None]:
+def _seen(columns: LogColumns) -> SeenLog:
+    said = path_says(columns.file)
     of_columns = looks(columns.channels)
-    log = SeenLog(
-        columns.file, columns.title, of_columns, columns.time, columns.units_row, columns.text, path_says(columns.file)
-    )
-    return log, threes(columns.channels, of_columns)
+    return SeenLog(columns.file, columns.title, of_columns, columns.time, columns.units_row, columns.text, said)
 
 
 def _layouts(logs: Sequence[SeenLog], fits: Mapping[str, Threes]) -> list[_Layout]:
@@ -129,7 +134,8 @@ def _layouts(logs: Sequence[SeenLog], fits: Mapping[str, Threes]) -> list[_Layou
         said = {c: column_says(c) for c in columns}
         said = {c: replace(s, side=s.side or sides.get(c)) for c, s in said.items()}
         of_members = [fits[log.file] for log in members if log.file in fits]
-        found = matched_threes(of_members, hop, told_dimensions(alive, said))
+        kinds = {c: s.kind for c, s in said.items()}
+        found = tuple(upright(t, kinds) for t in matched_threes(of_members, hop, told_dimensions(alive, said)))
         result.append(_Layout(tuple(members), guess_kinds(alive, said, found), said, found))
     return result
 
@@ -153,7 +159,7 @@ def _found(
     run_layouts = [k for k in layouts if any(kinds[log.file].kind == "bump_run" for log in k.logs)]
     drop_layouts = [k for k in layouts if any(kinds[log.file].kind == "plank_drop" for log in k.logs)]
     named = named_axles(_sensors_said(run_layouts or layouts))
-    count = len(wanted.axles) if wanted else max([len(order.share), *(n + 1 for n in named.values())], default=0)
+    count = len(wanted.axles) if wanted else max(len(order.share), *(n + 1 for n in named.values()), _dropped(logs))
     chosen = wanted or _fitting(count, order)
     axle_of, agree = _axle_columns(order, named, count, chosen)
     run_sensors = _sensors(run_layouts, named, axle_of, agree, count, drops=False)
@@ -191,6 +197,12 @@ def _sensors_said(layouts: Sequence[_Layout]) -> dict[str, NameSays]:
     return {c: layout.said[c] for layout in layouts for c, guess in layout.kinds.items() if guess.kind is not None}
 
 
+def _dropped(logs: Sequence[SeenLog]) -> int:
+    """Number of axles that the paths of drops name."""
+    numbers = [log.said.axle for log in logs if log.said.kind == "plank_drop" and log.said.axle is not None]
+    return max(numbers) + (0 in numbers) if numbers else 0
+
+
 def _passage(log: SeenLog, kinds: Mapping[str, KindGuess]) -> Passage:
     return Passage(
         log.file,
@@ -220,8 +232,9 @@ def _axle_columns(
     by_name = {c: named[c] for c in order.rank if c in named}
     if by_name and len(by_name) == len(order.rank):
         agree = in_order(by_name, order.rank) and (len(order.share) < count or by_name == dict(order.rank))
-        if agree:
-            return by_name, True
+        # Fewer arrivals than axles: axles on a beam move before they arrive, and their order says little.
+        if agree or len(order.share) < len(set(by_name.values())):
+            return by_name, agree
     places = axles_of_ranks(order.share, chosen.positions_m) if chosen else tuple(range(len(order.share)))
     return {c: places[rank] for c, rank in order.rank.items()}, False
 
@@ -267,7 +280,8 @@ def _axle_of_column(
     if by_name is not None and by_arrival is not None:
         if by_name == by_arrival and agree:
             return by_name, True
-        why.append(f"axle by arrival; its name says {by_name + 1}" if by_name != by_arrival else "axle by arrival")
+        unlike = f"axle by arrival; its name says {by_name + 1}"
+        why.append(unlike if by_name != by_arrival else "names and arrivals of the axles do not agree")
         return by_arrival, False
     if by_arrival is not None:
         why.append(f"axle by arrival: {_ordinal(by_arrival)}")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from sysid.campaign.records import SensorKind
 from sysid.first_look.features import Threes
 
 #: Share of q'' that a three may leave unexplained, and |ln| by which its factors may differ from each other.
@@ -143,3 +144,19 @@ def _picked(
             Three(names[q], names[a], names[b], float(left[q, a, b]), float(alpha[q, a, b]), float(beta[q, a, b]))
         )
     return tuple(result)
+
+
+def upright(three: Three, said: Mapping[str, SensorKind | None]) -> Three:
+    """A three whose deflection is upside down, with axle and frame exchanged if their names `said` so.
+
+    q'' = b - a turned round is the same equation as b and a exchanged: the share of wheel hop decides between them, but
+    on axles that share a beam the frame may have more of it.
+    """
+    turned = three.alpha < 0.0 and three.beta < 0.0
+    exchanged = three.body is not None and (said.get(three.axle), said.get(three.body)) == (
+        "body_acceleration",
+        "axle_acceleration",
+    )
+    if not (turned and exchanged and three.body is not None):
+        return three
+    return replace(three, axle=three.body, body=three.axle, alpha=-three.beta, beta=-three.alpha)

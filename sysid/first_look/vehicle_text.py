@@ -62,7 +62,9 @@ def _position(look: FirstLook, chosen: Template, index: int) -> tuple[float, str
 
 def _unknown_vehicle(look: FirstLook) -> str:
     parts = [
-        f"# No template has {look.axles} axles.\n",
+        f"# No template has {look.axles} axles.\n"
+        if look.axles
+        else "# Nothing says how many axles there are: give --vehicle to init.\n",
         section("vehicle", [f"name = {quoted(todo('name of the vehicle'))}"]),
         section("vehicle.body", ['name = "vehicle"'], array=True),
     ]

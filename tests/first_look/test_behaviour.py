@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sysid.first_look.features import looks, threes
-from sysid.first_look.matching import matched_threes
+from sysid.first_look.matching import Three, matched_threes, upright
 from sysid.first_look.places import (
     Passage,
     arrival_order,
@@ -74,6 +74,16 @@ def test_signs_tell_which_column_is_upside_down(turned: str, signs: tuple[int, i
     columns[turned] = -columns[turned]
     (three,) = found_in(columns)
     assert (np.sign(three.alpha), np.sign(three.beta)) == signs
+
+
+def test_a_deflection_upside_down_is_none_where_names_exchange_frame_and_axle() -> None:
+    (three,) = found_in(axle(1.0, 10.0))
+    kinds = {"a": "axle_acceleration", "b": "body_acceleration"}
+    assert upright(three, kinds) == three
+    # The same equation, read with the roles exchanged: by the names nothing is upside down.
+    read = Three("q", "b", "a", three.unexplained, -three.beta, -three.alpha)
+    assert upright(read, kinds) == three
+    assert upright(read, {}) == read
 
 
 def test_without_a_frame_sensor_pairs_are_found() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from studies.first_look.judging import Score, judged
@@ -159,3 +160,20 @@ def test_names_that_toml_has_to_quote_come_back_as_they_are(tmp_path: Path) -> N
     tables = tomllib.loads(campaign_text(first_look(tmp_path), "x", "campaign.toml"))
     assert column in tables["sensors"]["bump_run"]
     assert tables["tests"]["bump_run"][0]["file"] == "run 10kmh 'a'.csv"
+
+
+def test_two_sensors_of_one_place_are_its_sides(tmp_path: Path) -> None:
+    for name in ("case1_unloaded_16kmh_run1", "case4_loaded_8kmh_run1"):
+        table = pd.read_csv(DATA / "bump_runs" / f"{name}.csv")
+        sides = {"time_s": table["time_s"]}
+        for column in table.columns[1:7]:
+            sides |= {f"{column[:-3]}_L_mm": 1.01 * table[column], f"{column[:-3]}_R_mm": 0.99 * table[column]}
+        for column in table.columns[7:13]:
+            sides |= {f"{column[:-2]}_L_g": 1.01 * table[column], f"{column[:-2]}_R_g": 0.99 * table[column]}
+        pd.DataFrame(sides).to_csv(tmp_path / f"{name}.csv", index=False)
+    look = first_look(tmp_path)
+    assert len(look.run_sensors) == 24
+    for sensor in look.run_sensors:
+        assert sensor.side == ("left" if "_L_" in sensor.column else "right")
+        assert f"{sensor.axle + 1}_" in sensor.column
+        assert sensor.sure, sensor
