@@ -1,9 +1,9 @@
 """Table of what `init` guesses right, marks and leaves to a person, on campaigns whose truth is their campaign file.
 
-    python -m studies.first_look [CAMPAIGN ...] [--document docs/first-look.md]
+    python -m studies.first_look [CAMPAIGN ...] [--document docs/howto/init.md]
 
-CAMPAIGN are folders with a campaign.toml; by default the shipped one and a three-axle truck, whose logs are simulated
-into the output folder first.
+CAMPAIGN are folders with a campaign.toml; by default the shipped one, a three-axle truck, and a vehicle of eight axles
+on beams, whose logs are simulated into the output folder first.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ ROOT = Path(__file__).resolve().parents[2]
 _MARK = "<!-- table of python -m studies.first_look -->"
 
 
-def _three_axles(output: Path) -> Path:
-    folder = output / "rigid3"
+def _simulated(output: Path, vehicle: str) -> Path:
+    folder = output / vehicle
     if not (folder / "truth.toml").is_file():
-        command = [sys.executable, "-m", "tests.support.synthetic_campaign", "--vehicle", "rigid3"]
+        command = [sys.executable, "-m", "tests.support.synthetic_campaign", "--vehicle", vehicle]
         subprocess.run([*command, "--output", str(folder)], check=True, cwd=ROOT)
     return folder
 
@@ -62,7 +62,10 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=ROOT / "build" / "first_look")
     parser.add_argument("--document", type=Path)
     arguments = parser.parse_args()
-    campaigns = arguments.campaigns or [ROOT / "data", _three_axles(arguments.output)]
+    campaigns = arguments.campaigns or [
+        ROOT / "data",
+        *(_simulated(arguments.output, v) for v in ("rigid3", "veqmon2d")),
+    ]
     rows = [HEAD]
     for campaign in campaigns:
         for variant in VARIANTS:
