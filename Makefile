@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long fuzz test-browser docs bench coverage ring-downs faults lint format clean
+.PHONY: run quick test test-long fuzz test-browser docs bench coverage first-look ring-downs faults lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -44,6 +44,10 @@ coverage: $(VENV)/.installed
 # Some ten minutes on one core: drops with viscous, dry and quadratic damping.
 ring-downs: $(VENV)/.installed
 	$(BIN)/python -m studies.ring_downs --output build/ring_downs --document docs/drops.md
+
+# A quarter of an hour on one core: what `init` guesses right, marks and leaves to a person.
+first-look: $(VENV)/.installed
+	$(BIN)/python -m studies.first_look --output build/first_look --document docs/howto/init.md
 
 # Three hours on one core: plausible faults through the whole command.
 faults: $(VENV)/.installed

@@ -25,6 +25,8 @@ NAME_BYTES: Final = 255
 PATH_BYTES: Final = 1_000
 #: Path of the campaign file or the output folder [characters].
 PATH_LENGTH: Final = 4_096
+#: Files of a folder from which a campaign file is begun.
+FIRST_LOOK_FILES: Final = 2_000
 #: Names of a folder that are compared with a name that was not found.
 LISTED_FILES: Final = 1_000
 

@@ -26,7 +26,7 @@ LEVELS = (
     {"logs"},
     {"campaign"},
     {"sdof", "road"},
-    {"vehicle_model"},
+    {"first_look", "vehicle_model"},
     {"estimation"},
     {"posterior"},
     {"prediction", "selftest", "validation"},

@@ -25,7 +25,9 @@ from sysid.campaign.records import (
     Scan,
     Sensor,
 )
+from sysid.campaign.stand_ins import with_stand_ins
 from sysid.campaign.statics import check_statics
+from sysid.campaign.todo import refuse_todos
 from sysid.campaign.units import angle_rad, si_factor, speed_m_s
 from sysid.errors import CampaignError
 from sysid.logs.input_file import InputFile
@@ -45,6 +47,7 @@ def read_campaign(
     point_cloud_reader: PointCloudReader | None = None,
     profile_reader: ProfileReader | None = None,
     planned: bool = False,
+    unfinished: bool = False,
 ) -> Campaign:
     """Read a campaign: check the file, resolve names, convert to SI, read and hash every input.
 
@@ -60,6 +63,9 @@ def read_campaign(
         have no stations.
     planned
         Take logs that do not exist for tests that are still to come: one blank reading of every declared sensor.
+    unfinished
+        Take a file with values that are still to be filled in, with :func:`sysid.campaign.stand_ins.with_stand_ins`:
+        for the check of its logs only.
 
     Returns
     -------
@@ -69,7 +75,7 @@ def read_campaign(
     Raises
     ------
     CampaignError
-        If the campaign file is wrong, or a file it names is missing or outside its folder.
+        If the campaign file is wrong or has values to fill in, or a file it names is missing or outside its folder.
     DataRejectedError
         If a log or scan cannot be read.
     """
@@ -79,11 +85,18 @@ def read_campaign(
 
     content = paths.campaign_file(path)
     file = content.path
-    tables = validate(parse_toml(content.data, file.name), file.name)
+    parsed = parse_toml(content.data, file.name)
+    unknown: frozenset[str] = frozenset()
+    if unfinished:
+        parsed, unknown = with_stand_ins(parsed, file.name)
+    else:
+        refuse_todos(parsed, file.name)
+    tables = validate(parsed, file.name)
     vehicle = VehicleReader(tables, file.name)
     try:
-        for load_case in vehicle.load_cases.values():
-            check_statics(vehicle.vehicle, load_case)
+        for name, load_case in vehicle.load_cases.items():
+            if name not in unknown:
+                check_statics(vehicle.vehicle, load_case)
     except CampaignError as error:
         raise CampaignError(f"{file.name}: {error}") from None
     files = NamedFiles(file, tables.acquisition.sample_interval_s, {file.name: content.sha256}, planned)

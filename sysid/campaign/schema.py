@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, StrictBool, StrictStr, model_validator
 
@@ -216,11 +216,27 @@ class PredictionTable(Table):
 
 
 class TestsTable(Table):
-    """[tests]: plank drops, bump runs and requested predictions."""
+    """[tests]: plank drops, bump runs and predictions; `plank_height_m` of drops that do not say their own."""
 
+    plank_height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1.0)] | None = None
     plank_drop: Annotated[list[PlankDropTable], Field(max_length=10_000)] = []
     bump_run: Annotated[list[BumpRunTable], Field(max_length=10_000)] = []
     prediction: Annotated[list[PredictionTable], Field(max_length=1000)] = []
+
+    @model_validator(mode="before")
+    @classmethod
+    def _common_height(cls, tables: Any) -> Any:
+        if not isinstance(tables, dict) or "plank_height_m" not in tables:
+            return tables
+        drops = tables.get("plank_drop")
+        if not isinstance(drops, list):
+            return tables
+        height = {"plank_height_m": tables["plank_height_m"]}
+        return {**tables, "plank_drop": [height | d if _needs_height(d) else d for d in drops]}
+
+
+def _needs_height(drop: Any) -> bool:
+    return isinstance(drop, dict) and drop.get("release", "plank") == "plank"
 
 
 class CampaignFile(Table):

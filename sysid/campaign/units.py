@@ -104,16 +104,35 @@ def contradiction(written: str | None, declared: str) -> str | None:
     """
     if written is None:
         return None
-    factors: dict[str, tuple[str, float]] = {}
-    for dimension in ("length", "acceleration"):
-        for spelling in _SPELLINGS[dimension]:
-            factors[_plain(spelling)] = (dimension, si_factor(spelling, dimension))
-    for name, unit in _WORDS.items():
-        factors[name] = factors[unit]
+    known = _known_units()
     plain = _plain(written)
-    if plain in factors:
-        return None if factors[plain] == factors[_plain(declared)] else written
+    if plain in known:
+        same = _size_of(*known[plain]) == _size_of(*known[_plain(declared)])
+        return None if same else written
     return written if plain in _OTHER else None
+
+
+def recognised_unit(written: str) -> tuple[str, Dimension] | None:
+    """How a campaign file calls a unit of length or acceleration that a file writes, and which; None for others."""
+    return _known_units().get(_plain(written))
+
+
+def is_other_quantity(written: str) -> bool:
+    """Whether a unit is that of a quantity that no sensor of a campaign measures."""
+    return _plain(written) in _OTHER
+
+
+def _known_units() -> dict[str, tuple[str, Dimension]]:
+    known: dict[str, tuple[str, Dimension]] = {}
+    dimensions: tuple[Dimension, Dimension] = ("length", "acceleration")
+    for dimension in dimensions:
+        for spelling in _SPELLINGS[dimension]:
+            known.setdefault(_plain(spelling), (spelling, dimension))
+    return known | {name: known[unit] for name, unit in _WORDS.items()}
+
+
+def _size_of(unit: str, dimension: Dimension) -> tuple[Dimension, float]:
+    return dimension, si_factor(unit, dimension)
 
 
 def _plain(unit: str) -> str:

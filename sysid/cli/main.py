@@ -99,6 +99,10 @@ def _click_option(option: Option) -> Callable[..., Any]:
 
 def _add(name: str, text: str, options: Sequence[Option] = ()) -> None:
     def command(campaign: Path, output: Path, resume: bool, **choices: Any) -> None:
+        if name == "check":
+            from sysid.cli.unfinished import run_check
+
+            sys.exit(run_check(campaign, output, resume=resume, **choices))
         from sysid.cli.stages import run_stage
 
         sys.exit(run_stage(name, campaign, output, resume=resume, **choices))
@@ -106,6 +110,25 @@ def _add(name: str, text: str, options: Sequence[Option] = ()) -> None:
     for option in reversed(options):
         command = _click_option(option)(command)
     cli.command(name, help=text)(_options(command))
+
+
+@cli.command("init")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "--vehicle",
+    default=None,
+    help="Template of the vehicle: rigid2, rigid3, rigid4, semitrailer4, "
+    "semitrailer5 or lowboy6 (default: by the number and arrivals of the axles).",
+)
+@click.option(
+    "--output", default=None, type=click.Path(path_type=Path), help="File to write (default: campaign.toml in FOLDER)."
+)
+@click.option("--force", is_flag=True, help="Write over an existing file.")
+def init(folder: Path, vehicle: str | None, output: Path | None, force: bool) -> None:
+    """Begin a campaign: look at the logs and scans in FOLDER and write a campaign file to complete."""
+    from sysid.cli.init import run_init
+
+    sys.exit(run_init(folder, vehicle, output, force))
 
 
 for _record in RECORDS:

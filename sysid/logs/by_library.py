@@ -42,6 +42,7 @@ def library_format(
             wanted=request.wanted,
             time=request.time,
             units_row=request.units_row,
+            everything=request.everything,
         )
         return _content(answer, arrays, label, title)
 

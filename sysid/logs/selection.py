@@ -5,8 +5,9 @@ It runs in the child process of a reader and is the same for all formats that a 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
 from typing import Any
@@ -72,36 +73,89 @@ def selected(found: Iterable[Found], request: dict[str, Any]) -> tuple[dict[str,
     channels = list(islice(found, limits.LOG_CHANNELS + 1))
     if len(channels) > limits.LOG_CHANNELS:
         raise RefusedError(f"has more than {limits.LOG_CHANNELS} channels; export those of the sensors only")
-    chosen = [c for c in (_by_name(channels, name) for name in request["wanted"]) if c is not None]
+    everything = bool(request.get("everything"))
+    if everything:
+        chosen = [c for c in channels if c.length > 1 and find_time((c.name,), request["time"]) is None][:_NAMES]
+    else:
+        chosen = [c for c in (_by_name(channels, name) for name in request["wanted"]) if c is not None]
     _check_sizes(chosen)
-    clocks: dict[str, int] = {}
-    stamps: list[np.ndarray] = []
-    described: list[dict[str, Any]] = []
-    values: list[np.ndarray] = []
-    told: list[dict[str, Any]] = []
+    answer = _Answer(channels, request["time"])
+    refused: RefusedError | None = None
     for channel in chosen:
+        try:
+            answer.add(channel)
+        except RefusedError as error:
+            if not everything:
+                raise
+            refused = error
+    if refused is not None and not answer.added:
+        raise refused
+    told = [
+        {"name": c.name, "path": c.path, "unit": unit, "clock": clock}
+        for c, unit, clock in zip(answer.added, answer.units, answer.clock_of, strict=True)
+    ]
+    names = [shorten(c.name, 200) for c in channels[:_NAMES]]
+    wanted = _own_names(answer.added, channels) if everything else _matched(answer.added, request)
+    return {"channels": told, "clocks": answer.described, "names": names, "wanted": wanted}, [
+        *answer.stamps,
+        *answer.values,
+    ]
+
+
+@dataclass
+class _Answer:
+    """Channels whose values have been read, of those that the file has; clocks with the same stamps are one."""
+
+    channels: Sequence[Found]
+    time: str | None
+    added: list[Found] = field(default_factory=list)
+    units: list[str | None] = field(default_factory=list)
+    values: list[np.ndarray] = field(default_factory=list)
+    clock_of: list[int] = field(default_factory=list)
+    clocks: dict[str, int] = field(default_factory=dict)
+    stamps: list[np.ndarray] = field(default_factory=list)
+    described: list[dict[str, Any]] = field(default_factory=list)
+
+    def add(self, channel: Found) -> None:
+        """Read values and stamps of one channel.
+
+        Raises
+        ------
+        RefusedError
+            If it holds no numbers, or has no time of its length.
+        """
         array, unit = channel.load()
         numbers = _numbers(array, channel.path)
-        key, name, time = _time_of(channel, numbers.size, channels, request["time"])
-        if key not in clocks:
+        key, name, time = _time_of(channel, numbers.size, self.channels, self.time)
+        if key not in self.clocks:
             stamps_s = time()
+            if stamps_s.size != numbers.size:
+                raise _unequal(channel, numbers.size, stamps_s.size, name)
             # Formats that give every channel a time of its own mostly write the same one.
-            clocks[key] = next((i for i, other in enumerate(stamps) if np.array_equal(stamps_s, other)), len(stamps))
-        if clocks[key] == len(stamps):
-            stamps.append(stamps_s)
-            described.append({"name": name, "first_row": channel.first_row})
-        if stamps[clocks[key]].size != numbers.size:
-            raise RefusedError(
-                f"has {numbers.size} values in '{shorten(channel.path)}' and {stamps[clocks[key]].size} times in "
-                f"'{shorten(name)}'; export it again"
-            )
-        values.append(numbers)
-        told.append({"name": channel.name, "path": channel.path, "unit": _text(unit), "clock": clocks[key]})
-    names = [shorten(c.name, 200) for c in channels[:_NAMES]]
-    return {"channels": told, "clocks": described, "names": names, "wanted": _matched(chosen, request)}, [
-        *stamps,
-        *values,
-    ]
+            same = (i for i, other in enumerate(self.stamps) if np.array_equal(stamps_s, other))
+            self.clocks[key] = next(same, len(self.stamps))
+            if self.clocks[key] == len(self.stamps):
+                self.stamps.append(stamps_s)
+                self.described.append({"name": name, "first_row": channel.first_row})
+        clock = self.clocks[key]
+        if self.stamps[clock].size != numbers.size:
+            raise _unequal(channel, numbers.size, self.stamps[clock].size, name)
+        self.added.append(channel)
+        self.units.append(_text(unit))
+        self.values.append(numbers)
+        self.clock_of.append(clock)
+
+
+def _unequal(channel: Found, values: int, times: int, name: str) -> RefusedError:
+    return RefusedError(
+        f"has {values} values in '{shorten(channel.path)}' and {times} times in '{shorten(name)}'; export it again"
+    )
+
+
+def _own_names(chosen: Sequence[Found], channels: Sequence[Found]) -> list[str]:
+    """Names by which channels can be asked for: with the group where another channel has the same name."""
+    counts = Counter(c.name for c in channels if c.length)
+    return [c.name if counts[c.name] == 1 else c.path for c in chosen]
 
 
 def _matched(chosen: Sequence[Found], request: dict[str, Any]) -> list[str]:

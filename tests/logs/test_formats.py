@@ -11,8 +11,10 @@ from log_files import FILES, STEP_S, csv, readings
 
 from sysid.campaign import Sensor, read_log
 from sysid.errors import SysidError
+from sysid.logs.channels import LogRequest
 from sysid.logs.input_file import InputFile
-from sysid.logs.registry import FORMATS, format_of
+from sysid.logs.registry import FORMATS, format_of, read_channels
+from sysid.logs.selection import Found, RefusedError, selected
 
 SENSORS = (
     Sensor("q_mm", "suspension_deflection", "mm", axle=0),
@@ -98,3 +100,31 @@ def test_two_hundred_flips_take_less_than_two_seconds_each(name: str, written, d
     begin = processor_s()
     assert refusals(name, files)
     assert processor_s() - begin < 2.0 * len(files)
+
+
+@pytest.mark.parametrize(("name", "written", "digits"), FILES.values(), ids=FILES)
+def test_all_channels_can_be_asked_for_without_their_names(name: str, written, digits: float) -> None:
+    content = read_channels(InputFile(Path(name), written()), name, LogRequest((), everything=True))
+    expected = readings()
+    # HDF5 lists its data sets by the alphabet.
+    assert sorted(c.name for c in content.channels) == ["a_g", "b_g", "q_mm"]
+    for channel in content.channels:
+        np.testing.assert_allclose(channel.values, expected[channel.name], rtol=digits, atol=0.0)
+        np.testing.assert_allclose(channel.clock.time_s, expected["time_s"], rtol=digits, atol=1e-12)
+
+
+def test_of_all_channels_those_of_one_name_have_their_groups_and_text_is_left_out() -> None:
+    values, time = np.arange(4.0), lambda: STEP_S * np.arange(4.0)
+    found = [
+        Found("a", 4, lambda: (values, "g"), "front", time, "clock"),
+        Found("a", 4, lambda: (2.0 * values, "g"), "rear", time, "clock"),
+        Found("note", 4, lambda: (np.array(list("text")), None), "front", time, "clock"),
+        Found("q", 4, lambda: (3.0 * values, "mm"), "rear", time, "clock"),
+    ]
+    request = {"wanted": (), "time": None, "everything": True}
+    answer, arrays = selected(found, request)
+    assert answer["wanted"] == ["front/a", "rear/a", "q"]
+    assert [list(a) for a in arrays[1:]] == [list(values), list(2.0 * values), list(3.0 * values)]
+    assert len(answer["clocks"]) == 1
+    with pytest.raises(RefusedError, match="text or dates"):
+        selected(found[2:3], request)

@@ -1,4 +1,7 @@
-"""The vehicles of `tests/data/vehicles`: tables of a campaign file, and what stands behind their synthetic logs."""
+"""The vehicles of `tests/data/vehicles`: tables of a campaign file, and what stands behind their synthetic logs.
+
+Those of which only the truth stands there have the tables of the template of the same name.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ import numpy as np
 from sysid.campaign import schema
 from sysid.campaign.records import LoadCase, Vehicle
 from sysid.campaign.vehicle_tables import VehicleReader
+from sysid.first_look.templates import template_text
 
 FOLDER = Path(__file__).resolve().parents[1] / "data" / "vehicles"
 NAMES = tuple(sorted(p.stem for p in FOLDER.glob("*.toml")))
@@ -40,6 +44,8 @@ class ExampleVehicle:
 def example_vehicle(name: str) -> ExampleVehicle:
     """A vehicle of `tests/data/vehicles`, read by the package's own reader."""
     text = (FOLDER / f"{name}.toml").read_text(encoding="utf-8")
+    if "\n[vehicle]\n" not in text:
+        text = f"{template_text(name)}\n{text}"
     tables: dict[str, Any] = tomllib.loads(text)
     behind = tables.pop("behind")
     rest = {"schema": 1, "campaign": {"title": name}, "acquisition": {"sample_interval_s": 0.005}, "sensors": {}}

@@ -42,6 +42,12 @@ def _check_fault(report: QualityReport) -> type[SysidError] | None:
 
 def show_check(report: QualityReport, results: Results) -> Blocks:
     """One line per log for its good channels and one per other channel, the findings in words, and the sum."""
+    yield from quality_blocks(report)
+    yield "Every channel with its noise stands in the report."
+
+
+def quality_blocks(report: QualityReport) -> Blocks:
+    """The findings of :func:`show_check`."""
     table = TextTable(
         "Data quality", ("log", "channel", "Hz", "jitter ms", "missing", "clipped", "rest", "noise", "verdict")
     )
@@ -60,7 +66,7 @@ def show_check(report: QualityReport, results: Results) -> Blocks:
     verdicts = Counter(f.verdict for f in report.channels)
     yield (
         f"{len(report.channels)} channel records: {verdicts['good']} good, {verdicts['usable']} usable with findings, "
-        f"{verdicts['rejected']} rejected. Every channel with its noise stands in the report."
+        f"{verdicts['rejected']} rejected."
     )
 
 

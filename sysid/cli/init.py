@@ -1,0 +1,126 @@
+"""The command `init`: from the folder of a logger to a commented campaign file."""
+
+from __future__ import annotations
+
+import os
+from functools import partial
+from pathlib import Path
+
+from rich.console import Console
+
+from sysid.campaign.todo import find_doubts, find_todos
+from sysid.campaign.toml_errors import parse_toml
+from sysid.cli.invocation import program, tell
+from sysid.cli.progress import StageProgress
+from sysid.cli.stages import INTERRUPTED, console, termination_as_interrupt
+from sysid.cli.tables import render
+from sysid.display import TextTable
+from sysid.errors import CampaignError, OutputError, SysidError
+from sysid.files import write_text
+from sysid.first_look import FirstLook, campaign_text, first_look
+from sysid.output_folder import has_control_characters
+from sysid.wording import shorten
+
+_ROWS = 200
+
+
+def run_init(folder: Path, vehicle: str | None, output: Path | None, force: bool) -> int:
+    """Look at the folder, write the campaign file, and return the exit code."""
+    screen, errors = console(False), console(True)
+    say = partial(tell, errors, "init")
+    with termination_as_interrupt():
+        try:
+            target, prefix = _target(folder, output, force)
+            with StageProgress(errors) as progress:
+                progress.stage("init")
+                look = first_look(folder, vehicle, progress.update)
+            text = campaign_text(look, shorten(folder.resolve().name, 60), shorten(target, 80), prefix)
+            _write(target, text)
+        except SysidError as error:
+            say(str(error))
+            return error.exit_code
+        except KeyboardInterrupt:
+            errors.print("Stopped; nothing was written.", markup=False)
+            return INTERRUPTED
+    _show(screen, look, target, text)
+    return 0
+
+
+def _target(folder: Path, output: Path | None, force: bool) -> tuple[Path, str]:
+    """The file to write, and the path from its folder to that of the logs."""
+    target = folder / "campaign.toml" if output is None else output
+    if target.is_dir():
+        target = target / "campaign.toml"
+    if has_control_characters(os.fspath(target)):
+        raise CampaignError("--output contains control characters; give a name of letters, digits and signs.")
+    if target.exists() and not force:
+        raise CampaignError(f"{shorten(target, 100)} exists; give --force to write over it, or another --output.")
+    try:
+        below = folder.resolve().relative_to(target.resolve().parent)
+    except ValueError:
+        raise CampaignError(
+            f"{shorten(target, 100)} does not stand above the logs, and a campaign reads no files outside its folder; "
+            "write it into the folder of the logs or one above it."
+        ) from None
+    return target, "" if below == Path() else f"{below.as_posix()}/"
+
+
+def _write(target: Path, text: str) -> None:
+    parse_toml(text.encode("utf-8"), target.name)
+    try:
+        write_text(target, text)
+    except OSError as error:
+        reason = (error.strerror or "unknown reason").lower()
+        raise OutputError(f"{shorten(target, 100)} cannot be written ({reason}); choose another --output.") from None
+
+
+def _show(screen: Console, look: FirstLook, target: Path, text: str) -> None:
+    render(screen, [_files(look), _columns(look), *look.messages])
+    todos, doubts = find_todos(parse_toml(text.encode("utf-8"), target.name)), find_doubts(text)
+    drops = sum(entry.kind == "plank_drop" for entry in look.tests)
+    columns = len(look.run_sensors) + len(look.drop_sensors)
+    vehicle = f"vehicle {look.template.name}" if look.template else f"a vehicle with {look.axles} axles, no template"
+    if not look.axles:
+        vehicle = "nothing says how many axles: give --vehicle"
+    screen.print(
+        f"{drops} drops and {len(look.tests) - drops} runs, {columns} columns of sensors, {vehicle}. Wrote {target}: "
+        f"{len(todos)} values to fill in, {len(doubts)} guesses to confirm; its comments say which.",
+        markup=False,
+    )
+    screen.print(f"Next: {program()} check {target}", markup=False)
+
+
+def _columns(look: FirstLook) -> TextTable:
+    table = TextTable("Columns", ("column", "logs", "kind", "unit", "axle", "guess"))
+    for tests, sensors in (("runs", look.run_sensors), ("drops", look.drop_sensors)):
+        for s in sensors[:_ROWS]:
+            axle = str(s.axle + 1) if s.axle is not None else "of the drop" if tests == "drops" and s.kind else "?"
+            guess = "by name and behaviour" if s.sure else "to confirm"
+            table.add_row(shorten(s.column, 60), tests, s.kind or "?", s.unit or "?", axle, guess)
+    return table
+
+
+def _files(look: FirstLook) -> TextTable:
+    kinds = {entry.file: entry for entry in look.tests}
+    units_of = {s.column: s.unit for s in (*look.run_sensors, *look.drop_sensors) if s.unit is not None}
+    table = TextTable("Files", ("file", "what", "columns", "Hz", "length s", "units", "taken for"))
+    for log in look.logs[:_ROWS]:
+        units = sorted({units_of[c] for c in log.columns if c in units_of} | {x.unit for x in log.looks if x.unit})
+        entry = kinds[log.file]
+        what = "drop" if entry.kind == "plank_drop" else "run"
+        detail = f", axle {entry.axle + 1}" if entry.axle is not None else ""
+        detail += f", {entry.speed_km_h:g} km/h" if entry.speed_km_h is not None else ""
+        table.add_row(
+            shorten(log.file, 60),
+            log.title.removeprefix("a ").removeprefix("an "),
+            str(len(log.looks)),
+            f"{log.rate_hz:.4g}",
+            f"{log.duration_s:.3g}",
+            shorten(" ".join(units), 20) or "-",
+            f"{what}, {entry.load_case}{detail}",
+        )
+    for scan in look.scans[:_ROWS]:
+        size = f"{scan.extent[0]:.3g} x {scan.extent[1]:.3g}"
+        name = shorten(scan.file, 60)
+        table.add_row(name, scan.title.removeprefix("a "), f"{scan.points} points", "-", size, scan.unit, "scan")
+    return table

@@ -1,0 +1,72 @@
+"""The command `check` on a campaign file that is not finished: what is left to fill in, and the check of its logs."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from sysid.campaign.paths import campaign_file
+from sysid.campaign.quality import check_quality
+from sysid.campaign.read import read_campaign
+from sysid.campaign.todo import Doubt, Todo, find_doubts, find_todos
+from sysid.cli.invocation import program, tell
+from sysid.cli.stages import console, run_stage, termination_as_interrupt
+from sysid.cli.tables import render
+from sysid.errors import CampaignError, SysidError
+from sysid.workflow.stages.data import quality_blocks
+
+
+def run_check(campaign: Path, output: Path, **choices: Any) -> int:
+    """Check a campaign and return the exit code: 2 where values are still to be filled in, and nothing is written."""
+    try:
+        todos, doubts = _left(campaign)
+    except SysidError:
+        # The stage says the same with all else that it says of such a file.
+        todos, doubts = (), ()
+    if not todos:
+        code = run_stage("check", campaign, output, **choices)
+        if doubts and code != CampaignError.exit_code:
+            render(console(False), _doubts(doubts))
+        return code
+    screen, errors = console(False), console(True)
+    with termination_as_interrupt():
+        return _check_the_rest(campaign, todos, doubts, screen, errors)
+
+
+def _left(campaign: Path) -> tuple[tuple[Todo, ...], tuple[Doubt, ...]]:
+    from sysid.campaign.toml_errors import parse_toml
+
+    content = campaign_file(campaign)
+    tables = parse_toml(content.data, content.name)
+    return find_todos(tables), find_doubts(content.data.decode("utf-8", errors="replace"))
+
+
+def _check_the_rest(
+    campaign: Path, todos: tuple[Todo, ...], doubts: tuple[Doubt, ...], screen: Console, errors: Console
+) -> int:
+    say = partial(tell, errors, "check")
+    code = CampaignError.exit_code
+    try:
+        read = read_campaign(campaign, unfinished=True)
+        report = check_quality(read)[1]
+        render(screen, quality_blocks(report))
+    except SysidError as error:
+        say(f"the rest cannot be checked yet: {error}")
+    render(screen, ["To fill in:", *(f"  {todo.where}: {todo.what}" for todo in todos), *_doubts(doubts)])
+    values = "1 value" if len(todos) == 1 else f"{len(todos)} values"
+    screen.print(
+        f"{values} to fill in; the logs were checked with what is there, and nothing was written. Fill them in, then: "
+        f"{program()} check {campaign}",
+        markup=False,
+    )
+    return code
+
+
+def _doubts(doubts: tuple[Doubt, ...]) -> list[str]:
+    if not doubts:
+        return []
+    head = "To confirm (then remove 'TODO confirm' from the line):"
+    return [head, *(f"  line {doubt.line}, {doubt.entry}: {doubt.what}" for doubt in doubts)]

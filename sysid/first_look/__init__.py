@@ -1,0 +1,19 @@
+"""A first look at the folder of a logger: what its files and columns are, and a campaign file to begin with."""
+
+from sysid.first_look.campaign_text import campaign_text
+from sysid.first_look.look import first_look
+from sysid.first_look.records import EntryGuess, FirstLook, SeenLog, SeenScan, SensorGuess
+from sysid.first_look.templates import Template, template, template_names
+
+__all__ = [
+    "EntryGuess",
+    "FirstLook",
+    "SeenLog",
+    "SeenScan",
+    "SensorGuess",
+    "Template",
+    "campaign_text",
+    "first_look",
+    "template",
+    "template_names",
+]

@@ -1,0 +1,200 @@
+"""A campaign file from a first look: commented tables, with TODO where only a person knows the value."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from sysid.campaign.todo import CONFIRM
+from sysid.first_look.records import EntryGuess, FirstLook, SeenLog, SensorGuess
+from sysid.first_look.toml_text import banner, commented, quoted, section, todo, toml_key, value_text
+from sysid.first_look.vehicle_text import axle_name, body_name, load_case_text, position_of, vehicle_text
+
+_HEAD = """\
+# Begun by 'init' from the files of {folder}.
+#
+# What to do: give every value that says "TODO" (in place of the text in quotes), and look at every line that says
+# "TODO confirm": there a guess is not supported by both the name and the behaviour of a column.  Then
+#     python calibrate.py check {output}
+# lists what is left.  Numbers marked "assumed" are typical ones: put your own where you know them.
+# SI units unless a key or a sensor says otherwise; x_m is the distance behind axle 1: see docs/campaign-format.md
+schema = 1
+"""
+
+
+def campaign_text(look: FirstLook, folder: str, output: str, prefix: str = "") -> str:
+    """The text of a campaign file.
+
+    Parameters
+    ----------
+    look
+        What was found.
+    folder, output
+        Names of the folder and of the file, for comments.
+    prefix
+        Path from the campaign file to the folder, empty or with a slash at its end.
+    """
+    parts = [
+        _HEAD.format(folder=folder, output=output),
+        section("campaign", [f"title = {quoted(f'Campaign in {folder}')}"]),
+        vehicle_text(look),
+        *(load_case_text(look, name, kind) for name, kind in look.load_cases.items()),
+        _acquisition(look),
+        _sensors(look, "bump_run", look.run_sensors),
+        _sensors(look, "plank_drop", look.drop_sensors),
+        _scans(look, prefix),
+        _tests(look, prefix),
+    ]
+    return "\n".join(part for part in parts if part)
+
+
+# ---------------------------------------------------------------------- logger and sensors
+
+
+def _used_logs(look: FirstLook) -> dict[str, SeenLog]:
+    files = {entry.file for entry in look.tests}
+    return {log.file: log for log in look.logs if log.file in files}
+
+
+def _acquisition(look: FirstLook) -> str:
+    logs = list(_used_logs(look).values())
+    rates = sorted(log.rate_hz for log in logs if log.rate_hz > 0.0)
+    step = 1.0 / rates[len(rates) // 2] if rates else 0.005
+    lines = [(f"sample_interval_s = {step:.6g}", "as in the logs")]
+    lines += [(f"{k} = {value_text(v)}", "") for k, v in _writing_of_all(look).items()]
+    what = "{ type = 'butterworth', order = 4, cutoff_hz = 60 } of the anti-alias filter, or delete this line"
+    lines.append((f"filter = {quoted(todo(what))}", ""))
+    return banner("data acquisition") + "\n" + section("acquisition", commented(lines))
+
+
+def _writing_of_all(look: FirstLook) -> dict[str, Any]:
+    """How all logs are written, where that has to be said."""
+    logs = list(_used_logs(look).values())
+    result: dict[str, Any] = {}
+    if len({log.time for log in logs}) == 1 and logs[0].time is not None:
+        result["time"] = logs[0].time
+    if logs and all(log.units_row for log in logs):
+        result["units_row"] = True
+    return result
+
+
+def _sensors(look: FirstLook, kind: str, sensors: Sequence[SensorGuess]) -> str:
+    if not sensors:
+        return ""
+    said = "# Column = what it measures.  Add range = full scale (+-) where it is known; sign = -1 turns a sensor.\n"
+    lines = [(f"{toml_key(s.column)} = {value_text(_sensor(look, s, kind))}", _reason(s.sure, s.why)) for s in sensors]
+    unused = [f"# not used: {c}: {why}" for c, why in look.unused.items()] if kind == "bump_run" else []
+    return said + section(f"sensors.{kind}", [*commented(lines), *(line.replace("\n", " ") for line in unused[:40])])
+
+
+def _reason(sure: bool, why: Sequence[str]) -> str:
+    return "by name and behaviour" if sure else f"{CONFIRM}: {'; '.join(dict.fromkeys(why))}"
+
+
+def _sensor(look: FirstLook, sensor: SensorGuess, test: str) -> dict[str, Any]:
+    kinds = "suspension_deflection, axle_acceleration or body_acceleration, or delete this line"
+    result: dict[str, Any] = {"kind": sensor.kind or todo(kinds)}
+    place = sensor.axle
+    if test == "plank_drop":
+        if place is not None:
+            result["axle"] = axle_name(look, place)
+    elif sensor.kind == "body_acceleration":
+        result["body"] = todo("name of its body") if place is None else body_name(look, place)
+        known = place is not None and look.positions_m is not None
+        x_m = position_of(look, place) if known and place is not None else None
+        result["x_m"] = todo("distance behind axle 1 [m]") if x_m is None else x_m
+    else:
+        result["axle"] = todo("name of its axle") if place is None else axle_name(look, place)
+    result["unit"] = sensor.unit or todo("unit of its readings")
+    if sensor.sign < 0:
+        result["sign"] = -1
+    if sensor.side is not None:
+        result["side"] = sensor.side
+    return result
+
+
+# ---------------------------------------------------------------------- scans and tests
+
+
+def _scans(look: FirstLook, prefix: str) -> str:
+    parts = []
+    for scan in look.scans:
+        name = re.sub(r"\.[^.]*$", "", scan.file.rsplit("/", 1)[-1])
+        title = "scan" if len(look.scans) == 1 else f"scan.{toml_key(name)}"
+        hint = ""
+        if scan.heading_deg is not None:
+            hint = f"; square to the crest it is {scan.heading_deg:.1f} or {scan.heading_deg + 180.0:.1f}"
+        heading = todo(f"direction of travel [deg] in the scanner's x-y plane, counter-clockwise from +x{hint}")
+        size = f"{scan.points} points, {scan.extent[0]:.3g} x {scan.extent[1]:.3g}"
+        lines = [
+            (f"file = {quoted(prefix + scan.file)}", size),
+            (f"heading_deg = {quoted(heading)}", ""),
+            (f"unit = {quoted(scan.unit)}", f"{CONFIRM}: by its size"),
+        ]
+        parts.append(section(title, commented(lines)))
+    if not parts and any(e.kind == "bump_run" for e in look.tests):
+        cloud = todo("point cloud of the bump, a file in the folder of this file")
+        heading = todo("direction of travel [deg] counter-clockwise from +x of the scanner")
+        parts.append(section("scan", [f"file = {quoted(cloud)}", f"heading_deg = {quoted(heading)}"]))
+    return banner("laser scan of the bump") + "\n" + "\n".join(parts) if parts else ""
+
+
+def _tests(look: FirstLook, prefix: str) -> str:
+    drops = [e for e in look.tests if e.kind == "plank_drop"]
+    runs = [e for e in look.tests if e.kind == "bump_run"]
+    parts = [banner("tests"), "[tests]"]
+    if drops:
+        height = todo("height of the plank [m], of all drops that do not say their own")
+        parts += [f"plank_height_m = {quoted(height)}", "plank_drop = ["]
+        lines = [(f"{value_text(_drop(look, e, prefix))},", "" if e.sure else _reason(e.sure, e.why)) for e in drops]
+        if any("axle by its name" in e.why for e in drops):
+            parts.append(f"  # {CONFIRM}: axles by the names of the files; nothing in these logs can say the axle")
+        parts += [*commented(lines, "  "), "]"]
+    if runs:
+        counts: dict[tuple[str, float | None], int] = {}
+        lines = []
+        for entry in runs:
+            driven = (entry.load_case, entry.speed_km_h)
+            counts[driven] = counts.get(driven, 0) + 1
+            of_run = value_text(_run(look, entry, prefix, counts[driven]))
+            lines.append((f"{of_run},", "" if entry.sure else _reason(False, entry.why)))
+        parts += ["bump_run = [", *commented(lines, "  "), "]"]
+        fastest = max((e.speed_km_h for e in runs if e.speed_km_h is not None), default=None)
+        if fastest is not None:
+            wanted = [{"load_case": c, "speed_km_h": round(1.5 * fastest)} for c in look.load_cases]
+            parts.append("# Passes that nobody drove, to be predicted: change or delete them as you like.")
+            parts.append(f"prediction = {value_text(wanted)}")
+    return "\n".join(parts) + "\n"
+
+
+def _writing(look: FirstLook, file: str) -> dict[str, Any]:
+    """How one log is written, where not all are written so."""
+    log, of_all = _used_logs(look)[file], _writing_of_all(look)
+    own: dict[str, Any] = {"time": log.time} if log.time is not None else {}
+    return {k: v for k, v in (own | ({"units_row": True} if log.units_row else {})).items() if k not in of_all}
+
+
+def _drop(look: FirstLook, entry: EntryGuess, prefix: str) -> dict[str, Any]:
+    result: dict[str, Any] = {
+        "axle": todo("axle on the plank") if entry.axle is None else axle_name(look, entry.axle),
+        "file": prefix + entry.file,
+    }
+    if entry.load_case != next(iter(look.load_cases)):
+        result["load_case"] = entry.load_case
+    return result | _writing(look, entry.file)
+
+
+def _run(look: FirstLook, entry: EntryGuess, prefix: str, repeat: int) -> dict[str, Any]:
+    speed = entry.speed_km_h
+    label = f"{entry.load_case} {speed:g} km/h" if speed is not None else f"{entry.load_case}, {entry.file}"
+    result: dict[str, Any] = {
+        "case": label,
+        "file": prefix + entry.file,
+        "load_case": entry.load_case,
+        "nominal_speed_km_h": todo("speed [km/h]") if speed is None else speed,
+        "repeat": repeat,
+    }
+    if len(look.scans) > 1:
+        result["bump"] = todo("name of the scan of its bump")
+    return result | _writing(look, entry.file)

@@ -1,0 +1,137 @@
+"""Which axle a column belongs to: the number in its name against the order in which axles meet the bump."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.first_look.words import PLACES, NameSays, PlaceWord
+
+#: Axles whose arrivals differ by less than this share of the passage are the two sides of one.
+_SAME_AXLE = 0.025
+#: Pairs of axles nearer than this [m] tell little of a speed; pairs must agree so well to be believed.
+_NEAREST_M, _AGREEMENT = 1.0, 0.12
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Times [s] at which the columns of axle accelerations of one run first move."""
+
+    file: str
+    arrival_s: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Order:
+    """Axles in the order of arrival: `rank` of every column from 0, `share` of the passage [0, 1] of every rank."""
+
+    rank: Mapping[str, int]
+    share: tuple[float, ...]
+
+
+def arrival_order(passages: Sequence[Passage]) -> Order:
+    """The order in which columns move, from all runs together."""
+    shares: dict[str, list[float]] = {}
+    for passage in passages:
+        times = passage.arrival_s
+        first, last = (min(times.values()), max(times.values())) if len(times) > 1 else (0.0, 0.0)
+        if last > first:
+            for column, time in times.items():
+                shares.setdefault(column, []).append((time - first) / (last - first))
+    middle = {column: float(np.median(values)) for column, values in shares.items()}
+    rank: dict[str, int] = {}
+    clusters: list[list[float]] = []
+    for column in sorted(middle, key=middle.__getitem__):
+        if not clusters or middle[column] - clusters[-1][-1] > _SAME_AXLE:
+            clusters.append([])
+        clusters[-1].append(middle[column])
+        rank[column] = len(clusters) - 1
+    return Order(rank, tuple(float(np.mean(c)) for c in clusters))
+
+
+def named_axles(said: Mapping[str, NameSays]) -> dict[str, int]:
+    """Index of the axle (0 = axle 1) that each name says; names that say none are left out.
+
+    Numbers count from 0 if one of them is 0.  Where numbers begin anew at every place, as in ``drive1``, ``trailer1``,
+    or places have none, axles are counted through the places front to rear.
+    """
+    known = {c: s for c, s in said.items() if s.number is not None or s.place is not None}
+    if not known:
+        return {}
+    numbered = all(s.number is not None for s in known.values())
+    per_number: dict[int | None, set[PlaceWord | None]] = {}
+    for s in known.values():
+        per_number.setdefault(s.number, set()).add(s.place)
+    if numbered and all(len(places) == 1 for places in per_number.values()):
+        base = 0 if 0 in per_number else 1
+        return {c: s.number - base for c, s in known.items() if s.number is not None}
+    labels = {c: (PLACES.index(s.place) if s.place else len(PLACES), s.number or 0) for c, s in known.items()}
+    # A number without a place does not belong to this way of counting.
+    labels = {c: label for c, label in labels.items() if label[0] < len(PLACES)}
+    counted = {label: i for i, label in enumerate(sorted(set(labels.values())))}
+    return {c: counted[label] for c, label in labels.items()}
+
+
+def in_order(named: Mapping[str, int], rank: Mapping[str, int]) -> bool:
+    """Whether columns arrive in the order of the axles that their names say."""
+    both = [(named[c], rank[c]) for c in named if c in rank]
+    return all((a[0] < b[0]) == (a[1] < b[1]) and (a[0] == b[0]) == (a[1] == b[1]) for a in both for b in both)
+
+
+def axles_of_ranks(share: Sequence[float], positions_m: Sequence[float]) -> tuple[int, ...]:
+    """Axles whose positions fit the delays of fewer ranks best, at any speed."""
+    count = len(share)
+    if count >= len(positions_m) or count < 3:
+        return tuple(range(count))
+    best: tuple[float, tuple[int, ...]] = (np.inf, tuple(range(count)))
+    for chosen in itertools.combinations(range(len(positions_m)), count):
+        x = np.array([positions_m[i] for i in chosen])
+        x = (x - x[0]) / (x[-1] - x[0])
+        best = min(best, (float(np.sum((x - np.array(share)) ** 2)), chosen))
+    return best[1]
+
+
+def misfit(share: Sequence[float], positions_m: Sequence[float]) -> float:
+    """Largest difference between the shares of a passage at which axles arrive and those of their positions."""
+    x = np.array(positions_m)
+    return float(np.max(np.abs((x - x[0]) / (x[-1] - x[0]) - np.array(share))))
+
+
+def axle_times(passage: Passage, axle_of: Mapping[str, int]) -> dict[int, float]:
+    """Arrival [s] of every axle of a run, the mean of its sides."""
+    times: dict[int, list[float]] = {}
+    for column, time in passage.arrival_s.items():
+        if column in axle_of:
+            times.setdefault(axle_of[column], []).append(time)
+    return {axle: float(np.mean(t)) for axle, t in sorted(times.items())}
+
+
+def speed_m_s(times: Mapping[int, float], positions_m: Sequence[float]) -> float | None:
+    """Speed [m/s] at which axles at known places arrive, None where they do not agree on one."""
+    speeds = np.array(
+        [
+            (positions_m[b] - positions_m[a]) / (times[b] - times[a])
+            for a, b in itertools.combinations(sorted(times), 2)
+            if positions_m[b] - positions_m[a] >= _NEAREST_M and times[b] != times[a]
+        ]
+    )
+    if speeds.size == 0 or not np.all(speeds > 0.0):
+        return None
+    speed = float(np.median(speeds))
+    return speed if np.median(np.abs(np.log(speeds / speed))) < _AGREEMENT else None
+
+
+def measured_positions(runs: Sequence[tuple[Mapping[int, float], float]], axles: int) -> tuple[float, ...] | None:
+    """Distances behind axle 1 [m] from runs (arrivals of the axles [s], speed [m/s]); None where an axle is missing."""
+    found: list[list[float]] = [[] for _ in range(axles)]
+    for times, speed in runs:
+        if 0 in times:
+            for axle, time in times.items():
+                found[axle].append(speed * (time - times[0]))
+    if not all(found):
+        return None
+    middle = [float(np.median(x)) for x in found]
+    return tuple(middle) if all(b > a for a, b in itertools.pairwise(middle)) else None
