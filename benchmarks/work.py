@@ -26,7 +26,7 @@ from sysid.road.road_profile import RoadProfile
 from sysid.road.scan import analyse_scan
 
 ROOT = Path(__file__).resolve().parents[1]
-CAMPAIGN = ROOT / "data" / "campaign.toml"
+CAMPAIGN = ROOT / "examples" / "linear_truck" / "campaign.toml"
 #: Beginning of every record in which the truck has not reached the bump [s].
 QUIET_S = 0.25
 

@@ -139,7 +139,7 @@ class Plan:
 
 def tractor_trailer(repeats: int = 1) -> Plan:
     """The shipped campaign with blank records and at most `repeats` runs per case."""
-    return _plan("tractor-trailer", ROOT / "data" / "campaign.toml", repeats)
+    return _plan("tractor-trailer", ROOT / "examples" / "linear_truck" / "campaign.toml", repeats)
 
 
 def three_axle_truck(folder: Path) -> Plan:

@@ -26,7 +26,7 @@ def base(name: str, folder: Path) -> Path:
     """Folder of a base campaign, made if it is not there."""
     options = BASES[name][1]
     if options is None:
-        return ROOT / "data"
+        return ROOT / "examples" / "linear_truck"
     made = folder / name
     if not (made / "truth.toml").exists():
         shutil.rmtree(made, ignore_errors=True)

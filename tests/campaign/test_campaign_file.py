@@ -29,8 +29,8 @@ def one_sentence(error: pytest.ExceptionInfo[SysidError]) -> str:
     return text
 
 
-def test_shipped_campaign_in_si_units(shipped_folder):
-    campaign = read_campaign(shipped_folder)
+def test_linear_truck_in_si_units(linear_truck_folder):
+    campaign = read_campaign(linear_truck_folder)
     assert campaign.title == "Virtual proving ground A: reference campaign"
     assert [a.x_m for a in campaign.vehicle.axles] == [0, 4.07, 5.39, 13.33, 14.63, 15.93]
     assert [a.body for a in campaign.vehicle.axles] == [0, 0, 0, 1, 1, 1]
@@ -56,7 +56,7 @@ def test_shipped_campaign_in_si_units(shipped_folder):
     drop = campaign.plank_drops[3]
     assert (drop.axle, drop.load_case, drop.plank_height_m) == (1, "unloaded", 0.075)
     assert [(c.sensor.axle, c.sensor.body, c.sensor.x_m) for c in drop.log.channels] == [(1, 0, 4.07)] * 3
-    scan = (shipped_folder / "bump_scan.csv").read_bytes()
+    scan = (linear_truck_folder / "bump_scan.csv").read_bytes()
     assert campaign.input_sha256["bump_scan.csv"] == hashlib.sha256(scan).hexdigest()
     assert len(campaign.input_sha256) == 18 + 10 + 1 + 1
 

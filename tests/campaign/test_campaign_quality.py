@@ -21,8 +21,8 @@ DROP = "plank_drops/axle3_drop2.csv"
 
 
 @pytest.fixture(scope="module")
-def campaign(shipped_folder) -> Campaign:
-    return read_campaign(shipped_folder)
+def campaign(linear_truck_folder) -> Campaign:
+    return read_campaign(linear_truck_folder)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def rejected(report) -> dict[str, str]:
     return {f.column: " ".join(f.messages) for f in report.channels if f.verdict == "rejected"}
 
 
-def test_shipped_campaign_shows_its_planned_defects_and_nothing_else(checked):
+def test_linear_truck_shows_its_planned_defects_and_nothing_else(checked):
     cleaned, report = checked
     said = {(f.file, f.column): f for f in report.channels if f.verdict != "good"}
     assert set(said) == {

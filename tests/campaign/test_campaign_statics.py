@@ -11,7 +11,7 @@ from plain_axles import axle
 from sysid.campaign import AxleGroup, Body, LoadCase, Vehicle, check_statics, read_campaign, static_equilibrium
 from sysid.errors import CampaignError
 
-# What the multibody model behind the shipped campaign was built with: centres of gravity [m], fifth-wheel load [N],
+# What the multibody model behind the linear truck was built with: centres of gravity [m], fifth-wheel load [N],
 # suspension preloads [N], 9.81 m/s2.
 TRUTH = {
     "unloaded": (
@@ -28,12 +28,12 @@ TRUTH = {
 
 
 @pytest.fixture(scope="module")
-def campaign(shipped_folder):
-    return read_campaign(shipped_folder)
+def campaign(linear_truck_folder):
+    return read_campaign(linear_truck_folder)
 
 
 @pytest.mark.parametrize("name", TRUTH)
-def test_shipped_vehicle(campaign, name):
+def test_linear_truck_vehicle(campaign, name):
     cg_x, hitch, preload = TRUTH[name]
     statics = static_equilibrium(campaign.vehicle, campaign.load_cases[name])
     assert statics.cg_x_m == pytest.approx(cg_x, rel=1e-8)

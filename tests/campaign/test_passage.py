@@ -13,7 +13,7 @@ from sysid.campaign.passage import passage_speed, speed_complaint
 from sysid.campaign.quality import check_quality
 from sysid.campaign.records import Axle, Body, BumpRun, Channel, Log, Sensor, Vehicle
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 SPEED, STEP = 4.5, 0.005
 PLACES = (0.0, 4.2, 5.5)
 
@@ -65,7 +65,7 @@ def test_two_axles_alone_must_be_far_off():
     assert speed_complaint(run(two, listed=SPEED / 2.0), truck(two), {})[1]
 
 
-def test_runs_of_the_shipped_campaign_agree_with_their_lists_and_not_with_others():
+def test_runs_of_the_linear_truck_agree_with_their_lists_and_not_with_others():
     campaign = read_campaign(DATA)
     kept, report = check_quality(campaign)
     assert len(kept.bump_runs) == len(campaign.bump_runs)

@@ -12,13 +12,13 @@ import pytest
 
 from sysid.cli.stages import run_stage
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 KEPT = ("plank_drops/axle1_drop1.csv", "plank_drops/axle6_drop1.csv")
 
 
 @pytest.fixture
 def campaign(tmp_path: Path) -> Path:
-    """The shipped campaign with two of its drops."""
+    """The linear truck with two of its drops."""
     folder = tmp_path / "campaign"
     shutil.copytree(DATA, folder)
     file = folder / "campaign.toml"

@@ -15,14 +15,14 @@ from sysid import runtime
 from sysid.cli.main import cli
 from sysid.cli.stages import run_stage
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 RUN = "bump_runs/case1_unloaded_16kmh_run1.csv"
 DROP = "plank_drops/axle1_drop1.csv"
 
 
 @pytest.fixture
 def campaign(tmp_path: Path) -> Path:
-    """A copy of the shipped campaign that a test may damage."""
+    """A copy of the linear truck that a test may damage."""
     folder = tmp_path / "campaign"
     shutil.copytree(DATA, folder)
     return folder

@@ -1,4 +1,4 @@
-"""The whole chain on two of the shipped runs: every file of the output folder is there and says what it should."""
+"""The whole chain on two runs of the linear truck: every file of the output folder is there and says what it should."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from keyword_reader import read_deck
 from sysid.cli.stages import run_stage
 from sysid.export import result_schema
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 KEPT_RUNS = ("case3_unloaded_32kmh_run2", "case5_loaded_16kmh_run1")
 
 

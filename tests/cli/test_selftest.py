@@ -17,13 +17,13 @@ from sysid.cli.main import cli
 from sysid.cli.selftest import run_selftest, show_selftest
 from sysid.selftest import Check, Replicate, SelfTest
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 RUN = "case5_loaded_16kmh_run1"
 
 
 @pytest.fixture
 def campaign(tmp_path: Path) -> Path:
-    """The shipped campaign with one run, whose log holds time stamps and zeros only."""
+    """The linear truck with one run, whose log holds time stamps and zeros only."""
     folder = tmp_path / "campaign"
     shutil.copytree(DATA, folder)
     text = (folder / "campaign.toml").read_text(encoding="utf-8")

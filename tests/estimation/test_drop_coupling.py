@@ -1,4 +1,4 @@
-"""Single-axle readings of the shipped truck that are far from the truth carry a caution and an error that covers it."""
+"""Single-axle readings of the linear truck that are far from the truth carry a caution and an error that covers it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sysid.estimation.fit.drop_coupling import with_cautions
 from sysid.sdof.drop_results import NOT_ALONE, DropEstimate
 from sysid.sdof.summary import analyse_drops
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def analysed(campaign):
 
 @pytest.fixture(scope="module")
 def truth():
-    """True stiffness and damping (axles, 2) of the shipped campaign."""
+    """True stiffness and damping (axles, 2) of the linear truck."""
     axles = tomllib.loads((DATA / "truth.toml").read_text(encoding="utf-8"))["axle"]
     names = ("suspension_stiffness_N_per_m", "suspension_damping_N_s_per_m")
     return np.array([[axle[name] for name in names] for axle in axles])

@@ -1,4 +1,4 @@
-"""Plank drops fitted by the full model, against the shipped campaign's truth (made by another engine)."""
+"""Plank drops fitted by the full model, against the linear truck's truth (made by another engine)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sysid.estimation.fit.options import FitOptions
 from sysid.road import read_point_cloud
 from sysid.sdof.summary import analyse_drops
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 FILES = ("axle1_drop2.csv", "axle3_drop3.csv", "axle5_drop1.csv")
 OPTIONS = FitOptions(weight_rounds=1, tolerance=1e-4)
 

@@ -1,4 +1,4 @@
-"""The notebooks run from top to bottom on the shipped campaign, in their order, and show figures."""
+"""The notebooks run from top to bottom on the linear truck, in their order, and show figures."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ FIGURES = {"1": 1, "2": 5, "3": 4, "4": 4, "5": 1}
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """A copy of the folder of notebooks beside the data, so that results are written elsewhere."""
+    """A folder for the notebooks with a copy of their campaign, so that results are written elsewhere."""
     root = tmp_path_factory.mktemp("notebooks")
-    (root / "examples").mkdir()
-    shutil.copytree(ROOT / "data", root / "data")
+    shutil.copytree(ROOT / "examples" / "linear_truck", root / "examples" / "linear_truck")
     return root / "examples"
 
 

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from small_campaign import shipped_folder, small, small_text
+from small_campaign import linear_truck_folder, small, small_text
 
-__all__ = ["shipped_folder", "small", "small_text"]
+__all__ = ["linear_truck_folder", "small", "small_text"]

@@ -20,7 +20,7 @@ from sysid.campaign.toml_bounds import check_bounds
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.logs.input_file import FileRefusedError, InputFile, read_file, read_file_inside
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 
 BOUNDS = {
     "dotted key": (".".join(["a"] * 20_000) + " = 1", "line 1, has a key with more than 8 parts"),
@@ -80,7 +80,7 @@ def test_many_missing_columns_with_long_names_take_no_time(tmp_path: Path) -> No
     assert len(log.messages) == 999
 
 
-def test_the_shipped_campaign_is_far_below_the_bounds() -> None:
+def test_the_linear_truck_is_far_below_the_bounds() -> None:
     text = (DATA / "campaign.toml").read_text(encoding="utf-8")
     check_bounds(text, "campaign.toml")
     assert 10 * text.count("=") < limits.KEYS

@@ -1,4 +1,4 @@
-"""Plank drops end to end: simulated single axles, log defects, and the shipped campaign."""
+"""Plank drops end to end: simulated single axles, log defects, and the linear truck."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from sysid.campaign import (
 from sysid.errors import DataRejectedError
 from sysid.sdof import DropSettings, analyse_drop, analyse_drops, summary_table
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 MASS, TIRE, TIRE_DAMPING = 3415.0, 1.65e6, 3000.0
 PRECISE = DropSettings(
     tire_stiffness_tolerance=0.0,
@@ -172,7 +172,7 @@ def summary():
     return analyse_drops(read_campaign(DATA / "campaign.toml"))
 
 
-def test_shipped_drops_lie_where_a_careful_reader_lands(summary):
+def test_drops_of_the_linear_truck_lie_where_a_careful_reader_lands(summary):
     # Documented with the campaign: equations (1)-(3) on noise-free drops give k at 0.62-1.23, c at 0.23-1.28 of truth.
     truth = tomllib.loads((DATA / "truth.toml").read_text(encoding="utf-8"))["axle"]
     paper = [e for e in summary.pooled if e.method == "paper"]
@@ -183,7 +183,7 @@ def test_shipped_drops_lie_where_a_careful_reader_lands(summary):
         assert 0.2 < e.damping / truth[e.axle]["suspension_damping_N_s_per_m"] < 1.4
 
 
-def test_shipped_drops_are_complete_and_frank(summary):
+def test_drops_of_the_linear_truck_are_complete_and_frank(summary):
     assert len(summary.files) == 18
     assert len(summary.pooled) == 18
     assert all(e.file is None for e in summary.pooled)
@@ -214,7 +214,7 @@ def test_summary_table_has_a_row_per_estimate(summary):
 
 
 def altered_campaign(value_of, dampers=(True, True)):
-    """The shipped campaign with only the first two drops, their deflection replaced by `value_of(time, repeat)`."""
+    """The linear truck with only the first two drops, their deflection replaced by `value_of(time, repeat)`."""
     campaign = read_campaign(DATA / "campaign.toml")
     drops = []
     for repeat, drop in enumerate(campaign.plank_drops[:2]):

@@ -13,7 +13,7 @@ from studies.faults.campaign_copy import CampaignCopy, DoesNotApply
 from studies.faults.case import FAULTS, draw
 from studies.faults.table import failed, table, write
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def content(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("name", sorted(FAULTS))
-def test_every_fault_changes_the_shipped_campaign(name: str, copy: CampaignCopy) -> None:
+def test_every_fault_changes_the_linear_truck(name: str, copy: CampaignCopy) -> None:
     before = content(copy.folder)
     said = FAULTS[name](copy)
     assert said

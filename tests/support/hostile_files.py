@@ -26,7 +26,7 @@ from sysid.road.profile_files import bump_from_file
 from sysid.sdof import analyse_drop, read_decay
 
 ROOT = Path(__file__).parents[2]
-DATA, REAL = ROOT / "data", ROOT / "tests" / "data"
+DATA, REAL = ROOT / "examples" / "linear_truck", ROOT / "tests" / "data"
 RUN, DROP = "bump_runs/case2_unloaded_24kmh_run1.csv", "plank_drops/axle1_drop1.csv"
 
 
@@ -49,7 +49,7 @@ def _lines(path: Path, count: int) -> bytes:
 
 
 def _small_campaign() -> str:
-    """The shipped campaign with one drop and one run."""
+    """The linear truck with one drop and one run."""
     text = (DATA / "campaign.toml").read_text(encoding="utf-8")
     kept = []
     for line in text.split("\n"):
@@ -126,7 +126,7 @@ def targets() -> dict[str, Target]:
 
 
 def _clouds() -> tuple[bytes, ...]:
-    """The shipped scan, thinned, as text, LAS of two versions, and PLY."""
+    """The scan of the linear truck, thinned, as text, LAS of two versions, and PLY."""
     import tempfile
 
     text = b"\n".join((DATA / "bump_scan.csv").read_bytes().split(b"\n")[::12]) + b"\n"

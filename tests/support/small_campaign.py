@@ -91,6 +91,6 @@ def small_text() -> str:
 
 
 @pytest.fixture(scope="session")
-def shipped_folder() -> Path:
-    """Folder of the shipped campaign."""
-    return Path(__file__).parents[2] / "data"
+def linear_truck_folder() -> Path:
+    """Folder of the linear truck."""
+    return Path(__file__).parents[2] / "examples" / "linear_truck"

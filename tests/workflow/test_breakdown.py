@@ -11,7 +11,7 @@ from sysid.errors import NumericsError
 from sysid.estimation.residuals.compressed import square_factor
 from sysid.workflow import Calibration
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 
 
 def test_a_singular_matrix_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

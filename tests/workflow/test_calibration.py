@@ -12,14 +12,14 @@ import pytest
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.workflow import Calibration, Settings, make_settings
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 #: Drops by the single-axle equations alone: seconds instead of half a minute.
 SINGLE_AXLE = Settings(drop_model=False)
 
 
 @pytest.fixture
 def campaign(tmp_path: Path) -> Path:
-    """A copy of the shipped campaign with one drop per axle, quick to analyse."""
+    """A copy of the linear truck with one drop per axle, quick to analyse."""
     folder = tmp_path / "campaign"
     shutil.copytree(DATA, folder)
     file = folder / "campaign.toml"

@@ -26,7 +26,7 @@ from sysid.workflow import Calibration, Settings
 from sysid.workflow.progress import Steps
 from sysid.workflow.stages import BANDS, CHECK, DROPS, FIT, PREDICT, SAMPLE, SCAN, STAGES
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The main job on the shipped campaign, from logs to a converged posterior: several minutes, so marked long."""
+"""The main job on the linear truck, from logs to a converged posterior: several minutes, so marked long."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from sysid.cli.stages import run_stage
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 
 
 @pytest.fixture(scope="module")

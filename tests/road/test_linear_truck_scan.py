@@ -1,4 +1,4 @@
-"""The shipped scan against the profile it was drawn from."""
+"""The scan of the linear truck against the profile it was drawn from."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def analysis() -> ScanAnalysis:
-    entry = tomllib.loads((ROOT / "data" / "campaign.toml").read_text(encoding="utf-8"))["scan"]
-    points = read_point_cloud(ROOT / "data" / entry["file"], entry["unit"])
+    entry = tomllib.loads((ROOT / "examples" / "linear_truck" / "campaign.toml").read_text(encoding="utf-8"))["scan"]
+    points = read_point_cloud(ROOT / "examples" / "linear_truck" / entry["file"], entry["unit"])
     return analyse_scan(Scan("bump", entry["file"], float(np.radians(entry["heading_deg"])), points))
 
 

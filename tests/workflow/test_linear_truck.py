@@ -1,4 +1,4 @@
-"""Least squares on the shipped campaign against the truth that was used to make it."""
+"""Least squares on the linear truck against the truth that was used to make it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.workflow import Calibration
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 
 
 @pytest.fixture(scope="module")
