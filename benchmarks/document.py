@@ -41,7 +41,7 @@ Machine: {machine["cores"]} cores, {machine["instruction_set"]}, load {machine["
 {" Not installed: " + ", ".join(missing) + "." if missing else ""}\
 {_remark_on_load(machine["load_before"])}
 
-Work: {len(work["runs"])} runs of the shipped campaign's truck, {work["simulated_s"]:.1f} s in all,
+Work: {len(work["runs"])} runs of the linear truck, {work["simulated_s"]:.1f} s in all,
 {work["channels"]} channels, {work["parameters"]} parameters, the default contact law (footprint map, forward force,
 exponent, real heights), linear suspensions, steps of {work["step_s"] * 1e3:g} ms. A *set* is one parameter set through
 all these runs, that is one likelihood.

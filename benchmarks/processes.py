@@ -97,7 +97,7 @@ def _first(name: str, wanted: list[str], cache: Path | None) -> dict[str, float]
 
 
 def complete_fits(folder: Path) -> dict[str, Any]:
-    """`calibrate.py fit` on the shipped campaign with an empty cache, then with a full one: timings of result.json."""
+    """`calibrate.py fit` on the linear truck with an empty cache, then with a full one: timings of result.json."""
     cache, found = folder / "cache-fit", {}
     shutil.rmtree(cache, ignore_errors=True)
     for name in ("cold", "warm"):

@@ -14,7 +14,7 @@ from benchmarks.growth import measure_growth
 from benchmarks.machine import describe
 from benchmarks.peers.catalogue import find_peers
 from benchmarks.rounds import Contender, Spread, ratio, run_rounds, spread
-from benchmarks.work import Work, density, fitted_point, make_work, nominal_point, shipped_campaign
+from benchmarks.work import Work, density, fitted_point, linear_truck, make_work, nominal_point
 
 Say = Callable[[str], None]
 #: Runs of the comparison: both load cases at 16 km/h, twice each, records of one length.
@@ -58,7 +58,7 @@ def measure(plan: Plan, say: Say) -> dict[str, Any]:
     found["imports"] = processes.imports(1 if plan.quick else 7, 60.0)
     if not plan.quick:
         say("memory of a batch of 256 sets")
-        found["memory"] = processes.memory(("native", "jax"), len(shipped_campaign()[0].bump_runs))
+        found["memory"] = processes.memory(("native", "jax"), len(linear_truck()[0].bump_runs))
         say("first likelihood with empty and full caches")
         found["start_up"] = processes.first_likelihoods(plan.output, ("native", "jax"), 3)
     found["machine"]["load_after"] = os.getloadavg()[0]

@@ -1,4 +1,4 @@
-"""The work that everyone gets: some runs of the shipped campaign's truck with the product's default contact law."""
+"""The work that everyone gets: some runs of the linear truck with the product's default contact law."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def engine(name: str) -> Iterator[None]:
 
 
 @cache
-def shipped_campaign() -> tuple[Campaign, dict[str, RoadProfile]]:
+def linear_truck() -> tuple[Campaign, dict[str, RoadProfile]]:
     """The screened campaign and its road profiles."""
     campaign, _ = check_quality(read_campaign(CAMPAIGN, point_cloud_reader=read_point_cloud))
     return campaign, {name: analyse_scan(scan).profile for name, scan in campaign.scans.items()}
@@ -83,7 +83,7 @@ def shipped_campaign() -> tuple[Campaign, dict[str, RoadProfile]]:
 
 def nominal_point() -> Point:
     """Start values of the campaign file, nominal speeds, and the bump met after a second."""
-    campaign, _ = shipped_campaign()
+    campaign, _ = linear_truck()
     speed = np.array([run.nominal_speed_m_s for run in campaign.bump_runs])
     parameters = campaign_parameters(campaign, None)
     return Point(np.asarray(parameters.start, float), RunMotion.steady(speed, np.full(speed.size, 1.0)))
@@ -105,7 +105,7 @@ def fitted_point(folder: Path) -> Point:
 
 def make_work(point: Point, runs: Sequence[int]) -> Work:
     """The work of some runs of the campaign, by their indices."""
-    whole, profiles = shipped_campaign()
+    whole, profiles = linear_truck()
     campaign = replace(whole, bump_runs=tuple(whole.bump_runs[i] for i in runs))
     # All load cases keep their parameters, whichever runs are chosen.
     parameters = campaign_parameters(whole, None)

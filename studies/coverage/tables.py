@@ -176,7 +176,7 @@ _ROUGH = """\
 Noise that is correlated from one reading to the next (0.6), 1 % of readings off by ten times the noise.""".splitlines()
 _MISFIT = """\
 The default path of `run`: laws undeclared, the posterior sampled, passes predicted from its draws. Vehicles take turns:
-the six-axle tractor and lowboy of `data/campaign.toml` and a three-axle truck with an air-sprung tandem, empty and
+the six-axle tractor and lowboy of `examples/linear_truck` and a three-axle truck with an air-sprung tandem, empty and
 loaded, one run per case. In every campaign k, c and tires come from their priors, masses and heights are off within
 their tolerances, and noise is correlated (0.3); contact, suspensions or loads are others as the second table says. Soft
 and stiff spokes have exponents 0.2 below and 0.3 above the one that goes with the tire's load law; a rocker joins the

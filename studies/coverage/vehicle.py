@@ -1,4 +1,4 @@
-"""The vehicles of the misfit campaigns: the shipped tractor-trailer and a three-axle truck, with other physics."""
+"""The vehicles of the misfit campaigns: the linear truck and a three-axle truck, with other physics."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ class Plan:
 
 
 def tractor_trailer(repeats: int = 1) -> Plan:
-    """The shipped campaign with blank records and at most `repeats` runs per case."""
+    """The linear truck with blank records and at most `repeats` runs per case."""
     return _plan("tractor-trailer", ROOT / "examples" / "linear_truck" / "campaign.toml", repeats)
 
 

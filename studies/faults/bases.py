@@ -1,4 +1,4 @@
-"""The campaigns that faults are made in: the shipped one and simulated vehicles, ordinary and odd ones."""
+"""The campaigns that faults are made in: the linear truck and simulated vehicles, ordinary and odd ones."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 
-#: Options of `tests.support.synthetic_campaign` by base, and how often each is drawn; none: the shipped campaign.
+#: Options of `tests.support.synthetic_campaign` by base, and how often each is drawn; none: the linear truck.
 BASES: dict[str, tuple[float, tuple[str, ...] | None]] = {
     "rigid3": (8.0, ("--vehicle", "rigid3")),
     "semitrailer5": (2.0, ("--vehicle", "semitrailer5")),
-    "shipped": (1.0, None),
+    "linear truck": (1.0, None),
     "strong_friction": (2.0, ("--vehicle", "rigid3", "--suspension-law", "friction", "--element-spread", "0.3")),
     "saturating_dampers": (1.5, ("--vehicle", "rigid3", "--suspension-law", "asymmetric_damper")),
     "stiff_and_soft": (2.0, ("--vehicle", "rigid3", "--parameter-spread", "0.7")),
