@@ -86,9 +86,11 @@ def central_differences(model, noise, point, speed_m_s: float, start_s: float, s
     count = point.size
     moved = np.concatenate([np.diag(steps), -np.diag(steps)], axis=1)
     x = point[:, None] + moved[:count]
-    speed = speed_m_s * (1 + SPEED_UNIT * moved[count : count + 1])
+    change = CHANGE + CHANGE_SD * moved[count + 2 :]
+    # The unknowns are mean speed, start and change.
+    mean = speed_m_s * (1 + CHANGE / 2) * (1 + SPEED_UNIT * moved[count : count + 1])
     start = start_s + SHIFT_UNIT_M / speed_m_s * moved[count + 1 : count + 2]
-    motion = lanes(model.arrays[0].axle_x, speed, start, CHANGE + CHANGE_SD * moved[count + 2 :])
+    motion = lanes(model.arrays[0].axle_x, mean / (1 + change / 2), start, change)
     y = signals(model.arrays[0], model.roads[0], x, motion, shape=model.shapes[0])
     found = []
     for values in group_residuals(model.arrays[0], noise, np.ones_like(noise), y):

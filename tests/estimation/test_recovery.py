@@ -114,8 +114,10 @@ def test_compressed_problem_has_the_squares_and_products_of_the_dense_one(fit):
             speed = motion.speed_m_s[run] / nominal[run]
             prior = np.zeros((2, p + 3 * nominal.size))
             prior[0, column] = 0.01 * speed / 0.03
+            change = motion.speed_change[run]
+            prior[0, column + 2] = -speed / (2.0 + change) * 0.02 / 0.03
             prior[1, column + 2] = 1.0
-            residuals.append(np.array([(speed - 1.0) / 0.03, motion.speed_change[run] / 0.02]))
+            residuals.append(np.array([(speed - 1.0) / 0.03, change / 0.02]))
             jacobians.append(prior)
     for k, parameter in enumerate(fit.parameters.parameters):
         residuals.append(np.array([(parameters[k] - np.log(parameter.prior_median)) / parameter.prior_sd]))

@@ -52,8 +52,9 @@ def motions(fit: SyntheticFit, runs: list[int], local: np.ndarray) -> tuple[Moti
     """Motions (R, S) at scaled unknowns (R, 3, S) away from the optimum, and their changes of speed (R, S)."""
     best = fit.state.point.motion
     speed0, start0 = best.speed_m_s[runs][:, None], best.start_s[runs][:, None]
-    speed = speed0 * (1 + SPEED_UNIT * local[:, 0])
-    change = best.speed_change[runs][:, None] + 0.02 * local[:, 2]
+    change0 = best.speed_change[runs][:, None]
+    change = change0 + 0.02 * local[:, 2]
+    speed = speed0 * (1 + change0 / 2) * (1 + SPEED_UNIT * local[:, 0]) / (1 + change / 2)
     length = max(a.x_m for a in fit.campaign.vehicle.axles)
     acceleration = ((1.0 + change) ** 2 - 1.0) * speed**2 / (2.0 * length)
     start = start0 + SHIFT_UNIT_M / speed0 * local[:, 1]

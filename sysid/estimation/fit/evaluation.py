@@ -262,19 +262,21 @@ def _estimates(
         )
         for i, p in enumerate(problem.model.parameters.parameters)
     )
-    own_sd = sd[problem.count :].reshape(-1, OWN)
-    local = [
-        e for run, one in zip(problem.order, own_sd, strict=True) for e in _of_run(campaign, problem, motion, run, one)
-    ]
+    local: list[ParameterEstimate] = []
+    for position, run in enumerate(problem.order):
+        own = slice(problem.count + OWN * position, problem.count + OWN * (position + 1))
+        local += _of_run(campaign, problem, motion, run, covariance[own, own])
     return globals_, tuple(local)
 
 
 def _of_run(
-    campaign: Campaign, problem: Problem, motion: RunMotion, run: int, sd: np.ndarray
+    campaign: Campaign, problem: Problem, motion: RunMotion, run: int, covariance: np.ndarray
 ) -> list[ParameterEstimate]:
-    """Speed, start and, where it is unknown, change of speed of a run; `sd` (3,) of its scaled unknowns."""
+    """Speed, start and, where it is unknown, change of speed of a run; `covariance` (3, 3) of its scaled unknowns."""
     record, reference = campaign.bump_runs[run], float(problem.reference.start_s[run])
     speed, nominal, change_sd = float(motion.speed_m_s[run]), record.nominal_speed_m_s, record.speed_change_sd
+    sd, by_unknowns = np.sqrt(np.diag(covariance)), np.zeros(OWN)
+    by_unknowns[[SPEED, CHANGE]] = SPEED_UNIT * speed, motion.speed_by_change[run] * change_sd
     of_speed = ParameterEstimate(
         name=f"speed[{record.log.file}]",
         quantity="speed",
@@ -285,7 +287,7 @@ def _of_run(
         law="constant",
         transform="none",
         value=speed,
-        sd=float(sd[SPEED] * SPEED_UNIT * speed),
+        sd=float(np.sqrt(by_unknowns @ covariance @ by_unknowns)),
         start=nominal,
         prior_median=nominal,
         prior_sd=record.speed_sd * nominal,

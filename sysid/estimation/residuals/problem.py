@@ -63,7 +63,7 @@ class Problem:
         problem = compress(self.model, self.linearise(vector), parameters, motion, self.expected)
         # The tangents are taken in units of the current speed, the vector counts in units of the reference speed.
         jacobian = problem.jacobian.copy()
-        ratio = motion.speed_m_s[self.order] / self.reference.speed_m_s[self.order]
-        jacobian[:, self.count + SPEED :: OWN] /= ratio
-        jacobian[:, self.count + SHIFT :: OWN] *= ratio
+        here, reference = motion.of(self.order), self.reference.of(self.order)
+        jacobian[:, self.count + SPEED :: OWN] /= here.mean_speed_m_s / reference.mean_speed_m_s
+        jacobian[:, self.count + SHIFT :: OWN] *= here.speed_m_s / reference.speed_m_s
         return Compressed(problem.residual, jacobian)

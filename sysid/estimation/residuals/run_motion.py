@@ -1,7 +1,8 @@
 """Motion of every run: what the search finds, and what the campaign says of it beforehand.
 
-A run has unknowns of its own: its speed v and start t_0 at axle 1, and by which share its speed changes until the last
-axle is where axle 1 was, L behind.  Where the last of them comes from the acceleration is constant.
+A run has unknowns of its own: its speed v and start t_0 at axle 1, and by which share c its speed changes, at constant
+acceleration, until the last axle is where axle 1 was, L behind.  The search counts in the mean speed of the passage,
+v (1 + c / 2), start and c: the mean speed is what the arrivals of first and last axle determine whatever c is.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from sysid.arrays import Runs
 from sysid.campaign.records import BumpRun
 from sysid.vehicle_model.motion import Motion, MotionChange, acceleration_of
 
-#: One unit of the scaled local unknowns: relative change of the speed at axle 1, and shift along the road [m]; of the
-#: change over the passage it is the standard deviation of its prior.
+#: One unit of the scaled local unknowns: relative change of the mean speed, and shift along the road [m]; of the change
+#: over the passage it is the standard deviation of its prior.
 SPEED_UNIT = 0.01
 SHIFT_UNIT_M = 0.02
 #: How many unknowns a run has of its own, and in which order they stand behind those that all runs share.
@@ -59,21 +60,30 @@ class RunMotion:
         """
         speed, length, still = self.speed_m_s, float(np.ptp(axle_x)), np.zeros_like(self.speed_m_s)
         acceleration = acceleration_of(self.speed_change, speed, length)
-        # d/dc ((1 + c)^2 - 1) / 2 = 1 + c; at a given change the acceleration goes with the square of the speed.
-        by_change = 0.0 if length <= 0.0 else (1.0 + self.speed_change) * speed**2 / length
+        # With the mean speed w the speed at axle 1 is w / (1 + c / 2), the acceleration w^2 c / (1 + c / 2) / L.
+        by_change = 0.0 if length <= 0.0 else speed**2 / length
         return MotionChange(
-            speed=np.stack([SPEED_UNIT * speed, still, still], axis=1),
+            speed=np.stack([SPEED_UNIT * speed, still, self.speed_by_change * change_unit], axis=1),
             start_s=np.stack([still, SHIFT_UNIT_M / speed, still], axis=1),
             acceleration=np.stack([2.0 * SPEED_UNIT * acceleration, still, by_change * change_unit], axis=1),
         )
 
+    @property
+    def mean_speed_m_s(self) -> np.ndarray:
+        """Mean speed from axle 1 to the last axle at the bump (R,) [m/s]."""
+        return np.asarray(self.speed_m_s * (1.0 + 0.5 * self.speed_change))
+
+    @property
+    def speed_by_change(self) -> np.ndarray:
+        """Derivative (R,) of the speed at axle 1 by its change at the same mean speed [m/s]."""
+        return np.asarray(-self.speed_m_s / (2.0 + self.speed_change))
+
     def moved(self, unknowns: np.ndarray, change_unit: Runs) -> RunMotion:
         """The motion that scaled unknowns (R, 3) away from this one has; `change_unit` as in :meth:`per_unit`."""
-        return RunMotion(
-            self.speed_m_s * (1.0 + SPEED_UNIT * unknowns[:, SPEED]),
-            self.start_s + SHIFT_UNIT_M / self.speed_m_s * unknowns[:, SHIFT],
-            self.speed_change + change_unit * unknowns[:, CHANGE],
-        )
+        change = self.speed_change + change_unit * unknowns[:, CHANGE]
+        mean = self.mean_speed_m_s * (1.0 + SPEED_UNIT * unknowns[:, SPEED])
+        start = self.start_s + SHIFT_UNIT_M / self.speed_m_s * unknowns[:, SHIFT]
+        return RunMotion(mean / (1.0 + 0.5 * change), start, change)
 
 
 @dataclass(frozen=True)
@@ -100,6 +110,7 @@ class MotionPrior:
         change = motion.speed_change[chosen] / np.where(change_sd > 0.0, change_sd, 1.0)
         derivative = np.zeros((len(chosen), 2, OWN))
         derivative[:, 0, SPEED] = SPEED_UNIT * ratio / sd
+        derivative[:, 0, CHANGE] = motion.speed_by_change[chosen] * change_sd / (self.speed_m_s[chosen] * sd)
         # Without a change its unknown moves nothing: it stays where it is.
         derivative[:, 1, CHANGE] = 1.0
         return np.stack([(ratio - 1.0) / sd, change], axis=1), derivative
