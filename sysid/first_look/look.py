@@ -37,6 +37,8 @@ from sysid.wording import shorten
 
 #: Largest difference between shares of the passage at which a template fits the arrivals.
 _FITS = 0.12
+#: How clearly all sensors of an axle must move the wrong way, in the middle of all runs.
+_FALLS = 0.5
 #: Logs with the same columns whose threes are compared, and logs altogether: more say nothing new and take memory.
 _FITTED_ALIKE, _FITTED = 30, 300
 
@@ -148,6 +150,7 @@ def _found(
     wanted: Template | None,
 ) -> FirstLook:
     kinds = {log.file: kind_of_test(log, layout.kinds) for layout in layouts for log in layout.logs}
+    layouts = [_righted(layout, [x for x in layout.logs if kinds[x.file].kind == "bump_run"]) for layout in layouts]
     cases, case_of = load_cases_of(logs)
     passages = {
         log.file: _passage(log, layout.kinds)
@@ -201,6 +204,23 @@ def _dropped(logs: Sequence[SeenLog]) -> int:
     """Number of axles that the paths of drops name."""
     numbers = [log.said.axle for log in logs if log.said.kind == "plank_drop" and log.said.axle is not None]
     return max(numbers) + (0 in numbers) if numbers else 0
+
+
+def _righted(layout: _Layout, runs: Sequence[SeenLog]) -> _Layout:
+    """The layout with all sensors of an axle turned that falls where an axle meets a bump."""
+    kinds = dict(layout.kinds)
+    for three in layout.found:
+        up = {three.deflection: -1, three.axle: 1} | ({three.body: 1} if three.body else {})
+        lifts = [
+            float(np.mean([look.lift * kinds[look.name].sign * up[look.name] for look in log.looks if look.name in up]))
+            for log in runs
+        ]
+        if lifts and float(np.median(lifts)) < -_FALLS:
+            for column in up:
+                guess = kinds[column]
+                why = (*guess.why, "all sensors of this axle move as if it fell where it meets the bump")
+                kinds[column] = replace(guess, sign=-guess.sign, sure=False, why=why)
+    return replace(layout, kinds=kinds)
 
 
 def _passage(log: SeenLog, kinds: Mapping[str, KindGuess]) -> Passage:

@@ -41,6 +41,7 @@ def test_the_shipped_logs_are_read_without_a_person(tmp_path: Path) -> None:
         ("columns ch01, ch02, ..., shuffled", 21),
         ("accelerations in m/s^2 under names with g", 14),
         ("one axle sensor upside down", 1),
+        ("all sensors of one axle upside down", 3),
         ("no frame sensors", 0),
     ],
 )
