@@ -157,8 +157,10 @@ def test_foreign_times_units_and_text_columns(tmp_path: Path) -> None:
 def test_names_that_toml_has_to_quote_come_back_as_they_are(tmp_path: Path) -> None:
     column = 'axle 1 "left" \\ \x7f acc [g]'
     quoted = '"' + column.replace('"', '""') + '"'
-    (tmp_path / "run 10kmh 'a'.csv").write_text(_log(header=f"time_s,{quoted},lvdt1_mm"), encoding="utf-8")
-    tables = tomllib.loads(campaign_text(first_look(tmp_path), "x", "campaign.toml"))
+    (tmp_path / "run 10kmh 'a'.csv").write_text(_log(header=f"time_s,{quoted},speed \x01 kmh"), encoding="utf-8")
+    text = campaign_text(first_look(tmp_path), "x", "campaign.toml")
+    assert "# not used: speed \\x01 kmh: no sensor" in text
+    tables = tomllib.loads(text)
     assert column in tables["sensors"]["bump_run"]
     assert tables["tests"]["bump_run"][0]["file"] == "run 10kmh 'a'.csv"
 
