@@ -54,6 +54,7 @@ VARIANTS = (
     Variant("two columns exchanged by name", names="exchanged"),
     Variant("accelerations in m/s^2 under names with g", names="wrong unit"),
     Variant("one axle sensor upside down", names="upside down"),
+    Variant("all sensors of one axle upside down", names="all upside down"),
     Variant("no frame sensors", without="body_acceleration"),
     Variant("no deflections", without="suspension_deflection"),
     Variant("no frame sensors, anonymous columns", names="anonymous", without="body_acceleration"),
@@ -170,6 +171,11 @@ def _spoiled(
     if names == "upside down" and kind == "bump_run":
         table[axles[1]] *= -1.0
         return {new[axles[1]]: {"sign": -1}}
+    if names == "all upside down" and kind == "bump_run":
+        number = _axle_number(sensors[axles[1]], tables)
+        turned = [c for c, s in sensors.items() if _axle_number(s, tables) == number]
+        table[turned] *= -1.0
+        return {new[c]: {"sign": -1} for c in turned}
     return {}
 
 

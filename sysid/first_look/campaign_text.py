@@ -10,7 +10,10 @@ from sysid.campaign.todo import CONFIRM
 from sysid.first_look.records import EntryGuess, FirstLook, SeenLog, SensorGuess
 from sysid.first_look.toml_text import banner, commented, quoted, section, todo, toml_key, value_text
 from sysid.first_look.vehicle_text import axle_name, body_name, load_case_text, position_of, vehicle_text
+from sysid.wording import shorten
 
+#: Columns that are named as not used.
+_UNUSED = 40
 _HEAD = """\
 # Begun by 'init' from the files of {folder}.
 #
@@ -84,8 +87,9 @@ def _sensors(look: FirstLook, kind: str, sensors: Sequence[SensorGuess]) -> str:
         return ""
     said = "# Column = what it measures.  Add range = full scale (+-) where it is known; sign = -1 turns a sensor.\n"
     lines = [(f"{toml_key(s.column)} = {value_text(_sensor(look, s, kind))}", _reason(s.sure, s.why)) for s in sensors]
-    unused = [f"# not used: {c}: {why}" for c, why in look.unused.items()] if kind == "bump_run" else []
-    return said + section(f"sensors.{kind}", [*commented(lines), *(line.replace("\n", " ") for line in unused[:40])])
+    # A comment may hold no control characters, which names of columns may.
+    unused = [shorten(f"# not used: {c}: {why}", 118) for c, why in look.unused.items()][:_UNUSED]
+    return said + section(f"sensors.{kind}", [*commented(lines), *(unused if kind == "bump_run" else [])])
 
 
 def _reason(sure: bool, why: Sequence[str]) -> str:

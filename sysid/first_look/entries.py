@@ -78,6 +78,9 @@ def _motion(log: SeenLog, kinds: Mapping[str, KindGuess]) -> TestKind | None:
     looks = [x for x in log.looks if x.name in struck and x.arrival_s is not None]
     if not looks:
         return None
+    axles = [x for x in log.looks if x.alive and kinds[x.name].kind == "axle_acceleration"]
+    if len(struck) == 1 and len(axles) > 1:
+        return "plank_drop"
     times = [x.arrival_s for x in looks if x.arrival_s is not None]
     if max(times) - min(times) > _ONE_AFTER_THE_OTHER_S:
         return "bump_run"

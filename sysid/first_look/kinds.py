@@ -26,6 +26,8 @@ _USUAL: dict[SensorKind, tuple[float, float]] = {
     "axle_acceleration": (25.0, 1.0),
     "body_acceleration": (7.0, 0.9),
 }
+#: |ln| between the factors of a three and those of the best units from which no unit explains them.
+_NO_UNIT = 0.6
 _MUCH_WORSE = 3.0  # cost by which another unit must be better to speak against the one that is said
 
 
@@ -168,6 +170,8 @@ def _unit(
     costs = _unit_costs(kind, of_logs)
     if not costs:
         return told, False, ["no reading moves"]
+    if by_three == "":
+        return told, False, ["no units give the factor between it and the sensors of its axle: one needs a scale"]
     best = by_three or min(costs, key=costs.__getitem__)
     if told is None:
         sizes = "the factors between the sensors" if by_three else "the size of its readings"
@@ -200,7 +204,10 @@ def _unit_costs(kind: SensorKind, of_logs: Sequence[Look]) -> dict[str, float]:
 
 
 def _units_of(three: Three, seen: Mapping[str, Sequence[Look]]) -> dict[str, str]:
-    """Units of a three: the factors between its columns leave few choices, the sizes decide among them."""
+    """Units of a three: the factors between its columns leave few choices, the sizes decide among them.
+
+    ``""`` where no units give these factors: a sensor then needs a scale.
+    """
     members: list[tuple[str, SensorKind]] = [
         (three.deflection, "suspension_deflection"),
         (three.axle, "axle_acceleration"),
@@ -208,19 +215,20 @@ def _units_of(three: Three, seen: Mapping[str, Sequence[Look]]) -> dict[str, str
     if three.body is not None:
         members.append((three.body, "body_acceleration"))
     costs = [_unit_costs(kind, seen[column]) for column, kind in members]
-    best: tuple[float, tuple[str, ...]] | None = None
+    best: tuple[float, tuple[str, ...], float] | None = None
     for chosen in itertools.product(*costs):
         length, *others = (si_factor(u, "length" if i == 0 else "acceleration") for i, u in enumerate(chosen))
         cost = sum(c[u] for c, u in zip(costs, chosen, strict=True))
         # Without the frame's share the factor of a pair is a little off.
         spread = 0.12 if three.body is not None else 0.3
-        for factor, other in zip((three.alpha, three.beta), others, strict=False):
-            cost += (np.log(abs(factor) * length / other) / spread) ** 2
+        away = [np.log(abs(f) * length / o) for f, o in zip((three.alpha, three.beta), others, strict=False)]
+        cost += sum((a / spread) ** 2 for a in away)
         if best is None or cost < best[0]:
-            best = (float(cost), chosen)
+            best = (float(cost), chosen, float(np.max(np.abs(away))))
     if best is None:
         return {}
-    return {column: unit for (column, _), unit in zip(members, best[1], strict=True)}
+    fits = best[2] < _NO_UNIT
+    return {column: unit if fits else "" for (column, _), unit in zip(members, best[1], strict=True)}
 
 
 def _signs(three: Three) -> dict[str, int]:

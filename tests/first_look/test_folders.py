@@ -41,6 +41,7 @@ def test_the_shipped_logs_are_read_without_a_person(tmp_path: Path) -> None:
         ("columns ch01, ch02, ..., shuffled", 21),
         ("accelerations in m/s^2 under names with g", 14),
         ("one axle sensor upside down", 1),
+        ("all sensors of one axle upside down", 3),
         ("no frame sensors", 0),
     ],
 )
@@ -156,8 +157,10 @@ def test_foreign_times_units_and_text_columns(tmp_path: Path) -> None:
 def test_names_that_toml_has_to_quote_come_back_as_they_are(tmp_path: Path) -> None:
     column = 'axle 1 "left" \\ \x7f acc [g]'
     quoted = '"' + column.replace('"', '""') + '"'
-    (tmp_path / "run 10kmh 'a'.csv").write_text(_log(header=f"time_s,{quoted},lvdt1_mm"), encoding="utf-8")
-    tables = tomllib.loads(campaign_text(first_look(tmp_path), "x", "campaign.toml"))
+    (tmp_path / "run 10kmh 'a'.csv").write_text(_log(header=f"time_s,{quoted},speed \x01 kmh"), encoding="utf-8")
+    text = campaign_text(first_look(tmp_path), "x", "campaign.toml")
+    assert "# not used: speed \\x01 kmh: no sensor" in text
+    tables = tomllib.loads(text)
     assert column in tables["sensors"]["bump_run"]
     assert tables["tests"]["bump_run"][0]["file"] == "run 10kmh 'a'.csv"
 

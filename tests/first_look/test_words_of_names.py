@@ -21,6 +21,7 @@ Q, A, B = "suspension_deflection", "axle_acceleration", "body_acceleration"
         ("Achsbeschleunigung_VA_links [m/s²]", A, "m/s^2", None, "front", "left"),
         ("Federweg HA rechts [mm]", Q, "mm", None, "rear", "right"),
         ("Rahmen über Achse 2 Beschl. (g)", B, "g", 2, None, None),
+        ("Höhe Achse 1 [mm]", Q, "mm", 1, None, None),
         ("débattement_2 [mm]", Q, "mm", 2, None, None),
         ("Caisse 1 accélération m/s2", B, "m/s^2", 1, None, None),
         ("acc_essieu_3_gauche", A, None, 3, None, "left"),

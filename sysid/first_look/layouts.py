@@ -1,0 +1,63 @@
+"""Logs with the same columns, looked at together: kind of every column, and columns that belong to one axle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.first_look.features import Threes
+from sysid.first_look.kinds import KindGuess, guess_kinds, told_dimensions
+from sysid.first_look.matching import Three, matched_threes, upright
+from sysid.first_look.records import SeenLog
+from sysid.first_look.words import NameSays, column_says, paired_sides
+
+#: How clearly all sensors of an axle must move the wrong way, in the middle of all runs.
+_FALLS = 0.5
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Logs with the same columns, the kind of every column, and threes of columns that belong to one axle."""
+
+    logs: tuple[SeenLog, ...]
+    kinds: Mapping[str, KindGuess]
+    said: Mapping[str, NameSays]
+    found: tuple[Three, ...]
+
+
+def layouts_of_logs(logs: Sequence[SeenLog], fits: Mapping[str, Threes]) -> list[Layout]:
+    groups: dict[frozenset[str], list[SeenLog]] = {}
+    for log in logs:
+        groups.setdefault(frozenset(log.columns), []).append(log)
+    result = []
+    for columns, members in groups.items():
+        seen = {c: [look for log in members for look in log.looks if look.name == c] for c in sorted(columns)}
+        alive = {c: [look for look in of_logs if look.alive] or of_logs for c, of_logs in seen.items()}
+        hop = {c: float(np.median([look.hop_share for look in of_logs])) for c, of_logs in alive.items()}
+        sides = paired_sides(sorted(columns))
+        said = {c: column_says(c) for c in columns}
+        said = {c: replace(s, side=s.side or sides.get(c)) for c, s in said.items()}
+        of_members = [fits[log.file] for log in members if log.file in fits]
+        kinds = {c: s.kind for c, s in said.items()}
+        found = tuple(upright(t, kinds) for t in matched_threes(of_members, hop, told_dimensions(alive, said)))
+        result.append(Layout(tuple(members), guess_kinds(alive, said, found), said, found))
+    return result
+
+
+def righted(layout: Layout, runs: Sequence[SeenLog]) -> Layout:
+    """The layout with all sensors of an axle turned that falls where an axle meets a bump."""
+    kinds = dict(layout.kinds)
+    for three in layout.found:
+        up = {three.deflection: -1, three.axle: 1} | ({three.body: 1} if three.body else {})
+        lifts = [
+            float(np.mean([look.lift * kinds[look.name].sign * up[look.name] for look in log.looks if look.name in up]))
+            for log in runs
+        ]
+        if lifts and float(np.median(lifts)) < -_FALLS:
+            for column in up:
+                guess = kinds[column]
+                why = (*guess.why, "all sensors of this axle move as if it fell where it meets the bump")
+                kinds[column] = replace(guess, sign=-guess.sign, sure=False, why=why)
+    return replace(layout, kinds=kinds)

@@ -1,0 +1,86 @@
+"""One guess per column: its kind, and the axle by its name against the one by arrival."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from sysid.first_look.layouts import Layout
+from sysid.first_look.records import SensorGuess
+
+
+def sensor_guesses(
+    layouts: Sequence[Layout],
+    named: Mapping[str, int],
+    axle_of: Mapping[str, int],
+    agree: bool,
+    count: int,
+    *,
+    drops: bool,
+) -> tuple[SensorGuess, ...]:
+    """One guess per column of the logs of runs, or of drops."""
+    result: dict[str, SensorGuess] = {}
+    for layout in layouts:
+        of_three = {c: t.axle for t in layout.found for c in (t.deflection, t.axle, t.body) if c}
+        alone = Counter(g.kind for g in layout.kinds.values() if g.kind is not None)
+        for column, guess in layout.kinds.items():
+            if guess.kind is None and guess.sure:
+                continue
+            said = layout.said[column]
+            why = list(guess.why)
+            if drops and guess.kind is not None and alone[guess.kind] == 1:
+                # Mounted at the axle under test: the list of drops says which.
+                axle, axle_sure = None, True
+            else:
+                axle, axle_sure = _axle_of_column(column, of_three.get(column, column), named, axle_of, agree, why)
+            sensor = SensorGuess(
+                column, guess.kind, guess.unit, guess.sign, axle, said.side, guess.sure and axle_sure, tuple(why)
+            )
+            before = result.setdefault(column, sensor)
+            if (before.kind, before.unit, before.sign) != (sensor.kind, sensor.unit, sensor.sign):
+                result[column] = replace(before, sure=False, why=(*before.why, "other logs look different"))
+    return tuple(sorted(result.values(), key=_place_in_list))
+
+
+def _axle_of_column(
+    column: str, axle_column: str, named: Mapping[str, int], axle_of: Mapping[str, int], agree: bool, why: list[str]
+) -> tuple[int | None, bool]:
+    """Axle of a column, and whether its name and the arrivals say the same."""
+    by_name, by_arrival = named.get(column), axle_of.get(axle_column)
+    if by_name is not None and by_arrival is not None:
+        if by_name == by_arrival and agree:
+            return by_name, True
+        unlike = f"axle by arrival; its name says {by_name + 1}"
+        why.append(unlike if by_name != by_arrival else "names and arrivals of the axles do not agree")
+        return by_arrival, False
+    if by_arrival is not None:
+        why.append(f"axle by arrival: {_ordinal(by_arrival)}")
+        return by_arrival, False
+    if by_name is not None:
+        why.append("axle by its name alone")
+        return by_name, False
+    why.append("axle not known")
+    return None, False
+
+
+def _ordinal(index: int) -> str:
+    return f"{index + 1}{({0: 'st', 1: 'nd', 2: 'rd'}).get(index, 'th')}"
+
+
+def _place_in_list(sensor: SensorGuess) -> tuple[int, int, str]:
+    kinds = ("suspension_deflection", "axle_acceleration", "body_acceleration")
+    rank = kinds.index(sensor.kind) if sensor.kind in kinds else len(kinds)
+    return rank, 99 if sensor.axle is None else sensor.axle, sensor.column
+
+
+def unused_columns(layouts: Sequence[Layout], used: Sequence[SensorGuess]) -> dict[str, str]:
+    names = {s.column for s in used}
+    result: dict[str, str] = {}
+    for layout in layouts:
+        for column, guess in layout.kinds.items():
+            if column not in names:
+                result[column] = "; ".join(guess.why)
+        for log in layout.logs:
+            result |= {c: "text, no numbers" for c in log.text if c}
+    return dict(sorted(result.items()))
