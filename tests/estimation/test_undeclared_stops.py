@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from rigid_truck import AXLES, SENSORS, STIFFNESS, VEHICLE, bump, campaign, empty_run, true_log_parameters, with_values
 
 from sysid.campaign.records import Campaign
+from sysid.estimation.fit import law_choice
 from sysid.estimation.fit.law_choice import fit_with_laws
+from sysid.estimation.fit.law_families import STOPS, Laws
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.map_tires import map_tires
+from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
@@ -61,6 +65,22 @@ def test_stops_are_found_with_their_travels(found):
         for travel, truth in ((f"jounce_{i + 1}", JOUNCE_M[i]), (f"rebound_{i + 1}", REBOUND_M[i])):
             assert by_name[travel].value == pytest.approx(truth, abs=0.003), travel
             assert by_name[travel].unit == "m"
+
+
+def stand_in(stop_N_per_m: list[float], sd: list[float], monkeypatch) -> Laws:
+    """Laws that are kept of two axles with springs of 4e5 N/m and stops of given stiffness, known to `sd`."""
+    kinds = [("stiffness", 0), ("stiffness", 1), ("stop_stiffness", 0), ("stop_stiffness", 1)]
+    parameters = ParameterSet(tuple(Parameter(f"{q}_{i}", q, "N/m", 1.0, 1.0, 0.7, axle=i) for q, i in kinds), ())
+    model = SimpleNamespace(parameters=parameters)
+    optimum = SimpleNamespace(problem=SimpleNamespace(model=model), vector=np.log([4e5, 4e5, *stop_N_per_m]))
+    monkeypatch.setattr(law_choice, "parameter_sd", lambda optimum: np.array([0.01, 0.01, *sd]))
+    return law_choice.with_stops_that_act((frozenset({"friction", STOPS}), frozenset({STOPS})), optimum)
+
+
+def test_stops_that_the_data_do_not_know_or_that_are_none_are_taken_away(monkeypatch):
+    assert stand_in([2e6, 2e6], [0.1, 0.6], monkeypatch) == (frozenset({"friction", STOPS}), frozenset({STOPS}))
+    assert stand_in([2e6, 2e6], [0.1, 0.69], monkeypatch) == (frozenset({"friction", STOPS}), frozenset())
+    assert stand_in([4e4, 2e6], [0.1, 0.1], monkeypatch) == (frozenset({"friction"}), frozenset({STOPS}))
 
 
 def test_laws_without_stops_were_worse(found):

@@ -21,10 +21,10 @@ import numpy as np
 
 from sysid.campaign.records import Campaign, Vehicle
 from sysid.estimation.fit.contact_trials import contact_trials
-from sysid.estimation.fit.evaluation import evaluate_optimum
+from sysid.estimation.fit.evaluation import evaluate_optimum, parameter_sd
 from sysid.estimation.fit.fit_result import FitResult, LawComparison, LawTrial
 from sysid.estimation.fit.law_evidence import Judged, LawEvidence
-from sysid.estimation.fit.law_families import FAMILIES, Laws, richest_laws, without_family
+from sysid.estimation.fit.law_families import FAMILIES, STOPS, Laws, richest_laws, without_family
 from sysid.estimation.fit.law_screen import promising
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
@@ -42,6 +42,8 @@ from sysid.sdof.drop_results import DropSummary
 
 #: How much clearer than decisive a test has to be for a fit without an element to be left out.
 SURE = 5.0
+#: Standard deviation over that of its prior from which on the stiffness of a stop is not known from the data.
+IDLE_SHRINKAGE = 0.9
 #: A fit of its own, one to judge residuals by, or one under the weights and maps of its neighbour.
 How = Literal["final", "rough", "trial", "rough trial"]
 
@@ -161,6 +163,10 @@ def _compare(
         trials.append(_trial(without, candidate, gain_over(base, candidate)))
         if gain_over(candidate, best) < DECISIVE:
             best_laws, best = without, candidate
+    acting = with_stops_that_act(best_laws, best.optimum)
+    if acting != best_laws:
+        best_laws, best = acting, data.judge(fitted(acting, best.optimum, how="trial"))
+        trials.append(_trial(acting, best, gain_over(base, best)))
     chosen = best.optimum
     if gain_over(base, best) < DECISIVE:
         best_laws, chosen = poor_laws, fitted(poor_laws, poor)
@@ -168,6 +174,28 @@ def _compare(
         # The trial ran under the rich laws' weights; the result stands on its own.
         chosen = fitted(best_laws, chosen)
     return chosen, LawComparison(tuple(trials), _names(best_laws))
+
+
+def with_stops_that_act(laws: Laws, optimum: Optimum) -> Laws:
+    """The laws without stops, whose travels nobody declared, of axles that do not show them.
+
+    An axle shows them where the data know their stiffness better than its prior does, and it is no softer than the
+    spring: else a parameter is left open that slows every search, or the stop stands for something else.
+    """
+    if not any(STOPS in law for law in laws):
+        return laws
+    parameters, sd = optimum.problem.model.parameters, parameter_sd(optimum)
+    kept = []
+    for axle, law in enumerate(laws):
+        owner = parameters.suspension_axle[axle] if parameters.suspension_axle else axle
+        springs = [i for i, p in enumerate(parameters.parameters) if (p.quantity, p.axle) == ("stiffness", owner)]
+        shown = False
+        if STOPS in law:
+            stop = parameters.index("stop_stiffness", axle)
+            known = sd[stop] < IDLE_SHRINKAGE * parameters.parameters[stop].prior_sd
+            shown = bool(known and optimum.vector[stop] > optimum.vector[springs].min())
+        kept.append(law if shown else law - {STOPS})
+    return tuple(kept)
 
 
 def _enriched(
