@@ -11,6 +11,7 @@ from sysid.campaign.todo import find_todos, is_todo
 _UNUSED: dict[str, Any] = {
     "title": "unfinished",
     "name": "unnamed",
+    "case": "unnamed",
     "unsprung_mass_kg": 500.0,
     "tire_stiffness_N_per_m": 1e6,
     "tire_damping_N_s_per_m": 3000.0,
@@ -47,6 +48,8 @@ def with_stand_ins(tables: dict[str, Any], label: str) -> tuple[dict[str, Any], 
     _complete_vehicle(result)
     _complete_load_cases(result)
     _complete_scans(result, label)
+    if _has_todo(_table(result, "acquisition").get("filter")):
+        del result["acquisition"]["filter"]
     for kind in ("bump_run", "plank_drop"):
         of_kind = _table(_table(result, "sensors"), kind)
         for column in [c for c, sensor in of_kind.items() if _has_todo(sensor)]:
@@ -88,6 +91,10 @@ def _complete_vehicle(tables: dict[str, Any]) -> None:
     for i, body in enumerate(bodies):
         if is_todo(body.get("name")):
             body["name"] = f"body {i + 1}"
+        if is_todo(body.get("hitch_x_m")):
+            # A hinge at an unknown place: the check of the logs needs none.
+            del body["hitch_x_m"]
+            body.pop("hitch_height_m", None)
     before = 0.0
     for i, axle in enumerate(_entries(vehicle, "axle")):
         if is_todo(axle.get("name")):

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import shutil
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -12,6 +15,8 @@ from click.testing import CliRunner
 from sysid.campaign.read import read_campaign
 from sysid.campaign.stand_ins import with_stand_ins
 from sysid.campaign.todo import find_doubts, find_todos, refuse_todos
+from sysid.campaign.toml_errors import validate
+from sysid.campaign.vehicle_tables import VehicleReader
 from sysid.cli.main import cli
 from sysid.errors import CampaignError
 
@@ -144,3 +149,30 @@ def test_one_height_for_all_planks(campaign: Path) -> None:
     assert common != own
     (campaign / "campaign.toml").write_text(common, encoding="utf-8")
     assert {d.plank_height_m for d in read_campaign(campaign).plank_drops} == {0.06}
+
+
+def _leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    if isinstance(value, dict | list):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, inner in items:
+            yield from _leaves(inner, (*path, key))
+    elif path != ("schema",):
+        yield path
+
+
+def test_any_one_value_may_be_left_but_the_names_that_others_use(campaign: Path) -> None:
+    tables = tomllib.loads(_text(campaign))
+    refused = set()
+    for path in _leaves(tables):
+        unfinished = copy.deepcopy(tables)
+        at: Any = unfinished
+        for key in path[:-1]:
+            at = at[key]
+        at[path[-1]] = "TODO: value"
+        completed, _ = with_stand_ins(unfinished, "campaign.toml")
+        assert find_todos(completed) == ()
+        try:
+            VehicleReader(validate(completed, "campaign.toml"), "campaign.toml")
+        except CampaignError:
+            refused.add(path)
+    assert refused == {("vehicle", "body", 0, "name"), ("vehicle", "body", 1, "name")}
