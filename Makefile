@@ -45,7 +45,7 @@ coverage: $(VENV)/.installed
 ring-downs: $(VENV)/.installed
 	$(BIN)/python -m studies.ring_downs --output build/ring_downs --document docs/drops.md
 
-# A quarter of an hour on one core: what `init` guesses right, marks and leaves to a person.
+# Some twenty minutes on one core: what `init` guesses right, marks and leaves to a person.
 first-look: $(VENV)/.installed
 	$(BIN)/python -m studies.first_look --output build/first_look --document docs/howto/init.md
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 from studies.first_look.judging import Score, judged
@@ -29,7 +28,7 @@ def _simulated(output: Path, vehicle: str) -> Path:
     return folder
 
 
-def _row(campaign: str, title: str, score: Score, seconds: float) -> str:
+def _row(campaign: str, title: str, score: Score) -> str:
     wrong = len(score.silent)
     cells = (
         campaign,
@@ -43,15 +42,14 @@ def _row(campaign: str, title: str, score: Score, seconds: float) -> str:
         str(score.to_fill),
         str(score.to_confirm),
         str(score.check),
-        f"{seconds:.0f}",
     )
     return "| " + " | ".join(cells) + " |"
 
 
 HEAD = (
     "| campaign | logs | vehicle | columns right | columns marked | wrong, not marked | drops and runs right | "
-    "wrong, not marked | values to fill in | guesses to confirm | exit code of `check` then | s |\n"
-    "|---|---|---|---|---|---|---|---|---|---|---|---|"
+    "wrong, not marked | values to fill in | guesses to confirm | exit code of `check` then |\n"
+    "|---|---|---|---|---|---|---|---|---|---|---|"
 )
 
 
@@ -70,9 +68,8 @@ def main() -> None:
     for campaign in campaigns:
         for variant in VARIANTS:
             written = write_variant(campaign, arguments.output / "logs", variant)
-            begin = time.perf_counter()
             score = judged(written, None)
-            rows.append(_row(campaign.name, variant.title, score, time.perf_counter() - begin))
+            rows.append(_row(campaign.name, variant.title, score))
             sys.stdout.write(f"{rows[-1]} {score.silent} {score.tests_silent}\n")
             sys.stdout.flush()
     if arguments.document is not None:
