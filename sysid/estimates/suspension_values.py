@@ -100,7 +100,9 @@ def _from_drop(e: DropEstimate, quantity: Quantity) -> Estimate:
     # that mean and standard deviation still has a finite interval.
     logarithmic = math.sqrt(2.0 * math.log(math.hypot(1.0, sd / value))) if value > 0.0 else math.nan
     low, high = _interval(value, sd, logarithmic)
-    return Estimate(e.method, value, low, high, "90 % interval of repeats and tolerances", e.usable, True, e.note)
+    return Estimate(
+        e.method, value, max(low, 0.0), high, "90 % interval of repeats and tolerances", e.usable, True, e.note
+    )
 
 
 def _from_fit(p: ParameterEstimate) -> Estimate:

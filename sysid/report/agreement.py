@@ -124,7 +124,7 @@ def rating_cell(row: ChannelAgreement) -> str:
 
 
 def noise_cell(row: ChannelAgreement) -> str:
-    """Residual over instrument noise, marked where it shows a misfit."""
+    """Residual over noise, marked where it shows a misfit."""
     return _ratio(row.residual_over_noise)
 
 

@@ -174,7 +174,7 @@ def _agreement(results: Results, run_names: dict[str, str]) -> list[cells.Table]
         agreement.ratings_table(validation),
         agreement.matrix_table(validation, run_names, "NRMSE per channel and run", agreement.nrmse_cell),
         agreement.matrix_table(
-            validation, run_names, "Residual over instrument noise per channel and run [-]", agreement.noise_cell
+            validation, run_names, "Residual over noise before the bump per channel and run [-]", agreement.noise_cell
         ),
         agreement.matrix_table(
             validation, run_names, "ISO/TS 18571 rating per channel and run [-]", agreement.rating_cell

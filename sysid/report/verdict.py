@@ -62,7 +62,7 @@ def verdict(results: Results) -> Verdict:
 
 
 def is_misfit(residual_over_noise: float) -> bool:
-    """Whether a residual, rounded as it is printed, is too large for instrument noise; False where it is unknown."""
+    """Whether a residual, rounded as it is printed, is too large for noise; False where it is unknown."""
     return math.isfinite(residual_over_noise) and round(residual_over_noise, 2) >= MISFIT
 
 
@@ -167,8 +167,8 @@ def _cautions(results: Results) -> list[str]:
         bad = [r for r in rows if is_misfit(r.residual_over_noise)]
         if bad:
             sentences.append(
-                f"In {len(bad)} of {count(len(rows), 'channel record')} the residual is at least {MISFIT:g} times the "
-                "instrument noise: there the model, not the noise, limits the accuracy."
+                f"In {len(bad)} of {count(len(rows), 'channel record')} the residual is at least {MISFIT:g} times "
+                "what the sensor shows before the bump: there the model, not the noise, limits the accuracy."
             )
     return sentences + stops.cautions(results)
 

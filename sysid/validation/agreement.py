@@ -33,7 +33,7 @@ def history_agreement(history: RunHistory, out_of_sample: bool = False) -> list[
         samples = int(np.isfinite(measured).sum())
         if samples == 0:
             continue
-        rating, noise = ratings.get(c), float(history.instrument_noise_sd[c])
+        rating, noise = ratings.get(c), float(history.noise_before_sd[c])
         magnitude, phase = sprague_geers(measured, simulated)
         # The peak of a clipped channel is not known, only that it lies above the limit.
         clipped = bool(np.any(history.censored[c]))

@@ -21,7 +21,8 @@ class ChannelAgreement:
     """Agreement of one channel of one run; NaN is a number that the record does not give.
 
     - `nrmse` is RMS(simulated - measured) / (max - min of measured).
-    - `residual_over_noise` is the residual scale over the instrument noise seen while the truck rolls on flat road.
+    - `residual_over_noise` is the residual scale over what the sensor shows while the truck rolls towards the bump:
+      noise of the instrument, or roughness of the road and vibration of the engine where these are more.
     - `fit_percent` is 100 (1 - |m - s| / |m - mean(m)|).
     - `peak_error` [-] and `peak_time_error_s`: simulated less measured largest absolute value, relative, and instant.
     - `measured_frequency_hz`, `simulated_frequency_hz`: frequency with the largest amplitude.

@@ -58,10 +58,12 @@ def leave_out(
 
 
 def _in_the_same_noise(history: RunHistory, fit: FitResult) -> RunHistory:
-    """The history with the instrument noise that its run has in the fit of all runs, so that the two compare."""
+    """The history with the noise that its run has in the fit of all runs, so that the two compare."""
     fitted = next(h for h in fit.histories if h.file == history.file)
-    noise = dict(zip(fitted.columns, fitted.instrument_noise_sd, strict=True))
-    return replace(history, instrument_noise_sd=np.array([noise[column] for column in history.columns]))
+    at = [fitted.columns.index(column) for column in history.columns]
+    return replace(
+        history, instrument_noise_sd=fitted.instrument_noise_sd[at], rolling_noise_sd=fitted.rolling_noise_sd[at]
+    )
 
 
 def chosen_runs(campaign: Campaign, names: Sequence[str]) -> tuple[str, ...]:

@@ -136,7 +136,7 @@ def test_a_reading_scatters_about_every_draw():
 def test_histories_get_the_bands_of_their_own_length(fit):
     point = fit.state.point
     histories = run_histories(
-        fit.campaign, fit.state.model, point.weights, point.motion, fit.truth, point.weights.noise_sd
+        fit.campaign, fit.state.model, point.weights, point.motion, fit.truth, *[point.weights.noise_sd] * 2
     )
     count = histories[0].measured.shape
     bands = [HistoryBand(np.zeros((count[0], count[1] + 7)), np.ones((count[0], count[1] + 7)))] * 2

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.validation import nrmse, validate
+from sysid.validation.agreement import history_agreement
 
 
 def test_normalised_error_of_a_sine_and_its_shifted_copy():
@@ -67,9 +70,18 @@ def history() -> RunHistory:
         censored=censored,
         noise_sd=np.array([0.1, 0.2, np.inf]),
         instrument_noise_sd=np.array([0.05, 0.1, np.inf]),
+        rolling_noise_sd=np.zeros(3),
         offset=np.zeros(3),
         gain=np.ones(3),
     )
+
+
+def test_residuals_are_judged_by_what_the_sensor_shows_before_the_bump():
+    smooth = history()
+    rough = replace(smooth, rolling_noise_sd=4.0 * smooth.instrument_noise_sd[:2].max() + np.zeros(3))
+    for a, b in zip(history_agreement(smooth), history_agreement(rough), strict=True):
+        noise = smooth.instrument_noise_sd[smooth.columns.index(a.column)]
+        assert b.residual_over_noise == pytest.approx(a.residual_over_noise * noise / 0.4)
 
 
 def test_channels_without_readings_are_left_out_and_clipped_samples_too():

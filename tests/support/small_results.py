@@ -303,7 +303,7 @@ def small_history(w: Words = Words(), repeat: int = 1) -> RunHistory:
     return RunHistory(
         w.run_file.format(repeat), w.case, w.empty, 5.6, 0.01, -0.02, 0.4, tuple(s.column for s in sensors),
         tuple(s.kind for s in sensors), tuple(s.si_unit for s in sensors), tuple(s.axle for s in sensors), time,
-        measured, simulated, censored, np.full(3, 1e-3), np.full(3, 8e-4), np.zeros(3), np.ones(3),
+        measured, simulated, censored, np.full(3, 1e-3), np.full(3, 8e-4), np.zeros(3), np.zeros(3), np.ones(3),
     )  # fmt: skip
 
 

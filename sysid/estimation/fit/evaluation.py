@@ -79,7 +79,9 @@ def evaluate_optimum(
         parameters=estimates,
         run_parameters=runs,
         covariance=shared,
-        histories=_with_speed_sd(run_histories(campaign, model, weights, motion, parameters, optimum.instrument), runs),
+        histories=_with_speed_sd(
+            run_histories(campaign, model, weights, motion, parameters, optimum.instrument, optimum.rolling), runs
+        ),
         converged=minimum.converged,
         message=minimum.message,
         iterations=minimum.iterations,

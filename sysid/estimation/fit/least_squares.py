@@ -185,7 +185,7 @@ def optimise_from(
         if not last:
             problem.weights = reweighted(problem, problem.linearise(vector))
     assert minimum is not None
-    rolling = _before_the_bump(noise_model.rolling_noise, model, motion)
+    _, rolling = noise_before(model, motion)
     return Optimum(problem, vector, first, replace(minimum, iterations=iterations), instrument, rolling)
 
 
@@ -209,6 +209,11 @@ def _find_motion(
 def instrument_noise(model: BumpModel, motion: RunMotion) -> tuple[np.ndarray, ...]:
     """Instrument noise (R, C) per group [SI], from the records before their runs meet the bump."""
     return _before_the_bump(noise_model.instrument_noise, model, motion)
+
+
+def noise_before(model: BumpModel, motion: RunMotion) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    """Noise (R, C) per group [SI] before the runs meet the bump: of the instruments, and of the rolling truck."""
+    return instrument_noise(model, motion), _before_the_bump(noise_model.rolling_noise, model, motion)
 
 
 def _before_the_bump(

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.arrays import Parameters
 from sysid.campaign.records import Campaign
-from sysid.estimation.fit.least_squares import instrument_noise, optimise_from
+from sysid.estimation.fit.least_squares import instrument_noise, noise_before, optimise_from
 from sysid.estimation.fit.minimiser import minimise
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.state import FitState, model_of
@@ -55,7 +55,7 @@ def fit_without(
     values, _ = optimum.problem.unpack(optimum.vector)
     part, model, motion, weights = _part(state, (run,))
     motion = _own_motion(Problem(model, part, motion, weights), values)
-    (history,) = run_histories(part, model, weights, motion, values, instrument_noise(model, motion))
+    (history,) = run_histories(part, model, weights, motion, values, *noise_before(model, motion))
     return LeftOutFit(values, optimum.minimum.converged, history)
 
 

@@ -56,13 +56,14 @@ def run_histories(
     motion: RunMotion,
     log_parameters: Parameters,
     instrument: tuple[RunsByChannels, ...],
+    rolling: tuple[RunsByChannels, ...],
 ) -> tuple[RunHistory, ...]:
     """Histories of all runs in the order of the campaign, with eliminated sensor offset and gain applied.
 
     Parameters
     ----------
     model, weights, motion, log_parameters : of the fit.
-    instrument : (R, C) instrument noise per group [SI].
+    instrument, rolling : (R, C) noise per group [SI], of the instruments and of the truck that rolls towards the bump.
     """
     by_run = {}
     signals = shown_signals(model, weights, motion, log_parameters)
@@ -91,6 +92,7 @@ def run_histories(
                 censored=group.censored[:length, r].T,
                 noise_sd=noise[r],
                 instrument_noise_sd=instrument[position][r],
+                rolling_noise_sd=rolling[position][r],
                 offset=offset[r],
                 gain=gain[r],
             )

@@ -43,8 +43,10 @@ class RunHistory(Tabular):
 
     `speed_m_s` at axle 1, `speed_change` the share by which it changes until the last axle passes; `time_s` (n,); per
     channel rows: `measured` and `simulated` (channels, n) in SI with the estimated sensor offset and gain applied to
-    the simulation; NaN where missing; `censored` as in the records; `noise_sd` (channels,) residual scale; `offset`,
-    `gain` (channels,); `band` what the posterior says of the same signals, None before sampling.
+    the simulation; NaN where missing; `censored` as in the records; `noise_sd` (channels,) residual scale;
+    `instrument_noise_sd`, `rolling_noise_sd` (channels,) what the channels show before the bump, from reading to
+    reading and in all (0 where nothing tells it); `offset`, `gain` (channels,); `band` what the posterior says of the
+    same signals, None before sampling.
     """
 
     file: str
@@ -64,9 +66,15 @@ class RunHistory(Tabular):
     censored: ChannelsBySamples
     noise_sd: Channels
     instrument_noise_sd: Channels
+    rolling_noise_sd: Channels
     offset: Channels
     gain: Channels
     band: HistoryBand | None = None
+
+    @property
+    def noise_before_sd(self) -> Channels:
+        """What the channels (channels,) show before the bump: the larger of both noises."""
+        return np.maximum(self.instrument_noise_sd, self.rolling_noise_sd)
 
     @property
     def reading_band(self) -> HistoryBand | None:
@@ -77,7 +85,7 @@ class RunHistory(Tabular):
         """One row per channel: residual and instrument noise, sensor offset and gain."""
         import pandas as pd
 
-        names = ("noise_sd", "instrument_noise_sd", "offset", "gain")
+        names = ("noise_sd", "instrument_noise_sd", "rolling_noise_sd", "offset", "gain")
         axles = pd.array([None if a is None else a + 1 for a in self.axles], dtype="Int64")
         head = {"column": self.columns, "kind": self.kinds, "axle": axles, "unit": self.si_units}
         return pd.DataFrame({**head, **{name: getattr(self, name) for name in names}})
