@@ -59,7 +59,7 @@ def left(request):
 
 def mean_square(rows, fit):
     """Mean square residual over the noise that was put in; what the result takes for noise is an estimate."""
-    estimated = {(h.file, c): sd for h in fit.histories for c, sd in zip(h.columns, h.instrument_noise_sd, strict=True)}
+    estimated = {(h.file, c): sd for h in fit.histories for c, sd in zip(h.columns, h.noise_before_sd, strict=True)}
     return float(
         np.mean([(row.residual_over_noise * estimated[row.run, row.column] / NOISE[row.kind]) ** 2 for row in rows])
     )

@@ -74,7 +74,7 @@ class RunHistory(Tabular):
     @property
     def noise_before_sd(self) -> Channels:
         """What the channels (channels,) show before the bump: the larger of both noises."""
-        return np.maximum(self.instrument_noise_sd, self.rolling_noise_sd)
+        return np.asarray(np.maximum(self.instrument_noise_sd, self.rolling_noise_sd))
 
     @property
     def reading_band(self) -> HistoryBand | None:
