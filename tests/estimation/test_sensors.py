@@ -21,7 +21,7 @@ def case() -> tuple[GroupArrays, np.ndarray, np.ndarray]:
     noise = random.uniform(0.05, 0.2, (RUNS, CHANNELS))
     value = 0.7 + 1.01 * simulated[..., 0] + noise * random.normal(size=(SAMPLES, RUNS, CHANNELS))
     measured = (random.random((SAMPLES, RUNS, CHANNELS)) > 0.2).astype(float)
-    arrays = GroupArrays(None, None, None, value * measured, measured, np.zeros_like(value), GAIN_SD)
+    arrays = GroupArrays(None, None, None, value * measured, measured, np.zeros_like(value), GAIN_SD, np.zeros(RUNS))
     return arrays, noise, simulated
 
 
