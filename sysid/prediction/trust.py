@@ -84,7 +84,8 @@ def extrapolations(
     def compare(what: What, axle: int, value: float, limit: float) -> None:
         if value > MARGIN * limit:
             stop = assumed[axle][1] if what == "travel" and axle in assumed else None
-            beyond.append(Extrapolation(what, axle, value, limit, stop))
+            # The direction that is named need not be the one in which a stop acts.
+            beyond.append(Extrapolation(what, axle, value, limit, stop if stop is None or value > stop else None))
 
     for i in range(len(reached.jounce_m)):
         compare("speed", i, reached.speed_m_s, driven.speed_m_s.get(load_case, 0.0))

@@ -83,7 +83,7 @@ def test_clipped_samples_count_only_where_the_simulation_stays_inside_the_range(
     side = (signal[..., 0] >= 2.0).astype(float) - (signal[..., 0] <= -2.0)
     assert (side == 1).sum() > 20
     assert (side == -1).sum() > 20
-    arrays = GroupArrays(None, None, None, value, (side == 0).astype(float), side, GAIN_SD)
+    arrays = GroupArrays(None, None, None, value, (side == 0).astype(float), side, GAIN_SD, np.zeros(RUNS))
     exact, _ = group_residuals(arrays, noise, np.ones_like(noise), jnp.asarray(signal))
     np.testing.assert_allclose(exact, 0.0, atol=1e-8)
     # A simulation that is too small everywhere misses the range at the clipped samples.
