@@ -209,7 +209,12 @@ def document(result: dict[str, Any], campaign: dict[str, Any], truth: dict[str, 
     by_quantity = {q: [(p, t) for p, t in suspension if p["quantity"] == q] for q in SUSPENSION}
     passes = prediction_rows(result, truth)
     speed = {r["file"]: r["true_speed_m_s"] for r in truth["bump_run"]}
-    speeds = [(p["least_squares"]["value"], speed[p["run"]]) for p in result["parameters"] if p["quantity"] == "speed"]
+    # The truth is the mean over the record; parameters are the speed at axle 1 and its change until the last axle.
+    first, change = (
+        {p["run"]: p["least_squares"]["value"] for p in result["parameters"] if p["quantity"] == quantity}
+        for quantity in ("speed", "speed_change")
+    )
+    speeds = [(value * (1.0 + 0.5 * change.get(run, 0.0)), speed[run]) for run, value in first.items()]
     seconds = result["timings"]
     summary = [
         ["stiffness k", spread((best(p), t) for p, t in by_quantity["stiffness"]), coverage(by_quantity["stiffness"])],

@@ -28,6 +28,13 @@ class Layout:
 
 
 def layouts_of_logs(logs: Sequence[SeenLog], fits: Mapping[str, Threes]) -> list[Layout]:
+    """Columns that the same loggers wrote, one layout for all logs with the same columns.
+
+    Parameters
+    ----------
+    logs : what was seen of each log.
+    fits : by file, threes of columns that belong to one axle.
+    """
     groups: dict[frozenset[str], list[SeenLog]] = {}
     for log in logs:
         groups.setdefault(frozenset(log.columns), []).append(log)

@@ -75,6 +75,7 @@ def _place_in_list(sensor: SensorGuess) -> tuple[int, int, str]:
 
 
 def unused_columns(layouts: Sequence[Layout], used: Sequence[SensorGuess]) -> dict[str, str]:
+    """Columns of the logs that no sensor uses, each with the reason in words."""
     names = {s.column for s in used}
     result: dict[str, str] = {}
     for layout in layouts:
