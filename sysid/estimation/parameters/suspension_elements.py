@@ -159,7 +159,6 @@ ELEMENTS = {
                     0.0,
                     "stiffening",
                     lambda share, stiffness, carried, growth: share / STIFFENING_STROKE_M**2,
-                    decides=False,
                 ),
             ),
         ),
