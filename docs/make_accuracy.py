@@ -1,9 +1,9 @@
-"""Write docs/accuracy.md: results of a finished output folder against the truth of the shipped campaign.
+"""Write a page of docs: results of a finished output folder against the truth of a synthetic campaign.
 
     python docs/make_accuracy.py [OUTPUT] [CAMPAIGN_FOLDER]
 
-OUTPUT is the folder of a `calibrate.py run` on the shipped campaign (default: output), CAMPAIGN_FOLDER holds
-`campaign.toml` and `truth.toml` (default: data).
+OUTPUT is the folder of a `calibrate.py run` on the campaign (default: output), CAMPAIGN_FOLDER holds `campaign.toml`
+and `truth.toml`: `data` (the default, for docs/accuracy.md) or `examples/linear_truck` (docs/accuracy-linear.md).
 """
 
 from __future__ import annotations
@@ -30,11 +30,16 @@ KINDS = {
 MISSING = "–"
 
 INTRODUCTION = """\
-Written by `python docs/make_accuracy.py OUTPUT` from the results of `calibrate.py run` and `data/truth.toml`; not
-edited by hand. The campaign is **synthetic** (`data/README.md`): its histories come from another,
-more detailed model, so errors of the model's form are in these figures. Masses, inertias and heights in its campaign
-file are exact, so errors of those are not. One campaign says little about others, and the laws of this one were seen
-while the methods were made. c is the secant at 0.5 m/s, mean of rebound and compression.""".splitlines()
+Written by `python docs/make_accuracy.py OUTPUT FOLDER` from the results of `calibrate.py run FOLDER` and its
+`truth.toml`; not edited by hand. The campaign is **synthetic** (`README.md` of its folder): its histories come from
+another, more detailed model, so errors of the model's form are in these figures. Masses, inertias and heights in its
+campaign file are exact, so errors of those are not. One campaign says little about others, and this one was seen while
+the methods were made. c is the secant at 0.5 m/s, mean of rebound and compression.""".splitlines()
+#: Heading and file of the page by the campaign's folder.
+PAGES = {
+    "data": ("Accuracy on the shipped campaign", "accuracy.md"),
+    "linear_truck": ("Accuracy on the linear truck", "accuracy-linear.md"),
+}
 
 READING = """\
 The values are posterior medians, or least squares where nothing was sampled. Honest 90 % intervals hold the truth nine
@@ -203,7 +208,7 @@ def coverage(rows: list[tuple[dict[str, Any], float]]) -> str:
     return f"{held} of {len(sampled)}, the worst median is {worst:.1f} sd off"
 
 
-def document(result: dict[str, Any], campaign: dict[str, Any], truth: dict[str, Any]) -> str:
+def document(heading: str, result: dict[str, Any], campaign: dict[str, Any], truth: dict[str, Any]) -> str:
     """The text of the page."""
     suspension, friction = suspension_pairs(result, truth), friction_pairs(result, truth)
     by_quantity = {q: [(p, t) for p, t in suspension if p["quantity"] == q] for q in SUSPENSION}
@@ -230,7 +235,7 @@ def document(result: dict[str, Any], campaign: dict[str, Any], truth: dict[str, 
     whole = {name: value for name, value in seconds.items() if value is not None and value >= 1 and ": " not in name}
     stages = ", ".join(f"{name} {value:.0f} s" for name, value in whole.items())
     lines = [
-        "# Accuracy on the shipped campaign",
+        f"# {heading}",
         "",
         *INTRODUCTION,
         "",
@@ -279,8 +284,9 @@ def main(output: Path, folder: Path) -> None:
     truth = tomllib.loads((folder / "truth.toml").read_text(encoding="utf-8"))
     if result["campaign"] != truth["campaign"]["title"]:
         sys.exit(f"{output} holds results of '{result['campaign']}', not of '{truth['campaign']['title']}'.")
-    text = document(result, campaign, truth)
-    (ROOT / "docs" / "accuracy.md").write_text(text, encoding="utf-8", newline="\n")
+    heading, page = PAGES[folder.resolve().name]
+    text = document(heading, result, campaign, truth)
+    (ROOT / "docs" / page).write_text(text, encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":
