@@ -73,6 +73,14 @@ def test_a_quantity_is_asked_for_by_its_name():
     assert [row.best.value for row in found.damping] == [1.1e4, 9.0e3]
 
 
+def test_viscous_damping_of_a_drop_that_rubs_only_is_not_below_zero():
+    results = small_results(posterior=None, fit=None)
+    pooled = tuple(replace(e, damping=0.0, damping_sd=2e4) for e in results.drops.pooled)
+    best = of(replace(results, drops=replace(results.drops, pooled=pooled))).damping[0].best
+    assert (best.low, best.value) == (0.0, 0.0)
+    assert best.high == pytest.approx(stats.norm.ppf(0.95) * 2e4, rel=1e-3)
+
+
 @pytest.mark.parametrize("spread", [0.05, 0.8, 1e3, 1e150])
 def test_intervals_of_drops_are_lognormal_with_the_standard_deviation_of_the_record(spread):
     results = small_results(posterior=None, fit=None)

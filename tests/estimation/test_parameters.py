@@ -144,6 +144,21 @@ def test_drops_give_start_and_prior_of_their_axle():
     assert found.parameters[0].prior_sd < without.parameters[0].prior_sd
 
 
+def test_damping_of_drops_that_linear_laws_do_not_explain_is_no_prior():
+    """It holds friction, ten times the viscous part and more; the stiffness stays, as wide as the drop says."""
+    clear = replace(estimate(0, "model", 5e5), damping=6e4, damping_sd=6e3, stiffness_sd=1e4)
+    doubtful = replace(clear, damping_sd=6.1e4, stiffness_sd=2.25e5)
+    sure, unsure, without = (
+        campaign_parameters(campaign([empty_run("a", 5.0)]), drops).parameters
+        for drops in (summary(clear), summary(doubtful), None)
+    )
+    c = [p.name for p in sure].index("c_1")
+    assert (sure[c].prior_median, sure[c].prior_sd) == (pytest.approx(5.94e4, rel=1e-2), 0.4)
+    assert unsure[c] == without[c]
+    assert (sure[0].prior_sd, unsure[0].prior_sd) == (0.2, pytest.approx(0.45))
+    assert unsure[0].prior_median == pytest.approx(5e5)
+
+
 def test_unusable_drops_and_other_load_cases_are_left_out():
     drops = summary(estimate(0, "free_decay", 5e5, usable=False), estimate(1, "paper", 3e5, load_case="laden"))
     assert best_drop_estimates(drops, "empty") == {}

@@ -60,10 +60,11 @@ def test_the_laws_are_those_of_the_truck(document: dict, truth: dict) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("quantity", "limit"), [("stiffness", 0.03), ("damping", 0.08)])
+@pytest.mark.parametrize(("quantity", "limit"), [("stiffness", 0.02), ("damping", 0.08)])
 def test_suspensions_are_near_the_truth(document: dict, truth: dict, quantity: str, limit: float) -> None:
     errors = [p["posterior"]["q50"] / true - 1.0 for p, true in suspension(document, truth, quantity)]
     assert len(errors) == {"stiffness": 8, "damping": 6}[quantity]
+    # 1.6 % of k and 6.3 % of c were found.
     assert np.abs(errors).max() < limit
 
 
@@ -81,4 +82,5 @@ def test_predicted_peak_ratios_are_near_the_truth(document: dict, truth: dict) -
         p["peak_dynamic_load_ratio"]["q50"] / true[p["load_case"]][p["axle"] - 1] - 1.0 for p in document["predictions"]
     ]
     assert len(errors) == 12
+    # 3.1 % was found.
     assert np.abs(errors).max() < 0.04
