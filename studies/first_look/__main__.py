@@ -2,8 +2,8 @@
 
     python -m studies.first_look [CAMPAIGN ...] [--document docs/howto/init.md]
 
-CAMPAIGN are folders with a campaign.toml; by default the shipped one, a three-axle truck, and a vehicle of eight axles
-on beams, whose logs are simulated into the output folder first.
+CAMPAIGN are folders with a campaign.toml; by default the shipped truck, the linear truck, a three-axle truck, and a
+vehicle of eight axles on beams; the logs of the last two are simulated into the output folder first.
 """
 
 from __future__ import annotations
@@ -62,6 +62,7 @@ def main() -> None:
     arguments = parser.parse_args()
     campaigns = arguments.campaigns or [
         ROOT / "data",
+        ROOT / "examples" / "linear_truck",
         *(_simulated(arguments.output, v) for v in ("rigid3", "veqmon2d")),
     ]
     rows = [HEAD]
