@@ -60,8 +60,9 @@ def engine_name() -> str:
 @cache
 def _say_once(problem: str) -> None:
     _LOGGER.warning(
-        "The native engine cannot be used: %s. JAX computes instead: the same results, ten times slower. Install a C++ "
-        "compiler (on Debian and Ubuntu: apt install g++), or set SYSID_ENGINE=reference to go without this note.",
+        "The native engine cannot be used: %s. JAX computes instead: the same results, but a simulation takes about "
+        "twelve times as long. Install a C++ compiler (Debian, Ubuntu: apt install g++), or set SYSID_ENGINE=reference "
+        "to go without this note.",
         problem,
     )
 
