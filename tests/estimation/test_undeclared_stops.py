@@ -83,6 +83,16 @@ def test_stops_that_the_data_do_not_know_or_that_are_none_are_taken_away(monkeyp
     assert stand_in([4e4, 2e6], [0.1, 0.1], monkeypatch) == (frozenset({"friction"}), frozenset({STOPS}))
 
 
+def test_stops_are_fitted_before_what_imitates_them(monkeypatch):
+    gas, stop = frozenset({"gas_spring"}), frozenset({STOPS})
+    promises = [(gas | stop,), (gas,), ()]
+    monkeypatch.setattr(law_choice, "promising", lambda *unused: promises.pop(0))
+    monkeypatch.setattr(law_choice, "_with_nearer_stops", lambda laws, optimum, fitted: optimum)
+    asked: list[Laws] = []
+    law_choice._enriched(None, (frozenset(),), (gas | stop,), None, lambda laws, near, how="final": asked.append(laws))
+    assert asked == [(stop,), (gas | stop,), (gas | stop,)]
+
+
 def test_laws_without_stops_were_worse(found):
     linear = found.law_comparison.trials[0]
     assert set(linear.laws) == {"linear"}
