@@ -68,7 +68,7 @@ def replicate(number: int) -> Record:
         campaign = simulated_campaign(plan.campaign, world, plan.profiles, instruments, random)
         fit, state = fit_with_laws(campaign, plan.drops, plan.profiles, _OPTIONS)
         posterior = sample_posterior(
-            LogDensity(state),
+            LogDensity(state).with_larger_steps(),
             fit.names,
             state.point.log_parameters,
             fit.covariance,

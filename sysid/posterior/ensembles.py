@@ -22,12 +22,12 @@ class FiniteDensity:
     """A log-density whose values that are not finite are minus infinity, and counted."""
 
     def __init__(self, density: Density):
-        self._density = density
+        self.density = density
         self.rejected = 0
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Log-densities (n,) of points (n, p)."""
-        values = np.asarray(self._density(points), float)
+        values = np.asarray(self.density(points), float)
         bad = ~np.isfinite(values)
         self.rejected += int(bad.sum())
         return np.where(bad, -np.inf, values)
@@ -41,6 +41,10 @@ class Ensemble:
         self._density = FiniteDensity(density)
         self._sampler = emcee.EnsembleSampler(walkers, dimension, self._density, moves=moves, vectorize=True)
         self._state = state
+
+    def with_moves(self, moves: list[tuple[emcee.moves.Move, float]]) -> Ensemble:
+        """The same walkers, to go on by other moves."""
+        return Ensemble(self._density.density, moves, self._state)
 
     def advance(self, steps: int) -> tuple[np.ndarray, ...]:
         """Take steps: the members of a :class:`Segment` of this ensemble."""
@@ -94,10 +98,12 @@ def first(
     generator = np.random.default_rng(seed)
     factor = np.linalg.cholesky(covariance)
     finite = FiniteDensity(density)
-    points = np.empty((0, centre.size))
+    points, values = np.empty((0, centre.size)), np.empty(0)
     for _ in range(_START_ROUNDS):
         trial = centre + generator.standard_normal((walkers, centre.size)) @ factor.T
-        points = np.concatenate([points, trial[np.isfinite(finite(trial))]])
+        found = finite(trial)
+        points = np.concatenate([points, trial[np.isfinite(found)]])
+        values = np.concatenate([values, found[np.isfinite(found)]])
         if points.shape[0] >= walkers:
             break
     else:
@@ -106,6 +112,5 @@ def first(
             f"The posterior has no finite density around the least-squares optimum; parameter {widest} is the least "
             "certain one: give it a prior in campaign.toml or leave out runs that the fit does not explain."
         )
-    points = points[:walkers]
     random = np.random.RandomState(np.random.MT19937(seed.spawn(1)[0]))
-    return emcee.State(points, log_prob=finite(points), random_state=random.get_state())
+    return emcee.State(points[:walkers], log_prob=values[:walkers], random_state=random.get_state())

@@ -18,6 +18,7 @@ inside the residuals.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -29,6 +30,7 @@ from sysid.arrays import Parameters, RunsByChannels
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.lane_laws import lane_laws
 from sysid.estimation.residuals.bump_model import GroupArrays, GroupShape
+from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.linearisation import linearise
 from sysid.estimation.residuals.run_motion import motion_prior
 from sysid.estimation.residuals.run_unknowns import run_normal
@@ -82,7 +84,7 @@ class LogDensity:
 
     def __init__(self, state: FitState):
         point = state.point
-        self._model, self._point = state.model, point
+        self._state, self._model, self._point = state, state.model, point
         self.names = state.parameters.names
         self.centre = np.asarray(point.log_parameters, float)
         self._adjustment = np.asarray(point.adjustment, float)
@@ -116,6 +118,19 @@ class LogDensity:
                     LocalColumns(local, gain, pull, np.linalg.inv(np.linalg.cholesky(normal))),
                 )
             )
+
+    def with_larger_steps(self) -> LogDensity:
+        """The same density with larger integration steps, and its value and gradient at the centre: less work.
+
+        Records and tilt take up what larger steps change there
+        (:mod:`sysid.estimation.residuals.larger_steps`).
+        """
+        model = with_larger_steps(self._model, self.centre, self._point.motion)
+        if model is self._model:
+            return self
+        other = LogDensity(replace(self._state, model=model))
+        other._tilt = other._tilt + other.gradient(self.centre)[1] - self.gradient(self.centre)[1]
+        return other
 
     def __call__(self, log_parameters: Parameters) -> np.ndarray:
         """Log-density (n,) of parameter sets (n, p)."""

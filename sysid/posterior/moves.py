@@ -1,4 +1,4 @@
-"""Proposals for emcee: its stretch and differential-evolution moves, and an independence move from the Laplace fit.
+"""Proposals for emcee: its stretch and differential-evolution moves, and an independence move about what is known.
 
 emcee's snooker move is not offered: up to release 3.1.6 it leaves the wrong distribution invariant.
 """
@@ -9,21 +9,21 @@ import emcee
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from sysid.arrays import Parameters, ParametersByParameters
+from sysid.arrays import Parameters, ParametersByParameters, WalkerDraws
 
 
 class LaplaceMove(emcee.moves.MHMove):  # type: ignore[misc]  # emcee has no types
-    """Metropolis-Hastings with proposals from a multivariate t around the least-squares optimum.
+    """Metropolis-Hastings with proposals from a multivariate t about a centre: the least-squares optimum to begin with.
 
     A proposal q is accepted with probability min(1, pi(q) t(x) / (pi(x) t(q))): draws of a posterior that is close to
     its Laplace approximation decorrelate in a few steps, while the heavier tails keep the ratio bounded.
 
     Parameters
     ----------
-    centre : (p,) optimum; covariance : (p, p) of the Laplace approximation; degrees_of_freedom of the t.
+    centre : (p,) ; covariance : (p, p) of a normal approximation; degrees_of_freedom of the t.
     """
 
-    def __init__(self, centre: Parameters, covariance: ParametersByParameters, degrees_of_freedom: float = 12.0):
+    def __init__(self, centre: Parameters, covariance: ParametersByParameters, degrees_of_freedom: float = 40.0):
         self._centre = np.asarray(centre, float)
         self._factor = np.linalg.cholesky(covariance)
         self._nu = float(degrees_of_freedom)
@@ -43,9 +43,28 @@ class LaplaceMove(emcee.moves.MHMove):  # type: ignore[misc]  # emcee has no typ
 
 
 def posterior_moves(centre: Parameters, covariance: ParametersByParameters) -> list[tuple[emcee.moves.Move, float]]:
-    """Moves and their probabilities for a posterior with a known Laplace approximation."""
+    """Moves and their probabilities for a posterior with a known normal approximation."""
     return [
-        (LaplaceMove(centre, covariance), 0.6),
-        (emcee.moves.DEMove(), 0.25),
-        (emcee.moves.StretchMove(), 0.15),
+        (LaplaceMove(centre, covariance), 0.7),
+        (emcee.moves.DEMove(), 0.18),
+        (emcee.moves.StretchMove(), 0.12),
     ]
+
+
+def fitted_to_walkers(
+    covariance: ParametersByParameters, draws: WalkerDraws
+) -> tuple[Parameters, ParametersByParameters]:
+    """Centre and covariance of independence proposals from the latest draws of all ensembles.
+
+    C = (n S + p C_0) / (n + p) with the covariance S of the draws, that of the Laplace approximation C_0, n walkers and
+    p parameters: few walkers do not know a covariance by themselves.
+
+    Parameters
+    ----------
+    covariance : (p, p) C_0; draws : (E, steps, W, p).
+    """
+    ensembles, _, walkers, count = draws.shape
+    pooled = draws.reshape(-1, count)
+    known = ensembles * walkers
+    mixed = (known * np.atleast_2d(np.cov(pooled.T)) + count * covariance) / (known + count)
+    return pooled.mean(axis=0), np.asarray(mixed)

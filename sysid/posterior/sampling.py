@@ -8,6 +8,7 @@ from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import emcee
 import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
@@ -15,7 +16,7 @@ from sysid.posterior.checkpoint import Checkpoint, Resumed, read_chain
 from sysid.posterior.diagnostics import Diagnosis, diagnose, standstills, summarise
 from sysid.posterior.ensembles import Density, Ensemble, advance, first, restored
 from sysid.posterior.history import History
-from sysid.posterior.moves import posterior_moves
+from sysid.posterior.moves import fitted_to_walkers, posterior_moves
 from sysid.posterior.sampled_posterior import Posterior
 from sysid.progress import Progress, unwatched
 from sysid.threads import one_blas_thread
@@ -35,12 +36,15 @@ class SamplingOptions:
 
     `ensembles` independent ensembles of `walkers_per_parameter` walkers per parameter; sampling goes on in stretches of
     `segment_steps` until R-hat < `rhat_limit` and at least `min_effective` effective draws for every parameter, or
-    `max_steps`.  `start_inflation` widens the Laplace covariance from which the walkers start.
+    `max_steps`.  `start_inflation` widens the Laplace covariance from which the walkers start.  In the first
+    `adapting_steps` the independence proposals follow the walkers after every stretch; the draws of these steps are
+    never kept.
     """
 
     ensembles: int = 4
     walkers_per_parameter: float = 2.1
-    segment_steps: int = 20
+    segment_steps: int = 10
+    adapting_steps: int = 30
     min_steps: int = 60
     max_steps: int = 1500
     rhat_limit: float = 1.01
@@ -93,17 +97,22 @@ def sample_posterior(
         if resumed.note and notice is not None:
             notice(resumed.note)
         history = History(resumed.segments)
-        ensembles = _ensembles(density, names, centre, covariance, options, resumed)
+        states = _states(density, names, centre, covariance, options, resumed)
+        moves = posterior_moves(*_proposals(history, centre, covariance, options))
+        ensembles = [Ensemble(density, moves, state) for state in states]
         # A chain that had already converged when it is resumed must not grow.
-        diagnosis = diagnose(history.draws) if _due(history.steps, options) else None
+        diagnosis = _judged(history, options) if _due(history.steps, options) else None
         while not _finished(diagnosis, history.steps, options):
             report(_words(diagnosis, history.steps), _fraction(diagnosis, history.steps, options))
             segment = advance(ensembles, options.segment_steps)
             if checkpoint is not None:
                 checkpoint.append(segment)
             history.append(segment)
-            diagnosis = diagnose(history.draws) if _due(history.steps, options) else diagnosis
-    return _posterior(names, history, diagnosis or diagnose(history.draws), likelihood, options)
+            if history.steps <= options.adapting_steps:
+                moves = posterior_moves(*_proposals(history, centre, covariance, options))
+                ensembles = [ensemble.with_moves(moves) for ensemble in ensembles]
+            diagnosis = _judged(history, options) if _due(history.steps, options) else diagnosis
+    return _posterior(names, history, diagnosis or _judged(history, options), likelihood, options)
 
 
 def posterior_so_far(
@@ -117,7 +126,7 @@ def posterior_so_far(
     if stored is None or stored[0] != identity:
         return None
     history = History(stored[1])
-    return _posterior(names, history, diagnose(history.draws), likelihood, options, finished=False)
+    return _posterior(names, history, _judged(history, options), likelihood, options, finished=False)
 
 
 def chain_identity(
@@ -131,23 +140,40 @@ def chain_identity(
     return {**fingerprint, **{f"setting {k}": v for k, v in settings.items()}, "least-squares optimum": digest}
 
 
-def _ensembles(
+def _states(
     density: Density,
     names: tuple[str, ...],
     centre: Parameters,
     covariance: ParametersByParameters,
     options: SamplingOptions,
     resumed: Resumed,
-) -> list[Ensemble]:
+) -> list[emcee.State]:
+    """Where the walkers of every ensemble are when the chain begins or goes on."""
     if resumed.ending is not None:
-        states = [restored(resumed.ending, e) for e in range(options.ensembles)]
-    else:
-        count = len(names)
-        walkers = 2 * int(np.ceil(max(options.walkers_per_parameter * count, 2 * count + 2) / 2))
-        spread = covariance * options.start_inflation
-        seeds = np.random.SeedSequence(options.seed).spawn(options.ensembles)
-        states = [first(density, names, centre, spread, walkers, seed) for seed in seeds]
-    return [Ensemble(density, posterior_moves(centre, covariance), state) for state in states]
+        return [restored(resumed.ending, e) for e in range(options.ensembles)]
+    count = len(names)
+    walkers = 2 * int(np.ceil(max(options.walkers_per_parameter * count, 2 * count + 2) / 2))
+    spread = covariance * options.start_inflation
+    seeds = np.random.SeedSequence(options.seed).spawn(options.ensembles)
+    return [first(density, names, centre, spread, walkers, seed) for seed in seeds]
+
+
+def _proposals(
+    history: History, centre: Parameters, covariance: ParametersByParameters, options: SamplingOptions
+) -> tuple[Parameters, ParametersByParameters]:
+    """Centre and covariance of the independence proposals after the steps so far.
+
+    They depend on these steps alone, not on where a run was interrupted.
+    """
+    stretch = options.segment_steps
+    last = min(history.steps, options.adapting_steps) // stretch * stretch
+    if last == 0:
+        return centre, covariance
+    return fitted_to_walkers(covariance, history.draws[:, last - -(-stretch // 2) : last])
+
+
+def _judged(history: History, options: SamplingOptions) -> Diagnosis:
+    return diagnose(history.draws, options.adapting_steps)
 
 
 def _due(done: int, options: SamplingOptions) -> bool:
@@ -166,7 +192,9 @@ def _converged(diagnosis: Diagnosis, options: SamplingOptions) -> bool:
 def _finished(diagnosis: Diagnosis | None, done: int, options: SamplingOptions) -> bool:
     if done >= options.max_steps:
         return True
-    return diagnosis is not None and done >= options.min_steps and _converged(diagnosis, options)
+    # While proposals still follow the walkers nothing has converged.
+    least = max(options.min_steps, 2 * options.adapting_steps)
+    return diagnosis is not None and done >= least and _converged(diagnosis, options)
 
 
 def _words(diagnosis: Diagnosis | None, done: int) -> str:
@@ -195,7 +223,8 @@ def _posterior(
 ) -> Posterior:
     draws, steps = history.draws, history.steps
     kept = np.exp(draws[:, diagnosis.burn_in :])
-    converged = finished and _converged(diagnosis, options) and not options.preview
+    adapted = steps >= 2 * options.adapting_steps
+    converged = finished and adapted and _converged(diagnosis, options) and not options.preview
     worst = int(np.argmax(diagnosis.rhat))
     proposals, rejected = history.accepted.size * steps, int(history.rejected.sum())
     figures = (

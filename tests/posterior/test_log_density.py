@@ -164,3 +164,23 @@ def test_gradient_is_that_of_the_density(fit):
     steps = 1e-5 * np.eye(x.size)
     up, down = np.split(in_batches(density, np.concatenate([x + steps, x - steps])), 2)
     np.testing.assert_allclose(gradient, (up - down) / 2e-5, rtol=2e-6, atol=1e-3)
+
+
+def test_larger_steps_keep_value_and_gradient_at_the_centre_and_nearly_all_around_it(fit):
+    exact = LogDensity(fit.state)
+    larger = exact.with_larger_steps()
+    assert larger is not exact
+    values, slopes = zip(*(d.gradient(exact.centre) for d in (exact, larger)), strict=True)
+    # The gains of the sensors, which are eliminated, follow the signals: nothing else changes.
+    np.testing.assert_allclose(values[1], values[0], atol=0.05)
+    np.testing.assert_allclose(slopes[1], slopes[0], atol=1e-6 * np.abs(slopes[0]).max() + 1e-6)
+    factor = np.linalg.cholesky(fit.result.covariance)
+    points = exact.centre + np.random.default_rng(9).normal(size=(20, 13)) @ factor.T
+    fine = in_batches(exact, points)
+    off = in_batches(larger, points) - fine
+    assert np.ptp(fine) > 5.0
+    assert off.std() < 0.05
+    # The larger steps alone would move the posterior.
+    coarse = replace(larger._model, arrays=fit.state.model.arrays)
+    alone = in_batches(LogDensity(replace(fit.state, model=coarse)), points) - fine
+    assert off.std() < 0.5 * alone.std(), (off.std(), alone.std())

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_t
 
-from sysid.posterior.moves import LaplaceMove, posterior_moves
+from sysid.posterior.moves import LaplaceMove, fitted_to_walkers, posterior_moves
+from sysid.posterior.sampling import SamplingOptions, sample_posterior
 
 DIMENSION, WALKERS, SEED = 10, 600, 7
 CENTRE = np.linspace(-3.0, 6.0, DIMENSION)
@@ -103,3 +104,33 @@ def test_proposals_have_the_spread_of_the_t_distribution():
     proposal, _ = move.get_proposal(np.tile(CENTRE, (200_000, 1)), np.random.RandomState(4))
     white = (proposal - CENTRE) @ WHITEN.T
     np.testing.assert_allclose(np.cov(white.T), np.eye(DIMENSION) * 12 / 10, atol=0.02)
+
+
+def test_proposals_fitted_to_walkers_have_their_mean_and_a_weighted_covariance():
+    draws = np.random.default_rng(5).multivariate_normal(CENTRE, COVARIANCE, size=(2, 3, 20))
+    first = np.eye(DIMENSION)
+    centre, mixed = fitted_to_walkers(first, draws)
+    pooled = draws.reshape(-1, DIMENSION)
+    np.testing.assert_allclose(centre, pooled.mean(axis=0))
+    # 40 walkers against 10 parameters.
+    np.testing.assert_allclose(mixed, 0.8 * np.cov(pooled.T) + 0.2 * first)
+
+
+def sampled_from_afar(adapting_steps: int):
+    """The Gaussian of this file sampled from an approximation that is three standard deviations off along one axis."""
+    options = SamplingOptions(adapting_steps=adapting_steps, min_steps=60, max_steps=60, seed=2, start_inflation=1.0)
+    centre = CENTRE + 3.0 * FACTOR[:, 0] + 40.0
+    return sample_posterior(lambda x: density(x - 40.0), tuple("abcdefghij"), centre, 0.7 * COVARIANCE, "test", options)
+
+
+def test_proposals_that_follow_the_walkers_find_a_posterior_elsewhere():
+    """Kept draws are unbiased; with proposals that stay where they began, the same steps do not get there."""
+
+    def off(posterior) -> np.ndarray:
+        draws = (np.log(posterior.draws.reshape(-1, DIMENSION)) - 40.0 - CENTRE) @ WHITEN.T
+        return np.abs(draws.mean(axis=0))
+
+    following, staying = sampled_from_afar(30), sampled_from_afar(0)
+    assert following.burn_in == 30
+    assert off(following).max() < 0.2, off(following)
+    assert following.acceptance.mean() > 1.5 * staying.acceptance.mean()

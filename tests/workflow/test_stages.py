@@ -29,6 +29,19 @@ from sysid.workflow.stages import BANDS, CHECK, DROPS, FIT, PREDICT, SAMPLE, SCA
 DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 
 
+class StandardNormal:
+    """A density that needs no vehicle."""
+
+    def __init__(self, state: object):
+        pass
+
+    def with_larger_steps(self) -> StandardNormal:
+        return self
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        return -0.5 * (points**2).sum(axis=1)
+
+
 @pytest.fixture
 def stubbed(tmp_path: Path, monkeypatch) -> Callable[..., Calibration]:
     """Calibrations of one output folder whose fit is at hand and whose posterior is a normal distribution."""
@@ -53,7 +66,7 @@ def stubbed(tmp_path: Path, monkeypatch) -> Callable[..., Calibration]:
     # The fit is that of another truck than the campaign's.
     monkeypatch.setattr("sysid.estimates.derive.derive_estimates", lambda *given: Estimates())
     monkeypatch.setattr("sysid.prediction.driven_range.driven_range", lambda state: small_driven())
-    monkeypatch.setattr("sysid.posterior.log_density.LogDensity", lambda *given: lambda x: -0.5 * (x**2).sum(axis=1))
+    monkeypatch.setattr("sysid.posterior.log_density.LogDensity", StandardNormal)
     sample = sampling.sample_posterior
     monkeypatch.setattr(
         sampling,
@@ -68,7 +81,9 @@ def stubbed(tmp_path: Path, monkeypatch) -> Callable[..., Calibration]:
     )
 
     def made(*, resume: bool = False, max_steps: int = 20, progress=None) -> Calibration:
-        options = SamplingOptions(segment_steps=10, min_steps=10, max_steps=max_steps)
+        options = SamplingOptions(
+            segment_steps=10, adapting_steps=0, min_steps=10, max_steps=max_steps, min_effective=5e3
+        )
         found = Calibration(DATA, tmp_path / "out", replace(Settings(), sampling=options), progress, resume=resume)
         for stage, result in at_hand.items():
             if found._folder.known(stage) is None:

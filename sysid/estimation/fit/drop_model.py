@@ -25,6 +25,7 @@ from sysid.estimation.parameters.campaign_parameters import (
     campaign_parameters,
 )
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
+from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.progress import Progress, unwatched
@@ -50,6 +51,9 @@ _FIT_S = 2.5
 #: Where a wheel begins to feel the end of the plank [m], and how far the moment may be off [s].
 FOOT_M = 0.15
 SLACK_S = 0.3
+
+#: Iterations of the first search of the drops.
+_FIRST_ITERATIONS = 15
 
 _BODIES_ONLY = "The full model fits wheels that roll off a plank, not bodies that are let go: no estimates by it here."
 
@@ -184,8 +188,20 @@ def fit_drops(
     model = model_at(motion.speed_m_s, motion.start_s)
     instrument = _instrument_noise(model, runs)
     report("fitting the plank drops with the full model", 0.2)
-    optimum = optimise_from(as_runs, model, motion, instrument, parameters.start, options, report)
+    # Where linear laws leave much the estimates say little, however long one searches for them.
+    larger = with_larger_steps(model, parameters.start, motion)
+    optimum = optimise_from(as_runs, larger, motion, instrument, parameters.start, _hasty(options), report)
+    if optimum.misfit < DOUBT:
+        values, motion = optimum.problem.unpack(optimum.vector)
+        weights = optimum.problem.weights
+        optimum = optimise_from(as_runs, model, motion, instrument, values, options, report, weights=weights)
     return _estimates(records, optimum)
+
+
+def _hasty(options: FitOptions) -> FitOptions:
+    """Settings of a search that shows whether linear laws suit the drops."""
+    rounds, most = min(options.weight_rounds, 1), min(options.max_iterations, _FIRST_ITERATIONS)
+    return replace(options, weight_rounds=rounds, tolerance=max(options.tolerance, 1e-3), max_iterations=most)
 
 
 def _as_run(number: int, drop: PlankDrop) -> BumpRun:
@@ -302,7 +318,8 @@ def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEsti
                 damping_sd=float(damping * np.hypot(sd[c], form[1])),
                 damped_period=float("nan"),
                 log_decrement=float("nan"),
-                usable=bool(optimum.minimum.converged),
+                # A search that creeps where linear laws do not suit is allowed for as well.
+                usable=bool(optimum.minimum.converged or doubtful),
                 note=note if doubtful else "",
             )
         )

@@ -47,8 +47,12 @@ IDLE_SHRINKAGE = 0.9
 #: Travels that are estimated with undeclared stops, and by how much in the logarithm a second search begins nearer: two
 #: and a half standard deviations of their prior, nearer than nearly all of them.
 TRAVELS, NEARER = ("jounce_travel", "rebound_travel"), 0.3
-#: A fit of its own, one to judge residuals by, or one under the weights and maps of its neighbour.
-How = Literal["final", "rough", "trial", "rough trial"]
+#: Iterations after which the fit that trials are compared with ends: parameters that the data hardly see creep on for
+#: long, and move the cost by far less than what decides.
+BASE_ITERATIONS = 20
+#: A fit of its own, one to judge residuals by, one that trials are compared with, or one under the weights and maps of
+#: its neighbour.
+How = Literal["final", "rough", "base", "trial", "rough trial"]
 
 
 def fit_with_laws(
@@ -95,8 +99,19 @@ def fit_with_laws(
             # A trial keeps weights and maps of its neighbour, under which it is compared.
             tolerance = max(options.tolerance, 1e-3 if how == "rough trial" else 1e-6)
             under = replace(options, weight_rounds=0, tolerance=tolerance) if trial else options
+            if how == "base":
+                rounds, most = min(options.weight_rounds, 1), min(options.max_iterations, BASE_ITERATIONS)
+                under = replace(options, weight_rounds=rounds, tolerance=tolerance, max_iterations=most)
             return optimise(
-                campaign, named, profiles, under, comparing, near=near, keep_maps=trial, rough=how == "rough"
+                campaign,
+                named,
+                profiles,
+                under,
+                comparing,
+                near=near,
+                keep_maps=trial,
+                rough=how == "rough",
+                larger_steps=how != "final",
             )
 
         chosen, comparison = _compare(campaign, declared, rich, chosen, fitted)
@@ -173,8 +188,8 @@ def _compare(
     chosen = best.optimum
     if gain_over(base, best) < DECISIVE:
         best_laws, chosen = poor_laws, fitted(poor_laws, poor)
-    elif chosen is not rich:
-        # The trial ran under the rich laws' weights; the result stands on its own.
+    else:
+        # Trials ran under the rich laws' weights and with larger steps; the result stands on its own.
         chosen = fitted(best_laws, chosen)
     return chosen, LawComparison(tuple(trials), _names(best_laws))
 
@@ -237,7 +252,7 @@ def _enriched(
         optimum = fitted(laws, optimum, how="rough")
         if any(STOPS in more for more in added):
             optimum = _with_nearer_stops(laws, optimum, fitted)
-    return laws, (None if laws == start else fitted(laws, optimum))
+    return laws, (None if laws == start else fitted(laws, optimum, how="base"))
 
 
 def _sure(judged: Judged, laws: Laws, without: Laws, size: float) -> bool:

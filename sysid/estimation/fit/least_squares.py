@@ -22,6 +22,7 @@ from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
+from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_data import RunGroup
@@ -81,6 +82,7 @@ def optimise(
     near: Optimum | None = None,
     keep_maps: bool = False,
     rough: bool = False,
+    larger_steps: bool = False,
 ) -> Optimum:
     """The optimum of one set of suspension laws, all rounds of re-weighting done.
 
@@ -92,6 +94,8 @@ def optimise(
     keep_maps : keep the footprint maps of `near`.
     rough : end before the last search, under the weights of one round and maps made again once: enough to judge
         residuals by.
+    larger_steps : integrate with the larger steps that searches before the last one have anyway
+        (:mod:`sysid.estimation.residuals.larger_steps`): enough to compare optima by.
     """
     report("preparing the model", 0.0)
 
@@ -107,25 +111,27 @@ def optimise(
     if rough:
         hasty = replace(hasty, tolerance=_FIRST_SIGHT, max_iterations=min(options.max_iterations, _FIRST_ITERATIONS))
     how = hasty if again or rough else options
+    larger = larger_steps or again or rough
     if near is None:
-        model = prepared(None)
-        motion, instrument = _find_motion(campaign, model, parameters.start, report)
-        check_load_cases(campaign, model, motion, parameters.start, instrument, lambda other: prepared(None, other))
-        optimum = optimise_from(campaign, model, motion, instrument, parameters.start, how, report)
+        model, start, weights = prepared(None), parameters.start, None
+        motion, instrument = _find_motion(campaign, model, start, report)
+        check_load_cases(campaign, model, motion, start, instrument, lambda other: prepared(None, other))
     else:
-        model = prepared(near.problem.model.tires)
-        _, motion = near.problem.unpack(near.vector)
-        start, weights = _start_from(parameters, near), near.problem.weights
-        optimum = optimise_from(campaign, model, motion, near.instrument, start, how, report, weights=weights)
+        model, start, weights = prepared(near.problem.model.tires), _start_from(parameters, near), near.problem.weights
+        instrument, (_, motion) = near.instrument, near.problem.unpack(near.vector)
+    model = with_larger_steps(model, start, motion) if larger else model
+    optimum = optimise_from(campaign, model, motion, instrument, start, how, report, weights=weights)
     if not again:
         return optimum
     for _ in range(1 if rough else _MAPS - 1):
-        optimum = _with_own_maps(campaign, optimum, prepared, hasty, report)
+        optimum = _with_own_maps(campaign, optimum, prepared, hasty, report, larger_steps=True)
         tires = optimum.problem.model.tires
         assert tires is not None
         if tires.like(map_tires(parameters, optimum.vector[: optimum.problem.count])):
             break
-    return optimum if rough else _with_own_maps(campaign, optimum, prepared, options, report)
+    if rough:
+        return optimum
+    return _with_own_maps(campaign, optimum, prepared, options, report, larger_steps=larger_steps)
 
 
 def _with_own_maps(
@@ -134,11 +140,14 @@ def _with_own_maps(
     prepared: Callable[[MapTires], BumpModel],
     options: FitOptions,
     report: Progress,
+    *,
+    larger_steps: bool,
 ) -> Optimum:
     """The optimum under footprint maps of the tires that another optimum has."""
     report("footprint of the estimated tires", 0.5)
     values, motion = before.problem.unpack(before.vector)
     model, weights = prepared(map_tires(before.problem.model.parameters, values)), before.problem.weights
+    model = with_larger_steps(model, values, motion) if larger_steps else model
     again = optimise_from(campaign, model, motion, before.instrument, values, options, report, weights=weights)
     # The cross-check starts from where the search for all began.
     first = again.problem.vector(before.first[: before.problem.count])

@@ -34,7 +34,7 @@ def _sample(context: Context) -> Posterior:
 
     fit, state = context[FIT].fit, fit_state(context)
     return sample_posterior(
-        LogDensity(state),
+        LogDensity(state).with_larger_steps(),
         fit.names,
         state.point.log_parameters,
         fit.covariance,
@@ -107,7 +107,15 @@ SAMPLE = Whole(
     # How long to go on decides when a chain ends, not what it is.
     settings=tuple(
         f"sampling.{name}"
-        for name in ("ensembles", "walkers_per_parameter", "segment_steps", "start_inflation", "seed", "preview")
+        for name in (
+            "ensembles",
+            "walkers_per_parameter",
+            "segment_steps",
+            "adapting_steps",
+            "start_inflation",
+            "seed",
+            "preview",
+        )
     ),
     code=("posterior",),
     unfinished=_can_go_on,
@@ -171,7 +179,7 @@ def _crosscheck(context: Context) -> CrossCheck:
 
     state = fit_state(context)
     return cross_check(
-        LogDensity(state).gradient,
+        LogDensity(state).with_larger_steps().gradient,
         context[SAMPLE],
         state.point.log_parameters,
         context[FIT].fit.covariance,
