@@ -39,7 +39,11 @@ BEFORE_S = 0.5
 AFTER_S = 1.5
 #: Number of posterior draws behind the bands, and behind those of the ratio against speed.
 DRAWS = 200
-SWEEP_DRAWS = 50
+SWEEP_DRAWS = 40
+#: Output interval of the ratio against speed [s], and by how many samples its records grow at a time: load cases whose
+#: passages last nearly as long share what is compiled.
+SWEEP_INTERVAL_S = 0.002
+SWEEP_GRAIN = 100
 #: Speeds [km/h] of the ratio against speed.
 SWEEP_KM_H = (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0, 32.0, 36.0, 42.0, 48.0, 54.0, 60.0)
 
@@ -68,15 +72,16 @@ class _Pass:
     sunk_m: SamplesByAxlesBySets
     static_N: Axles
     passing: np.ndarray
+    interval_s: float
 
     @property
     def rate_m_s(self) -> np.ndarray:
         """Rate of the suspensions' extension (T, axles, S) [m/s]."""
-        return np.asarray(np.gradient(self.deflection_m, INTERVAL_S, axis=0))
+        return np.asarray(np.gradient(self.deflection_m, self.interval_s, axis=0))
 
     def reached(self, speed_m_s: float) -> Reached:
         """Extremes over the pass, medians over the draws."""
-        most = extremes(self.sunk_m, self.deflection_m, self.tire_N, INTERVAL_S)
+        most = extremes(self.sunk_m, self.deflection_m, self.tire_N, self.interval_s)
         return Reached(speed_m_s, **{name: np.median(values, axis=-1) for name, values in most.items()})
 
 
@@ -88,18 +93,24 @@ def _simulate(
     sets: np.ndarray,
     vehicles: VehicleDraws | None = None,
     stops: AssumedStops | None = None,
+    *,
+    interval_s: float = INTERVAL_S,
+    grain: int = 1,
 ) -> _Pass:
-    """`sets` (p, S) log parameters; `vehicles` of the S draws, None for the declared one with assumed `stops`."""
+    """`sets` (p, S) log parameters; `vehicles` of the S draws, None for the declared one with assumed `stops`.
+
+    Histories every `interval_s`, their number a multiple of `grain`.
+    """
     wanted = Pass(request.load_case, request.bump)
     lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
     road, speed = lanes.road, request.speed_m_s
     last = road.first_station_m + road.step_m * road.rise.shape[-1]
     # The record starts half a second before axle 1 touches the bump and its time is zero over the start of the bump.
-    lead = np.ceil((BEFORE_S - road.first_station_m / speed) / INTERVAL_S) * INTERVAL_S
+    lead = np.ceil((BEFORE_S - road.first_station_m / speed) / interval_s) * interval_s
     duration = lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S
     check_duration(request, duration)
-    samples = int(np.ceil(duration / INTERVAL_S))
-    timing, motion = Timing(samples, INTERVAL_S, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
+    samples = grain * int(np.ceil(duration / interval_s / grain))
+    timing, motion = Timing(samples, interval_s, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
     if vehicles is None:
         laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
         laws = laws if stops is None else stops.on(laws, 0)
@@ -112,7 +123,7 @@ def _simulate(
         tire, suspension, deflection, sunk = histories
     static = lanes.matrices.static_load[0, :, 0]
     check_finite(request, parameters, sets, np.asarray(static), tire, suspension, deflection)
-    time = np.round(np.arange(samples) * INTERVAL_S - lead, 6)
+    time = np.round(np.arange(samples) * interval_s - lead, 6)
     x = lanes.axle_x[:, 0]
     return _Pass(
         time,
@@ -122,6 +133,7 @@ def _simulate(
         sunk,
         static,
         (time[:, None] >= (road.first_station_m + x) / speed) & (time[:, None] <= (last + x) / speed + AFTER_S),
+        interval_s,
     )
 
 
@@ -225,7 +237,18 @@ def speed_sweep(
     peaks, coefficients, beyond = [], [], []
     for i, speed in enumerate(speeds_m_s):
         progress(f"ratio against speed, {load_case}", i / len(speeds_m_s))
-        p = _simulate(campaign, parameters, roads, PredictionRequest(load_case, speed, bump), sets, vehicles, stops)
+        request = PredictionRequest(load_case, speed, bump)
+        p = _simulate(
+            campaign,
+            parameters,
+            roads,
+            request,
+            sets,
+            vehicles,
+            stops,
+            interval_s=SWEEP_INTERVAL_S,
+            grain=SWEEP_GRAIN,
+        )
         peaks.append(p.tire_N.max(axis=0) / p.static_N[:, None])
         coefficients.append(load_coefficient(p.tire_N, p.static_N, p.passing))
         trust = () if driven is None else extrapolations(p.reached(speed), driven, load_case)
