@@ -87,7 +87,7 @@ def configure() -> None:
     except (NotPrivateError, OSError):
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
 
 def require_64_bit() -> None:
