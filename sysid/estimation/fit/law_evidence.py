@@ -97,6 +97,7 @@ class LawEvidence:
         """An optimum with the evidence for it."""
         problem = optimum.problem
         data = information_with(self._campaign, problem, optimum.vector, self._columns(optimum))
+        problem.forget()
         rows, _ = problem.model.parameters.prior_rows()
         return Judged(optimum, evidence(optimum.minimum.cost, data.matrix, data.score, rows.T @ rows, self.sd))
 

@@ -194,6 +194,8 @@ def optimise_from(
         if not last:
             problem.weights = reweighted(problem, problem.linearise(vector))
     assert minimum is not None
+    # Optima of many laws are kept side by side, their derivatives need not be.
+    problem.forget()
     _, rolling = noise_before(model, motion)
     return Optimum(problem, vector, first, replace(minimum, iterations=iterations), instrument, rolling)
 

@@ -44,6 +44,10 @@ class Problem:
         other._latest = None
         return other
 
+    def forget(self) -> None:
+        """Let go of the derivatives that are kept for the point asked for last."""
+        self._latest = None
+
     def linearise(self, vector: UnknownsOfFit) -> tuple[Linearisation, ...]:
         """Linearisation of every group at a vector."""
         key = vector.tobytes()

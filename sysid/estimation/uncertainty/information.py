@@ -97,7 +97,9 @@ def information_with(
     blocks: list[Hashable] = []
     shared = problem.count + columns[0].gain.shape[-1]
     information = np.zeros((shared, shared))
-    for group, lin in zip(problem.model.groups, with_columns(problem.linearise(vector), columns), strict=True):
+    for group, of_group, more in zip(problem.model.groups, problem.linearise(vector), columns, strict=True):
+        # One group at a time: joined columns of all of them fill the memory of a small computer.
+        (lin,) = with_columns([of_group], [more])
         runs = list(group.runs)
         prior = problem.expected.precision(motion, runs)
         run_scores, data = block_scores(
