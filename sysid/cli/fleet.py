@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
 import sys
@@ -20,8 +21,8 @@ from sysid.cli.invocation import program, tell
 from sysid.cli.output_option import OutputFolder
 from sysid.cli.stages import INTERRUPTED, console, termination_as_interrupt
 from sysid.cli.tables import render
-from sysid.display import TextTable
-from sysid.errors import CampaignError, SysidError
+from sysid.display import TextTable, shown_unit
+from sysid.errors import CampaignError, NotConvergedError, SysidError
 from sysid.files import write_text
 from sysid.folder_lock import cannot_write
 from sysid.wording import shorten
@@ -277,3 +278,75 @@ def jobs(path: Path, output: Path, **choices: Any) -> None:
         return 0
 
     guarded("jobs", do)
+
+
+@fleet.command("population")
+@_fleet_argument
+@_output_option
+def population(path: Path, output: Path) -> None:
+    """Mean and spread of every type, trucks drawn towards them, outliers; needs three trucks with results."""
+
+    def do(screen: Console, errors: Console) -> int:
+        from sysid.cli.progress import StageProgress
+        from sysid.fleet.results import compute
+
+        with StageProgress(errors) as progress:
+            progress.stage("population")
+            found = compute(path, output, progress.update)
+        render(screen, population_blocks(found.populations, found.loads, found.said))
+        screen.print(f"All numbers: {found.file}", markup=False)
+        return 0 if all(p.converged for p in found.populations) else NotConvergedError.exit_code
+
+    guarded("population", do)
+
+
+def population_blocks(found: Sequence[Any], loads: Sequence[Any], said: Sequence[str]) -> list[TextTable | str]:
+    """Tables of every type, outliers and loads."""
+    blocks: list[TextTable | str] = []
+    for p in found:
+        blocks += [_type_table(p), *(_outlier_words(o) for o in p.outliers)]
+        if not p.outliers:
+            blocks.append("No truck stands out.")
+        blocks += [p.message, *p.remarks]
+    if loads:
+        columns = ("load case, speed, axle", "trucks", "peak load ratio", "90 % of trucks", "between trucks")
+        table = TextTable("Wheel loads of a truck that nobody has measured", columns)
+        for x in loads[:_ROWS]:
+            name = f"{x.type}, {x.load_case}, {x.speed_km_h:g} km/h, axle {x.axle}"
+            table.add_row(name, str(x.trucks), f"{x.q50:.3g}", f"{x.q05:.3g} to {x.q95:.3g}", f"{100 * x.spread:.2g} %")
+        blocks.append(table)
+    return [*blocks, *said]
+
+
+def _type_table(p: Any) -> TextTable:
+    columns = (
+        "parameter",
+        "mean",
+        "90 % interval",
+        "unit",
+        "between trucks",
+        "repeats",
+        "a new truck",
+        "more to halve",
+    )
+    table = TextTable(f"{p.type}: {len(p.truck_names)} trucks, {len(p.campaigns)} campaigns", columns)
+    for i, name in enumerate(p.names):
+        factor, unit = shown_unit(p.units[i])
+        table.add_row(
+            name,
+            f"{p.mean.q50[i] * factor:.4g}",
+            f"{p.mean.q05[i] * factor:.4g} to {p.mean.q95[i] * factor:.4g}",
+            unit,
+            f"{100.0 * p.spread.q50[i]:.2g} %",
+            f"{100.0 * p.scatter.q50[i]:.2g} %" if math.isfinite(p.scatter.q50[i]) else "-",
+            f"{p.new.q05[i] * factor:.4g} to {p.new.q95[i] * factor:.4g}",
+            f"{p.further[i]:.0f}" if math.isfinite(p.further[i]) else "none",
+        )
+    return table
+
+
+def _outlier_words(o: Any) -> str:
+    return (
+        f"{o.truck}: {o.parameter} is {o.factor:.2f} times that of the other trucks (by chance {o.probability:.1e}); "
+        "look at its damper, spring or sensor there."
+    )

@@ -13,11 +13,29 @@ _HOMES = {
     "RunOptions": "sysid.fleet.running",
     "SharedError": "sysid.fleet.records",
     "Truck": "sysid.fleet.records",
+    "SimulatedFleet": "sysid.fleet.simulate",
+    "TypePopulation": "sysid.fleet.population",
+    "compute": "sysid.fleet.results",
     "read_fleet": "sysid.fleet.read",
     "run_fleet": "sysid.fleet.running",
+    "simulate_fleet": "sysid.fleet.simulate",
 }
 
-__all__ = ["Fleet", "FleetCampaign", "Outcome", "Row", "RunOptions", "SharedError", "Truck", "read_fleet", "run_fleet"]
+__all__ = [
+    "Fleet",
+    "FleetCampaign",
+    "Outcome",
+    "Row",
+    "RunOptions",
+    "SharedError",
+    "SimulatedFleet",
+    "Truck",
+    "TypePopulation",
+    "compute",
+    "read_fleet",
+    "run_fleet",
+    "simulate_fleet",
+]
 
 
 def __getattr__(name: str) -> Any:

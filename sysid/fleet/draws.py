@@ -18,15 +18,15 @@ RECORD_FILE = "fleet_draws.npz"
 #: Draws that are kept of a campaign: enough for a Pareto k, few enough for ten thousand campaigns.
 KEPT_DRAWS = 1000
 SCHEMA = 1
-_WORDS = ("names", "quantities", "units", "axles", "load_cases")
+_WORDS = ("names", "quantities", "units", "axles", "load_cases", "laws")
 
 
 @dataclass(frozen=True)
 class CampaignDraws:
     """Draws (n, p) of the log parameters of one campaign, and the Gaussian prior N(prior_mean, prior_covariance).
 
-    `names`, `quantities`, `units` of the parameters; `axles` from 0, -1 for a property of all; `load_cases` empty where
-    a value holds in all of them.
+    `names`, `quantities`, `units`, suspension `laws` of the parameters; `axles` from 0, -1 for a property of all;
+    `load_cases` empty where a value holds in all of them.
     """
 
     names: tuple[str, ...]
@@ -34,15 +34,16 @@ class CampaignDraws:
     units: tuple[str, ...]
     axles: tuple[int, ...]
     load_cases: tuple[str, ...]
+    laws: tuple[str, ...]
     draws: np.ndarray
     prior_mean: np.ndarray
     prior_covariance: np.ndarray
 
     def __post_init__(self) -> None:
         count = len(self.names)
-        for words in (self.quantities, self.units, self.axles, self.load_cases):
+        for words in (self.quantities, self.units, self.axles, self.load_cases, self.laws):
             if len(words) != count:
-                raise ValueError("as many quantities, units, axles and load cases as names are expected")
+                raise ValueError("as many quantities, units, axles, load cases and laws as names are expected")
         if self.draws.ndim != 2 or self.draws.shape[1] != count or self.prior_mean.shape != (count,):
             raise ValueError(f"draws (n, {count}) and a prior mean ({count},) are expected")
         if self.prior_covariance.shape != (count, count):
@@ -57,6 +58,7 @@ class CampaignDraws:
             tuple(self.units[i] for i in at),
             tuple(self.axles[i] for i in at),
             tuple(self.load_cases[i] for i in at),
+            tuple(self.laws[i] for i in at),
             self.draws[:, at],
             self.prior_mean[at],
             self.prior_covariance[np.ix_(at, at)],
@@ -89,6 +91,7 @@ def write_record(calibration: Calibration, results: Results, output: Path) -> No
             tuple(p.unit for p in of),
             tuple(-1 if p.axle is None else p.axle for p in of),
             tuple(p.load_case or "" for p in of),
+            tuple(p.law for p in of),
             thinned(log_draws(results.posterior)),
             covariance @ rows.T @ targets,
             covariance,

@@ -22,7 +22,7 @@ from sysid.wording import finish, nearest, shorten
 
 #: Folder of the results of all campaigns below that of the fleet.
 CAMPAIGNS = "campaigns"
-#: Memory of one calibration before any was measured [bytes]: a three-axle truck takes half of it.
+#: Memory of one calibration before any was measured [bytes]: a three-axle truck takes two thirds of it.
 TASK_BYTES = 1_500_000_000
 #: How many tasks are handed over at a time, per worker: enough that none waits, few enough for any number of campaigns.
 _AHEAD = 2
