@@ -222,23 +222,28 @@ def init(folder: Path, force: bool) -> None:
     """Begin a fleet.toml from the campaigns below FOLDER."""
 
     def do(screen: Console, errors: Console) -> int:
-        from sysid.fleet.begin import fleet_text
-        from sysid.fleet.read import FLEET_FILE
-
-        if not folder.is_dir():
-            raise CampaignError(f"{shorten(folder, 100)} is no folder; give the folder above the campaigns.")
-        target = folder / FLEET_FILE
-        if target.exists() and not force:
-            raise CampaignError(f"{shorten(target, 100)} exists; give --force to write over it.")
-        text = fleet_text(folder)
-        try:
-            write_text(target, text)
-        except OSError as error:
-            raise cannot_write(folder, error) from error
+        target = _begun(folder, force)
         screen.print(f"{target}\nLook at trucks, types and dates in it, then: {program()} fleet {folder}", markup=False)
         return 0
 
     guarded("init", do)
+
+
+def _begun(folder: Path, force: bool) -> Path:
+    from sysid.fleet.begin import fleet_text
+    from sysid.fleet.read import FLEET_FILE
+
+    if not folder.is_dir():
+        raise CampaignError(f"{shorten(folder, 100)} is no folder; give the folder above the campaigns.")
+    target = folder / FLEET_FILE
+    if target.exists() and not force:
+        raise CampaignError(f"{shorten(target, 100)} exists; give --force to write over it.")
+    text = fleet_text(folder)
+    try:
+        write_text(target, text)
+    except OSError as error:
+        raise cannot_write(folder, error) from error
+    return target
 
 
 @fleet.command("status")
@@ -350,3 +355,40 @@ def _outlier_words(o: Any) -> str:
         f"{o.truck}: {o.parameter} is {o.factor:.2f} times that of the other trucks (by chance {o.probability:.1e}); "
         "look at its damper, spring or sensor there."
     )
+
+
+@fleet.command("index")
+@_fleet_argument
+@_output_option
+def index(path: Path, output: Path) -> None:
+    """Parquet tables of all campaigns, for queries by DuckDB or pandas; needs sysid[parquet]."""
+
+    def do(screen: Console, errors: Console) -> int:
+        from sysid.fleet.index import write_index
+        from sysid.fleet.read import read_fleet
+
+        screen.print(str(write_index(read_fleet(path), output)), markup=False)
+        return 0
+
+    guarded("index", do)
+
+
+@fleet.command("report")
+@_fleet_argument
+@_output_option
+def report(path: Path, output: Path) -> None:
+    """One page of all trucks: map by k and c, shrinkage, outliers, wheel loads, quality; links to all reports."""
+
+    def do(screen: Console, errors: Console) -> int:
+        from sysid.cli.progress import StageProgress
+        from sysid.fleet.page import write_fleet_page
+        from sysid.fleet.results import compute
+        from sysid.fleet.status import rows_on_disk
+
+        with StageProgress(errors) as progress:
+            progress.stage("population")
+            found = compute(path, output, progress.update)
+        screen.print(str(write_fleet_page(found, rows_on_disk(found.fleet, output), output)), markup=False)
+        return 0
+
+    guarded("report", do)

@@ -172,25 +172,20 @@ class Hierarchy:
         )
         return Conditional(mean, shared, trucks + np.einsum("nij,ntj->nti", root, steps[..., 0]))
 
-    def cavity(self, log_hyper: np.ndarray, parts: Parts, campaign: int) -> tuple[np.ndarray, np.ndarray]:
-        """What everything but one campaign says of that campaign's parameters: means (n, d), covariances (n, d, d).
+    def predicted(self, log_hyper: np.ndarray, parts: Parts, truck: int) -> tuple[np.ndarray, np.ndarray]:
+        """What all other trucks say of a campaign of one truck: means (n, d) and covariances (n, d, d).
 
-        Given the hyperparameters, with `parts` of them, and the other campaigns; shared errors are taken at their
-        mean, as in the draws of the campaign.
+        Given the hyperparameters, with `parts` of them; shared errors are taken at their mean, as in the draws of the
+        campaign.
         """
-        data, d, t = self.data, len(self.data.names), self.data.truck_of[campaign]
-        rest = parts.trucks.without(parts.campaigns, campaign, int(t), alone=bool((data.truck_of == t).sum() == 1))
-        joint = parts.precision - parts.joint_of_truck[:, t] + rest.joint(parts.spread)[:, 0]
-        linear = parts.linear - parts.linear_of_truck[:, t] + rest.linear(parts.spread)[:, 0]
+        d = len(self.data.names)
+        joint = parts.precision - parts.joint_of_truck[:, truck]
+        linear = parts.linear - parts.linear_of_truck[:, truck]
         mean = np.linalg.solve(joint, linear[..., None])[..., 0][:, :d]
-        covariance = np.linalg.inv(joint)[:, :d, :d]
-        gain = rest.gain(parts.spread)[:, 0]
-        pass_on, own = gain.transpose(0, 2, 1), parts.spread @ gain
-        centre = np.einsum("nij,nj->ni", pass_on, mean) + np.einsum("nij,nj->ni", own, rest.shift[:, 0])
-        covariance = pass_on @ covariance @ pass_on.transpose(0, 2, 1) + own
+        covariance = np.linalg.inv(joint)[:, :d, :d] + parts.spread
         covariance = 0.5 * (covariance + covariance.transpose(0, 2, 1))
         covariance[:, np.arange(d), np.arange(d)] += self.scatter(log_hyper)
-        return centre, covariance
+        return mean, covariance
 
     def parts(self, log_hyper: np.ndarray) -> Parts:
         """Sums over campaigns and trucks for log hyperparameters (n, h)."""
@@ -220,7 +215,7 @@ class Hierarchy:
         whole = 0.5 * (whole + whole.transpose(0, 2, 1)) + np.diag(prior)
         pull = linear.sum(axis=1) + prior * np.r_[data.mean, np.zeros(data.shared_sd.size)]
         mean = np.linalg.solve(whole, pull[..., None])[..., 0]
-        return Parts(constant, whole, pull, mean, spread, campaigns, trucks, joint, linear)
+        return Parts(constant, whole, pull, mean, spread, trucks, joint, linear)
 
 
 @dataclass(frozen=True)
@@ -239,13 +234,8 @@ class Forms:
 
     def summed(self, first: np.ndarray) -> Forms:
         """Trucks, from campaigns of which each truck's first is named."""
-        return Forms(*(np.add.reduceat(part, first, axis=1) for part in self._all))
-
-    def without(self, campaigns: Forms, campaign: int, truck: int, alone: bool) -> Forms:
-        """One truck without one of its campaigns; nothing is left of one that had no other."""
-        pairs = zip(self._all, campaigns._all, strict=True)
-        left = (t[:, [truck]] - c[:, [campaign]] if not alone else np.zeros_like(t[:, [truck]]) for t, c in pairs)
-        return Forms(*left)
+        every = (self.precision, self.shift, self.moved, self.own, self.known)
+        return Forms(*(np.add.reduceat(part, first, axis=1) for part in every))
 
     def mixed(self, spread: np.ndarray) -> np.ndarray:
         """I + L T for covariances T (n, d, d) of theta."""
@@ -269,21 +259,16 @@ class Forms:
         of_shared = self.known - np.einsum("ntis,nij,ntj->nts", self.moved, spread, pulled)
         return np.concatenate([pulled, of_shared], axis=2)
 
-    @property
-    def _all(self) -> tuple[np.ndarray, ...]:
-        return self.precision, self.shift, self.moved, self.own, self.known
-
 
 @dataclass(frozen=True)
 class Parts:
-    """Sums of the model for n sets of hyperparameters: all that density, draws and cavities need."""
+    """Sums of the model for n sets of hyperparameters: all that density, draws and predictions need."""
 
     constant: np.ndarray
     precision: np.ndarray
     linear: np.ndarray
     mean: np.ndarray
     spread: np.ndarray
-    campaigns: Forms
     trucks: Forms
     joint_of_truck: np.ndarray
     linear_of_truck: np.ndarray

@@ -259,7 +259,7 @@ def _pareto(
         if record is None:
             continue
         at = np.array([data.names.index(n) for n in record.names])
-        mean, covariance = model.cavity(log_hyper, parts, c)
+        mean, covariance = model.predicted(log_hyper, parts, int(data.truck_of[c]))
         around = (mean[:, at], covariance[:, at][:, :, at])
         prior = (record.prior_mean, record.prior_covariance)
         k[c] = campaign_weights(record.draws, *prior, *(part[::4] for part in around)).pareto_k
