@@ -15,9 +15,7 @@ Quantity = Literal["stiffness", "damping", "tire_stiffness"]
 
 def _folder_name(name: str) -> str:
     if not set(name) <= _LETTERS or name.startswith("."):
-        raise ValueError(
-            f"is '{name[:60]}'; results stand in a folder of this name: use letters, digits, '.', '-', '_'"
-        )
+        raise ValueError(f"is '{name[:60]}'; a folder gets this name: use letters, digits, '.', '-' and '_'")
     return name
 
 
