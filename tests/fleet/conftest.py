@@ -11,7 +11,7 @@ from sysid.fleet import population
 from sysid.fleet.results import FleetResults, compute
 from sysid.posterior.sampling import SamplingOptions
 
-SHORT = SamplingOptions(ensembles=4, segment_steps=100, min_steps=200, max_steps=1500, min_effective=300.0)
+SHORT = SamplingOptions(ensembles=4, segment_steps=100, min_steps=200, max_steps=1500, min_effective=200.0)
 
 
 @pytest.fixture(scope="session")
@@ -24,6 +24,7 @@ def fleet_folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]
 def fleet_results(fleet_folders: tuple[Path, Path]) -> FleetResults:
     """Populations and loads of the small fleet."""
     patch = pytest.MonkeyPatch()
+    patch.setattr(population, "_WEIGHTED", 100)
     patch.setattr(
         population.fit_population, "__kwdefaults__", {**population.fit_population.__kwdefaults__, "sampling": SHORT}
     )

@@ -88,6 +88,7 @@ def test_on_a_terminal_the_table_is_live(tmp_path: Path) -> None:
 def test_population_and_report_and_index(fleet_folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     defaults = population.fit_population.__kwdefaults__
     monkeypatch.setattr(population.fit_population, "__kwdefaults__", {**defaults, "sampling": SHORT})
+    monkeypatch.setattr(population, "_WEIGHTED", 100)
     folder, output = map(str, fleet_folders)
     result = CliRunner().invoke(cli, ["fleet", "population", folder, "--output", output])
     assert result.exit_code == 0, result.output

@@ -110,6 +110,20 @@ def test_density_and_draws_are_those_of_the_dense_gaussian(shared: bool) -> None
     assert np.abs(together.std(axis=0) / sd - 1.0).max() < 0.025
 
 
+def test_hyperparameters_are_what_their_names_say() -> None:
+    data, _, _ = small_fleet(shared=False)
+    model = Hierarchy(data, HyperPriors())
+    assert model.names == (
+        "spread[k_1]", "spread[k_2]", "spread[c_1]", "correlation_odds[stiffness]", "scatter[stiffness]",
+        "scatter[damping]",
+    )  # fmt: skip
+    # Odds of 3: of two axles the correlation is from -1 to 1, here three quarters of the way.
+    point = np.log([[0.1, 0.2, 0.3, 3.0, 0.04, 0.05]])
+    expected = np.array([[0.01, 0.5 * 0.02, 0.0], [0.5 * 0.02, 0.04, 0.0], [0.0, 0.0, 0.09]])
+    assert model.spread(point)[0] == pytest.approx(expected, rel=1e-5)
+    assert model.scatter(point)[0] == pytest.approx([0.04**2, 0.04**2, 0.05**2])
+
+
 def test_what_the_other_trucks_say_of_a_campaign_is_the_dense_conditional() -> None:
     data, value, covariance = small_fleet(shared=False)
     model = Hierarchy(data, HyperPriors(mean_sd=1.5))
@@ -170,7 +184,7 @@ def sampled(model: Hierarchy, count: int) -> np.ndarray:
     from sysid.fleet.population import laplace
     from sysid.posterior.sampling import sample_posterior
 
-    options = SamplingOptions(ensembles=4, segment_steps=200, min_steps=600, max_steps=6000, min_effective=3000.0)
+    options = SamplingOptions(ensembles=4, segment_steps=200, min_steps=600, max_steps=6000, min_effective=2500.0)
     posterior = sample_posterior(model, model.names, *laplace(model), "test", options)
     assert posterior.converged, posterior.message
     draws = np.log(posterior.draws.reshape(-1, len(model.names)))
@@ -229,7 +243,7 @@ def test_two_stages_give_what_sampling_everything_at_once_gives() -> None:
         "spread": np.exp(log_hyper[:, :2]),
         "scatter": np.sqrt(model.scatter(log_hyper)),
     }
-    expected = gibbs(data, priors, 2500, 50, 2)
+    expected = gibbs(data, priors, 1500, 50, 2)
     for name, draws in found.items():
         sd = expected[name].std(axis=0)
         assert np.abs((draws.mean(axis=0) - expected[name].mean(axis=0)) / sd).max() < 0.1, name
