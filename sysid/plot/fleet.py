@@ -121,7 +121,7 @@ def shrinkage(
 @styled
 def population_loads(names: Sequence[str], axles: Sequence[int], ratios: np.ndarray, ax: Axes | None = None) -> Axes:
     """Peak dynamic load ratios of new trucks: 5 %, 50 %, 95 % (3, rows), one row per pass and axle (index)."""
-    ax = axes_or_new(ax, 6.4, 0.9 + 0.22 * len(names))
+    ax = axes_or_new(ax, 9.6, 0.9 + 0.22 * len(names))
     place = np.arange(len(names))
     colors = [axle_color(a) for a in axles]
     ax.hlines(place, ratios[0], ratios[2], colors=colors, lw=2.4)
