@@ -15,6 +15,7 @@ from sysid.fleet.exchangeable import pooled_populations
 from sysid.fleet.hierarchy import Hierarchy, HyperPriors, TypeData
 from sysid.fleet.likelihood import likelihood_of
 from sysid.fleet.weights import MOST_K, campaign_weights, log_correction
+from sysid.posterior.sampled_posterior import Posterior
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
 from sysid.progress import Progress, unwatched
 
@@ -105,33 +106,17 @@ def fit_population(
     Raises
     ------
     DataRejectedError
-        If there are fewer than three trucks: a spread of two is not known.
+        If there are fewer than three trucks.
     """
     if len(data.trucks) < 3:
         raise DataRejectedError(f"Type '{kind}' has {len(data.trucks)} trucks with results; a population needs three.")
-    report, priors = progress or unwatched, priors or HyperPriors()
+    priors = priors or HyperPriors()
     model = Hierarchy(data, priors)
-    centre, covariance = laplace(model)
-    posterior = sample_posterior(
-        model, model.names, centre, covariance, "hierarchy of Gaussian campaigns", sampling, progress=report
-    )
-    log_hyper = np.log(posterior.draws.reshape(-1, len(model.names)))
-    log_hyper = thinned(log_hyper, DRAWS)
+    posterior, log_hyper = _sampled(model, sampling, progress or unwatched)
     random = np.random.default_rng(sampling.seed)
-    weighted = thinned(log_hyper, _WEIGHTED)
-    k, log_weights = _pareto(model, records, weighted)
-    smooth, correction_k = array_stats.psislw(log_weights) if np.ptp(log_weights) > 0.0 else (log_weights, -np.inf)
-    corrected = bool(correction_k < MOST_K) and bool(np.isfinite(correction_k))
-    if corrected:
-        weights = np.exp(np.asarray(smooth))
-        log_hyper = weighted[random.choice(len(weighted), len(log_hyper), p=weights / weights.sum())]
+    k, correction_k, log_hyper, corrected = _corrected(model, records, log_hyper, random)
     drawn = model.draw(log_hyper, random)
     spread = model.spread(log_hyper)
-    new = drawn.mean + np.einsum(
-        "nij,nj->ni",
-        np.linalg.cholesky(spread + 1e-18 * np.eye(len(data.names))),
-        random.standard_normal(drawn.mean.shape),
-    )
     tau = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
     phi = np.sqrt(model.scatter(log_hyper)) if data.repeated else np.full_like(tau, np.nan)
     alone, alone_sd = stand_alone(data, priors)
@@ -145,19 +130,19 @@ def fit_population(
         alone=Quantiles(*(np.exp(alone + z * alone_sd) for z in (-1.6448536, 0.0, 1.6448536))),
         trucks=_quantiles(np.exp(drawn.trucks)),
         mean=_quantiles(np.exp(drawn.mean)),
-        new=_quantiles(np.exp(new)),
+        new=_quantiles(np.exp(_new_trucks(drawn.mean, spread, random))),
         spread=_quantiles(tau),
         scatter=_quantiles(phi),
         correlation=(spread / tau[:, :, None] / tau[:, None, :]).mean(axis=0),
         further=further_trucks(drawn.mean, tau, alone_sd, data, drawn.shared),
         outliers=find_outliers(data, alone, alone_sd, priors),
         pareto_k=k,
-        correction_k=float(correction_k),
+        correction_k=correction_k,
         corrected=corrected,
         converged=posterior.converged,
         message=posterior.message,
         shared={n: (float(e.mean()), float(e.std())) for n, e in zip(shared_names, drawn.shared.T, strict=True)},
-        remarks=_remarks(data, k, float(correction_k), corrected),
+        remarks=_remarks(data, k, correction_k, corrected),
     )
 
 
@@ -244,6 +229,34 @@ def further_trucks(mean: np.ndarray, tau: np.ndarray, sd: np.ndarray, data: Type
     with np.errstate(divide="ignore", invalid="ignore"):
         count = ((tau**2).mean(axis=0) + own) * (1.0 / wanted - 1.0 / (variance - floor))
     return np.where(wanted > 0.0, np.ceil(np.maximum(count, 0.0)), np.inf)
+
+
+def _sampled(model: Hierarchy, options: SamplingOptions, progress: Progress) -> tuple[Posterior, np.ndarray]:
+    """The posterior of the hyperparameters, and draws (n, h) of their logarithms."""
+    posterior = sample_posterior(
+        model, model.names, *laplace(model), "hierarchy of Gaussian campaigns", options, progress=progress
+    )
+    return posterior, thinned(np.log(posterior.draws.reshape(-1, len(model.names))), DRAWS)
+
+
+def _new_trucks(mean: np.ndarray, spread: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """A truck of the type for every draw of its mean (n, d) and covariance (n, d, d)."""
+    root = np.linalg.cholesky(spread + 1e-18 * np.eye(mean.shape[1]))
+    return np.asarray(mean + np.einsum("nij,nj->ni", root, random.standard_normal(mean.shape)))
+
+
+def _corrected(
+    model: Hierarchy, records: Sequence[CampaignDraws | None], log_hyper: np.ndarray, random: np.random.Generator
+) -> tuple[np.ndarray, float, np.ndarray, bool]:
+    """Pareto k per campaign and of the correction, hyperparameters drawn by it, and whether they could be."""
+    weighted = thinned(log_hyper, _WEIGHTED)
+    k, log_weights = _pareto(model, records, weighted)
+    smooth, correction_k = array_stats.psislw(log_weights) if np.ptp(log_weights) > 0.0 else (log_weights, -np.inf)
+    if not (np.isfinite(correction_k) and correction_k < MOST_K):
+        return k, float(correction_k), log_hyper, False
+    weights = np.exp(np.asarray(smooth))
+    chosen = random.choice(len(weighted), len(log_hyper), p=weights / weights.sum())
+    return k, float(correction_k), weighted[chosen], True
 
 
 def _pareto(
