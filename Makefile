@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long fuzz test-browser docs bench coverage first-look ring-downs faults lint format clean
+.PHONY: run quick test test-long fuzz test-browser docs bench coverage first-look ring-downs faults fleets lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -52,6 +52,10 @@ first-look: $(VENV)/.installed
 # Three hours on one core: plausible faults through the whole command.
 faults: $(VENV)/.installed
 	$(BIN)/python -m studies.faults --output build/faults --document docs/robustness.md
+
+# Some ten minutes on one core: populations of simulated fleets with known truth.
+fleets: $(VENV)/.installed
+	$(BIN)/python -m studies.fleets --output build/fleets --document docs/fleet.md
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

@@ -1,7 +1,8 @@
 """How many threads this process uses, said once for all that computes side by side.
 
 ``SYSID_THREADS`` sets the number; without it there are as many as the process may use cores.  They belong to the groups
-of runs and to the native engine; the linear algebra library gets one (:func:`one_blas_thread`).
+of runs and to the native engine; the linear algebra library gets one (:func:`one_blas_thread`).  Processes that compute
+side by side share them (:func:`threads_per_worker`).
 """
 
 from __future__ import annotations
@@ -37,6 +38,11 @@ def thread_count() -> int:
             raise SysidError(f"SYSID_THREADS is '{wanted}'; set it to the number of threads to use, 1 or more.")
         return int(wanted)
     return _usable_cores()
+
+
+def threads_per_worker(workers: int) -> int:
+    """Threads of each of several processes that compute at the same time: together no more than there may be."""
+    return max(1, thread_count() // max(workers, 1))
 
 
 def _usable_cores() -> int:

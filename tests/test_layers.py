@@ -35,6 +35,7 @@ LEVELS = (
     {"export"},
     {"report"},
     {"workflow"},
+    {"fleet"},
     {"cli"},
 )
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}

@@ -17,6 +17,7 @@ from sysid.wording import finish, nearest, shorten
 
 SHOWN = 3  # problems named in one error
 _COMPARED = 100  # unknown keys compared with missing ones
+_Model = typing.TypeVar("_Model", bound=BaseModel)
 
 
 def parse_toml(content: bytes, label: str) -> dict[str, Any]:
@@ -62,11 +63,21 @@ def validate(data: dict[str, Any], label: str) -> CampaignFile:
     if version != 1 or isinstance(version, bool):
         found = f"schema = {shorten(version)}" if "schema" in data else "no schema"
         raise CampaignError(f"{label} has {found}, this program reads 'schema = 1'; put that line at the top.")
-    data = _named_scans(data)
+    return validated(CampaignFile, _named_scans(data), label)
+
+
+def validated(model: type[_Model], data: dict[str, Any], label: str) -> _Model:
+    """Check parsed TOML against the tables of `model`.
+
+    Raises
+    ------
+    CampaignError
+        One sentence that names up to three problems, each with its key, what was found and the nearest valid name.
+    """
     try:
-        return CampaignFile.model_validate(data)
+        return model.model_validate(data)
     except ValidationError as error:
-        problems, count = _problems(error.errors(include_url=False), data)
+        problems, count = _problems(error.errors(include_url=False), data, model)
     except RecursionError:
         problems, count = ["tables are nested too deeply"], 1
     more = f"; and {count - len(problems)} more" if count > len(problems) else ""
@@ -81,7 +92,7 @@ def _named_scans(data: dict[str, Any]) -> dict[str, Any]:
     return data
 
 
-def _problems(errors: list[Any], data: dict[str, Any]) -> tuple[list[str], int]:
+def _problems(errors: list[Any], data: dict[str, Any], model: type[BaseModel]) -> tuple[list[str], int]:
     """Sentences about the first problems, and the number of all."""
     unknown = [e["loc"] for e in errors if e["type"] == "extra_forbidden"]
     told = []
@@ -94,14 +105,14 @@ def _problems(errors: list[Any], data: dict[str, Any]) -> tuple[list[str], int]:
         ):
             continue
         told.append((error, loc))
-    return [_sentence(error, loc, data) for error, loc in told[:SHOWN]], len(told)
+    return [_sentence(error, loc, data, model) for error, loc in told[:SHOWN]], len(told)
 
 
-def _sentence(error: Any, loc: tuple[str | int, ...], data: dict[str, Any]) -> str:
+def _sentence(error: Any, loc: tuple[str | int, ...], data: dict[str, Any], model: type[BaseModel]) -> str:
     kind, where = error["type"], _where(loc, data)
     found = _found(error.get("input"))
     if kind == "extra_forbidden":
-        return f"{where} is not a known key; {nearest(loc[-1], _valid_keys(loc[:-1]))}"
+        return f"{where} is not a known key; {nearest(loc[-1], _valid_keys(loc[:-1], model))}"
     if kind == "missing":
         return f"{where} is missing; add it"
     if kind == "value_error":
@@ -155,9 +166,9 @@ def _where(loc: tuple[str | int, ...], data: dict[str, Any]) -> str:
     return f"{path} ('{shorten(label)}')" if label else path
 
 
-def _valid_keys(loc: tuple[str | int, ...]) -> list[str]:
+def _valid_keys(loc: tuple[str | int, ...], model: type[BaseModel]) -> list[str]:
     """Keys of the table at a location, found by walking the types of the schema."""
-    at: Any = CampaignFile
+    at: Any = model
     for part in loc:
         at = _step(at, part)
     return [f.alias or name for name, f in at.model_fields.items()] if _is_table(at) else []

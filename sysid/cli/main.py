@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from sysid.cli.fleet import fleet
 from sysid.cli.output_option import OutputFolder
 from sysid.workflow.stage import Option
 from sysid.workflow.stages import RECORDS
@@ -151,6 +152,9 @@ def selftest(campaign: Path, replicates: int, seed: int) -> None:
     from sysid.cli.selftest import run_selftest
 
     sys.exit(run_selftest(campaign, replicates, seed))
+
+
+cli.add_command(fleet)
 
 
 @cli.command("formats")

@@ -3,6 +3,8 @@
 from sysid.estimates.suspension_values import AxleEstimates, Estimate, suspension_estimates
 from sysid.plot.comparison import SOURCE_LABELS, SOURCES, comparison
 from sysid.plot.drops import drop, drops
+from sysid.plot.fleet import MOST_ROWS as FLEET_ROWS
+from sysid.plot.fleet import population_loads, shrinkage, truck_map
 from sysid.plot.histories import (
     autocorrelation,
     channel_grid,
@@ -29,6 +31,7 @@ from sysid.plot.style import axle_color, figure, figure_of, label, shared_legend
 from sysid.plot.svg import svg_element, svg_file
 
 __all__ = [
+    "FLEET_ROWS",
     "SOURCES",
     "SOURCE_LABELS",
     "AxleEstimates",
@@ -56,12 +59,14 @@ __all__ = [
     "mode_shapes",
     "next_runs",
     "overlay",
+    "population_loads",
     "posterior_correlation",
     "prior_against_posterior",
     "profile",
     "residual_spectrum",
     "scan",
     "shared_legend",
+    "shrinkage",
     "suspension_estimates",
     "suspension_force",
     "suspension_histories",
@@ -71,4 +76,5 @@ __all__ = [
     "svg_file",
     "trace",
     "traces",
+    "truck_map",
 ]

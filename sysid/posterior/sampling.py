@@ -98,8 +98,9 @@ def sample_posterior(
             notice(resumed.note)
         history = History(resumed.segments)
         states = _states(density, names, centre, covariance, options, resumed)
-        moves = posterior_moves(*_proposals(history, centre, covariance, options))
-        ensembles = [Ensemble(density, moves, state) for state in states]
+        # Moves of its own for each: emcee's keep a step size while they propose, and two ensembles run at a time.
+        proposals = _proposals(history, centre, covariance, options)
+        ensembles = [Ensemble(density, posterior_moves(*proposals), state) for state in states]
         # A chain that had already converged when it is resumed must not grow.
         diagnosis = _judged(history, options) if _due(history.steps, options) else None
         while not _finished(diagnosis, history.steps, options):
@@ -109,8 +110,8 @@ def sample_posterior(
                 checkpoint.append(segment)
             history.append(segment)
             if history.steps <= options.adapting_steps:
-                moves = posterior_moves(*_proposals(history, centre, covariance, options))
-                ensembles = [ensemble.with_moves(moves) for ensemble in ensembles]
+                proposals = _proposals(history, centre, covariance, options)
+                ensembles = [ensemble.with_moves(posterior_moves(*proposals)) for ensemble in ensembles]
             diagnosis = _judged(history, options) if _due(history.steps, options) else diagnosis
     return _posterior(names, history, diagnosis or _judged(history, options), likelihood, options)
 

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import itertools
-from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Any
-
-import jinja2
-from markupsafe import Markup
 
 from sysid.estimates.suspension_values import Quantity
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.export import Results
 from sysid.files import write_text
 from sysid.report import agreement, answer, cells, drop_tables, explorer, figures, knowledge, load_tables, tables
-from sysid.report.numbers import MISSING, count, fixed, number, percent, plain_text
+from sysid.report.numbers import number
+from sysid.report.skeleton import render_page
 from sysid.report.stops import undeclared_travel
 from sysid.report.verdict import verdict
 
@@ -31,23 +25,7 @@ def render_report(results: Results) -> str:
     Stages that have not run are named as such.  Everything that comes from the user (titles, names, files, columns,
     notes, messages) is escaped; the page loads nothing, and its content security policy forbids it to.
     """
-    style, script = _asset("style.css"), _asset("page.js")
-    # The policy admits exactly our style sheet and our script, by hash: injected ones would not run.
-    policy = "; ".join(
-        (
-            "default-src 'none'",
-            f"style-src '{_hash(style)}'",
-            f"script-src '{_hash(script)}'",
-            "img-src data:",
-            "base-uri 'none'",
-            "form-action 'none'",
-        )
-    )
-    return (
-        _environment()
-        .get_template("report.html")
-        .render(policy=policy, style=Markup(style), script=Markup(script), **_content(results))
-    )
+    return render_page("report.html", _content(results))
 
 
 def write_report(results: Results, path: Path) -> None:
@@ -189,34 +167,3 @@ def _left_out(results: Results, run_names: dict[str, str]) -> cells.Table | None
 
 def _run_names(results: Results) -> dict[str, str]:
     return {r.log.file: f"{r.case}, run\u00a0{r.repeat}" for r in results.campaign.bump_runs}
-
-
-@cache
-def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("sysid.report", "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        finalize=_finalize,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": number, "fixed": fixed, "percent": percent, "count": count, "next": next}
-    return environment
-
-
-def _finalize(value: Any) -> Any:
-    """What a template prints: a dash for None, text without control and direction-override characters."""
-    if value is None:
-        return MISSING
-    if isinstance(value, Markup) or not isinstance(value, str):
-        return value
-    return plain_text(value)
-
-
-def _asset(name: str) -> str:
-    return resources.files("sysid.report").joinpath("templates", name).read_text(encoding="utf-8")
-
-
-def _hash(text: str) -> str:
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")

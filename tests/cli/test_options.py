@@ -24,8 +24,10 @@ STAGES = set(cli.commands)
 
 
 def options(stage: str) -> set[str]:
-    """Options of a stage as they are typed."""
-    return {p.opts[0] for p in cli.commands[stage].params if isinstance(p, click.Option)}
+    """Options of a stage as they are typed, those of the commands below it among them."""
+    command = cli.commands[stage]
+    below = [*command.commands.values()] if isinstance(command, click.Group) else []
+    return {p.opts[0] for c in (command, *below) for p in c.params if isinstance(p, click.Option)}
 
 
 def table() -> dict[str, set[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from importlib.metadata import version
 
 import emcee
@@ -134,3 +135,20 @@ def test_proposals_that_follow_the_walkers_find_a_posterior_elsewhere():
     assert following.burn_in == 30
     assert off(following).max() < 0.2, off(following)
     assert following.acceptance.mean() > 1.5 * staying.acceptance.mean()
+
+
+def test_ensembles_that_run_side_by_side_share_no_moves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """emcee's move holds no step size for a moment of every step; here the moment is long enough to be met."""
+    setup = emcee.moves.DEMove.setup
+
+    def slow(move: emcee.moves.DEMove, coordinates: np.ndarray) -> None:
+        move.g0 = None
+        time.sleep(0.001)
+        setup(move, coordinates)
+
+    monkeypatch.setattr(emcee.moves.DEMove, "setup", slow)
+    monkeypatch.setenv("SYSID_THREADS", "2")
+    options = SamplingOptions(ensembles=4, segment_steps=20, min_steps=60, max_steps=100)
+    names = tuple(f"p{i}" for i in range(3))
+    drawn = sample_posterior(lambda x: -0.5 * (x**2).sum(axis=1), names, np.zeros(3), np.eye(3), "test", options)
+    assert drawn.draws.shape[0] == 4

@@ -1,0 +1,394 @@
+"""The commands of `fleet`: many campaigns side by side, their status, and what they say together."""
+
+from __future__ import annotations
+
+import math
+import os
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from sysid.cli.invocation import program, tell
+from sysid.cli.output_option import OutputFolder
+from sysid.cli.stages import INTERRUPTED, console, termination_as_interrupt
+from sysid.cli.tables import render
+from sysid.display import TextTable, shown_unit
+from sysid.errors import CampaignError, NotConvergedError, SysidError
+from sysid.files import write_text
+from sysid.folder_lock import cannot_write
+from sysid.wording import shorten
+
+DEFAULT_OUTPUT = "fleet_output"
+#: Rows of a table on a terminal; the files have all of them.
+_ROWS = 60
+_STATES = {"done": "green", "not converged": "yellow", "running": "cyan", "queued": "dim"}
+
+_HELP = """Many campaigns side by side: calibrate them, and see what they say together.
+
+'fleet FLEET' is short for 'fleet run FLEET'; FLEET is a fleet.toml or a folder of campaigns.
+
+Exit codes of 'fleet run': 0 every campaign has converged or is a preview, 2 bad command or fleet file, 3 a campaign
+was rejected, failed or crashed, or the folder cannot be written, 4 one has not converged, 130 stopped by Ctrl-C.
+One failure never stops the others.
+"""
+
+
+class _RunByDefault(click.Group):
+    """Takes what is no name of a command for the fleet to run; lists its commands in the order of their use."""
+
+    def parse_args(self, context: click.Context, arguments: list[str]) -> list[str]:
+        if arguments and arguments[0] not in self.commands and arguments[0] not in ("-h", "--help"):
+            arguments = ["run", *arguments]
+        return super().parse_args(context, arguments)
+
+    def list_commands(self, context: click.Context) -> list[str]:
+        return list(self.commands)
+
+
+@click.group(cls=_RunByDefault, help=_HELP)
+def fleet() -> None:
+    """Entry point of the commands of a fleet."""
+
+
+def _fleet_argument(command: Callable[..., Any]) -> Callable[..., Any]:
+    return click.argument("path", metavar="FLEET", type=click.Path(path_type=Path))(command)
+
+
+def _output_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    return click.option("--output", default=DEFAULT_OUTPUT, show_default=True, help="Folder for everything written.",
+                        type=OutputFolder())(command)  # fmt: skip
+
+
+def stage_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options that are passed on to the calibration of every campaign."""
+    for decorate in reversed((
+        click.option("--quick", is_flag=True, help="Previews: few iterations, short chains; results are marked so."),
+        click.option("--seed", default=None, help="Seed of everything random (default: 0).", type=click.IntRange(0)),
+        click.option("--max-steps", default=None, help="Limit of sampling steps per ensemble.",
+                     type=click.IntRange(1)),
+        click.option("--laws", default=None, type=click.Choice(["auto", "compare", "declared"]),
+                     help="Suspension laws, as of 'run'."),
+        click.option("--contact", default=None, type=click.Choice(["footprint", "cams", "point"]),
+                     help="Contact law of the tires, as of 'run'."),
+        click.option("--contact-spread", is_flag=True, help="Repeat each fit with the other contact laws."),
+    )):  # fmt: skip
+        command = decorate(command)
+    return command
+
+
+def guarded(name: str, do: Callable[[Console, Console], int]) -> None:
+    """Leave with the exit code of a command; its errors are one sentence each."""
+    screen, errors = console(False), console(True)
+    say = partial(tell, errors, f"fleet {name}")
+    with termination_as_interrupt():
+        try:
+            code = do(screen, errors)
+        except SysidError as error:
+            say(str(error))
+            code = error.exit_code
+        except KeyboardInterrupt:
+            errors.print("Stopped. What is done is kept; the same command goes on from there.", markup=False)
+            code = INTERRUPTED
+        except Exception as error:
+            say(f"an unexpected error stopped it ({type(error).__name__}: {error}); please report it.")
+            code = SysidError.exit_code
+    sys.exit(code)
+
+
+@fleet.command("run")
+@_fleet_argument
+@_output_option
+@click.option("--workers", default=None, type=click.IntRange(1, 1024),
+              help="Campaigns at a time (default: as many as cores and memory allow).")  # fmt: skip
+@click.option("--retry", multiple=True, type=click.Choice(["failed", "not-converged"]),
+              help="Try campaigns again that ended so; unchanged ones are otherwise left as they are.")  # fmt: skip
+@click.option("--only", multiple=True, metavar="NAME", help="This campaign only; may be repeated.")
+@click.option("--scheduler", default=None, metavar="ADDRESS",
+              help="Work on the cluster of this Dask scheduler; needs sysid[cluster].")  # fmt: skip
+@stage_options
+def run(
+    path: Path,
+    output: Path,
+    workers: int | None,
+    retry: tuple[str, ...],
+    only: tuple[str, ...],
+    scheduler: str | None,
+    **choices: Any,
+) -> None:
+    """Calibrate every campaign into its own folder, several at a time; what is finished is not computed again."""
+
+    def do(screen: Console, errors: Console) -> int:
+        from sysid.fleet.read import read_fleet
+        from sysid.fleet.running import RunOptions, exit_code, run_fleet
+        from sysid.fleet.status import write_status
+
+        known = read_fleet(path)
+        options = RunOptions(workers, scheduler, retry, only, choices)
+        with StatusView(errors, output) as view:
+            rows = run_fleet(known, output, options, view.show)
+        if not only:
+            files = write_status(rows, output)
+        render(screen, status_blocks(rows))
+        if not only:
+            screen.print(f"Table of all campaigns: {files[1]}", markup=False)
+        return exit_code(rows)
+
+    guarded("run", do)
+
+
+class StatusView:
+    """The table while the fleet runs: live on a terminal, elsewhere a line for every campaign that comes to an end."""
+
+    def __init__(self, errors: Console, output: Path):
+        self._errors, self._output = errors, output
+        self._said: set[str] = set()
+        self._live = Live(console=errors, refresh_per_second=2, transient=True) if errors.is_terminal else None
+
+    def __enter__(self) -> StatusView:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def show(self, rows: Sequence[Any]) -> None:
+        """Show how far the campaigns are."""
+        if self._live is not None:
+            self._live.update(self._table(rows))
+            return
+        ended = [row for row in rows if row.outcome is not None]
+        for row in ended:
+            if row.campaign not in self._said:
+                self._said.add(row.campaign)
+                why = f": {row.outcome.sentence}" if row.outcome.sentence else f", {row.outcome.seconds:.0f} s"
+                self._errors.print(f"{len(self._said)}/{len(rows)} {row.campaign}: {row.state}{why}", markup=False)
+
+    def _table(self, rows: Sequence[Any]) -> Table:
+        from sysid.fleet.status import counts, stage_of
+
+        table = Table(
+            title=", ".join(f"{n} {state}" for state, n in counts(rows).items()), box=None, title_justify="left"
+        )
+        for column in ("truck", "campaign", "state", "stage"):
+            table.add_column(column)
+        shown = [row for row in rows if row.state == "running"]
+        shown += [row for row in rows if row.state not in ("running", "queued", "done")][-8:]
+        for row in shown[:_ROWS]:
+            doing = stage_of(self._output, row.campaign) if row.state == "running" else row.outcome.sentence
+            color = _STATES.get(row.state, "red")
+            table.add_row(Text(row.truck), Text(row.campaign), Text(row.state, style=color), Text(shorten(doing, 90)))
+        return table
+
+
+def status_blocks(rows: Sequence[Any]) -> list[TextTable | str]:
+    """The final table, and a sentence for every campaign without results."""
+    from sysid.fleet.status import counts
+
+    table = TextTable("Fleet", ("campaign", "truck", "state", "result", "time [s]", "processor [s]", "memory [MB]"))
+    for row in rows[:_ROWS]:
+        o = row.outcome
+        cost = (
+            ("-", "-", "-")
+            if o is None
+            else (f"{o.seconds:.0f}", f"{o.processor_seconds:.0f}", f"{o.peak_bytes / 1e6:.0f}")
+        )
+        table.add_row(row.campaign, row.truck, row.state, "-" if o is None else o.status or "-", *cost)
+    blocks: list[TextTable | str] = [table]
+    if len(rows) > _ROWS:
+        blocks.append(f"... and {len(rows) - _ROWS} more; all of them are in the files.")
+    # Every campaign without results is named, however many there are.
+    for row in rows:
+        if row.outcome is not None and row.outcome.sentence:
+            blocks.append(f"{row.campaign}: {row.state}: {row.outcome.sentence}")
+    blocks.append("Campaigns: " + ", ".join(f"{n} {state}" for state, n in counts(rows).items()) + ".")
+    return blocks
+
+
+@fleet.command("init")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--force", is_flag=True, help="Write over an existing file.")
+def init(folder: Path, force: bool) -> None:
+    """Begin a fleet.toml from the campaigns below FOLDER."""
+
+    def do(screen: Console, errors: Console) -> int:
+        target = _begun(folder, force)
+        screen.print(f"{target}\nLook at trucks, types and dates in it, then: {program()} fleet {folder}", markup=False)
+        return 0
+
+    guarded("init", do)
+
+
+def _begun(folder: Path, force: bool) -> Path:
+    from sysid.fleet.begin import fleet_text
+    from sysid.fleet.read import FLEET_FILE
+
+    if not folder.is_dir():
+        raise CampaignError(f"{shorten(folder, 100)} is no folder; give the folder above the campaigns.")
+    target = folder / FLEET_FILE
+    if target.exists() and not force:
+        raise CampaignError(f"{shorten(target, 100)} exists; give --force to write over it.")
+    text = fleet_text(folder)
+    try:
+        write_text(target, text)
+    except OSError as error:
+        raise cannot_write(folder, error) from error
+    return target
+
+
+@fleet.command("status")
+@_fleet_argument
+@_output_option
+def status(path: Path, output: Path) -> None:
+    """What has become of every campaign, without computing anything."""
+
+    def do(screen: Console, errors: Console) -> int:
+        from sysid.fleet.read import read_fleet
+        from sysid.fleet.status import rows_on_disk
+
+        render(screen, status_blocks(rows_on_disk(read_fleet(path), output)))
+        return 0
+
+    guarded("status", do)
+
+
+@fleet.command("jobs")
+@_fleet_argument
+@_output_option
+@stage_options
+def jobs(path: Path, output: Path, **choices: Any) -> None:
+    """One command per campaign, a line each, for another scheduler (Slurm arrays, Snakemake, GNU parallel)."""
+
+    def do(screen: Console, errors: Console) -> int:
+        from sysid.fleet.key import given
+        from sysid.fleet.read import read_fleet
+
+        words = [sys.executable, os.path.abspath(sys.argv[0]), "fleet", "run", str(path.resolve())]
+        for name, value in given(choices).items():
+            flag = f"--{name.replace('_', '-')}"
+            words += [flag] if value is True else [flag, str(value)]
+        for _, campaign in read_fleet(path).campaigns():
+            line = [*words, "--output", str(output.resolve()), "--workers", "1", "--only", campaign.name]
+            screen.print(shlex.join(line), markup=False, soft_wrap=True)
+        return 0
+
+    guarded("jobs", do)
+
+
+@fleet.command("population")
+@_fleet_argument
+@_output_option
+def population(path: Path, output: Path) -> None:
+    """Mean and spread of every type, trucks drawn towards them, outliers; needs three trucks with results."""
+
+    def do(screen: Console, errors: Console) -> int:
+        from sysid.cli.progress import StageProgress
+        from sysid.fleet.results import compute
+
+        with StageProgress(errors) as progress:
+            progress.stage("population")
+            found = compute(path, output, progress.update)
+        render(screen, population_blocks(found.populations, found.loads, found.said))
+        screen.print(f"All numbers: {found.file}", markup=False)
+        return 0 if all(p.converged for p in found.populations) else NotConvergedError.exit_code
+
+    guarded("population", do)
+
+
+def population_blocks(found: Sequence[Any], loads: Sequence[Any], said: Sequence[str]) -> list[TextTable | str]:
+    """Tables of every type, outliers and loads."""
+    blocks: list[TextTable | str] = []
+    for p in found:
+        blocks += [_type_table(p), *(_outlier_words(o) for o in p.outliers)]
+        if not p.outliers:
+            blocks.append("No truck stands out.")
+        blocks += [p.message, *p.remarks]
+    if loads:
+        columns = ("load case, speed, axle", "trucks", "peak load ratio", "90 % of trucks", "between trucks")
+        table = TextTable("Wheel loads of a truck that nobody has measured", columns)
+        for x in loads[:_ROWS]:
+            name = f"{x.type}, {x.load_case}, {x.speed_km_h:g} km/h, axle {x.axle}"
+            table.add_row(name, str(x.trucks), f"{x.q50:.3g}", f"{x.q05:.3g} to {x.q95:.3g}", f"{100 * x.spread:.2g} %")
+        blocks.append(table)
+    return [*blocks, *said]
+
+
+def _type_table(p: Any) -> TextTable:
+    columns = (
+        "parameter",
+        "mean",
+        "90 % interval",
+        "unit",
+        "between trucks",
+        "repeats",
+        "a new truck",
+        "more to halve",
+    )
+    table = TextTable(f"{p.type}: {len(p.truck_names)} trucks, {len(p.campaigns)} campaigns", columns)
+    for i, name in enumerate(p.names):
+        factor, unit = shown_unit(p.units[i])
+        table.add_row(
+            name,
+            f"{p.mean.q50[i] * factor:.4g}",
+            f"{p.mean.q05[i] * factor:.4g} to {p.mean.q95[i] * factor:.4g}",
+            unit,
+            f"{100.0 * p.spread.q50[i]:.2g} %",
+            f"{100.0 * p.scatter.q50[i]:.2g} %" if math.isfinite(p.scatter.q50[i]) else "-",
+            f"{p.new.q05[i] * factor:.4g} to {p.new.q95[i] * factor:.4g}",
+            f"{p.further[i]:.0f}" if math.isfinite(p.further[i]) else "none",
+        )
+    return table
+
+
+def _outlier_words(o: Any) -> str:
+    return (
+        f"{o.truck}: {o.parameter} is {o.factor:.2f} times that of the other trucks (by chance {o.probability:.1e}); "
+        "look at its damper, spring or sensor there."
+    )
+
+
+@fleet.command("index")
+@_fleet_argument
+@_output_option
+def index(path: Path, output: Path) -> None:
+    """Parquet tables of all campaigns, for queries by DuckDB or pandas; needs sysid[parquet]."""
+
+    def do(screen: Console, errors: Console) -> int:
+        from sysid.fleet.index import write_index
+        from sysid.fleet.read import read_fleet
+
+        screen.print(str(write_index(read_fleet(path), output)), markup=False)
+        return 0
+
+    guarded("index", do)
+
+
+@fleet.command("report")
+@_fleet_argument
+@_output_option
+def report(path: Path, output: Path) -> None:
+    """One page of all trucks: map by k and c, shrinkage, outliers, wheel loads, quality; links to all reports."""
+
+    def do(screen: Console, errors: Console) -> int:
+        from sysid.cli.progress import StageProgress
+        from sysid.fleet.page import write_fleet_page
+        from sysid.fleet.results import compute
+        from sysid.fleet.status import rows_on_disk
+
+        with StageProgress(errors) as progress:
+            progress.stage("population")
+            found = compute(path, output, progress.update)
+        screen.print(str(write_fleet_page(found, rows_on_disk(found.fleet, output), output)), markup=False)
+        return 0
+
+    guarded("report", do)

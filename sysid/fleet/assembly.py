@@ -1,0 +1,220 @@
+"""From the folders of a fleet to what its populations are computed from, one campaign in memory at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import overload
+
+import numpy as np
+
+from sysid.errors import DataRejectedError
+from sysid.fleet.draws import RECORD_FILE, CampaignDraws, read_draws
+from sysid.fleet.hierarchy import HyperPriors, TypeData
+from sysid.fleet.likelihood import Likelihood, likelihood_of, moved_by, without_shared
+from sysid.fleet.outcome import kept
+from sysid.fleet.population import TypePopulation, fit_population, stand_alone
+from sysid.fleet.records import Fleet, SharedError
+from sysid.fleet.running import campaign_output
+from sysid.progress import Progress, unwatched
+
+#: Quantities whose population is looked for, in this order.
+QUANTITIES = ("stiffness", "damping")
+#: Trucks that have to determine a parameter of their type.
+LEAST_TRUCKS = 3
+#: Above this share of a campaign's variance a shared error cannot be what its interval allows for.
+_DOUBTFUL_SHARE = 0.9
+
+
+@dataclass(frozen=True)
+class Member:
+    """One campaign with results: truck, name, and the folder that they are in."""
+
+    truck: str
+    campaign: str
+    output: Path
+
+
+class StoredDraws(Sequence[CampaignDraws | None]):
+    """Draws of campaigns, of the named parameters, read from disk when they are asked for."""
+
+    def __init__(self, members: Sequence[Member], names: tuple[str, ...]):
+        self._members, self._names = members, names
+
+    def __len__(self) -> int:
+        return len(self._members)
+
+    @overload
+    def __getitem__(self, index: int) -> CampaignDraws | None: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[CampaignDraws | None]: ...
+    def __getitem__(self, index: int | slice) -> CampaignDraws | Sequence[CampaignDraws | None] | None:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        record = read_draws(self._members[index].output / RECORD_FILE)
+        return None if record is None else record.of(tuple(n for n in self._names if n in record.names))
+
+
+@dataclass(frozen=True)
+class Assembled:
+    """One type: its data, units of the parameters, its members, shared errors that concern it, and what to know."""
+
+    data: TypeData
+    units: tuple[str, ...]
+    members: tuple[Member, ...]
+    shared: tuple[SharedError, ...]
+    remarks: tuple[str, ...]
+
+
+def populations(
+    fleet: Fleet, output: Path, priors: HyperPriors | None = None, progress: Progress | None = None
+) -> tuple[list[TypePopulation], list[str]]:
+    """The population of every type with enough trucks, and sentences about what was left out.
+
+    Raises
+    ------
+    DataRejectedError
+        If no type has enough trucks with results.
+    """
+    priors, report = priors or HyperPriors(), progress or unwatched
+    found, said = [], []
+    for kind in dict.fromkeys(t.type for t in fleet.trucks):
+        try:
+            assembled = assemble(fleet, output, kind, priors)
+            population = fit_population(
+                kind,
+                assembled.data,
+                assembled.units,
+                StoredDraws(assembled.members, assembled.data.names),
+                shared_names=[s.name for s in assembled.shared],
+                priors=priors,
+                progress=report,
+            )
+        except DataRejectedError as error:
+            said.append(str(error))
+            continue
+        said += [f"{kind}: {remark}" for remark in assembled.remarks]
+        found.append(population)
+    if not found:
+        raise DataRejectedError(" ".join(said[:3]) or "The fleet has no campaign with results; run it first.")
+    return found, said
+
+
+def members(fleet: Fleet, output: Path, kind: str) -> Iterator[Member]:
+    """Campaigns of a type that have results, truck after truck."""
+    for truck in fleet.trucks:
+        for campaign in truck.campaigns if truck.type == kind else ():
+            folder = campaign_output(output, campaign.name)
+            outcome = kept(folder)
+            if outcome is not None and outcome.finished:
+                yield Member(truck.name, campaign.name, folder)
+
+
+def assemble(fleet: Fleet, output: Path, kind: str, priors: HyperPriors) -> Assembled:
+    """Likelihoods of all campaigns of a type, for the parameters that enough of its trucks determine.
+
+    Raises
+    ------
+    DataRejectedError
+        If there are not enough trucks with results.
+    """
+    known, parts, remarks = [], [], []
+    about: dict[str, tuple[str, str, int, str]] = {}
+    laws: dict[str, set[str]] = {}
+    for member in members(fleet, output, kind):
+        record = read_draws(member.output / RECORD_FILE)
+        if record is None:
+            remarks.append(f"campaign {member.campaign} has no posterior draws and is left out")
+            continue
+        names = tuple(n for n, q in zip(record.names, record.quantities, strict=True) if q in QUANTITIES)
+        own = record.of(names)
+        try:
+            likelihood = likelihood_of(own)
+        except (ValueError, np.linalg.LinAlgError) as error:
+            remarks.append(f"campaign {member.campaign} is left out: {error}")
+            continue
+        for i, name in enumerate(names):
+            about.setdefault(name, (own.quantities[i], own.units[i], own.axles[i], own.load_cases[i]))
+            laws.setdefault(name, set()).add(own.laws[i])
+        known.append(member)
+        parts.append((names, likelihood, own.prior_mean))
+    trucks = tuple(dict.fromkeys(m.truck for m in known))
+    if len(trucks) < LEAST_TRUCKS:
+        raise DataRejectedError(
+            f"Type '{kind}' has {len(trucks)} trucks with draws; a population needs {LEAST_TRUCKS}."
+        )
+    order = sorted(about, key=lambda n: (QUANTITIES.index(about[n][0]), about[n][2], n))
+    mixed = sorted(n for n in order if len(laws[n]) > 1)
+    if mixed:
+        remarks.append(
+            f"campaigns of this type have different suspension laws ({', '.join(mixed[:6])}): their k and c do not "
+            "mean quite the same; give the fleet one law by --laws declared or in the campaign files"
+        )
+    data, shared = _stacked(fleet.shared, order, about, known, parts, trucks, remarks)
+    data, left_out = _determined(data, priors)
+    if left_out:
+        remarks.append(f"{', '.join(left_out)}: determined in fewer than {LEAST_TRUCKS} trucks, left out")
+    return Assembled(data, tuple(about[n][1] for n in data.names), tuple(known), shared, tuple(remarks))
+
+
+def _stacked(
+    errors: Sequence[SharedError],
+    order: list[str],
+    about: dict[str, tuple[str, str, int, str]],
+    known: list[Member],
+    parts: list[tuple[tuple[str, ...], Likelihood, np.ndarray]],
+    trucks: tuple[str, ...],
+    remarks: list[str],
+) -> tuple[TypeData, tuple[SharedError, ...]]:
+    quantities = tuple(about[n][0] for n in order)
+    shared = tuple(s for s in errors if any(m.campaign in s.campaigns for m in known))
+    d = len(order)
+    precision, shift = np.zeros((len(known), d, d)), np.zeros((len(known), d))
+    moved = np.zeros((len(known), d, len(shared)))
+    means = np.full((len(known), d), np.nan)
+    for c, (member, (names, likelihood, prior_mean)) in enumerate(zip(known, parts, strict=True)):
+        at = np.array([order.index(n) for n in names])
+        placed = likelihood.placed(at, d)
+        means[c, at] = prior_mean
+        for s, error in enumerate(shared):
+            moved[c, :, s] = moved_by(error, member.campaign, quantities) * np.isin(np.arange(d), at)
+            if error.in_intervals:
+                placed, share = without_shared(placed, moved[c, :, s], error.log_sd)
+                if share > _DOUBTFUL_SHARE:
+                    remarks.append(
+                        f"the interval of campaign {member.campaign} is too narrow to allow for '{error.name}' "
+                        "already; set in_intervals = false, or give the error a smaller log_sd"
+                    )
+        precision[c], shift[c] = placed.precision, placed.shift
+    truck_of = np.array([trucks.index(m.truck) for m in known])
+    data = TypeData(
+        tuple(order), quantities, trucks, tuple(m.campaign for m in known), truck_of, precision, shift,
+        np.nanmean(means, axis=0), moved, np.array([s.log_sd for s in shared]),
+    )  # fmt: skip
+    return data, shared
+
+
+def _determined(data: TypeData, priors: HyperPriors) -> tuple[TypeData, list[str]]:
+    """The data of the parameters that enough trucks determine, and the names of the others."""
+    value, _ = stand_alone(data, priors)
+    enough = np.isfinite(value).sum(axis=0) >= LEAST_TRUCKS
+    if enough.all():
+        return data, []
+    if not enough.any():
+        raise DataRejectedError(f"No k or c is determined in {LEAST_TRUCKS} trucks of a type.")
+    at = np.flatnonzero(enough)
+    # What is not looked at any more is integrated out under the wide prior of the type's mean.
+    rest = np.flatnonzero(~enough)
+    precision, shift = [], []
+    for whole, pull in zip(data.precision, data.shift, strict=True):
+        inner = whole[np.ix_(rest, rest)] + np.eye(rest.size) * priors.mean_sd**-2.0
+        cross = whole[np.ix_(at, rest)] @ np.linalg.inv(inner)
+        precision.append(whole[np.ix_(at, at)] - cross @ whole[np.ix_(rest, at)])
+        shift.append(pull[at] - cross @ (pull[rest] + data.mean[rest] * priors.mean_sd**-2.0))
+    kept_names = tuple(data.names[i] for i in at)
+    reduced = TypeData(
+        kept_names, tuple(data.quantities[i] for i in at), data.trucks, data.campaigns, data.truck_of,
+        np.array(precision), np.array(shift), data.mean[at], data.moved[:, at], data.shared_sd,
+    )  # fmt: skip
+    return reduced, [data.names[i] for i in rest]

@@ -1,0 +1,81 @@
+"""What became of one campaign: kept beside its results, so that nothing finished is computed twice."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from sysid.errors import CampaignError
+from sysid.files import read_bytes, write_text
+from sysid.fleet.key import calibration_key, file_digests, folder_state, result_digest
+
+#: ``failed``: the program or the disk, not the data; ``crashed``: its process was killed or died, twice.
+State = Literal["done", "not converged", "rejected", "failed", "crashed"]
+#: Those whose results can be used.
+FINISHED: tuple[State, ...] = ("done", "not converged")
+
+OUTCOME_FILE = "fleet_outcome.json"
+LOG_FILE = "fleet.log"
+RESULT_FILE = "result.json"
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a calibration ended.
+
+    `sentence` says why it has no result; `status` is that of ``result.json``.  `key` ties it to its inputs (`inputs`,
+    SHA-256 by file name; for those that could not be read what :func:`sysid.fleet.key.folder_state` says).  `seconds`
+    on the clock, `processor_seconds`, `peak_bytes` of its process, `attempts` how often it was started.
+    """
+
+    state: State
+    sentence: str = ""
+    status: str = ""
+    key: str = ""
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    result_sha256: str = ""
+    seconds: float = 0.0
+    processor_seconds: float = 0.0
+    peak_bytes: int = 0
+    attempts: int = 1
+
+    @property
+    def finished(self) -> bool:
+        """Whether there are results."""
+        return self.state in FINISHED
+
+
+def keep(folder: Path, outcome: Outcome) -> None:
+    """Write the outcome beside the results of its campaign; OSError where that is not possible."""
+    write_text(folder / OUTCOME_FILE, json.dumps({"schema": SCHEMA, **asdict(outcome)}, indent=1) + "\n")
+
+
+def kept(folder: Path) -> Outcome | None:
+    """The outcome that was written there; None if there is none or it cannot be read."""
+    try:
+        document = json.loads(read_bytes(folder / OUTCOME_FILE) or b"")
+        if document.pop("schema") != SCHEMA or document["state"] not in get_args(State):
+            return None
+        return Outcome(**{f.name: document[f.name] for f in fields(Outcome)})
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None
+
+
+def still_valid(outcome: Outcome, campaign: Path, folder: Path, choices: Mapping[str, Any]) -> bool:
+    """Whether a kept outcome is that of the campaign as it is now: inputs, options, program, and the result on disk."""
+    if not outcome.finished:
+        now: Mapping[str, str] = folder_state(campaign)
+    else:
+        now = file_digests(campaign, outcome.inputs)
+    if calibration_key(now, choices) != outcome.key:
+        return False
+    if not outcome.finished:
+        return True
+    try:
+        return result_digest(folder / RESULT_FILE) == outcome.result_sha256
+    except CampaignError:
+        return False

@@ -1,0 +1,236 @@
+"""The report of a fleet: one page of what is known of all trucks together, with links to the campaigns' own reports."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from sysid import plot
+from sysid.display import shown_unit
+from sysid.files import write_text
+from sysid.fleet.loads import PopulationLoad
+from sysid.fleet.population import Quantiles, TypePopulation
+from sysid.fleet.results import FleetResults
+from sysid.fleet.running import CAMPAIGNS, Row
+from sysid.fleet.status import counts
+from sysid.fleet.weights import MOST_K
+from sysid.folder_lock import cannot_write
+from sysid.report.cells import Cell, Table, table
+from sysid.report.figures import Gallery, Picture
+from sysid.report.numbers import decimals, fixed, interval, number, percent
+from sysid.report.skeleton import render_page
+from sysid.workflow.versions import versions
+
+PAGE = "fleet.html"
+#: Campaigns that the page lists one by one; all of them stand in fleet_status.csv.
+MOST_LISTED = 300
+
+
+@dataclass(frozen=True)
+class TypePart:
+    """One type on the page."""
+
+    name: str
+    words: str
+    answer: Table
+    outliers: tuple[str, ...]
+    maps: list[Picture]
+    shrinkage: list[Picture]
+    trucks: Table
+    loads: list[Picture]
+    load_table: Table | None
+    remarks: tuple[str, ...]
+
+
+def render_fleet(results: FleetResults, rows: Sequence[Row]) -> str:
+    """The page as text; it loads nothing, and what users typed is escaped."""
+    gallery = Gallery()
+    found = counts(rows)
+    problems = [row for row in rows if row.state != "done"]
+    preview = any(row.outcome is not None and row.outcome.status == "preview" for row in rows)
+    content = {
+        "title": results.fleet.title,
+        "preview": preview,
+        "trucks": len(results.fleet.trucks),
+        "campaigns": len(rows),
+        "counts": found,
+        "types": [_type_part(p, results, gallery) for p in results.populations],
+        "said": results.said,
+        "problems": [_listed(row) for row in problems[:MOST_LISTED]],
+        "listed": [_listed(row) for row in rows[:MOST_LISTED]],
+        "unlisted": max(0, len(rows) - MOST_LISTED),
+        "pareto": _pareto_table(results.populations),
+        "versions": versions(),
+        "figure_numbers": itertools.count(1),
+    }
+    return render_page("fleet.html", content)
+
+
+def write_fleet_page(results: FleetResults, rows: Sequence[Row], output: Path) -> Path:
+    """Write the page into the folder of the fleet.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written.
+    """
+    text = render_fleet(results, rows)
+    try:
+        write_text(output / PAGE, text)
+    except OSError as error:
+        raise cannot_write(output, error) from error
+    return output / PAGE
+
+
+def _listed(row: Row) -> dict[str, str]:
+    outcome = row.outcome
+    link = f"{CAMPAIGNS}/{quote(row.campaign)}/report.html" if outcome is not None and outcome.finished else ""
+    return {
+        "campaign": row.campaign,
+        "truck": row.truck,
+        "date": row.date,
+        "state": row.state,
+        "status": "" if outcome is None else outcome.status.replace("_", " "),
+        "sentence": "" if outcome is None else outcome.sentence,
+        "link": link,
+    }
+
+
+def _type_part(p: TypePopulation, results: FleetResults, gallery: Gallery) -> TypePart:
+    loads = [load for load in results.loads if load.type == p.type]
+    out = {(p.truck_names.index(o.truck), p.names.index(o.parameter)) for o in p.outliers}
+    return TypePart(
+        p.type,
+        f"{len(p.truck_names)} trucks, {len(p.campaigns)} campaigns",
+        _answer(p),
+        tuple(
+            f"{o.truck}: {o.parameter} is {o.factor:.2f} times that of the other trucks; by chance a truck is that far "
+            f"off with probability {number(o.probability, 2)}."
+            for o in p.outliers
+        ),
+        _maps(p, out, gallery),
+        _shrinkage(p, out, gallery),
+        _truck_table(p, out),
+        _load_pictures(loads, gallery),
+        _load_table(loads),
+        (p.message, *p.remarks),
+    )
+
+
+def _cell(q: Quantiles, index: Any, unit: str) -> Cell:
+    factor, _ = shown_unit(unit)
+    low, middle, high = (float(getattr(q, name)[index]) * factor for name in ("q05", "q50", "q95"))
+    if not math.isfinite(middle):
+        return Cell("\u2014")
+    places = decimals(middle, 0.5 * (high - low))
+    return Cell(fixed(middle, places), interval(low, high, places))
+
+
+def _answer(p: TypePopulation) -> Table:
+    rows = []
+    for i, name in enumerate(p.names):
+        scatter = float(p.scatter.q50[i])
+        further = float(p.further[i])
+        new = _cell(p.new, i, p.units[i])
+        low, high = (percent(float(q[i])) for q in (p.spread.q05, p.spread.q95))
+        rows.append(
+            [
+                Cell(name, note=shown_unit(p.units[i])[1]),
+                _cell(p.mean, i, p.units[i]),
+                Cell(percent(float(p.spread.q50[i])), f"[{low}, {high}]"),
+                Cell(percent(scatter) if math.isfinite(scatter) else "\u2014"),
+                Cell(new.interval.strip("[]").replace(", ", " to ")),
+                Cell(f"{further:.0f}" if math.isfinite(further) else "none suffices"),
+            ]
+        )
+    head = (
+        "parameter", "mean of the type", "between trucks", "repeats of one truck", "90 % of new trucks",
+        "further trucks that halve the interval of the mean",
+    )  # fmt: skip
+    return table("Population; brackets are 90 % intervals", head, rows)
+
+
+def _pairs(p: TypePopulation) -> list[tuple[int, int]]:
+    """Stiffness and damping of one suspension: names k_2[laden] and c_2."""
+    found = []
+    for i, name in enumerate(p.names):
+        if p.quantities[i] == "stiffness":
+            partner = "c" + name[1:].split("[")[0]
+            if partner in p.names:
+                found.append((i, p.names.index(partner)))
+    return found
+
+
+def _maps(p: TypePopulation, out: set[tuple[int, int]], gallery: Gallery) -> list[Picture]:
+    pictures = []
+    all_trucks = np.stack([p.trucks.q05, p.trucks.q50, p.trucks.q95])
+    for i, j in _pairs(p):
+        standing = {t for t, parameter in out if parameter in (i, j)}
+        axle = int("".join(c for c in p.names[j] if c.isdigit()) or 1) - 1
+        new = (np.array([p.new.q05[i], p.new.q95[i]]), np.array([p.new.q05[j], p.new.q95[j]]))
+        ax = plot.truck_map(all_trucks[:, :, i], all_trucks[:, :, j], p.truck_names, standing, new, axle)
+        caption = f"{p.names[i]} and {p.names[j]} of every truck with 90 % intervals; the box holds 90 % of new trucks"
+        caption += ", trucks that stand out are red." if standing else "."
+        pictures.append(gallery.picture(ax, caption, width="half"))
+    return pictures
+
+
+def _shrinkage(p: TypePopulation, out: set[tuple[int, int]], gallery: Gallery) -> list[Picture]:
+    alone, drawn = (np.stack([q.q05, q.q50, q.q95]) for q in (p.alone, p.trucks))
+    grid = plot.shrinkage(alone, drawn, p.mean.q50, p.truck_names, p.names, out)
+    caption = "Every truck from its own campaigns (grey) and with what all trucks say (coloured): 90 % intervals."
+    if len(p.truck_names) > plot.FLEET_ROWS:
+        caption += f" The {plot.FLEET_ROWS} trucks furthest from the mean."
+    return [gallery.picture(grid[0, 0], caption)]
+
+
+def _truck_table(p: TypePopulation, out: set[tuple[int, int]]) -> Table:
+    head = ["truck", *(f"{n} [{shown_unit(u)[1]}]" for n, u in zip(p.names, p.units, strict=True))]
+    rows = []
+    for t, truck in enumerate(p.truck_names[:MOST_LISTED]):
+        cells = [_cell(p.trucks, (t, i), p.units[i]) for i in range(len(p.names))]
+        marked = [Cell(c.text, c.interval, "stands out") if (t, i) in out else c for i, c in enumerate(cells)]
+        rows.append([Cell(truck), *marked])
+    return table("k and c of every truck, drawn towards the population; brackets are 90 % intervals", head, rows)
+
+
+def _load_pictures(loads: Sequence[PopulationLoad], gallery: Gallery) -> list[Picture]:
+    if not loads:
+        return []
+    names = [f"{x.load_case}, {x.speed_km_h:g} km/h, axle {x.axle}" for x in loads]
+    ratios = np.array([[x.q05, x.q50, x.q95] for x in loads]).T
+    ax = plot.population_loads(names, [x.axle - 1 for x in loads], ratios)
+    return [gallery.picture(ax, "Peak dynamic load ratio of trucks that nobody has measured: median and 90 % of them.")]
+
+
+def _load_table(loads: Sequence[PopulationLoad]) -> Table | None:
+    if not loads:
+        return None
+    rows = [
+        [
+            Cell(f"{x.load_case}, {x.speed_km_h:g} km/h, axle {x.axle}"),
+            Cell(str(x.trucks)),
+            Cell(fixed(x.q50, 2), interval(x.q05, x.q95, 2)),
+            Cell(percent(x.spread)),
+        ]
+        for x in loads
+    ]
+    head = ("pass", "trucks", "peak dynamic load ratio [-]", "between trucks")
+    return table("Wheel loads of a new truck; brackets hold 90 % of trucks", head, rows)
+
+
+def _pareto_table(found: Sequence[TypePopulation]) -> Table | None:
+    rows = [
+        [Cell(name), Cell(p.type), Cell(fixed(float(k), 2))]
+        for p in found
+        for name, k in zip(p.campaigns, p.pareto_k, strict=True)
+        if k > MOST_K
+    ]
+    return table(f"Campaigns with a Pareto k above {MOST_K}", ("campaign", "type", "k"), rows, 2) if rows else None

@@ -1,0 +1,304 @@
+"""The population behind the campaigns of a type: mean and spread, every truck drawn towards them, who stands out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from arviz_stats.base import array_stats  # type: ignore[attr-defined]  # its way of naming what is public
+from scipy.optimize import minimize
+
+from sysid.errors import DataRejectedError
+from sysid.fleet.draws import CampaignDraws, thinned
+from sysid.fleet.exchangeable import pooled_populations
+from sysid.fleet.hierarchy import Hierarchy, HyperPriors, TypeData
+from sysid.fleet.likelihood import likelihood_of
+from sysid.fleet.weights import MOST_K, campaign_weights, log_correction
+from sysid.posterior.sampled_posterior import Posterior
+from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.progress import Progress, unwatched
+
+#: Probability, over all trucks and parameters of a type, that a fleet without any outlier has one by chance.
+OUTLIER_LEVEL = 0.10
+#: Draws of the hyperparameters for everything that follows from them.
+DRAWS = 2000
+#: Those of them that are weighted by how far the campaigns are from Gaussian.
+_WEIGHTED = 400
+#: Sampling of hyperparameters: a density that takes a millisecond may be drawn from for long.
+SAMPLING = SamplingOptions(ensembles=4, segment_steps=100, min_steps=300, max_steps=6000, min_effective=1000.0)
+
+
+@dataclass(frozen=True)
+class Quantiles:
+    """Median and ends of a 90 % interval, each (...,), in natural units."""
+
+    q05: np.ndarray
+    q50: np.ndarray
+    q95: np.ndarray
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A truck that is not like the others: `factor` of its median to that of a new truck, `probability` by chance."""
+
+    truck: str
+    parameter: str
+    factor: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class TypePopulation:
+    """What the campaigns of one type say.
+
+    `alone` (trucks, d) each truck from its own campaigns, NaN where they do not determine it; `trucks` (trucks, d)
+    drawn towards the population; `mean` (d,) of the type; `new` (d,) a truck nobody has measured; `spread` (d,)
+    relative standard deviation between trucks, `scatter` (d,) of repeats of one truck (NaN if none was repeated);
+    `correlation` (d, d) between parameters; `further` (d,) trucks until the interval of the mean is half as wide, inf
+    where a shared error forbids it.  `pareto_k` per campaign; `correction_k` of the weights by which all draws were
+    corrected for campaigns that are not Gaussian, `corrected` whether they were.  `shared`: mean and sd of each.
+    """
+
+    type: str
+    names: tuple[str, ...]
+    quantities: tuple[str, ...]
+    units: tuple[str, ...]
+    truck_names: tuple[str, ...]
+    campaigns: tuple[str, ...]
+    alone: Quantiles
+    trucks: Quantiles
+    mean: Quantiles
+    new: Quantiles
+    spread: Quantiles
+    scatter: Quantiles
+    correlation: np.ndarray
+    further: np.ndarray
+    outliers: tuple[Outlier, ...]
+    pareto_k: np.ndarray
+    correction_k: float
+    corrected: bool
+    converged: bool
+    message: str
+    shared: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+
+def fit_population(
+    kind: str,
+    data: TypeData,
+    units: Sequence[str],
+    records: Sequence[CampaignDraws | None],
+    *,
+    shared_names: Sequence[str] = (),
+    priors: HyperPriors | None = None,
+    sampling: SamplingOptions = SAMPLING,
+    progress: Progress | None = None,
+) -> TypePopulation:
+    """The population of one type.
+
+    Parameters
+    ----------
+    data : likelihoods of all campaigns.
+    records : draws of each campaign, of the parameters it has, for the correction and Pareto k; None for none.
+    shared_names : names of the shared errors.
+
+    Raises
+    ------
+    DataRejectedError
+        If there are fewer than three trucks.
+    """
+    if len(data.trucks) < 3:
+        raise DataRejectedError(f"Type '{kind}' has {len(data.trucks)} trucks with results; a population needs three.")
+    priors = priors or HyperPriors()
+    model = Hierarchy(data, priors)
+    posterior, log_hyper = _sampled(model, sampling, progress or unwatched)
+    random = np.random.default_rng(sampling.seed)
+    k, correction_k, log_hyper, corrected = _corrected(model, records, log_hyper, random)
+    drawn = model.draw(log_hyper, random)
+    spread = model.spread(log_hyper)
+    tau = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
+    phi = np.sqrt(model.scatter(log_hyper)) if data.repeated else np.full_like(tau, np.nan)
+    alone, alone_sd = stand_alone(data, priors)
+    return TypePopulation(
+        type=kind,
+        names=data.names,
+        quantities=data.quantities,
+        units=tuple(units),
+        truck_names=data.trucks,
+        campaigns=data.campaigns,
+        alone=Quantiles(*(np.exp(alone + z * alone_sd) for z in (-1.6448536, 0.0, 1.6448536))),
+        trucks=_quantiles(np.exp(drawn.trucks)),
+        mean=_quantiles(np.exp(drawn.mean)),
+        new=_quantiles(np.exp(_new_trucks(drawn.mean, spread, random))),
+        spread=_quantiles(tau),
+        scatter=_quantiles(phi),
+        correlation=(spread / tau[:, :, None] / tau[:, None, :]).mean(axis=0),
+        further=further_trucks(drawn.mean, tau, alone_sd, data, drawn.shared),
+        outliers=find_outliers(data, alone, alone_sd, priors),
+        pareto_k=k,
+        correction_k=correction_k,
+        corrected=corrected,
+        converged=posterior.converged,
+        message=posterior.message,
+        shared={n: (float(e.mean()), float(e.std())) for n, e in zip(shared_names, drawn.shared.T, strict=True)},
+        remarks=_remarks(data, k, correction_k, corrected),
+    )
+
+
+def laplace(model: Hierarchy) -> tuple[np.ndarray, np.ndarray]:
+    """Mode (h,) of the hyperparameters and a covariance (h, h) from the curvature there."""
+    found = minimize(
+        lambda u: -float(model(u[None])[0]), model.start, method="Nelder-Mead" if model.start.size < 2 else "BFGS"
+    )
+    mode = np.clip(found.x, model.start - 4.0, model.start + 4.0)
+    count, step = mode.size, 0.05
+    moves = step * np.eye(count)
+    pairs = [(i, j) for i in range(count) for j in range(i, count)]
+    points = [mode + s * moves[i] + r * moves[j] for i, j in pairs for s in (1, -1) for r in (1, -1)]
+    values = model(np.array(points)).reshape(-1, 4)
+    curvature = np.zeros((count, count))
+    for (i, j), (pp, pm, mp, mm) in zip(pairs, values, strict=True):
+        curvature[i, j] = curvature[j, i] = -(pp - pm - mp + mm) / (4.0 * step**2)
+    size, directions = np.linalg.eigh(np.nan_to_num(curvature))
+    # Where the density is flat, as towards no spread at all, half a unit of the logarithm is a step that it takes.
+    return mode, (directions / np.clip(size, 0.25, None)) @ directions.T
+
+
+def stand_alone(data: TypeData, priors: HyperPriors) -> tuple[np.ndarray, np.ndarray]:
+    """Each truck from its own campaigns only: log values and sd (trucks, d), NaN where they do not determine it."""
+    trucks, d = len(data.trucks), len(data.names)
+    value, sd = np.full((trucks, d), np.nan), np.full((trucks, d), np.nan)
+    for t in range(trucks):
+        precision, shift = data.precision[data.truck_of == t].sum(axis=0), data.shift[data.truck_of == t].sum(axis=0)
+        # As wide as the prior of the mean where the data say nothing.
+        whole = precision + np.eye(d) * priors.mean_sd**-2
+        covariance = np.linalg.inv(whole)
+        width = np.sqrt(np.diag(covariance))
+        known = width < 0.5 * priors.mean_sd
+        centre = covariance @ (shift + data.mean * priors.mean_sd**-2)
+        value[t, known], sd[t, known] = centre[known], width[known]
+    return value, sd
+
+
+def find_outliers(data: TypeData, value: np.ndarray, sd: np.ndarray, priors: HyperPriors) -> tuple[Outlier, ...]:
+    """Trucks whose parameters are further from those of all other trucks than chance explains, the least likely first.
+
+    The level is shared out over all trucks and parameters (Bonferroni).
+    """
+    known = int(np.isfinite(value).sum())
+    found = []
+    for t, truck in enumerate(data.trucks):
+        others = np.arange(len(data.trucks)) != t
+        for quantity in dict.fromkeys(data.quantities):
+            at = [
+                i for i, q in enumerate(data.quantities) if q == quantity and np.isfinite(value[others, i]).sum() >= 2
+            ]
+            if not at:
+                continue
+            pops = pooled_populations(value[np.ix_(others, at)], sd[np.ix_(others, at)] ** 2, priors.spread_scale)
+            for i, pop in zip(at, pops, strict=True):
+                if not np.isfinite(value[t, i]):
+                    continue
+                chance = pop.tail(float(value[t, i]), float(sd[t, i] ** 2))
+                if chance * known < OUTLIER_LEVEL:
+                    factor = float(np.exp(value[t, i] - pop.quantiles((0.5,))[0]))
+                    found.append(Outlier(truck, data.names[i], factor, chance))
+    return tuple(sorted(found, key=lambda o: o.probability))
+
+
+def further_trucks(mean: np.ndarray, tau: np.ndarray, sd: np.ndarray, data: TypeData, shared: np.ndarray) -> np.ndarray:
+    """How many further trucks, measured as these were, halve the interval of each parameter of the type's mean (d,).
+
+    A truck of spread tau and error s adds information 1/(tau^2 + s^2); half of the width needs four times what there
+    is, of which shared errors, that no number of trucks makes smaller, are no part.
+    """
+    variance = mean.var(axis=0)
+    floor = np.zeros(mean.shape[1])
+    if shared.shape[1]:
+        # The part of the mean that goes with the shared errors.
+        centred = shared - shared.mean(axis=0)
+        slope = np.linalg.lstsq(centred, mean - mean.mean(axis=0), rcond=None)[0]
+        floor = (centred @ slope).var(axis=0)
+    own = (
+        np.nanmedian(np.where(np.isfinite(sd), sd, np.nan) ** 2, axis=0)
+        if np.isfinite(sd).any()
+        else np.zeros_like(floor)
+    )
+    wanted = variance / 4.0 - floor
+    with np.errstate(divide="ignore", invalid="ignore"):
+        count = ((tau**2).mean(axis=0) + own) * (1.0 / wanted - 1.0 / (variance - floor))
+    return np.where(wanted > 0.0, np.ceil(np.maximum(count, 0.0)), np.inf)
+
+
+def _sampled(model: Hierarchy, options: SamplingOptions, progress: Progress) -> tuple[Posterior, np.ndarray]:
+    """The posterior of the hyperparameters, and draws (n, h) of their logarithms."""
+    posterior = sample_posterior(
+        model, model.names, *laplace(model), "hierarchy of Gaussian campaigns", options, progress=progress
+    )
+    return posterior, thinned(np.log(posterior.draws.reshape(-1, len(model.names))), DRAWS)
+
+
+def _new_trucks(mean: np.ndarray, spread: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """A truck of the type for every draw of its mean (n, d) and covariance (n, d, d)."""
+    root = np.linalg.cholesky(spread + 1e-18 * np.eye(mean.shape[1]))
+    return np.asarray(mean + np.einsum("nij,nj->ni", root, random.standard_normal(mean.shape)))
+
+
+def _corrected(
+    model: Hierarchy, records: Sequence[CampaignDraws | None], log_hyper: np.ndarray, random: np.random.Generator
+) -> tuple[np.ndarray, float, np.ndarray, bool]:
+    """Pareto k per campaign and of the correction, hyperparameters drawn by it, and whether they could be."""
+    weighted = thinned(log_hyper, _WEIGHTED)
+    k, log_weights = _pareto(model, records, weighted)
+    smooth, correction_k = array_stats.psislw(log_weights) if np.ptp(log_weights) > 0.0 else (log_weights, -np.inf)
+    if not (np.isfinite(correction_k) and correction_k < MOST_K):
+        return k, float(correction_k), log_hyper, False
+    weights = np.exp(np.asarray(smooth))
+    chosen = random.choice(len(weighted), len(log_hyper), p=weights / weights.sum())
+    return k, float(correction_k), weighted[chosen], True
+
+
+def _pareto(
+    model: Hierarchy, records: Sequence[CampaignDraws | None], log_hyper: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pareto k per campaign, NaN without draws, and log weights (n,) of the hyperparameters by all campaigns."""
+    data = model.data
+    k, log_weights = np.full(len(data.campaigns), np.nan), np.zeros(len(log_hyper))
+    parts = model.parts(log_hyper)
+    for c in range(len(data.campaigns)):
+        # One at a time: draws of thousands of campaigns need not fit into memory.
+        record = records[c]
+        if record is None:
+            continue
+        at = np.array([data.names.index(n) for n in record.names])
+        mean, covariance = model.predicted(log_hyper, parts, int(data.truck_of[c]))
+        around = (mean[:, at], covariance[:, at][:, :, at])
+        prior = (record.prior_mean, record.prior_covariance)
+        k[c] = campaign_weights(record.draws, *prior, *(part[::4] for part in around)).pareto_k
+        # As the draws are: a shared error that was taken out of the likelihood is part of them.
+        own = likelihood_of(record)
+        log_weights += log_correction(record.draws, *prior, *around, own.precision, own.shift)
+    return k, log_weights
+
+
+def _remarks(data: TypeData, k: np.ndarray, correction_k: float, corrected: bool) -> tuple[str, ...]:
+    said = []
+    bad = [f"{c} ({v:.2f})" for c, v in zip(data.campaigns, k, strict=True) if v > MOST_K]
+    if bad:
+        said.append(
+            f"The draws of {len(bad)} campaigns hardly reach where the population puts their trucks (Pareto k above "
+            f"{MOST_K}): {', '.join(bad[:8])}{', ...' if len(bad) > 8 else ''}. Their Gaussian form alone counts there."
+        )
+    if np.isfinite(correction_k) and not corrected:
+        said.append(
+            f"The Gaussian form of the campaigns was not corrected: the weights of that correction have a Pareto k of "
+            f"{correction_k:.2f}."
+        )
+    if not data.repeated:
+        said.append("No truck was measured twice: the scatter of repeats is part of the spread between trucks.")
+    return tuple(said)
+
+
+def _quantiles(draws: np.ndarray) -> Quantiles:
+    return Quantiles(*np.quantile(draws, [0.05, 0.5, 0.95], axis=0))

@@ -1,0 +1,96 @@
+"""``fleet_population.json``: populations, trucks, outliers and loads in SI; what is not known is null."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid.files import write_text
+from sysid.fleet.loads import PopulationLoad
+from sysid.fleet.population import Quantiles, TypePopulation
+from sysid.folder_lock import cannot_write
+
+POPULATION_JSON = "fleet_population.json"
+SCHEMA = 1
+
+
+def population_document(
+    found: Sequence[TypePopulation], loads: Sequence[PopulationLoad], said: Sequence[str]
+) -> dict[str, Any]:
+    """The content of the file as plain Python objects."""
+    return {
+        "schema": SCHEMA,
+        "types": [_type(p) for p in found],
+        "loads": [asdict(load) for load in loads],
+        "remarks": list(said),
+    }
+
+
+def write_population(
+    found: Sequence[TypePopulation], loads: Sequence[PopulationLoad], said: Sequence[str], output: Path
+) -> Path:
+    """Write the file below `output`.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written.
+    """
+    text = json.dumps(population_document(found, loads, said), indent=1, ensure_ascii=False, allow_nan=False)
+    try:
+        write_text(output / POPULATION_JSON, text + "\n")
+    except OSError as error:
+        raise cannot_write(output, error) from error
+    return output / POPULATION_JSON
+
+
+def _type(p: TypePopulation) -> dict[str, Any]:
+    return {
+        "type": p.type,
+        "converged": p.converged,
+        "message": p.message,
+        "remarks": list(p.remarks),
+        "parameters": [
+            {
+                "name": name,
+                "quantity": p.quantities[i],
+                "unit": p.units[i],
+                "mean": _at(p.mean, i),
+                "new_truck": _at(p.new, i),
+                "spread": _at(p.spread, i),
+                "scatter": _at(p.scatter, i),
+                "further_trucks_to_halve": _number(p.further[i]),
+            }
+            for i, name in enumerate(p.names)
+        ],
+        "correlation": np.round(p.correlation, 4).tolist(),
+        "trucks": [
+            {
+                "name": truck,
+                "parameters": [
+                    {"name": name, "alone": _at(p.alone, (t, i)), "with_population": _at(p.trucks, (t, i))}
+                    for i, name in enumerate(p.names)
+                ],
+            }
+            for t, truck in enumerate(p.truck_names)
+        ],
+        "outliers": [asdict(o) for o in p.outliers],
+        "shared": [{"name": n, "mean": mean, "sd": sd} for n, (mean, sd) in p.shared.items()],
+        "campaigns": [{"name": name, "pareto_k": _number(k)} for name, k in zip(p.campaigns, p.pareto_k, strict=True)],
+        "correction": {"pareto_k": _number(p.correction_k), "applied": p.corrected},
+    }
+
+
+def _at(q: Quantiles, index: Any) -> dict[str, float | None]:
+    return {name: _number(getattr(q, name)[index]) for name in ("q05", "q50", "q95")}
+
+
+def _number(value: Any) -> float | None:
+    number = float(value)
+    return number if math.isfinite(number) else None

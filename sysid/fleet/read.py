@@ -1,0 +1,134 @@
+"""Reads a fleet: from ``fleet.toml``, or from a folder whose subfolders hold campaign files."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+from sysid import limits
+from sysid.campaign.paths import check_name
+from sysid.campaign.todo import refuse_todos
+from sysid.campaign.toml_errors import parse_toml, validated
+from sysid.errors import CampaignError
+from sysid.fleet.records import Fleet, FleetCampaign, SharedError, Truck
+from sysid.fleet.schema import FleetFile, SharedEntry, TruckEntry
+from sysid.logs.input_file import FileRefusedError, read_file
+from sysid.wording import finish, nearest, shorten
+
+FLEET_FILE = "fleet.toml"
+CAMPAIGN_FILE = "campaign.toml"
+#: Depth below the fleet's folder in which campaign files are looked for.
+_DEPTH = 4
+
+
+def read_fleet(path: str | Path) -> Fleet:
+    """The fleet of a ``fleet.toml``, of a folder with one, or of a folder of campaigns, each a truck of its own.
+
+    Raises
+    ------
+    CampaignError
+        If there is no campaign, the file is wrong, or two campaigns have one name.
+    """
+    given = Path(path)
+    if given.is_dir():
+        file = given / FLEET_FILE
+        return _from_file(file) if file.is_file() else fleet_of_folder(given)
+    return _from_file(given)
+
+
+def fleet_of_folder(folder: Path) -> Fleet:
+    """The campaigns below a folder, each a truck of its own.
+
+    Raises
+    ------
+    CampaignError
+        If there is none, or two would have one name.
+    """
+    found = campaign_folders(folder)
+    if not found:
+        raise CampaignError(
+            f"{shorten(folder, 100)} has neither a {FLEET_FILE} nor subfolders with a {CAMPAIGN_FILE}; give the folder "
+            "above the campaigns."
+        )
+    trucks = [Truck(name := result_name(f), "truck", (FleetCampaign(name, folder / f),)) for f in found]
+    return _checked(Fleet(folder.resolve().name, folder, tuple(trucks)), str(folder))
+
+
+def campaign_folders(folder: Path) -> list[str]:
+    """Folders with a campaign file below `folder`, relative to it, in order of their names."""
+    found = []
+    for root, folders, files in os.walk(folder):
+        inside = Path(root).relative_to(folder)
+        # Results of earlier runs hold no campaign files, but may hold thousands of folders.
+        hidden = len(inside.parts) >= _DEPTH or "stages" in folders
+        folders[:] = [] if hidden else sorted(f for f in folders if not f.startswith("."))
+        if CAMPAIGN_FILE in files and inside.parts:
+            found.append(inside.as_posix())
+            folders[:] = []
+    return sorted(found)
+
+
+def result_name(folder: str) -> str:
+    """Name of the folder of results of a campaign in `folder`: its path, other signs than letters replaced."""
+    kept = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "-" for c in folder.replace("/", "-"))
+    return kept.strip("-").lstrip(".")[:120] or "campaign"
+
+
+def _from_file(file: Path) -> Fleet:
+    try:
+        content = read_file(file, limits.CAMPAIGN_BYTES)
+    except FileNotFoundError:
+        raise CampaignError(
+            f"There is no fleet file '{shorten(file, 120)}'; write one by 'fleet init FOLDER'."
+        ) from None
+    except (FileRefusedError, OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "no plain file, or larger than 2 MB"
+        raise CampaignError(f"The fleet file '{shorten(file, 120)}' cannot be read ({reason}).") from None
+    tables = parse_toml(content.data, content.name)
+    refuse_todos(tables, content.name)
+    read = validated(FleetFile, tables, content.name)
+    trucks = tuple(_truck(entry, file.parent, content.name) for entry in read.truck)
+    fleet = _checked(Fleet(read.fleet.title or file.parent.resolve().name, file.parent, trucks), content.name)
+    names = [campaign.name for _, campaign in fleet.campaigns()]
+    shared = tuple(_shared(entry, names, content.name) for entry in read.shared)
+    return Fleet(fleet.title, fleet.folder, fleet.trucks, shared)
+
+
+def _truck(entry: TruckEntry, folder: Path, label: str) -> Truck:
+    campaigns = []
+    for c in entry.campaign:
+        check_name(c.folder, f"{label}: truck '{shorten(entry.name)}'")
+        date = "" if c.date is None else c.date.isoformat()
+        campaigns.append(FleetCampaign(c.name or result_name(c.folder), folder / c.folder, date))
+    return Truck(entry.name, entry.type, tuple(campaigns))
+
+
+def _shared(entry: SharedEntry, names: list[str], label: str) -> SharedError:
+    chosen = names if entry.campaigns is None else entry.campaigns
+    for name in chosen:
+        if name not in names:
+            raise CampaignError(
+                finish(
+                    f"{label}: shared error '{shorten(entry.name)}' names the campaign '{name}'; {nearest(name, names)}"
+                )
+            )
+    moves = {str(quantity): factor for quantity, factor in entry.moves.items()}
+    return SharedError(entry.name, entry.log_sd, moves, tuple(chosen), entry.in_intervals)
+
+
+def _checked(fleet: Fleet, label: str) -> Fleet:
+    for what, all_names in (
+        ("trucks have the name", [t.name for t in fleet.trucks]),
+        # Names that differ in case only are one folder on some systems.
+        ("campaigns have the name", [c.name.casefold() for _, c in fleet.campaigns()]),
+    ):
+        double = _repeated(all_names)
+        if double is not None:
+            raise CampaignError(f"{shorten(label, 80)}: two {what} '{shorten(double)}'; give each its own.")
+    return fleet
+
+
+def _repeated(names: Iterable[str]) -> str | None:
+    return next((name for name, count in Counter(names).items() if count > 1), None)

@@ -1,0 +1,78 @@
+"""The table of a fleet: read from the folders, written as JSON and CSV, and how far running campaigns are."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from sysid.export.csv_cells import csv_text, escape_cell
+from sysid.files import read_bytes, write_text
+from sysid.fleet.outcome import kept
+from sysid.fleet.records import Fleet
+from sysid.fleet.running import Row, campaign_output
+from sysid.fleet.task import PROGRESS_FILE
+from sysid.folder_lock import cannot_write
+
+STATUS_JSON, STATUS_CSV = "fleet_status.json", "fleet_status.csv"
+SCHEMA = 1
+COLUMNS = (
+    "truck", "type", "campaign", "date", "state", "status", "sentence", "seconds", "processor_seconds", "peak_bytes",
+    "attempts", "result_sha256",
+)  # fmt: skip
+
+
+def rows_on_disk(fleet: Fleet, output: Path) -> list[Row]:
+    """What is known of every campaign without computing anything; outcomes of changed inputs among them."""
+    rows = []
+    for truck, campaign in fleet.campaigns():
+        folder = campaign_output(output, campaign.name)
+        outcome = kept(folder)
+        state = outcome.state if outcome else "running" if (folder / PROGRESS_FILE).exists() else "queued"
+        rows.append(Row(truck.name, truck.type, campaign.name, campaign.date, state, outcome))
+    return rows
+
+
+def stage_of(output: Path, name: str) -> str:
+    """What a running campaign is doing, as it said last; empty if it has not said anything."""
+    try:
+        said = json.loads(read_bytes(campaign_output(output, name) / PROGRESS_FILE) or b"")
+        return f"{str(said['stage'])[:60]} ({100.0 * float(said['fraction']):.0f} %)"
+    except (ValueError, KeyError, TypeError):
+        return ""
+
+
+def counts(rows: Sequence[Row]) -> dict[str, int]:
+    """How many campaigns are in which state, in a fixed order."""
+    order = ("queued", "running", "done", "not converged", "rejected", "failed", "crashed")
+    found = Counter(row.state for row in rows)
+    return {state: found[state] for state in order if found[state]}
+
+
+def row_fields(row: Row) -> dict[str, Any]:
+    """One line of the table by column; what is not known is None."""
+    outcome = {} if row.outcome is None else asdict(row.outcome)
+    own = {"truck": row.truck, "type": row.type, "campaign": row.campaign, "date": row.date, "state": row.state}
+    return {column: own.get(column, outcome.get(column)) for column in COLUMNS}
+
+
+def write_status(rows: Sequence[Row], output: Path) -> tuple[Path, Path]:
+    """Write the table as ``fleet_status.json`` and ``fleet_status.csv``.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written.
+    """
+    fields = [row_fields(row) for row in rows]
+    document = {"schema": SCHEMA, "counts": counts(rows), "campaigns": fields}
+    cells = [["" if line[c] is None else escape_cell(str(line[c])) for c in COLUMNS] for line in fields]
+    try:
+        write_text(output / STATUS_JSON, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+        write_text(output / STATUS_CSV, csv_text(COLUMNS, cells))
+    except OSError as error:
+        raise cannot_write(output, error) from error
+    return output / STATUS_JSON, output / STATUS_CSV

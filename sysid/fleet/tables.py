@@ -1,0 +1,157 @@
+"""Tables of a fleet: their columns, and the rows that one campaign gives; nothing of Parquet in here.
+
+A column that a campaign does not know is null.  SI units, speeds in km/h where the name says so, axles from 1.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid.files import read_bytes
+from sysid.fleet.draws import RECORD_FILE, read_draws, thinned
+from sysid.fleet.outcome import RESULT_FILE
+from sysid.fleet.running import Row
+from sysid.fleet.status import row_fields
+
+#: Version of the tables; a number up whenever a column changes its meaning or goes.
+SCHEMA = 1
+#: Draws per parameter that the table of draws holds.
+INDEXED_DRAWS = 100
+
+#: Columns by table: their type and what they are.
+TABLES: Mapping[str, Mapping[str, tuple[str, str]]] = {
+    "campaigns": {
+        "campaign": ("string", "name of the campaign, the key of all tables"),
+        "truck": ("string", "truck"),
+        "type": ("string", "type of the truck"),
+        "date": ("string", "date, YYYY-MM-DD, or empty"),
+        "state": ("string", "queued, running, done, not converged, rejected, failed or crashed"),
+        "status": ("string", "status in result.json: converged, not_converged or preview"),
+        "sentence": ("string", "why there is no result"),
+        "seconds": ("double", "time on the clock [s]"),
+        "processor_seconds": ("double", "processor time [s]"),
+        "peak_bytes": ("int64", "largest memory of its process"),
+        "attempts": ("int64", "how often its process was started"),
+        "result_sha256": ("string", "hash of result.json without times"),
+        "title": ("string", "title in the campaign file"),
+        "seed": ("int64", "seed of everything random"),
+        "warnings": ("int64", "number of warnings"),
+        "warning": ("string", "the first warning"),
+        "folder": ("string", "folder of the results, relative to that of the fleet"),
+    },
+    "parameters": {
+        "campaign": ("string", "campaign"),
+        "truck": ("string", "truck"),
+        "type": ("string", "type of the truck"),
+        "name": ("string", "parameter, k_1"),
+        "quantity": ("string", "stiffness, damping, tire_stiffness, ..."),
+        "axle": ("int64", "axle, null for all"),
+        "load_case": ("string", "load case, null for all"),
+        "run": ("string", "run of a parameter of one run, else null"),
+        "law": ("string", "suspension law"),
+        "unit": ("string", "unit of the numbers"),
+        "identified": ("bool", "whether the data determine it"),
+        "value": ("double", "least squares"),
+        "sd": ("double", "its standard deviation"),
+        "q05": ("double", "posterior, 5 %"),
+        "q50": ("double", "posterior median"),
+        "q95": ("double", "posterior, 95 %"),
+        "ess": ("double", "effective draws"),
+        "rhat": ("double", "R-hat"),
+        "prior_median": ("double", "median of the prior"),
+        "prior_log_sd": ("double", "standard deviation of the logarithm under the prior"),
+    },
+    "draws": {
+        "campaign": ("string", "campaign"),
+        "truck": ("string", "truck"),
+        "name": ("string", "parameter"),
+        "values": ("list<double>", "thinned draws, at most 100; those of one place in the list belong together"),
+    },
+    "predictions": {
+        "campaign": ("string", "campaign"),
+        "truck": ("string", "truck"),
+        "type": ("string", "type of the truck"),
+        "load_case": ("string", "load case"),
+        "speed_km_h": ("double", "speed [km/h]"),
+        "axle": ("int64", "axle"),
+        "q05": ("double", "peak dynamic load ratio, 5 %"),
+        "q50": ("double", "median"),
+        "q95": ("double", "95 %"),
+        "lift_off": ("bool", "whether the wheel leaves the road"),
+        "beyond_driven": ("int64", "number of quantities beyond what the runs reached"),
+    },
+    "quality": {
+        "campaign": ("string", "campaign"),
+        "truck": ("string", "truck"),
+        "run": ("string", "log"),
+        "channel": ("string", "channel"),
+        "nrmse": ("double", "RMS of the residual over that of the signal"),
+        "iso18571": ("double", "rating of ISO/TS 18571"),
+    },
+}  # fmt: skip
+
+
+def campaign_rows(row: Row, output: Path, folder: Path) -> dict[str, list[dict[str, Any]]]:
+    """Rows of all tables from the results of one campaign.
+
+    Parameters
+    ----------
+    output : folder of its results.
+    folder : that of the fleet, to which paths are relative.
+    """
+    try:
+        document = json.loads(read_bytes(output / RESULT_FILE) or b"") if _finished(row) else {}
+    except (ValueError, RecursionError):
+        document = {}
+    own = {"campaign": row.campaign, "truck": row.truck, "type": row.type}
+    warnings = document.get("warnings", [])
+    first = row_fields(row) | {
+        "title": document.get("campaign"),
+        "seed": document.get("seed"),
+        "warnings": len(warnings) if document else None,
+        "warning": warnings[0] if warnings else None,
+        "folder": output.relative_to(folder).as_posix(),
+    }
+    return {
+        "campaigns": [first],
+        "parameters": [own | _parameter(p) for p in document.get("parameters", [])],
+        "draws": _draws(own, output) if document else [],
+        "predictions": [own | _prediction(p) for p in document.get("predictions", [])],
+        "quality": [own | dict(v) for v in document.get("validation", [])],
+    }
+
+
+def _finished(row: Row) -> bool:
+    return row.outcome is not None and row.outcome.finished
+
+
+def _parameter(p: Mapping[str, Any]) -> dict[str, Any]:
+    posterior, prior = p.get("posterior") or {}, p.get("prior") or {}
+    return {
+        **{k: p.get(k) for k in ("name", "quantity", "axle", "load_case", "run", "law", "unit", "identified")},
+        **p["least_squares"],
+        **{k: posterior.get(k) for k in ("q05", "q50", "q95", "ess", "rhat")},
+        "prior_median": prior.get("median"),
+        "prior_log_sd": prior.get("log_sd"),
+    }
+
+
+def _prediction(p: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        **{k: p.get(k) for k in ("load_case", "speed_km_h", "axle", "lift_off")},
+        **p["peak_dynamic_load_ratio"],
+        "beyond_driven": len(p.get("trust", [])),
+    }
+
+
+def _draws(own: Mapping[str, Any], output: Path) -> list[dict[str, Any]]:
+    record = read_draws(output / RECORD_FILE)
+    if record is None:
+        return []
+    values = np.exp(thinned(record.draws, INDEXED_DRAWS)).T
+    return [{**own, "name": n, "values": v} for n, v in zip(record.names, values, strict=True)]

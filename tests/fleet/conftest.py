@@ -1,0 +1,34 @@
+"""Results of one small fleet for all tests that only read them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from fleet_results import write_fleet_results
+
+from sysid.fleet import population
+from sysid.fleet.results import FleetResults, compute
+from sysid.posterior.sampling import SamplingOptions
+
+SHORT = SamplingOptions(ensembles=4, segment_steps=100, min_steps=200, max_steps=1500, min_effective=200.0)
+
+
+@pytest.fixture(scope="session")
+def fleet_folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Folder with the fleet file, and folder of the results."""
+    return write_fleet_results(tmp_path_factory.mktemp("fleet"))
+
+
+@pytest.fixture(scope="session")
+def fleet_results(fleet_folders: tuple[Path, Path]) -> FleetResults:
+    """Populations and loads of the small fleet."""
+    patch = pytest.MonkeyPatch()
+    patch.setattr(population, "_WEIGHTED", 100)
+    patch.setattr(
+        population.fit_population, "__kwdefaults__", {**population.fit_population.__kwdefaults__, "sampling": SHORT}
+    )
+    try:
+        return compute(*fleet_folders)
+    finally:
+        patch.undo()

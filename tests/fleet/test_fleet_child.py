@@ -1,0 +1,51 @@
+"""The process that calibrates: what it says of a campaign that it cannot read, and of one that it can."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sysid.fleet.draws import RECORD_FILE, read_draws
+from sysid.fleet.outcome import LOG_FILE
+from sysid.fleet.read import read_fleet
+from sysid.fleet.running import RunOptions, campaign_output, run_fleet
+from sysid.fleet.simulate import simulate_fleet
+
+RIGID = Path(__file__).resolve().parents[2] / "examples" / "vehicles" / "rigid3"
+
+
+def test_a_campaign_that_cannot_be_read_is_rejected_with_its_sentence(tmp_path: Path) -> None:
+    (tmp_path / "fleet" / "a").mkdir(parents=True)
+    (tmp_path / "fleet" / "a" / "campaign.toml").write_text("schema = 7\n")
+    options = RunOptions(1, choices={"quick": True})
+    (row,) = run_fleet(read_fleet(tmp_path / "fleet"), tmp_path / "out", options, lambda rows: None)
+    assert row.state == "rejected"
+    assert row.outcome.sentence.startswith("campaign.toml has schema = 7, this program reads 'schema = 1'")
+    assert row.outcome.peak_bytes > 10_000_000
+    assert row.outcome.processor_seconds > 0.0
+    assert (campaign_output(tmp_path / "out", "a") / LOG_FILE).read_text() == ""
+
+
+@pytest.mark.long
+def test_a_real_campaign_leaves_its_draws_and_is_not_computed_again(tmp_path: Path) -> None:
+    simulate_fleet(RIGID, tmp_path / "fleet", trucks=1, campaigns=1, seed=2)
+    fleet = read_fleet(tmp_path / "fleet")
+    options = RunOptions(1, choices={"quick": True, "laws": "declared"})
+    (row,) = run_fleet(fleet, tmp_path / "out", options, lambda rows: None)
+    assert (row.state, row.outcome.status) == ("done", "preview")
+    folder = campaign_output(tmp_path / "out", row.campaign)
+    record = read_draws(folder / RECORD_FILE)
+    assert record is not None
+    # An air spring has one stiffness per load case, linked by the prior.
+    at = [record.names.index(n) for n in ("k_2[empty]", "k_2[laden]")]
+    prior = record.prior_covariance[np.ix_(at, at)]
+    assert np.exp(record.prior_mean[at[0]]) == pytest.approx(3.5e5)
+    assert np.sqrt(prior[0, 0]) == pytest.approx(0.7)
+    assert prior[0, 1] == pytest.approx(prior[0, 0])
+    assert prior[1, 1] > prior[0, 0]
+    written = (folder / "result.json").stat().st_mtime_ns
+    (again,) = run_fleet(fleet, tmp_path / "out", options, lambda rows: None)
+    assert again.outcome == row.outcome
+    assert (folder / "result.json").stat().st_mtime_ns == written

@@ -1,0 +1,112 @@
+"""The same code on a Dask cluster: two workers give what this machine gives, and a killed worker loses nothing."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from fleet_child import COMMAND, DIGEST
+
+from sysid.errors import OutputError
+from sysid.fleet import key
+from sysid.fleet.read import read_fleet
+from sysid.fleet.running import RunOptions, run_fleet
+
+SUPPORT = Path(__file__).resolve().parents[1] / "support"
+
+#: Dask warns of much that does not matter here; it gets a process of its own.
+CLUSTER = """
+import json, os, signal, sys
+sys.path.insert(0, sys.argv[1])
+from pathlib import Path
+from fleet_child import COMMAND, DIGEST
+from sysid.fleet import key
+from sysid.fleet.read import read_fleet
+from sysid.fleet.running import RunOptions, run_fleet
+
+def same_program():
+    key.program_digest = lambda: DIGEST
+
+def workers_of(cluster):
+    return [w["pid"] for w in cluster.scheduler_info["workers"].values() if "pid" in w]
+
+if __name__ == "__main__":
+    import dask
+    from distributed import Client, LocalCluster
+    dask.config.set({"distributed.comm.timeouts.connect": "30s"})
+    same_program()
+    kill = sys.argv[4] == "kill"
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+        with Client(cluster) as client:
+            client.run(same_program)
+            client.register_worker_callbacks(same_program)
+            processes = client.run(os.getpid)
+        killed = []
+        def watch(rows):
+            waiting = Path(sys.argv[3]) / "campaigns" / "a" / "fleet_progress.json"
+            if kill and not killed and waiting.exists():
+                child = int((waiting.parent / "starts").read_text().split()[0])
+                parent = int(Path(f"/proc/{child}/stat").read_text().split()[3])
+                killed.append(parent)
+                os.kill(parent, signal.SIGKILL)
+        options = RunOptions(2, cluster.scheduler_address, command=COMMAND)
+        rows = run_fleet(read_fleet(Path(sys.argv[2])), Path(sys.argv[3]), options, watch)
+    print(json.dumps({"killed": len(killed), "rows": {r.campaign: [r.state, r.outcome.result_sha256] for r in rows}}))
+"""
+
+
+def campaigns(root: Path, **behaviours: str) -> Path:
+    for name, behaviour in behaviours.items():
+        (root / name).mkdir(parents=True)
+        (root / name / "campaign.toml").write_text(f'title = "{name}"\n')
+        (root / name / "behaviour").write_text(behaviour)
+    return root
+
+
+def on_cluster(folder: Path, output: Path, script: Path, kill: bool) -> dict:
+    # A file, not -c: its workers import it.
+    script.write_text(CLUSTER)
+    words = [sys.executable, str(script), str(SUPPORT), str(folder), str(output), "kill" if kill else "-"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_two_workers_give_what_this_machine_gives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(key, "program_digest", lambda: DIGEST)
+    monkeypatch.setenv("SYSID_THREADS", "1")
+    folder = campaigns(tmp_path / "fleet", a="done", b="not-converged", c="rejected No.", d="die", e="done")
+    found = on_cluster(folder, tmp_path / "cluster", tmp_path / "script.py", kill=False)["rows"]
+    rows = run_fleet(read_fleet(folder), tmp_path / "local", RunOptions(2, command=COMMAND), lambda rows: None)
+    assert found == {row.campaign: [row.state, row.outcome.result_sha256] for row in rows}
+    assert [found[n][0] for n in "abcde"] == ["done", "not converged", "rejected", "crashed", "done"]
+
+
+def test_a_killed_worker_loses_nothing(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    folder = campaigns(tmp_path / "fleet", a="wait-once 60", b="done", c="done")
+    found = on_cluster(folder, tmp_path / "out", tmp_path / "script.py", kill=True)
+    assert found["killed"] == 1
+    assert {state for state, _ in found["rows"].values()} == {"done"}
+    starts = {n: len((tmp_path / "out/campaigns" / n / "starts").read_text().splitlines()) for n in "abc"}
+    assert starts == {"a": 2, "b": 1, "c": 1}
+
+
+def test_a_scheduler_that_does_not_answer_is_one_sentence(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    code = (
+        "import sys; from pathlib import Path\n"
+        "from sysid.errors import OutputError\n"
+        "from sysid.fleet.executors import cluster_executor\n"
+        "try:\n"
+        "    with cluster_executor('tcp://127.0.0.1:9'): pass\n"
+        "except OutputError as error:\n"
+        "    print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.startswith("No Dask scheduler answers at tcp://127.0.0.1:9")
+    assert OutputError.exit_code == 3

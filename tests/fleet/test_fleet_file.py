@@ -1,0 +1,147 @@
+"""``fleet.toml``: what it means, what is refused in one sentence, and how it is begun; the commands on it."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from sysid.cli.main import cli
+from sysid.errors import CampaignError
+from sysid.fleet.begin import fleet_text
+from sysid.fleet.read import read_fleet, result_name
+
+FLEET = """\
+schema = 1
+[fleet]
+title = "Mine"
+[[truck]]
+name = "A 1"
+type = "rigid3"
+campaign = [{ folder = "a/may", date = 2026-05-01 }, { folder = "a/june", name = "again" }]
+[[truck]]
+name = "B"
+campaign = [{ folder = "b" }]
+[[shared]]
+name = "scales"
+log_sd = 0.01
+moves = { stiffness = 1.0, damping = 1.0 }
+campaigns = ["again", "b"]
+"""
+
+
+def write(folder: Path, text: str = FLEET) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "fleet.toml").write_text(text, encoding="utf-8")
+    return folder
+
+
+def test_a_fleet_is_what_its_file_says(tmp_path: Path) -> None:
+    fleet = read_fleet(write(tmp_path / "f"))
+    assert [(t.name, t.type, [c.name for c in t.campaigns]) for t in fleet.trucks] == [
+        ("A 1", "rigid3", ["a-may", "again"]),
+        ("B", "truck", ["b"]),
+    ]
+    assert fleet.trucks[0].campaigns[0].date == "2026-05-01"
+    assert fleet.trucks[0].campaigns[0].folder == tmp_path / "f" / "a" / "may"
+    assert fleet.shared[0].campaigns == ("again", "b")
+    assert fleet.count == 3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("schema = 1", "schema = 2", "schema"),
+        ('name = "B"', 'name = "A 1"', "two trucks have the name 'A 1'"),
+        ('name = "again"', 'name = "B"', "two campaigns have the name 'b'"),
+        ('folder = "b"', 'folder = "../b"', "leads outside the campaign folder"),
+        ('folder = "b"', 'folder = "/etc"', "an absolute path"),
+        ('name = "again"', 'name = "a/b"', "a folder gets this name"),
+        ('name = "again"', 'name = ".."', "a folder gets this name"),
+        ('"again", "b"', '"agian", "b"', "did you mean 'again'"),
+        ('type = "rigid3"', 'kind = "rigid3"', "is not a known key"),
+        ("log_sd = 0.01", "log_sd = -1", "log_sd"),
+        ("{ stiffness", "{ stifness", "stifness"),
+        ('[{ folder = "b" }]', "[]", "campaign"),
+        ('title = "Mine"', 'title = "TODO: name it"', "to fill in"),
+        ("[fleet]", "[fleet", "not valid TOML"),
+    ],
+)
+def test_what_is_wrong_is_one_sentence(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in FLEET
+    with pytest.raises(CampaignError) as error:
+        read_fleet(write(tmp_path, FLEET.replace(old, new, 1)))
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_folder_of_campaigns_is_a_fleet_too(tmp_path: Path) -> None:
+    for name in ("x/one", "x/two", "y"):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "campaign.toml").write_text('[vehicle]\nname = "rigid"\n')
+    assert [c.name for _, c in read_fleet(tmp_path).campaigns()] == ["x-one", "x-two", "y"]
+    # Begun as a file, campaigns in one folder are of one truck.
+    (tmp_path / "fleet.toml").write_text(fleet_text(tmp_path))
+    begun = read_fleet(tmp_path)
+    assert [(t.name, t.type, len(t.campaigns)) for t in begun.trucks] == [("x", "rigid", 2), ("y", "rigid", 1)]
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(CampaignError, match=r"neither a fleet\.toml nor subfolders"):
+        read_fleet(tmp_path / "empty")
+    with pytest.raises(CampaignError, match="There is no fleet file"):
+        read_fleet(tmp_path / "none.toml")
+    assert result_name("a b/ü.c") == "a-b--.c"
+
+
+def test_init_never_writes_over_a_file_unless_told(tmp_path: Path) -> None:
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c" / "campaign.toml").write_text("")
+    run = CliRunner().invoke
+    assert run(cli, ["fleet", "init", str(tmp_path)]).exit_code == 0
+    (tmp_path / "fleet.toml").write_text("mine")
+    refused = run(cli, ["fleet", "init", str(tmp_path)])
+    assert refused.exit_code == 2
+    assert "give --force" in refused.stderr
+    assert (tmp_path / "fleet.toml").read_text() == "mine"
+    assert run(cli, ["fleet", "init", str(tmp_path), "--force"]).exit_code == 0
+    assert run(cli, ["fleet", "init", str(tmp_path / "none")]).exit_code == 2
+
+
+def test_the_name_of_the_command_run_may_be_left_out(tmp_path: Path) -> None:
+    for words in (["fleet", str(tmp_path)], ["fleet", "run", str(tmp_path)], ["fleet", "--quick", str(tmp_path)]):
+        result = CliRunner().invoke(cli, words)
+        assert result.exit_code == 2
+        assert "neither a fleet.toml nor subfolders" in result.stderr
+
+
+def test_jobs_are_one_command_per_campaign_that_means_the_same(tmp_path: Path) -> None:
+    folder = write(tmp_path / "my fleet")
+    output = str(tmp_path / "out")
+    result = CliRunner().invoke(cli, ["fleet", "jobs", str(folder), "--output", output, "--quick", "--seed", "3"])
+    lines = [shlex.split(line) for line in result.stdout.splitlines()]
+    assert len(lines) == 3
+    begin = lines[1].index("run")
+    parsed = cli.commands["fleet"].commands["run"].make_context("run", lines[1][begin + 1 :]).params
+    assert parsed["path"] == folder
+    assert parsed["only"] == ("again",)
+    assert (parsed["quick"], parsed["seed"], parsed["workers"]) == (True, 3, 1)
+
+
+def test_status_computes_nothing(tmp_path: Path) -> None:
+    result = CliRunner().invoke(cli, ["fleet", "status", str(write(tmp_path / "f")), "--output", str(tmp_path / "out")])
+    assert result.exit_code == 0
+    assert "Campaigns: 3 queued." in result.stdout
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_a_cluster_its_absence_is_one_sentence(tmp_path: Path, monkeypatch) -> None:
+    import sys
+
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c" / "campaign.toml").write_text("")
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    words = ["fleet", str(tmp_path), "--output", str(tmp_path / "out"), "--scheduler", "tcp://127.0.0.1:1"]
+    result = CliRunner().invoke(cli, words)
+    assert result.exit_code == 2
+    assert "pip install 'sysid[cluster]'" in result.stderr

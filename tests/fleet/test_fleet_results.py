@@ -1,0 +1,152 @@
+"""From folders of results to populations, the file, the tables and the page."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fleet_results import BROKEN, MEAN, NAMES, write_fleet_results
+from hostile_text import HOSTILE
+from selectolax.lexbor import LexborHTMLParser
+
+from sysid.errors import DataRejectedError
+from sysid.fleet.assembly import StoredDraws, assemble, members
+from sysid.fleet.hierarchy import HyperPriors
+from sysid.fleet.index import schema_text, write_index
+from sysid.fleet.page import render_fleet
+from sysid.fleet.read import read_fleet
+from sysid.fleet.records import SharedError
+from sysid.fleet.results import FleetResults
+from sysid.fleet.running import campaign_output
+from sysid.fleet.status import rows_on_disk
+from sysid.fleet.tables import TABLES
+
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "fleet-tables.md"
+
+
+def test_the_population_is_that_of_the_trucks(fleet_results: FleetResults) -> None:
+    (found,) = fleet_results.populations
+    assert found.names == NAMES[:4]
+    assert found.truck_names == tuple(f"T{t + 1}" for t in range(6))
+    inside = (found.mean.q05 < np.exp(MEAN[:4])) & (np.exp(MEAN[:4]) < found.mean.q95)
+    assert inside.sum() >= 3
+    assert found.outliers[0].truck == BROKEN[0]
+    assert found.outliers[0].parameter == BROKEN[1]
+    assert found.outliers[0].factor == pytest.approx(0.5, abs=0.1)
+    # Every truck is drawn towards the others, and none beyond their mean.
+    alone, drawn = (np.log(q.q50 / found.mean.q50) for q in (found.alone, found.trucks))
+    assert 0.5 < np.abs(drawn).sum() / np.abs(alone).sum() < 0.98
+    assert np.all(found.further > 0)
+    assert np.isfinite(found.pareto_k).all()
+
+
+def test_the_file_says_the_same_in_si(fleet_results: FleetResults) -> None:
+    document = json.loads(fleet_results.file.read_text(encoding="utf-8"))
+    (kind,) = document["types"]
+    assert [p["name"] for p in kind["parameters"]] == list(NAMES[:4])
+    assert 3e5 < kind["parameters"][0]["mean"]["q50"] < 5e5
+    assert kind["outliers"][0]["truck"] == "T3"
+    assert {load["axle"] for load in document["loads"]} == {1, 2}
+
+
+def test_loads_are_those_of_a_new_truck(fleet_results: FleetResults) -> None:
+    for load in fleet_results.loads:
+        assert load.trucks == 6
+        assert load.q05 < load.q50 < load.q95
+
+
+def test_shared_errors_and_lost_records(fleet_folders: tuple[Path, Path], tmp_path: Path) -> None:
+    fleet, output = read_fleet(fleet_folders[0]), tmp_path / "out"
+    shutil.copytree(fleet_folders[1], output)
+    (campaign_output(output, "T1-1") / "fleet_draws.npz").write_bytes(b"damaged")
+    scales = SharedError("scales", 0.01, {"stiffness": 1.0, "damping": 1.0}, tuple(f"T{t}-1" for t in range(1, 7)))
+    shared = type(fleet)(fleet.title, fleet.folder, fleet.trucks, (scales,))
+    found = assemble(shared, output, "short truck", HyperPriors())
+    assert "campaign T1-1 has no posterior draws and is left out" in found.remarks
+    assert len(found.members) == 11
+    assert found.data.moved.shape == (11, 4, 1)
+    assert [bool(m.any()) for m in found.data.moved[:3]] == [False, True, False]
+    wide = SharedError("too wide", 0.5, {"stiffness": 1.0}, ("T2-1",))
+    doubtful = assemble(type(fleet)("", fleet.folder, fleet.trucks, (wide,)), output, "short truck", HyperPriors())
+    assert any("too narrow to allow for 'too wide'" in r for r in doubtful.remarks)
+    draws = StoredDraws(found.members, found.data.names)
+    assert len(draws) == 11
+    assert draws[0].names == NAMES[:4]
+    few = type(fleet)("", fleet.folder, fleet.trucks[:2])
+    with pytest.raises(DataRejectedError, match="a population needs 3"):
+        assemble(few, output, "short truck", HyperPriors())
+
+
+def test_the_page_is_whole_and_links_to_the_campaigns(fleet_results: FleetResults, fleet_folders) -> None:
+    page = LexborHTMLParser(render_fleet(fleet_results, rows_on_disk(fleet_results.fleet, fleet_folders[1])))
+    assert page.css_first("h1").text() == "Small fleet"
+    links = [
+        a.attributes["href"] for a in page.css("#campaigns ~ .scroll a, section a") if "report" in a.attributes["href"]
+    ]
+    assert "campaigns/T1-1/report.html" in links
+    assert len(set(links)) == 12
+    assert "T3: c_2 is 0." in page.css_first(".warnings").text()
+    numbers = [node.text() for node in page.css("figcaption > b")]
+    assert numbers == [f"Figure {i}." for i in range(1, len(numbers) + 1)]
+    # Two suspensions by k and c, shrinkage, loads.
+    assert len(numbers) == 4
+    assert page.css("img, link, iframe") == []
+    widths = {len(row.css("th, td")) for row in page.css_first("table").css("tr")}
+    assert len(widths) == 1
+
+
+def test_words_of_users_are_no_elements(fleet_results: FleetResults, tmp_path: Path, fleet_folders) -> None:
+    folder, _ = write_fleet_results(tmp_path, title=HOSTILE[:200], prefix=HOSTILE[:40])
+    hostile = read_fleet(folder)
+    changed = FleetResults(hostile, fleet_results.populations, fleet_results.loads, (HOSTILE,), fleet_results.file)
+    page = LexborHTMLParser(render_fleet(changed, rows_on_disk(hostile, fleet_folders[1])))
+    assert len(page.css("script")) == 1
+    assert not [n for n in page.css("*") if any(k.lower().startswith("on") for k in n.attributes)]
+
+
+def test_every_column_is_documented_and_the_version_goes_up_with_them() -> None:
+    text = DOCUMENT.read_text(encoding="utf-8")
+    for table, columns in TABLES.items():
+        part = text.split(f"## {table}\n")[1].split("\n## ")[0]
+        assert re.findall(r"^\| `(\w+)` \| ([^|]+) \|", part, re.MULTILINE) == [
+            (name, f"{kind}") for name, (kind, _) in columns.items()
+        ]
+    assert json.loads(schema_text())["schema"] == 1
+
+
+def test_the_tables_hold_the_results_and_answer_the_ten_questions(fleet_folders: tuple[Path, Path]) -> None:
+    pq = pytest.importorskip("pyarrow.parquet")
+    fleet = read_fleet(fleet_folders[0])
+    folder = write_index(fleet, fleet_folders[1])
+    parameters = pq.read_table(folder / "parameters.parquet").to_pandas()
+    document = json.loads((campaign_output(fleet_folders[1], "T1-1") / "result.json").read_text())
+    assert len(parameters) == 12 * len(document["parameters"])
+    first = parameters[(parameters.campaign == "T1-1") & (parameters.name == "k_1")].iloc[0]
+    assert first.value == document["parameters"][0]["least_squares"]["value"]
+    draws = pq.read_table(folder / "draws.parquet").to_pandas()
+    assert set(draws.name) == set(NAMES)
+    assert {len(v) for v in draws["values"]} == {100}
+    assert pq.read_schema(folder / "draws.parquet").metadata[b"sysid_fleet_schema"] == b"1"
+    duckdb = pytest.importorskip("duckdb")
+    db = duckdb.connect()
+    for table in TABLES:
+        db.execute(f"CREATE VIEW {table} AS SELECT * FROM '{folder / f'{table}.parquet'}'")
+    questions = re.findall(r"```sql\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
+    assert len(questions) == 10
+    for question in questions:
+        db.execute(question).fetchall()
+
+
+def test_unfinished_campaigns_are_in_the_tables_too(fleet_folders: tuple[Path, Path], tmp_path: Path) -> None:
+    pq = pytest.importorskip("pyarrow.parquet")
+    output = tmp_path / "out"
+    shutil.copytree(fleet_folders[1], output)
+    shutil.rmtree(campaign_output(output, "T2-1"))
+    folder = write_index(read_fleet(fleet_folders[0]), output)
+    campaigns = pq.read_table(folder / "campaigns.parquet").to_pandas().set_index("campaign")
+    assert campaigns.loc["T2-1", "state"] == "queued"
+    assert len(list(members(read_fleet(fleet_folders[0]), output, "short truck"))) == 11
