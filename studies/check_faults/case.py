@@ -21,7 +21,7 @@ from studies.faults.campaign_copy import CampaignCopy, DoesNotApply
 FAMILIES: dict[str, dict[str, Fault]] = {"sensors": sensors.FAULTS, "clocks": clocks.FAULTS, **lists.FAULTS}
 FAULTS = [(family, name) for family, faults in FAMILIES.items() for name in faults]
 #: Bumps of these bases are the same from both sides.
-SYMMETRIC = ("linear_truck", "rigid3")
+SYMMETRIC = ("rigid3",)
 
 
 @dataclass(frozen=True)

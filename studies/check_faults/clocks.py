@@ -77,7 +77,9 @@ def cut(c: CampaignCopy) -> Made:
     """One record ends before the last axle has met the bump."""
     file = c.pick(c.files("bump_runs"))
     change_table(c, lambda t: t.head(int(0.25 * len(t))), [file])
-    return Made(f"{file} ends after a quarter", (f"{file}.*(ends|begins|short|cut|never|no response|noise only)",), _ALL)
+    return Made(
+        f"{file} ends after a quarter", (f"{file}.*(ends|begins|short|cut|never|no response|noise only)",), _ALL
+    )
 
 
 def begins_late(c: CampaignCopy) -> Made:

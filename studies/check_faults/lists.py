@@ -93,7 +93,9 @@ def heading(by: float) -> Fault:
     def fault(c: CampaignCopy) -> Made:
         change_text(c, r"heading_deg = ([\d.]+)", lambda m: f"heading_deg = {float(m.group(1)) + by:g}")
         harmless = "a symmetric bump is the same from both sides" if by == 180.0 and c.symmetric else ""
-        return Made(f"heading off by {by:g} degrees", (r"heading|crest|other direction|direction of travel",), harmless=harmless)
+        return Made(
+            f"heading off by {by:g} degrees", (r"heading|crest|other direction|direction of travel",), harmless=harmless
+        )
 
     return fault
 
@@ -167,7 +169,10 @@ def two_loads_exchanged(c: CampaignCopy) -> Made:
         return m.group(0) if count - 1 != k else "axle_loads_kg = [" + ", ".join(f"{v:g}" for v in new) + "]"
 
     change_text(c, r"^axle_loads_kg = \[[^\]]*\]", line)
-    return Made(f"loads of axles {i + 1} and {j + 1} exchanged in load case {k + 1}", (r"axle_loads_kg|axle loads|centre of gravity",))
+    return Made(
+        f"loads of axles {i + 1} and {j + 1} exchanged in load case {k + 1}",
+        (r"axle_loads_kg|axle loads|centre of gravity",),
+    )
 
 
 def inertia(factor: float) -> Fault:

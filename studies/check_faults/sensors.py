@@ -171,7 +171,9 @@ def holds_last_value(c: CampaignCopy) -> Made:
         return y
 
     change_columns(c, [column], held)
-    return Made(f"{column} holds its last value", (f"{column}.*(does not change|holds|stands still)",), frozenset([column]))
+    return Made(
+        f"{column} holds its last value", (f"{column}.*(does not change|holds|stands still)",), frozenset([column])
+    )
 
 
 def empty_cells(c: CampaignCopy) -> Made:

@@ -137,43 +137,61 @@ def spikes(value: np.ndarray) -> np.ndarray:
     return np.flatnonzero(candidate) + 2
 
 
-def motion_start(channels: Sequence[Channel]) -> float | None:
+def motion_starts(channels: Sequence[Channel]) -> list[float | None]:
+    """Time [s] at which each channel leaves its first level: infinity if never, 0 if it moves at once, None if empty.
+
+    Each channel is compared with its own first 0.2 s; it has left that level by six times its scatter and a twentieth
+    of its range.
+    """
+    return [_own_start(channel) for channel in channels]
+
+
+def _own_start(channel: Channel) -> float | None:
+    good = np.isfinite(channel.value)
+    time, value = channel.time_s[good], channel.value[good]
+    quiet = time <= QUIET_S
+    if value.size < 20 or quiet.sum() < 4:
+        return None
+    level, scatter = float(np.median(value[quiet])), float(np.std(value[quiet]))
+    size = float(np.max(np.abs(value - level)))
+    if size <= 0.0:
+        return None
+    # Motion is smooth from sample to sample, noise is not: its second differences are sqrt(6) times its rms.
+    noise = float(np.std(np.diff(value[quiet], 2))) / np.sqrt(6.0)
+    if scatter > MOVING_SHARE * size and scatter > 4.0 * noise:
+        return 0.0
+    away = np.abs(value - level) > max(6.0 * scatter, 0.05 * size)
+    both = away[:-1] & away[1:]
+    return float(time[np.argmax(both)]) if both.any() else np.inf
+
+
+def motion_start(starts: Sequence[float | None]) -> float | None:
     """Time [s] at which the truck meets the obstacle, or None where the record does not begin quietly.
 
-    Each channel is compared with its own first 0.2 s; the second channel to leave that level by six times its
-    scatter and a twentieth of its range decides, so that one bad sensor does not.
+    The second channel to leave its first level decides, so that one bad sensor does not.
+
+    Parameters
+    ----------
+    starts
+        Of all channels, from `motion_starts`.
     """
-    starts = []
-    for channel in channels:
-        good = np.isfinite(channel.value)
-        time, value = channel.time_s[good], channel.value[good]
-        quiet = time <= QUIET_S
-        if value.size < 20 or quiet.sum() < 4:
-            continue
-        level, scatter = float(np.median(value[quiet])), float(np.std(value[quiet]))
-        size = float(np.max(np.abs(value - level)))
-        if size <= 0.0:
-            continue
-        # Motion is smooth from sample to sample, noise is not: its second differences are sqrt(6) times its rms.
-        noise = float(np.std(np.diff(value[quiet], 2))) / np.sqrt(6.0)
-        if scatter > MOVING_SHARE * size and scatter > 4.0 * noise:
-            starts.append(0.0)
-            continue
-        away = np.abs(value - level) > max(6.0 * scatter, 0.05 * size)
-        both = away[:-1] & away[1:]
-        starts.append(float(time[np.argmax(both)]) if both.any() else np.inf)
-    finite = sorted(s for s in starts if np.isfinite(s))
+    finite = sorted(s for s in starts if s is not None and np.isfinite(s))
     if not finite:
         return None
     start = finite[1] if len(finite) > 2 else finite[0]
     return start if start >= QUIET_S else None
 
 
-def rest_of(channel: Channel, start_s: float | None) -> tuple[float | None, float | None]:
-    """Mean and standard deviation of the quiet start, which ends 0.05 s before the motion begins at `start_s`."""
+def rest_of(channel: Channel, start_s: float | None, own_s: float | None = None) -> tuple[float | None, float | None]:
+    """Mean and standard deviation of the quiet start, which ends 0.05 s before the motion begins.
+
+    It begins at `start_s` for the truck, or at `own_s` for this channel if that is earlier and leaves enough: where the
+    axles alone have sensors, the first one moves before the second tells that the truck does.
+    """
     if start_s is None:
         return None, None
-    quiet = channel.value[(channel.time_s < start_s - 0.05) & np.isfinite(channel.value)]
+    end = start_s if own_s is None or own_s < QUIET_S else min(start_s, own_s)
+    quiet = channel.value[(channel.time_s < end - 0.05) & np.isfinite(channel.value)]
     if quiet.size < 10:
         return None, None
     return float(np.mean(quiet)), float(np.std(quiet, ddof=1))

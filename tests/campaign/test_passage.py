@@ -39,8 +39,8 @@ def run(places=PLACES, listed=SPEED, speed=SPEED, late=()):
 @pytest.mark.parametrize("speed", [1.2, 4.5, 11.0])
 def test_speed_from_the_arrivals(speed):
     made = run(speed=speed)
-    assert passage_speed(made.log.channels, truck(), {}) == pytest.approx(speed, rel=0.02)
-    assert speed_complaint(replace(made, nominal_speed_m_s=speed), truck(), {}) is None
+    assert passage_speed(made.log.channels, truck(), speed) == pytest.approx(speed, rel=0.02)
+    assert speed_complaint(replace(made, nominal_speed_m_s=speed), truck()) is None
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_speed_from_the_arrivals(speed):
     [(3.6, "looks like m/s", True), (1.609, "looks like mph", True), (1.18, "speed sought", False), (0.5, "", True)],
 )
 def test_a_listed_speed_in_another_unit_is_said(factor, word, hopeless):
-    sentence, out = speed_complaint(run(listed=SPEED / factor), truck(), {})
+    sentence, out = speed_complaint(run(listed=SPEED / factor), truck())
     assert out is hopeless
     assert word in sentence
     assert f"{3.6 * SPEED:.3g}"[:3] in sentence
@@ -56,13 +56,13 @@ def test_a_listed_speed_in_another_unit_is_said(factor, word, hopeless):
 
 
 def test_axles_that_contradict_each_other_say_nothing():
-    assert passage_speed(run(late=((1, 0.3),)).log.channels, truck(), {}) is None
+    assert passage_speed(run(late=((1, 0.3),)).log.channels, truck(), SPEED) is None
 
 
 def test_two_axles_alone_must_be_far_off():
     two = PLACES[:2]
-    assert speed_complaint(run(two, listed=SPEED / 1.2), truck(two), {}) is None
-    assert speed_complaint(run(two, listed=SPEED / 2.0), truck(two), {})[1]
+    assert speed_complaint(run(two, listed=SPEED / 1.2), truck(two)) is None
+    assert speed_complaint(run(two, listed=SPEED / 2.0), truck(two))[1]
 
 
 def test_runs_of_the_linear_truck_agree_with_their_lists_and_not_with_others():
