@@ -215,7 +215,7 @@ def drops_exchanged(far: bool) -> Fault:
         for line in drop_lines(c):
             text = text.replace(line, swap(c, line, f'"{names[i]}"', f'"{names[j]}"'))
         c.write(text)
-        words = (r"drop.*exchanged", r"drop.*(another|other) axle", r"listed under")
+        words = (r"drops? of.*(exchanged|another axle)", r"listed under")
         return Made(f"drops of axles {i + 1} and {j + 1} exchanged", words)
 
     return fault
@@ -291,6 +291,7 @@ FAULTS: dict[str, dict[str, Fault]] = {
         "heading off by 180 degrees": heading(180.0),
         "heading off by 10 degrees": heading(10.0),
         "filter five times too low": filter_wrong,
+        "load cases exchanged, named files": load_cases_exchanged,
     },
     "geometry": {
         "positions times 0.93": positions(0.93),
@@ -321,6 +322,7 @@ FAULTS: dict[str, dict[str, Fault]] = {
         "plank twice": plank(2.0),
         "plank half": plank(0.5),
         "drops as released bodies": body_released,
+        "drops of 2 and 3 exchanged, named files": drops_exchanged(False),
     },
     "scan": {
         "scan in mm": _scan(

@@ -14,6 +14,7 @@ from studies.check_faults.made import (
     change_columns,
     change_table,
     count_axles,
+    drop_lines,
     of_axle,
 )
 from studies.faults.campaign_copy import CampaignCopy
@@ -51,7 +52,8 @@ def drop_upside_down(c: CampaignCopy) -> Made:
     """One sensor has the wrong sign in all drops of one axle."""
     column = ["frame_axle_mm", "axle_accel_g", "frame_accel_g"][int(c.rng.integers(3))]
     i = an_axle(c)
-    files = [f for f in c.files("plank_drops") if f"axle{i}_" in f]
+    name = c.axles()[i - 1]
+    files = [re.findall(r'file = "([^"]+)"', x)[0] for x in drop_lines(c) if f'"{name}"' in x]
     change_columns(c, [column], np.negative, files)
     return Made(f"{column} upside down in the drops of axle {i}", (f"{column}.*({_SIGN})",), frozenset([column]))
 
