@@ -11,6 +11,8 @@ from sysid.campaign.records import Channel
 
 DEAD_S = 0.25  # a live sensor does not repeat one value for longer than this
 LOST_S = 0.1  # a cycle of wheel hop at 10 Hz: shorter gaps are left to the missing samples
+HELD_SAMPLES = 8
+SHIFT_M, SHIFT_M_S2, SHIFT_SHARE = 0.006, 0.8, 0.12  # beyond what friction and a slope leave (an assumption)
 SPIKE_SIGMA = 15.0  # typical departures: no motion of a truck does so in one sample (an assumption)
 MOVING_SHARE = 0.08  # of the largest departure: smooth motion of that size at the start is no rest
 QUIET_S = 0.2  # shortest quiet start from which a rest level is read
@@ -103,6 +105,44 @@ def dead_spans(time_s: np.ndarray, value: np.ndarray, censored: np.ndarray) -> l
         if stop + 1 - start >= shortest and not censored[start:stop].any():
             result.append((start, stop + 1))
     return result
+
+
+def held_spans(value: np.ndarray, full_scale: float | None) -> list[tuple[int, int]]:
+    """Index ranges in which a radio link or a logger repeats its last reading: shorter than dead ones, but several.
+
+    Only channels that otherwise change with nearly every sample are judged, and readings at the full scale are not.
+    """
+    change = np.diff(value)
+    finite = np.isfinite(change)
+    if finite.sum() < 50 or np.mean(change[finite] == 0.0) > 0.35:
+        return []
+    same = np.concatenate([change == 0.0, [False]])
+    found = [
+        (start + 1, stop + 1)
+        for start, stop in runs_of(same)
+        if stop - start >= HELD_SAMPLES and not (full_scale and abs(value[start]) >= 0.99 * full_scale)
+    ]
+    moving = change[finite & (change != 0.0)]
+    by_chance = np.mean(change[finite] == 0.0) ** HELD_SAMPLES * value.size
+    # A clipped channel stands still at its extremes alone.
+    levels = {float(value[start]) for start, _ in found}
+    return found if len(levels) >= 3 and moving.size and by_chance < 0.01 else []
+
+
+def level_shift(channel: Channel, rest: float | None, noise: float | None) -> float | None:
+    """How far [SI] a channel stands from its rest level at the end of its record, None where that is nothing unusual.
+
+    The truck must have come to rest: the last second scatters little.  A leaf spring that rubs leaves some millimetres.
+    """
+    good = np.isfinite(channel.value)
+    if rest is None or noise is None or good.sum() < 100:
+        return None
+    time, value = channel.time_s[good], channel.value[good]
+    last = value[time > time[-1] - 1.0]
+    size = float(np.max(np.abs(value - rest)))
+    shift = float(np.median(last)) - rest
+    limit = max(SHIFT_M if channel.sensor.si_unit == "m" else SHIFT_M_S2, SHIFT_SHARE * size, 6.0 * noise)
+    return shift if abs(shift) > limit and np.std(last) < 0.4 * abs(shift) else None
 
 
 def lost_spans(time_s: np.ndarray, value: np.ndarray) -> list[tuple[int, int]]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.campaign import defects
+from sysid.campaign.copies import copied_columns, copied_logs
 from sysid.campaign.exchanges import Suspicion
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
 from sysid.campaign.passage import speed_complaint
@@ -87,7 +88,7 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
                 runs.append(run)
         else:
             drops.append(replace(test, log=log))
-    messages += [*say_once(of_logs), *_rejections(findings)]
+    messages += [*say_once(of_logs), *copied_logs(tests), *_rejections(findings)]
     cleaned = replace(campaign, plank_drops=tuple(drops), bump_runs=tuple(runs))
     return cleaned, QualityReport(tuple(findings), tuple(messages), tuple(left_out))
 
@@ -188,6 +189,8 @@ def _examine(channel: Channel) -> _Work:
         return item
     item.clip_level = _mark_clipping(channel, value, censored, messages, unit_scale)
     spans = [(a, b, "does not change") for a, b in defects.dead_spans(time, value, censored)]
+    spans += [(a, b, "does not change") for a, b in defects.held_spans(value, channel.sensor.full_scale)
+              if not any(c <= a < d for c, d, _ in spans)]  # fmt: skip
     spans += [(a, b, "is lost") for a, b in defects.lost_spans(time, value)]
     for a, b, what in sorted(spans):
         value[a:b] = np.nan
@@ -256,6 +259,11 @@ def _judge_together(
     messages: list[str],
 ) -> None:
     alive = [item for item in work if not item.rejected]
+    copies = copied_columns([item.channel for item in alive])
+    for item in alive:
+        if item.channel.sensor.column in copies:
+            _take(item, Suspicion(copies[item.channel.sensor.column], True))
+    alive = [item for item in alive if not item.rejected]
     starts = defects.motion_starts([item.channel for item in alive])
     start = defects.motion_start(starts)
     if start is None and alive:
@@ -266,6 +274,14 @@ def _judge_together(
         rests[item.channel.sensor.column] = float(np.nanmedian(item.channel.value)) if item.rest is None else item.rest
         _judge_noise(item)
     alive = [item for item in alive if not item.rejected]
+    for item in alive:
+        shifted = defects.level_shift(item.channel, item.rest, item.noise)
+        if shifted is not None:
+            scale = si_factor(item.channel.sensor.unit, "length" if item.channel.sensor.si_unit == "m" else "acceleration")
+            item.messages.append(
+                f"its level at the end differs by {shifted / scale:.3g} {item.channel.sensor.unit} from that at the start: "
+                "the sensor drifts, or its mount has slipped; check it, its readings are used."
+            )
     suspected = suspicions(log, [item.channel for item in alive], vehicle, rests, bump_speed, falling)
     for item in alive:
         for suspicion in suspected.get(item.channel.sensor.column, ()):

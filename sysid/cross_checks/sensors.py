@@ -21,7 +21,7 @@ BAND_HZ = (1.0, 12.0)
 GAIN_OFF, LAG_S, LEAK = 0.06, 0.0035, 0.1
 #: A fault must explain this share of what the three sensors disagree by, and be clearer than another sensor's.
 EXPLAINED, CLEARER = 0.6, 0.75
-LAGS_S = np.arange(-0.15, 0.1501, 0.001)
+LAGS_S, FINE_S = np.arange(-0.15, 0.1501, 0.005), np.arange(-0.005, 0.0051, 0.001)
 #: Frame sensors are found at their place within 0.3 m.
 PLACE_M = 0.6
 
@@ -152,9 +152,14 @@ def _power(spectrum: np.ndarray) -> float:
 
 def _one_wrong(equations: Sequence[Equation], wrong: int) -> _Explanation:
     """The gain and lag of one sensor, the others right, that leave the least."""
+    coarse = _best_lag(equations, wrong, LAGS_S)
+    return _best_lag(equations, wrong, coarse.lag_s + FINE_S)
+
+
+def _best_lag(equations: Sequence[Equation], wrong: int, lags_s: np.ndarray) -> _Explanation:
     best: _Explanation | None = None
     # The wrong part, divided by gain and shifted back, is what the other two imply.
-    for lag in LAGS_S:
+    for lag in lags_s:
         top = bottom = whole = 0.0
         for e in equations:
             back = e.parts[wrong] * np.exp(1j * e.omega * lag)

@@ -175,10 +175,11 @@ def _rise(run: BumpRun, passage: Passage, axle: int, profile: RoadProfile) -> _R
     best = {}
     for mirrored in (False, True):
         station, height = _smoothed(profile, mirrored)
+        road = _band(np.interp(speed * (grid - arrival), station, height, left=0.0, right=0.0), step)
         left = []
         for shift in shifts:
-            road = np.interp(speed * (grid - arrival) - shift, station, height, left=0.0, right=0.0)
-            design = np.stack([_band(road, step), *known], axis=1)[window]
+            moved = np.interp(grid[window] - shift / speed, grid, road)
+            design = np.stack([moved, *(k[window] for k in known)], axis=1)
             solution = np.linalg.lstsq(design, target, rcond=1e-10)[0]
             rest = target - design @ solution
             left.append((float(rest @ rest), float(solution[0])))
