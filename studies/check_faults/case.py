@@ -96,7 +96,11 @@ def faulty(number: int, folder: Path, seed: int, known: dict[str, Said]) -> dict
     name = BASES[number % len(BASES)]
     family, fault = FAULTS[number // len(BASES)]
     telling = fault.endswith(TELLING)
-    source = base(name, folder, seed) if telling else without_telling_names(base(name, folder, seed), folder / "plain" / name)
+    source = (
+        base(name, folder, seed)
+        if telling
+        else without_telling_names(base(name, folder, seed), folder / "plain" / name)
+    )
     if str(source) not in known:
         known[str(source)] = check(source)
     with tempfile.TemporaryDirectory() as place:

@@ -22,6 +22,8 @@ _JUST_BEFORE, _JUST_BEHIND = 0.15, 0.25
 #: An axle that is lifted has reached this share of its largest speed.
 _SHARE = 0.45
 _STILL = 0.2
+_FAR = 1.6
+_WHOLE = 0.97
 #: Before it, the axle moves less than this share of its largest motion: those in front shake it a little.
 _QUIET = 0.5
 
@@ -84,12 +86,14 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
     if max(x.values()) - min(x.values()) < 0.5:
         return None
     speed, start = _stacked(moved, x, listed_m_s)
+    # A speed far above the listed one may as well be one of places that are too large: the bump is no longer for that.
+    pace = abs(speed) if abs(speed) < _FAR * listed_m_s else listed_m_s
     rising = {axle: integrated(sensors[axle], 1) for axle in moved}
     first = {}
     for axle, found in rising.items():
         assert found is not None
         at = start + x[axle] / speed
-        window = (at - _BEFORE_M / abs(speed), at + _BEHIND_M / abs(speed))
+        window = (at - _BEFORE_M / pace, at + _BEHIND_M / pace)
         arrival = _lifted(*found, window)
         if arrival is not None:
             first[axle] = arrival
@@ -101,14 +105,14 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
     for axle, found in rising.items():
         assert found is not None
         at = start + x[axle] / speed
-        arrival = _lifted(*found, (at - _NEAR_M / abs(speed), at + _NEAR_M / abs(speed)), at)
+        arrival = _lifted(*found, (at - _NEAR_M / pace, at + _NEAR_M / pace), at)
         # An axle that does not move there meets the bump elsewhere, which its first arrival tells.
         if arrival is None or (axle in first and arrival.rise_m_s < _STILL * first[axle].rise_m_s):
             arrival = first.get(axle)
         if arrival is not None:
             arrivals[axle] = arrival
     line = _line({a: (x[a], v.time_s) for a, v in arrivals.items()})
-    if line is None or 2 * sum(_quiet_before(rising[a], v.time_s, line[0]) for a, v in arrivals.items()) < len(moved):
+    if line is None or 2 * sum(_quiet_before(rising[a], v.time_s, pace) for a, v in arrivals.items()) < len(moved):
         return None
     return Passage(line[0], arrivals, len(moved))
 
@@ -117,7 +121,7 @@ def _quiet_before(found: tuple[np.ndarray, np.ndarray] | None, arrival_s: float,
     """Whether an axle moved little until a metre in front of the bump: a record of noise alone does not."""
     assert found is not None
     grid, velocity = found
-    before = np.abs(velocity[grid < arrival_s - 1.0 / abs(speed)])
+    before = np.abs(velocity[grid < arrival_s - 1.0 / speed])
     return before.size >= 5 and float(before.max()) < _QUIET * float(np.max(np.abs(velocity)))
 
 
@@ -151,17 +155,29 @@ def _stacked(
         a: np.abs(np.interp(time, grid, d)) / max(float(np.max(np.abs(d))), 1e-12) for a, (grid, d) in moved.items()
     }
     best = (-1.0, listed, 0.0)
-    for speed in listed * np.exp(np.linspace(-_REACH, _REACH, _SPEEDS)):
-        for direction in (1.0, -1.0):
-            v = direction * speed
-            first = min(place / v for place in x.values())
-            total = sum(np.interp(time + x[a] / v - first, time, s, right=0.0) for a, s in size.items())
-            k = int(np.argmax(total))
-            # Both directions are the same for axles at even distances: the listed one is then meant.
-            score = float(np.asarray(total)[k]) * (1.0 if direction > 0.0 else 0.97)
-            if score > best[0]:
-                best = (score, float(v), float(time[k] - first))
+    coarse = listed * np.exp(np.linspace(-_REACH, _REACH, _SPEEDS))
+    for speed in np.concatenate([coarse, -coarse]):
+        best = max(best, _added_up(float(speed), time, size, x))
+    for fine in np.linspace(-0.02, 0.02, 9):
+        best = max(best, _added_up(best[1] * (1.0 + float(fine)), time, size, x))
     return best[1], best[2]
+
+
+def _added_up(
+    speed: float, time: np.ndarray, size: Mapping[int, np.ndarray], x: Mapping[int, float]
+) -> tuple[float, float, float]:
+    """How well the motions fall upon each other at a speed, the speed, and the time of a point at x = 0."""
+    first = min(place / speed for place in x.values())
+    step = float(time[1] - time[0])
+    total = np.zeros(time.size)
+    for axle, moved in size.items():
+        # Whole samples are near enough for the search.
+        late = round((x[axle] / speed - first) / step)
+        if late < time.size:
+            total[: time.size - late] += moved[late:]
+    k = int(np.argmax(total))
+    # Both directions are the same for axles at even distances: the listed one is then meant.
+    return float(total[k]) * (1.0 if speed > 0.0 else 0.97), speed, float(time[k] - first)
 
 
 def _lifted(

@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from sysid.campaign import defects
 from sysid.campaign.arrivals import find_passage
 from sysid.campaign.consistency import Fit, Trio, arrival, first_lift, fit_factors, trios
 from sysid.campaign.exchanges import Suspicion, accuse, find_exchanges, inverted_axles, quoted
@@ -35,6 +36,7 @@ _UNIT_COST: dict[str | None, float] = {
     "mm/s^2": 1.5,
 }
 _ON_TIME_M = 0.3  # an axle that meets the bump further from its place is another one
+_SPEED_RIGHT = 0.3
 _MATCH = 0.5  # |ln| between found and expected factor; units differ by ln 9.8 = 2.3 and more
 
 
@@ -272,8 +274,10 @@ def axles_shown_falling(runs: Sequence[tuple[Sequence[Channel], float]], vehicle
     """
     votes: dict[int, list[bool]] = {}
     for channels, listed_m_s in runs:
-        passage = find_passage(channels, vehicle, listed_m_s)
-        if passage is None:
+        live = [c for c in channels if not defects.held_spans(c.value, c.sensor.full_scale)]
+        passage = find_passage(live, vehicle, listed_m_s)
+        # A speed far from the listed one is that of wrong places or units: distances on the bump are wrong then.
+        if passage is None or abs(np.log(abs(passage.speed_m_s) / listed_m_s)) > _SPEED_RIGHT:
             continue
         off = passage.misplaced_m(vehicle)
         largest = max(a.rise_m_s for a in passage.arrivals.values())

@@ -40,7 +40,9 @@ def cross_check(campaign: Campaign, read: Campaign) -> QualityReport:
         for run in campaign.bump_runs
     }
     speeds = tuple(
-        RunSpeed(run.log.file, run.load_case, run.nominal_speed_m_s, believed_speed(passages[run.log.file], campaign.vehicle))
+        RunSpeed(
+            run.log.file, run.load_case, run.nominal_speed_m_s, believed_speed(passages[run.log.file], campaign.vehicle)
+        )
         for run in campaign.bump_runs
     )
     scans, refused = _scans(campaign.scans)

@@ -16,7 +16,7 @@ from sysid.cross_checks.masses import stiffness_of
 from sysid.wording import shorten
 
 #: Shares of the plank height: measured ones repeat within 0.03 (0.15 where friction holds), those from the runs' stiffnesses agree within 0.1.
-REPEATS, ONE_OF_TWO, AGREES = 0.1, 0.18, 0.12
+REPEATS, ONE_OF_TWO, AGREES = 0.08, 0.18, 0.12
 #: Axles whose share is smaller tell nothing about the height.
 TELLING = 0.2
 HEIGHT_OFF = 1.35
@@ -153,7 +153,11 @@ def _odd_ones(
             others = [s for d, s in found if d is not drop]
             # Of two that differ, what the runs expect tells which one is odd.
             own = float(np.median(others)) if len(others) > 1 else (expected[axle] if others and expected else None)
-            if own is None or abs(share - own) < (REPEATS if len(others) > 1 else ONE_OF_TWO) or (len(others) > 1 and np.ptp(others) > REPEATS):
+            if (
+                own is None
+                or abs(share - own) < (REPEATS if len(others) > 1 else ONE_OF_TWO)
+                or (len(others) > 1 and np.ptp(others) > REPEATS)
+            ):
                 continue
             if len(others) == 1 and (abs(share - others[0]) < REPEATS or abs(others[0] - own) > abs(share - own)):
                 continue

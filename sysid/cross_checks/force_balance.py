@@ -153,9 +153,7 @@ def balance(
     count = len(vehicle.axles)
     solved = solution / length
     unexplained = float(rest @ rest) / len(spectra)
-    return Balance(
-        solved[:count], solved[count : 2 * count], unexplained, solved[2 * count :], error[2 * count :]
-    )
+    return Balance(solved[:count], solved[count : 2 * count], unexplained, solved[2 * count :], error[2 * count :])
 
 
 def _inertia_forces(

@@ -18,13 +18,13 @@ LISTED_SD = 0.03
 SURE = 3.0
 #: Axles are found at their place within 0.07 m in 99 of 100 runs, the median of several runs within 0.04 m.
 PLACE_OFF_M = 0.12
+#: A record holds at least this before the first and after the last axle [s].
+_AROUND_S = 0.2
 #: Without this axle the others are at their places within this.
 PLACE_RIGHT_M = 0.06
 
 
-def place_complaints(
-    runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], vehicle: Vehicle
-) -> list[str]:
+def place_complaints(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], vehicle: Vehicle) -> list[str]:
     """Sentences about the order of the axles, their places and the listed speeds.
 
     Parameters
@@ -34,9 +34,10 @@ def place_complaints(
     passages
         What the arrivals of a run's axles say, by its file.
     """
+    short = _cut_off(runs, vehicle)
     seen = [(run, passage) for run in runs if (passage := passages.get(run.log.file)) is not None]
     if not seen:
-        return []
+        return short
     backward = [run for run, passage in seen if passage.speed_m_s < 0.0]
     if len(backward) > 0.5 * len(seen):
         return [
@@ -45,7 +46,18 @@ def place_complaints(
             "sensors, or drive forward."
         ]
     moved = _misplaced_axle([p for _, p in seen if p.speed_m_s > 0.0], vehicle)
-    return [moved] if moved else _all_speeds(seen, vehicle)
+    return [*short, *([moved] if moved else _all_speeds(seen, vehicle))]
+
+
+def _cut_off(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
+    """Records that are shorter than the truck needs to pass."""
+    way = max(a.x_m for a in vehicle.axles) - min(a.x_m for a in vehicle.axles)
+    return [
+        f"{shorten(run.log.file, 100)}: the record is {run.log.duration_s:.2g} s long and cut off, the axles need "
+        f"{way / run.nominal_speed_m_s:.2g} s to pass the bump one after the other; export the whole run."
+        for run in runs
+        if run.log.duration_s < way / run.nominal_speed_m_s + _AROUND_S
+    ]
 
 
 def _all_speeds(seen: Sequence[tuple[BumpRun, Passage]], vehicle: Vehicle) -> list[str]:

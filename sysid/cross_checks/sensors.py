@@ -245,7 +245,7 @@ def _places(run: BumpRun, vehicle: Vehicle) -> dict[str, tuple[float, float, flo
         a, q = trio.axle_acceleration, trio.deflection
         if _whole(a) and _whole(q):
             axle = vehicle.axles[trio.axle]
-            above.append((axle.body, axle.x_m, (_spectrum(a, grid) [band]- omega**2 * _spectrum(q, grid)[band])))
+            above.append((axle.body, axle.x_m, (_spectrum(a, grid)[band] - omega**2 * _spectrum(q, grid)[band])))
     result = {}
     for channel in frames:
         sensor = channel.sensor

@@ -25,6 +25,11 @@ MIRRORED = 0.03
 #: Half of the length over which a tire smooths the road [m].
 _FOOTPRINT_M = 0.11
 _SLOW_M_S = 7.0
+#: Filters are judged where wheel hop is in their band; power beyond it over that within, of axles without a filter.
+_LOW_CUTOFF_HZ, _NATURAL = 25.0, 0.05
+#: Lengths that are tried where the scan leaves more than this, and how much better another length must be.
+_LENGTH_OFF_M = 0.5  # tires make a bump longer by less
+_LENGTHS, _LENGTH_LEFT, _LENGTH_BETTER = (0.4, 0.5, 0.6, 1.7, 2.2), 0.04, 0.6
 
 
 def tire_complaint(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], vehicle: Vehicle) -> str | None:
@@ -79,7 +84,13 @@ def _hop_frequency(runs: Sequence[BumpRun], passages: Mapping[str, Passage | Non
             continue
         value = np.interp(time, channel.time_s[good], channel.value[good])
         fading = 0.5 + 0.5 * np.cos(np.pi * np.arange(time.size) / time.size)
-        power = np.abs(np.sqrt(frequency) * (np.exp(-2j * np.pi * frequency[:, None] * time) @ ((value - value.mean()) * fading))) ** 2
+        power = (
+            np.abs(
+                np.sqrt(frequency)
+                * (np.exp(-2j * np.pi * frequency[:, None] * time) @ ((value - value.mean()) * fading))
+            )
+            ** 2
+        )
         total += power / max(float(power.sum()), 1e-30)
     if not total.any():
         return None
@@ -98,6 +109,8 @@ class _Rise:
     height: float
     left: float
     left_mirrored: float
+    length: float = 1.0
+    left_at_length: float = np.inf
 
 
 def bump_complaints(
@@ -133,6 +146,19 @@ def _judged(name: str, profile: RoadProfile, rises: Sequence[_Rise], several: bo
             f"{what} does not fit the motion of the axles: its bump of {1e3 * profile.height_m.max():.0f} mm would have "
             f"to be {height:.2f} times as high; check its unit, and that it is the scan of this bump."
         ]
+    lengths = [
+        r.length
+        for r in rises
+        if r.left_at_length < _LENGTH_BETTER * r.left and abs(r.length - 1.0) * profile.length_m > _LENGTH_OFF_M
+    ]
+    if (
+        len(lengths) > 0.5 * len(rises)
+        and min(np.mean(np.array(lengths) > 1.0), np.mean(np.array(lengths) < 1.0)) < 0.2
+    ):
+        return [
+            f"{what} does not fit the motion of the axles: its bump of {profile.length_m:.2f} m would have to be about "
+            f"{float(np.median(lengths)):.2g} times as long; check its unit, and that it is the scan of this bump."
+        ]
     if left > HOPELESS:
         return [
             f"{what} does not fit the motion of the axles: {100 * left:.0f} % of it stays unexplained by a bump "
@@ -145,7 +171,7 @@ def _judged(name: str, profile: RoadProfile, rises: Sequence[_Rise], several: bo
     if np.sqrt(np.mean(difference[profile.height_m > 1e-3] ** 2)) < ASYMMETRIC_M:
         return []
     clear = [np.log(r.left_mirrored / r.left) for r in rises if r.left < 0.06]
-    if len(clear) >= 3 and float(np.median(clear)) < -MIRRORED and np.mean(np.array(clear) < 0.0) > 0.7:
+    if len(clear) >= 3 and float(np.median(clear)) < -MIRRORED and np.mean(np.array(clear) < 0.0) > 0.6:
         return [
             f"{what} fits the motion of the axles better when driven over in the other direction: heading_deg is "
             "probably off by 180 degrees (or the scan is mirrored)."
@@ -171,10 +197,11 @@ def _rise(run: BumpRun, passage: Passage, axle: int, profile: RoadProfile) -> _R
     readings = [np.interp(grid, c.time_s[g], c.value[g]) for c, g in zip((a, q), good, strict=True)]
     known = [_band(readings[0], step), _band(readings[1], step), _band(readings[1], step, 1)]
     target = _band(rise, step, high_pass=False)[window]
-    shifts = np.arange(0.2, 0.5 * profile.length_m + 0.46, 0.03)
-    best = {}
-    for mirrored in (False, True):
-        station, height = _smoothed(profile, mirrored)
+    shifts = np.arange(0.1, max(0.5 * profile.length_m, 0.6) + 0.46, 0.03)
+    whole = max(float(target @ target), 1e-30)
+
+    def fitted(station: np.ndarray, height: np.ndarray) -> tuple[float, float]:
+        """Share that the best shift leaves, and the height of the bump there."""
         road = _band(np.interp(speed * (grid - arrival), station, height, left=0.0, right=0.0), step)
         left = []
         for shift in shifts:
@@ -182,10 +209,16 @@ def _rise(run: BumpRun, passage: Passage, axle: int, profile: RoadProfile) -> _R
             design = np.stack([moved, *(k[window] for k in known)], axis=1)
             solution = np.linalg.lstsq(design, target, rcond=1e-10)[0]
             rest = target - design @ solution
-            left.append((float(rest @ rest), float(solution[0])))
-        best[mirrored] = min(left)
-    whole = max(float(target @ target), 1e-30)
-    return _Rise(best[False][1], best[False][0] / whole, best[True][0] / whole)
+            left.append((float(rest @ rest) / whole, float(solution[0])))
+        return min(left)
+
+    station, height = _smoothed(profile, False)
+    left, rises = fitted(station, height)
+    mirrored, _ = fitted(*_smoothed(profile, True))
+    if left < _LENGTH_LEFT:
+        return _Rise(rises, left, mirrored)
+    other, length = min((fitted(station * length, height)[0], length) for length in _LENGTHS)
+    return _Rise(rises, left, mirrored, length, other)
 
 
 def _band(value: np.ndarray, step: float, derivative: int = 0, high_pass: bool = True) -> np.ndarray:
@@ -222,8 +255,8 @@ def filter_complaint(runs: Sequence[BumpRun], low_pass: AntiAliasFilter | None) 
             ratio = _beyond(channel, run.log.sample_interval_s, cutoff)
             if channel.sensor.kind == "axle_acceleration" and ratio is not None:
                 ratios.append(ratio)
-    # At twice the cut-off even a second-order filter passes 6 % of the power, a fourth-order one 0.4 %.
-    allowed = 5.0 / (1.0 + 2.0 ** (2 * low_pass.order))
+    # At twice the cut-off a fourth-order filter passes 0.4 % of the power, and above wheel hop axles move less anyway.
+    allowed = _NATURAL / (1.0 + 2.0 ** (2 * low_pass.order))
     if len(ratios) < 3 or float(np.median(ratios)) < allowed:
         return None
     return (
@@ -236,7 +269,13 @@ def filter_complaint(runs: Sequence[BumpRun], low_pass: AntiAliasFilter | None) 
 def _beyond(channel: Channel, step: float, cutoff: float) -> float | None:
     """Power between two and three times the cut-off over that between half of it and itself, without the noise."""
     good = np.isfinite(channel.value)
-    if 3.0 * cutoff > 0.45 / step or good.mean() < 0.97 or channel.censored.any() or channel.value.size < 100:
+    if (
+        cutoff > _LOW_CUTOFF_HZ
+        or 3.0 * cutoff > 0.45 / step
+        or good.mean() < 0.97
+        or channel.censored.any()
+        or channel.value.size < 100
+    ):
         return None
     value = np.interp(channel.time_s, channel.time_s[good], channel.value[good])
     frequency = np.fft.rfftfreq(value.size, step)
@@ -244,4 +283,4 @@ def _beyond(channel: Channel, step: float, cutoff: float) -> float | None:
     bands = [(0.5, 1.0), (2.0, 3.0)]
     inside, outside = (power[(frequency > lo * cutoff) & (frequency < hi * cutoff)].mean() for lo, hi in bands)
     highest = power[frequency > 0.85 * frequency[-1]].mean()
-    return float(max(outside - 1.5 * highest, 0.0) / max(inside, 1e-30))
+    return float(outside / max(inside, 1e-30)) if outside > 3.0 * highest else 0.0
