@@ -2,8 +2,8 @@
 
     python -m studies.check_faults [--output DIR] [--seed SEED] [--healthy N] [--document FILE]
 
-puts every fault into every base campaign, one after the other, runs `calibrate.py check` on it in this process, does the
-same with healthy campaigns, prints tables and, if asked, writes them into FILE.  A study that was stopped goes on
+puts every fault into every base campaign, one after the other, runs `calibrate.py check` on it in this process, does
+the same with healthy campaigns, prints tables and, if asked, writes them into FILE.  A study that was stopped goes on
 where it was.
 """
 
@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from studies.check_faults.case import cases, faulty, unharmed
-from studies.check_faults.table import fault_table, falsely_accused, healthy_table, share_named, unnamed, write
+from studies.check_faults.table import falsely_accused, fault_table, healthy_table, share_named, unnamed, write
 from studies.coverage.shards import collect, fill
 
 SEED = 2459

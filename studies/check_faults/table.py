@@ -76,7 +76,8 @@ def write(faults: Sequence[dict[str, Any]], healthy: Sequence[dict[str, Any]], s
     parts = [
         f"{len(applied)} cases with {len({r['fault'] for r in applied})} faults, seed {seed}.",
         fault_table(faults),
-        f"Healthy channel records accused beside the faults: {wrong} of {channels} ({100 * wrong / max(1, channels):.2f} %).",
+        f"Healthy channel records accused beside the faults: {wrong} of {channels} "
+        f"({100 * wrong / max(1, channels):.2f} %).",
         healthy_table(healthy),
         "Not named:",
         unnamed(faults),

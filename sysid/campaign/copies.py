@@ -39,8 +39,8 @@ def copied_logs(tests: Sequence[PlankDrop | BumpRun]) -> list[str]:
         other = first.setdefault(b"".join(marks), test.log)
         if other.file != test.log.file:
             said.append(
-                f"{shorten(test.log.file, 100)} holds the same readings as {shorten(other.file, 100)}: one is a copy of "
-                "the other under a wrong name; find the missing log, or remove the entry."
+                f"{shorten(test.log.file, 100)} holds the same readings as {shorten(other.file, 100)}: one is a copy "
+                "of the other under a wrong name; find the missing log, or remove the entry."
             )
     return list(dict.fromkeys(said))
 

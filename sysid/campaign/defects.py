@@ -12,7 +12,7 @@ from sysid.campaign.records import Channel
 DEAD_S = 0.25  # a live sensor does not repeat one value for longer than this
 LOST_S = 0.1  # a cycle of wheel hop at 10 Hz: shorter gaps are left to the missing samples
 HELD_SAMPLES = 8
-SHIFT_M, SHIFT_M_S2, SHIFT_SHARE = 0.006, 0.8, 0.12  # beyond what friction and a slope leave (an assumption)
+SHIFT_M, SHIFT_M_S2 = 0.006, 0.8  # beyond what friction and a slope leave (an assumption)
 SPIKE_SIGMA = 15.0  # typical departures: no motion of a truck does so in one sample (an assumption)
 MOVING_SHARE = 0.08  # of the largest departure: smooth motion of that size at the start is no rest
 QUIET_S = 0.2  # shortest quiet start from which a rest level is read
@@ -139,9 +139,8 @@ def level_shift(channel: Channel, rest: float | None, noise: float | None) -> fl
         return None
     time, value = channel.time_s[good], channel.value[good]
     last = value[time > time[-1] - 1.0]
-    size = float(np.max(np.abs(value - rest)))
     shift = float(np.median(last)) - rest
-    limit = max(SHIFT_M if channel.sensor.si_unit == "m" else SHIFT_M_S2, SHIFT_SHARE * size, 6.0 * noise)
+    limit = max(SHIFT_M if channel.sensor.si_unit == "m" else SHIFT_M_S2, 6.0 * noise)
     return shift if abs(shift) > limit and np.std(last) < 0.4 * abs(shift) else None
 
 

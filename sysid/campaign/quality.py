@@ -283,8 +283,8 @@ def _judge_together(
                 item.channel.sensor.unit, "length" if item.channel.sensor.si_unit == "m" else "acceleration"
             )
             item.messages.append(
-                f"its level at the end differs by {shifted / scale:.3g} {item.channel.sensor.unit} from that at the start: "
-                "the sensor drifts, or its mount has slipped; check it, its readings are used."
+                f"its level at the end differs by {shifted / scale:.3g} {item.channel.sensor.unit} from that at the "
+                "start: the sensor drifts, or its mount has slipped; check it, its readings are used."
             )
     suspected = suspicions(log, [item.channel for item in alive], vehicle, rests, bump_speed, falling)
     for item in alive:

@@ -15,7 +15,8 @@ from sysid.cross_checks.force_balance import RunSpectra, frame_rise
 from sysid.cross_checks.masses import stiffness_of
 from sysid.wording import shorten
 
-#: Shares of the plank height: measured ones repeat within 0.03 (0.15 where friction holds), those from the runs' stiffnesses agree within 0.1.
+#: Shares of the plank height: measured ones repeat within 0.03 (0.15 where friction holds), those
+#: from the runs' stiffnesses agree within 0.1.
 REPEATS, ONE_OF_TWO, AGREES = 0.08, 0.18, 0.12
 #: Axles whose share is smaller tell nothing about the height.
 TELLING = 0.2
@@ -77,8 +78,8 @@ def _released(known: Sequence[tuple[PlankDrop, float]]) -> str | None:
         )
     if len(planks) > 1 and float(np.median(planks)) < -TELLING:
         return (
-            "Plank drops begin with a stretched suspension, as of a body that was lifted and let go: a wheel on a plank "
-            'compresses it. Give release = "body", or check the sign of the deflection.'
+            "Plank drops begin with a stretched suspension, as of a body that was lifted and let go: a wheel on a "
+            'plank compresses it. Give release = "body", or check the sign of the deflection.'
         )
     return None
 
@@ -202,5 +203,5 @@ def _height(
     listed = float(np.median([d.plank_height_m or 0.0 for d, _ in plank]))
     return [
         f"The suspensions are compressed before the drops as on a plank {factor:.2f} times as high as listed: "
-        f"plank_height_m is {listed:g}, about {factor * listed:.3f} m is expected from the bump runs. Measure the plank."
+        f"plank_height_m is {listed:g}, about {factor * listed:.3f} m is expected from the bump runs. Measure it."
     ]

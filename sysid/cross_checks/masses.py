@@ -99,7 +99,7 @@ def _wrong_load_cases(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list
     listed = {run.file: run.load_case for run in spectra}
     return [
         f"{file}: the frames move as with the masses of the load case '{shorten(gains[file][1])}', not of "
-        f"'{shorten(listed[file])}'; correct its load_case in tests.bump_run, or check that this is the log of that run."
+        f"'{shorten(listed[file])}'; correct its load_case in tests.bump_run, or check that this is its log."
         for file in wrong
     ]
 
@@ -159,15 +159,15 @@ def _centres(vehicle: Vehicle, load_case: LoadCase, own: Balance, moment: Balanc
     if not off:
         return ""
     said = ", ".join(
-        f"{abs(away[b]):.2f} m {'behind' if away[b] > 0 else 'in front of'} the place of '{shorten(vehicle.bodies[b].name)}' "
-        "that the axle loads give"
+        f"{abs(away[b]):.2f} m {'behind' if away[b] > 0 else 'in front of'} the place of "
+        f"'{shorten(vehicle.bodies[b].name)}' that the axle loads give"
         for b in off
     )
     pair = _exchanged(vehicle, load_case, away, error, spans)
-    likely = "" if pair is None else (
-        f"; exchanging the loads of '{shorten(vehicle.axles[pair[0]].name)}' and '{shorten(vehicle.axles[pair[1]].name)}' "
-        "would explain it"
-    )  # fmt: skip
+    likely = ""
+    if pair is not None:
+        one, two = (shorten(vehicle.axles[i].name) for i in pair)
+        likely = f"; exchanging the loads of '{one}' and '{two}' would explain it"
     return f"the centre of gravity is {said}{likely}"
 
 

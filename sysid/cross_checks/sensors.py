@@ -1,7 +1,7 @@
 """Gains, lags and leaks of the sensors of one axle, and places of frame sensors, from all runs together.
 
-The frame above an axle moves with the acceleration b = a + q'': deflection q, axle acceleration a and frame acceleration
-b of one axle hold one redundant equation at every frequency.  One wrong sensor of the three breaks it in its own way.
+The frame above an axle moves with the acceleration b = a + q'': deflection q, axle acceleration a and frame
+acceleration b of one axle hold one redundant equation at every frequency.  One wrong sensor breaks it in its own way.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ BAND_HZ = (1.0, 12.0)
 #: Gains and lags beyond these are said; sensors mounted with care are within them.
 GAIN_OFF, LAG_S, LEAK = 0.06, 0.0035, 0.1
 #: A fault must explain this share of what the three sensors disagree by, and be clearer than another sensor's.
-EXPLAINED, CLEARER = 0.6, 0.75
+EXPLAINED, CLEARER = 0.3, 0.75
 LAGS_S, FINE_S = np.arange(-0.15, 0.1501, 0.005), np.arange(-0.005, 0.0051, 0.001)
 #: Frame sensors are found at their place within 0.3 m.
 PLACE_M = 0.6
@@ -32,7 +32,6 @@ class Equation:
 
     omega: np.ndarray
     parts: tuple[np.ndarray, np.ndarray, np.ndarray]
-    weight: float
 
 
 def sensor_complaints(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
@@ -71,7 +70,7 @@ def _equation(trio: Trio, run: BumpRun) -> tuple[Equation, np.ndarray, np.ndarra
     omega = 2.0 * np.pi * frequency[band]
     q, a, b = (_spectrum(c, grid)[band] for c in trio.channels)
     parts = (-omega * q, -a / omega, b / omega)
-    return Equation(omega, parts, 1.0 / max(float(np.sum(np.abs(parts[0]) ** 2)), 1e-30)), grid, band
+    return Equation(omega, parts), grid, band
 
 
 def _whole(channel: Channel) -> bool:
@@ -112,21 +111,21 @@ class _Explanation:
 def _fault(
     equations: Sequence[Equation], sensors: Sequence[Sensor], others: Sequence[dict[str, np.ndarray]]
 ) -> str | None:
-    right = sum(e.weight * _power(e.parts[0] - e.parts[1] - e.parts[2]) for e in equations)
+    right = sum(_power(e.parts[0] - e.parts[1] - e.parts[2]) for e in equations)
     tried = [_one_wrong(equations, k) for k in range(3)]
     tried += [leak for k in range(3) for leak in _leaks(equations, k, sensors[k].kind, others)]
     tried.sort(key=lambda t: t.rest)
     best = tried[0]
     plain = min((t for t in tried if not t.source), key=lambda t: t.rest)
     # A leak is the less simple explanation.
-    if best.source and plain.rest < 1.5 * best.rest:
+    if best.source and plain.rest < 2.0 * best.rest:
         best = plain
-    if best.rest > (1.0 - EXPLAINED) * right or best.rest > 0.3 * len(equations):
+    if best.rest > (1.0 - EXPLAINED) * right or best.rest > 0.3 * sum(_power(e.parts[0]) for e in equations):
         return None
     rival = min((t.rest for t in tried if t.sensor != best.sensor), default=np.inf)
     doubt = "" if best.rest < CLEARER * rival else " (or another sensor of this axle is wrong)"
     name = quoted(sensors[best.sensor])
-    if best.source and best.leak > LEAK:
+    if best.source:
         return (
             f"{name} contains about {100 * best.leak:.0f} % of '{best.source}' (crosstalk){doubt}; check cable, "
             "connector and amplifier, or remove the sensor."
@@ -135,13 +134,13 @@ def _fault(
         word = "late" if best.lag_s > 0.0 else "early"
         also = f", and reads {best.gain:.2f} times what they imply" if abs(best.gain - 1.0) > GAIN_OFF else ""
         return (
-            f"{name} is {1e3 * abs(best.lag_s):.0f} ms {word} against the other sensors of its axle{also}{doubt}: another "
-            "filter, amplifier or logger; correct its time or declare its logger."
+            f"{name} is {1e3 * abs(best.lag_s):.0f} ms {word} against the other sensors of its axle{also}{doubt}: "
+            "another filter, amplifier or logger; correct its time."
         )
     if abs(best.gain - 1.0) > GAIN_OFF:
         return (
-            f"{name} reads {best.gain:.2f} times what the other sensors of its axle imply{doubt}; check its calibration, "
-            f"or set scale = {1.0 / best.gain:.3f} for it in campaign.toml."
+            f"{name} reads {best.gain:.2f} times what the other sensors of its axle imply{doubt}; check its "
+            f"calibration, or set scale = {1.0 / best.gain:.3f} for it in campaign.toml."
         )
     return None
 
@@ -164,9 +163,9 @@ def _best_lag(equations: Sequence[Equation], wrong: int, lags_s: np.ndarray) -> 
         for e in equations:
             back = e.parts[wrong] * np.exp(1j * e.omega * lag)
             rest = _implied(e, wrong)
-            top += e.weight * float(np.real(np.vdot(back, rest)))
-            bottom += e.weight * _power(back)
-            whole += e.weight * _power(rest)
+            top += float(np.real(np.vdot(back, rest)))
+            bottom += _power(back)
+            whole += _power(rest)
         inverse = top / max(bottom, 1e-30)
         left = whole - top * inverse
         if inverse > 0.0 and (best is None or left < best.rest):
@@ -176,7 +175,7 @@ def _best_lag(equations: Sequence[Equation], wrong: int, lags_s: np.ndarray) -> 
 
 def _implied(e: Equation, wrong: int) -> np.ndarray:
     q, a, b = e.parts
-    return (a + b, q - b, q - a)[wrong]
+    return np.asarray((a + b, q - b, q - a)[wrong])
 
 
 def _leaks(
@@ -190,11 +189,12 @@ def _leaks(
         for e, spectra in zip(equations, others, strict=True):
             shape = spectra[name] * (-e.omega if wrong == 0 else (-1.0 if wrong == 1 else 1.0) / e.omega)
             rest = e.parts[wrong] - _implied(e, wrong)
-            top += e.weight * float(np.real(np.vdot(shape, rest)))
-            bottom += e.weight * _power(shape)
-            whole += e.weight * _power(rest)
+            top += float(np.real(np.vdot(shape, rest)))
+            bottom += _power(shape)
+            whole += _power(rest)
         share = top / max(bottom, 1e-30)
-        found.append(_Explanation(wrong, whole - top * share, 1.0, 0.0, share, name.split(" ", 1)[1]))
+        if share > LEAK:
+            found.append(_Explanation(wrong, whole - top * share, 1.0, 0.0, share, name.split(" ", 1)[1]))
     return found
 
 

@@ -143,8 +143,8 @@ def _judged(name: str, profile: RoadProfile, rises: Sequence[_Rise], several: bo
     left = float(np.median([r.left for r in rises]))
     if abs(np.log(max(height, 1e-3))) > HEIGHT_OFF:
         return [
-            f"{what} does not fit the motion of the axles: its bump of {1e3 * profile.height_m.max():.0f} mm would have "
-            f"to be {height:.2f} times as high; check its unit, and that it is the scan of this bump."
+            f"{what} does not fit the motion of the axles: its bump of {1e3 * profile.height_m.max():.0f} mm "
+            f"would have to be {height:.2f} times as high; check its unit, and that it is the scan of this bump."
         ]
     lengths = [
         r.length
@@ -162,8 +162,8 @@ def _judged(name: str, profile: RoadProfile, rises: Sequence[_Rise], several: bo
     if left > HOPELESS:
         return [
             f"{what} does not fit the motion of the axles: {100 * left:.0f} % of it stays unexplained by a bump "
-            f"{1e3 * profile.height_m.max():.0f} mm high and {profile.length_m:.2f} m long; check that it is the scan of "
-            "this bump, its heading and the axle accelerations."
+            f"{1e3 * profile.height_m.max():.0f} mm high and {profile.length_m:.2f} m long; check that it is the "
+            "scan of this bump, its heading and the axle accelerations."
         ]
     mirrored = profile.height_m[::-1]
     shift = np.argmax(np.correlate(profile.height_m, mirrored, "full")) - (mirrored.size - 1)
@@ -260,9 +260,9 @@ def filter_complaint(runs: Sequence[BumpRun], low_pass: AntiAliasFilter | None) 
     if len(ratios) < 3 or float(np.median(ratios)) < allowed:
         return None
     return (
-        f"The axles show motion above {2 * cutoff:.0f} Hz with {100 * float(np.median(ratios)):.0f} % of the power below "
-        f"{cutoff:g} Hz, which the declared anti-alias filter (order {low_pass.order}, cutoff_hz = {cutoff:g}) would have "
-        "removed; correct acquisition.filter."
+        f"The axles move above {2 * cutoff:.0f} Hz more than the declared anti-alias filter would have left (order "
+        f"{low_pass.order}, cutoff_hz = {cutoff:g}): {100 * float(np.median(ratios)):.2g} % of the power below "
+        f"{cutoff:g} Hz; correct acquisition.filter."
     )
 
 

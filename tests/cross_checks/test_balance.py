@@ -38,7 +38,7 @@ def test_two_axles_are_compressed_by_no_plank():
 
 
 def made_run(k, c, case, places):
-    """A frame that moves as given; deflections of the last two axles follow from Newton's law, of the first as chosen."""
+    """Deflections as chosen; heave and pitch of the frame follow from Newton's law."""
     time = np.arange(2400) * STEP
     burst = np.exp(-(((time - 5.0) / 1.2) ** 2))
     mass, inertia = case.sprung_mass_kg[0], case.pitch_inertia_kg_m2[0]
