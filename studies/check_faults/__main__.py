@@ -26,12 +26,13 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--output", type=Path, default=Path("build/check_faults"), help="folder of the cases")
     parser.add_argument("--seed", type=int, default=SEED, help="seed of faults and simulated campaigns")
+    parser.add_argument("--count", type=int, default=len(cases()), help="number of cases with a fault")
     parser.add_argument("--healthy", type=int, default=40, help="number of healthy campaigns")
     parser.add_argument("--document", type=Path, default=None, help="file whose tables are rewritten")
     options = parser.parse_args(arguments)
     folder = options.output / "bases"
     run = partial(faulty, folder=folder, seed=options.seed, known={})
-    for number in fill(options.output, f"fault{options.seed}", cases(), run):
+    for number in fill(options.output, f"fault{options.seed}", range(options.count), run):
         sys.stderr.write(f"fault {number}\n")
     whole = partial(unharmed, folder=folder, seed=options.seed)
     for number in fill(options.output, f"healthy{options.seed}", range(options.healthy), whole):

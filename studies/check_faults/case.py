@@ -93,8 +93,10 @@ def _read(code: int, lines: list[str]) -> Said:
 
 def faulty(number: int, folder: Path, seed: int, known: dict[str, Said]) -> dict[str, Any]:
     """The case of a number; `known` keeps what the bases say without a fault."""
-    name = BASES[number % len(BASES)]
-    family, fault = FAULTS[number // len(BASES)]
+    # Every fault once before any comes twice, on other campaigns in turn: a study that was stopped is an even one.
+    turn, place = divmod(number, len(FAULTS))
+    name = BASES[(turn + place) % len(BASES)]
+    family, fault = FAULTS[place]
     telling = fault.endswith(TELLING)
     source = (
         base(name, folder, seed)

@@ -28,7 +28,7 @@ _SLOW_M_S = 7.0
 #: Filters are judged where wheel hop is in their band; power beyond it over that within, of axles without a filter.
 _LOW_CUTOFF_HZ, _NATURAL = 25.0, 0.05
 #: Lengths that are tried where the scan leaves more than this, and how much better another length must be.
-_LENGTH_OFF_M = 0.5  # tires make a bump longer by less
+_LENGTH_OFF_M = 0.65  # tires make a bump longer by less
 _LENGTHS, _LENGTH_LEFT, _LENGTH_BETTER = (0.4, 0.5, 0.6, 1.7, 2.2), 0.04, 0.6
 
 
