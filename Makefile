@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long fuzz test-browser docs bench coverage first-look ring-downs faults lint format clean
+.PHONY: run quick test test-long fuzz test-browser docs bench coverage first-look ring-downs faults check-faults lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -52,6 +52,10 @@ first-look: $(VENV)/.installed
 # Three hours on one core: plausible faults through the whole command.
 faults: $(VENV)/.installed
 	$(BIN)/python -m studies.faults --output build/faults --document docs/robustness.md
+
+# Ten minutes on one core: mistakes that `check` must name, and healthy campaigns that it must not accuse.
+check-faults: $(VENV)/.installed
+	$(BIN)/python -m studies.check_faults --output build/check_faults --document docs/check-faults.md
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sysid.campaign import read_campaign
+from sysid.campaign.arrivals import find_passage
 from sysid.campaign.passage import passage_speed, speed_complaint
 from sysid.campaign.quality import check_quality
 from sysid.campaign.records import Axle, Body, BumpRun, Channel, Log, Sensor, Vehicle
@@ -74,3 +75,39 @@ def test_runs_of_the_linear_truck_agree_with_their_lists_and_not_with_others():
     kept, report = check_quality(replace(campaign, bump_runs=slow))
     assert kept.bump_runs == ()
     assert len(report.left_out) == len(slow)
+
+
+def test_arrivals_and_signs_of_the_axles():
+    passage = find_passage(run().log.channels, truck(), SPEED)
+    assert passage is not None
+    times = [passage.arrivals[i].time_s for i in range(3)]
+    assert np.diff(times) == pytest.approx(np.diff(PLACES) / SPEED, abs=0.003)
+    assert all(a.upward == 1 for a in passage.arrivals.values())
+
+
+def test_an_axle_with_the_wrong_sign_falls_where_it_is_lifted():
+    made = run()
+    channels = tuple(replace(c, value=-c.value) if c.sensor.axle == 1 else c for c in made.log.channels)
+    passage = find_passage(channels, truck(), SPEED)
+    assert passage is not None
+    assert [passage.arrivals[i].upward for i in range(3)] == [1, -1, 1]
+
+
+def test_axles_from_the_rear_have_a_negative_speed():
+    from_rear = truck([5.5 - x for x in PLACES])
+    passage = find_passage(run().log.channels, from_rear, SPEED)
+    assert passage is not None
+    assert passage.speed_m_s == pytest.approx(-SPEED, rel=0.02)
+
+
+def test_axle_sensors_alone_do_not_reject_the_first_axle_of_a_fast_run():
+    """Its rest before the bump was once read up to the motion of the second axle."""
+    campaign = read_campaign(DATA)
+    fast = next(r for r in campaign.bump_runs if r.nominal_speed_m_s > 8.0)
+    channels = tuple(c for c in fast.log.channels if c.sensor.kind == "axle_acceleration")
+    alone = replace(campaign, plank_drops=(), bump_runs=(replace(fast, log=replace(fast.log, channels=channels)),))
+    _, report = check_quality(alone)
+    assert {f.verdict for f in report.channels} <= {"good", "usable"}
+    first = next(f for f in report.channels if f.column == "axle1_accel_g")
+    assert first.noise_rms is not None
+    assert first.noise_rms < 0.5
