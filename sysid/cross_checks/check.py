@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
 
 from sysid.campaign.arrivals import find_passage
 from sysid.campaign.findings import QualityReport, RunSpeed, ScanFinding
@@ -47,23 +49,33 @@ def cross_check(campaign: Campaign, read: Campaign) -> QualityReport:
     )
     scans, refused = _scans(campaign.scans)
     profiles: dict[str, RoadProfile] = {name: scan.profile for name, scan in scans.items()}
+    runs, vehicle = campaign.bump_runs, campaign.vehicle
     said = [*refused, *(m for s in scans.values() for m in s.messages)]
     said += name_complaints(read)
-    places = place_complaints(campaign.bump_runs, passages, campaign.vehicle)
+    places = place_complaints(runs, passages, vehicle)
     said += places
-    said += sensor_complaints(campaign.bump_runs, campaign.vehicle)
-    said += place_of_frame_sensors(campaign.bump_runs, campaign.vehicle)
-    said += [s for s in (filter_complaint(campaign.bump_runs, campaign.acquisition.filter),) if s]
+    said += _sentences(lambda: sensor_complaints(runs, vehicle))
+    said += _sentences(lambda: place_of_frame_sensors(runs, vehicle))
+    said += _sentences(lambda: filter_complaint(runs, campaign.acquisition.filter))
     if not places:
         # All that follows rests on the places of the axles.
-        spectra = [s for run in campaign.bump_runs if (s := run_spectra(run, campaign.vehicle)) is not None]
-        masses = mass_complaints(campaign, spectra)
+        spectra = [s for run in runs if (s := run_spectra(run, vehicle)) is not None]
+        masses = _sentences(lambda: mass_complaints(campaign, spectra))
         said += masses
-        said += [s for s in (tire_complaint(campaign.bump_runs, passages, campaign.vehicle),) if s]
-        said += bump_complaints(campaign.bump_runs, passages, profiles)
-        said += drop_complaints(campaign, [] if masses else spectra)
+        said += _sentences(lambda: tire_complaint(runs, passages, vehicle))
+        said += _sentences(lambda: bump_complaints(runs, passages, profiles))
+        said += _sentences(lambda: drop_complaints(campaign, [] if masses else spectra))
     found = tuple(_scan_finding(name, campaign.scans[name], scan) for name, scan in scans.items())
     return QualityReport((), tuple(said), tuple(refused), speeds, found)
+
+
+def _sentences(compare: Callable[[], Sequence[str] | str | None]) -> list[str]:
+    """What a comparison says; nothing where its equations have no solution, as with readings of no sense."""
+    try:
+        found = compare()
+    except np.linalg.LinAlgError:
+        return []
+    return [found] if isinstance(found, str) else list(found or ())
 
 
 def _scans(scans: Mapping[str, Scan]) -> tuple[dict[str, ScanAnalysis], list[str]]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid import limits
 from sysid.campaign.records import BumpRun, Channel, LoadCase, Vehicle
 from sysid.campaign.statics import chains, static_equilibrium
 
@@ -73,6 +74,8 @@ def run_spectra(run: BumpRun, vehicle: Vehicle) -> RunSpectra | None:
         return None
     log = run.log
     step = log.sample_interval_s
+    if log.duration_s / step > limits.GRID_STEPS:
+        return None
     grid = np.arange(0.0, log.duration_s + 0.5 * step, step)
     frequency = np.fft.rfftfreq(grid.size, step)
     band = (frequency >= BAND_HZ[0]) & (frequency <= min(BAND_HZ[1], 0.4 / step))

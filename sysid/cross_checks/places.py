@@ -125,7 +125,7 @@ def _off_line(along: np.ndarray, x: np.ndarray, left_out: int) -> tuple[float | 
         if known.sum() < 2 or not np.isfinite(row[left_out]) or np.ptp(x[known]) < 1.0:
             continue
         # Place against way: its slope is near 1, whatever the speed is.
-        slope, start = np.polyfit(row[known], x[known], 1)
+        slope, start = _line_through(row[known], x[known])
         offs.append(slope * row[left_out] + start - x[left_out])
         rests.append(slope * row[known] + start - x[known] if known.sum() > 2 else np.zeros(1))
     if not offs:
@@ -135,11 +135,18 @@ def _off_line(along: np.ndarray, x: np.ndarray, left_out: int) -> tuple[float | 
     return float(np.median(offs)), max(rest, scatter)
 
 
+def _line_through(along: np.ndarray, x: np.ndarray) -> tuple[float, float]:
+    """Slope and start of the straight line x(along) by least squares."""
+    away = along - along.mean()
+    slope = float(away @ (x - x.mean())) / max(float(away @ away), 1e-12)
+    return slope, float(x.mean()) - slope * float(along.mean())
+
+
 def _rest_of_all(along: np.ndarray, x: np.ndarray) -> float:
     rests = []
     for row in along:
         known = np.isfinite(row)
         if known.sum() > 2:
-            slope, start = np.polyfit(row[known], x[known], 1)
+            slope, start = _line_through(row[known], x[known])
             rests.append(float(np.max(np.abs(slope * row[known] + start - x[known]))))
     return float(np.median(rests)) if rests else 0.0

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid import limits
 from sysid.campaign.consistency import Trio, trios
 from sysid.campaign.exchanges import quoted
 from sysid.campaign.records import BumpRun, Channel, Sensor, Vehicle
@@ -62,6 +63,8 @@ def _equation(trio: Trio, run: BumpRun) -> tuple[Equation, np.ndarray, np.ndarra
         return None
     step = run.log.sample_interval_s
     last = min(float(c.time_s[np.isfinite(c.value)][-1]) for c in trio.channels)
+    if last / step > limits.GRID_STEPS:
+        return None
     grid = np.arange(0.0, last, step)
     frequency = np.fft.rfftfreq(grid.size, step)
     band = (frequency >= BAND_HZ[0]) & (frequency <= min(BAND_HZ[1], 0.4 / step))
@@ -227,6 +230,8 @@ def place_of_frame_sensors(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[st
 def _places(run: BumpRun, vehicle: Vehicle) -> dict[str, tuple[float, float, float, float]]:
     """Sums of how far [m] each frame sensor is from its place: top, bottom, what is left before, and a count."""
     step = run.log.sample_interval_s
+    if run.log.duration_s / step > limits.GRID_STEPS:
+        return {}
     grid = np.arange(0.0, run.log.duration_s, step)
     frequency = np.fft.rfftfreq(grid.size, step)
     band = (frequency >= 0.8) & (frequency <= min(5.0, 0.4 / step))
