@@ -15,7 +15,7 @@ from sysid.errors import CampaignError
 from sysid.wording import shorten
 
 #: A run is of another load case where that leaves less than this share of what the listed one leaves unexplained.
-OTHER_CASE = 0.7
+OTHER_CASE = 0.55
 #: Of most runs: less than this.
 ALL_CASES = 0.8
 #: More than this unexplained and nothing is said: friction, stops, or sensors that are wrong.

@@ -15,8 +15,8 @@ from sysid.wording import shorten
 #: Hop frequencies give (k + kt) / kt of 0.9 to 1.5 with the declared kt, as the median of a vehicle's axles.
 TIRE_LOW, TIRE_HIGH = 0.5, 1.75
 HOP_HZ = (5.0, 22.0)
-#: The height of the bump follows from the axles' motion within 8 % (median of axles and runs).
-HEIGHT_OFF = 0.25
+#: The height of the bump follows from the axles' motion within 8 % (median of axles and runs), 25 % in odd campaigns.
+HEIGHT_OFF = 0.4
 #: Fits that leave more than this tell nothing.
 HOPELESS = 0.12
 #: Scans of a bump and of its mirror image differ by more than this [m] where the direction is judged.
