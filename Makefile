@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long fuzz test-browser docs bench coverage first-look ring-downs faults fleets lint format clean
+.PHONY: run quick test test-long fuzz test-browser docs bench coverage first-look ring-downs faults check-faults fleets lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -56,6 +56,10 @@ faults: $(VENV)/.installed
 # Some ten minutes on one core: populations of simulated fleets with known truth.
 fleets: $(VENV)/.installed
 	$(BIN)/python -m studies.fleets --output build/fleets --document docs/fleet.md
+
+# Ten minutes on one core: mistakes that `check` must name, and healthy campaigns that it must not accuse.
+check-faults: $(VENV)/.installed
+	$(BIN)/python -m studies.check_faults --output build/check_faults --document docs/check-faults.md
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

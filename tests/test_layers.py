@@ -26,6 +26,7 @@ LEVELS = (
     {"logs"},
     {"campaign"},
     {"sdof", "road"},
+    {"cross_checks"},
     {"first_look", "vehicle_model"},
     {"estimation"},
     {"posterior"},

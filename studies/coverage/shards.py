@@ -20,7 +20,17 @@ _MARK = "sources"
 #: What only writes about replicates.
 _WRITERS = ("studies/coverage/__main__.py", "studies/coverage/tables.py")
 #: Packages that results of a study rest on.
-_PACKAGES = ("campaign", "road", "sdof", "vehicle_model", "estimation", "posterior", "prediction", "selftest")
+_PACKAGES = (
+    "campaign",
+    "road",
+    "sdof",
+    "cross_checks",
+    "vehicle_model",
+    "estimation",
+    "posterior",
+    "prediction",
+    "selftest",
+)
 
 
 class Shards(NamedTuple):

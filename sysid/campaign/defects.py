@@ -11,6 +11,8 @@ from sysid.campaign.records import Channel
 
 DEAD_S = 0.25  # a live sensor does not repeat one value for longer than this
 LOST_S = 0.1  # a cycle of wheel hop at 10 Hz: shorter gaps are left to the missing samples
+HELD_SAMPLES = 8
+SHIFT_M, SHIFT_M_S2 = 0.006, 0.8  # beyond what friction and a slope leave (an assumption)
 SPIKE_SIGMA = 15.0  # typical departures: no motion of a truck does so in one sample (an assumption)
 MOVING_SHARE = 0.08  # of the largest departure: smooth motion of that size at the start is no rest
 QUIET_S = 0.2  # shortest quiet start from which a rest level is read
@@ -80,7 +82,10 @@ def _clip_side(value: np.ndarray, q: float) -> float | None:
     top = float(np.nanmax(value))
     at_top = value >= top - 0.25 * q
     just_below = (value > top - 0.02 * np.ptp(value[np.isfinite(value)])) & ~at_top
-    return top if at_top.sum() >= 3 and at_top.sum() > just_below.sum() else None
+    # A resolution of a hundredth of the range meets its top more than once by chance, but not twice in a row.
+    lengths = [stop - start for start, stop in runs_of(at_top)]
+    in_a_row = max(lengths) >= 3 or sum(n >= 2 for n in lengths) >= 2 or at_top.sum() >= 8
+    return top if at_top.sum() >= 3 and in_a_row and at_top.sum() > just_below.sum() else None
 
 
 def dead_spans(time_s: np.ndarray, value: np.ndarray, censored: np.ndarray) -> list[tuple[int, int]]:
@@ -100,6 +105,43 @@ def dead_spans(time_s: np.ndarray, value: np.ndarray, censored: np.ndarray) -> l
         if stop + 1 - start >= shortest and not censored[start:stop].any():
             result.append((start, stop + 1))
     return result
+
+
+def held_spans(value: np.ndarray, full_scale: float | None) -> list[tuple[int, int]]:
+    """Index ranges in which a radio link or a logger repeats its last reading: shorter than dead ones, but several.
+
+    Only channels that otherwise change with nearly every sample are judged, and readings at the full scale are not.
+    """
+    change = np.diff(value)
+    finite = np.isfinite(change)
+    if finite.sum() < 50 or np.mean(change[finite] == 0.0) > 0.35:
+        return []
+    same = np.concatenate([change == 0.0, [False]])
+    found = [
+        (start + 1, stop + 1)
+        for start, stop in runs_of(same)
+        if stop - start >= HELD_SAMPLES and not (full_scale and abs(value[start]) >= 0.99 * full_scale)
+    ]
+    moving = change[finite & (change != 0.0)]
+    by_chance = np.mean(change[finite] == 0.0) ** HELD_SAMPLES * value.size
+    # A clipped channel stands still at its extremes alone.
+    levels = {float(value[start]) for start, _ in found}
+    return found if len(levels) >= 3 and moving.size and by_chance < 0.01 else []
+
+
+def level_shift(channel: Channel, rest: float | None, noise: float | None) -> float | None:
+    """How far [SI] a channel stands from its rest level at the end of its record, None where that is nothing unusual.
+
+    The truck must have come to rest: the last second scatters little.  A leaf spring that rubs leaves some millimetres.
+    """
+    good = np.isfinite(channel.value)
+    if rest is None or noise is None or good.sum() < 100:
+        return None
+    time, value = channel.time_s[good], channel.value[good]
+    last = value[time > time[-1] - 1.0]
+    shift = float(np.median(last)) - rest
+    limit = max(SHIFT_M if channel.sensor.si_unit == "m" else SHIFT_M_S2, 6.0 * noise)
+    return shift if abs(shift) > limit and np.std(last) < 0.4 * abs(shift) else None
 
 
 def lost_spans(time_s: np.ndarray, value: np.ndarray) -> list[tuple[int, int]]:
@@ -134,46 +176,72 @@ def spikes(value: np.ndarray) -> np.ndarray:
     size = float(np.nanpercentile(value, 99.0) - np.nanpercentile(value, 1.0))
     with np.errstate(invalid="ignore"):
         candidate = usable & (departure > SPIKE_SIGMA * typical) & (beyond > 3.0 * (high - low) + 0.1 * size)
-    return np.flatnonzero(candidate) + 2
+    found = [i for i in np.flatnonzero(candidate) + 2 if _stands_alone(value, int(i), 0.1 * size)]
+    return np.array(found, int)
 
 
-def motion_start(channels: Sequence[Channel]) -> float | None:
+def _stands_alone(value: np.ndarray, i: int, margin: float) -> bool:
+    """Whether a reading is beyond all around it, but perhaps for one other: axles that chatter reach far again soon."""
+    around = np.delete(value[max(0, i - 8) : i + 9], min(i, 8))
+    around = np.sort(around[np.isfinite(around)])
+    return around.size < 4 or bool(value[i] > around[-2] + margin or value[i] < around[1] - margin)
+
+
+def motion_starts(channels: Sequence[Channel]) -> list[float | None]:
+    """Time [s] at which each channel leaves its first level: infinity if never, 0 if it moves at once, None if empty.
+
+    Each channel is compared with its own first 0.2 s; it has left that level by six times its scatter and a twentieth
+    of its range.
+    """
+    return [_own_start(channel) for channel in channels]
+
+
+def _own_start(channel: Channel) -> float | None:
+    good = np.isfinite(channel.value)
+    time, value = channel.time_s[good], channel.value[good]
+    quiet = time <= QUIET_S
+    if value.size < 20 or quiet.sum() < 4:
+        return None
+    level, scatter = float(np.median(value[quiet])), float(np.std(value[quiet]))
+    size = float(np.max(np.abs(value - level)))
+    if size <= 0.0:
+        return None
+    # Motion is smooth from sample to sample, noise is not: its second differences are sqrt(6) times its rms.
+    noise = float(np.std(np.diff(value[quiet], 2))) / np.sqrt(6.0)
+    if scatter > MOVING_SHARE * size and scatter > 4.0 * noise:
+        return 0.0
+    away = np.abs(value - level) > max(6.0 * scatter, 0.05 * size)
+    both = away[:-1] & away[1:]
+    return float(time[np.argmax(both)]) if both.any() else np.inf
+
+
+def motion_start(starts: Sequence[float | None]) -> float | None:
     """Time [s] at which the truck meets the obstacle, or None where the record does not begin quietly.
 
-    Each channel is compared with its own first 0.2 s; the second channel to leave that level by six times its
-    scatter and a twentieth of its range decides, so that one bad sensor does not.
+    The second channel to leave its first level decides, so that one bad sensor does not.
+
+    Parameters
+    ----------
+    starts
+        Of all channels, from `motion_starts`.
     """
-    starts = []
-    for channel in channels:
-        good = np.isfinite(channel.value)
-        time, value = channel.time_s[good], channel.value[good]
-        quiet = time <= QUIET_S
-        if value.size < 20 or quiet.sum() < 4:
-            continue
-        level, scatter = float(np.median(value[quiet])), float(np.std(value[quiet]))
-        size = float(np.max(np.abs(value - level)))
-        if size <= 0.0:
-            continue
-        # Motion is smooth from sample to sample, noise is not: its second differences are sqrt(6) times its rms.
-        noise = float(np.std(np.diff(value[quiet], 2))) / np.sqrt(6.0)
-        if scatter > MOVING_SHARE * size and scatter > 4.0 * noise:
-            starts.append(0.0)
-            continue
-        away = np.abs(value - level) > max(6.0 * scatter, 0.05 * size)
-        both = away[:-1] & away[1:]
-        starts.append(float(time[np.argmax(both)]) if both.any() else np.inf)
-    finite = sorted(s for s in starts if np.isfinite(s))
+    finite = sorted(s for s in starts if s is not None and np.isfinite(s))
     if not finite:
         return None
     start = finite[1] if len(finite) > 2 else finite[0]
     return start if start >= QUIET_S else None
 
 
-def rest_of(channel: Channel, start_s: float | None) -> tuple[float | None, float | None]:
-    """Mean and standard deviation of the quiet start, which ends 0.05 s before the motion begins at `start_s`."""
+def rest_of(channel: Channel, start_s: float | None, own_s: float | None = None) -> tuple[float | None, float | None]:
+    """Mean and standard deviation of the quiet start, which ends 0.05 s before the motion begins.
+
+    It begins at `start_s` for the truck, or at `own_s` for this channel if that is earlier and leaves enough: where the
+    axles alone have sensors, the first one moves before the second tells that the truck does.
+    """
     if start_s is None:
         return None, None
-    quiet = channel.value[(channel.time_s < start_s - 0.05) & np.isfinite(channel.value)]
+    end = start_s if own_s is None or own_s < QUIET_S else min(start_s, own_s)
+    quiet = channel.value[(channel.time_s < end - 0.05) & np.isfinite(channel.value)]
     if quiet.size < 10:
         return None, None
     return float(np.mean(quiet)), float(np.std(quiet, ddof=1))

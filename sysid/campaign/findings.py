@@ -43,15 +43,45 @@ class ChannelFinding:
 
 
 @dataclass(frozen=True)
+class RunSpeed:
+    """Speed of one run [m/s], listed and as its axles meet the bump: None where that cannot be read."""
+
+    file: str
+    load_case: str
+    listed_m_s: float
+    measured_m_s: float | None
+
+
+@dataclass(frozen=True)
+class ScanFinding:
+    """The bump of one scan: height, length along the road and width scanned [m]; direction of travel [rad].
+
+    `heading_rad` is square to the crest of the bump where that is near the declared one.
+    """
+
+    name: str
+    file: str
+    points: int
+    height_m: float
+    length_m: float
+    width_m: float
+    heading_rad: float
+    declared_heading_rad: float
+
+
+@dataclass(frozen=True)
 class QualityReport(Tabular):
     """All findings of a campaign: one per log and channel, plus sentences about logs or the campaign as a whole.
 
-    `left_out` are the logs of runs that contradict what the campaign file says of them, with the reason.
+    `left_out` are runs that contradict what the campaign file says of them, and scans that show no bump, with the
+    reason.  `speeds` of the runs, and the bumps of the `scans`.
     """
 
     channels: tuple[ChannelFinding, ...]
     messages: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    speeds: tuple[RunSpeed, ...] = ()
+    scans: tuple[ScanFinding, ...] = ()
 
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""

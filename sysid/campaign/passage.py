@@ -2,49 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import combinations
-
 import numpy as np
 
-from sysid.campaign.consistency import arrival
+from sysid.campaign.arrivals import Passage, find_passage
 from sysid.campaign.records import BumpRun, Channel, Vehicle
 
 #: Logarithms of listed over measured speed: arrivals are read to some three per cent, the least squares find a speed
 #: that is a fifth off, and none that is off by half.
 DOUBTFUL, HOPELESS = 0.12, 0.3
-#: Pairs of axles that are closer tell little; pairs must agree so well to be believed.
-_NEAREST_M, _AGREEMENT = 1.5, 0.10
+#: An axle that is further off, as a share of the distance between the first and the last one, meets another bump.
+_AGREEMENT = 0.1
+#: Share of the axles with sensors that must be seen to arrive.
+_SEEN = 0.75
 _UNITS = {"m/s": 3.6, "mph": 1.609344}
 
 
-def passage_speed(channels: tuple[Channel, ...], vehicle: Vehicle, rests: Mapping[str, float]) -> float | None:
+def passage_speed(channels: tuple[Channel, ...], vehicle: Vehicle, listed_m_s: float) -> float | None:
     """Speed [m/s] from the arrivals of the axle accelerations, None where they do not agree on one.
 
     Parameters
     ----------
     channels : of one run, without rejected ones.
-    rests : rest level of each column [SI].
+    listed_m_s : speed around which is searched [m/s].
     """
-    times: dict[int, list[float]] = {}
-    for channel in channels:
-        axle = channel.sensor.axle
-        if channel.sensor.kind == "axle_acceleration" and axle is not None:
-            time = arrival(channel, rests.get(channel.sensor.column, 0.0))
-            if time is not None:
-                times.setdefault(axle, []).append(time)
-    places = {axle: (vehicle.axles[axle].x_m, float(np.mean(t))) for axle, t in times.items()}
-    pairs = [(a, b) for a, b in combinations(places.values(), 2) if abs(a[0] - b[0]) >= _NEAREST_M]
-    speeds = np.array([(b[0] - a[0]) / (b[1] - a[1]) if b[1] != a[1] else np.inf for a, b in pairs])
-    if speeds.size == 0 or not np.all(np.isfinite(speeds)) or np.any(speeds <= 0.0):
+    passage = find_passage(channels, vehicle, listed_m_s)
+    return believed_speed(passage, vehicle)
+
+
+def believed_speed(passage: Passage | None, vehicle: Vehicle) -> float | None:
+    """The speed of a passage [m/s], None where an axle contradicts it or the axles come from the rear."""
+    if passage is None or passage.speed_m_s <= 0.0 or len(passage.arrivals) < max(2.0, _SEEN * passage.sensors):
         return None
-    speed = float(np.median(speeds))
-    return speed if np.all(np.abs(np.log(speeds / speed)) < _AGREEMENT) else None
+    places = [vehicle.axles[a].x_m for a in passage.arrivals]
+    off = max(map(abs, passage.misplaced_m(vehicle).values()))
+    return passage.speed_m_s if off <= _AGREEMENT * (max(places) - min(places)) else None
 
 
-def speed_complaint(run: BumpRun, vehicle: Vehicle, rests: Mapping[str, float]) -> tuple[str, bool] | None:
+def speed_complaint(run: BumpRun, vehicle: Vehicle) -> tuple[str, bool] | None:
     """A sentence where the axles of a run contradict its listed speed, and whether no search finds it; else None."""
-    speed = passage_speed(run.log.channels, vehicle, rests)
+    speed = passage_speed(run.log.channels, vehicle, run.nominal_speed_m_s)
     if speed is None:
         return None
     ratio = speed / run.nominal_speed_m_s

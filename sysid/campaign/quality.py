@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.campaign import defects
+from sysid.campaign.copies import copied_columns, copied_logs
 from sysid.campaign.exchanges import Suspicion
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
 from sysid.campaign.passage import speed_complaint
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop, Vehicle
-from sysid.campaign.suspects import suspicions
+from sysid.campaign.suspects import axles_shown_falling, suspicions
 from sysid.campaign.units import si_factor
 from sysid.wording import say_once, shorten
 
@@ -68,17 +69,17 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
     drops: list[PlankDrop] = []
     runs: list[BumpRun] = []
     tests: tuple[PlankDrop | BumpRun, ...] = (*campaign.plank_drops, *campaign.bump_runs)
+    falling = axles_shown_falling([(r.log.channels, r.nominal_speed_m_s) for r in campaign.bump_runs], campaign.vehicle)
     for test in tests:
         speed = test.nominal_speed_m_s if isinstance(test, BumpRun) else None
-        log, found, said = _check_log(test.log, campaign.vehicle, speed)
+        log, found, said = _check_log(test.log, campaign.vehicle, speed, falling)
         findings += found
         of_logs += [(log.file, message) for message in said]
         if not log.channels:
             of_logs.append((log.file, f"{log.file}: no channel can be used; the log is left out."))
         elif isinstance(test, BumpRun):
             run = replace(test, log=log)
-            rests = {f.column: f.rest_level for f in found if f.rest_level is not None}
-            complaint, hopeless = speed_complaint(run, campaign.vehicle, rests) or ("", False)
+            complaint, hopeless = speed_complaint(run, campaign.vehicle) or ("", False)
             if complaint:
                 of_logs.append((log.file, complaint))
             if hopeless:
@@ -87,7 +88,7 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
                 runs.append(run)
         else:
             drops.append(replace(test, log=log))
-    messages += [*say_once(of_logs), *_rejections(findings)]
+    messages += [*say_once(of_logs), *copied_logs(tests), *_rejections(findings)]
     cleaned = replace(campaign, plank_drops=tuple(drops), bump_runs=tuple(runs))
     return cleaned, QualityReport(tuple(findings), tuple(messages), tuple(left_out))
 
@@ -107,7 +108,9 @@ def quality_table(report: QualityReport) -> pd.DataFrame:
     return table.rename(columns={"gaps": "gap_rows", "dead_spans": "dead_s"})
 
 
-def _check_log(log: Log, vehicle: Vehicle, bump_speed: float | None) -> tuple[Log, list[ChannelFinding], list[str]]:
+def _check_log(
+    log: Log, vehicle: Vehicle, bump_speed: float | None, falling: frozenset[int]
+) -> tuple[Log, list[ChannelFinding], list[str]]:
     messages = list(log.messages)
     if not log.channels:
         return log, [], messages
@@ -126,7 +129,7 @@ def _check_log(log: Log, vehicle: Vehicle, bump_speed: float | None) -> tuple[Lo
             item.messages.append(f"the log {what}; the motion of the body cannot be seen in it.")
             item.rejected = True
     else:
-        _judge_together(log, work, vehicle, bump_speed, messages)
+        _judge_together(log, work, vehicle, bump_speed, falling, messages)
     findings = [_finding(log, item, timing) for item, timing in zip(work, clocks, strict=True)]
     kept = tuple(item.channel for item in work if not item.rejected)
     return replace(log, channels=kept, messages=tuple(messages)), findings, messages
@@ -186,6 +189,8 @@ def _examine(channel: Channel) -> _Work:
         return item
     item.clip_level = _mark_clipping(channel, value, censored, messages, unit_scale)
     spans = [(a, b, "does not change") for a, b in defects.dead_spans(time, value, censored)]
+    spans += [(a, b, "does not change") for a, b in defects.held_spans(value, channel.sensor.full_scale)
+              if not any(c <= a < d for c, d, _ in spans)]  # fmt: skip
     spans += [(a, b, "is lost") for a, b in defects.lost_spans(time, value)]
     for a, b, what in sorted(spans):
         value[a:b] = np.nan
@@ -246,19 +251,42 @@ def _mark_clipping(
 
 
 def _judge_together(
-    log: Log, work: Sequence[_Work], vehicle: Vehicle, bump_speed: float | None, messages: list[str]
+    log: Log,
+    work: Sequence[_Work],
+    vehicle: Vehicle,
+    bump_speed: float | None,
+    falling: frozenset[int],
+    messages: list[str],
 ) -> None:
     alive = [item for item in work if not item.rejected]
-    start = defects.motion_start([item.channel for item in alive])
+    copies = copied_columns([item.channel for item in alive])
+    for item in alive:
+        if item.channel.sensor.column in copies:
+            _take(item, Suspicion(copies[item.channel.sensor.column], True))
+    alive = [item for item in alive if not item.rejected]
+    starts = defects.motion_starts([item.channel for item in alive])
+    start = defects.motion_start(starts)
     if start is None and alive:
         messages.append(f"{log.file}: the truck moves from the first sample on, so the level at rest cannot be read.")
     rests = {}
-    for item in alive:
-        item.rest, item.noise = defects.rest_of(item.channel, start)
+    for item, own in zip(alive, starts, strict=True):
+        item.rest, item.noise = defects.rest_of(item.channel, start, own)
         rests[item.channel.sensor.column] = float(np.nanmedian(item.channel.value)) if item.rest is None else item.rest
         _judge_noise(item)
     alive = [item for item in alive if not item.rejected]
-    suspected = suspicions(log, [item.channel for item in alive], vehicle, rests, bump_speed)
+    for item in alive:
+        # A plank compresses the suspension until the wheels fall off it.
+        on_plank = bump_speed is None and item.channel.sensor.kind == "suspension_deflection"
+        shifted = None if on_plank else defects.level_shift(item.channel, item.rest, item.noise)
+        if shifted is not None:
+            scale = si_factor(
+                item.channel.sensor.unit, "length" if item.channel.sensor.si_unit == "m" else "acceleration"
+            )
+            item.messages.append(
+                f"its level at the end differs by {shifted / scale:.3g} {item.channel.sensor.unit} from that at the "
+                "start: the sensor drifts, or its mount has slipped; check it, its readings are used."
+            )
+    suspected = suspicions(log, [item.channel for item in alive], vehicle, rests, bump_speed, falling)
     for item in alive:
         for suspicion in suspected.get(item.channel.sensor.column, ()):
             _take(item, suspicion)

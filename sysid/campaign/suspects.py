@@ -8,10 +8,13 @@ from itertools import product
 
 import numpy as np
 
+from sysid.campaign import defects
+from sysid.campaign.arrivals import find_passage
 from sysid.campaign.consistency import Fit, Trio, arrival, first_lift, fit_factors, trios
 from sysid.campaign.exchanges import Suspicion, accuse, find_exchanges, inverted_axles, quoted
 from sysid.campaign.records import Channel, Log, Sensor, Vehicle
 from sysid.campaign.units import si_factor
+from sysid.wording import shorten
 
 _ACTUAL_UNITS = {"length": ("m", "cm", "mm", "in"), "acceleration": ("m/s^2", "g", "mg", "mm/s^2")}
 # Largest departures [SI] that sensors of road vehicles show on a bump or plank, with room to spare on both sides:
@@ -32,6 +35,8 @@ _UNIT_COST: dict[str | None, float] = {
     "mg": 1.2,
     "mm/s^2": 1.5,
 }
+_ON_TIME_M = 0.3  # an axle that meets the bump further from its place is another one
+_SPEED_RIGHT = 0.3
 _MATCH = 0.5  # |ln| between found and expected factor; units differ by ln 9.8 = 2.3 and more
 
 
@@ -42,7 +47,12 @@ class _Cause:
 
 
 def suspicions(
-    log: Log, channels: Sequence[Channel], vehicle: Vehicle, rests: Mapping[str, float], bump_speed: float | None
+    log: Log,
+    channels: Sequence[Channel],
+    vehicle: Vehicle,
+    rests: Mapping[str, float],
+    bump_speed: float | None,
+    falling: frozenset[int] = frozenset(),
 ) -> dict[str, list[Suspicion]]:
     """Examine the channels of one log together.
 
@@ -59,6 +69,8 @@ def suspicions(
     bump_speed
         Nominal speed over a bump [m/s], which lifts the axles first, one after the other; None for a plank drop, where
         the axle falls first.
+    falling
+        Axles that other runs show with the wrong sign, from `axles_shown_falling`.
 
     Returns
     -------
@@ -93,6 +105,7 @@ def suspicions(
             )
     if bump_speed is not None:
         _all_flipped(groups, fits, lifts, suspects)
+        _axles_flipped(groups, fits, falling, vehicle, suspects)
     for channel in channels:
         column = channel.sensor.column
         if column not in suspects and column not in confirmed:
@@ -249,6 +262,52 @@ def _all_flipped(
             f"{quoted(channel.sensor)} and the other sensors show axles that move down where the bump lifts them: "
             "all signs are flipped; multiply the columns by -1 (+ is extension, + is up).",
         )
+
+
+def axles_shown_falling(runs: Sequence[tuple[Sequence[Channel], float]], vehicle: Vehicle) -> frozenset[int]:
+    """Axles that fall where the bump lifts the others, in most runs: all their sensors have the wrong sign.
+
+    Parameters
+    ----------
+    runs
+        Channels of every run and its listed speed [m/s].
+    """
+    votes: dict[int, list[bool]] = {}
+    for channels, listed_m_s in runs:
+        live = [c for c in channels if not defects.held_spans(c.value, c.sensor.full_scale)]
+        passage = find_passage(live, vehicle, listed_m_s)
+        # A speed far from the listed one is that of wrong places or units: distances on the bump are wrong then.
+        if passage is None or abs(np.log(abs(passage.speed_m_s) / listed_m_s)) > _SPEED_RIGHT:
+            continue
+        off = passage.misplaced_m(vehicle)
+        largest = max(a.rise_m_s for a in passage.arrivals.values())
+        for axle, met in passage.arrivals.items():
+            if abs(off[axle]) < _ON_TIME_M and met.rise_m_s > 0.3 * largest:
+                votes.setdefault(axle, []).append(met.upward < 0)
+    falling = [axle for axle, down in votes.items() if np.mean(down) > 0.6]
+    return frozenset(falling) if 2 * len(falling) <= len(votes) else frozenset()
+
+
+def _axles_flipped(
+    groups: Sequence[Trio],
+    fits: Mapping[int, Fit | None],
+    falling: frozenset[int],
+    vehicle: Vehicle,
+    found: dict[str, list[Suspicion]],
+) -> None:
+    for trio in groups:
+        fit = fits[trio.axle]
+        if trio.axle not in falling or fit is None or not fit.right:
+            continue
+        for channel in trio.channels:
+            if channel.sensor.column not in found:
+                accuse(
+                    found,
+                    channel.sensor,
+                    f"{quoted(channel.sensor)} has the wrong sign, as have all sensors of the axle "
+                    f"'{shorten(vehicle.axles[trio.axle].name)}': it moves down where the bump lifts the other axles; "
+                    "set sign = -1 for them in campaign.toml (+ is extension, + is up).",
+                )
 
 
 def _implausible(channel: Channel, rest: float | None, suspects: dict[str, list[Suspicion]]) -> None:

@@ -69,7 +69,7 @@ class Threes:
 def looks(channels: Sequence[RawChannel]) -> tuple[Look, ...]:
     """Behaviour of every column of a log."""
     plain = [_channel(c) for c in channels]
-    start = defects.motion_start([c for c in plain if c.value.size >= _LEAST_SAMPLES])
+    start = defects.motion_start(defects.motion_starts([c for c in plain if c.value.size >= _LEAST_SAMPLES]))
     return tuple(_look(raw, channel, start) for raw, channel in zip(channels, plain, strict=True))
 
 
@@ -93,7 +93,7 @@ def _look(raw: RawChannel, channel: Channel, start_s: float | None) -> Look:
     if value.size < _LEAST_SAMPLES or step <= 0.0 or np.ptp(value) == 0.0:
         return Look(*told, duration)
     # The first axle moves before most columns do: its rest ends with its own first motion.
-    own_s = defects.motion_start([channel])
+    own_s = defects.motion_start(defects.motion_starts([channel]))
     starts = [s for s in (own_s, start_s) if s is not None]
     rest, noise = defects.rest_of(channel, min(starts, default=None))
     if rest is None or noise is None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sysid.campaign import read_campaign
+from sysid.campaign.arrivals import find_passage
 from sysid.campaign.passage import passage_speed, speed_complaint
 from sysid.campaign.quality import check_quality
 from sysid.campaign.records import Axle, Body, BumpRun, Channel, Log, Sensor, Vehicle
@@ -39,8 +40,8 @@ def run(places=PLACES, listed=SPEED, speed=SPEED, late=()):
 @pytest.mark.parametrize("speed", [1.2, 4.5, 11.0])
 def test_speed_from_the_arrivals(speed):
     made = run(speed=speed)
-    assert passage_speed(made.log.channels, truck(), {}) == pytest.approx(speed, rel=0.02)
-    assert speed_complaint(replace(made, nominal_speed_m_s=speed), truck(), {}) is None
+    assert passage_speed(made.log.channels, truck(), speed) == pytest.approx(speed, rel=0.02)
+    assert speed_complaint(replace(made, nominal_speed_m_s=speed), truck()) is None
 
 
 @pytest.mark.parametrize(
@@ -48,7 +49,7 @@ def test_speed_from_the_arrivals(speed):
     [(3.6, "looks like m/s", True), (1.609, "looks like mph", True), (1.18, "speed sought", False), (0.5, "", True)],
 )
 def test_a_listed_speed_in_another_unit_is_said(factor, word, hopeless):
-    sentence, out = speed_complaint(run(listed=SPEED / factor), truck(), {})
+    sentence, out = speed_complaint(run(listed=SPEED / factor), truck())
     assert out is hopeless
     assert word in sentence
     assert f"{3.6 * SPEED:.3g}"[:3] in sentence
@@ -56,13 +57,13 @@ def test_a_listed_speed_in_another_unit_is_said(factor, word, hopeless):
 
 
 def test_axles_that_contradict_each_other_say_nothing():
-    assert passage_speed(run(late=((1, 0.3),)).log.channels, truck(), {}) is None
+    assert passage_speed(run(late=((1, 0.3),)).log.channels, truck(), SPEED) is None
 
 
 def test_two_axles_alone_must_be_far_off():
     two = PLACES[:2]
-    assert speed_complaint(run(two, listed=SPEED / 1.2), truck(two), {}) is None
-    assert speed_complaint(run(two, listed=SPEED / 2.0), truck(two), {})[1]
+    assert speed_complaint(run(two, listed=SPEED / 1.2), truck(two)) is None
+    assert speed_complaint(run(two, listed=SPEED / 2.0), truck(two))[1]
 
 
 def test_runs_of_the_linear_truck_agree_with_their_lists_and_not_with_others():
@@ -74,3 +75,39 @@ def test_runs_of_the_linear_truck_agree_with_their_lists_and_not_with_others():
     kept, report = check_quality(replace(campaign, bump_runs=slow))
     assert kept.bump_runs == ()
     assert len(report.left_out) == len(slow)
+
+
+def test_arrivals_and_signs_of_the_axles():
+    passage = find_passage(run().log.channels, truck(), SPEED)
+    assert passage is not None
+    times = [passage.arrivals[i].time_s for i in range(3)]
+    assert np.diff(times) == pytest.approx(np.diff(PLACES) / SPEED, abs=0.003)
+    assert all(a.upward == 1 for a in passage.arrivals.values())
+
+
+def test_an_axle_with_the_wrong_sign_falls_where_it_is_lifted():
+    made = run()
+    channels = tuple(replace(c, value=-c.value) if c.sensor.axle == 1 else c for c in made.log.channels)
+    passage = find_passage(channels, truck(), SPEED)
+    assert passage is not None
+    assert [passage.arrivals[i].upward for i in range(3)] == [1, -1, 1]
+
+
+def test_axles_from_the_rear_have_a_negative_speed():
+    from_rear = truck([5.5 - x for x in PLACES])
+    passage = find_passage(run().log.channels, from_rear, SPEED)
+    assert passage is not None
+    assert passage.speed_m_s == pytest.approx(-SPEED, rel=0.02)
+
+
+def test_axle_sensors_alone_do_not_reject_the_first_axle_of_a_fast_run():
+    """Its rest before the bump was once read up to the motion of the second axle."""
+    campaign = read_campaign(DATA)
+    fast = next(r for r in campaign.bump_runs if r.nominal_speed_m_s > 8.0)
+    channels = tuple(c for c in fast.log.channels if c.sensor.kind == "axle_acceleration")
+    alone = replace(campaign, plank_drops=(), bump_runs=(replace(fast, log=replace(fast.log, channels=channels)),))
+    _, report = check_quality(alone)
+    assert {f.verdict for f in report.channels} <= {"good", "usable"}
+    first = next(f for f in report.channels if f.column == "axle1_accel_g")
+    assert first.noise_rms is not None
+    assert first.noise_rms < 0.5

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from math import degrees
 from typing import TYPE_CHECKING
 
 from sysid.display import TextTable
@@ -24,7 +25,17 @@ if TYPE_CHECKING:
 
 
 def _check(context: Context) -> QualityReport:
-    return context.inputs.quality
+    from sysid.cross_checks import cross_check
+
+    report = context.inputs.quality
+    found = cross_check(context.campaign, context.inputs.read)
+    return replace(
+        report,
+        messages=(*report.messages, *(m for m in found.messages if m not in report.messages)),
+        left_out=(*report.left_out, *found.left_out),
+        speeds=found.speeds,
+        scans=found.scans,
+    )
 
 
 def _rejected(report: QualityReport) -> list[ChannelFinding]:
@@ -43,6 +54,7 @@ def _check_fault(report: QualityReport) -> type[SysidError] | None:
 def show_check(report: QualityReport, results: Results) -> Blocks:
     """One line per log for its good channels and one per other channel, the findings in words, and the sum."""
     yield from quality_blocks(report)
+    yield from _speed_blocks(report)
     yield "Every channel with its noise stands in the report."
 
 
@@ -70,6 +82,25 @@ def quality_blocks(report: QualityReport) -> Blocks:
     )
 
 
+def _speed_blocks(report: QualityReport) -> Blocks:
+    """Speeds of the runs and bumps of the scans as they were measured, to be compared with what one remembers."""
+    if report.speeds:
+        table = TextTable("Speeds", ("log", "load case", "listed km/h", "measured km/h"))
+        for run in report.speeds:
+            measured = "-" if run.measured_m_s is None else f"{3.6 * run.measured_m_s:.1f}"
+            table.add_row(run.file, run.load_case, f"{3.6 * run.listed_m_s:.4g}", measured)
+        yield table
+    if report.scans:
+        table = TextTable(
+            "Bumps", ("bump", "scan", "points", "height mm", "length m", "width m", "heading deg", "declared deg")
+        )
+        for scan in report.scans:
+            angles = (f"{degrees(angle) % 360.0:.1f}" for angle in (scan.heading_rad, scan.declared_heading_rad))
+            sizes = (f"{1e3 * scan.height_m:.1f}", f"{scan.length_m:.2f}", f"{scan.width_m:.2f}")
+            table.add_row(scan.name, scan.file, str(scan.points), *sizes, *angles)
+        yield table
+
+
 def _finding_cells(f: ChannelFinding) -> tuple[str, ...]:
     scale, unit = (1e-3, "mm") if f.si_unit == "m" else (9.80665, "g")
 
@@ -92,7 +123,7 @@ def _finding_cells(f: ChannelFinding) -> tuple[str, ...]:
 CHECK = Whole(
     name="check",
     compute=_check,
-    code=("campaign",),
+    code=("campaign", "road", "cross_checks"),
     put=lambda results, report: replace(results, quality=report),
     warnings=_check_warnings,
     in_run="always",

@@ -1,0 +1,233 @@
+"""When each axle of a run meets the bump, and whether its sensor shows that it is lifted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid import limits
+from sysid.campaign.records import Channel, Vehicle
+
+#: Drift is integrated below, a bump of 2 m at walking speed above (an assumption).
+HIGH_PASS_HZ = 0.4
+#: Speeds that are tried: listed speed times exp(-1.6) to exp(1.6), so that m/s and mph are among them.
+_REACH, _SPEEDS = 1.6, 121
+_COARSE_S = 0.02
+#: Where the edge of the bump is looked for around the time at which an axle is highest [m of travel], and then around
+#: the line through all axles.
+_BEFORE_M, _BEHIND_M, _NEAR_M = 1.3, 0.5, 0.45
+_JUST_BEFORE, _JUST_BEHIND = 0.15, 0.25
+#: An axle that is lifted has reached this share of its largest speed.
+_SHARE = 0.45
+_STILL = 0.2
+_FAR = 1.6
+_WHOLE = 0.97
+#: Before it, the axle moves less than this share of its largest motion: those in front shake it a little.
+_QUIET = 0.5
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """Time [s] at which an axle is lifted, `upward` 1 or -1 as its sensor shows it, `rise_m_s` its speed then."""
+
+    time_s: float
+    upward: int
+    rise_m_s: float
+
+
+@dataclass(frozen=True)
+class Passage:
+    """The axles of one run at the bump: arrivals by axle; `speed_m_s` is negative where the last axle comes first.
+
+    `sensors` axles have a sensor, some of which may show no arrival.
+    """
+
+    speed_m_s: float
+    arrivals: Mapping[int, Arrival]
+    sensors: int
+
+    def misplaced_m(self, vehicle: Vehicle) -> dict[int, float]:
+        """How far [m] behind its place each axle seems to be, at the speed of the run."""
+        axles = sorted(self.arrivals)
+        x = np.array([vehicle.axles[a].x_m for a in axles])
+        time = np.array([self.arrivals[a].time_s for a in axles])
+        along = self.speed_m_s * time - x
+        return dict(zip(axles, (along - np.median(along)).tolist(), strict=True))
+
+
+def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: float) -> Passage | None:
+    """Find the speed and the arrivals of the axles, from their accelerations.
+
+    Displacements d_i of the axles, integrated twice, are added up as d_i(t + x_i / v): the speed v at which they fall
+    upon each other best is that of the run.  Each axle has then met the bump when its velocity reached half of that
+    with which it is lifted.
+
+    Parameters
+    ----------
+    channels
+        Of one run; axle accelerations count, of any sign.
+    vehicle
+        For the places of the axles x_i [m].
+    listed_m_s
+        Speed around which is searched [m/s].
+
+    Returns
+    -------
+    Passage or None
+        None where fewer than two axles have sensors, or there is no bump to be seen.
+    """
+    sensors = {c.sensor.axle: c for c in channels if c.sensor.kind == "axle_acceleration" and c.sensor.axle is not None}
+    moved = {axle: found for axle, c in sensors.items() if (found := integrated(c, 2)) is not None}
+    if len(moved) < 2:
+        return None
+    x = {axle: vehicle.axles[axle].x_m for axle in moved}
+    if max(x.values()) - min(x.values()) < 0.5:
+        return None
+    speed, start = _stacked(moved, x, listed_m_s)
+    # A speed far above the listed one may as well be one of places that are too large: the bump is no longer for that.
+    pace = abs(speed) if abs(speed) < _FAR * listed_m_s else listed_m_s
+    rising = {axle: integrated(sensors[axle], 1) for axle in moved}
+    first = {}
+    for axle, found in rising.items():
+        assert found is not None
+        at = start + x[axle] / speed
+        window = (at - _BEFORE_M / pace, at + _BEHIND_M / pace)
+        arrival = _lifted(*found, window)
+        if arrival is not None:
+            first[axle] = arrival
+    line = _line({a: (x[a], v.time_s) for a, v in first.items()})
+    if line is None:
+        return None
+    speed, start = line
+    arrivals = {}
+    for axle, found in rising.items():
+        assert found is not None
+        at = start + x[axle] / speed
+        arrival = _lifted(*found, (at - _NEAR_M / pace, at + _NEAR_M / pace), at)
+        # An axle that does not move there meets the bump elsewhere, which its first arrival tells.
+        if arrival is None or (axle in first and arrival.rise_m_s < _STILL * first[axle].rise_m_s):
+            arrival = first.get(axle)
+        if arrival is not None:
+            arrivals[axle] = arrival
+    line = _line({a: (x[a], v.time_s) for a, v in arrivals.items()})
+    if line is None or 2 * sum(_quiet_before(rising[a], v.time_s, pace) for a, v in arrivals.items()) < len(moved):
+        return None
+    return Passage(line[0], arrivals, len(moved))
+
+
+def _quiet_before(found: tuple[np.ndarray, np.ndarray] | None, arrival_s: float, speed: float) -> bool:
+    """Whether an axle moved little until a metre in front of the bump: a record of noise alone does not."""
+    assert found is not None
+    grid, velocity = found
+    before = np.abs(velocity[grid < arrival_s - 1.0 / speed])
+    return before.size >= 5 and float(before.max()) < _QUIET * float(np.max(np.abs(velocity)))
+
+
+def integrated(channel: Channel, times: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """Times [s] on an even grid and the acceleration integrated once or twice, without what is slower than 0.4 Hz."""
+    good = np.isfinite(channel.value)
+    if good.sum() < 20:
+        return None
+    time = channel.time_s[good]
+    step = float(np.median(np.diff(time)))
+    count = int((time[-1] - time[0]) / step) + 1
+    if not 20 <= count <= limits.GRID_STEPS:
+        return None
+    grid = time[0] + step * np.arange(count)
+    value = np.interp(grid, time, channel.value[good])
+    padded = 2 * count
+    frequency = np.fft.rfftfreq(padded, step)
+    pass_band = frequency[1:] ** 4 / (frequency[1:] ** 4 + HIGH_PASS_HZ**4)
+    factor = np.zeros(frequency.size, complex)
+    factor[1:] = pass_band / (2j * np.pi * frequency[1:]) ** times
+    return grid, np.fft.irfft(np.fft.rfft(value - np.median(value), padded) * factor, padded)[:count]
+
+
+def _stacked(
+    moved: Mapping[int, tuple[np.ndarray, np.ndarray]], x: Mapping[int, float], listed: float
+) -> tuple[float, float]:
+    """Speed [m/s], negative from the rear, and the time at which a point at x = 0 is on the bump."""
+    last = max(grid[-1] for grid, _ in moved.values())
+    time = np.arange(0.0, last, max(_COARSE_S, last / 20_000))
+    size = {
+        a: np.abs(np.interp(time, grid, d)) / max(float(np.max(np.abs(d))), 1e-12) for a, (grid, d) in moved.items()
+    }
+    best = (-1.0, listed, 0.0)
+    coarse = listed * np.exp(np.linspace(-_REACH, _REACH, _SPEEDS))
+    for speed in np.concatenate([coarse, -coarse]):
+        best = max(best, _added_up(float(speed), time, size, x))
+    for fine in np.linspace(-0.02, 0.02, 9):
+        best = max(best, _added_up(best[1] * (1.0 + float(fine)), time, size, x))
+    return best[1], best[2]
+
+
+def _added_up(
+    speed: float, time: np.ndarray, size: Mapping[int, np.ndarray], x: Mapping[int, float]
+) -> tuple[float, float, float]:
+    """How well the motions fall upon each other at a speed, the speed, and the time of a point at x = 0."""
+    first = min(place / speed for place in x.values())
+    step = float(time[1] - time[0])
+    total = np.zeros(time.size)
+    for axle, moved in size.items():
+        # Whole samples are near enough for the search.
+        late = round((x[axle] / speed - first) / step)
+        if late < time.size:
+            total[: time.size - late] += moved[late:]
+    k = int(np.argmax(total))
+    # Both directions are the same for axles at even distances: the listed one is then meant.
+    return float(total[k]) * (1.0 if speed > 0.0 else 0.97), speed, float(time[k] - first)
+
+
+def _lifted(
+    grid: np.ndarray, velocity: np.ndarray, window: tuple[float, float], expected: float | None = None
+) -> Arrival | None:
+    """The edge of the first motion in a window that counts; with an expected time, of the motion just after it."""
+    inside = np.flatnonzero((grid >= window[0]) & (grid <= window[1]))
+    if inside.size < 5:
+        return None
+    part = velocity[inside]
+    largest = float(np.max(np.abs(part)))
+    if largest <= 0.0:
+        return None
+    if expected is None:
+        begin = int(np.argmax(np.abs(part) > _SHARE * largest))
+    else:
+        # The axles in front have set it in motion already; the bump itself is what moves it fastest about that time.
+        reach = np.array([-_JUST_BEFORE, _JUST_BEHIND]) * 0.5 * (window[1] - window[0]) / _NEAR_M
+        near = np.flatnonzero((grid[inside] >= expected + reach[0]) & (grid[inside] <= expected + reach[1]))
+        if near.size == 0:
+            return None
+        begin = int(near[np.argmax(np.abs(part[near]))])
+    sign = 1 if part[begin] > 0.0 else -1
+    end = begin
+    while end + 1 < part.size and sign * part[end + 1] > 0.0:
+        end += 1
+    top = float(np.max(sign * part[begin : end + 1]))
+    peak = begin + int(np.argmax(sign * part[begin : end + 1]))
+    below = np.flatnonzero(sign * part[: peak + 1] < _SHARE * top)
+    if below.size == 0:
+        return None
+    k = int(below[-1])
+    step = float(grid[1] - grid[0])
+    rise = sign * float(part[k + 1] - part[k]) if k + 1 < part.size else 0.0
+    share = (_SHARE * top - sign * float(part[k])) / rise if rise > 0.0 else 0.0
+    return Arrival(float(grid[inside[k]]) + share * step, sign, top)
+
+
+def _line(points: Mapping[int, tuple[float, float]]) -> tuple[float, float] | None:
+    """Speed [m/s] and time of a point at x = 0: medians over all pairs, so that one axle in error does not count."""
+    values = sorted(points.values())
+    pairs = [(a, b) for i, a in enumerate(values) for b in values[i + 1 :] if b[0] - a[0] > 0.1]
+    if not pairs:
+        return None
+    # Long pairs tell more: each counts with its length.
+    slopes = np.array([(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairs])
+    length = np.array([b[0] - a[0] for a, b in pairs])
+    order = np.argsort(slopes)
+    middle = int(np.searchsorted(np.cumsum(length[order]), 0.5 * length.sum()))
+    slope = float(slopes[order][middle])
+    if slope == 0.0 or not np.isfinite(slope):
+        return None
+    return 1.0 / slope, float(np.median([t - slope * x for x, t in values]))

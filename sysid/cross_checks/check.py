@@ -1,0 +1,102 @@
+"""The whole campaign looked at together: what runs, drops, scan and list say about each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from sysid.campaign.arrivals import find_passage
+from sysid.campaign.findings import QualityReport, RunSpeed, ScanFinding
+from sysid.campaign.passage import believed_speed
+from sysid.campaign.records import Campaign, Scan
+from sysid.cross_checks.drops import drop_complaints
+from sysid.cross_checks.force_balance import run_spectra
+from sysid.cross_checks.masses import mass_complaints
+from sysid.cross_checks.names import name_complaints
+from sysid.cross_checks.places import place_complaints
+from sysid.cross_checks.sensors import place_of_frame_sensors, sensor_complaints
+from sysid.cross_checks.wheels import bump_complaints, filter_complaint, tire_complaint
+from sysid.errors import DataRejectedError
+from sysid.road.road_profile import RoadProfile, ScanAnalysis
+from sysid.road.scan import analyse_scan
+
+
+def cross_check(campaign: Campaign, read: Campaign) -> QualityReport:
+    """Measured speeds, the scans' bumps, and sentences about what contradicts each other.
+
+    Parameters
+    ----------
+    campaign
+        After the quality check: without rejected channels, and without runs of which nothing is left.
+    read
+        As read, for what the list says of all tests.
+
+    Returns
+    -------
+    QualityReport
+        Without channels; `left_out` are the scans that cannot be used.
+    """
+    passages = {
+        run.log.file: find_passage(run.log.channels, campaign.vehicle, run.nominal_speed_m_s)
+        for run in campaign.bump_runs
+    }
+    speeds = tuple(
+        RunSpeed(
+            run.log.file, run.load_case, run.nominal_speed_m_s, believed_speed(passages[run.log.file], campaign.vehicle)
+        )
+        for run in campaign.bump_runs
+    )
+    scans, refused = _scans(campaign.scans)
+    profiles: dict[str, RoadProfile] = {name: scan.profile for name, scan in scans.items()}
+    runs, vehicle = campaign.bump_runs, campaign.vehicle
+    said = [*refused, *(m for s in scans.values() for m in s.messages)]
+    said += name_complaints(read)
+    places = place_complaints(runs, passages, vehicle)
+    said += places
+    said += _sentences(lambda: sensor_complaints(runs, vehicle))
+    said += _sentences(lambda: place_of_frame_sensors(runs, vehicle))
+    said += _sentences(lambda: filter_complaint(runs, campaign.acquisition.filter))
+    if not places:
+        # All that follows rests on the places of the axles.
+        spectra = [s for run in runs if (s := run_spectra(run, vehicle)) is not None]
+        masses = _sentences(lambda: mass_complaints(campaign, spectra))
+        said += masses
+        said += _sentences(lambda: tire_complaint(runs, passages, vehicle))
+        said += _sentences(lambda: bump_complaints(runs, passages, profiles))
+        said += _sentences(lambda: drop_complaints(campaign, [] if masses else spectra))
+    found = tuple(_scan_finding(name, campaign.scans[name], scan) for name, scan in scans.items())
+    return QualityReport((), tuple(said), tuple(refused), speeds, found)
+
+
+def _sentences(compare: Callable[[], Sequence[str] | str | None]) -> list[str]:
+    """What a comparison says; nothing where its equations have no solution, as with readings of no sense."""
+    try:
+        found = compare()
+    except np.linalg.LinAlgError:
+        return []
+    return [found] if isinstance(found, str) else list(found or ())
+
+
+def _scans(scans: Mapping[str, Scan]) -> tuple[dict[str, ScanAnalysis], list[str]]:
+    done, refused = {}, []
+    for name, scan in scans.items():
+        try:
+            done[name] = analyse_scan(scan)
+        except DataRejectedError as error:
+            refused.append(str(error))
+    return done, refused
+
+
+def _scan_finding(name: str, scan: Scan, analysis: ScanAnalysis) -> ScanFinding:
+    profile = analysis.profile
+    return ScanFinding(
+        name=name,
+        file=scan.file,
+        points=analysis.points,
+        height_m=float(profile.height_m.max()),
+        length_m=profile.length_m,
+        width_m=2.0 * analysis.strip_half_width_m,
+        heading_rad=analysis.heading_rad,
+        declared_heading_rad=scan.heading_rad,
+    )

@@ -1,0 +1,207 @@
+"""Plank drops: height of the plank, drops of other axles, bodies let go, from how far the suspension is compressed.
+
+A wheel on a plank of height h compresses its suspension by a share of h that follows from the stiffnesses of all axles
+and tires: K u = k_t h at that wheel.  The step of the deflection between plank and road is measured to a millimetre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.campaign.records import Campaign, LoadCase, PlankDrop, Vehicle
+from sysid.cross_checks.force_balance import RunSpectra, frame_rise
+from sysid.cross_checks.masses import stiffness_of
+from sysid.wording import shorten
+
+#: Shares of the plank height: measured ones repeat within 0.03 (0.15 where friction holds), those
+#: from the runs' stiffnesses agree within 0.1.
+REPEATS, ONE_OF_TWO, AGREES = 0.08, 0.18, 0.12
+#: Axles whose share is smaller tell nothing about the height.
+TELLING = 0.2
+HEIGHT_OFF = 1.35
+#: Axles nearer than this on one body, with one kind of suspension, are taken to be alike: runs tell their sum best.
+TANDEM_M = 2.0
+
+
+def drop_complaints(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list[str]:
+    """Sentences about drops whose suspension is not compressed as it should be.
+
+    Parameters
+    ----------
+    spectra
+        Of the runs, for the stiffnesses of the axles; where there are none, drops are compared with each other alone.
+    """
+    shares = [(drop, _share(drop)) for drop in campaign.plank_drops]
+    known = [(drop, share) for drop, share in shares if share is not None]
+    if not known:
+        return []
+    released = _released(known)
+    if released:
+        return [released]
+    plank = [(d, s) for d, s in known if d.release == "plank"]
+    expected = _expected(campaign, spectra)
+    odd = _odd_ones(plank, expected, campaign.vehicle)
+    if expected is None:
+        return odd
+    medians = {axle: float(np.median([s for d, s in plank if d.axle == axle])) for axle in {d.axle for d, _ in plank}}
+    exchanged = _exchanged(medians, expected, campaign.vehicle)
+    if exchanged:
+        return [*odd, *exchanged]
+    return [*odd, *_height(medians, expected, plank)]
+
+
+def _share(drop: PlankDrop) -> float | None:
+    """Compression of the suspension before the fall over the plank height (0.075 m where there is none)."""
+    channel = next((c for c in drop.log.channels if c.sensor.kind == "suspension_deflection"), None)
+    if channel is None:
+        return None
+    good = np.isfinite(channel.value)
+    time, value = channel.time_s[good], channel.value[good]
+    if value.size < 100 or time[-1] < 1.5:
+        return None
+    before, after = value[time < 0.3], value[time > time[-1] - 0.7]
+    if before.size < 5 or np.std(before) > 0.0015 or np.std(after) > 0.003:
+        return None
+    return float(np.median(after) - np.median(before)) / (drop.plank_height_m or 0.075)
+
+
+def _released(known: Sequence[tuple[PlankDrop, float]]) -> str | None:
+    """Bodies that were let go stretch the suspension before, planks compress it."""
+    bodies = [s for d, s in known if d.release == "body"]
+    planks = [s for d, s in known if d.release == "plank"]
+    if len(bodies) > 1 and float(np.median(bodies)) > TELLING:
+        return (
+            'Drops with release = "body" begin with a compressed suspension, as on a plank: a body that is let go has '
+            "been lifted and stretches it. Correct release, and give plank_height_m."
+        )
+    if len(planks) > 1 and float(np.median(planks)) < -TELLING:
+        return (
+            "Plank drops begin with a stretched suspension, as of a body that was lifted and let go: a wheel on a "
+            'plank compresses it. Give release = "body", or check the sign of the deflection.'
+        )
+    return None
+
+
+def _expected(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list[float] | None:
+    """Share of the plank height by which each axle's suspension is compressed when it alone stands on the plank."""
+    name = campaign.plank_drops[0].load_case
+    cases = [name, *(n for n in campaign.load_cases if n != name)]
+    found = next((b for n in cases if (b := stiffness_of(spectra, campaign, n)) is not None), None)
+    if found is None or found.unexplained > 0.2 or np.any(found.stiffness <= 0.0):
+        return None
+    return compressions(campaign.vehicle, campaign.load_cases[name], _alike(campaign.vehicle, found.stiffness))
+
+
+def _alike(vehicle: Vehicle, stiffness: np.ndarray) -> np.ndarray:
+    result = stiffness.copy()
+    groups: list[list[int]] = []
+    for i, axle in enumerate(vehicle.axles):
+        before = vehicle.axles[i - 1]
+        near = i > 0 and axle.x_m - before.x_m < TANDEM_M
+        if near and (axle.body, axle.suspension) == (before.body, before.suspension):
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    for group in groups:
+        result[group] = stiffness[group].mean()
+    return result
+
+
+def compressions(vehicle: Vehicle, load_case: LoadCase, stiffness: np.ndarray) -> list[float]:
+    """Compression of each axle's suspension over the height of a plank under its wheels alone, from static balance.
+
+    Parameters
+    ----------
+    stiffness
+        (axles,) of the suspensions [N/m].
+    """
+    count = len(vehicle.axles)
+    frames = len(vehicle.bodies) + 1
+    matrix = np.zeros((frames + count, frames + count))
+    rises = []
+    for i, axle in enumerate(vehicle.axles):
+        row = np.zeros(frames + count)
+        row[:frames] = frame_rise(vehicle, axle.body, axle.x_m)
+        row[frames + i] = -1.0
+        rises.append(row)
+        matrix += stiffness[i] * np.outer(row, row)
+        matrix[frames + i, frames + i] += axle.tire_stiffness_N_per_m
+    shares = []
+    for i, axle in enumerate(vehicle.axles):
+        push = np.zeros(frames + count)
+        push[frames + i] = axle.tire_stiffness_N_per_m
+        shares.append(float(-rises[i] @ np.linalg.solve(matrix, push)))
+    return shares
+
+
+def _name(vehicle: Vehicle, axle: int) -> str:
+    return f"'{shorten(vehicle.axles[axle].name)}'"
+
+
+def _odd_ones(
+    plank: Sequence[tuple[PlankDrop, float]], expected: Sequence[float] | None, vehicle: Vehicle
+) -> list[str]:
+    """Drops that differ from the others of their axle."""
+    said = []
+    by_axle: dict[int, list[tuple[PlankDrop, float]]] = {}
+    for drop, share in plank:
+        by_axle.setdefault(drop.axle, []).append((drop, share))
+    medians = {axle: float(np.median([s for _, s in found])) for axle, found in by_axle.items()}
+    for axle, found in by_axle.items():
+        for drop, share in found:
+            others = [s for d, s in found if d is not drop]
+            # Of two that differ, what the runs expect tells which one is odd.
+            own = float(np.median(others)) if len(others) > 1 else (expected[axle] if others and expected else None)
+            if (
+                own is None
+                or abs(share - own) < (REPEATS if len(others) > 1 else ONE_OF_TWO)
+                or (len(others) > 1 and np.ptp(others) > REPEATS)
+            ):
+                continue
+            if len(others) == 1 and (abs(share - others[0]) < REPEATS or abs(others[0] - own) > abs(share - own)):
+                continue
+            near = [a for a, m in medians.items() if a != axle and abs(m - share) < min(REPEATS, abs(own - share) / 2)]
+            hint = f", as {' or '.join(_name(vehicle, a) for a in near)} is" if near else ""
+            said.append(
+                f"{shorten(drop.log.file, 100)}: its suspension is compressed by {share:.2f} of the plank height, the "
+                f"other drops of {_name(vehicle, axle)} by {own:.2f}{hint}; check its axle and plank_height_m."
+            )
+    return said
+
+
+def _exchanged(medians: dict[int, float], expected: Sequence[float], vehicle: Vehicle) -> list[str]:
+    axles = sorted(medians)
+    best: tuple[float, int, int] | None = None
+    for k, i in enumerate(axles):
+        for j in axles[k + 1 :]:
+            now = np.hypot(medians[i] - expected[i], medians[j] - expected[j])
+            swapped = np.hypot(medians[i] - expected[j], medians[j] - expected[i])
+            apart = abs(expected[i] - expected[j])
+            if apart > AGREES and now > AGREES and swapped < 0.5 * now and (best is None or now - swapped > best[0]):
+                best = (float(now - swapped), i, j)
+    if best is None:
+        return []
+    _, i, j = best
+    return [
+        f"The drops of {_name(vehicle, i)} and {_name(vehicle, j)} are probably exchanged: their suspensions are "
+        f"compressed by {medians[i]:.2f} and {medians[j]:.2f} of the plank height, {expected[i]:.2f} and "
+        f"{expected[j]:.2f} are expected from the bump runs. Correct the axles in tests.plank_drop."
+    ]
+
+
+def _height(
+    medians: dict[int, float], expected: Sequence[float], plank: Sequence[tuple[PlankDrop, float]]
+) -> list[str]:
+    telling = [medians[a] / expected[a] for a in medians if expected[a] > TELLING]
+    if not telling:
+        return []
+    factor = float(np.median(telling))
+    if 1.0 / HEIGHT_OFF < factor < HEIGHT_OFF:
+        return []
+    listed = float(np.median([d.plank_height_m or 0.0 for d, _ in plank]))
+    return [
+        f"The suspensions are compressed before the drops as on a plank {factor:.2f} times as high as listed: "
+        f"plank_height_m is {listed:g}, about {factor * listed:.3f} m is expected from the bump runs. Measure it."
+    ]

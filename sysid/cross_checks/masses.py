@@ -1,0 +1,214 @@
+"""Load cases, pitch inertias and axle loads that the motion of the frames contradicts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from sysid.campaign.records import Campaign, LoadCase, Vehicle
+from sysid.campaign.statics import static_equilibrium
+from sysid.cross_checks.force_balance import Balance, RunSpectra, balance, hinges
+from sysid.errors import CampaignError
+from sysid.wording import shorten
+
+#: A run is of another load case where that leaves less than this share of what the listed one leaves unexplained.
+OTHER_CASE = 0.55
+#: Of most runs: less than this.
+ALL_CASES = 0.8
+#: More than this unexplained and nothing is said: friction, stops, or sensors that are wrong.
+HOPELESS = 0.35
+#: Inertias are found within a third, those of a short tractor within a half.
+INERTIA_OFF = 1.8
+#: About the hinge the mass counts too, which makes it surer.
+HINGE_OFF = 0.18
+#: Centres of gravity are found within 3 % of the wheelbase of a single body, 8 % of coupled ones.
+CENTRE_OFF, CENTRE_OFF_COUPLED = 0.05, 0.09
+_CLEAR_M = 0.2
+
+
+def mass_complaints(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list[str]:
+    """Sentences about load cases, inertias and axle loads.
+
+    Parameters
+    ----------
+    spectra
+        Those of the runs that tell all motions of the frames.
+    """
+    if not spectra:
+        return []
+    by_case: dict[str, list[RunSpectra]] = {}
+    for run in spectra:
+        by_case.setdefault(run.load_case, []).append(run)
+    wrong = _wrong_load_cases(campaign, spectra)
+    if wrong:
+        return wrong
+    said: dict[str, list[str]] = {}
+    for name, runs in by_case.items():
+        for sentence in _of_load_case(campaign.vehicle, campaign.load_cases[name], runs):
+            said.setdefault(sentence, []).append(name)
+    return [f"Load case {' and '.join(repr(shorten(n)) for n in names)}: {text}" for text, names in said.items()]
+
+
+def _solved(
+    runs: Sequence[RunSpectra], vehicle: Vehicle, load_case: LoadCase, free: str | None = None
+) -> Balance | None:
+    try:
+        return balance(runs, vehicle, [load_case] * len(runs), free)
+    except CampaignError:
+        return None
+
+
+def _wrong_load_cases(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list[str]:
+    """Runs that another load case explains better, while what may be wrong with the masses does not."""
+    vehicle, cases = campaign.vehicle, campaign.load_cases
+    if len(cases) < 2:
+        return []
+    gains: dict[str, tuple[float, str]] = {}
+    for run in spectra:
+        own = _solved([run], vehicle, cases[run.load_case])
+        if own is None:
+            continue
+        others = {n: f for n in cases if n != run.load_case and (f := _solved([run], vehicle, cases[n])) is not None}
+        if not others:
+            continue
+        best = min(others, key=lambda n: others[n].unexplained)
+        freed = [
+            f.unexplained
+            for free in ("inertia", "moment")
+            if (f := _solved([run], vehicle, cases[run.load_case], free))
+        ]
+        if others[best].unexplained > HOPELESS:
+            continue
+        # Freeing an inertia explains a little more in any case; much more than another load case means that it is that.
+        ratio = others[best].unexplained / own.unexplained
+        if freed and min(freed) < 0.5 * others[best].unexplained and not _lighter(run, vehicle, own, others[best]):
+            ratio = 1.0
+        gains[run.file] = (ratio, best)
+    wrong = [file for file, (ratio, _) in gains.items() if ratio < OTHER_CASE]
+    if not wrong:
+        return []
+    if len(wrong) > 0.5 * len(gains) and float(np.median([r for r, _ in gains.values()])) < ALL_CASES:
+        return [
+            f"The load cases of the bump runs seem exchanged: the frames of {len(wrong)} of {len(gains)} runs move as "
+            f"with the masses of another load case ({shorten(wrong[0], 60)} as '{shorten(gains[wrong[0]][1])}'). "
+            "Correct load_case in tests.bump_run, or the tables of the load cases."
+        ]
+    listed = {run.file: run.load_case for run in spectra}
+    return [
+        f"{file}: the frames move as with the masses of the load case '{shorten(gains[file][1])}', not of "
+        f"'{shorten(listed[file])}'; correct its load_case in tests.bump_run, or check that this is its log."
+        for file in wrong
+    ]
+
+
+def _lighter(run: RunSpectra, vehicle: Vehicle, own: Balance, other: Balance) -> bool:
+    """Whether stiffnesses make more sense with the other masses: all positive, where they were not."""
+    return bool(np.all(other.stiffness > 0.0) and not np.all(own.stiffness > 0.0))
+
+
+def _of_load_case(vehicle: Vehicle, load_case: LoadCase, runs: Sequence[RunSpectra]) -> list[str]:
+    own = _solved(runs, vehicle, load_case)
+    inertia = _solved(runs, vehicle, load_case, "inertia")
+    moment = _solved(runs, vehicle, load_case, "moment")
+    if own is None or inertia is None or moment is None:
+        return []
+    statics = static_equilibrium(vehicle, load_case)
+    arms = statics.cg_x_m - np.array(hinges(vehicle))
+    masses = np.array(load_case.sprung_mass_kg)
+    declared = np.array(load_case.pitch_inertia_kg_m2)
+    found = (inertia.freed * (declared + masses * arms**2) - masses * arms**2) / declared
+    # An inertia of tons instead of kilograms leaves nothing to compare but the part about the centre of gravity.
+    about_hinge = inertia.freed
+    off = [
+        b
+        for b in range(masses.size)
+        if not 1.0 / INERTIA_OFF < found[b] < INERTIA_OFF
+        and abs(about_hinge[b] - 1.0) > max(HINGE_OFF, 4.0 * inertia.freed_se[b])
+    ]
+    turning = ""
+    if off and inertia.unexplained < min(0.5 * own.unexplained, HOPELESS):
+        turning = "the frames turn as with pitch_inertia_kg_m2 of " + ", ".join(
+            _inertia_words(vehicle, b, found[b] * declared[b], declared[b]) for b in off
+        )
+    centre = _centres(vehicle, load_case, own, moment, arms)
+    remedy = "check the inertias about the bodies' own centres of gravity, in kg m2."
+    if turning and centre and moment.unexplained < 2.0 * inertia.unexplained:
+        return [f"either {centre}; or {turning}. Check axle_loads_kg, sprung_mass_kg and x_m, and {remedy}"]
+    if turning:
+        return [f"{turning}; {remedy}"]
+    return [f"{centre}. Check axle_loads_kg, sprung_mass_kg and x_m."] if centre else []
+
+
+def _inertia_words(vehicle: Vehicle, body: int, found: float, declared: float) -> str:
+    about = f"about {found:.2g}" if found > 0.0 else "far less"
+    return f"{about} for '{shorten(vehicle.bodies[body].name)}' (listed {declared:g})"
+
+
+def _centres(vehicle: Vehicle, load_case: LoadCase, own: Balance, moment: Balance, arms: np.ndarray) -> str:
+    """Axle loads that put a centre of gravity where the frames do not turn about it."""
+    if moment.unexplained > min(0.5 * own.unexplained, HOPELESS):
+        return ""
+    away = (moment.freed - 1.0) * arms
+    error = moment.freed_se * np.abs(arms)
+    spans = _spans(vehicle)
+    share = CENTRE_OFF if len(spans) == 1 else CENTRE_OFF_COUPLED
+    off = [b for b in range(arms.size) if abs(away[b]) > max(share * spans[b], _CLEAR_M, 4.0 * error[b])]
+    if not off:
+        return ""
+    said = ", ".join(
+        f"{abs(away[b]):.2f} m {'behind' if away[b] > 0 else 'in front of'} the place of "
+        f"'{shorten(vehicle.bodies[b].name)}' that the axle loads give"
+        for b in off
+    )
+    pair = _exchanged(vehicle, load_case, away, error, spans)
+    likely = ""
+    if pair is not None:
+        one, two = (shorten(vehicle.axles[i].name) for i in pair)
+        likely = f"; exchanging the loads of '{one}' and '{two}' would explain it"
+    return f"the centre of gravity is {said}{likely}"
+
+
+def _spans(vehicle: Vehicle) -> list[float]:
+    """Distance between the outermost supports of every body [m]."""
+    spans = []
+    for b, body in enumerate(vehicle.bodies):
+        places = [a.x_m for a in vehicle.axles if a.body == b]
+        places += [body.hitch_x_m] if body.hitch_x_m is not None else []
+        spans.append(max(places) - min(places))
+    return spans
+
+
+def _exchanged(
+    vehicle: Vehicle, load_case: LoadCase, away: np.ndarray, error: np.ndarray, spans: Sequence[float]
+) -> tuple[int, int] | None:
+    """The two axles whose loads, exchanged, put the centres of gravity nearest to where they are."""
+    before = static_equilibrium(vehicle, load_case).cg_x_m
+    loads = load_case.axle_loads_kg
+    scale = np.maximum(error, 0.04 * np.array(spans))
+    best: tuple[float, tuple[int, int]] | None = None
+    for i, j in combinations(range(len(loads)), 2):
+        order = list(range(len(loads)))
+        order[i], order[j] = j, i
+        try:
+            after = static_equilibrium(vehicle, replace(load_case, axle_loads_kg=tuple(loads[k] for k in order))).cg_x_m
+        except CampaignError:
+            continue
+        misfit = float(np.sum(((after - before - away) / scale) ** 2))
+        if best is None or misfit < best[0]:
+            best = (misfit, (i, j))
+    left = float(np.sum((away / scale) ** 2))
+    return best[1] if best is not None and best[0] < 0.3 * left else None
+
+
+def stiffness_of(spectra: Sequence[RunSpectra], campaign: Campaign, name: str) -> Balance | None:
+    """k and c of all axles from the runs of one load case."""
+    runs = [run for run in spectra if run.load_case == name]
+    return _solved(runs, campaign.vehicle, campaign.load_cases[name]) if runs else None
+
+
+def load_case_files(spectra: Sequence[RunSpectra]) -> Mapping[str, str]:
+    """Load case by file."""
+    return {run.file: run.load_case for run in spectra}

@@ -1,0 +1,152 @@
+"""Speeds and places of axles from the moments at which the axles of all runs meet the bump."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from sysid.campaign.arrivals import Passage
+from sysid.campaign.passage import DOUBTFUL, believed_speed
+from sysid.campaign.records import BumpRun, Vehicle
+from sysid.wording import shorten
+
+#: Arrivals agree with places and speeds to 1 % on average (measured on simulated trucks, also on those of another
+#: model); speeds are listed with 3 % at most, each run by itself.
+SPEEDS_OFF = 0.045
+LISTED_SD = 0.03
+SURE = 3.0
+#: Axles are found at their place within 0.07 m in 99 of 100 runs, the median of several runs within 0.04 m.
+PLACE_OFF_M = 0.12
+#: A record holds at least this before the first and after the last axle [s].
+_AROUND_S = 0.2
+#: Without this axle the others are at their places within this.
+PLACE_RIGHT_M = 0.06
+
+
+def place_complaints(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], vehicle: Vehicle) -> list[str]:
+    """Sentences about the order of the axles, their places and the listed speeds.
+
+    Parameters
+    ----------
+    runs
+        All runs.
+    passages
+        What the arrivals of a run's axles say, by its file.
+    """
+    short = _cut_off(runs, vehicle)
+    seen = [(run, passage) for run in runs if (passage := passages.get(run.log.file)) is not None]
+    if not seen:
+        return short
+    backward = [run for run, passage in seen if passage.speed_m_s < 0.0]
+    if len(backward) > 0.5 * len(seen):
+        return [
+            f"In {len(backward)} of {len(runs)} runs the last axle of the list meets the bump first: the axles are "
+            "listed from the rear. Give x_m as the distance behind the front axle, with hitch_x_m and the x_m of the "
+            "sensors, or drive forward."
+        ]
+    moved = _misplaced_axle([p for _, p in seen if p.speed_m_s > 0.0], vehicle)
+    return [*short, *([moved] if moved else _all_speeds(seen, vehicle))]
+
+
+def _cut_off(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
+    """Records that are shorter than the truck needs to pass."""
+    way = max(a.x_m for a in vehicle.axles) - min(a.x_m for a in vehicle.axles)
+    return [
+        f"{shorten(run.log.file, 100)}: the record is {run.log.duration_s:.2g} s long and cut off, the axles need "
+        f"{way / run.nominal_speed_m_s:.2g} s to pass the bump one after the other; export the whole run."
+        for run in runs
+        if run.log.duration_s < way / run.nominal_speed_m_s + _AROUND_S
+    ]
+
+
+def _all_speeds(seen: Sequence[tuple[BumpRun, Passage]], vehicle: Vehicle) -> list[str]:
+    ratios = []
+    for run, passage in seen:
+        speed = believed_speed(passage, vehicle)
+        if speed is not None:
+            ratios.append(float(np.log(speed / run.nominal_speed_m_s)))
+    # Those far off are named one by one; all of them off by the same share is one mistake.
+    near = [r for r in ratios if abs(r) < 2.0 * DOUBTFUL]
+    if len(near) < 2 or len(near) < 0.7 * len(ratios):
+        return []
+    mean = float(np.median(near))
+    sd = max(LISTED_SD, float(np.std(near, ddof=1))) / np.sqrt(len(near))
+    if abs(mean) < SPEEDS_OFF or abs(mean) < SURE * sd:
+        return []
+    factor = float(np.exp(mean))
+    return [
+        f"The axles of {len(near)} runs meet the bump one after the other as at {factor:.3f} times the listed speeds "
+        f"(median): either all nominal_speed_km_h are {abs(100 * mean):.0f} % too {'low' if mean > 0 else 'high'}, or "
+        f"all axle positions x_m are {abs(100 * mean):.0f} % too {'large' if mean > 0 else 'small'}, or the clock of "
+        f"the logs is off. With wrong positions stiffnesses are wrong by as much and more: measure the distance "
+        f"between the first and the last axle, and multiply all x_m by {1.0 / factor:.3f} if it is that."
+    ]
+
+
+def _misplaced_axle(passages: Sequence[Passage], vehicle: Vehicle) -> str | None:
+    """One axle that is not at its place in any run, while the others are at theirs."""
+    axles = sorted({axle for p in passages for axle in p.arrivals})
+    if len(axles) < 3 or not passages:
+        return None
+    x = np.array([vehicle.axles[a].x_m for a in axles])
+    along = np.full((len(passages), len(axles)), np.nan)
+    for r, p in enumerate(passages):
+        for k, axle in enumerate(axles):
+            if axle in p.arrivals:
+                along[r, k] = p.speed_m_s * p.arrivals[axle].time_s
+    explained: list[tuple[float, float, int]] = []
+    for k in range(len(axles)):
+        off, rest = _off_line(along, x, k)
+        if off is not None:
+            explained.append((rest, off, k))
+    if not explained:
+        return None
+    before = _rest_of_all(along, x)
+    rest, off, k = min(explained)
+    if abs(off) < PLACE_OFF_M or rest > PLACE_RIGHT_M or before < 3.0 * max(rest, 0.01):
+        return None
+    # With three axles, any of them may be the one.
+    others = [(o, j) for r, o, j in explained if j != k and r < max(1.5 * rest, 0.03) and abs(o) > PLACE_OFF_M]
+    choices = [f"'{shorten(vehicle.axles[axles[j]].name)}' at {x[j] + o:.2f} m instead of {x[j]:.2f} m"
+               for o, j in [(off, k), *sorted(others, key=lambda c: c[1])]]  # fmt: skip
+    return (
+        f"In {len(passages)} runs one axle does not meet the bump when its place says: the axle positions x_m would "
+        f"have to be {'; or '.join(choices)}. Measure the distances between the axles."
+    )
+
+
+def _off_line(along: np.ndarray, x: np.ndarray, left_out: int) -> tuple[float | None, float]:
+    """How far [m] one axle is off the line through the others, median over the runs, and how far those are off it."""
+    keep = np.arange(x.size) != left_out
+    offs, rests = [], []
+    for row in along:
+        known = keep & np.isfinite(row)
+        if known.sum() < 2 or not np.isfinite(row[left_out]) or np.ptp(x[known]) < 1.0:
+            continue
+        # Place against way: its slope is near 1, whatever the speed is.
+        slope, start = _line_through(row[known], x[known])
+        offs.append(slope * row[left_out] + start - x[left_out])
+        rests.append(slope * row[known] + start - x[known] if known.sum() > 2 else np.zeros(1))
+    if not offs:
+        return None, np.inf
+    rest = float(np.median([np.max(np.abs(r)) for r in rests]))
+    scatter = 1.5 * float(np.median(np.abs(np.array(offs) - np.median(offs))))
+    return float(np.median(offs)), max(rest, scatter)
+
+
+def _line_through(along: np.ndarray, x: np.ndarray) -> tuple[float, float]:
+    """Slope and start of the straight line x(along) by least squares."""
+    away = along - along.mean()
+    slope = float(away @ (x - x.mean())) / max(float(away @ away), 1e-12)
+    return slope, float(x.mean()) - slope * float(along.mean())
+
+
+def _rest_of_all(along: np.ndarray, x: np.ndarray) -> float:
+    rests = []
+    for row in along:
+        known = np.isfinite(row)
+        if known.sum() > 2:
+            slope, start = _line_through(row[known], x[known])
+            rests.append(float(np.max(np.abs(slope * row[known] + start - x[known]))))
+    return float(np.median(rests)) if rests else 0.0

@@ -1,0 +1,278 @@
+"""Gains, lags and leaks of the sensors of one axle, and places of frame sensors, from all runs together.
+
+The frame above an axle moves with the acceleration b = a + q'': deflection q, axle acceleration a and frame
+acceleration b of one axle hold one redundant equation at every frequency.  One wrong sensor breaks it in its own way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid import limits
+from sysid.campaign.consistency import Trio, trios
+from sysid.campaign.exchanges import quoted
+from sysid.campaign.records import BumpRun, Channel, Sensor, Vehicle
+
+#: Below, drift; above, the deflection's noise, differentiated twice, is larger than the motion.
+BAND_HZ = (1.0, 12.0)
+#: Gains and lags beyond these are said; sensors mounted with care are within them.
+GAIN_OFF, LAG_S, LEAK = 0.06, 0.0035, 0.1
+#: A fault must explain this share of what the three sensors disagree by, and be clearer than another sensor's.
+EXPLAINED, CLEARER = 0.3, 0.75
+LAGS_S, FINE_S = np.arange(-0.15, 0.1501, 0.005), np.arange(-0.005, 0.0051, 0.001)
+#: Frame sensors are found at their place within 0.3 m.
+PLACE_M = 0.6
+
+
+@dataclass(frozen=True)
+class Equation:
+    """Spectra of the three sensors of one axle in one run: left side -w Q, right side (B - A) / w, by channel."""
+
+    omega: np.ndarray
+    parts: tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def sensor_complaints(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
+    """Sentences about sensors whose gain, clock or wiring is not that of the others of their axle."""
+    equations: dict[int, list[Equation]] = {}
+    sensors: dict[int, tuple[Sensor, ...]] = {}
+    leaks: dict[int, list[dict[str, np.ndarray]]] = {}
+    for run in runs:
+        for trio in trios(run.log.channels, vehicle):
+            made = _equation(trio, run)
+            if made is None:
+                continue
+            equation, grid, band = made
+            equations.setdefault(trio.axle, []).append(equation)
+            sensors[trio.axle] = tuple(c.sensor for c in trio.channels)
+            leaks.setdefault(trio.axle, []).append(_others(trio, run, grid, band))
+    said = []
+    for axle in sorted(equations):
+        sentence = _fault(equations[axle], sensors[axle], leaks[axle])
+        if sentence is not None:
+            said.append(sentence)
+    return said
+
+
+def _equation(trio: Trio, run: BumpRun) -> tuple[Equation, np.ndarray, np.ndarray] | None:
+    """The equation of one axle in one run, with its time grid and band; None where a sensor clips or lacks readings."""
+    if trio.body_acceleration is None or any(not _whole(c) for c in trio.channels):
+        return None
+    step = run.log.sample_interval_s
+    last = min(float(c.time_s[np.isfinite(c.value)][-1]) for c in trio.channels)
+    if last / step > limits.GRID_STEPS:
+        return None
+    grid = np.arange(0.0, last, step)
+    frequency = np.fft.rfftfreq(grid.size, step)
+    band = (frequency >= BAND_HZ[0]) & (frequency <= min(BAND_HZ[1], 0.4 / step))
+    if band.sum() < 20:
+        return None
+    omega = 2.0 * np.pi * frequency[band]
+    q, a, b = (_spectrum(c, grid)[band] for c in trio.channels)
+    parts = (-omega * q, -a / omega, b / omega)
+    return Equation(omega, parts), grid, band
+
+
+def _whole(channel: Channel) -> bool:
+    good = np.isfinite(channel.value)
+    return bool(good.mean() > 0.97 and not channel.censored.any())
+
+
+def _spectrum(channel: Channel, grid: np.ndarray) -> np.ndarray:
+    good = np.isfinite(channel.value)
+    value = np.interp(grid, channel.time_s[good], channel.value[good])
+    edge = max(2, grid.size // 20)
+    window = np.ones(grid.size)
+    window[:edge] = 0.5 - 0.5 * np.cos(np.pi * np.arange(edge) / edge)
+    window[-edge:] = window[:edge][::-1]
+    return np.asarray(np.fft.rfft((value - np.median(value)) * window))
+
+
+def _others(trio: Trio, run: BumpRun, grid: np.ndarray, band: np.ndarray) -> dict[str, np.ndarray]:
+    """Spectra of the sensors of the same kinds at other axles."""
+    own = {c.sensor.column for c in trio.channels}
+    return {
+        f"{c.sensor.kind} {c.sensor.column}": _spectrum(c, grid)[band]
+        for c in run.log.channels
+        if c.sensor.column not in own and np.isfinite(c.value).mean() > 0.97
+    }
+
+
+@dataclass(frozen=True)
+class _Explanation:
+    sensor: int
+    rest: float
+    gain: float
+    lag_s: float
+    leak: float = 0.0
+    source: str = ""
+
+
+def _fault(
+    equations: Sequence[Equation], sensors: Sequence[Sensor], others: Sequence[dict[str, np.ndarray]]
+) -> str | None:
+    right = sum(_power(e.parts[0] - e.parts[1] - e.parts[2]) for e in equations)
+    tried = [_one_wrong(equations, k) for k in range(3)]
+    tried += [leak for k in range(3) for leak in _leaks(equations, k, sensors[k].kind, others)]
+    tried.sort(key=lambda t: t.rest)
+    best = tried[0]
+    plain = min((t for t in tried if not t.source), key=lambda t: t.rest)
+    # A leak is the less simple explanation.
+    if best.source and plain.rest < 2.0 * best.rest:
+        best = plain
+    if best.rest > (1.0 - EXPLAINED) * right or best.rest > 0.3 * sum(_power(e.parts[0]) for e in equations):
+        return None
+    rival = min((t.rest for t in tried if t.sensor != best.sensor), default=np.inf)
+    doubt = "" if best.rest < CLEARER * rival else " (or another sensor of this axle is wrong)"
+    name = quoted(sensors[best.sensor])
+    if best.source:
+        return (
+            f"{name} contains about {100 * best.leak:.0f} % of '{best.source}' (crosstalk){doubt}; check cable, "
+            "connector and amplifier, or remove the sensor."
+        )
+    if abs(best.lag_s) > LAG_S:
+        word = "late" if best.lag_s > 0.0 else "early"
+        also = f", and reads {best.gain:.2f} times what they imply" if abs(best.gain - 1.0) > GAIN_OFF else ""
+        return (
+            f"{name} is {1e3 * abs(best.lag_s):.0f} ms {word} against the other sensors of its axle{also}{doubt}: "
+            "another filter, amplifier or logger; correct its time."
+        )
+    if abs(best.gain - 1.0) > GAIN_OFF:
+        return (
+            f"{name} reads {best.gain:.2f} times what the other sensors of its axle imply{doubt}; check its "
+            f"calibration, or set scale = {1.0 / best.gain:.3f} for it in campaign.toml."
+        )
+    return None
+
+
+def _power(spectrum: np.ndarray) -> float:
+    return float(np.sum(np.abs(spectrum) ** 2))
+
+
+def _one_wrong(equations: Sequence[Equation], wrong: int) -> _Explanation:
+    """The gain and lag of one sensor, the others right, that leave the least."""
+    coarse = _best_lag(equations, wrong, LAGS_S)
+    return _best_lag(equations, wrong, coarse.lag_s + FINE_S)
+
+
+def _best_lag(equations: Sequence[Equation], wrong: int, lags_s: np.ndarray) -> _Explanation:
+    best: _Explanation | None = None
+    # The wrong part, divided by gain and shifted back, is what the other two imply.
+    for lag in lags_s:
+        top = bottom = whole = 0.0
+        for e in equations:
+            back = e.parts[wrong] * np.exp(1j * e.omega * lag)
+            rest = _implied(e, wrong)
+            top += float(np.real(np.vdot(back, rest)))
+            bottom += _power(back)
+            whole += _power(rest)
+        inverse = top / max(bottom, 1e-30)
+        left = whole - top * inverse
+        if inverse > 0.0 and (best is None or left < best.rest):
+            best = _Explanation(wrong, left, 1.0 / inverse, float(lag))
+    return best or _Explanation(wrong, np.inf, 1.0, 0.0)
+
+
+def _implied(e: Equation, wrong: int) -> np.ndarray:
+    q, a, b = e.parts
+    return np.asarray((a + b, q - b, q - a)[wrong])
+
+
+def _leaks(
+    equations: Sequence[Equation], wrong: int, kind: str, others: Sequence[dict[str, np.ndarray]]
+) -> list[_Explanation]:
+    """One sensor that holds a share of another one of its kind besides its own reading."""
+    names = set.intersection(*(set(o) for o in others)) if others else set()
+    found = []
+    for name in sorted(n for n in names if n.startswith(kind)):
+        top = bottom = whole = 0.0
+        for e, spectra in zip(equations, others, strict=True):
+            shape = spectra[name] * (-e.omega if wrong == 0 else (-1.0 if wrong == 1 else 1.0) / e.omega)
+            rest = e.parts[wrong] - _implied(e, wrong)
+            top += float(np.real(np.vdot(shape, rest)))
+            bottom += _power(shape)
+            whole += _power(rest)
+        share = top / max(bottom, 1e-30)
+        if share > LEAK:
+            found.append(_Explanation(wrong, whole - top * share, 1.0, 0.0, share, name.split(" ", 1)[1]))
+    return found
+
+
+def place_of_frame_sensors(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
+    """Sentences about frame sensors that move as another place of the frame does: x_m, or exchanged."""
+    top: dict[str, list[float]] = {}
+    for run in runs:
+        for column, values in _places(run, vehicle).items():
+            sums = top.setdefault(column, [0.0] * 4)
+            for k in range(4):
+                sums[k] += values[k]
+    listed = {c.sensor.column: c.sensor for run in runs for c in run.log.channels}
+    said = []
+    for column, (cross, size, before, after) in top.items():
+        sensor = listed[column]
+        assert sensor.x_m is not None
+        off = cross / max(size, 1e-30)
+        if abs(off) > PLACE_M and before - cross * off < 0.4 * before and after > 0.0:
+            said.append(
+                f"{quoted(sensor)} moves as the frame does at x_m = {sensor.x_m + off:.1f} m, not at the listed "
+                f"{sensor.x_m:g} m; correct its x_m in campaign.toml, or check which sensor this column holds."
+            )
+    # One wrong place disturbs what the others imply for each other: the worst is named alone.
+    if len(said) > 1:
+        worst = max(top, key=lambda c: top[c][2] - top[c][0] ** 2 / max(top[c][1], 1e-30))
+        said = [s for s in said if s.startswith(quoted(listed[worst]))] or said
+    return said
+
+
+def _places(run: BumpRun, vehicle: Vehicle) -> dict[str, tuple[float, float, float, float]]:
+    """Sums of how far [m] each frame sensor is from its place: top, bottom, what is left before, and a count."""
+    step = run.log.sample_interval_s
+    if run.log.duration_s / step > limits.GRID_STEPS:
+        return {}
+    grid = np.arange(0.0, run.log.duration_s, step)
+    frequency = np.fft.rfftfreq(grid.size, step)
+    band = (frequency >= 0.8) & (frequency <= min(5.0, 0.4 / step))
+    if band.sum() < 10:
+        return {}
+    omega = 2.0 * np.pi * frequency[band]
+    frames = [
+        c
+        for c in run.log.channels
+        if c.sensor.kind == "body_acceleration" and _whole(c) and c.sensor.x_m is not None
+        and c.time_s[np.isfinite(c.value)][-1] > grid[-1] - 0.3
+    ]  # fmt: skip
+    moved = {c.sensor.column: _spectrum(c, grid)[band] for c in frames}
+    above: list[tuple[int, float, np.ndarray]] = []
+    for trio in trios(run.log.channels, vehicle):
+        a, q = trio.axle_acceleration, trio.deflection
+        if _whole(a) and _whole(q):
+            axle = vehicle.axles[trio.axle]
+            above.append((axle.body, axle.x_m, (_spectrum(a, grid)[band] - omega**2 * _spectrum(q, grid)[band])))
+    result = {}
+    for channel in frames:
+        sensor = channel.sensor
+        points = [(x, s) for body, x, s in above if body == sensor.body]
+        points += [
+            (float(o.sensor.x_m or 0.0), moved[o.sensor.column])
+            for o in frames
+            if o is not channel and o.sensor.body == sensor.body
+        ]
+        x = np.array([p[0] for p in points])
+        if x.size < 4 or np.ptp(x) < 1.0:
+            continue
+        design = np.stack([np.ones(x.size), -(x - x.mean())], axis=1)
+        motion = np.linalg.lstsq(design, np.array([p[1] for p in points]), rcond=None)[0]
+        here = float(sensor.x_m or 0.0)
+        rest = moved[sensor.column] - (motion[0] - (here - x.mean()) * motion[1])
+        slope = -motion[1]
+        scale = 1.0 / max(_power(moved[sensor.column]), 1e-30)
+        result[sensor.column] = (
+            scale * float(np.real(np.vdot(slope, rest))),
+            scale * _power(slope),
+            scale * _power(rest),
+            1.0,
+        )
+    return result

@@ -1,0 +1,286 @@
+"""Tires, bump and filter against the motion of the axles: stiffness per tire, height and direction of the scan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.campaign.arrivals import HIGH_PASS_HZ, Passage, integrated
+from sysid.campaign.records import AntiAliasFilter, BumpRun, Channel, Vehicle
+from sysid.road.road_profile import RoadProfile
+from sysid.wording import shorten
+
+#: Hop frequencies give (k + kt) / kt of 0.9 to 1.5 with the declared kt, as the median of a vehicle's axles.
+TIRE_LOW, TIRE_HIGH = 0.5, 1.75
+HOP_HZ = (5.0, 22.0)
+#: The height of the bump follows from the axles' motion within 8 % (median of axles and runs), 25 % in odd campaigns.
+HEIGHT_OFF = 0.4
+#: Fits that leave more than this tell nothing.
+HOPELESS = 0.12
+#: Scans of a bump and of its mirror image differ by more than this [m] where the direction is judged.
+ASYMMETRIC_M = 0.0015
+MIRRORED = 0.03
+#: Half of the length over which a tire smooths the road [m].
+_FOOTPRINT_M = 0.11
+_SLOW_M_S = 7.0
+#: Filters are judged where wheel hop is in their band; power beyond it over that within, of axles without a filter.
+_LOW_CUTOFF_HZ, _NATURAL = 25.0, 0.05
+#: Lengths that are tried where the scan leaves more than this, and how much better another length must be.
+_LENGTH_OFF_M = 0.65  # tires make a bump longer by less
+_LENGTHS, _LENGTH_LEFT, _LENGTH_BETTER = (0.4, 0.5, 0.6, 1.7, 2.2), 0.04, 0.6
+
+
+def tire_complaint(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], vehicle: Vehicle) -> str | None:
+    """A sentence where the wheels hop at other frequencies than tires and unsprung masses say.
+
+    The hop frequency f of each axle after it has left the bump gives k + kt = (2 pi f)^2 m_u.
+    """
+    ratios = []
+    for axle, record in enumerate(vehicle.axles):
+        frequency = _hop_frequency(runs, passages, axle)
+        mass = vehicle.unsprung_mass_kg[axle]
+        if frequency is not None:
+            ratios.append((2.0 * np.pi * frequency) ** 2 * mass / record.tire_stiffness_N_per_m)
+    if len(ratios) < 2:
+        return None
+    middle = float(np.median(ratios))
+    if TIRE_LOW < middle < TIRE_HIGH:
+        return None
+    likely = _tire_words(middle / 1.2)
+    return (
+        f"The wheels hop as if tires and suspension together had {middle:.2g} times the declared tire stiffness: "
+        f"tire_stiffness_N_per_m{likely} or unsprung_mass_kg is wrong (both are per axle: all tires together, in N/m "
+        "and kg)."
+    )
+
+
+def _tire_words(factor: float) -> str:
+    for target, words in (
+        (2.0, " (that of one side, or half the tires?)"),
+        (4.0, " (that of one tire of four?)"),
+        (1000.0, " (in N/mm?)"),
+        (2.20462, ""),
+    ):
+        if abs(np.log(factor / target)) < 0.25:
+            return words if target != 2.0 else " (that of one side?), all masses (in lb?)"
+    return ""
+
+
+def _hop_frequency(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], axle: int) -> float | None:
+    """Frequency [Hz] at which an axle moves most within a second after the bump."""
+    frequency = np.arange(HOP_HZ[0], HOP_HZ[1], 0.1)
+    total = np.zeros(frequency.size)
+    for run in runs:
+        passage = passages.get(run.log.file)
+        channel = _axle_sensor(run, axle)
+        if passage is None or channel is None or axle not in passage.arrivals:
+            continue
+        good = np.isfinite(channel.value)
+        first = passage.arrivals[axle].time_s + 1.6 / abs(passage.speed_m_s)
+        time = np.arange(first, min(first + 1.0, channel.time_s[good][-1]), run.log.sample_interval_s)
+        if time.size * run.log.sample_interval_s < 0.5:
+            continue
+        value = np.interp(time, channel.time_s[good], channel.value[good])
+        fading = 0.5 + 0.5 * np.cos(np.pi * np.arange(time.size) / time.size)
+        power = (
+            np.abs(
+                np.sqrt(frequency)
+                * (np.exp(-2j * np.pi * frequency[:, None] * time) @ ((value - value.mean()) * fading))
+            )
+            ** 2
+        )
+        total += power / max(float(power.sum()), 1e-30)
+    if not total.any():
+        return None
+    k = int(np.argmax(total))
+    return float(frequency[k]) if 0 < k < frequency.size - 1 else None
+
+
+def _axle_sensor(run: BumpRun, axle: int, kind: str = "axle_acceleration") -> Channel | None:
+    return next((c for c in run.log.channels if c.sensor.kind == kind and c.sensor.axle == axle), None)
+
+
+@dataclass(frozen=True)
+class _Rise:
+    """One axle on the bump: height of the bump over that of the scan, and what scan and mirrored scan leave."""
+
+    height: float
+    left: float
+    left_mirrored: float
+    length: float = 1.0
+    left_at_length: float = np.inf
+
+
+def bump_complaints(
+    runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], profiles: Mapping[str, RoadProfile]
+) -> list[str]:
+    """Sentences about scans that the axles contradict: height, shape, direction.
+
+    The axle's displacement z, from its acceleration a, is h r - (m_u / kt) a + (k / kt) q + (c / kt) q' with the
+    smoothed profile r: h is the height of the bump over that of the scan.
+    """
+    said = []
+    for name, profile in profiles.items():
+        rises = [
+            rise
+            for run in runs
+            if run.bump == name and (passage := passages.get(run.log.file)) is not None
+            and 0.0 < passage.speed_m_s < _SLOW_M_S
+            for axle in passage.arrivals
+            if (rise := _rise(run, passage, axle, profile)) is not None
+        ]  # fmt: skip
+        if len(rises) < 2:
+            continue
+        said += _judged(name, profile, rises, len(profiles) > 1)
+    return said
+
+
+def _judged(name: str, profile: RoadProfile, rises: Sequence[_Rise], several: bool) -> list[str]:
+    what = f"The scan of '{shorten(name)}'" if several else "The scan"
+    height = float(np.median([r.height for r in rises]))
+    left = float(np.median([r.left for r in rises]))
+    if abs(np.log(max(height, 1e-3))) > HEIGHT_OFF:
+        return [
+            f"{what} does not fit the motion of the axles: its bump of {1e3 * profile.height_m.max():.0f} mm "
+            f"would have to be {height:.2f} times as high; check its unit, and that it is the scan of this bump."
+        ]
+    lengths = [
+        r.length
+        for r in rises
+        if r.left_at_length < _LENGTH_BETTER * r.left and abs(r.length - 1.0) * profile.length_m > _LENGTH_OFF_M
+    ]
+    if (
+        len(lengths) > 0.5 * len(rises)
+        and min(np.mean(np.array(lengths) > 1.0), np.mean(np.array(lengths) < 1.0)) < 0.2
+    ):
+        return [
+            f"{what} does not fit the motion of the axles: its bump of {profile.length_m:.2f} m would have to be about "
+            f"{float(np.median(lengths)):.2g} times as long; check its unit, and that it is the scan of this bump."
+        ]
+    if left > HOPELESS:
+        return [
+            f"{what} does not fit the motion of the axles: {100 * left:.0f} % of it stays unexplained by a bump "
+            f"{1e3 * profile.height_m.max():.0f} mm high and {profile.length_m:.2f} m long; check that it is the "
+            "scan of this bump, its heading and the axle accelerations."
+        ]
+    mirrored = profile.height_m[::-1]
+    shift = np.argmax(np.correlate(profile.height_m, mirrored, "full")) - (mirrored.size - 1)
+    difference = profile.height_m - np.roll(mirrored, shift)
+    if np.sqrt(np.mean(difference[profile.height_m > 1e-3] ** 2)) < ASYMMETRIC_M:
+        return []
+    clear = [np.log(r.left_mirrored / r.left) for r in rises if r.left < 0.06]
+    if len(clear) >= 3 and float(np.median(clear)) < -MIRRORED and np.mean(np.array(clear) < 0.0) > 0.6:
+        return [
+            f"{what} fits the motion of the axles better when driven over in the other direction: heading_deg is "
+            "probably off by 180 degrees (or the scan is mirrored)."
+        ]
+    return []
+
+
+def _rise(run: BumpRun, passage: Passage, axle: int, profile: RoadProfile) -> _Rise | None:
+    """Least squares of one axle's displacement on the profile, over shifts of the profile; and on its mirror image."""
+    a, q = _axle_sensor(run, axle), _axle_sensor(run, axle, "suspension_deflection")
+    if a is None or q is None or a.censored.mean() > 0.01 or np.isfinite(a.value).mean() < 0.97:
+        return None
+    found = integrated(a, 2)
+    if found is None:
+        return None
+    grid, rise = found
+    speed, arrival = passage.speed_m_s, passage.arrivals[axle].time_s
+    window = (grid > arrival - 0.3) & (grid < arrival + (profile.length_m + 0.5) / speed + 0.6)
+    good = [np.isfinite(c.value) for c in (a, q)]
+    if window.sum() < 30 or good[1].mean() < 0.97 or grid[-1] < arrival + profile.length_m / speed:
+        return None
+    step = float(grid[1] - grid[0])
+    readings = [np.interp(grid, c.time_s[g], c.value[g]) for c, g in zip((a, q), good, strict=True)]
+    known = [_band(readings[0], step), _band(readings[1], step), _band(readings[1], step, 1)]
+    target = _band(rise, step, high_pass=False)[window]
+    shifts = np.arange(0.1, max(0.5 * profile.length_m, 0.6) + 0.46, 0.03)
+    whole = max(float(target @ target), 1e-30)
+
+    def fitted(station: np.ndarray, height: np.ndarray) -> tuple[float, float]:
+        """Share that the best shift leaves, and the height of the bump there."""
+        road = _band(np.interp(speed * (grid - arrival), station, height, left=0.0, right=0.0), step)
+        left = []
+        for shift in shifts:
+            moved = np.interp(grid[window] - shift / speed, grid, road)
+            design = np.stack([moved, *(k[window] for k in known)], axis=1)
+            solution = np.linalg.lstsq(design, target, rcond=1e-10)[0]
+            rest = target - design @ solution
+            left.append((float(rest @ rest) / whole, float(solution[0])))
+        return min(left)
+
+    station, height = _smoothed(profile, False)
+    left, rises = fitted(station, height)
+    mirrored, _ = fitted(*_smoothed(profile, True))
+    if left < _LENGTH_LEFT:
+        return _Rise(rises, left, mirrored)
+    other, length = min((fitted(station * length, height)[0], length) for length in _LENGTHS)
+    return _Rise(rises, left, mirrored, length, other)
+
+
+def _band(value: np.ndarray, step: float, derivative: int = 0, high_pass: bool = True) -> np.ndarray:
+    """What is between the limit of the integrated acceleration and 15 Hz, derived as often as asked."""
+    count = value.size
+    frequency = np.fft.rfftfreq(2 * count, step)
+    factor = (2j * np.pi * frequency) ** derivative / (1.0 + (frequency / 15.0) ** 8)
+    if high_pass:
+        factor = factor * frequency**4 / (frequency**4 + HIGH_PASS_HZ**4)
+    # Once more for all: what is slower than 0.8 Hz says more about drift than about the bump.
+    factor = factor * frequency**4 / (frequency**4 + 0.8**4)
+    return np.asarray(np.fft.irfft(np.fft.rfft(value - np.median(value), 2 * count) * factor, 2 * count)[:count])
+
+
+def _smoothed(profile: RoadProfile, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Station from the middle of the bump [m] and height as a tire feels it, roughly."""
+    height = profile.height_m[::-1] if mirrored else profile.height_m
+    step = float(profile.station_m[1] - profile.station_m[0])
+    kernel = np.hanning(max(3, int(2.0 * _FOOTPRINT_M / step) + 2))
+    smooth = np.convolve(np.pad(height, kernel.size), kernel / kernel.sum(), "same")
+    station = step * np.arange(smooth.size)
+    middle = station[int(np.argmax(np.cumsum(smooth) > 0.5 * smooth.sum()))]
+    return station - middle, smooth
+
+
+def filter_complaint(runs: Sequence[BumpRun], low_pass: AntiAliasFilter | None) -> str | None:
+    """A sentence where axles show motion that the declared anti-alias filter would have removed."""
+    if low_pass is None or low_pass.order < 2:
+        return None
+    cutoff = low_pass.cutoff_hz
+    ratios = []
+    for run in runs:
+        for channel in run.log.channels:
+            ratio = _beyond(channel, run.log.sample_interval_s, cutoff)
+            if channel.sensor.kind == "axle_acceleration" and ratio is not None:
+                ratios.append(ratio)
+    # At twice the cut-off a fourth-order filter passes 0.4 % of the power, and above wheel hop axles move less anyway.
+    allowed = _NATURAL / (1.0 + 2.0 ** (2 * low_pass.order))
+    if len(ratios) < 3 or float(np.median(ratios)) < allowed:
+        return None
+    return (
+        f"The axles move above {2 * cutoff:.0f} Hz more than the declared anti-alias filter would have left (order "
+        f"{low_pass.order}, cutoff_hz = {cutoff:g}): {100 * float(np.median(ratios)):.2g} % of the power below "
+        f"{cutoff:g} Hz; correct acquisition.filter."
+    )
+
+
+def _beyond(channel: Channel, step: float, cutoff: float) -> float | None:
+    """Power between two and three times the cut-off over that between half of it and itself, without the noise."""
+    good = np.isfinite(channel.value)
+    if (
+        cutoff > _LOW_CUTOFF_HZ
+        or 3.0 * cutoff > 0.45 / step
+        or good.mean() < 0.97
+        or channel.censored.any()
+        or channel.value.size < 100
+    ):
+        return None
+    value = np.interp(channel.time_s, channel.time_s[good], channel.value[good])
+    frequency = np.fft.rfftfreq(value.size, step)
+    power = np.abs(np.fft.rfft((value - np.median(value)) * np.hanning(value.size))) ** 2
+    bands = [(0.5, 1.0), (2.0, 3.0)]
+    inside, outside = (power[(frequency > lo * cutoff) & (frequency < hi * cutoff)].mean() for lo, hi in bands)
+    highest = power[frequency > 0.85 * frequency[-1]].mean()
+    return float(outside / max(inside, 1e-30)) if outside > 3.0 * highest else 0.0

@@ -1,0 +1,247 @@
+"""Mistakes made on purpose in the linear truck are named, and nothing is said of the truck as it is.
+
+What is wrong is known because the test made it so; magnitudes in the sentences are compared with what was changed.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sysid.campaign import read_campaign
+from sysid.campaign.quality import check_quality
+from sysid.campaign.records import Campaign, Channel
+from sysid.cross_checks import cross_check
+from sysid.road.point_cloud import read_point_cloud
+
+ROOT = Path(__file__).parents[2]
+
+
+@lru_cache(maxsize=2)
+def truck(name: str = "examples/linear_truck") -> Campaign:
+    return read_campaign(ROOT / name, point_cloud_reader=read_point_cloud)
+
+
+def said(campaign: Campaign) -> str:
+    screened, report = check_quality(campaign)
+    return "\n".join((*report.messages, *cross_check(screened, campaign).messages))
+
+
+def with_channel(campaign: Campaign, column: str, change) -> Campaign:
+    def changed(channel: Channel) -> Channel:
+        return replace(channel, value=change(channel.value)) if channel.sensor.column == column else channel
+
+    runs = [replace(r, log=replace(r.log, channels=tuple(map(changed, r.log.channels)))) for r in campaign.bump_runs]
+    return replace(campaign, bump_runs=tuple(runs))
+
+
+def with_axles(campaign: Campaign, change) -> Campaign:
+    """Axles changed one by one; hinges and frame sensors stay."""
+    axles = tuple(change(i, a) for i, a in enumerate(campaign.vehicle.axles))
+    return replace(campaign, vehicle=replace(campaign.vehicle, axles=axles))
+
+
+def with_cases(campaign: Campaign, change) -> Campaign:
+    return replace(campaign, load_cases={name: change(case) for name, case in campaign.load_cases.items()})
+
+
+@pytest.mark.parametrize("name", ["examples/linear_truck", "data"])
+def test_healthy_trucks_are_not_accused(name: str) -> None:
+    campaign = truck(name)
+    screened, _ = check_quality(campaign)
+    found = cross_check(screened, campaign)
+    assert found.messages == ()
+    assert found.left_out == ()
+    # Listed speeds are within 2.5 % of the true ones.
+    for run in found.speeds:
+        assert run.measured_m_s == pytest.approx(run.listed_m_s, rel=0.03)
+    (scan,) = found.scans
+    # What truth.toml says of both bumps.
+    assert scan.height_m == pytest.approx(0.079, abs=0.0015)
+    assert np.degrees(scan.heading_rad) == pytest.approx(np.degrees(scan.declared_heading_rad), abs=0.3)
+
+
+def test_positions_that_are_too_small_are_named_with_their_factor() -> None:
+    small = with_axles(truck(), lambda i, a: replace(a, x_m=0.93 * a.x_m))
+    (factor,) = re.findall(r"multiply all x_m by (\S+) if", said(small))
+    assert float(factor) == pytest.approx(1 / 0.93, abs=0.02)
+
+
+def test_one_axle_off_is_named_with_its_place() -> None:
+    moved = with_axles(truck(), lambda i, a: replace(a, x_m=a.x_m + 0.3 * (i == 3)))
+    text = said(moved)
+    assert "'first trailer' at 13.3" in text
+    assert "instead of 13.63" in text
+
+
+def test_axles_from_the_rear_are_named() -> None:
+    turned = with_axles(truck(), lambda i, a: replace(a, x_m=-a.x_m))
+    assert "listed from the rear" in said(turned)
+
+
+def test_load_cases_exchanged_are_named() -> None:
+    other = {"unloaded": "loaded", "loaded": "unloaded"}
+    runs = tuple(replace(r, load_case=other[r.load_case]) for r in truck().bump_runs)
+    assert "load cases of the bump runs seem exchanged" in said(replace(truck(), bump_runs=runs))
+
+
+def test_one_run_of_another_load_case_is_named() -> None:
+    runs = list(truck().bump_runs)
+    runs[2] = replace(runs[2], load_case="loaded")
+    text = said(replace(truck(), bump_runs=tuple(runs)))
+    assert f"{runs[2].log.file}: the frames move as with the masses of the load case 'unloaded'" in text
+    assert text.count("the frames move as") == 1
+
+
+@pytest.mark.parametrize("factor", [1e-3, 10.0])
+def test_inertia_in_another_unit_is_named(factor: float) -> None:
+    def wrong(case):
+        return replace(case, pitch_inertia_kg_m2=tuple(factor * j for j in case.pitch_inertia_kg_m2))
+
+    assert "pitch_inertia_kg_m2" in said(with_cases(truck(), wrong))
+
+
+def test_all_masses_in_pounds_show_in_the_hop_of_the_wheels() -> None:
+    def pounds(case):
+        names = ("axle_loads_kg", "sprung_mass_kg", "pitch_inertia_kg_m2")
+        return replace(case, **{n: tuple(2.20462 * v for v in getattr(case, n)) for n in names})
+
+    heavy = with_axles(
+        with_cases(truck(), pounds), lambda i, a: replace(a, unsprung_mass_kg=2.20462 * a.unsprung_mass_kg)
+    )
+    assert "The wheels hop as if" in said(heavy)
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.25, 1e-3])
+def test_stiffness_of_one_tire_is_named(factor: float) -> None:
+    soft = with_axles(truck(), lambda i, a: replace(a, tire_stiffness_N_per_m=factor * a.tire_stiffness_N_per_m))
+    assert "tire_stiffness_N_per_m" in said(soft)
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.1, 1.2])
+@pytest.mark.parametrize("column", ["lvdt4_mm", "frame4_accel_g", "axle4_accel_g"])
+def test_a_gain_is_named_with_its_size(column: str, factor: float) -> None:
+    text = said(with_channel(truck(), column, lambda y: factor * y))
+    (gain,) = re.findall(rf"'{column}' reads (\S+) times", text)
+    assert float(gain) == pytest.approx(factor, abs=0.03)
+    assert text.count(" times what ") == 1
+
+
+@pytest.mark.parametrize("samples", [1, 4, 20])
+@pytest.mark.parametrize("column", ["lvdt2_mm", "frame2_accel_g", "axle2_accel_g"])
+def test_a_lag_is_named_with_its_size(column: str, samples: int) -> None:
+    def late(y: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.full(samples, y[0]), y[:-samples]])
+
+    text = said(with_channel(truck(), column, late))
+    (lag,) = re.findall(rf"'{column}' is (\d+) ms late", text)
+    assert float(lag) == pytest.approx(5 * samples, abs=1)
+
+
+def test_crosstalk_is_named_with_its_source() -> None:
+    campaign = truck()
+
+    def leaking(run):
+        known = {c.sensor.column: c.value for c in run.log.channels}
+        channels = tuple(
+            replace(c, value=c.value + 0.25 * known["frame1_accel_g"]) if c.sensor.column == "frame5_accel_g" else c
+            for c in run.log.channels
+        )
+        return replace(run, log=replace(run.log, channels=channels))
+
+    text = said(replace(campaign, bump_runs=tuple(map(leaking, campaign.bump_runs))))
+    (share,) = re.findall(r"'frame5_accel_g' contains about (\d+) % of 'frame1_accel_g'", text)
+    assert float(share) == pytest.approx(25, abs=3)
+
+
+def test_a_frame_sensor_at_another_place_is_named() -> None:
+    def moved(channel: Channel) -> Channel:
+        s = channel.sensor
+        return replace(channel, sensor=replace(s, x_m=s.x_m + 1.5)) if s.column == "frame5_accel_g" else channel
+
+    runs = tuple(replace(r, log=replace(r.log, channels=tuple(map(moved, r.log.channels)))) for r in truck().bump_runs)
+    (place,) = re.findall(
+        r"'frame5_accel_g' moves as the frame does at x_m = (\S+) m", said(replace(truck(), bump_runs=runs))
+    )
+    assert float(place) == pytest.approx(14.63, abs=0.3)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_scan_of_another_height_is_named(factor: float) -> None:
+    scans = {n: replace(s, points_m=s.points_m * [1.0, 1.0, factor]) for n, s in truck().scans.items()}
+    (found,) = re.findall(r"would have to be (\S+) times as high", said(replace(truck(), scans=scans)))
+    assert float(found) == pytest.approx(1 / factor, rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["examples/linear_truck", "data"])
+def test_a_heading_off_by_half_a_turn_is_named(name: str) -> None:
+    scans = {n: replace(s, heading_rad=s.heading_rad + np.pi) for n, s in truck(name).scans.items()}
+    assert "off by 180 degrees" in said(replace(truck(name), scans=scans))
+
+
+def test_a_scan_in_millimetres_is_left_out_with_its_unit() -> None:
+    scans = {n: replace(s, points_m=1e3 * s.points_m) for n, s in truck().scans.items()}
+    screened, _ = check_quality(truck())
+    found = cross_check(replace(screened, scans=scans), truck())
+    assert len(found.left_out) == 1
+    assert "looks like mm" in found.left_out[0]
+
+
+@pytest.mark.parametrize("name", ["examples/linear_truck", "data"])
+def test_drops_of_two_axles_exchanged_are_named(name: str) -> None:
+    swap = {1: 2, 2: 1}
+    drops = tuple(replace(d, axle=swap.get(d.axle, d.axle)) for d in truck(name).plank_drops)
+    text = said(replace(truck(name), plank_drops=drops))
+    assert "The drops of 'forward tandem drive' and 'rear tandem drive' are probably exchanged" in text
+    # The names of the files tell the same.
+    assert text.count("but its name says") == 6
+
+
+def test_one_drop_of_another_axle_is_named() -> None:
+    drops = list(truck().plank_drops)
+    drops[0] = replace(drops[0], axle=3)
+    assert f"{drops[0].log.file}: its suspension is compressed by 0.03" in said(
+        replace(truck(), plank_drops=tuple(drops))
+    )
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_another_plank_height_is_named(factor: float) -> None:
+    drops = tuple(replace(d, plank_height_m=factor * d.plank_height_m) for d in truck().plank_drops)
+    (height,) = re.findall(r"about (\S+) m is expected", said(replace(truck(), plank_drops=drops)))
+    assert float(height) == pytest.approx(0.075, rel=0.12)
+
+
+def test_a_filter_that_would_have_removed_the_motion_is_named() -> None:
+    acquisition = truck().acquisition
+    assert acquisition.filter is not None
+    low = replace(acquisition, filter=replace(acquisition.filter, cutoff_hz=12.0))
+    assert "correct acquisition.filter" in said(replace(truck(), acquisition=low))
+
+
+def test_readings_that_stand_twice_are_named() -> None:
+    first = truck().bump_runs[0]
+    known = {c.sensor.column: c.value for c in first.log.channels}
+    twice = with_channel(replace(truck(), bump_runs=(first,)), "lvdt2_mm", lambda y: known["lvdt5_mm"])
+    assert "'lvdt2_mm' and 'lvdt5_mm' hold the same readings" in said(twice)
+    copied = replace(truck().bump_runs[3], log=replace(first.log, file="other.csv"))
+    assert f"other.csv holds the same readings as {first.log.file}" in said(
+        replace(truck(), bump_runs=(*truck().bump_runs, copied))
+    )
+
+
+def test_a_mount_that_slips_is_named() -> None:
+    def slipped(y: np.ndarray) -> np.ndarray:
+        return y + 0.01 * (np.arange(y.size) > y.size // 2)
+
+    text = said(with_channel(truck(), "lvdt3_mm", slipped))
+    _, report = check_quality(with_channel(truck(), "lvdt3_mm", slipped))
+    messages = [m for f in report.channels if f.column == "lvdt3_mm" for m in f.messages]
+    # In most of the ten runs; in the others the truck does not stand still in the last second.
+    assert sum("its mount has slipped" in m for m in messages) >= 6
+    assert "lvdt3_mm' is rejected" not in text
