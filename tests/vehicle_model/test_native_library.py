@@ -22,19 +22,6 @@ on_posix = pytest.mark.skipif(os.name == "nt", reason="files have other owners a
 
 
 @pytest.fixture
-def unregistered(monkeypatch, tmp_path):
-    """A process that has not loaded the engine yet, with empty cache folders."""
-    monkeypatch.setenv("SYSID_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.setattr(runtime, "_user_cache", lambda: tmp_path / "own")
-    caches = (engine._problem, engine._say_once, kernel._loaded, runtime._say)
-    for cache in caches:
-        cache.cache_clear()
-    yield tmp_path
-    for cache in caches:
-        cache.cache_clear()
-
-
-@pytest.fixture
 def builds(monkeypatch, unregistered) -> list[build.Compiler]:
     """What was compiled since; a file of a few bytes stands for the library, any program for the compiler."""
     made: list[build.Compiler] = []
