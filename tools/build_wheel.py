@@ -20,7 +20,8 @@ import tomllib
 import zipfile
 from pathlib import Path
 
-from sysid.vehicle_model.native.build import compile_engine, source_digest
+from sysid.vehicle_model.native import build
+from sysid.vehicle_model.native.build import source_digest
 from sysid.vehicle_model.native.prebuilt import FOLDER, LIST
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -41,6 +42,7 @@ def main() -> None:
     output = options.output.resolve()
     output.mkdir(parents=True, exist_ok=True)
     engine = output / "engine"
+    build.TIMEOUT_S = 3600.0
     make_engine(engine, fetch_headers(output))
     sys.stdout.write(f"{make_wheel(output, engine)}\n")
 
@@ -66,7 +68,7 @@ def fetch_headers(output: Path) -> Path:
 
 
 def make_engine(folder: Path, headers: Path) -> None:
-    """All builds of the engine and their list; builds of the same sources that are there are left."""
+    """All builds of the engine and their list, unless they are there for the same sources."""
     listed = {"sources": source_digest(), "headers": f"jaxlib {oldest_jaxlib()}", "glibc": GLIBC}
     if (folder / LIST).is_file():
         known = json.loads((folder / LIST).read_text(encoding="utf-8"))
@@ -75,20 +77,28 @@ def make_engine(folder: Path, headers: Path) -> None:
     machine = platform.machine()
     if machine not in BUILDS:
         raise SystemExit(f"There is no build for {machine}: add it to BUILDS in tools/build_wheel.py.")
+    # What an interrupted call has compiled is kept: the whole takes minutes.
+    scratch = folder.with_name(f"engine-{source_digest()[:16]}")
+    scratch.mkdir(exist_ok=True)
+    hashes = {name: _built(name, processor, scratch, headers) for name, processor in BUILDS[machine].items()}
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
-    hashes = {}
-    for name, processor in BUILDS[machine].items():
-        with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
-            exports, made = Path(scratch) / "exports", Path(scratch) / "engine.so"
-            exports.write_text(EXPORTS, encoding="ascii")
-            link = (f"-Wl,--version-script={exports}", "-Wl,--gc-sections", "-s")
-            target = ("-target", f"{machine}-linux-gnu.{GLIBC}", f"-mcpu={processor}")
-            compile_engine(ZIG, made, *link, processor=target, headers=headers)
-            content = made.read_bytes()
-        (folder / f"{name}.so").write_bytes(content)
-        hashes[name] = hashlib.sha256(content).hexdigest()
+    for name in hashes:
+        shutil.move(scratch / f"{name}.so", folder)
     (folder / LIST).write_text(json.dumps({**listed, "builds": hashes}, indent=1) + "\n", encoding="utf-8")
+    shutil.rmtree(scratch)
+
+
+def _built(name: str, processor: str, scratch: Path, headers: Path) -> str:
+    """The sha256 of the file of that name, compiled if it is not there."""
+    file, made, exports = scratch / f"{name}.so", scratch / "engine.so", scratch / "exports"
+    if not file.is_file():
+        exports.write_text(EXPORTS, encoding="ascii")
+        link = (f"-Wl,--version-script={exports}", "-Wl,--gc-sections", "-s")
+        target = ("-target", f"{platform.machine()}-linux-gnu.{GLIBC}", f"-mcpu={processor}")
+        build.compile_engine(ZIG, made, *link, processor=target, headers=headers)
+        made.rename(file)
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def make_wheel(output: Path, engine: Path) -> Path:
@@ -120,7 +130,7 @@ def make_wheel(output: Path, engine: Path) -> Path:
 def allowed_tag(wheel: Path) -> str:
     """The platform tag with the oldest systems on which the libraries of a wheel can be loaded."""
     found = json.loads(_python("auditwheel", "show", "--json", "--disable-isa-ext-check", str(wheel)))
-    return str(found["overall_policy"])
+    return str(found["overall_tag"])
 
 
 def _no_longer_pure(unpacked: Path) -> None:
