@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.vehicle_model.native.build import find_compiler
-from sysid.vehicle_model.native.prebuilt import NEEDS
+from sysid.vehicle_model.native.prebuilt import FOLDER, NEEDS
 from sysid.vehicle_model.native.processor import flags
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -66,7 +66,7 @@ def _environment(folder: Path, wheel: Path) -> Path:
 
 def _has(python: Path, name: str) -> bool:
     (site,) = python.parents[1].glob("lib/python*/site-packages")
-    return (site / "sysid" / "vehicle_model" / "native" / "prebuilt" / f"{name}.so").is_file()
+    return (site / "sysid" / "vehicle_model" / "native" / FOLDER.name / f"{name}.so").is_file()
 
 
 def _alone(python: Path, folder: Path) -> dict[str, str]:

@@ -12,8 +12,8 @@ from sysid.vehicle_model.native import processor
 from sysid.vehicle_model.native.build import BuildError, source_digest
 
 #: Where a wheel has its builds; in a checkout there are none.
-FOLDER = Path(__file__).parent / "prebuilt"
-LIST = "prebuilt.json"
+FOLDER = Path(__file__).parent / "builds"
+LIST = "builds.json"
 
 _SSE = {"pni", "ssse3", "sse4_1", "sse4_2", "popcnt", "cx16", "lahf_lm"}
 # abm: lzcnt
