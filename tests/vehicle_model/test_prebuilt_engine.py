@@ -173,13 +173,16 @@ def test_a_build_of_another_user_is_not_taken_but_that_of_root(cores, packed, mo
 
 @on_posix
 @as_root
-def test_where_a_group_keeps_the_code_it_may_keep_the_build(packed, tmp_path):
+def test_where_a_group_keeps_the_code_it_may_keep_the_build(packed, tmp_path, monkeypatch):
     """A shared environment: owner and group of the code may be those of the library, and no other group."""
     file, code = packed(BOTH) / "x86-64-v3.so", tmp_path / "code.py"
     code.write_text("")
     for path, mode in ((code, 0o664), (file, 0o664), (file.parent, 0o775)):
         os.chown(path, 12345, 77)
         path.chmod(mode)
+    monkeypatch.setattr(private_files, "_user", lambda: 1000)
+    private_files.check_as_private_as(code, file)
+    os.chown(file, 0, 77)
     private_files.check_as_private_as(code, file)
     os.chown(file, 12345, 78)
     with pytest.raises(private_files.NotPrivateError, match="mode 664"):

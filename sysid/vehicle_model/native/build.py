@@ -149,9 +149,8 @@ def source_digest() -> str:
 
 def _run(command: list[str], scratch: Path | None = None) -> subprocess.CompletedProcess[str]:
     # Zig keeps the C++ library that it compiles first: in the folder that is private to us, and gone afterwards.
-    kept = (
-        {} if scratch is None else dict.fromkeys(("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"), str(scratch / "zig"))
-    )
+    names = () if scratch is None else ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")
+    kept = {name: f"{scratch}/zig" for name in names}
     try:
         return subprocess.run(
             command,
