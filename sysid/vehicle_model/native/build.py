@@ -150,7 +150,7 @@ def source_digest() -> str:
 def _run(command: list[str], scratch: Path | None = None) -> subprocess.CompletedProcess[str]:
     # Zig keeps the C++ library that it compiles first: in the folder that is private to us, and gone afterwards.
     names = () if scratch is None else ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")
-    kept = {name: f"{scratch}/zig" for name in names}
+    kept = dict.fromkeys(names, f"{scratch}/zig")
     try:
         return subprocess.run(
             command,
