@@ -34,6 +34,8 @@ def main() -> None:
         folder = Path(scratch)
         python = _environment(folder, wheel)
         names = [name for name, needed in NEEDS.items() if needed <= flags() and _has(python, name)]
+        if not names:
+            raise SystemExit(f"{wheel.name} carries no build that this processor runs.")
         found = {name: _results(python, folder, name) for name in names}
         origin = str(found[names[0]]["origin"])
         say(f"{wheel.name}: without a compiler the engine is {origin}\n")
