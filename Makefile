@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long fuzz test-browser docs bench coverage first-look ring-downs faults check-faults fleets lint format clean
+.PHONY: run quick test test-long fuzz test-browser docs wheel bench coverage first-look ring-downs faults check-faults fleets lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -31,6 +31,12 @@ test-browser: $(VENV)/.installed
 # The documentation as a site in build/site; warnings are errors.
 docs: $(VENV)/.installed
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+# A wheel with the native engine inside, tried in an environment without a compiler: some ten minutes.
+wheel: $(VENV)/.installed
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[wheel]"
+	$(BIN)/python -m tools.build_wheel --output build/wheel
+	$(BIN)/python -m tools.check_wheel build/wheel
 
 # Other solvers beside ours: they are installed for this alone.
 bench: $(VENV)/.installed

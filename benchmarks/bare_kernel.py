@@ -31,11 +31,11 @@ def compile_program(folder: Path) -> Path:
     if compiler is None:
         raise build.BuildError("no C++ compiler was found")
     program = folder / "bare_kernel"
-    flags = [flag for flag in build.FLAGS if flag not in ("-shared", "-fPIC")]
+    flags = [flag for flag in (*build.FLAGS, *build.THIS_PROCESSOR) if flag not in ("-shared", "-fPIC")]
     header.write(folder)
     include = ["-I", str(_HERE), "-I", str(folder), "-I", str(Path(build.__file__).parent)]
     done = subprocess.run(
-        [compiler, *flags, *include, str(_HERE / "main.cpp"), "-o", str(program)],
+        [*compiler, *flags, *include, str(_HERE / "main.cpp"), "-o", str(program)],
         capture_output=True,
         text=True,
         timeout=build.TIMEOUT_S,

@@ -87,6 +87,30 @@ def check_private(file: Path) -> None:
         raise NotPrivateError(f"{file} is not what its sha256 says")
 
 
+def check_as_private_as(code: Path, file: Path) -> None:
+    """Refuse a file below a folder of installed code that people can change who cannot change that code.
+
+    `code` is a file of it that runs already.  What an administrator has installed belongs to root, in a shared
+    environment to a colleague or a group: whoever can change the code need not change this file.
+
+    Raises
+    ------
+    NotPrivateError
+        If the file or its folder belongs to another than root, this user or the owner of the code, or can be written
+        by a group or by all where the code cannot.
+    OSError
+        If one of them cannot be read.
+    """
+    user, known = _user(), os.stat(code)
+    for path in (file, file.parent) if user is not None else ():
+        status = os.stat(path)
+        if status.st_uid not in (0, user, known.st_uid):
+            raise NotPrivateError(f"{path} belongs to another user")
+        open_to = status.st_mode & _OTHERS_WRITE
+        if open_to & ~known.st_mode or (open_to & stat.S_IWGRP and status.st_gid != known.st_gid):
+            raise NotPrivateError(f"{path} can be written by others (mode {stat.S_IMODE(status.st_mode):o})")
+
+
 def _check(path: Path) -> None:
     status = os.lstat(path)
     problem = f"{path} is a symbolic link" if stat.S_ISLNK(status.st_mode) else _problem(path, status)

@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 DISTRIBUTION = {"sksundae": "scikit-sundae"}
 #: Declared, and never imported by name: who loads them.
 LOADED_BY_OTHERS = {
+    "auditwheel": "command",
     "h5netcdf": "xarray, to write netCDF",
     "ipykernel": "nbclient, to run notebooks",
     "mkdocs-material": "mkdocs",
@@ -24,6 +25,8 @@ LOADED_BY_OTHERS = {
     "pandas-stubs": "mypy",
     "pytest-xdist": "pytest",
     "ruff": "command",
+    "wheel": "command",
+    "ziglang": "command",
 }
 #: Used where somebody has it, and replaced or left out where not.
 USED_WHERE_INSTALLED = {"arviz"}
@@ -43,8 +46,10 @@ def imports(source: str) -> set[str]:
 def imported_below(*folders: str) -> set[str]:
     """Distributions imported below folders of the repository, less the repository's own modules."""
     paths = [p for folder in folders for p in (ROOT / folder).rglob("*.py")]
-    everything = [p for folder in ("sysid", "tests", "benchmarks", "studies") for p in (ROOT / folder).rglob("*.py")]
-    ours = {"sysid", "tests", "benchmarks", "studies"} | {p.stem.replace("_", "-") for p in everything}
+    everything = [
+        p for folder in ("sysid", "tests", "benchmarks", "studies", "tools") for p in (ROOT / folder).rglob("*.py")
+    ]
+    ours = {"sysid", "tests", "benchmarks", "studies", "tools"} | {p.stem.replace("_", "-") for p in everything}
     found = set().union(*(imports(p.read_text(encoding="utf-8")) for p in paths))
     return found - (ours - declared_everywhere())
 
@@ -73,12 +78,12 @@ def test_the_package_imports_what_it_declares():
 def test_everything_imported_is_declared():
     # Scripts beside reference data say themselves what they were made with.
     scripts = set().union(*(imports(p.read_text(encoding="utf-8")) for p in (ROOT / "tests/data").rglob("*.py")))
-    undeclared = imported_below("sysid", "tests", "benchmarks", "studies", "docs") - declared_everywhere()
+    undeclared = imported_below("sysid", "tests", "benchmarks", "studies", "docs", "tools") - declared_everywhere()
     assert undeclared - USED_WHERE_INSTALLED - scripts == set()
 
 
 def test_everything_declared_is_used():
-    used = imported_below("sysid", "tests", "benchmarks", "studies", "docs")
+    used = imported_below("sysid", "tests", "benchmarks", "studies", "docs", "tools")
     assert declared_everywhere() - used == set(LOADED_BY_OTHERS)
 
 

@@ -1,7 +1,7 @@
-"""Which engine integrates the vehicle: C++ compiled for this machine where there is a compiler, else JAX.
+"""Which engine integrates the vehicle: C++, compiled for this machine or prebuilt in the wheel, else JAX.
 
 Both keep one protocol (:mod:`sysid.vehicle_model.engines.protocol`) with the same results to rounding.
-``SYSID_ENGINE`` chooses: `auto` (the default) takes the native engine where it can be built, `native` insists on it,
+``SYSID_ENGINE`` chooses: `auto` (the default) takes the native engine where it can be had, `native` insists on it,
 `reference` (or `jax`) does without.  The choice is made here, where a road is prepared, and nowhere else.
 """
 
@@ -27,7 +27,7 @@ from sysid.vehicle_model.native.build import BuildError
 _LOGGER = logging.getLogger(__name__)
 _CHOICES = ("auto", "native", "reference", "jax")
 
-__all__ = ["Timing", "WheelRoad", "engine_name", "engine_of_process", "wheel_road"]
+__all__ = ["Timing", "WheelRoad", "engine_name", "engine_of_process", "engine_versions", "wheel_road"]
 
 
 def engine_of_process() -> Engine:
@@ -57,12 +57,21 @@ def engine_name() -> str:
     return engine_of_process().name
 
 
+def engine_versions() -> dict[str, str]:
+    """Name of the engine of this process and, of the native one, which build it is; raises as above.
+
+    Builds of other compilers and for other processors differ by rounding.
+    """
+    engine = engine_of_process()
+    return {"engine": engine.name} | ({"engine_build": kernel.prepare()} if engine is NATIVE else {})
+
+
 @cache
 def _say_once(problem: str) -> None:
     _LOGGER.warning(
         "The native engine cannot be used: %s. JAX computes instead: the same results, but a simulation takes about "
-        "twelve times as long. Install a C++ compiler (Debian, Ubuntu: apt install g++), or set SYSID_ENGINE=reference "
-        "to go without this note.",
+        "twelve times as long. Install a C++ compiler (Debian, Ubuntu: apt install g++; without administrator: pip "
+        "install ziglang), or set SYSID_ENGINE=reference to go without this note.",
         problem,
     )
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from sysid.export.contents import Results, Status
-from sysid.vehicle_model.engine import engine_name
+from sysid.vehicle_model.engine import engine_versions
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.runner import Runner
 from sysid.workflow.settings import Settings
@@ -35,7 +35,7 @@ def assembled(runner: Runner, inputs: Inputs, settings: Settings) -> Results:
         provenance={
             "input_sha256": dict(inputs.sha256),
             # Building an engine takes time: its name is known where one has been used.
-            "versions": versions() | ({} if results.fit is None else {"engine": engine_name()}),
+            "versions": versions() | ({} if results.fit is None else engine_versions()),
             "seed": settings.seed,
             "settings": settings.as_dict(),
             "timings": {name: round(seconds, 3) for name, seconds in runner.folder.timings.items()},

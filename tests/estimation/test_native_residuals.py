@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import rigid_truck
-from native_engine import needs_compiler
+from native_engine import needs_native
 from rigid_truck import bump, campaign, empty_run, true_log_parameters
 
 from sysid.campaign.records import AxleGroup, Campaign, Equaliser, ForceTable, FrameBending
@@ -22,7 +22,7 @@ from sysid.estimation.residuals.signals import simulate_runs
 from sysid.posterior.log_density import LogDensity
 from sysid.vehicle_model.engines.protocol import Linearisation
 
-pytestmark = needs_compiler
+pytestmark = needs_native
 
 #: One run brakes, the other gathers speed.
 MOTION = RunMotion(np.array([6.1, 8.3]), np.array([0.44, 0.61]), np.array([-0.05, 0.03]))

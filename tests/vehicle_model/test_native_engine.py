@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import rigid_truck
 import verification_case
-from native_engine import needs_compiler
+from native_engine import needs_native
 
 from sysid.campaign.records import AntiAliasFilter, AxleGroup, Equaliser, FrameBending, LoadCase, Vehicle
 from sysid.vehicle_model import engine
@@ -127,7 +127,7 @@ def both(monkeypatch):
     return call
 
 
-@needs_compiler
+@needs_native
 @pytest.mark.parametrize("antialias", [rigid_truck.FILTER, AntiAliasFilter("bessel", 3, 80.0), None])
 def test_sensors_of_the_truck(both, antialias):
     ours, theirs = both(lambda: truck(footprint=True).sensors(antialias))
@@ -135,7 +135,7 @@ def test_sensors_of_the_truck(both, antialias):
     assert_same(ours, theirs)
 
 
-@needs_compiler
+@needs_native
 @pytest.mark.parametrize("footprint", [True, False], ids=["footprint", "point"])
 def test_histories_of_tractor_and_trailer(both, footprint):
     ours, theirs = both(lambda: tractor_and_trailer(footprint=footprint, samples=540, sets=3).histories())
@@ -173,7 +173,7 @@ def elements(case: Case) -> dict[str, dict]:
     }
 
 
-@needs_compiler
+@needs_native
 @pytest.mark.parametrize("element", [*elements(truck(footprint=False)), "all of them"])
 def test_every_element_of_suspension_laws(both, element):
     def run() -> tuple[np.ndarray, np.ndarray]:
@@ -191,7 +191,7 @@ def test_every_element_of_suspension_laws(both, element):
     assert (np.abs(ours - linear)[:, 0, :3].max(axis=(0, 2)) > 1e-4).all()
 
 
-@needs_compiler
+@needs_native
 def test_axle_groups(both):
     """A bogie on a beam, with friction, stops and an asymmetric damper."""
     vehicle = replace(rigid_truck.VEHICLE, groups=(AxleGroup("bogie", (1, 2), 300.0, 90.0),))
@@ -214,7 +214,7 @@ def test_axle_groups(both):
     assert_same(our_sensors, their_sensors)
 
 
-@needs_compiler
+@needs_native
 def test_rockers_between_springs(both):
     """A tandem whose springs share, beside a steer axle on its own, with every other element."""
     vehicle = replace(rigid_truck.VEHICLE, equalisers=(Equaliser("tandem", (1, 2)),))
@@ -235,7 +235,7 @@ def test_rockers_between_springs(both):
     assert (np.abs(our_sensors - alone)[:, 0, 1:3].max(axis=(0, 2)) > 1e-4).all()
 
 
-@needs_compiler
+@needs_native
 def test_frames_that_bend(both):
     """Tractor and trailer that both bend: six body coordinates."""
     vehicle, loads = verification_case.vehicle_and_loads(heights=True)
@@ -257,7 +257,7 @@ def test_frames_that_bend(both):
     assert_same(our_sensors, their_sensors, 1e-11)
 
 
-@needs_compiler
+@needs_native
 def test_a_set_does_not_depend_on_its_batch(monkeypatch):
     """To the last bit: alone, in another place of another pack, and again."""
     monkeypatch.setenv("SYSID_ENGINE", "native")
@@ -270,7 +270,7 @@ def test_a_set_does_not_depend_on_its_batch(monkeypatch):
         np.testing.assert_array_equal(case.sensors(rigid_truck.FILTER, sets), together[..., sets])
 
 
-@needs_compiler
+@needs_native
 def test_a_set_that_is_not_finite_spoils_no_other(monkeypatch):
     monkeypatch.setenv("SYSID_ENGINE", "native")
     case = truck(footprint=True)

@@ -22,24 +22,11 @@ on_posix = pytest.mark.skipif(os.name == "nt", reason="files have other owners a
 
 
 @pytest.fixture
-def unregistered(monkeypatch, tmp_path):
-    """A process that has not loaded the engine yet, with empty cache folders."""
-    monkeypatch.setenv("SYSID_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.setattr(runtime, "_user_cache", lambda: tmp_path / "own")
-    caches = (engine._problem, engine._say_once, kernel._registered, runtime._say)
-    for cache in caches:
-        cache.cache_clear()
-    yield tmp_path
-    for cache in caches:
-        cache.cache_clear()
-
-
-@pytest.fixture
-def builds(monkeypatch, unregistered) -> list[str]:
+def builds(monkeypatch, unregistered) -> list[build.Compiler]:
     """What was compiled since; a file of a few bytes stands for the library, any program for the compiler."""
-    made: list[str] = []
+    made: list[build.Compiler] = []
 
-    def write(compiler: str, file: Path) -> None:
+    def write(compiler: build.Compiler, file: Path) -> None:
         made.append(compiler)
         file.write_bytes(b"library")
 
@@ -198,7 +185,7 @@ def test_two_builders_at_once_end_with_one_library(builds, monkeypatch):
     """The other one is done while this one compiles."""
     plain = build.compile_engine
 
-    def overtaken(compiler: str, file: Path) -> None:
+    def overtaken(compiler: build.Compiler, file: Path) -> None:
         monkeypatch.setattr(build, "compile_engine", plain)
         build.library()
         plain(compiler, file)
@@ -282,6 +269,6 @@ def test_a_library_of_another_description_is_refused(tmp_path, source, message):
     file.write_text(source)
     compiler = build.find_compiler()
     assert compiler is not None
-    build._run([compiler, "-shared", "-fPIC", str(file), "-o", str(tmp_path / "other.so")])
+    build._run([*compiler, "-shared", "-fPIC", str(file), "-o", str(tmp_path / "other.so")])
     with pytest.raises(build.BuildError, match=message):
         kernel.check_fingerprint(ctypes.CDLL(str(tmp_path / "other.so")))

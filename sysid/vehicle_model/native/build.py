@@ -8,19 +8,28 @@ import os
 import platform
 import shutil
 import subprocess
+import sys
 import tempfile
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 
 from sysid.private_files import PRIVATE_MODE, NotPrivateError, check_private, write_private
 from sysid.runtime import private_cache
 from sysid.vehicle_model.native import header
+from sysid.vehicle_model.native.processor import description
 
+#: The words with which the command of a compiler begins.
+Compiler = tuple[str, ...]
 #: Files that make up the engine beside the header that is made for it; the first is the one to compile.
 SOURCES = ("engine.cpp", "residuals.h", "vehicle.h", "suspension.h", "contact.h", "row.h", "pack.h")
-#: Optimisation for exactly this processor; -O3 keeps the rules of IEEE arithmetic.
-FLAGS = ("-std=c++17", "-O3", "-march=native", "-shared", "-fPIC", "-pthread", "-Wall", "-Wextra")
-TIMEOUT_S = 300.0
+#: -O3 keeps the rules of IEEE arithmetic.
+FLAGS = ("-std=c++17", "-O3", "-shared", "-fPIC", "-pthread", "-Wall", "-Wextra")
+#: Optimisation for exactly this processor.
+THIS_PROCESSOR = ("-march=native",)
+#: A compiler that has to make its own library first takes three minutes on a busy machine.
+TIMEOUT_S = 600.0
+NO_COMPILER = "no C++ compiler was found"
 _NAME = "engine.so"
 
 
@@ -28,22 +37,23 @@ class BuildError(Exception):
     """Why there is no library, in one sentence."""
 
 
-def find_compiler() -> str | None:
-    """Path of the C++ compiler: the one that CXX names, else the first of c++, g++ and clang++."""
+def find_compiler() -> Compiler | None:
+    """The C++ compiler: the one that CXX names, else the first of c++, g++ and clang++, else that of `ziglang`."""
     named = os.environ.get("CXX")
     for name in [named] if named else ["c++", "g++", "clang++"]:
         path = shutil.which(name)
         if path is not None:
-            return path
-    return None
+            return (path,)
+    return None if named or find_spec("ziglang") is None else (sys.executable, "-m", "ziglang", "c++")
 
 
 def library() -> Path:
     """The compiled engine, from the cache or built now (about half a minute, once per machine and version).
 
-    Its folder is named by a hash of the sources, the compiler, the headers' version and the processor.  A library that
-    is there already is used only if it is what this user has put there (:mod:`sysid.private_files`).  The folder is
-    filled under another name and renamed, so that processes which build at the same time do not meet half a file.
+    Its folder is named by a hash of the sources, the headers' version and the processor, and one of the compiler; where
+    there is none any more, what another one has compiled is used.  A library that is there already is used only if it
+    is what this user has put there (:mod:`sysid.private_files`).  The folder is filled under another name and renamed,
+    so that processes which build at the same time do not meet half a file.
 
     Raises
     ------
@@ -51,17 +61,28 @@ def library() -> Path:
         If there is no compiler, it fails, or the cache folder cannot be written or is open to others.
     """
     compiler = find_compiler()
-    if compiler is None:
-        raise BuildError("no C++ compiler was found")
     try:
-        home = private_cache("engine") / _key(compiler)
+        folder = private_cache("engine")
+        if compiler is None:
+            return _kept(folder)
+        home = folder / f"{_key()}-{_key_of(compiler)}"
         if not _sound(home):
             _fill(compiler, home)
     except NotPrivateError as error:
-        raise BuildError(str(error)) from error
+        raise BuildError(NO_COMPILER if compiler is None else str(error)) from error
     except OSError as error:
-        raise BuildError(f"the cache folder cannot be written ({error.strerror})") from error
+        raise BuildError(
+            NO_COMPILER if compiler is None else f"the cache folder cannot be written ({error.strerror})"
+        ) from error
     return home / _NAME
+
+
+def _kept(folder: Path) -> Path:
+    """What a compiler that is gone has made for this machine."""
+    for home in sorted(folder.glob(f"{_key()}-*")):
+        if _sound(home):
+            return home / _NAME
+    raise BuildError(NO_COMPILER)
 
 
 def _sound(home: Path) -> bool:
@@ -72,7 +93,7 @@ def _sound(home: Path) -> bool:
     return True
 
 
-def _fill(compiler: str, home: Path) -> None:
+def _fill(compiler: Compiler, home: Path) -> None:
     with tempfile.TemporaryDirectory(dir=home.parent, prefix="build-") as scratch:
         folder = Path(scratch)
         compiled = folder / _NAME
@@ -88,8 +109,17 @@ def _fill(compiler: str, home: Path) -> None:
             os.rename(made, home)
 
 
-def compile_engine(compiler: str, made: Path, *flags: str) -> None:
+def compile_engine(
+    compiler: Compiler,
+    made: Path,
+    *flags: str,
+    processor: tuple[str, ...] = THIS_PROCESSOR,
+    headers: Path | None = None,
+) -> None:
     """Compile the library to the file `made`, its header beside it.
+
+    `processor` are the flags that choose a processor, `headers` the folder of XLA's headers: those of the installed
+    jaxlib unless given.
 
     Raises
     ------
@@ -100,36 +130,50 @@ def compile_engine(compiler: str, made: Path, *flags: str) -> None:
 
     source = Path(__file__).parent / SOURCES[0]
     header.write(made.parent)
-    include = ["-I", str(made.parent), "-isystem", jax.ffi.include_dir()]
-    done = _run([compiler, *FLAGS, *flags, *include, str(source), "-o", str(made)])
+    include = ["-I", str(made.parent), "-isystem", str(headers or jax.ffi.include_dir())]
+    done = _run([*compiler, *FLAGS, *processor, *flags, *include, str(source), "-o", str(made)], made.parent)
     if done.returncode != 0 or not made.exists():
         lines = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
-        raise BuildError(f"the compiler {compiler} failed ({lines[0].strip() if lines else 'without a message'})")
+        message = lines[0].strip() if lines else "without a message"
+        raise BuildError(f"the compiler {' '.join(compiler)} failed ({message})")
 
 
-def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
-    try:
-        return subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, check=False)
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise BuildError(f"the compiler {command[0]} cannot be run ({error})") from error
-
-
-def _key(compiler: str) -> str:
+def source_digest() -> str:
+    """Hash of all that the engine is compiled from, without XLA's headers."""
     digest = hashlib.sha256()
     for name in SOURCES:
         digest.update((Path(__file__).parent / name).read_bytes())
     digest.update(header.header().encode())
-    digest.update(_run([compiler, "--version"]).stdout.encode())
-    digest.update(" ".join([*FLAGS, version("jaxlib"), _processor()]).encode())
-    return digest.hexdigest()[:16]
+    return digest.hexdigest()
 
 
-def _processor() -> str:
-    """What the machine's code depends on: architecture, model and instruction sets of the processor."""
+def _run(command: list[str], scratch: Path | None = None) -> subprocess.CompletedProcess[str]:
+    # Zig keeps the C++ library that it compiles first: in the folder that is private to us, and gone afterwards.
+    names = () if scratch is None else ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")
+    kept = dict.fromkeys(names, f"{scratch}/zig")
     try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        lines = []
-    first = lines[: lines.index("")] if "" in lines else lines
-    wanted = ("model name", "flags", "Features", "CPU part")
-    return " ".join([platform.machine(), platform.processor(), *(x for x in first if x.startswith(wanted))])
+        return subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=TIMEOUT_S,
+            check=False,
+            env=os.environ | kept,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise BuildError(f"the compiler {command[0]} cannot be run ({error})") from error
+
+
+def _key() -> str:
+    """What a library depends on beside the compiler."""
+    parts = [source_digest(), *FLAGS, *THIS_PROCESSOR, version("jaxlib"), platform.machine(), description()]
+    return _short(" ".join(parts))
+
+
+def _key_of(compiler: Compiler) -> str:
+    return _short(" ".join(compiler) + _run([*compiler, "--version"]).stdout)
+
+
+def _short(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -6,6 +6,7 @@ import ctypes
 import threading
 from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -13,9 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.threads import thread_count
-from sysid.vehicle_model.native import header
+from sysid.vehicle_model.native import build, header, prebuilt
 from sysid.vehicle_model.native.buffers import ENTRIES, in_order, shape
-from sysid.vehicle_model.native.build import BuildError, library
+from sysid.vehicle_model.native.build import BuildError
 
 
 class Call(NamedTuple):
@@ -32,24 +33,63 @@ class Call(NamedTuple):
         return in_order(self.entry, self.arrays, self.sizes)
 
 
+class _Loaded(NamedTuple):
+    """A library that JAX can call: what its entry points are called there, and where it comes from."""
+
+    prefix: str
+    origin: str
+
+
 _lock = threading.Lock()
 
 
 @cache
-def _registered() -> str:
-    path = library()
+def _loaded() -> _Loaded:
+    """Compiled for exactly this processor where that can be done, else prebuilt."""
+    problems = []
+    for find in (_compiled, _prebuilt):
+        try:
+            return find()
+        except BuildError as error:
+            problems.append(str(error))
+    raise BuildError(", and ".join(problems))
+
+
+def _compiled() -> _Loaded:
+    path = build.library()
+    return load(path, path.parent.name, "compiled on this machine")
+
+
+def _prebuilt() -> _Loaded:
+    name, path = prebuilt.library()
+    return load(path, f"{build.source_digest()[:16]}-{name}", f"prebuilt for {name}")
+
+
+def load(path: Path, key: str, origin: str) -> _Loaded:
+    """Load a library and make its entry points known to JAX, under names with a key of their own.
+
+    Functions that JAX has kept call them by these names.
+
+    Raises
+    ------
+    BuildError
+        If it cannot be loaded, takes other arrays than this version passes, or another interface than that of this
+        jaxlib.
+    """
     try:
         loaded = ctypes.CDLL(str(path))
     except OSError as error:
         raise BuildError(f"the compiled engine cannot be loaded ({error})") from error
     check_fingerprint(loaded)
     loaded.sysid_use_threads(ctypes.c_int64(thread_count()))
-    prefix = f"sysid_{path.parent.name}"
+    prefix = f"sysid_{key}"
     for entry in ENTRIES:
-        jax.ffi.register_ffi_target(
-            f"{prefix}_{entry}", jax.ffi.pycapsule(getattr(loaded, f"sysid_{entry}")), platform="cpu"
-        )
-    return prefix
+        capsule = jax.ffi.pycapsule(getattr(loaded, f"sysid_{entry}"))
+        try:
+            jax.ffi.register_ffi_target(f"{prefix}_{entry}", capsule, platform="cpu")
+        except jax.errors.JaxRuntimeError as error:
+            raise BuildError(f"the compiled engine does not fit this jaxlib ({str(error).splitlines()[0]})") from error
+    return _Loaded(prefix, origin)
 
 
 def check_fingerprint(loaded: ctypes.CDLL) -> None:
@@ -69,8 +109,8 @@ def check_fingerprint(loaded: ctypes.CDLL) -> None:
         raise BuildError("the compiled engine takes other arrays than this version passes")
 
 
-def prepare() -> None:
-    """Build and load the engine if that has not been done.
+def prepare() -> str:
+    """Load the engine if that has not been done, building it if need be; where it comes from, in words.
 
     Raises
     ------
@@ -78,7 +118,7 @@ def prepare() -> None:
         If there is none to be had on this machine.
     """
     with _lock:
-        _registered()
+        return _loaded().origin
 
 
 def run(call: Call) -> list[jax.Array]:
@@ -90,5 +130,5 @@ def run(call: Call) -> list[jax.Array]:
         If an array is missing, is not known, or has another shape or type than described.
     """
     results = [jax.ShapeDtypeStruct(shape(b, call.sizes), np.float64) for b in ENTRIES[call.entry].results]
-    entry = jax.ffi.ffi_call(f"{_registered()}_{call.entry}", results)
+    entry = jax.ffi.ffi_call(f"{_loaded().prefix}_{call.entry}", results)
     return list(entry(*map(jnp.asarray, call.ordered()), **call.settings))
