@@ -37,6 +37,7 @@ STALE: dict[str, set[str]] = {
     "sampling.ensembles": ON_SAMPLE,
     "sampling.walkers_per_parameter": ON_SAMPLE,
     "sampling.segment_steps": ON_SAMPLE,
+    "sampling.adapting_steps": ON_SAMPLE,
     "sampling.start_inflation": ON_SAMPLE,
     "sampling.seed": ON_SAMPLE,
     "sampling.preview": ON_SAMPLE,
