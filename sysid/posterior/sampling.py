@@ -37,8 +37,8 @@ class SamplingOptions:
     `ensembles` independent ensembles of `walkers_per_parameter` walkers per parameter; sampling goes on in stretches of
     `segment_steps` until R-hat < `rhat_limit` and at least `min_effective` effective draws for every parameter, or
     `max_steps`.  `start_inflation` widens the Laplace covariance from which the walkers start.  In the first
-    `adapting_steps` the independence proposals follow the walkers after every stretch; the draws of these steps are
-    never kept.
+    `adapting_steps` the independence proposals follow the walkers after every stretch; draws of these steps are in no
+    posterior that is called converged.
     """
 
     ensembles: int = 4

@@ -243,5 +243,5 @@ def test_a_mount_that_slips_is_named() -> None:
     _, report = check_quality(with_channel(truck(), "lvdt3_mm", slipped))
     messages = [m for f in report.channels if f.column == "lvdt3_mm" for m in f.messages]
     # In most of the ten runs; in the others the truck does not stand still in the last second.
-    assert sum("its mount has slipped" in m for m in messages) >= 6
+    assert sum("its mount has slipped" in m for m in messages) >= 7
     assert "lvdt3_mm' is rejected" not in text

@@ -5,12 +5,14 @@ from __future__ import annotations
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sysid.campaign import check_quality, read_campaign
 from sysid.errors import DataRejectedError
+from sysid.estimation.fit import drop_model
 from sysid.estimation.fit.drop_model import fit_drops, with_model_estimates
 from sysid.estimation.fit.options import FitOptions
 from sysid.road import read_point_cloud
@@ -108,3 +110,12 @@ def test_bodies_that_are_let_go_are_not_fitted(campaign, analysed):
     summary = with_model_estimates(replace(campaign, plank_drops=bodies), analysed, OPTIONS)
     assert summary.pooled == analysed.pooled
     assert "let go" in summary.messages[-1]
+
+
+@pytest.mark.parametrize(
+    ("misfit", "converged", "little"), [(1.5, True, False), (1.7, True, True), (1.7, False, False), (3.3, False, True)]
+)
+def test_the_search_of_drops_ends_early_only_where_linear_laws_do_not_suit(misfit, converged, little):
+    """A search that has not ended may still come below what is doubtful: it goes on."""
+    optimum = SimpleNamespace(misfit=misfit, minimum=SimpleNamespace(converged=converged))
+    assert drop_model._says_little(optimum) is little

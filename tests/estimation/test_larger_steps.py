@@ -49,7 +49,8 @@ def test_some_standard_deviations_away_little_is_left(fit):
         exact, moved = misses(model, x, point.motion), misses(larger, x, point.motion)
         unmoved = misses(replace(larger, arrays=model.arrays), x, point.motion)
         left, whole = (np.sqrt(((m - exact) ** 2).mean()) for m in (moved, unmoved))
-        assert left < 0.25 * whole, (left, whole)
+        # 0.04 to 0.11 are left.
+        assert left < 0.12 * whole, (left, whole)
 
 
 def test_steps_that_change_too_much_are_not_taken(fit, monkeypatch):

@@ -172,15 +172,15 @@ def test_larger_steps_keep_value_and_gradient_at_the_centre_and_nearly_all_aroun
     assert larger is not exact
     values, slopes = zip(*(d.gradient(exact.centre) for d in (exact, larger)), strict=True)
     # The gains of the sensors, which are eliminated, follow the signals: nothing else changes.
-    np.testing.assert_allclose(values[1], values[0], atol=0.05)
-    np.testing.assert_allclose(slopes[1], slopes[0], atol=1e-6 * np.abs(slopes[0]).max() + 1e-6)
+    np.testing.assert_allclose(values[1], values[0], rtol=0.0, atol=0.02)
+    np.testing.assert_allclose(slopes[1], slopes[0], rtol=0.0, atol=1e-12)
     factor = np.linalg.cholesky(fit.result.covariance)
     points = exact.centre + np.random.default_rng(9).normal(size=(20, 13)) @ factor.T
     fine = in_batches(exact, points)
     off = in_batches(larger, points) - fine
     assert np.ptp(fine) > 5.0
-    assert off.std() < 0.05
+    assert off.std() < 0.035
     # The larger steps alone would move the posterior.
     coarse = replace(larger._model, arrays=fit.state.model.arrays)
     alone = in_batches(LogDensity(replace(fit.state, model=coarse)), points) - fine
-    assert off.std() < 0.5 * alone.std(), (off.std(), alone.std())
+    assert off.std() < 0.02 * alone.std(), (off.std(), alone.std())

@@ -52,8 +52,9 @@ _FIT_S = 2.5
 FOOT_M = 0.15
 SLACK_S = 0.3
 
-#: Iterations of the first search of the drops.
-_FIRST_ITERATIONS = 15
+#: Iterations of the first search of the drops, and how many times :data:`DOUBT` its residuals have to be to end there
+#: when it has not converged.
+_FIRST_ITERATIONS, _CLEARLY = 15, 2.0
 
 _BODIES_ONLY = "The full model fits wheels that roll off a plank, not bodies that are let go: no estimates by it here."
 
@@ -188,14 +189,21 @@ def fit_drops(
     model = model_at(motion.speed_m_s, motion.start_s)
     instrument = _instrument_noise(model, runs)
     report("fitting the plank drops with the full model", 0.2)
-    # Where linear laws leave much the estimates say little, however long one searches for them.
     larger = with_larger_steps(model, parameters.start, motion)
     optimum = optimise_from(as_runs, larger, motion, instrument, parameters.start, _hasty(options), report)
-    if optimum.misfit < DOUBT:
+    if not _says_little(optimum):
         values, motion = optimum.problem.unpack(optimum.vector)
         weights = optimum.problem.weights
         optimum = optimise_from(as_runs, model, motion, instrument, values, options, report, weights=weights)
     return _estimates(records, optimum)
+
+
+def _says_little(optimum: Optimum) -> bool:
+    """Whether linear laws leave so much that the estimates say little, however long one searches for them.
+
+    A search that has not converged has to leave clearly too much.
+    """
+    return optimum.misfit >= (DOUBT if optimum.minimum.converged else _CLEARLY * DOUBT)
 
 
 def _hasty(options: FitOptions) -> FitOptions:
