@@ -79,3 +79,24 @@ def test_an_information_that_is_negative_by_rounding_is_taken_as_none() -> None:
     plain = adjust(scores, keys, information)
     assert np.all(np.isfinite(full.matrix))
     np.testing.assert_allclose((turn.T @ full.information @ turn)[:2, :2], plain.information, rtol=1e-5)
+
+
+def test_scores_and_information_are_those_of_all_rows_written_out():
+    """Every channel's rows, its gain's row among them, in one dense matrix; own unknowns of the run out by Schur."""
+    random = np.random.default_rng(6)
+    samples, runs, channels, shared, own = 7, 2, 3, 4, 3
+    residual, jacobian = random.normal(size=(samples, runs, channels)), random.normal(size=(samples, runs, channels, 7))
+    gain, by_gain = random.normal(size=(runs, channels)), random.normal(size=(runs, channels, 7))
+    prior = np.array([np.diag(random.uniform(1.0, 3.0, own)) for _ in range(runs)])
+    scores, information = block_scores(residual, jacobian, gain, by_gain, prior)
+    for r in range(runs):
+        rows = [np.vstack([jacobian[:, r, c], by_gain[r, c]]) for c in range(channels)]
+        values = [np.append(residual[:, r, c], gain[r, c]) for c in range(channels)]
+        normal = np.vstack(rows).T @ np.vstack(rows)
+        left = np.linalg.inv(normal[shared:, shared:] + prior[r]) @ normal[shared:, :shared]
+        np.testing.assert_allclose(
+            information[r], normal[:shared, :shared] - normal[:shared, shared:] @ left, rtol=1e-12
+        )
+        for c in range(channels):
+            pull = rows[c].T @ values[c]
+            np.testing.assert_allclose(scores[r, c], pull[:shared] - pull[shared:] @ left, rtol=1e-9, atol=1e-10)
