@@ -96,10 +96,11 @@ def suspension_estimates(
 
 def _from_drop(e: DropEstimate, quantity: Quantity) -> Estimate:
     value, sd = (e.stiffness, e.stiffness_sd) if quantity == "stiffness" else (e.damping, e.damping_sd)
-    # Records that cannot be used alone have standard deviations of many times the value; a lognormal variable with
-    # that mean and standard deviation still has a finite interval.
+    # Records that cannot be used alone have standard deviations of many times the value.  A lognormal variable of that
+    # mean and spread still has a finite interval, but a very narrow one about a value that is next to zero.
     logarithmic = math.sqrt(2.0 * math.log(math.hypot(1.0, sd / value))) if value > 0.0 else math.nan
     low, high = _interval(value, sd, logarithmic)
+    high = max(high, value + Z90 * sd)
     return Estimate(
         e.method, value, max(low, 0.0), high, "90 % interval of repeats and tolerances", e.usable, True, e.note
     )

@@ -8,12 +8,19 @@ import unicodedata
 from sysid.wording import joined_words
 
 MISSING = "\u2014"
+#: No quantity of a report is so small in the unit in which it is shown: it is zero but for rounding.
+_NOTHING = 1e-5
 
 
 def decimals(value: float, half_width: float = math.nan, digits: int = 3) -> int:
-    """Decimal places for `value`: `digits` significant ones, a fourth where the interval is narrower than about 1 %."""
+    """Decimal places for `value`: `digits` significant ones, a fourth where the interval is narrower than about 1 %.
+
+    A value that is zero but for rounding gets those of its interval.
+    """
     if not math.isfinite(value) or value == 0.0:
         return 0 if value == 0.0 else digits
+    if abs(value) < _NOTHING:
+        return decimals(half_width, digits=digits) if _NOTHING <= half_width < math.inf else 0
     # The exponent after rounding: 9.999 counts as 10.0.
     leading = int(f"{value:.{digits - 1}e}".split("e")[1])
     if math.isfinite(half_width) and 0.0 < half_width < 0.012 * abs(value):

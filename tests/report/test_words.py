@@ -160,3 +160,11 @@ def test_words_for_fractions_and_lists():
     assert listing(["a"]) == "a"
     assert listing(["a", "b", "c"]) == "a, b and c"
     assert listing(list("abcdefgh"), 3) == "a, b, c and 5 more"
+
+
+def test_a_value_that_is_zero_but_for_rounding_is_shown_as_zero():
+    """A damping of 3e-12 kN s/m +- 38 has the places of its interval; alone it has none."""
+    places = decimals(3.03e-12, 38.0)
+    assert (fixed(3.03e-12, places), interval(0.0, 38.0, places)) == ("0.0", "[0.0, 38.0]")
+    assert fixed(3.03e-12, decimals(3.03e-12)) == "0"
+    assert decimals(3.03e-4, 38.0) == 6
