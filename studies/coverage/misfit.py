@@ -113,16 +113,14 @@ def _band(draws: np.ndarray) -> list[float]:
 def posterior_mode(fit: FitResult, state: FitState) -> np.ndarray:
     """Mode (p,) of the density that is sampled, one Newton step from the optimum.
 
-    The likelihood is flattened and the priors are not, so their pull g at the optimum weighs more there: the mode is
-    off by -(Q + P)^-1 (I - D'C'C') g, with the covariance (Q + P)^-1, the matrix C of the sandwich and D of footprint
-    maps that follow their tires.
+    The likelihood has the gradient s there, with model error allowed for, and the priors pull by g: the mode is off by
+    (Q + P)^-1 (s - g), with the covariance (Q + P)^-1.
     """
     rows, targets = state.model.parameters.prior_rows()
     point = state.point
     pull = rows.T @ (rows @ point.log_parameters - targets)
-    follow = np.eye(pull.size) if point.map_following is None else point.map_following
-    flat = np.linalg.solve(follow.T, point.adjustment.T)
-    return np.asarray(point.log_parameters - fit.covariance @ (pull - follow.T @ flat @ (flat @ pull)))
+    slope = pull if point.slope is None else point.slope
+    return np.asarray(point.log_parameters + fit.covariance @ (slope - pull))
 
 
 def _peaks(plan: Plan, world: World, reported: Predictions, normal: Predictions) -> list[Record]:

@@ -134,17 +134,20 @@ class MassTolerances:
     """How far mass properties may be from the declared ones: standard deviations of the logarithm of a factor on them.
 
     `unsprung_mass` of every axle and beam, `pitch_inertia` and `cg_height` of every body, `hitch_height` of every
-    hinge; 0 takes the declared values as exact.
+    hinge, `axle_load` of every reading of a scale and `axle_load_scale` of the scale, which all readings share; 0 takes
+    the declared values as exact.
     """
 
     unsprung_mass: float = 0.03
     pitch_inertia: float = 0.05
     cg_height: float = 0.03
     hitch_height: float = 0.03
+    axle_load: float = 0.005
+    axle_load_scale: float = 0.005
 
 
 #: Declared mass properties are exact.
-EXACT_MASSES = MassTolerances(0.0, 0.0, 0.0, 0.0)
+EXACT_MASSES = MassTolerances(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

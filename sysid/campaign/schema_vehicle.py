@@ -180,6 +180,8 @@ class TolerancesTable(Table):
     pitch_inertia: Tolerance = 0.05
     cg_height: Tolerance = 0.03
     hitch_height: Tolerance = 0.03
+    axle_load: Tolerance = 0.005
+    axle_load_scale: Tolerance = 0.005
 
 
 class VehicleTable(Table):

@@ -170,8 +170,8 @@ def exact_masses(
     """
     prospects = []
     for k, name in enumerate(words):
-        known = np.where(np.arange(len(words)) == k, _EXACT, information.mass_sd)
-        one = _prospect(replace(information, mass_sd=known), gradient, None, None, "")
+        known = np.where(np.arange(information.sd.size) == k, _EXACT, information.sd)
+        one = _prospect(replace(information, sd=known), gradient, None, None, "")
         prospects.append(replace(one, exact=name))
     return tuple(sorted(prospects, key=lambda p: advice.worst(p)[1])[:MASSES_SHOWN])
 
@@ -182,7 +182,8 @@ def _mass_statements(advice: Advice, information: DataInformation, masses: Seque
         return []
     name, sd = advice.worst(advice.now)
     at = advice.names.index(name)
-    all_exact = replace(information, mass_sd=np.full_like(information.mass_sd, _EXACT))
+    exact = np.where(np.arange(information.sd.size) < information.masses, _EXACT, information.sd)
+    all_exact = replace(information, sd=exact)
     left = float(np.sqrt(all_exact.covariance()[at, at]))
     if left > (1.0 - 4.0 * WORTH) * sd:
         return []

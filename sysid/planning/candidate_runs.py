@@ -21,7 +21,7 @@ from sysid.estimation.residuals.run_data import RunGroup
 from sysid.estimation.residuals.run_motion import RunMotion, motion_prior
 from sysid.estimation.residuals.run_unknowns import without_runs
 from sysid.estimation.residuals.signals import simulate_runs
-from sysid.estimation.uncertainty.mass_effect import mass_columns
+from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.residual_columns import with_columns
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.engines.protocol import Linearisation
@@ -43,9 +43,9 @@ class RunKind:
 
 @dataclass(frozen=True)
 class RunInformation:
-    """What each channel of a candidate run says about p parameters, m mass factors and the run's own motion.
+    """What each channel of a candidate run says about p parameters, q masses and departures and the run's own motion.
 
-    `channels` (C, n, n) normal matrices, n = p + m + 3, in the order of `sensors`; `own_prior` (3, 3) prior precision
+    `channels` (C, n, n) normal matrices, n = p + q + 3, in the order of `sensors`; `own_prior` (3, 3) prior precision
     of the run's own unknowns.
     """
 
@@ -55,7 +55,7 @@ class RunInformation:
     own_prior: np.ndarray
 
     def of(self, sensors: Sequence[Sensor]) -> np.ndarray:
-        """Information (p + m, p + m) of the run recorded by some of its sensors."""
+        """Information (p + q, p + q) of the run recorded by some of its sensors."""
         chosen = [k for k, s in enumerate(self.sensors) if s in sensors]
         normal = self.channels[chosen].sum(axis=0)
         return np.asarray(without_runs(normal[None], self.own_prior[None])[0])
@@ -101,14 +101,14 @@ def run_information(state: FitState, kinds: Sequence[RunKind], sensors: Sequence
     sensors = tuple(sensors)
     campaign, point = state.campaign, state.point
     runs = tuple(_empty_run(campaign, state.profiles, kind, sensors) for kind in kinds)
-    model = model_of(replace(campaign, bump_runs=runs), state.profiles, point)
+    model = model_of(replace(campaign, bump_runs=runs), state.profiles, point, campaign)
     motion = RunMotion.steady(np.array([k.speed_m_s for k in kinds]), np.full(len(kinds), BEFORE_S))
     signals = simulate_runs(model, point.log_parameters, motion)
     weights = _weights(state, model, signals)
     model = _read_by_sensors(model, signals)
     lins = with_columns(
         linearise(model, weights, point.log_parameters, motion),
-        mass_columns(model, state.allowances.masses, weights, point.log_parameters, motion),
+        allowance_columns(model, state.allowances, weights, point.log_parameters, motion, point.amounts),
     )
     order = [sensors.index(s) for s in model.layout.sensors]
     own_prior = motion_prior(runs).precision(motion, range(len(runs)))

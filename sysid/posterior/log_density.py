@@ -9,10 +9,9 @@ so the sampler sees global parameters only. Residuals are tempered by their vari
 flattened around the optimum for model error and tolerances of masses
 (:mod:`sysid.estimation.uncertainty.sandwich`), and the Gaussian priors of the log parameters are added.
 
-Flattened about the optimum theta_hat, which the priors have pulled off the data's own one, the likelihood would keep
-too much of that pull: its gradient g there becomes C' g, but a likelihood of curvature C'HC about the data's optimum
-has C'C' g.  A linear term makes up the difference.  Footprint maps that follow their tires make C D of C
-(:mod:`sysid.estimation.uncertainty.map_following`) and D'C'C' g of C'C' g.  Sensor offsets and gains are eliminated
+The flattened likelihood stands for one with masses and departures integrated out.  Its gradient at the optimum is not
+C' times that of the likelihood itself, as C only has the right curvature: a linear term makes up the difference.
+Sensor offsets and gains are eliminated
 inside the residuals.
 """
 
@@ -90,10 +89,9 @@ class LogDensity:
         self._adjustment = np.asarray(point.adjustment, float)
         self._rows, self._targets = state.parameters.prior_rows()
         # At the optimum the data pull as hard as the priors, the other way.
-        pull = -self._rows.T @ (self._rows @ self.centre - self._targets)
-        follow = np.eye(self.centre.size) if point.map_following is None else point.map_following
-        flat = np.linalg.solve(follow.T, self._adjustment.T)
-        self._tilt = follow.T @ (flat @ flat - flat) @ pull
+        pull = self._rows.T @ (self._rows @ self.centre - self._targets)
+        flattened = self._adjustment.T @ pull
+        self._tilt = np.zeros_like(pull) if point.slope is None else flattened - point.slope
         self.rejected: list[np.ndarray] = []
         self.rejected_count = 0
         expected = motion_prior(state.campaign.bump_runs)

@@ -60,7 +60,7 @@ def histories_of_draws(
 ) -> tuple[np.ndarray, ...]:
     """Tire forces and suspension forces, static load included, [N], suspension and tire deflections [m] of n draws.
 
-    Each is an array (T, na, n).
+    Each is an array (T, na, n); static loads (na, n) [N] come last.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def histories_of_draws(
     """
     count = log_parameters.shape[0]
     masses, departures = vehicles.allowances.masses, vehicles.allowances.departures
-    chunks = []
+    chunks, static = [], []
     for first in range(0, count, TOGETHER):
         # The last chunk repeats its last draw: one size is compiled once.
         chosen = np.minimum(np.arange(first, first + TOGETHER), count - 1)
@@ -83,16 +83,17 @@ def histories_of_draws(
             inputs = law_inputs(vehicle, parameters, of_draw, [driven.load_case])
             inputs = departures.laws(inputs, amplitudes, [driven.load_case])
             laws.append(inputs if vehicles.stops is None else vehicles.stops.on(inputs, int(draw)))
-            roads.append(departures.road([driven], amplitudes))
+            roads.append(vehicles.allowances.road([driven], vehicles.amounts[draw]))
         stacked = jax.tree.map(lambda *parts: np.concatenate(parts), *matrices)
         inputs = jax.tree.map(lambda *parts: np.stack(parts), *laws)
         speed, start_s = (jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s))
         road = wheel_road(stacked, _joined(roads), lanes.axle_x, Motion(speed, start_s), timing)
         sets = jnp.asarray(log_parameters[chosen, :, None])
         tire, suspension, *deflections = _histories(stacked, inputs, road, sets, timing=timing)
+        static.append(np.asarray(stacked.static_load)[..., 0])
         chunks.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, *deflections)])
     together = (np.concatenate(parts, axis=1)[:, :count] for parts in zip(*chunks, strict=True))
-    return tuple(np.moveaxis(history, 1, 2) for history in together)
+    return (*(np.moveaxis(history, 1, 2) for history in together), np.concatenate(static)[:count].T)
 
 
 def _joined(roads: list[EffectiveRoad]) -> EffectiveRoad:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid.arrays import Axles, SamplesByAxlesBySets
+from sysid.arrays import SamplesByAxlesBySets
 from sysid.prediction.predicted_passes import Quantiles
 
 
@@ -16,20 +16,20 @@ def quantiles(values: np.ndarray) -> Quantiles:
     return Quantiles(low, middle, high)
 
 
-def load_coefficient(force_N: SamplesByAxlesBySets, static_N: Axles, passing: np.ndarray) -> np.ndarray:
+def load_coefficient(force_N: SamplesByAxlesBySets, static_N: np.ndarray, passing: np.ndarray) -> np.ndarray:
     """Dynamic load coefficient of each axle and draw: RMS of force less static load, over the static load (axles, S).
 
     Parameters
     ----------
     force_N : (T, axles, S) vertical tire forces [N].
-    static_N : (axles,) [N].
+    static_N : (axles, S) of every draw, or (axles, 1) of all [N].
     passing : (T, axles) bool, the samples that count.
 
     References
     ----------
     D. Cebon, Handbook of Vehicle-Road Interaction (1999), there over a stretch of road.
     """
-    square = np.where(passing[..., None], (force_N / static_N[:, None] - 1.0) ** 2, 0.0)
+    square = np.where(passing[..., None], (force_N / static_N - 1.0) ** 2, 0.0)
     return np.asarray(np.sqrt(square.sum(axis=0) / passing.sum(axis=0)[:, None]))
 
 
@@ -56,10 +56,12 @@ def extremes(
     }
 
 
-def impulse_ratio(force_N: SamplesByAxlesBySets, static_N: Axles) -> np.ndarray:
+def impulse_ratio(force_N: SamplesByAxlesBySets, static_N: np.ndarray) -> np.ndarray:
     """Mean of the force over the pass over the static load, (axles, S): 1 where a pass leaves no momentum behind.
+
+    `static_N` as for :func:`load_coefficient`.
 
     A truck that is at rest before and after has received its weight times the time.  Single wheels of a statically
     indeterminate truck depart from 1 while one of them stands higher than its neighbours.
     """
-    return np.asarray(force_N.mean(axis=0) / static_N[:, None])
+    return np.asarray(force_N.mean(axis=0) / static_N)

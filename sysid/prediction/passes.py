@@ -62,7 +62,8 @@ def _histories(
 class _Pass:
     """Histories (T, axles, S) of one pass, its static loads (axles,), and when each axle rings, (T, axles).
 
-    `deflection_m` of the suspensions, positive in extension; `sunk_m` of the tires as far as their springs carry.
+    `drawn_static_N` (axles, S) those of every draw, as the scale may have been wrong; `deflection_m` of the
+    suspensions, positive in extension; `sunk_m` of the tires as far as their springs carry.
     """
 
     time_s: Samples
@@ -71,6 +72,7 @@ class _Pass:
     deflection_m: SamplesByAxlesBySets
     sunk_m: SamplesByAxlesBySets
     static_N: Axles
+    drawn_static_N: np.ndarray
     passing: np.ndarray
     interval_s: float
 
@@ -118,9 +120,10 @@ def _simulate(
         histories = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), timing=timing)
         tire, suspension, deflection, sunk = (np.asarray(h) for h in histories)
         suspension = suspension + lanes.matrices.carried_load[0]
+        drawn_static = lanes.matrices.static_load[0]
     else:
-        histories = histories_of_draws(lanes, parameters, vehicles, wanted, sets.T, motion, timing)
-        tire, suspension, deflection, sunk = histories
+        drawn = histories_of_draws(lanes, parameters, vehicles, wanted, sets.T, motion, timing)
+        tire, suspension, deflection, sunk, drawn_static = drawn
     static = lanes.matrices.static_load[0, :, 0]
     check_finite(request, parameters, sets, np.asarray(static), tire, suspension, deflection)
     time = np.round(np.arange(samples) * interval_s - lead, 6)
@@ -132,6 +135,7 @@ def _simulate(
         deflection,
         sunk,
         static,
+        np.asarray(drawn_static),
         (time[:, None] >= (road.first_station_m + x) / speed) & (time[:, None] <= (last + x) / speed + AFTER_S),
         interval_s,
     )
@@ -163,7 +167,7 @@ def predict_pass(
     p = _simulate(campaign, parameters, roads, request, sets.T, vehicles, stops)
     force = quantiles(p.tire_N)
     suspension = quantiles(p.suspension_N)
-    ratio = quantiles(p.tire_N.max(axis=0) / p.static_N[:, None])
+    ratio = quantiles(p.tire_N.max(axis=0) / p.drawn_static_N)
     travel = (-p.deflection_m).max(axis=0), p.deflection_m.max(axis=0)
     jounce, rebound = (quantiles(t) for t in travel)
     assumed = stops if vehicles is None else vehicles.stops
@@ -184,11 +188,11 @@ def predict_pass(
         lift_off=(p.tire_N.min(axis=0) <= 0.0).mean(axis=1) >= 0.5,
         warnings=remarks(campaign, request, trust, together, acting),
         suspension_force_N=Quantiles(_transposed(suspension.q05), suspension.q50.T, _transposed(suspension.q95)),
-        load_coefficient=quantiles(load_coefficient(p.tire_N, p.static_N, p.passing)),
+        load_coefficient=quantiles(load_coefficient(p.tire_N, p.drawn_static_N, p.passing)),
         lift_off_s=quantiles(lift_off_time(p.tire_N, INTERVAL_S)),
         jounce_m=jounce,
         rebound_m=rebound,
-        impulse_ratio=quantiles(impulse_ratio(p.tire_N, p.static_N)),
+        impulse_ratio=quantiles(impulse_ratio(p.tire_N, p.drawn_static_N)),
         shape="" if request.shape is None else request.shape.label,
         trust=trust,
         beyond=None if driven is None else beyond_driven(driven, p.sunk_m, p.deflection_m, p.rate_m_s, p.tire_N),
@@ -204,7 +208,7 @@ def peak_ratios(
 ) -> np.ndarray:
     """Peak dynamic load ratio (n, axles) of one pass for every set (n, p) of log parameters."""
     p = _simulate(campaign, parameters, roads, request, sets.T)
-    return np.asarray((p.tire_N.max(axis=0) / p.static_N[:, None]).T)
+    return np.asarray((p.tire_N.max(axis=0) / p.drawn_static_N).T)
 
 
 def _transposed(values: np.ndarray | None) -> np.ndarray | None:
@@ -249,8 +253,8 @@ def speed_sweep(
             interval_s=SWEEP_INTERVAL_S,
             grain=SWEEP_GRAIN,
         )
-        peaks.append(p.tire_N.max(axis=0) / p.static_N[:, None])
-        coefficients.append(load_coefficient(p.tire_N, p.static_N, p.passing))
+        peaks.append(p.tire_N.max(axis=0) / p.drawn_static_N)
+        coefficients.append(load_coefficient(p.tire_N, p.drawn_static_N, p.passing))
         trust = () if driven is None else extrapolations(p.reached(speed), driven, load_case)
         beyond.append([any(e.axle == i and e.what != "speed" for e in trust) for i in range(len(p.static_N))])
     nominal = driven_speeds(campaign, load_case)
@@ -309,9 +313,9 @@ def predict(
         draws = draws[random.choice(draws.shape[0], DRAWS, replace=False)]
     roads = effective_roads(state, requests)
     vehicles, stops = None, assumed_stops(campaign.vehicle, parameters, driven, None)
-    if draws is not None and response is not None:
-        amounts = response.draws(draws, random)
-        drawn = assumed_stops(campaign.vehicle, parameters, driven, random, len(amounts))
+    if response is not None:
+        amounts = response.amounts[None] if draws is None else response.draws(draws, random)
+        drawn = stops if draws is None else assumed_stops(campaign.vehicle, parameters, driven, random, len(amounts))
         vehicles = VehicleDraws(campaign_allowances(campaign, parameters, roads), amounts, drawn)
     sets = state.point.log_parameters[None] if draws is None else draws
     passes = tuple(

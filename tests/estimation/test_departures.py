@@ -91,7 +91,13 @@ def test_scale_is_the_root_mean_square_of_what_exact_data_ask_for():
     score = jacobian.T @ (residual + jacobian[:, :4] @ solved)
     directions = [Departure(ENVELOPE, i) for i in range(4)]
     found = departure_scale(jacobian.T @ jacobian, score, 1e-9 * np.eye(4), np.array([0.03]), directions)
-    np.testing.assert_allclose(found.estimate, behind, rtol=1e-4)
+    np.testing.assert_allclose(found.estimate[1:], behind, rtol=1e-4)
+    # The same from where masses and departures have been moved already.
+    here = np.array([0.01, 0.2, 0.0, 0.3, 0.1])
+    moved = jacobian[:, :4] @ np.linalg.lstsq(jacobian[:, :4], -(residual + jacobian[:, 4:] @ here), rcond=None)[0]
+    there = jacobian.T @ (residual + jacobian[:, 4:] @ here + moved)
+    again = departure_scale(jacobian.T @ jacobian, there, 1e-9 * np.eye(4), np.array([0.03]), directions, here)
+    np.testing.assert_allclose(again.estimate, found.estimate, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(found.sd, np.sqrt(np.mean(behind**2)), rtol=1e-3)
 
 

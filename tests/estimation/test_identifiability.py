@@ -25,7 +25,7 @@ def estimate(name: str, value: float, prior_sd: float, sd: float) -> ParameterEs
 
 def judged(jacobian: np.ndarray, values: np.ndarray = VALUES) -> Identifiability:
     """A linear problem with rows `jacobian` (m, 4) of unit noise in the log parameters."""
-    information = DataInformation(jacobian.T @ jacobian, np.eye(4), np.diag(PRIOR_SD**-2.0), np.zeros(0))
+    information = DataInformation(jacobian.T @ jacobian, np.eye(4), np.diag(PRIOR_SD**-2.0), np.zeros(0), 0)
     covariance = np.linalg.inv(jacobian.T @ jacobian + np.diag(PRIOR_SD**-2.0))
     sd = np.sqrt(np.diag(covariance))
     estimates = [estimate(*row) for row in zip(NAMES, values, PRIOR_SD, sd, strict=True)]
@@ -119,27 +119,39 @@ def dense(seed: int = 3) -> tuple[np.ndarray, np.ndarray, DataInformation]:
     random = np.random.default_rng(seed)
     jacobian = random.normal(size=(80, 5)) * [3.0, 1.0, 2.0, 20.0, 9.0]
     return jacobian, np.diag([0.4, 0.6, 0.8]), DataInformation(
-        jacobian.T @ jacobian, np.diag([0.4, 0.6, 0.8]), np.diag([0.5, 0.0, 2.0]), np.array([0.03, 0.05])
+        jacobian.T @ jacobian, np.diag([0.4, 0.6, 0.8]), np.diag([0.5, 0.0, 2.0]), np.array([0.03, 0.05]), 2
     )  # fmt: skip
 
 
 def test_a_copy_of_all_runs_halves_the_variance_of_noise():
     jacobian, _, information = dense()
-    exact = replace(information, mass_sd=np.zeros(0), prior=np.zeros((3, 3)), matrix=information.matrix[:3, :3])
+    exact = replace(information, sd=np.zeros(0), masses=0, prior=np.zeros((3, 3)), matrix=information.matrix[:3, :3])
     np.testing.assert_allclose(exact.covariance(exact.matrix), 0.5 * exact.covariance(), rtol=1e-10)
     once = np.linalg.inv(exact.flattening.T @ jacobian[:, :3].T @ jacobian[:, :3] @ exact.flattening)
     np.testing.assert_allclose(exact.covariance(), once, rtol=1e-10)
 
 
-def test_wrong_masses_do_not_average_out():
-    """Without priors a copy halves the noise's part, and leaves the part K Sigma K' of the masses as it is."""
+def test_masses_that_the_data_see_are_learnt_from_more_data_and_others_stay_open():
+    """Without priors, against the inverse of the joint information; a mass that moves all alike stays as it was."""
     jacobian, flattening, information = dense()
-    bare = replace(information, prior=np.zeros((3, 3)))
-    shift = np.linalg.pinv(jacobian[:, :3]) @ jacobian[:, 3:]
-    masses = (shift * information.mass_sd**2) @ shift.T
-    noise = np.linalg.inv(flattening.T @ jacobian[:, :3].T @ jacobian[:, :3] @ flattening)
-    np.testing.assert_allclose(bare.covariance(), noise + masses, rtol=1e-7)
-    np.testing.assert_allclose(bare.covariance(bare.matrix), 0.5 * noise + masses, rtol=1e-7)
+    bare = replace(information, prior=np.zeros((3, 3)), flattening=np.eye(3))
+    for copies in (1, 2):
+        joint = copies * jacobian.T @ jacobian
+        joint[3:, 3:] += np.diag(information.sd**-2.0)
+        more = (copies - 1) * bare.matrix
+        np.testing.assert_allclose(bare.covariance(more), np.linalg.inv(joint)[:3, :3], rtol=1e-9)
+    # Flattening is that of the marginal information.
+    flat = replace(bare, flattening=flattening)
+    np.testing.assert_allclose(flat.precision(), flattening @ bare.precision() @ flattening, rtol=1e-12)
+    # A mass whose column is a mix of those of the parameters: its tolerance is carried over whatever the data.
+    alike = jacobian.copy()
+    mix = np.array([[0.4, -0.2], [0.1, 0.3], [-0.3, 0.2]])
+    alike[:, 3:] = alike[:, :3] @ mix
+    carried = (mix * information.sd**2) @ mix.T
+    noise = np.linalg.inv(alike[:, :3].T @ alike[:, :3])
+    same = replace(bare, matrix=alike.T @ alike)
+    np.testing.assert_allclose(same.covariance(), noise + carried, rtol=1e-7)
+    np.testing.assert_allclose(same.covariance(same.matrix), 0.5 * noise + carried, rtol=1e-7)
 
 
 def test_the_fit_s_covariance_comes_out_again():

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from sysid.estimation.uncertainty.sandwich import adjust, block_scores
+from sysid.estimation.uncertainty.information import BlockInformation, model_error
+from sysid.estimation.uncertainty.sandwich import adjust, block_scores, flattening
 
 
 def linear_blocks(blocks: int, samples: int, shared: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -55,7 +58,7 @@ def test_a_run_s_own_unknowns_are_eliminated_like_a_schur_complement() -> None:
     residual = random.standard_normal((50, 1, 2))
     jacobian = random.standard_normal((50, 1, 2, 6))
     prior = np.diag([0.3, 0.0, 1.0])[None]
-    scores, information = block_scores(residual, jacobian, np.zeros((1, 2)), np.zeros((1, 2, 6)), prior)
+    scores, information, _ = block_scores(residual, jacobian, np.zeros((1, 2)), np.zeros((1, 2, 6)), prior)
     dense = jacobian[:, 0].reshape(-1, 6)
     normal = dense.T @ dense
     normal[3:, 3:] += prior[0]
@@ -88,7 +91,12 @@ def test_scores_and_information_are_those_of_all_rows_written_out():
     residual, jacobian = random.normal(size=(samples, runs, channels)), random.normal(size=(samples, runs, channels, 7))
     gain, by_gain = random.normal(size=(runs, channels)), random.normal(size=(runs, channels, 7))
     prior = np.array([np.diag(random.uniform(1.0, 3.0, own)) for _ in range(runs)])
-    scores, information = block_scores(residual, jacobian, gain, by_gain, prior)
+    used = np.array([[True, False, True], [True, True, True]])
+    scores, information, parts = block_scores(residual, jacobian, gain, by_gain, prior, used)
+    once = block_scores(residual, jacobian, gain, by_gain, prior)
+    np.testing.assert_allclose(once.information, information, rtol=1e-9)
+    assert once.parts == []
+    of_channels = iter(parts)
     for r in range(runs):
         rows = [np.vstack([jacobian[:, r, c], by_gain[r, c]]) for c in range(channels)]
         values = [np.append(residual[:, r, c], gain[r, c]) for c in range(channels)]
@@ -100,3 +108,42 @@ def test_scores_and_information_are_those_of_all_rows_written_out():
         for c in range(channels):
             pull = rows[c].T @ values[c]
             np.testing.assert_allclose(scores[r, c], pull[:shared] - pull[shared:] @ left, rtol=1e-9, atol=1e-10)
+            if used[r, c]:
+                free = rows[c][:, :shared] - rows[c][:, shared:] @ left
+                np.testing.assert_allclose(next(of_channels), free.T @ free, rtol=1e-9, atol=1e-10)
+    assert next(of_channels, None) is None
+
+
+def test_model_error_is_the_factor_by_which_blocks_scatter_more_than_noise():
+    """Regressions whose residuals are alike within short stretches: the variance of J'r is known in closed form."""
+    random = np.random.default_rng(11)
+    blocks, rows, count, together, prior = 40, 60, 10, 5, 1e-6 * np.eye(10)
+    nothing = SimpleNamespace(masses=SimpleNamespace(sd=np.zeros(0)), departures=SimpleNamespace(directions=()))
+    factors, noise = [], []
+    for _ in range(60):
+        # Columns alike in the same stretches: five equal readings tell as much as one.
+        jacobian = np.repeat(random.normal(size=(blocks, rows // together, count)), together, axis=1)
+        for found, alike in ((factors, True), (noise, False)):
+            shape = (blocks, rows // together, 1) if alike else (blocks, rows // together, together)
+            residual = np.broadcast_to(random.normal(size=shape), (blocks, rows // together, together))
+            residual = residual.reshape(blocks, rows)
+            flat = jacobian.reshape(-1, count)
+            x = -np.linalg.lstsq(flat, residual.ravel(), rcond=None)[0]
+            left = residual + jacobian @ x
+            scores, parts = np.einsum("brp,br->bp", jacobian, left), jacobian.swapaxes(1, 2) @ jacobian
+            data = BlockInformation(flat.T @ flat, scores, tuple(range(blocks)), parts)
+            found.append(model_error(data, prior, np.zeros(count), nothing, np.zeros(0)).factor)
+    assert np.mean(factors) == pytest.approx(together, rel=0.04)
+    # Noise alone: one, but for what scatters above it.
+    assert 1.0 <= np.mean(noise) < 1.1
+
+
+def test_flattening_turns_one_information_into_another() -> None:
+    """C' H C is what was wanted, one direction without data; C = I where nothing is to change."""
+    random = np.random.default_rng(13)
+    root, less = random.normal(size=(4, 4)), np.diag([0.2, 0.5, 0.9, 1.0])
+    information = np.pad(root.T @ root, (0, 1))
+    wanted = np.pad(root.T @ less @ root, (0, 1))
+    matrix = flattening(information, wanted)
+    np.testing.assert_allclose(matrix.T @ information @ matrix, wanted, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(flattening(root.T @ root, root.T @ root), np.eye(4), atol=1e-7)

@@ -15,15 +15,15 @@ from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.minimiser import minimise
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
-from sysid.estimation.uncertainty.information import adjusted_information
-from sysid.estimation.uncertainty.mass_effect import mass_effect
-from sysid.estimation.uncertainty.mass_response import mass_response
-from sysid.estimation.uncertainty.sandwich import adjust
-from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
+from sysid.estimation.uncertainty.allowances import campaign_allowances
+from sysid.estimation.uncertainty.joint_step import integrated, joint_step
+from sysid.estimation.uncertainty.mass_response import MassResponse
+from sysid.estimation.uncertainty.uncertain_masses import AXLE_LOAD, SCALE, uncertain_masses
 from sysid.vehicle_model.assembly import assemble
 
 OPTIONS = FitOptions(weight_rounds=1, cross_check=False)
@@ -37,56 +37,39 @@ def linear_problem(seed: int = 1) -> tuple[np.ndarray, ...]:
     return jacobian, random.normal(size=60), np.diag([0.5, 0.0, 2.0]), np.array([0.03, 0.05])
 
 
-def test_known_scatter_gives_the_covariance_of_estimates_with_masses_at_random():
-    """x_hat = -(H)^-1 J'(r + M d): its covariance over noise and masses, in closed form."""
-    jacobian, _, _, sd = linear_problem()
-    information = jacobian.T @ jacobian
-    effect = mass_effect(information, np.zeros(5), np.zeros((3, 3)), sd)
-    noise = np.random.default_rng(2).normal(size=(20_000, 60))
-    scores = noise[:, :, None] * jacobian[None, :, :3]
-    blocks = scores.sum(axis=1) / np.sqrt(20_000)
-    found = adjust(blocks, range(20_000), information[:3, :3], effect.scatter, never_sharper=False)
-    pseudo = np.linalg.pinv(jacobian[:, :3])
-    shift = pseudo @ jacobian[:, 3:]
-    exact = pseudo @ pseudo.T + (shift * sd**2) @ shift.T
-    assert np.allclose(np.linalg.inv(found.information), exact, rtol=0.03, atol=0.03 * np.abs(exact).max())
-    # The mean square of the noise blocks alone stays what it is reported as.
-    assert np.allclose(found.inflation, 1.0, atol=0.05)
-
-
-def test_sensitivity_and_what_the_data_ask_for_are_those_of_a_dense_problem():
+def test_one_step_reaches_the_joint_optimum_of_a_dense_problem():
+    """From any point of a linear problem, against least squares with the masses as further unknowns."""
     jacobian, residual, prior, sd = linear_problem()
     root = np.sqrt(prior)
-
-    def solved(mass: np.ndarray) -> np.ndarray:
-        rows = np.concatenate([jacobian[:, :3], root])
-        return np.linalg.lstsq(rows, -np.concatenate([residual + jacobian[:, 3:] @ mass, np.zeros(3)]), rcond=None)[0]
-
-    every = np.concatenate([jacobian, np.eye(2, 5, 3) / sd[:, None], np.concatenate([root, np.zeros((3, 2))], axis=1)])
-    joint = np.linalg.lstsq(every, -np.concatenate([residual, np.zeros(5)]), rcond=None)[0]
-    at_declared = jacobian.T @ (residual + jacobian[:, :3] @ solved(np.zeros(2)))
-    effect = mass_effect(jacobian.T @ jacobian, at_declared, prior, sd)
-    for k, unit in enumerate(np.eye(2)):
-        assert np.allclose(effect.sensitivity[:, k], solved(unit) - solved(np.zeros(2)), rtol=1e-9)
-    assert np.allclose(effect.estimate, joint[3:], rtol=1e-9)
-    assert np.allclose(solved(np.zeros(2)) + effect.sensitivity @ effect.estimate, joint[:3], rtol=1e-9)
+    free = np.concatenate([jacobian, np.eye(2, 5, 3) / sd[:, None], np.concatenate([root, np.zeros((3, 2))], axis=1)])
+    joint = np.linalg.lstsq(free, -np.concatenate([residual, np.zeros(5)]), rcond=None)[0]
+    here, amounts = np.array([0.1, -0.2, 0.05]), np.array([0.04, -0.01])
+    score = jacobian.T @ (residual + jacobian @ np.concatenate([here, amounts]))
+    step = joint_step(jacobian.T @ jacobian, score, prior, prior @ here, sd, amounts)
+    np.testing.assert_allclose(np.concatenate([here + step.parameters, amounts + step.amounts]), joint, rtol=1e-9)
+    spread = np.sqrt(np.diag(np.linalg.inv(free.T @ free)))[3:]
+    assert step.largest == pytest.approx(np.max(np.abs(joint[3:] - amounts) / spread), rel=1e-9)
+    # An exact mass stays where it is, and does not divide by zero.
+    held = joint_step(jacobian.T @ jacobian, score, prior, prior @ here, np.array([0.03, 0.0]), amounts * [1.0, 0.0])
+    assert held.amounts[1] == 0.0
 
 
-def test_masses_go_with_parameters_as_in_their_joint_distribution():
-    """Conditional mean and covariance of a joint Gaussian, from its full precision matrix."""
-    random = np.random.default_rng(3)
-    sensitivity, sd = random.normal(size=(3, 2)), np.array([0.03, 0.05])
-    own = 1e-3 * np.diag([1.0, 2.0, 0.5])
-    covariance = own + (sensitivity * sd**2) @ sensitivity.T
-    response = mass_response(np.arange(3.0), sensitivity, np.diag(sd), np.linalg.inv(covariance))
-    joint = np.block([[covariance, sensitivity * sd**2], [(sensitivity * sd**2).T, np.diag(sd**2)]])
-    precision = np.linalg.inv(joint)
-    assert np.allclose(response.factor @ response.factor.T, np.linalg.inv(precision[3:, 3:]), rtol=1e-9)
-    assert np.allclose(response.response, -np.linalg.solve(precision[3:, 3:], precision[3:, :3]), rtol=1e-9)
+def test_masses_integrated_out_leave_the_marginal_of_a_joint_gaussian():
+    """Marginal precision, conditional mean and covariance, from the full precision matrix and its inverse."""
+    jacobian, _, _, sd = linear_problem(3)
+    information = jacobian.T @ jacobian
+    joint = information + np.diag(np.concatenate([np.zeros(3), sd**-2.0]))
+    left = integrated(information, 3, sd)
+    np.testing.assert_allclose(np.linalg.inv(left.information), np.linalg.inv(joint)[:3, :3], rtol=1e-9)
+    np.testing.assert_allclose(left.factor @ left.factor.T, np.linalg.inv(joint[3:, 3:]), rtol=1e-9)
+    np.testing.assert_allclose(left.response, -np.linalg.solve(joint[3:, 3:], joint[3:, :3]), rtol=1e-9)
+    response = MassResponse(np.arange(3.0), left.response, left.factor, np.array([0.01, -0.02]))
     points = np.tile(np.array([0.01, 0.98, 2.03]), (50_000, 1))
-    drawn = response.draws(points, random)
-    assert np.allclose(drawn.mean(axis=0), response.response @ [0.01, -0.02, 0.03], atol=1e-3)
-    assert np.allclose(np.cov(drawn.T), response.factor @ response.factor.T, atol=2e-5)
+    drawn = response.draws(points, np.random.default_rng(4))
+    spread = np.sqrt(np.diag(left.factor @ left.factor.T))
+    mean = np.array([0.01, -0.02]) + left.response @ [0.01, -0.02, 0.03]
+    np.testing.assert_allclose(drawn.mean(axis=0) / spread, mean / spread, atol=0.02)
+    np.testing.assert_allclose(np.cov(drawn.T) / np.outer(spread, spread), np.corrcoef(drawn.T), atol=0.02)
 
 
 def test_factors_keep_axle_loads_and_total_mass():
@@ -104,9 +87,11 @@ def test_factors_keep_axle_loads_and_total_mass():
         "pitch_inertia[truck, laden]",
         "cg_height[truck, empty]",
         "cg_height[truck, laden]",
+        *(f"axle_load_{i}[{case}]" for case in ("empty", "laden") for i in (1, 2, 3)),
+        "axle_load_scale",
     ]
-    np.testing.assert_allclose(masses.sd, [0.03] * 4 + [0.05] * 2 + [0.03] * 2)
-    change = np.array([0.02, -0.03, 0.01, 0.05, 0.1, 0.0, 0.0, -0.06])
+    np.testing.assert_allclose(masses.sd, [0.03] * 4 + [0.05] * 2 + [0.03] * 2 + [0.005] * 7)
+    change = np.array([0.02, -0.03, 0.01, 0.05, 0.1, 0.0, 0.0, -0.06, *[0.0] * 7])
     found, loads = masses.applied(change)
     assert sum(found.unsprung_mass_kg) + loads["empty"].sprung_mass_kg[0] == pytest.approx(sum(EMPTY.axle_loads_kg))
     np.testing.assert_allclose(
@@ -118,13 +103,31 @@ def test_factors_keep_axle_loads_and_total_mass():
     assert loads["laden"].cg_height_m[0] == pytest.approx(1.55 * np.exp(-0.06))
     assert loads["laden"].axle_loads_kg == LADEN.axle_loads_kg
     assemble(found, loads["laden"])
-    far, _ = masses.applied(np.full(8, 9.0))
-    assert far.axles[0].unsprung_mass_kg == pytest.approx(520 * np.exp(0.09))
+    far, _ = masses.applied(np.full(15, 9.0))
+    assert far.axles[0].unsprung_mass_kg == pytest.approx(520 * np.exp(0.12))
+
+
+def test_what_a_scale_showed_wrongly_the_bodies_carry():
+    runs = [empty_run("a.csv", 6.0), empty_run("b.csv", 6.0, load_case="laden")]
+    masses = uncertain_masses(campaign(runs, vehicle=TOLERANT, load_cases=(EMPTY, LADEN)))
+    names = [f.name for f in masses.factors]
+    change = np.zeros(len(names))
+    change[names.index("axle_load_2[laden]")] = 0.01
+    change[names.index("axle_load_scale")] = -0.004
+    vehicle, cases = masses.applied(change)
+    assert vehicle.unsprung_mass_kg == TOLERANT.unsprung_mass_kg
+    loads = np.array(LADEN.axle_loads_kg) * np.exp(-0.004) * [1.0, np.exp(0.01), 1.0]
+    np.testing.assert_allclose(cases["laden"].axle_loads_kg, loads, rtol=1e-12)
+    np.testing.assert_allclose(cases["empty"].axle_loads_kg, np.array(EMPTY.axle_loads_kg) * np.exp(-0.004), rtol=1e-12)
+    for case, declared in ((cases["laden"], LADEN), (cases["empty"], EMPTY)):
+        gained = sum(case.axle_loads_kg) - sum(declared.axle_loads_kg)
+        assert case.sprung_mass_kg[0] - declared.sprung_mass_kg[0] == pytest.approx(gained, abs=1e-9)
+        assemble(vehicle, case)
 
 
 def test_load_cases_with_one_declared_value_share_its_factor_and_zero_switches_off():
     same = replace(LADEN, pitch_inertia_kg_m2=EMPTY.pitch_inertia_kg_m2)
-    vehicle = replace(TOLERANT, tolerances=MassTolerances(0.0, 0.07, 0.0, 0.0))
+    vehicle = replace(TOLERANT, tolerances=MassTolerances(0.0, 0.07, 0.0, 0.0, 0.0, 0.0))
     runs = [empty_run("a.csv", 6.0), empty_run("b.csv", 6.0, load_case="laden")]
     masses = uncertain_masses(campaign(runs, vehicle=vehicle, load_cases=(EMPTY, same)))
     (factor,) = masses.factors
@@ -147,30 +150,25 @@ def fits():
     return tolerant, plain, moved, exact, masses, off
 
 
-def test_the_optimum_moves_as_the_covariance_says(fits):
-    data, (plain, state), _, (exact, _), masses, off = fits
+def test_a_mass_that_is_off_within_its_tolerance_moves_k_and_c_little(fits):
+    """With masses exact the same error moves c of that axle by more than one and a half per cent."""
+    data, (plain, state), (moved, _), (exact, _), masses, off = fits
     assert exact.masses == ()
-    np.testing.assert_allclose([p.value for p in plain.parameters], [p.value for p in exact.parameters], rtol=1e-9)
-    # Under the footprint maps of the fit: maps made again for other tires move the optimum once more.
+    assert state.point.amounts.size == state.allowances.count
     vehicle, cases = masses.applied(off)
     other = replace(data, vehicle=vehicle, load_cases=cases)
-    parameters, tires = state.model.parameters, state.model.tires
-    heavier = bump_model(other, parameters, {"bump": rigid_truck.bump()}, tires=tires)
-    problem = Problem(heavier, other, state.point.motion, state.point.weights)
+    model = bump_model(other, state.model.parameters, {"bump": rigid_truck.bump()}, tires=state.model.tires)
+    problem = Problem(model, other, state.point.motion, state.point.weights)
     start = problem.vector(state.point.log_parameters)
-    found = minimise(problem.evaluate, start, relative_tolerance=1e-8).point[: problem.count]
-    change = found - state.point.log_parameters
-    _, effect, _ = adjusted_information(data, state.problem(), start, state.allowances)
-    names = list(plain.names)
-    for name in ("c_2", "kt_2", "ct_2"):
-        k = names.index(name)
-        assert change[k] == pytest.approx(effect.sensitivity[k, 1] * off[1], rel=0.25)
-    k = names.index("c_2")
-    assert abs(change[k]) > 0.015
-    assert plain.parameters[k].sd > 5.0 * exact.parameters[k].sd
-    # The parameters moved as they do where this mass is off, and they say so.
-    told = state.point.mass_response.response @ change
-    np.testing.assert_allclose(told[:3], off[:3], atol=0.2 * off[1])
+    held = minimise(problem.evaluate, start, relative_tolerance=1e-8).point[: problem.count]
+    k = list(plain.names).index("c_2")
+    assert abs(held[k] - state.point.log_parameters[k]) > 0.015
+    values, sd = (np.array([getattr(p, name) for p in plain.parameters]) for name in ("value", "sd"))
+    change = np.array([p.value for p in moved.parameters]) - values
+    wanted = [i for i, p in enumerate(plain.parameters) if p.quantity in ("stiffness", "damping")]
+    assert np.abs(change[wanted] / sd[wanted]).max() < 0.3
+    # The scale is not known better than that, so neither are k and c.
+    assert np.all(sd[wanted] / values[wanted] > 0.8 * data.vehicle.tolerances.axle_load_scale)
 
 
 def test_what_the_data_ask_for_is_what_the_masses_are(fits):
@@ -200,7 +198,9 @@ def test_matrices_are_assembled_again_as_for_a_vehicle_declared_so():
     parameters, profiles = campaign_parameters(data, None), {"bump": rigid_truck.bump()}
     model = bump_model(data, parameters, profiles)
     masses = uncertain_masses(data)
-    vehicle, cases = masses.applied(0.5 * masses.sd)
+    # Loads as declared: maps of the footprint stay those of these loads.
+    weighed = np.array([f.quantity in (AXLE_LOAD, SCALE) for f in masses.factors])
+    vehicle, cases = masses.applied(np.where(weighed, 0.0, 0.5 * masses.sd))
     other = bump_model(replace(data, vehicle=vehicle, load_cases=cases), parameters, profiles)
     motion = RunMotion.steady(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
     x = parameters.start
@@ -208,3 +208,33 @@ def test_matrices_are_assembled_again_as_for_a_vehicle_declared_so():
         simulate_runs(model.with_vehicle(vehicle, cases), x, motion), simulate_runs(other, x, motion), strict=True
     ):
         np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
+
+
+def test_a_truck_with_all_masses_loads_and_stiffnesses_a_little_larger_moves_in_the_same_way():
+    """What no data can tell: the scale.  Held by footprints that follow the loads; without that the motion differs."""
+    runs = [empty_run("a.csv", 6.0, samples=200), empty_run("b.csv", 7.0, load_case="laden", samples=200)]
+    data = campaign(runs, vehicle=TOLERANT, load_cases=(EMPTY, LADEN))
+    parameters, profiles, larger = campaign_parameters(data, None), {"bump": rigid_truck.bump()}, 0.01
+    x = parameters.start.copy()
+    n = np.exp(x[list(parameters.names).index("tire_exponent")])
+    y = x.copy()
+    # The stiffness of a tire is that under the declared load.
+    share = {"stiffness": 1.0, "damping": 1.0, "tire_stiffness": 1.0 / n, "tire_damping": 1.0 / n}
+    y += larger * np.array([share.get(p.quantity, 0.0) for p in parameters.parameters])
+    model, other = (bump_model(data, parameters, profiles, tires=map_tires(parameters, v)) for v in (x, y))
+    allowances = campaign_allowances(data, parameters, other.felt)
+    names = [f.name for f in allowances.masses.factors]
+    amounts = np.zeros(allowances.count)
+    for k, name in enumerate(names):
+        amounts[k] = larger if name.startswith(("unsprung", "pitch", "axle_load_scale")) else 0.0
+    motion = RunMotion.steady(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
+    moved = allowances.moved(other, amounts)
+    vehicle = allowances.masses.applied(amounts[: len(names)])
+    unfollowed = allowances.departures.model(other.with_vehicle(*vehicle), amounts[len(names) :])
+    trucks = ((model, x), (moved, y), (unfollowed, y))
+    base, same, different = (np.concatenate(simulate_runs(truck, v, motion)) for truck, v in trucks)
+    size = np.sqrt((base**2).mean(axis=(0, 1)))
+    off, control = (np.sqrt(((s - base) ** 2).mean(axis=(0, 1))) / size for s in (same, different))
+    # Footprints follow to first order.
+    assert off.max() < 7e-4
+    assert control.max() > 5e-3

@@ -28,9 +28,7 @@ def fit() -> SyntheticFit:
 @pytest.fixture(scope="session")
 def density(fit) -> LogDensity:
     """The density as it is without flattening for model error."""
-    return LogDensity(
-        replace(fit.state, point=replace(fit.state.point, adjustment=np.eye(fit.truth.size), map_following=None))
-    )
+    return LogDensity(replace(fit.state, point=replace(fit.state.point, adjustment=np.eye(fit.truth.size), slope=None)))
 
 
 def in_batches(density: LogDensity, points: np.ndarray) -> np.ndarray:
@@ -117,8 +115,8 @@ def test_curvature_is_the_covariance_of_the_fit(fit):
 
 
 def test_flattening_moves_the_likelihood_and_not_the_priors(fit, density):
-    matrix = np.diag(np.linspace(0.4, 1.0, 13))
-    flattened = LogDensity(replace(fit.state, point=replace(fit.state.point, adjustment=matrix, map_following=None)))
+    matrix, slope = np.diag(np.linspace(0.4, 1.0, 13)), np.linspace(-3.0, 2.0, 13)
+    flattened = LogDensity(replace(fit.state, point=replace(fit.state.point, adjustment=matrix, slope=slope)))
     centre = fit.state.point.log_parameters
     points = centre + 0.01 * np.random.default_rng(4).normal(size=(5, 13))
     rows, targets = fit.parameters.prior_rows()
@@ -127,9 +125,9 @@ def test_flattening_moves_the_likelihood_and_not_the_priors(fit, density):
         return -0.5 * ((x @ rows.T - targets) ** 2).sum(axis=1)
 
     pulled = centre + (points - centre) @ matrix.T
-    # The gradient g of a quadratic H about another point becomes C' g here, and C'C' g where that point is kept.
-    pull = rows.T @ (targets - rows @ centre)
-    tilt = (points - centre) @ ((matrix @ matrix - matrix) @ pull)
+    # At the optimum the likelihood pulls as hard as the priors; C' times that is not the slope that is wanted.
+    pull = rows.T @ (rows @ centre - targets)
+    tilt = (points - centre) @ (matrix @ pull - slope)
     expected = density(pulled) - prior(pulled) - tilt
     np.testing.assert_allclose(flattened(points) - prior(points), expected, rtol=1e-9)
 

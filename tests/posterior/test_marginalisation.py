@@ -54,7 +54,7 @@ def joint_density(fit: SyntheticFit, points: np.ndarray) -> np.ndarray:
 
 def marginal_density(fit: SyntheticFit, points: np.ndarray) -> np.ndarray:
     density = LogDensity(
-        replace(fit.state, point=replace(fit.state.point, adjustment=np.eye(fit.truth.size), map_following=None))
+        replace(fit.state, point=replace(fit.state.point, adjustment=np.eye(fit.truth.size), slope=None))
     )
     return np.concatenate([density(points[k : k + BATCH]) for k in range(0, len(points), BATCH)])
 

@@ -94,9 +94,7 @@ def doubled(fit: SyntheticFit) -> LogDensity:
 
 @pytest.mark.long
 def test_doubled_data_shrink_standard_deviations_by_the_square_root_of_two(fit):
-    once = LogDensity(
-        replace(fit.state, point=replace(fit.state.point, adjustment=np.eye(fit.truth.size), map_following=None))
-    )
+    once = LogDensity(replace(fit.state, point=replace(fit.state.point, adjustment=np.eye(fit.truth.size), slope=None)))
     centre, covariance = fit.state.point.log_parameters[:SAMPLED], conditional_covariance(fit)
     first = chain(slice_of(fit, once), centre, covariance, 400)
     second = chain(slice_of(fit, doubled(fit)), centre, covariance / 2, 400, seed=2)

@@ -96,14 +96,18 @@ def test_a_narrow_posterior_has_the_band_of_a_linear_response(fit):
 def test_every_draw_is_a_truck_of_its_own(fit):
     random = np.random.default_rng(8)
     # Declared masses with tolerances, and factors that go with the draws as the response says.
-    vehicle = replace(fit.campaign.vehicle, tolerances=MassTolerances())
+    # Loads as declared: a vehicle declared with others has other footprints.
+    vehicle = replace(fit.campaign.vehicle, tolerances=MassTolerances(axle_load=0.0, axle_load_scale=0.0))
     data = replace(fit.campaign, vehicle=vehicle)
     masses = uncertain_masses(data)
     model = bump_model(data, fit.parameters, fit.profiles)
     state = FitState(data, fit.state.point, model)
     count = state.allowances.count
     response = MassResponse(
-        fit.truth, np.zeros((count, len(fit.truth))), np.diag(np.r_[masses.sd, np.zeros(count)][:count])
+        fit.truth,
+        np.zeros((count, len(fit.truth))),
+        np.diag(np.r_[masses.sd, np.zeros(count)][:count]),
+        np.zeros(count),
     )
     state = replace(state, point=replace(state.point, mass_response=response))
     draws = state.point.log_parameters + 0.02 * random.normal(size=(5, len(fit.truth)))

@@ -266,7 +266,7 @@ def test_load_coefficient_of_a_sine_is_its_amplitude_over_root_two():
     passing = np.ones((1000, 2), bool)
     passing[500:, 1] = False
     force[500:, 1] = 1e5
-    found = load_coefficient(force, np.array([100.0, 100.0]), passing)
+    found = load_coefficient(force, np.array([[100.0], [100.0]]), passing)
     np.testing.assert_allclose(found[:, 0], 0.3 / np.sqrt(2.0), rtol=1e-9)
 
 

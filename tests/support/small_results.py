@@ -247,7 +247,7 @@ def small_fit(w: Words = Words(), **changes: object) -> FitResult:
     relative = np.array([p.sd / p.value for p in parameters])
     correlation = np.full((6, 6), 0.3) + 0.7 * np.eye(6)
     covariance, prior = correlation * np.outer(relative, relative), np.eye(6) / 0.4**2
-    information = DataInformation(np.linalg.inv(covariance) - prior, np.eye(6), prior, np.zeros(0))
+    information = DataInformation(np.linalg.inv(covariance) - prior, np.eye(6), prior, np.zeros(0), 0)
     lag = np.arange(20) * 0.005
     fields: dict[str, object] = {
         "parameters": parameters,

@@ -15,9 +15,9 @@ import numpy as np
 from sysid.campaign.records import BumpRun, Campaign, Channel, LoadCase, PlankDrop, Vehicle
 from sysid.errors import DataRejectedError, SysidError
 from sysid.estimation.fit.evaluation import parameter_sd
-from sysid.estimation.fit.least_squares import optimise_from
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.reweighted_search import optimise_from
 from sysid.estimation.fit.start_search import best_shift
 from sysid.estimation.parameters.campaign_parameters import (
     DOUBTFUL_DAMPING_SD,

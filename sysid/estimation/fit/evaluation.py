@@ -26,9 +26,8 @@ from sysid.estimation.residuals.run_motion import CHANGE, OWN, SHIFT, SHIFT_UNIT
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, Identifiability, assess
-from sysid.estimation.uncertainty.information import DataInformation, adjusted_information
-from sysid.estimation.uncertainty.mass_effect import MassEffect
-from sysid.estimation.uncertainty.mass_response import MassResponse, mass_response
+from sysid.estimation.uncertainty.information import AdjustedInformation, adjusted_information
+from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.sandwich import Adjustment
 from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
 from sysid.estimation.weights.residual_evidence import residual_evidence
@@ -60,7 +59,8 @@ def evaluate_optimum(
     compressed = problem.compressed(vector)
     _check_runs_are_seen(campaign, problem, compressed)
     allowances = campaign_allowances(campaign, model.parameters, model.felt)
-    adjustment, effect, information = adjusted_information(campaign, problem, vector, allowances)
+    adjusted = adjusted_information(campaign, problem, vector, allowances, optimum.amounts)
+    adjustment = adjusted.adjustment
     covariance = _covariance(problem, compressed, adjustment)
     scaled = compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0)
     singular = np.linalg.svd(scaled, compute_uv=False)
@@ -71,10 +71,10 @@ def evaluate_optimum(
     usable = [np.isfinite(n) for n in weights.noise_sd]
     median_inflation = float(np.median(np.concatenate([v[u] for v, u in zip(inflation, usable, strict=True)])))
     shared = covariance[: problem.count, : problem.count]
-    determined = assess(estimates, shared, information)
+    determined = assess(estimates, shared, adjusted.data)
     warnings = fit_warnings(minimum, (optimum.misfit, optimum.over_instruments), halving, difference, determined)
-    checks = _mass_checks(allowances.masses, effect)
-    point = _fit_point(problem, vector, effect, adjustment, information)
+    checks = _mass_checks(allowances.masses, adjusted.response)
+    point = _fit_point(problem, vector, adjusted)
     fit = FitResult(
         parameters=estimates,
         run_parameters=runs,
@@ -103,32 +103,19 @@ def evaluate_optimum(
     return fit, FitState(campaign, point, model)
 
 
-def _fit_point(
-    problem: Problem,
-    vector: np.ndarray,
-    effect: MassEffect,
-    adjustment: Adjustment,
-    information: DataInformation,
-) -> FitPoint:
+def _fit_point(problem: Problem, vector: np.ndarray, adjusted: AdjustedInformation) -> FitPoint:
     """All that is kept of where the fit ended, at the unknowns `vector`."""
     parameters, motion = problem.unpack(vector)
-    return replace(
-        fit_point(problem.model, parameters, motion, problem.weights, adjustment.matrix),
-        mass_response=_mass_response(parameters, effect, adjustment),
-        map_following=information.map_following,
-    )
+    point = fit_point(problem.model, parameters, motion, problem.weights, adjusted.adjustment.matrix)
+    if not adjusted.response.amounts.size:
+        return replace(point, slope=adjusted.slope)
+    return replace(point, slope=adjusted.slope, amounts=adjusted.response.amounts, mass_response=adjusted.response)
 
 
-def _mass_response(parameters: np.ndarray, effect: MassEffect, adjustment: Adjustment) -> MassResponse | None:
-    if not effect.estimate.size:
-        return None
-    return mass_response(parameters, effect.by_data, effect.spread, adjustment.information)
-
-
-def _mass_checks(masses: UncertainMasses, effect: MassEffect) -> tuple[MassCheck, ...]:
+def _mass_checks(masses: UncertainMasses, response: MassResponse) -> tuple[MassCheck, ...]:
     return tuple(
         MassCheck(f.name, f.quantity, f.words, f.sd, float(np.exp(estimate)))
-        for f, estimate in zip(masses.factors, effect.estimate, strict=False)
+        for f, estimate in zip(masses.factors, response.amounts, strict=False)
     )
 
 

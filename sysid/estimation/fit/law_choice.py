@@ -23,6 +23,7 @@ from sysid.campaign.records import Campaign, Vehicle
 from sysid.estimation.fit.contact_trials import contact_trials
 from sysid.estimation.fit.evaluation import evaluate_optimum, parameter_sd
 from sysid.estimation.fit.fit_result import FitResult, LawComparison, LawTrial
+from sysid.estimation.fit.joint_optimum import joint_optimum
 from sysid.estimation.fit.law_evidence import Judged, LawEvidence
 from sysid.estimation.fit.law_families import FAMILIES, STOPS, Laws, richest_laws, without_family
 from sysid.estimation.fit.law_screen import promising
@@ -117,7 +118,8 @@ def fit_with_laws(
         chosen, comparison = _compare(campaign, declared, rich, chosen, fitted)
     elif open_laws:
         chosen = optimise(campaign, parameters, profiles, options, report, near=chosen)
-    fit, state = evaluate_optimum(campaign, chosen, options, report)
+    joint = joint_optimum(campaign, chosen, profiles, options, report)
+    fit, state = evaluate_optimum(campaign, joint, options, report)
     rockers = undeclared_rockers(campaign, chosen, drops, profiles, options, report)
     fit = replace(fit, undeclared_rockers=rockers, warnings=(*(r.proposal for r in rockers), *fit.warnings))
     trials = contact_trials(campaign, chosen, profiles, options, report) if options.contact_spread else ()

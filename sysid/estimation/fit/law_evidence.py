@@ -21,10 +21,11 @@ import numpy as np
 from sysid.arrays import ParametersByParameters
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE
 from sysid.estimation.uncertainty.departures import departures
-from sysid.estimation.uncertainty.information import allowance_columns, information_with
+from sysid.estimation.uncertainty.information import information_with
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, joined
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 
@@ -91,7 +92,9 @@ class LawEvidence:
 
     def _columns(self, optimum: Optimum) -> tuple[ResidualColumns, ...]:
         """Derivatives of every group's residuals at an optimum by masses and departures."""
-        return allowance_columns(optimum.problem, optimum.vector, self._allowances)
+        problem = optimum.problem
+        parameters, motion = problem.unpack(optimum.vector)
+        return allowance_columns(problem.model, self._allowances, problem.weights, parameters, motion)
 
     def judge(self, optimum: Optimum) -> Judged:
         """An optimum with the evidence for it."""

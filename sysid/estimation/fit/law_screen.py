@@ -123,7 +123,7 @@ def candidate_columns(campaign: Campaign, optimum: Optimum, found: Sequence[Cand
     """Derivatives of every group's residuals by the candidates, in units of their prior scales."""
     problem = optimum.problem
     trials = [(_with_candidate(campaign, problem.model, candidate), STEP) for candidate in found]
-    return difference_columns(problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
+    return difference_columns(problem.model, problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
 
 
 def _with_candidate(campaign: Campaign, model: BumpModel, candidate: Candidate) -> BumpModel:

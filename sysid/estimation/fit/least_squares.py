@@ -4,31 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
-from sysid.arrays import Parameters, RunsByChannels
+from sysid.arrays import Parameters
 from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit.evaluation import evaluate_optimum
 from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.fit.joint_optimum import joint_optimum
 from sysid.estimation.fit.load_case_check import check_load_cases
-from sysid.estimation.fit.minimiser import Minimum, minimise
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.reweighted_search import instrument_noise, optimise_from
 from sysid.estimation.fit.start_search import search_motion
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.larger_steps import with_larger_steps
-from sysid.estimation.residuals.problem import Problem
-from sysid.estimation.residuals.residual_weights import Weights
-from sysid.estimation.residuals.run_data import RunGroup
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise as noise_model
-from sysid.estimation.weights.reweighting import reweighted
 from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.lanes import MapTires
@@ -69,6 +65,7 @@ def fit_bump_runs(
     options = options or FitOptions()
     report = progress or unwatched
     optimum = optimise(campaign, parameters, profiles, options, report)
+    optimum = joint_optimum(campaign, optimum, profiles, options, report)
     return evaluate_optimum(campaign, optimum, options, report)
 
 
@@ -155,51 +152,6 @@ def _with_own_maps(
     return replace(again, first=first, minimum=replace(again.minimum, iterations=iterations))
 
 
-def optimise_from(
-    campaign: Campaign,
-    model: BumpModel,
-    motion: RunMotion,
-    instrument: tuple[RunsByChannels, ...],
-    start: Parameters,
-    options: FitOptions,
-    report: Progress,
-    *,
-    weights: Weights | None = None,
-) -> Optimum:
-    """The optimum from given start values, all rounds of re-weighting done.
-
-    Parameters
-    ----------
-    motion : of every run.
-    instrument : (R, C) instrument noise per group [SI].
-    start : (p,) log parameters.
-    weights : those of the first round; None for weights that suit parameters which are still far off.
-    """
-    first_weights = Weights(_first_scale(model, instrument), tuple(np.ones_like(n) for n in instrument))
-    problem = Problem(model, campaign, motion, weights or first_weights)
-    vector = problem.vector(start)
-    first, iterations, rounds = vector.copy(), 0, options.weight_rounds + 1
-    minimum: Minimum | None = None
-    for number in range(rounds):
-        last = number == rounds - 1
-        minimum = minimise(
-            problem.evaluate,
-            vector,
-            relative_tolerance=options.tolerance if last else 1e-4,
-            max_iterations=options.max_iterations,
-            on_iteration=partial(_report_iteration, report, number, rounds),
-        )
-        vector = minimum.point
-        iterations += minimum.iterations
-        if not last:
-            problem.weights = reweighted(problem, problem.linearise(vector))
-    assert minimum is not None
-    # Optima of many laws are kept side by side, their derivatives need not be.
-    problem.forget()
-    _, rolling = noise_before(model, motion)
-    return Optimum(problem, vector, first, replace(minimum, iterations=iterations), instrument, rolling)
-
-
 def _start_from(parameters: ParameterSet, near: Optimum) -> np.ndarray:
     """Start vector that takes common parameters from another optimum."""
     nearby = dict(zip(near.problem.model.parameters.names, near.vector, strict=False))
@@ -215,38 +167,6 @@ def _find_motion(
     motion = search_motion(model, campaign, start, quiet)
     _check_motion(campaign, model, motion)
     return motion, instrument_noise(model, motion)
-
-
-def instrument_noise(model: BumpModel, motion: RunMotion) -> tuple[np.ndarray, ...]:
-    """Instrument noise (R, C) per group [SI], from the records before their runs meet the bump."""
-    return _before_the_bump(noise_model.instrument_noise, model, motion)
-
-
-def noise_before(model: BumpModel, motion: RunMotion) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-    """Noise (R, C) per group [SI] before the runs meet the bump: of the instruments, and of the rolling truck."""
-    return instrument_noise(model, motion), _before_the_bump(noise_model.rolling_noise, model, motion)
-
-
-def _before_the_bump(
-    noise: Callable[[RunGroup, float], np.ndarray], model: BumpModel, motion: RunMotion
-) -> tuple[np.ndarray, ...]:
-    return tuple(noise(g, noise_model.quiet_time(model, g, motion.start_s, motion.speed_m_s)) for g in model.groups)
-
-
-def _report_iteration(report: Progress, number: int, rounds: int, iteration: int, cost: float) -> None:
-    share = (number + iteration / (iteration + 8)) / rounds
-    report(f"least squares, round {number + 1} of {rounds}, iteration {iteration}", 0.1 + 0.8 * share)
-
-
-def _first_scale(model: BumpModel, instrument: tuple[RunsByChannels, ...]) -> tuple[np.ndarray, ...]:
-    """First weights: instrument noise plus a tenth of each channel's RMS, for parameters that are still far off."""
-    scales = []
-    for group, noise in zip(model.groups, instrument, strict=True):
-        count = np.maximum(group.measured.sum(axis=0), 1)
-        mean = (group.measured * group.value).sum(axis=0) / count
-        rms = np.sqrt((group.measured * (group.value - mean) ** 2).sum(axis=0) / count)
-        scales.append(np.hypot(noise, 0.1 * rms))
-    return tuple(scales)
 
 
 def _check_motion(campaign: Campaign, model: BumpModel, motion: RunMotion) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 
 from sysid.arrays import Parameters
 from sysid.campaign.records import Campaign
-from sysid.estimation.fit.least_squares import instrument_noise, noise_before, optimise_from
 from sysid.estimation.fit.minimiser import minimise
 from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.reweighted_search import instrument_noise, noise_before, optimise_from
 from sysid.estimation.fit.state import FitState, model_of
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.histories import run_histories
@@ -73,7 +73,7 @@ def _own_motion(problem: Problem, log_parameters: Parameters) -> RunMotion:
 def _part(state: FitState, runs: tuple[int, ...]) -> tuple[Campaign, BumpModel, RunMotion, Weights]:
     """Some runs of a campaign as a campaign of their own, with their motions and weights in the fit of all runs."""
     part = replace(state.campaign, bump_runs=tuple(state.campaign.bump_runs[i] for i in runs))
-    model = model_of(part, state.profiles, state.point)
+    model = model_of(part, state.profiles, state.point, state.campaign)
     fitted, driven = state.point.weights, state.point.motion
     chosen = list(runs)
     motion = driven.of(chosen)

@@ -17,7 +17,8 @@ class Optimum:
 
     `vector` the optimum and `first` where the last search began from, in the unknowns of `problem`; `minimum` how it
     ended; `instrument` (R, C) noise of the instruments per group [SI], `rolling` (R, C) what the channels show while
-    the truck rolls towards the bump, 0 where nothing tells it.
+    the truck rolls towards the bump, 0 where nothing tells it; `amounts` (q,) log factors on masses and amplitudes of
+    departures by which the model of `problem` is moved, None for the declared vehicle.
     """
 
     problem: Problem
@@ -26,6 +27,7 @@ class Optimum:
     minimum: Minimum
     instrument: tuple[RunsByChannels, ...]
     rolling: tuple[RunsByChannels, ...]
+    amounts: np.ndarray | None = None
 
     @property
     def misfit(self) -> float:

@@ -81,7 +81,7 @@ def rocker_scores(campaign: Campaign, optimum: Optimum) -> tuple[RockerScore, ..
     for axles in chosen:
         joined_by = replace(vehicle, equalisers=(*vehicle.equalisers, Equaliser("", axles, _STEP)))
         trials.append((problem.model.with_vehicle(joined_by, campaign.load_cases), _STEP))
-    columns = difference_columns(problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
+    columns = difference_columns(problem.model, problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
     pull, information = LawEvidence(campaign, optimum).without_known(optimum, columns)
     v = np.diag(information)
     found = [RockerScore(a, float(pull[k] ** 2 / v[k]), float(-pull[k] / v[k])) for k, a in enumerate(chosen)]

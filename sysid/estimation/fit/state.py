@@ -28,10 +28,10 @@ class FitPoint:
 
     `parameters` with their priors and laws; `contact`, `tires` of the footprint maps (None for the declared ones) and
     `target_step_s` of the integration say what was simulated; `log_parameters` (p,) and `motion` the optimum; `weights`
-    of its residuals; `adjustment` (p, p) by which the likelihood is flattened
-    (:mod:`sysid.estimation.uncertainty.sandwich`); `mass_response` says how the masses and departures go with the
-    parameters, None for exact ones; `map_following` (p, p) is the part of the adjustment that is due to footprint maps
-    that follow their tires, None for the unit matrix.
+    of its residuals; `adjustment` (p, p) by which the likelihood is flattened, and `slope` (p,) the gradient that its
+    logarithm then has there (:mod:`sysid.estimation.uncertainty.information`), None for that of the flattened one;
+    `amounts` (q,) masses and departures at the optimum, and `mass_response` how they go with the parameters, both None
+    for a vehicle as declared.
     """
 
     parameters: ParameterSet
@@ -42,8 +42,9 @@ class FitPoint:
     motion: RunMotion
     weights: Weights
     adjustment: ParametersByParameters
+    slope: Parameters | None = None
+    amounts: np.ndarray | None = None
     mass_response: MassResponse | None = None
-    map_following: ParametersByParameters | None = None
 
 
 @dataclass(frozen=True)
@@ -105,9 +106,16 @@ def restored(campaign: Campaign, profiles: Mapping[str, RoadProfile], point: Fit
     return FitState(campaign, point, model_of(campaign, profiles, point))
 
 
-def model_of(campaign: Campaign, profiles: Mapping[str, RoadProfile], point: FitPoint) -> BumpModel:
-    """The model of the bump runs of `campaign` as a fit simulates them: same contact, tires, step and parameters."""
-    return bump_model(
+def model_of(
+    campaign: Campaign, profiles: Mapping[str, RoadProfile], point: FitPoint, fitted: Campaign | None = None
+) -> BumpModel:
+    """The model of the bump runs of `campaign` as a fit simulates them: same contact, tires, step, parameters, masses.
+
+    Parameters
+    ----------
+    fitted : the campaign of the fit, where `campaign` has other runs.
+    """
+    model = bump_model(
         campaign,
         point.parameters,
         profiles,
@@ -115,6 +123,9 @@ def model_of(campaign: Campaign, profiles: Mapping[str, RoadProfile], point: Fit
         contact=point.contact,
         tires=point.tires,
     )
+    if point.amounts is None:
+        return model
+    return campaign_allowances(fitted or campaign, point.parameters, model.felt).moved(model, point.amounts)
 
 
 def state_at(

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from sysid.arrays import Masses
 from sysid.campaign.records import Campaign
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel
-from sysid.estimation.uncertainty.departures import Departures, departures
-from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses, uncertain_masses
-from sysid.vehicle_model.lanes import EffectiveRoads
+from sysid.estimation.uncertainty.departures import FRICTION, REACH, Departures, departures
+from sysid.estimation.uncertainty.uncertain_masses import REACH_SD, UncertainMasses, uncertain_masses
+from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.vehicle_model.lanes import EffectiveRoads, Pass
 
 
 @dataclass(frozen=True)
@@ -35,18 +37,26 @@ class Allowances:
         masses = len(self.masses.factors)
         return amounts[:masses], amounts[masses:]
 
-    def with_masses(self, model: BumpModel, log_factors: Masses) -> BumpModel:
-        """The model with mass properties times exp(`log_factors`), (m,)."""
-        return model.with_vehicle(*self.masses.applied(log_factors))
-
-    def departed(self, model: BumpModel, amplitudes: np.ndarray) -> BumpModel:
-        """The model moved along the departures by `amplitudes`, (n,)."""
-        return self.departures.model(model, amplitudes)
+    def within_reach(self, amounts: np.ndarray) -> np.ndarray:
+        """Amounts (m + n,) no further than the simulation follows them; friction does not push."""
+        masses, amplitudes = self.split(amounts)
+        far = REACH_SD * self.masses.sd
+        reach = np.array([REACH[d.kind] for d in self.departures.directions])
+        least = np.array([0.0 if d.kind == FRICTION else -REACH[d.kind] for d in self.departures.directions])
+        return np.concatenate([np.clip(masses, -far, far), np.clip(amplitudes, least, reach)])
 
     def moved(self, model: BumpModel, amounts: np.ndarray) -> BumpModel:
         """The model with other masses and departed from what it was made as; (m + n,)."""
         log_factors, amplitudes = self.split(amounts)
-        return self.departed(self.with_masses(model, log_factors), amplitudes)
+        vehicle, load_cases = self.masses.applied(log_factors)
+        changed = partial(self.masses.load_changes, log_factors)
+        return self.departures.model(model.with_vehicle(vehicle, load_cases), amplitudes, changed)
+
+    def road(self, passes: Sequence[Pass], amounts: np.ndarray) -> EffectiveRoad:
+        """What the wheels feel of passes; amounts (m + n,)."""
+        log_factors, amplitudes = self.split(amounts)
+        changed = self.masses.load_changes(log_factors, [p.load_case for p in passes])
+        return self.departures.road(passes, amplitudes, changed)
 
 
 def campaign_allowances(campaign: Campaign, parameters: ParameterSet, felt: EffectiveRoads) -> Allowances:

@@ -1,8 +1,10 @@
 """How far the vehicle departs from the model, by the data: residuals along the departures, and the size of each kind.
 
-With the information H and gradient g of parameters x, masses m and departures a at the optimum of x, and y = (m, a),
+With the information H and gradient g of parameters x, masses m and departures a at the optimum of x for given y = (m,
+a), of which the priors are N(0, L^-1),
 
-    S = H_yy - H_yx (H_xx + P)^-1 H_xy,    y | tau ~ N(-(S + L)^-1 g_y, (S + L)^-1),    L = diag(sd_m^-2, tau^-2).
+    S = H_yy - H_yx (H_xx + P)^-1 H_xy,    y* | tau ~ N(y - (S + L)^-1 (g_y + L y), (S + L)^-1),
+    L = diag(sd_m^-2, tau^-2).
 
 All amplitudes of one kind have one scale tau, what they have in common has another.  They maximise the evidence, found
 by expectation-maximisation (D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992),
@@ -22,6 +24,7 @@ from sysid.arrays import Masses, Parameters, ParametersByParameters
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departures import (
     ENVELOPE,
     FOOTPRINT,
@@ -30,7 +33,6 @@ from sysid.estimation.uncertainty.departures import (
     STEP,
     TIRE_LOAD,
     Departure,
-    Departures,
 )
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, trial_residuals
 
@@ -43,31 +45,39 @@ _ROUNDS = 200
 
 @dataclass(frozen=True)
 class DepartureScale:
-    """Scale tau (n,) of every direction, and the amplitudes (n,) that the data ask for with it."""
+    """Scale tau (n,) of every direction, and the masses and amplitudes (m + n,) that the data ask for with it."""
 
     sd: np.ndarray
     estimate: np.ndarray
 
 
 def departure_columns(
-    model: BumpModel, known: Departures, weights: Weights, log_parameters: Parameters, motion: RunMotion
+    model: BumpModel,
+    allowances: Allowances,
+    weights: Weights,
+    log_parameters: Parameters,
+    motion: RunMotion,
+    amounts: np.ndarray,
 ) -> tuple[ResidualColumns, ...]:
-    """Derivatives of every group's residuals (T, R, C, n) and gains (R, C, n) by the amplitudes, at amplitude 0."""
+    """Derivatives of every group's residuals (T, R, C, n) and gains (R, C, n) by n amplitudes, at `amounts` (q,)."""
+    known = allowances.departures
     count = len(known.directions)
     columns = empty_columns(model, count)
     if count == 0:
         return columns
+    log_factors, here_now = allowances.split(amounts)
 
     def residuals(amplitudes: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        return trial_residuals(model, known.model(model, amplitudes), weights, log_parameters, motion)
+        moved = allowances.moved(model, np.concatenate([log_factors, amplitudes]))
+        return trial_residuals(model, moved, weights, log_parameters, motion)
 
-    base = residuals(np.zeros(count))
+    base = residuals(here_now)
     cases = [np.array([p.load_case for p in passes]) for passes in model.passes]
     for kind, axle in dict.fromkeys((d.kind, d.axle) for d in known.directions if d.axle is not None):
         # One simulation moves an axle in all load cases: their runs do not know each other.
         together = [j for j, d in enumerate(known.directions) if (d.kind, d.axle) == (kind, axle)]
-        amplitudes = np.zeros(count)
-        amplitudes[together] = STEP[kind]
+        amplitudes = here_now.copy()
+        amplitudes[together] += STEP[kind]
         moved = residuals(amplitudes)
         for column, (residual, gain), (here, gain_here), case_of_run in zip(columns, moved, base, cases, strict=True):
             for j in together:
@@ -90,32 +100,38 @@ def departure_scale(
     prior: ParametersByParameters,
     mass_sd: Masses,
     directions: Sequence[Departure],
+    amounts: np.ndarray | None = None,
 ) -> DepartureScale:
     """Scales of the kinds by expectation-maximisation.
 
     Parameters
     ----------
-    information : (p + m + n, p + m + n) data information; score : (p + m + n,) gradient of the data at the optimum.
+    information : (p + m + n, p + m + n) data information; score : (p + m + n,) gradient of half the sum of squares,
+        priors of the parameters included.
     prior : (p, p) prior precision; mass_sd : (m,) tolerances; directions : the n directions.
+    amounts : (m + n,) y at which information and score were taken, None for 0.
     """
     count, masses = prior.shape[0], mass_sd.size
     cross = information[:count, count:]
     remaining = information[count:, count:] - cross.T @ np.linalg.solve(information[:count, :count] + prior, cross)
-    right = score[count:]
+    here = np.zeros(remaining.shape[0]) if amounts is None else amounts
+    own = np.linalg.solve(information[:count, :count] + prior, score[:count])
+    # The parameters at their best for it, a parabola about `here` has this gradient at 0.
+    right = score[count:] - cross.T @ own - remaining @ here
     names = np.array([d.group for d in directions])
     largest = np.array([PLAUSIBLE[d.kind] for d in directions])
     tau = largest.copy()
-    estimate = np.zeros(names.size)
+    estimate = np.zeros(here.size)
     for _ in range(_ROUNDS):
         sd = np.concatenate([mass_sd, tau])
         # In units of their scales the unknowns have the unit matrix as prior: safe for scales that go to zero.
         left = np.linalg.inv(sd[:, None] * remaining * sd + np.eye(sd.size))
-        estimate = (-(left @ (sd * right)) * sd)[masses:]
+        estimate = -(left @ (sd * right)) * sd
         variance = (np.diag(left) * sd**2)[masses:]
         before = tau.copy()
         for group in dict.fromkeys(names):
             of = names == group
-            tau[of] = np.minimum(np.sqrt(np.mean(estimate[of] ** 2 + variance[of])), largest[of])
+            tau[of] = np.minimum(np.sqrt(np.mean(estimate[masses:][of] ** 2 + variance[of])), largest[of])
         if np.allclose(tau, before, rtol=1e-3):
             break
     return DepartureScale(tau, estimate)

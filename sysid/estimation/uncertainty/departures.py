@@ -9,9 +9,10 @@ of a mass.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from sysid.road.contact_laws import CONTACT_LAWS
 from sysid.road.enveloping import FootprintMap
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.lanes import EffectiveRoads, Pass
+
+#: Logarithms (n, axles) of axle loads over the declared ones in n load cases.
+LoadChanges: TypeAlias = Callable[[Sequence[str]], RunsByAxles]
 
 #: Kinds of departures: how the tire envelops the bump (share of the way to another contact law); size of the footprint
 #: (logarithm of the tire stiffness that it belongs to); how single spokes stiffen (exponent beyond that of the law);
@@ -106,21 +110,43 @@ class Departures:
         elements["slip_length"] = slip._replace(neutral=np.full(carried.size, _SLIP_M))
         return moved._replace(elements=elements)
 
-    def road(self, passes: Sequence[Pass], amplitudes: np.ndarray) -> EffectiveRoad:
-        """The effective road of passes moved along the directions of contact."""
-        if not self.directions:
+    def road(
+        self, passes: Sequence[Pass], amplitudes: np.ndarray, load_changes: RunsByAxles | None = None
+    ) -> EffectiveRoad:
+        """The effective road of passes moved along the directions of contact.
+
+        Parameters
+        ----------
+        load_changes : logarithms of the axle loads over the declared ones: under a larger load the footprint is that of
+            a softer tire.
+        """
+        if not self.directions and (load_changes is None or not load_changes.any()):
             return self.roads.stacked(passes)
         cases = [p.load_case for p in passes]
-        kinds = (ENVELOPE, FOOTPRINT, SPOKES)
-        return self.blend(tuple(passes)).moved(*(self.spread(kind, amplitudes, cases) for kind in kinds))
+        envelope, footprint, spokes = (self.spread(kind, amplitudes, cases) for kind in (ENVELOPE, FOOTPRINT, SPOKES))
+        if load_changes is not None:
+            # Deflections grow with load^(1/n) and fall with the stiffness at the reference load.
+            n = self.roads.tires.spoke_exponent + 0.5 if self.roads.contact == "footprint" else 1.0
+            footprint = footprint - load_changes / n
+        return self.blend(tuple(passes)).moved(envelope, footprint, spokes)
 
-    def model(self, model: BumpModel, amplitudes: np.ndarray) -> BumpModel:
-        """The model of bump runs moved along all directions by `amplitudes`, (n,)."""
+    def model(
+        self,
+        model: BumpModel,
+        amplitudes: np.ndarray,
+        load_changes: Callable[[Sequence[str]], RunsByAxles] | None = None,
+    ) -> BumpModel:
+        """The model of bump runs moved along all directions by `amplitudes`, (n,).
+
+        Parameters
+        ----------
+        load_changes : logarithms of the axle loads over the declared ones in load cases, None for loads as declared.
+        """
         arrays, roads = [], []
         for old, passes in zip(model.arrays, model.passes, strict=True):
             cases = [p.load_case for p in passes]
             arrays.append(old._replace(laws=self.laws(old.laws, amplitudes, cases)))
-            roads.append(self.road(passes, amplitudes))
+            roads.append(self.road(passes, amplitudes, None if load_changes is None else load_changes(cases)))
         return replace(model, arrays=tuple(arrays), roads=tuple(roads))
 
     @cached_property

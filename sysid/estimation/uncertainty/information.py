@@ -1,60 +1,68 @@
-"""What the data say about parameters and masses, and what more data would add to it.
+"""What the data say about parameters, masses and departures from the model, and what more data would add to it.
 
-The information H of parameters and mass factors (runs' own motions eliminated) is kept apart from what makes
-the covariance honest: the flattening C_0 for model error and departures from the model, and the tolerances Sigma of
-masses.  With more data of information D, H' = H + D,
+Masses and departures y are unknowns with priors N(0, L^-1) like all others, and they are integrated out: of the
+information H of parameters x and y (runs' own motions eliminated) this leaves, with that of more data D,
 
-    A = C_0' H'_xx C_0,    K = -H'_xx^-1 H'_xm,    covariance = ((A^-1 + K Sigma K')^-1 + P)^-1,
+    H' = H + D,    N = H'_xx - H'_xy (H'_yy + L)^-1 H'_yx,    covariance = (C' N C + P)^-1,
 
-P the prior precision: noise and model error average out as they did before, wrong masses stay wrong.  With D = 0 this
-is the covariance of the fit.
+P the prior precision and C the flattening for model error that no departure stands for
+(:mod:`sysid.estimation.uncertainty.sandwich`).  With D = 0 this is the covariance of the fit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.arrays import Masses, ParametersByParameters, UnknownsOfFit
+from sysid.arrays import Masses, Parameters, ParametersByParameters, UnknownsOfFit
 from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.problem import Problem
+from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
-from sysid.estimation.uncertainty.departure_scale import departure_columns, departure_scale
+from sysid.estimation.uncertainty.departure_scale import departure_scale
+from sysid.estimation.uncertainty.joint_step import (
+    JointStep,
+    integrated,
+    joint_covariance,
+    joint_scale,
+    joint_step,
+)
 from sysid.estimation.uncertainty.map_following import map_following
-from sysid.estimation.uncertainty.mass_effect import MassEffect, mass_columns, mass_effect, shift_by_masses
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns, joined, with_columns
-from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, block_scores
+from sysid.estimation.uncertainty.mass_response import MassResponse
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, with_columns
+from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, block_scores, flattening
+
+#: Rounds in which the factor of model error, and the scales of departures that go with it, are found.
+_FACTOR_ROUNDS = 4
 
 
 @dataclass(frozen=True)
 class DataInformation:
-    """Information of the data of a fit about p log parameters and m log mass factors.
+    """Information of the data of a fit about p log parameters, then q masses and departures.
 
-    `matrix` H (p + m, p + m); `flattening` C_0 (p, p); `prior` P (p, p) prior precision of the parameters; `mass_sd`
-    (m,) tolerances; `map_following` D (p, p) of :mod:`sysid.estimation.uncertainty.map_following`, None for the unit
-    matrix.
+    `matrix` H (p + q, p + q); `flattening` C (p, p), with what footprint maps that follow their tires do
+    (:mod:`sysid.estimation.uncertainty.map_following`); `prior` P (p, p) prior precision of the parameters; `sd` (q,)
+    prior standard deviations of masses and departures, the first `masses` of them masses.
     """
 
     matrix: np.ndarray
     flattening: ParametersByParameters
     prior: ParametersByParameters
-    mass_sd: Masses
-    map_following: ParametersByParameters | None = None
+    sd: np.ndarray
+    masses: int
+
+    @property
+    def mass_sd(self) -> Masses:
+        """Tolerances (m,) of the masses."""
+        return self.sd[: self.masses]
 
     def precision(self, more: np.ndarray | None = None) -> np.ndarray:
-        """Precision (p, p) of the parameters by the data alone; `more` (p + m, p + m) is the information of others."""
+        """Precision (p, p) of the parameters by the data alone; `more` (p + q, p + q) is the information of others."""
         matrix = self.matrix if more is None else self.matrix + more
-        count = self.prior.shape[0]
-        follow = np.eye(count) if self.map_following is None else self.map_following
-        flattening = self.flattening @ follow
-        adjusted = flattening.T @ matrix[:count, :count] @ flattening
-        if self.mass_sd.size:
-            moved = np.linalg.solve(follow, shift_by_masses(matrix, count))
-            carried = adjusted @ moved
-            # (A^-1 + K Sigma K')^-1 by the Woodbury identity, which needs no inverse of A.
-            adjusted = adjusted - carried @ np.linalg.solve(np.diag(self.mass_sd**-2.0) + moved.T @ carried, carried.T)
+        left = integrated(matrix, self.prior.shape[0], self.sd).information
+        adjusted = self.flattening.T @ left @ self.flattening
         return np.asarray(0.5 * (adjusted + adjusted.T))
 
     def covariance(self, more: np.ndarray | None = None) -> np.ndarray:
@@ -67,33 +75,53 @@ class BlockInformation:
     """Scores and information of p parameters and m further unknowns, runs' own motions eliminated.
 
     `matrix` (p + m, p + m); `scores` (n, p + m) of single runs and channels, and for each the block it belongs to
-    (`blocks`: one channel in all repeats of one case).
+    (`blocks`: one channel in all repeats of one case); `parts` (n, p + m, p + m) of which the matrix is the sum, None
+    where nobody asked.
     """
 
     matrix: np.ndarray
     scores: np.ndarray
     blocks: tuple[Hashable, ...]
+    parts: np.ndarray | None = None
 
     @property
     def score(self) -> np.ndarray:
         """Gradient (p + m,) of half the sum of squares of the data."""
         return np.asarray(self.scores.sum(axis=0))
 
+    def by_block(self, values: np.ndarray) -> np.ndarray:
+        """Sums over blocks of values (n, ...) of single runs and channels."""
+        order = {key: i for i, key in enumerate(dict.fromkeys(self.blocks))}
+        sums = np.zeros((len(order), *values.shape[1:]))
+        np.add.at(sums, [order[k] for k in self.blocks], values)
+        return sums
 
-def allowance_columns(problem: Problem, vector: UnknownsOfFit, allowances: Allowances) -> tuple[ResidualColumns, ...]:
-    """Derivatives of every group's residuals by masses, then departures."""
+
+def optimum_information(
+    campaign: Campaign,
+    problem: Problem,
+    vector: UnknownsOfFit,
+    allowances: Allowances,
+    amounts: np.ndarray | None,
+) -> BlockInformation:
+    """Information of the data about parameters, then masses and departures, where these are `amounts` (q,)."""
     parameters, motion = problem.unpack(vector)
-    by_masses = mass_columns(problem.model, allowances.masses, problem.weights, parameters, motion)
-    departed = departure_columns(problem.model, allowances.departures, problem.weights, parameters, motion)
-    return joined(by_masses, departed)
+    columns = allowance_columns(problem.model, allowances, problem.weights, parameters, motion, amounts)
+    return information_with(campaign, problem, vector, columns, with_parts=True)
 
 
 def information_with(
-    campaign: Campaign, problem: Problem, vector: UnknownsOfFit, columns: Sequence[ResidualColumns]
+    campaign: Campaign,
+    problem: Problem,
+    vector: UnknownsOfFit,
+    columns: Sequence[ResidualColumns],
+    *,
+    with_parts: bool = False,
 ) -> BlockInformation:
-    """Information of the data about parameters, then the unknowns of further columns."""
+    """Information of the data about parameters, then the unknowns of further columns; of single channels on request."""
     _, motion = problem.unpack(vector)
     scores: list[np.ndarray] = []
+    parts: list[np.ndarray] = []
     blocks: list[Hashable] = []
     shared = problem.count + columns[0].gain.shape[-1]
     information = np.zeros((shared, shared))
@@ -101,53 +129,142 @@ def information_with(
         # One group at a time: joined columns of all of them fill the memory of a small computer.
         (lin,) = with_columns([of_group], [more])
         runs = list(group.runs)
-        prior = problem.expected.precision(motion, runs)
-        run_scores, data = block_scores(
+        used = np.asarray(group.measured.any(axis=0))
+        found = block_scores(
             np.asarray(lin.residual),
             np.asarray(lin.residual_jacobian),
             np.asarray(lin.gain_residual),
             np.asarray(lin.gain_jacobian),
-            prior,
+            problem.expected.precision(motion, runs),
+            used if with_parts else None,
         )
-        information += data.sum(axis=0)
+        information += found.information.sum(axis=0)
         for r, run in enumerate(runs):
             record = campaign.bump_runs[run]
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
-            used = group.measured[:, r].any(axis=0)
-            scores += [run_scores[r, c] for c in np.flatnonzero(used)]
-            blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
-    return BlockInformation(information, np.array(scores), tuple(blocks))
+            scores += [found.scores[r, c] for c in np.flatnonzero(used[r])]
+            blocks += [(*case, int(c)) for c in np.flatnonzero(used[r])]
+        parts += found.parts
+    return BlockInformation(information, np.array(scores), tuple(blocks), np.array(parts) if with_parts else None)
+
+
+@dataclass(frozen=True)
+class AdjustedInformation:
+    """What the data say at a joint optimum of p parameters and q masses and departures.
+
+    `adjustment` by which the likelihood at these masses and departures is flattened, so that it stands for the one with
+    them integrated out; `slope` (p,) gradient of that log-likelihood at the optimum; `data` for what more data would
+    add; `response` of masses and departures to the parameters.
+    """
+
+    adjustment: Adjustment
+    slope: Parameters
+    data: DataInformation
+    response: MassResponse
 
 
 def adjusted_information(
-    campaign: Campaign, problem: Problem, vector: UnknownsOfFit, allowances: Allowances
-) -> tuple[Adjustment, MassEffect, DataInformation]:
-    """Sandwich over blocks (one channel in all repeats of one case) and over tolerances of masses, and its parts.
+    campaign: Campaign,
+    problem: Problem,
+    vector: UnknownsOfFit,
+    allowances: Allowances,
+    amounts: np.ndarray | None = None,
+) -> AdjustedInformation:
+    """Masses and departures integrated out, and the sandwich over blocks (one channel in all repeats of one case).
 
-    Both speak of an optimum whose footprint maps follow its tires (:func:`sysid.estimation.uncertainty.map_following`).
+    It speaks of an optimum whose footprint maps follow its tires (:mod:`sysid.estimation.uncertainty.map_following`).
+
+    Parameters
+    ----------
+    amounts : (q,) masses and departures at the optimum, None for 0.
     """
     masses, departures = allowances.masses, allowances.departures
-    count = problem.count
-    data = information_with(campaign, problem, vector, allowance_columns(problem, vector, allowances))
-    information, score, scores = data.matrix, data.score, data.scores
-    shared = information.shape[0]
+    count, here = problem.count, np.zeros(allowances.count) if amounts is None else amounts
     parameters, _ = problem.unpack(vector)
-    rows, _ = problem.model.parameters.prior_rows()
-    prior_precision, mass_sd = rows.T @ rows, masses.sd
-    scale = departure_scale(information, score, prior_precision, mass_sd, departures.directions)
-    effect = mass_effect(information, score, prior_precision, np.concatenate([mass_sd, scale.sd]))
-    parameter_scores, by_parameters = scores[:, :count], information[:count, :count]
-    adjustment = adjust(parameter_scores, data.blocks, by_parameters, effect.scatter)
+    rows, targets = problem.model.parameters.prior_rows()
+    # At the optimum the data pull as hard as the priors, the other way.
+    prior, pull = rows.T @ rows, rows.T @ (rows @ parameters - targets)
+    data = optimum_information(campaign, problem, vector, allowances, amounts)
+    spread = model_error(data, prior, pull, allowances, here)
+    factor, sd = spread.factor, spread.sd
+    matrix = data.matrix / factor
+    left = integrated(matrix, count, sd)
+    scores = (spread.scores[:, :count] + spread.scores[:, count:] @ left.response) / factor
+    of_blocks = adjust(scores, range(len(scores)), left.information)
     follow = np.eye(count)
     if problem.model.tires is not None and departures.directions:
-        chosen = [*range(count), *range(count + mass_sd.size, shared)]
-        follow = map_following(
-            information[np.ix_(chosen, chosen)], problem.model.parameters, parameters, departures.directions
-        )
-        adjustment = adjustment.after(follow, by_parameters)
-        effect = replace(effect, by_data=np.linalg.solve(follow, effect.by_data))
-    with_masses = count + mass_sd.size
-    cross = information[:count, count:with_masses] * mass_sd
-    blocks = adjust(parameter_scores, data.blocks, by_parameters, effect.scatter - cross @ cross.T).matrix
-    kept = information[:with_masses, :with_masses]
-    return adjustment, effect, DataInformation(kept, blocks, prior_precision, mass_sd, follow)
+        about = _about_maps(matrix, count, masses.sd.size, sd)
+        follow = map_following(about, problem.model.parameters, parameters, departures.directions)
+    flat = of_blocks.matrix @ follow
+    known = DataInformation(matrix, flat, prior, sd, masses.sd.size)
+    adjustment = Adjustment(
+        flattening(data.matrix[:count, :count], known.precision()),
+        known.precision(),
+        factor * of_blocks.inflation,
+        of_blocks.blocks,
+    )
+    slope = follow.T @ of_blocks.matrix.T @ of_blocks.matrix.T @ pull / factor
+    response = MassResponse(parameters, left.response, left.factor, here)
+    return AdjustedInformation(adjustment, slope, known, response)
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """How much more the data scatter about the joint optimum of p parameters and q masses and departures than noise.
+
+    `factor` on all variances, at least 1; `sd` (q,) prior standard deviations of masses and departures under it; `step`
+    to the joint optimum; `scores` (b, p + q) of the blocks there.
+    """
+
+    factor: float
+    sd: np.ndarray
+    step: JointStep
+    scores: np.ndarray
+
+
+def model_error(
+    data: BlockInformation, prior: ParametersByParameters, pull: Parameters, allowances: Allowances, amounts: np.ndarray
+) -> ModelError:
+    """By how much model error widens all variances.
+
+    With the scores g_b of blocks at the joint optimum, the information H_b that they carry, and Z the joint covariance,
+    the scores would scatter by H_b - H_b Z H_b if the model were right, what the unknowns take up taken off:
+
+        factor = sum g_b' Z g_b / sum (tr Z H_b - tr Z H_b Z H_b)
+
+    Parameters
+    ----------
+    data : with the parts of all blocks, at `amounts` (q,).
+    prior : (p, p) P; pull : (p,) gradient of half the sum of squares of the priors.
+    """
+    assert data.parts is not None
+    masses, directions = allowances.masses.sd, allowances.departures.directions
+    count, factor = prior.shape[0], 1.0
+    scores, parts = data.by_block(data.scores), data.by_block(data.parts)
+    for _ in range(_FACTOR_ROUNDS):
+        matrix, score = data.matrix / factor, data.score / factor
+        with_priors = score.copy()
+        with_priors[:count] += pull
+        departed = departure_scale(matrix, with_priors, prior, masses, directions, amounts)
+        sd = np.concatenate([masses, departed.sd])
+        step = joint_step(matrix, score, prior, pull, sd, amounts)
+        there = scores + parts @ np.concatenate([step.parameters, step.amounts])
+        unit, covariance = joint_scale(matrix, prior, sd), joint_covariance(matrix, prior, sd)
+        white = there * unit
+        carried = covariance @ (parts * np.outer(unit, unit)) / factor
+        found = np.einsum("bi,ij,bj->", white, covariance, white) / factor
+        expected = np.einsum("bii->", carried) - np.einsum("bij,bji->", carried, carried)
+        factor = max(1.0, float(found / max(expected, 1e-12)))
+    return ModelError(factor, sd, step, there)
+
+
+def _about_maps(matrix: np.ndarray, count: int, masses: int, sd: np.ndarray) -> np.ndarray:
+    """Information (p + n, p + n) of parameters and of what moves footprint maps, masses and departures integrated out.
+
+    Maps that follow a tire move as departures of the footprint do, which are free to take that back.
+    """
+    cross = sd[:, None] * matrix[count:]
+    solved = np.linalg.solve(sd[:, None] * matrix[count:, count:] * sd + np.eye(sd.size), cross)
+    whole = matrix - cross.T @ solved
+    chosen = [*range(count), *range(count + masses, matrix.shape[0])]
+    return np.asarray(whole[np.ix_(chosen, chosen)])

@@ -9,7 +9,6 @@ import numpy as np
 from sysid.arrays import Parameters
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.departures import FOOTPRINT, SPOKES, Departure
-from sysid.estimation.uncertainty.mass_effect import shift_by_masses
 
 
 def map_following(
@@ -36,5 +35,19 @@ def map_following(
     cross = information[:count, count:] @ change
     about_parameters = information[:count, :count]
     return np.asarray(
-        np.eye(count) - shift_by_masses(np.block([[about_parameters, cross], [cross.T, about_parameters]]), count)
+        np.eye(count) - shift_of_optimum(np.block([[about_parameters, cross], [cross.T, about_parameters]]), count)
     )
+
+
+def shift_of_optimum(information: np.ndarray, count: int) -> np.ndarray:
+    """-H_xx^-1 H_xa (p, n): how far the optimum of the data alone moves per unit of further unknowns a.
+
+    Parameters
+    ----------
+    information : (p + n, p + n) data information H; `count` p.
+    """
+    # Scaled, so that a parameter without data stays where it is.
+    scale = np.sqrt(np.diag(information)[:count])
+    scale = np.where(scale > 0.0, scale, 1.0)
+    scaled = information[:count, :count] / np.outer(scale, scale) + 1e-10 * np.eye(count)
+    return -np.linalg.solve(scaled, information[:count, count:] / scale[:, None]) / scale[:, None]

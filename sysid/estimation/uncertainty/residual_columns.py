@@ -62,6 +62,7 @@ def trial_residuals(
 
 def difference_columns(
     model: BumpModel,
+    start: BumpModel,
     weights: Weights,
     log_parameters: Parameters,
     motion: RunMotion,
@@ -71,13 +72,14 @@ def difference_columns(
 
     Parameters
     ----------
-    model : holds the readings; log_parameters : (p,); motion : of all runs.
+    model : holds the readings; start : the same runs from which the trials differ.
+    log_parameters : (p,); motion : of all runs.
     trials : per amplitude the same runs with that amplitude moved, and by how much.
     """
     columns = empty_columns(model, len(trials))
     if not trials:
         return columns
-    base = trial_residuals(model, model, weights, log_parameters, motion)
+    base = trial_residuals(model, start, weights, log_parameters, motion)
     for k, (trial, step) in enumerate(trials):
         moved = trial_residuals(model, trial, weights, log_parameters, motion)
         for column, (residual, gain), (here, gain_here) in zip(columns, moved, base, strict=True):

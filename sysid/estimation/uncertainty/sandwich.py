@@ -7,15 +7,13 @@ theta_hat + C (theta - theta_hat) with C' H C = H G^-1 H (the curvature adjustme
 Davison, Bayesian inference from composite likelihoods, Statistica Sinica 22 (2012), doi:10.5705/ss.2009.248).
 Directions in which G does not exceed H by more than blocks of pure noise scatter keep H, so nothing becomes more
 certain than independent noise allows.
-
-Wrong values of declared masses move all scores alike, so blocks cannot show them.  Their tolerances Sigma come in as
-known scatter: scores change by H_xm d when the log masses are d off, so that G gains H_xm Sigma H_mx.
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,10 +38,13 @@ class Adjustment:
     inflation: Parameters
     blocks: int
 
-    def after(self, change: ParametersByParameters, information: np.ndarray) -> Adjustment:
-        """The adjustment of parameters that enter as `change` (p, p) times themselves; `information` (p, p) H."""
-        matrix = self.matrix @ change
-        return replace(self, matrix=matrix, information=matrix.T @ information @ matrix)
+
+class BlockScores(NamedTuple):
+    """Scores (R, C, p) of single runs and channels, information (R, p, p) of runs, and `parts`, (p, p) of channels."""
+
+    scores: np.ndarray
+    information: np.ndarray
+    parts: list[np.ndarray]
 
 
 def block_scores(
@@ -52,31 +53,41 @@ def block_scores(
     gain_residual: np.ndarray,
     gain_jacobian: np.ndarray,
     local_prior: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
+    parts_of: np.ndarray | None = None,
+) -> BlockScores:
     """Scores and information of a group of runs with each run's own unknowns eliminated.
 
     Parameters
     ----------
     residual : (T, R, C); jacobian : (T, R, C, p + 3); gain_residual : (R, C); gain_jacobian : (R, C, p + 3).
     local_prior : (R, 3, 3) prior precision of the run's own unknowns.
-
-    Returns
-    -------
-    scores (R, C, p) and information (R, p, p) of the data.
+    parts_of : (R, C) bool, channels whose information is wanted one by one, run after run; None for none.
     """
     runs, width = jacobian.shape[1], jacobian.shape[-1]
+    count = width - OWN
     scores = gain_jacobian * gain_residual[..., None]
     normal = np.empty((runs, width, width))
+    by_channel = np.empty((runs, jacobian.shape[2], width, width)) if parts_of is not None else None
     # Run by run: einsum over all of them goes through the columns with strides that cost ten times as much.
     for r in range(runs):
-        columns = np.ascontiguousarray(jacobian[:, r])
-        scores[r] += np.einsum("tck,tc->ck", columns, residual[:, r])
-        flat = columns.reshape(-1, width)
-        normal[r] = flat.T @ flat + gain_jacobian[r].T @ gain_jacobian[r]
-    count = width - OWN
+        columns = np.ascontiguousarray(jacobian[:, r].swapaxes(0, 1))
+        scores[r] += np.einsum("ctk,ct->ck", columns, residual[:, r].T)
+        if by_channel is None:
+            flat = columns.reshape(-1, width)
+            normal[r] = flat.T @ flat + gain_jacobian[r].T @ gain_jacobian[r]
+        else:
+            gains = gain_jacobian[r][:, :, None] * gain_jacobian[r][:, None, :]
+            by_channel[r] = columns.swapaxes(1, 2) @ columns + gains
+            normal[r] = by_channel[r].sum(axis=0)
     eliminate = response_of_runs(normal, local_prior)
     information = normal[:, :count, :count] - normal[:, :count, count:] @ eliminate
-    return scores[..., :count] - scores[..., count:] @ eliminate, information
+    parts: list[np.ndarray] = []
+    if by_channel is not None:
+        assert parts_of is not None
+        for r in range(runs):
+            change = np.concatenate([np.eye(count), -eliminate[r]])
+            parts += [change.T @ by_channel[r, c] @ change for c in np.flatnonzero(parts_of[r])]
+    return BlockScores(scores[..., :count] - scores[..., count:] @ eliminate, information, parts)
 
 
 def noise_edge(blocks: int, count: int) -> float:
@@ -103,11 +114,24 @@ def _root(matrix: np.ndarray) -> np.ndarray:
         return np.asarray((np.sign(np.diag(upper))[:, None] * upper).T)
 
 
+def flattening(information: np.ndarray, wanted: ParametersByParameters) -> ParametersByParameters:
+    """C (p, p) with C' H C = `wanted` (p, p), for the data information H (p, p), symmetric where H is the unit matrix.
+
+    With L L' = H: C = L^-T (L^-1 wanted L^-T)^1/2 L'.
+    """
+    scale = np.sqrt(np.diag(information))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    factor = _root(information / np.outer(scale, scale))
+    white = np.linalg.solve(factor, np.linalg.solve(factor, wanted / np.outer(scale, scale)).T)
+    values, vectors = np.linalg.eigh(0.5 * (white + white.T))
+    root = (vectors * np.sqrt(np.clip(values, 1e-12, None))) @ vectors.T
+    return np.asarray(np.linalg.solve(factor.T, root @ factor.T) * (scale[None, :] / scale[:, None]))
+
+
 def adjust(
     scores: np.ndarray,
     keys: Sequence[Hashable],
     information: np.ndarray,
-    known_scatter: ParametersByParameters | None = None,
     *,
     never_sharper: bool = True,
 ) -> Adjustment:
@@ -117,7 +141,6 @@ def adjust(
     ----------
     scores : (n, p) scores; those with equal `keys` belong to one block and are summed.
     information : (p, p) data information H.
-    known_scatter : (p, p) what the scores scatter by beyond what the blocks show, None for nothing.
     never_sharper : keep H where the scores scatter no more than noise does (:func:`noise_edge`).
     """
     order = {key: i for i, key in enumerate(dict.fromkeys(keys))}
@@ -134,10 +157,6 @@ def adjust(
         inflation = np.where(values > noise_edge(len(order), scale.size), values, 1.0)
     else:
         inflation = np.maximum(values, 1e-12)
-    total = inflation
-    if known_scatter is not None:
-        known = np.linalg.solve(factor, np.linalg.solve(factor, known_scatter / np.outer(scale, scale)).T)
-        total, vectors = np.linalg.eigh((vectors * inflation) @ vectors.T + 0.5 * (known + known.T))
-    root = vectors @ np.diag(total**-0.5) @ vectors.T
+    root = vectors @ np.diag(inflation**-0.5) @ vectors.T
     matrix = np.linalg.solve(factor.T, root @ factor.T) * (scale[None, :] / scale[:, None])
     return Adjustment(matrix, matrix.T @ information @ matrix, inflation, len(order))

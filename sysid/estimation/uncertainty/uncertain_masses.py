@@ -1,8 +1,9 @@
 """Declared mass properties that may be a little wrong: factors on them, shared by all runs, each with a Gaussian prior.
 
-A factor multiplies an unsprung mass, a body's pitch inertia, the height of its centre of gravity or of its hitch.  Axle
-loads stay as they were weighed: what an unsprung mass gains, the sprung mass of its body loses, and statics find the
-centre of gravity anew.  The logarithm of a factor is normal about zero with the tolerance that the campaign file gives.
+A factor multiplies an unsprung mass, a body's pitch inertia, the height of its centre of gravity or of its hitch, the
+load that a scale showed for an axle, or all loads that it showed.  What an axle load gains its body gains; what an
+unsprung mass gains, the sprung mass of its body loses; statics find the centre of gravity anew.  The logarithm of a
+factor is normal about zero with the tolerance that the campaign file gives.
 """
 
 from __future__ import annotations
@@ -17,19 +18,24 @@ from sysid.campaign.records import Campaign, LoadCase, Vehicle
 
 T = TypeVar("T")
 
-UNSPRUNG, INERTIA, CG_HEIGHT, HITCH_HEIGHT = (
+UNSPRUNG, INERTIA, CG_HEIGHT, HITCH_HEIGHT, AXLE_LOAD, SCALE = (
     "unsprung_mass_factor",
     "pitch_inertia_factor",
     "cg_height_factor",
     "hitch_height_factor",
+    "axle_load_factor",
+    "axle_load_scale_factor",
 )
-#: The simulation sees no factor further from one than this many tolerances: 99.7 % of normal draws stay inside.
-REACH_SD = 3.0
+#: The simulation sees no factor further from one than this many tolerances: 99.99 % of normal draws stay inside, so
+#: that one comes near only where the data ask for it.
+REACH_SD = 4.0
 
 
 @dataclass(frozen=True)
 class MassFactor:
     """One factor: `quantity` of the axle, axle group or body with index `place`, in the named load cases.
+
+    The factor on the scale belongs to no place: `place` is 0.
 
     `sd` standard deviation of its logarithm; `words` what it belongs to, for people; `load_case` None where it is
     shared by all load cases in use.
@@ -58,8 +64,18 @@ class UncertainMasses:
         """Prior standard deviations (m,) of the logarithms of the factors."""
         return np.array([f.sd for f in self.factors])
 
+    def load_changes(self, log_factors: np.ndarray, load_cases: Sequence[str]) -> np.ndarray:
+        """Logarithms (n, axles) of what axle loads are over the declared ones in `load_cases`, for factors (m,)."""
+        change = np.zeros((len(load_cases), len(self.vehicle.axles)))
+        limit = REACH_SD * self.sd
+        for factor, value in zip(self.factors, np.clip(log_factors, -limit, limit), strict=True):
+            if factor.quantity in (AXLE_LOAD, SCALE):
+                rows = [case in factor.load_cases for case in load_cases]
+                change[rows] += value if factor.quantity == SCALE else value * np.eye(change.shape[1])[factor.place]
+        return change
+
     def applied(self, log_factors: np.ndarray) -> tuple[Vehicle, dict[str, LoadCase]]:
-        """Vehicle and load cases with the factors exp(`log_factors`), (m,), at most three tolerances from one."""
+        """Vehicle and load cases with the factors exp(`log_factors`), (m,), at most four tolerances from one."""
         limit = REACH_SD * self.sd
         values = np.exp(np.clip(log_factors, -limit, limit))
         vehicle, cases = self.vehicle, dict(self.load_cases)
@@ -105,7 +121,29 @@ def uncertain_masses(campaign: Campaign) -> UncertainMasses:
         if body.hitch_height_m:
             words, name = f"hitch height of '{body.name}'", f"hitch_height[{body.name}]"
             factors.append(MassFactor(name, HITCH_HEIGHT, words, b, tolerances.hitch_height, tuple(used)))
+    factors += _axle_load_factors(vehicle, used)
     return UncertainMasses(vehicle, dict(campaign.load_cases), tuple(f for f in factors if f.sd > 0.0))
+
+
+def _axle_load_factors(vehicle: Vehicle, used: Sequence[str]) -> list[MassFactor]:
+    """Factors on every reading of the scale, and on the scale that showed them all."""
+    tolerances = vehicle.tolerances
+    factors = [
+        MassFactor(
+            f"axle_load_{i + 1}[{name}]",
+            AXLE_LOAD,
+            f"load of axle {i + 1} ({axle.name}) in load case '{name}'",
+            i,
+            tolerances.axle_load,
+            (name,),
+            axle=i,
+            load_case=name,
+        )
+        for name in used
+        for i, axle in enumerate(vehicle.axles)
+    ]
+    words = "scale that weighed all axles"
+    return [*factors, MassFactor("axle_load_scale", SCALE, words, 0, tolerances.axle_load_scale, tuple(used))]
 
 
 def _declared(case: LoadCase, quantity: str) -> tuple[float, ...]:
@@ -132,12 +170,25 @@ def _apply(
     changed = dict(cases)
     for name in factor.load_cases:
         case = changed[name]
+        if factor.quantity in (AXLE_LOAD, SCALE):
+            axles = [at] if factor.quantity == AXLE_LOAD else range(len(vehicle.axles))
+            changed[name] = _weighed(vehicle, case, axles, value)
+            continue
         values = _with(_declared(case, factor.quantity), at, _declared(case, factor.quantity)[at] * value)
         if factor.quantity == INERTIA:
             changed[name] = replace(case, pitch_inertia_kg_m2=values)
         else:
             changed[name] = replace(case, cg_height_m=values)
     return vehicle, changed
+
+
+def _weighed(vehicle: Vehicle, case: LoadCase, axles: Sequence[int], value: float) -> LoadCase:
+    """The load case with the loads of some axles times `value`; their bodies carry the difference."""
+    loads, sprung = np.array(case.axle_loads_kg, float), np.array(case.sprung_mass_kg, float)
+    for i in axles:
+        sprung[vehicle.axles[i].body] += (value - 1.0) * loads[i]
+        loads[i] *= value
+    return replace(case, axle_loads_kg=tuple(loads.tolist()), sprung_mass_kg=tuple(sprung.tolist()))
 
 
 def _with(values: Sequence[T], at: int, value: T) -> tuple[T, ...]:

@@ -1,0 +1,114 @@
+"""The joint optimum of parameters, masses and departures from the model, from the optimum of the parameters alone.
+
+Masses and departures y have priors, and the data inform them: rounds of a Gauss-Newton step of all together
+(:mod:`sysid.estimation.uncertainty.joint_step`), of the vehicle and the footprint maps made anew there, and of a search
+for the parameters under them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.reweighted_search import optimise_from
+from sysid.estimation.parameters.map_tires import map_tires
+from sysid.estimation.residuals.bump_model import BumpModel, bump_model
+from sysid.estimation.residuals.larger_steps import with_larger_steps
+from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
+from sysid.estimation.uncertainty.information import model_error, optimum_information
+from sysid.estimation.uncertainty.joint_step import JointStep
+from sysid.progress import Progress
+from sysid.road.road_profile import RoadProfile
+
+#: Rounds end where no mass or departure moves further than this many of its standard deviations, or after so many.
+NEAR_SD = 0.3
+ROUNDS = 6
+#: A step that makes the residuals larger than this many times what they were is taken in half, at most so often.
+WORSE, HALVINGS = 1.05, 3
+#: Before the last round searches need not be exact.
+_ROUGH_TOLERANCE = 1e-5
+
+
+def joint_optimum(
+    campaign: Campaign,
+    optimum: Optimum,
+    profiles: Mapping[str, RoadProfile],
+    options: FitOptions,
+    report: Progress,
+) -> Optimum:
+    """The joint optimum from the optimum of the parameters.
+
+    Parameters
+    ----------
+    optimum : of the parameters, with masses and contact as declared.
+    profiles, options, report : as :func:`sysid.estimation.fit.least_squares.optimise`.
+    """
+    hasty = replace(
+        options, weight_rounds=min(options.weight_rounds, 1), tolerance=max(options.tolerance, _ROUGH_TOLERANCE)
+    )
+    for number in range(ROUNDS):
+        report("masses and tires", 0.9)
+        allowances = _allowances(campaign, optimum.problem.model)
+        if not allowances.count:
+            break
+        step = _step(campaign, optimum, allowances)
+        last = number > 0 and (step.largest < NEAR_SD or number == ROUNDS - 1)
+        how = options if last else hasty
+        before = optimum
+        for _ in range(HALVINGS):
+            optimum = _moved(campaign, before, step, profiles, how, report, larger_steps=not last)
+            if optimum.misfit <= WORSE * before.misfit:
+                break
+            step = step.half()
+        if last:
+            break
+    return optimum
+
+
+def _allowances(campaign: Campaign, model: BumpModel) -> Allowances:
+    return campaign_allowances(campaign, model.parameters, model.felt)
+
+
+def _step(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> JointStep:
+    problem = optimum.problem
+    amounts = np.zeros(allowances.count) if optimum.amounts is None else optimum.amounts
+    data = optimum_information(campaign, problem, optimum.vector, allowances, optimum.amounts)
+    problem.forget()
+    rows, targets = problem.model.parameters.prior_rows()
+    prior, pull = rows.T @ rows, rows.T @ (rows @ optimum.vector[: problem.count] - targets)
+    return model_error(data, prior, pull, allowances, amounts).step
+
+
+def _moved(
+    campaign: Campaign,
+    before: Optimum,
+    step: JointStep,
+    profiles: Mapping[str, RoadProfile],
+    options: FitOptions,
+    report: Progress,
+    *,
+    larger_steps: bool,
+) -> Optimum:
+    """The optimum of the parameters after a step, with masses, departures and footprint maps of there."""
+    problem = before.problem
+    old, (values, motion) = problem.model, problem.unpack(before.vector)
+    values = values + step.parameters
+    tires = map_tires(old.parameters, values) if old.felt.contact == "footprint" else old.tires
+    model = bump_model(
+        campaign, old.parameters, profiles, target_step_s=options.target_step_s, contact=old.felt.contact, tires=tires
+    )
+    allowances = _allowances(campaign, model)
+    here = np.zeros(allowances.count) if before.amounts is None else before.amounts
+    amounts = allowances.within_reach(here + step.amounts)
+    model = allowances.moved(model, amounts)
+    model = with_larger_steps(model, values, motion) if larger_steps else model
+    after = optimise_from(campaign, model, motion, before.instrument, values, options, report, weights=problem.weights)
+    # The cross-check starts from where the search for all began.
+    first = after.problem.vector(before.first[: problem.count])
+    iterations = before.minimum.iterations + after.minimum.iterations
+    return replace(after, first=first, minimum=replace(after.minimum, iterations=iterations), amounts=amounts)

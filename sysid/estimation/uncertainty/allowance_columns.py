@@ -1,0 +1,46 @@
+"""Derivatives of the residuals by what a fit allows for: mass properties, then departures from the model.
+
+Masses by forward differences with the matrices assembled again: a step of 1e-4 of a mass is far above rounding and far
+too small to bend the simulation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid.arrays import Parameters
+from sysid.estimation.residuals.bump_model import BumpModel
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.uncertainty.allowances import Allowances
+from sysid.estimation.uncertainty.departure_scale import departure_columns
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, difference_columns, joined
+
+STEP = 1e-4
+
+
+def allowance_columns(
+    model: BumpModel,
+    allowances: Allowances,
+    weights: Weights,
+    log_parameters: Parameters,
+    motion: RunMotion,
+    amounts: np.ndarray | None = None,
+) -> tuple[ResidualColumns, ...]:
+    """Derivatives of every group's residuals (T, R, C, q) and gains (R, C, q) by q masses and departures.
+
+    Parameters
+    ----------
+    model : moved by `amounts` (q,) already, None for a model as declared.
+    log_parameters : (p,); motion : of all runs.
+    """
+    here = np.zeros(allowances.count) if amounts is None else amounts
+    count = len(allowances.masses.factors)
+
+    # Towards the declared value: the simulation follows no mass beyond its reach.
+    steps = np.where(here > 0.0, -STEP, STEP)
+
+    trials = [(allowances.moved(model, here + steps * np.eye(here.size)[j]), float(steps[j])) for j in range(count)]
+    start = allowances.moved(model, here)
+    by_masses = difference_columns(model, start, weights, log_parameters, motion, trials)
+    return joined(by_masses, departure_columns(model, allowances, weights, log_parameters, motion, here))

@@ -1,0 +1,107 @@
+"""One step towards the joint optimum of parameters, masses and departures, and what is left when the latter go.
+
+With parameters x of prior precision P, masses and departures y ~ N(0, L^-1), and the information H and gradient g of
+the data at (x, y), priors included, a Gauss-Newton step is
+
+    (dx, dy) = -(H + diag(P, L))^-1 g.
+
+Integrated over y the data leave for x the information N = H_xx - H_xy (H_yy + L)^-1 H_yx, and y follows x by
+-(H_yy + L)^-1 H_yx with the covariance (H_yy + L)^-1 about that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.arrays import Parameters, ParametersByParameters
+
+
+@dataclass(frozen=True)
+class JointStep:
+    """Changes of p parameters and q masses and departures, and the largest of the latter in standard deviations."""
+
+    parameters: Parameters
+    amounts: np.ndarray
+    largest: float
+
+    def half(self) -> JointStep:
+        """Half the step."""
+        return JointStep(0.5 * self.parameters, 0.5 * self.amounts, 0.5 * self.largest)
+
+
+def joint_scale(information: np.ndarray, prior: ParametersByParameters, sd: np.ndarray) -> np.ndarray:
+    """Units (p + q,) of parameters, masses and departures in which their joint information is harmless.
+
+    Masses and departures count in prior standard deviations, so that a scale of zero does no harm; arguments as for
+    :func:`joint_step`.
+    """
+    count = prior.shape[0]
+    return np.concatenate([1.0 / np.sqrt(np.diag(information)[:count] + np.diag(prior)), sd])
+
+
+def joint_covariance(information: np.ndarray, prior: ParametersByParameters, sd: np.ndarray) -> np.ndarray:
+    """(H + diag(P, L))^-1 in the units of :func:`joint_scale`, (p + q, p + q)."""
+    count = prior.shape[0]
+    scale = joint_scale(information, prior, sd)
+    whole = information * np.outer(scale, scale)
+    whole[:count, :count] += prior * np.outer(scale[:count], scale[:count])
+    whole[count:, count:] += np.eye(sd.size)
+    return np.asarray(np.linalg.inv(whole))
+
+
+def joint_step(
+    information: np.ndarray,
+    score: np.ndarray,
+    prior: ParametersByParameters,
+    pull: Parameters,
+    sd: np.ndarray,
+    amounts: np.ndarray,
+) -> JointStep:
+    """One Gauss-Newton step.
+
+    Parameters
+    ----------
+    information : (p + q, p + q) of the data; score : (p + q,) gradient of half the sum of squares of the data.
+    prior : (p, p) prior precision of the parameters; pull : (p,) gradient of their prior's half sum of squares.
+    sd : (q,) prior standard deviations of masses and departures; amounts : (q,) where they are.
+    """
+    count = prior.shape[0]
+    scale, inverse = joint_scale(information, prior, sd), joint_covariance(information, prior, sd)
+    gradient = scale * score
+    gradient[:count] += scale[:count] * pull
+    gradient[count:] += amounts / np.where(sd > 0.0, sd, 1.0)
+    step = -inverse @ gradient
+    spread = np.sqrt(np.diag(inverse)[count:])
+    largest = float(np.max(np.abs(step[count:]) / spread, initial=0.0))
+    return JointStep(step[:count] * scale[:count], step[count:] * sd, largest)
+
+
+@dataclass(frozen=True)
+class Integrated:
+    """What the data leave for p parameters with q masses and departures integrated out.
+
+    `information` N (p, p); `response` (q, p) by which these follow the parameters; `factor` F (q, q) of their
+    covariance F F' about that.
+    """
+
+    information: ParametersByParameters
+    response: np.ndarray
+    factor: np.ndarray
+
+
+def integrated(information: np.ndarray, count: int, sd: np.ndarray) -> Integrated:
+    """Masses and departures integrated out.
+
+    Parameters
+    ----------
+    information : (p + q, p + q) of the data; `count` p.
+    sd : (q,) prior standard deviations of masses and departures.
+    """
+    cross = sd[:, None] * information[count:, :count]
+    inverse = np.linalg.inv(sd[:, None] * information[count:, count:] * sd + np.eye(sd.size))
+    solved = inverse @ cross
+    left = information[:count, :count] - cross.T @ solved
+    factor = sd[:, None] * np.linalg.cholesky(0.5 * (inverse + inverse.T))
+    return Integrated(0.5 * (left + left.T), -sd[:, None] * solved, factor)
