@@ -29,6 +29,9 @@ def allowance_columns(
 ) -> tuple[ResidualColumns, ...]:
     """Derivatives of every group's residuals (T, R, C, q) and gains (R, C, q) by q masses and departures.
 
+    Footprints stay what they are, as in derivatives by the parameters: a truck with all masses, loads, stiffnesses and
+    dampings larger by the same share moves in the same way.
+
     Parameters
     ----------
     model : moved by `amounts` (q,) already, None for a model as declared.
@@ -36,11 +39,10 @@ def allowance_columns(
     """
     here = np.zeros(allowances.count) if amounts is None else amounts
     count = len(allowances.masses.factors)
-
     # Towards the declared value: the simulation follows no mass beyond its reach.
     steps = np.where(here > 0.0, -STEP, STEP)
-
-    trials = [(allowances.moved(model, here + steps * np.eye(here.size)[j]), float(steps[j])) for j in range(count)]
+    units = steps[:, None] * np.eye(here.size)
+    trials = [(allowances.moved(model, here + units[j], here), float(steps[j])) for j in range(count)]
     start = allowances.moved(model, here)
     by_masses = difference_columns(model, start, weights, log_parameters, motion, trials)
     return joined(by_masses, departure_columns(model, allowances, weights, log_parameters, motion, here))

@@ -45,11 +45,16 @@ class Allowances:
         least = np.array([0.0 if d.kind == FRICTION else -REACH[d.kind] for d in self.departures.directions])
         return np.concatenate([np.clip(masses, -far, far), np.clip(amplitudes, least, reach)])
 
-    def moved(self, model: BumpModel, amounts: np.ndarray) -> BumpModel:
-        """The model with other masses and departed from what it was made as; (m + n,)."""
+    def moved(self, model: BumpModel, amounts: np.ndarray, loads_of: np.ndarray | None = None) -> BumpModel:
+        """The model with other masses and departed from what it was made as; (m + n,).
+
+        Parameters
+        ----------
+        loads_of : amounts (m + n,) under whose axle loads the footprints are, None for `amounts`.
+        """
         log_factors, amplitudes = self.split(amounts)
         vehicle, load_cases = self.masses.applied(log_factors)
-        changed = partial(self.masses.load_changes, log_factors)
+        changed = partial(self.masses.load_changes, log_factors if loads_of is None else self.split(loads_of)[0])
         return self.departures.model(model.with_vehicle(vehicle, load_cases), amplitudes, changed)
 
     def road(self, passes: Sequence[Pass], amounts: np.ndarray) -> EffectiveRoad:

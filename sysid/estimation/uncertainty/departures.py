@@ -110,6 +110,19 @@ class Departures:
         elements["slip_length"] = slip._replace(neutral=np.full(carried.size, _SLIP_M))
         return moved._replace(elements=elements)
 
+    @property
+    def per_load(self) -> float:
+        """Footprint amplitude per logarithm of the load: deflections go with load^(1/n) over stiffness."""
+        return -1.0 / (self.roads.tires.spoke_exponent + 0.5 if self.roads.contact == "footprint" else 1.0)
+
+    def footprints_by_loads(self, load_changes: LoadChanges) -> np.ndarray:
+        """Amplitudes (n,) of all directions by which loads other than the declared ones move the footprints."""
+        amplitudes = np.zeros(len(self.directions))
+        for j, d in enumerate(self.directions):
+            if d.kind == FOOTPRINT and d.axle is not None and d.load_case is not None:
+                amplitudes[j] = self.per_load * load_changes([d.load_case])[0, d.axle]
+        return amplitudes
+
     def road(
         self, passes: Sequence[Pass], amplitudes: np.ndarray, load_changes: RunsByAxles | None = None
     ) -> EffectiveRoad:
@@ -125,9 +138,7 @@ class Departures:
         cases = [p.load_case for p in passes]
         envelope, footprint, spokes = (self.spread(kind, amplitudes, cases) for kind in (ENVELOPE, FOOTPRINT, SPOKES))
         if load_changes is not None:
-            # Deflections grow with load^(1/n) and fall with the stiffness at the reference load.
-            n = self.roads.tires.spoke_exponent + 0.5 if self.roads.contact == "footprint" else 1.0
-            footprint = footprint - load_changes / n
+            footprint = footprint + self.per_load * load_changes
         return self.blend(tuple(passes)).moved(envelope, footprint, spokes)
 
     def model(

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -194,7 +195,8 @@ def adjusted_information(
     follow = np.eye(count)
     if problem.model.tires is not None and departures.directions:
         about = _about_maps(matrix, count, masses.sd.size, sd)
-        follow = map_following(about, problem.model.parameters, parameters, departures.directions)
+        loads = _footprints_by_parameters(allowances, left.response[: masses.sd.size])
+        follow = map_following(about, problem.model.parameters, parameters, departures.directions, loads)
     flat = of_blocks.matrix @ follow
     known = DataInformation(matrix, flat, prior, sd, masses.sd.size)
     adjustment = Adjustment(
@@ -256,6 +258,17 @@ def model_error(
         expected = np.einsum("bii->", carried) - np.einsum("bij,bji->", carried, carried)
         factor = max(1.0, float(found / max(expected, 1e-12)))
     return ModelError(factor, sd, step, there)
+
+
+def _footprints_by_parameters(allowances: Allowances, response: np.ndarray) -> np.ndarray:
+    """How footprints (n, p) go with parameters by way of the axle loads, which follow these by `response` (m, p)."""
+    masses = allowances.masses
+    small = 1e-3 * masses.sd
+    by_factor = [
+        allowances.departures.footprints_by_loads(partial(masses.load_changes, unit)) / size
+        for unit, size in zip(np.diag(small), small, strict=True)
+    ]
+    return np.asarray(np.array(by_factor).reshape(masses.sd.size, -1).T @ response)
 
 
 def _about_maps(matrix: np.ndarray, count: int, masses: int, sd: np.ndarray) -> np.ndarray:

@@ -12,7 +12,11 @@ from sysid.estimation.uncertainty.departures import FOOTPRINT, SPOKES, Departure
 
 
 def map_following(
-    information: np.ndarray, parameters: ParameterSet, log_parameters: Parameters, directions: Sequence[Departure]
+    information: np.ndarray,
+    parameters: ParameterSet,
+    log_parameters: Parameters,
+    directions: Sequence[Departure],
+    loads: np.ndarray | None = None,
 ) -> np.ndarray:
     """D (p, p): an optimum whose maps follow its tires moves by D^-1 of what it would under maps that stay.
 
@@ -23,15 +27,16 @@ def map_following(
     ----------
     information : (p + n, p + n) data information of parameters and of the n `directions`.
     log_parameters : (p,).
+    loads : (n, p) how footprints go with the parameters by way of the axle loads, None for loads that stay.
     """
     count = len(parameters.names)
-    change = np.zeros((len(directions), count))
+    change = np.zeros((len(directions), count)) if loads is None else loads.copy()
     for k, p in enumerate(parameters.parameters):
         for j, d in enumerate(directions):
             if p.quantity == "tire_stiffness" and d.kind == FOOTPRINT and d.axle is not None and d.axle == p.axle:
-                change[j, k] = 1.0
+                change[j, k] += 1.0
             if p.quantity == "tire_exponent" and d.kind == SPOKES and d.axle is not None:
-                change[j, k] = np.exp(log_parameters[k])
+                change[j, k] += np.exp(log_parameters[k])
     cross = information[:count, count:] @ change
     about_parameters = information[:count, :count]
     return np.asarray(

@@ -170,9 +170,11 @@ def _apply(
     changed = dict(cases)
     for name in factor.load_cases:
         case = changed[name]
-        if factor.quantity in (AXLE_LOAD, SCALE):
-            axles = [at] if factor.quantity == AXLE_LOAD else range(len(vehicle.axles))
-            changed[name] = _weighed(vehicle, case, axles, value)
+        if factor.quantity == SCALE:
+            changed[name] = _on_scale(vehicle, case, value)
+            continue
+        if factor.quantity == AXLE_LOAD:
+            changed[name] = _weighed(vehicle, case, at, value)
             continue
         values = _with(_declared(case, factor.quantity), at, _declared(case, factor.quantity)[at] * value)
         if factor.quantity == INERTIA:
@@ -182,12 +184,22 @@ def _apply(
     return vehicle, changed
 
 
-def _weighed(vehicle: Vehicle, case: LoadCase, axles: Sequence[int], value: float) -> LoadCase:
-    """The load case with the loads of some axles times `value`; their bodies carry the difference."""
-    loads, sprung = np.array(case.axle_loads_kg, float), np.array(case.sprung_mass_kg, float)
-    for i in axles:
-        sprung[vehicle.axles[i].body] += (value - 1.0) * loads[i]
-        loads[i] *= value
+def _weighed(vehicle: Vehicle, case: LoadCase, axle: int, value: float) -> LoadCase:
+    """The load case with the load of one axle times `value`; its body carries the difference."""
+    body, load = vehicle.axles[axle].body, case.axle_loads_kg[axle]
+    sprung = case.sprung_mass_kg[body] + (value - 1.0) * load
+    return replace(
+        case,
+        axle_loads_kg=_with(case.axle_loads_kg, axle, value * load),
+        sprung_mass_kg=_with(case.sprung_mass_kg, body, sprung),
+    )
+
+
+def _on_scale(vehicle: Vehicle, case: LoadCase, value: float) -> LoadCase:
+    """The load case with all loads, and all that stands on the axles, times `value`."""
+    # What axles weigh has a factor of its own: until it moves, the bodies above them carry the difference.
+    sprung = value * np.array(case.sprung_mass_kg) + (value - 1.0) * _unsprung_by_body(vehicle)
+    loads = value * np.array(case.axle_loads_kg)
     return replace(case, axle_loads_kg=tuple(loads.tolist()), sprung_mass_kg=tuple(sprung.tolist()))
 
 
