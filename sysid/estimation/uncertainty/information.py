@@ -268,7 +268,8 @@ def _footprints_by_parameters(allowances: Allowances, response: np.ndarray) -> n
         allowances.departures.footprints_by_loads(partial(masses.load_changes, unit)) / size
         for unit, size in zip(np.diag(small), small, strict=True)
     ]
-    return np.asarray(np.array(by_factor).reshape(masses.sd.size, -1).T @ response)
+    shape = (masses.sd.size, len(allowances.departures.directions))
+    return np.asarray(np.array(by_factor).reshape(shape).T @ response)
 
 
 def _about_maps(matrix: np.ndarray, count: int, masses: int, sd: np.ndarray) -> np.ndarray:
