@@ -1,7 +1,7 @@
 """Names for arrays of 64-bit floats that stay on the host; the axes stand in the name, in their order.
 
 They are all NumPy arrays: the names tell people and editors what a function takes, and where a shape follows a rule.
-Arrays inside compiled functions have names of their own (:mod:`sysid.vehicle_model.lane_arrays`).
+Arrays inside compiled functions have names of their own (:mod:`sysid.vehicle_model.device_arrays`).
 """
 
 from __future__ import annotations

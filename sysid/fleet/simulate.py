@@ -35,7 +35,7 @@ from sysid.road.scan import analyse_scan
 from sysid.runtime import configure
 from sysid.selftest.readings import Instruments, ordinary_instruments, planned_campaign, simulated_campaign
 from sysid.selftest.world import World
-from sysid.vehicle_model.lanes import EffectiveRoads
+from sysid.vehicle_model.passes import EffectiveRoads
 
 TRUTH_FILE = "fleet_truth.json"
 #: Relative standard deviations between trucks of a type, and between campaigns of one truck (assumptions).

@@ -14,7 +14,7 @@ from scipy.special import ndtr, ndtri
 
 from sysid.arrays import Axles
 from sysid.campaign.records import Vehicle
-from sysid.estimation.parameters.lane_laws import ElementIndex, LawInputs
+from sysid.estimation.parameters.axle_laws import ElementIndex, LawInputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.parameters.suspension_elements import ELEMENTS, ElementQuantity, law_elements
 from sysid.prediction.trust import DrivenRange

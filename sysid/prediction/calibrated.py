@@ -123,7 +123,7 @@ def _grid(base: np.ndarray, ramps: Ramps | None, axle: int) -> np.ndarray:
 
 
 def tire_tangents(tire: TireLaw) -> tuple[np.ndarray, np.ndarray]:
-    """Tangent stiffness [N/m] and damping [N s/m] of the first lane's tires (axles,) at their static load."""
+    """Tangent stiffness [N/m] and damping [N s/m] of the tires in the first pass (axles,) at their static load."""
     shape = np.shape(tire.static_deflection)
     x = np.asarray(tire.static_deflection / tire.reference_deflection)[0, :, 0]
     secant = np.asarray(tire.reference_load / tire.reference_deflection)[0, :, 0]

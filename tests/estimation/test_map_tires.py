@@ -13,7 +13,7 @@ from sysid.estimation.fit.minimiser import minimise
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.problem import Problem
-from sysid.vehicle_model.lanes import MapTires
+from sysid.vehicle_model.passes import MapTires
 
 
 @pytest.fixture(scope="module")

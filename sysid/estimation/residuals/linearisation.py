@@ -12,16 +12,16 @@ import jax
 import jax.numpy as jnp
 
 from sysid.arrays import Parameters
-from sysid.estimation.parameters.lane_laws import lane_laws
+from sysid.estimation.parameters.axle_laws import axle_laws
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays, GroupShape
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import OWN, RunMotion
 from sysid.estimation.residuals.signals import wheel_road
 from sysid.threads import side_by_side
 from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.vehicle_model.device_arrays import HostOrDevice
 from sysid.vehicle_model.engine import WheelRoad
 from sysid.vehicle_model.engines.protocol import Linearisation, Unknowns
-from sysid.vehicle_model.lane_arrays import HostOrDevice
 from sysid.vehicle_model.motion import MotionChange
 
 
@@ -65,7 +65,7 @@ def _linearise(
     )
     return road.engine.linearise(
         arrays.matrices,
-        partial(lane_laws, arrays.laws),
+        partial(axle_laws, arrays.laws),
         unknowns,
         road,
         shape.timing,

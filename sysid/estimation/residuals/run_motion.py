@@ -47,12 +47,12 @@ class RunMotion:
         return RunMotion(self.speed_m_s[chosen], self.start_s[chosen], self.speed_change[chosen])
 
     def along_road(self, axle_x: np.ndarray) -> Motion:
-        """The runs as lanes (R, 1) of a vehicle with axles at `axle_x` (na, 1) [m]."""
+        """Motion (R, 1) of the runs of a vehicle with axles at `axle_x` (na, 1) [m]."""
         acceleration = acceleration_of(self.speed_change, self.speed_m_s, float(np.ptp(axle_x)))
         return Motion(self.speed_m_s[:, None], self.start_s[:, None], acceleration[:, None])
 
     def per_unit(self, axle_x: np.ndarray, change_unit: Runs) -> MotionChange:
-        """Derivatives (R, 3) of the lanes' motion by the scaled unknowns of the runs.
+        """Derivatives (R, 3) of the motion of the runs by the scaled unknowns of the runs.
 
         Parameters
         ----------

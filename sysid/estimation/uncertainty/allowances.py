@@ -12,7 +12,7 @@ from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.uncertainty.departures import Departures, departures
 from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses, uncertain_masses
-from sysid.vehicle_model.lanes import EffectiveRoads
+from sysid.vehicle_model.passes import EffectiveRoads
 
 
 @dataclass(frozen=True)

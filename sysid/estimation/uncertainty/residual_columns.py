@@ -19,8 +19,8 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import OWN, RunMotion
 from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import simulate_runs
+from sysid.vehicle_model.device_arrays import HostOrDevice
 from sysid.vehicle_model.engines.protocol import Linearisation
-from sysid.vehicle_model.lane_arrays import HostOrDevice
 
 
 class ResidualColumns(NamedTuple):
