@@ -55,13 +55,13 @@ class AssumedStops:
         ----------
         jounce_m, rebound_m : (all axles, S) largest compression and extension of each draw.
         """
-        found: dict[int, tuple[str, float]] = {}
+        acting: dict[int, tuple[str, float]] = {}
         for k, axle in enumerate(self.axles):
             for direction, reached in (("rebound", rebound_m), ("jounce", jounce_m)):
                 travel = self.values[f"{direction}_travel"][:, k]
                 if np.mean(reached[axle] > travel) >= 0.5:
-                    found[axle] = direction, float(np.median(travel))
-        return found
+                    acting[axle] = direction, float(np.median(travel))
+        return acting
 
 
 def axles_without_stops(vehicle: Vehicle, parameters: ParameterSet) -> tuple[int, ...]:

@@ -70,7 +70,7 @@ def scan_single_mode(
         return None
     frequencies = np.geomspace(low, high, int(np.clip(60 * np.log(high / low), 40, 240)))
     u = time - time[0]
-    best, found = -1.0, None
+    best, mode = -1.0, None
     for ratio in _GRID_DAMPING_RATIOS:
         omega = 2.0 * np.pi * frequencies[:, None]
         envelope = np.exp(-ratio * omega * u)
@@ -88,8 +88,8 @@ def scan_single_mode(
         explained = np.where(safe, explained / np.where(safe, determinant, 1.0), 0.0)
         index = int(np.argmax(explained))
         if explained[index] > best:
-            best, found = float(explained[index]), (float(frequencies[index]), ratio)
-    return found
+            best, mode = float(explained[index]), (float(frequencies[index]), ratio)
+    return mode
 
 
 def _thin(time_s: np.ndarray, value: np.ndarray, high_hz: float) -> tuple[np.ndarray, np.ndarray]:

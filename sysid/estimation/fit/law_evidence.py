@@ -115,11 +115,11 @@ def eliminated(
     """
     count = prior.shape[0]
     known = count + sd.size
-    own = information[:known, :known].copy()
-    own[:count, :count] += prior
-    own[count:, count:] += np.diag(sd**-2.0)
+    of_known = information[:known, :known].copy()
+    of_known[:count, :count] += prior
+    of_known[count:, count:] += np.diag(sd**-2.0)
     cross = information[:known, known:]
-    solved = np.linalg.solve(own, cross)
+    solved = np.linalg.solve(of_known, cross)
     return score[known:] - solved.T @ score[:known], information[known:, known:] - cross.T @ solved
 
 
@@ -137,8 +137,8 @@ def evidence(
     # In units of their tolerances: safe for unknowns that the data do not see.
     cross = information[:count, count:] * sd
     free = sd[:, None] * information[count:, count:] * sd + np.eye(sd.size)
-    own = information[:count, :count] + prior
-    remaining = free - cross.T @ np.linalg.solve(own, cross)
+    of_parameters = information[:count, :count] + prior
+    remaining = free - cross.T @ np.linalg.solve(of_parameters, cross)
     pull = sd * score[count:]
     left = cost - 0.5 * float(pull @ np.linalg.solve(remaining, pull))
-    return Evidence(left, np.linalg.inv(own - cross @ np.linalg.solve(free, cross.T)))
+    return Evidence(left, np.linalg.inv(of_parameters - cross @ np.linalg.solve(free, cross.T)))

@@ -21,8 +21,8 @@ from sysid.vehicle_model.motion import Motion, MotionChange, acceleration_of
 SPEED_UNIT = 0.01
 SHIFT_UNIT_M = 0.02
 #: How many unknowns a run has of its own, and in which order they stand behind those that all runs share.
-OWN = 3
-SPEED, SHIFT, CHANGE = range(OWN)
+RUN_UNKNOWNS = 3
+SPEED, SHIFT, CHANGE = range(RUN_UNKNOWNS)
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class MotionPrior:
         ratio = motion.speed_m_s[chosen] / self.speed_m_s[chosen]
         sd, change_sd = self.relative_sd[chosen], self.change_sd[chosen]
         change = motion.speed_change[chosen] / np.where(change_sd > 0.0, change_sd, 1.0)
-        derivative = np.zeros((len(chosen), 2, OWN))
+        derivative = np.zeros((len(chosen), 2, RUN_UNKNOWNS))
         derivative[:, 0, SPEED] = SPEED_UNIT * ratio / sd
         derivative[:, 0, CHANGE] = motion.speed_by_change[chosen] * change_sd / (self.speed_m_s[chosen] * sd)
         # Without a change its unknown moves nothing: it stays where it is.

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
-from sysid.estimation.residuals.run_motion import OWN
+from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS
 from sysid.estimation.residuals.run_unknowns import response_of_runs
 
 #: Smallest eigenvalue of an information with a diagonal of ones.
@@ -73,7 +73,7 @@ def block_scores(
         scores[r] += np.einsum("tck,tc->ck", columns, residual[:, r])
         flat = columns.reshape(-1, width)
         normal[r] = flat.T @ flat + gain_jacobian[r].T @ gain_jacobian[r]
-    count = width - OWN
+    count = width - RUN_UNKNOWNS
     eliminate = response_of_runs(normal, local_prior)
     information = normal[:, :count, :count] - normal[:, :count, count:] @ eliminate
     return scores[..., :count] - scores[..., count:] @ eliminate, information

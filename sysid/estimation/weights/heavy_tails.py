@@ -59,14 +59,14 @@ def heavy_tails(measured: np.ndarray, residual: np.ndarray, reading: np.ndarray)
     for c in range(measured.shape[2]):
         runs = range(measured.shape[1])
         standing = [standing_out(measured[:, r, c], residual[:, r, c], reading[:, r, c]) for r in runs]
-        u = np.concatenate([own[np.isfinite(own)] for own in standing])
+        u = np.concatenate([residuals[np.isfinite(residuals)] for residuals in standing])
         if u.size < _FEWEST or not np.any(u):
             continue
         nu[c], scale = best_distribution(u)
         if np.isfinite(nu[c]):
-            for r, own in enumerate(standing):
-                t_weight = (nu[c] + 1.0) / (nu[c] + (np.nan_to_num(own) / scale) ** 2)
-                weight[:, r, c] = np.where(np.isfinite(own) & ~_lasting(t_weight < _LOW), t_weight, 1.0)
+            for r, residuals in enumerate(standing):
+                t_weight = (nu[c] + 1.0) / (nu[c] + (np.nan_to_num(residuals) / scale) ** 2)
+                weight[:, r, c] = np.where(np.isfinite(residuals) & ~_lasting(t_weight < _LOW), t_weight, 1.0)
     return Tails(nu, weight)
 
 
