@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from sysid.arrays import Axles
+from sysid.arrays import Axles, AxlesBySets
 from sysid.campaign.records import Vehicle
 from sysid.estimation.parameters.axle_laws import ElementIndex, LawInputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
@@ -48,7 +48,7 @@ class AssumedStops:
             elements[name] = ElementIndex(position, neutral)
         return inputs._replace(elements=elements)
 
-    def acting(self, jounce_m: np.ndarray, rebound_m: np.ndarray) -> dict[int, tuple[str, float]]:
+    def acting(self, jounce_m: AxlesBySets, rebound_m: AxlesBySets) -> dict[int, tuple[str, float]]:
         """Direction and travel [m] (median) of stops that act in at least half of the draws, by axle (index).
 
         Parameters

@@ -142,7 +142,7 @@ def predict_pass(
     parameters: ParameterSet,
     roads: EffectiveRoads,
     request: PredictionRequest,
-    sets: np.ndarray,
+    sets: DrawsByParameters,
     vehicles: VehicleDraws | None = None,
     driven: DrivenRange | None = None,
     stops: AssumedStops | None = None,
@@ -200,7 +200,7 @@ def peak_ratios(
     parameters: ParameterSet,
     roads: EffectiveRoads,
     request: PredictionRequest,
-    sets: np.ndarray,
+    sets: DrawsByParameters,
 ) -> np.ndarray:
     """Peak dynamic load ratio (n, axles) of one pass for every set (n, p) of log parameters."""
     p = _simulate(campaign, parameters, roads, request, sets.T)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.arrays import Points
 from sysid.road.bump_search import split_into_bands
 from sysid.road.penalised_spline import BinnedHeights, SplineFit, bin_heights, fit_spline
 
@@ -68,10 +69,10 @@ class StripProfile:
 
 
 def fit_strip(
-    along_m: np.ndarray,
-    across_m: np.ndarray,
-    height_m: np.ndarray,
-    flat: np.ndarray,
+    along_m: Points,
+    across_m: Points,
+    height_m: Points,
+    flat: Points,
     *,
     start_m: float,
     end_m: float,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.arrays import Points, Stations
 from sysid.road.bump_search import Stretch, covered_bands, split_into_bands
 from sysid.road.strip_profile import StripProfile
 
@@ -30,9 +31,9 @@ class Strip:
 
 
 def select_strip(
-    along_m: np.ndarray,
-    across_m: np.ndarray,
-    height_m: np.ndarray,
+    along_m: Points,
+    across_m: Points,
+    height_m: Points,
     *,
     centre_m: float,
     half_width_m: float | None,
@@ -78,9 +79,7 @@ def without_bare_bands(strip: Strip, bumps: tuple[Stretch, ...]) -> Strip:
     return Strip(strip.along_m[keep], strip.across_m[keep], strip.height_m[keep], half, narrowed=True)
 
 
-def travel_station(
-    along_m: np.ndarray, across_m: np.ndarray, skew_rad: float, centre_m: float
-) -> tuple[np.ndarray, np.ndarray]:
+def travel_station(along_m: Points, across_m: Points, skew_rad: float, centre_m: float) -> tuple[Points, Points]:
     """Return stations along the travel and distances across it [m] of points given square to a skew crest line.
 
     A turn by the skew; stations count from where the track at `centre_m` across the travel meets along = 0.
@@ -101,7 +100,7 @@ def track_range(strip: Strip, profile: StripProfile, skew_rad: float) -> tuple[f
 
 def mean_over_tracks(
     profile: StripProfile, strip: Strip, skew_rad: float, step_m: float
-) -> tuple[float, np.ndarray, np.ndarray]:
+) -> tuple[float, Stations, Stations]:
     """Return first station, mean heights and their variance along the travel over all tracks of the strip.
 
     A wheel meets a bump that lies at `skew_rad` to its travel earlier or later the further it runs to one side (by

@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sysid.arrays import ParametersByParameters
+from sysid.arrays import ParametersByParameters, Unknowns, UnknownsByUnknowns
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.uncertainty.allowances import Allowances
@@ -70,12 +70,12 @@ class LawEvidence:
         return self._allowances.count
 
     @cached_property
-    def sd(self) -> np.ndarray:
+    def sd(self) -> Unknowns:
         """Standard deviations (m,) of masses and departures."""
         tires = [PLAUSIBLE[d.kind] for d in self._allowances.departures.directions]
         return np.concatenate([self._allowances.masses.sd, tires])
 
-    def without_known(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> tuple[np.ndarray, np.ndarray]:
+    def without_known(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> tuple[Unknowns, UnknownsByUnknowns]:
         """Gradient (q,) and information (q, q) about q candidates near an optimum, all else free to follow.
 
         Parameters
@@ -103,8 +103,8 @@ class LawEvidence:
 
 
 def eliminated(
-    information: np.ndarray, score: np.ndarray, prior: ParametersByParameters, sd: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    information: UnknownsByUnknowns, score: Unknowns, prior: ParametersByParameters, sd: Unknowns
+) -> tuple[Unknowns, UnknownsByUnknowns]:
     """Gradient (q,) and information (q, q) of candidates with p parameters and m masses and departures eliminated.
 
     Parameters
@@ -124,7 +124,7 @@ def eliminated(
 
 
 def evidence(
-    cost: float, information: np.ndarray, score: np.ndarray, prior: ParametersByParameters, sd: np.ndarray
+    cost: float, information: UnknownsByUnknowns, score: Unknowns, prior: ParametersByParameters, sd: Unknowns
 ) -> Evidence:
     """Cost that is left with m further unknowns free, and the covariance of p parameters with them.
 

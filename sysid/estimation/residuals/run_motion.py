@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.arrays import Runs
+from sysid.arrays import Runs, RunsByUnknowns, RunsByUnknownsByUnknowns
 from sysid.campaign.records import BumpRun
 from sysid.vehicle_model.motion import Motion, MotionChange, acceleration_of
 
@@ -69,16 +69,16 @@ class RunMotion:
         )
 
     @property
-    def mean_speed_m_s(self) -> np.ndarray:
+    def mean_speed_m_s(self) -> Runs:
         """Mean speed from axle 1 to the last axle at the bump (R,) [m/s]."""
         return np.asarray(self.speed_m_s * (1.0 + 0.5 * self.speed_change))
 
     @property
-    def speed_by_change(self) -> np.ndarray:
+    def speed_by_change(self) -> Runs:
         """Derivative (R,) of the speed at axle 1 by its change at the same mean speed [m/s]."""
         return np.asarray(-self.speed_m_s / (2.0 + self.speed_change))
 
-    def moved(self, unknowns: np.ndarray, change_unit: Runs) -> RunMotion:
+    def moved(self, unknowns: RunsByUnknowns, change_unit: Runs) -> RunMotion:
         """The motion that scaled unknowns (R, 3) away from this one has; `change_unit` as in :meth:`per_unit`."""
         change = self.speed_change + change_unit * unknowns[:, CHANGE]
         mean = self.mean_speed_m_s * (1.0 + SPEED_UNIT * unknowns[:, SPEED])
@@ -115,7 +115,7 @@ class MotionPrior:
         derivative[:, 1, CHANGE] = 1.0
         return np.stack([(ratio - 1.0) / sd, change], axis=1), derivative
 
-    def precision(self, motion: RunMotion, runs: Sequence[int]) -> np.ndarray:
+    def precision(self, motion: RunMotion, runs: Sequence[int]) -> RunsByUnknownsByUnknowns:
         """Prior precision (R, 3, 3) of some runs' own unknowns."""
         _, derivative = self.rows(motion, runs)
         return np.asarray(np.einsum("rjk,rjl->rkl", derivative, derivative))

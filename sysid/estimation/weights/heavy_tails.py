@@ -18,7 +18,7 @@ import numpy as np
 from scipy.ndimage import correlate1d, label, maximum_filter1d, median_filter, uniform_filter1d
 from scipy.stats import norm, t
 
-from sysid.arrays import Channels, SamplesByRunsByChannels
+from sysid.arrays import Channels, Samples, SamplesByRunsByChannels
 
 #: Degrees of freedom that are tried; above the last one tails cannot be told from normal ones.
 DEGREES_OF_FREEDOM = (2.0, 3.0, 4.0, 6.0, 9.0)
@@ -42,13 +42,15 @@ class Tails(NamedTuple):
     weight: SamplesByRunsByChannels
 
     @property
-    def information(self) -> np.ndarray:
+    def information(self) -> Channels:
         """Share (C,) of the information of the weighted squares that the readings have."""
         nu = self.degrees_of_freedom
         return np.where(np.isfinite(nu), (np.where(np.isfinite(nu), nu, 1.0) + 1.0) / (nu + 3.0), 1.0)
 
 
-def heavy_tails(measured: np.ndarray, residual: np.ndarray, reading: np.ndarray) -> Tails:
+def heavy_tails(
+    measured: SamplesByRunsByChannels, residual: SamplesByRunsByChannels, reading: SamplesByRunsByChannels
+) -> Tails:
     """Tails of every channel from its residuals in all runs.
 
     Parameters
@@ -76,7 +78,7 @@ def _lasting(low: np.ndarray) -> np.ndarray:
     return np.asarray(low & (np.bincount(row)[row] > _LONGEST))
 
 
-def standing_out(measured: np.ndarray, residual: np.ndarray, reading: np.ndarray) -> np.ndarray:
+def standing_out(measured: Samples, residual: Samples, reading: Samples) -> Samples:
     """How far residuals (n,) stand out of their neighbours, in standard deviations of their surroundings.
 
     NaN where that cannot be said: a neighbour is missing, or the surroundings move less than the channel's resolution
