@@ -17,6 +17,11 @@ def lazy_names(
     package : its `__name__`.
     homes : module of every name.
     submodules : modules directly under the package that are names of it too.
+
+    Raises
+    ------
+    AttributeError
+        By `__getattr__`, for any other name.
     """
     modules = frozenset(submodules)
 
