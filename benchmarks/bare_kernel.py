@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.rounds import Sample
 from benchmarks.work import Work
-from sysid.estimation.parameters.lane_laws import lane_laws
+from sysid.estimation.parameters.axle_laws import axle_laws
 from sysid.posterior.log_density import LogDensity
 from sysid.vehicle_model.engines.native import misfit_call
 from sysid.vehicle_model.native import build, header
@@ -77,7 +77,7 @@ def write_call(file: Path, work: Work, density: LogDensity, sets: np.ndarray) ->
     arrays, shape = inputs.arrays, work.model.shapes[0]
     call = misfit_call(
         arrays.matrices,
-        lane_laws(arrays.laws, jnp.asarray(sets.T)),
+        axle_laws(arrays.laws, jnp.asarray(sets.T)),
         inputs.road,
         shape.timing,
         shape.sensors,

@@ -13,7 +13,7 @@ from sysid.estimation.residuals.bump_model import GroupShape
 from sysid.posterior.log_density import _group_misfit, _GroupInputs
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import wheel_road
-from sysid.vehicle_model.lane_matrices import LaneMatrices
+from sysid.vehicle_model.stacked_matrices import StackedMatrices
 
 SIZES = {"sets": (8, 32, 128, 512), "runs": (1, 2, 4, 8), "samples": (1, 2, 4, 8), "axles": (3, 6, 12, 24)}
 SETS = 64
@@ -94,7 +94,7 @@ def _more_axles(inputs: _GroupInputs, shape: GroupShape, count: int) -> tuple[_G
     rows = np.concatenate([index, now + index, 2 * now + np.arange(bodies)])
     columns = np.concatenate([index, now + index])
     m, laws, road = arrays.matrices, arrays.laws, inputs.road.prepared.road
-    matrices = LaneMatrices(
+    matrices = StackedMatrices(
         m.position[:, rows],
         m.rate[:, rows],
         # Every wheel carries its share, so that the truck stays as stiff as it is.

@@ -24,13 +24,13 @@ from sysid.campaign.priors import PriorOverride
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.parameters.axle_laws import axle_laws, law_inputs
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
-from sysid.estimation.parameters.lane_laws import lane_laws, law_inputs
 from sysid.prediction.passes import predict
 from sysid.road import analyse_scan, read_point_cloud
 from sysid.runtime import configure
 from sysid.vehicle_model.engine import Timing, wheel_road
-from sysid.vehicle_model.lanes import Pass, make_lanes
+from sysid.vehicle_model.passes import Pass, make_pass_batch
 
 #: Width of a prior that holds a value.
 HELD = 1e-5
@@ -78,13 +78,13 @@ def main() -> None:
     point, roads = state.point, state.model.felt
     worst = []
     for number, run in enumerate(campaign.bump_runs):
-        lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [Pass(run.load_case, run.bump)], [])
-        laws = law_inputs(campaign.vehicle, parameters, lanes, [run.load_case])
+        batch = make_pass_batch(campaign.vehicle, campaign.load_cases, roads, [Pass(run.load_case, run.bump)], [])
+        laws = law_inputs(campaign.vehicle, parameters, batch, [run.load_case])
         timing = Timing(round(run.log.duration_s / 0.001), 0.001, 1)
-        motion = point.motion.of([number]).along_road(lanes.axle_x)
-        road = wheel_road(lanes.matrices, lanes.road, lanes.axle_x, motion, timing)
-        suspension, tire = lane_laws(laws, jnp.asarray(point.log_parameters)[:, None])
-        found = road.engine.histories(lanes.matrices, suspension, tire, road, timing)
+        motion = point.motion.of([number]).along_road(batch.axle_x)
+        road = wheel_road(batch.matrices, batch.road, batch.axle_x, motion, timing)
+        suspension, tire = axle_laws(laws, jnp.asarray(point.log_parameters)[:, None])
+        found = road.engine.histories(batch.matrices, suspension, tire, road, timing)
         force = np.asarray(found.tire_force)[:, 0, :, 0]
         e = errors(np.arange(timing.samples) * 0.001, force, forces / run.log.file, run.log.start_time_s)
         worst.append(e.max())

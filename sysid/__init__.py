@@ -12,8 +12,9 @@ validation, selftest, plot, export, report, workflow.  The names below are loade
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from sysid.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from sysid import plot
@@ -64,15 +65,4 @@ __all__ = [
     "read_point_cloud",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """Load a public name, or the package of figures, when it is first used."""
-    if name == "plot":
-        return importlib.import_module("sysid.plot")
-    if name in _HOMES:
-        return getattr(importlib.import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'sysid' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+__getattr__, __dir__ = lazy_names(__name__, _HOMES, submodules=("plot",))

@@ -1,7 +1,8 @@
-"""Names for arrays of 64-bit floats that stay on the host; the axes stand in the name, in their order.
+"""Names for arrays that stay on the host; the axes stand in the name, in their order.
 
-They are all NumPy arrays: the names tell people and editors what a function takes, and where a shape follows a rule.
-Arrays inside compiled functions have names of their own (:mod:`sysid.vehicle_model.lane_arrays`).
+They hold 64-bit floats unless a function says that it takes or gives truth values or whole numbers.  They are all NumPy
+arrays: the names tell people and editors what a function takes, and where a shape follows a rule.  Arrays inside
+compiled functions have names of their own (:mod:`sysid.vehicle_model.device_arrays`).
 """
 
 from __future__ import annotations
@@ -54,3 +55,29 @@ EnsemblesByStepsByWalkers: TypeAlias = np.ndarray
 WalkerDraws: TypeAlias = np.ndarray
 #: (E, W)
 EnsemblesByWalkers: TypeAlias = np.ndarray
+
+#: (n,) one value for every point of a scan.
+Points: TypeAlias = np.ndarray
+#: (n, 3) x, y and z of the points of a scan.
+PointsByXyz: TypeAlias = np.ndarray
+#: (n,) one value for every station along the road.
+Stations: TypeAlias = np.ndarray
+
+#: (T, axles)
+SamplesByAxles: TypeAlias = np.ndarray
+#: (axles, S) one value for every axle and parameter set of a pass.
+AxlesBySets: TypeAlias = np.ndarray
+#: (R, 3) one row of unknowns of its own for every run.
+RunsByUnknowns: TypeAlias = np.ndarray
+#: (R, n, n) one matrix of unknowns for every run.
+RunsByUnknownsByUnknowns: TypeAlias = np.ndarray
+#: (R, C, n) derivatives of what a group of runs has per channel, by n unknowns.
+RunsByChannelsByUnknowns: TypeAlias = np.ndarray
+#: (T, R, C, n) derivatives of what the sensors of a group of runs show, by n unknowns.
+SamplesByRunsByChannelsByUnknowns: TypeAlias = np.ndarray
+#: (n,) one value for every one of several unknowns, parameters or not.
+Unknowns: TypeAlias = np.ndarray
+#: (n, n)
+UnknownsByUnknowns: TypeAlias = np.ndarray
+#: (pairs, T) histories that are compared, one pair a row.
+PairsBySamples: TypeAlias = np.ndarray

@@ -115,7 +115,7 @@ def _squares(work: Work) -> Callable[[np.ndarray], float]:
     weight = arrays.measured / noise
 
     def total(signals: np.ndarray) -> float:
-        lanes = signals[:, None] if signals.ndim == 3 else signals
-        return float((((lanes - arrays.value[:, None]) * weight[:, None]) ** 2).sum())
+        shown = signals[:, None] if signals.ndim == 3 else signals
+        return float((((shown - arrays.value[:, None]) * weight[:, None]) ** 2).sum())
 
     return total

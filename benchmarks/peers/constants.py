@@ -9,15 +9,15 @@ import numpy as np
 from scipy.signal import lfilter
 
 from benchmarks.work import Work, engine
-from sysid.estimation.parameters.lane_laws import lane_laws
+from sysid.estimation.parameters.axle_laws import axle_laws
 from sysid.estimation.residuals.signals import simulate_group, wheel_road
 from sysid.vehicle_model.contact import CELL_POLYNOMIAL
 from sysid.vehicle_model.filters import discretise
-from sysid.vehicle_model.lane_matrices import LaneMatrices
+from sysid.vehicle_model.stacked_matrices import StackedMatrices
 
 
 class RunConstants(NamedTuple):
-    """Matrices of one run as in :class:`LaneMatrices`, laws (na,) of one parameter set, and its road.
+    """Matrices of one run as in :class:`StackedMatrices`, laws (na,) of one parameter set, and its road.
 
     `table` (8, na, n): rise, alpha_1, alpha_2, alpha_3, lift, beta_0, beta_1, beta_2 as quintic B-spline coefficients.
     """
@@ -53,9 +53,9 @@ def run_constants(work: Work) -> list[RunConstants]:
         If the vehicle has more than linear suspensions of single axles: the peers have no equations for them.
     """
     arrays, road = work.model.arrays[0], work.model.roads[0]
-    lanes: LaneMatrices = arrays.matrices
-    suspension, tire = lane_laws(arrays.laws, jnp.asarray(work.state.point.log_parameters)[:, None])
-    if lanes.beams is not None or any(value is not None for value in suspension[2:]) or road.stretch is None:
+    matrices: StackedMatrices = arrays.matrices
+    suspension, tire = axle_laws(arrays.laws, jnp.asarray(work.state.point.log_parameters)[:, None])
+    if matrices.beams is not None or any(value is not None for value in suspension[2:]) or road.stretch is None:
         raise ValueError("the peers know linear suspensions of single axles and the footprint contact only")
     runs = list(work.model.groups[0].runs)
     table = np.concatenate([road.rise[None], road.stretch, road.drag])
@@ -66,10 +66,10 @@ def run_constants(work: Work) -> list[RunConstants]:
 
     return [
         RunConstants(
-            *(np.ascontiguousarray(m[r]) for m in lanes[:3]),
-            np.ascontiguousarray(lanes.inverse_unsprung[r, :, 0]),
-            np.ascontiguousarray(lanes.static_load[r, :, 0]),
-            np.ascontiguousarray(lanes.body_rows[r]),
+            *(np.ascontiguousarray(m[r]) for m in matrices[:3]),
+            np.ascontiguousarray(matrices.inverse_unsprung[r, :, 0]),
+            np.ascontiguousarray(matrices.static_load[r, :, 0]),
+            np.ascontiguousarray(matrices.body_rows[r]),
             law(suspension.stiffness, r),
             law(suspension.damping, r),
             law(tire.static_deflection, r),
@@ -93,8 +93,8 @@ class Acquisition:
     """Samples and anti-alias filter of the first group, for solvers that know the unfiltered signals.
 
     The filter takes the signals as parabolas between points `1 / (2 substeps)` of a sample interval apart, as the
-    product does; its poles are run over all channels and lanes at once.  Unfiltered signals are asked for at the sample
-    times alone.
+    product does; its poles are run over all channels, runs and sets at once.  Unfiltered signals are asked for at the
+    sample times alone.
     """
 
     def __init__(self, work: Work, substeps: int | None = None, *, filtered: bool = True):

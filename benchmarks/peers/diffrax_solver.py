@@ -1,4 +1,4 @@
-"""Runs of the truck by diffrax: Tsit5 with adaptive steps, one lane per run and parameter set under `vmap`."""
+"""Runs of the truck by diffrax: Tsit5 with adaptive steps, each run with each parameter set alone, under `vmap`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _road(c: RunConstants, s: jax.Array) -> RoadInput:
     rise, slope, second, third = (o[0] for o in orders)
     none = jnp.zeros_like(rise)
     stretch, drag = (tuple(o[rows] for o in orders) for rows in (slice(1, 5), slice(5, 8)))
-    # One lane: (rows, R, na, S) without R and S.
+    # One run with one set: (rows, R, na, S) without R and S.
     stretch, drag = (tuple(o[:, None, :, None] for o in part) for part in (stretch, drag))
     lift = (o[None, :, None] for o in (rise, slope, second, third, none))
     return RoadInput(*lift, stretch, drag)
@@ -45,13 +45,13 @@ def _rates(t: jax.Array, y: jax.Array, c: RunConstants) -> tuple[jax.Array, jax.
     body, axle, body_rate, axle_rate = jnp.split(y, [nb, nb + na, 2 * nb + na])
     shift, drift = c.position @ body, c.rate @ body_rate
 
-    def lane(x: jax.Array) -> jax.Array:
+    def alone(x: jax.Array) -> jax.Array:
         return x[None, :, None]
 
-    law = TireLaw(*(lane(x) for x in (c.rest, c.reference, c.reference_load, c.exponent, c.tire_damping)))
+    law = TireLaw(*(alone(x) for x in (c.rest, c.reference, c.reference_load, c.exponent, c.tire_damping)))
     road = _road(c, c.speed * (t - c.start) - c.axle_x)
     advance, speed = shift[na : 2 * na], drift[na : 2 * na] + c.speed
-    unclipped, drag = contact_force(law, road, lane(advance), lane(speed), lane(axle), lane(axle_rate))
+    unclipped, drag = contact_force(law, road, alone(advance), alone(speed), alone(axle), alone(axle_rate))
     vertical = jnp.maximum(unclipped[0, :, 0], 0.0)
     extension, rate = shift[:na] - axle, drift[:na] - axle_rate
     pull = c.stiffness * extension + c.damping * rate
@@ -87,6 +87,6 @@ def diffrax_batch(runs: list[RunConstants], acquisition: Acquisition, sets: int)
         body, axle = rates[:, nb + na : 2 * nb + na], rates[:, 2 * nb + na :]
         return jnp.concatenate([extension[:, deflection], axle[:, acceleration], body @ c.body_rows.T], axis=1)
 
-    lanes = jax.vmap(jax.vmap(one, in_axes=(None, 0, None), out_axes=1), in_axes=(0, None, None), out_axes=1)
-    compiled = jax.jit(lambda tolerance: lanes(jnp.exp(jnp.asarray(scatter)), stacked, tolerance))
+    together = jax.vmap(jax.vmap(one, in_axes=(None, 0, None), out_axes=1), in_axes=(0, None, None), out_axes=1)
+    compiled = jax.jit(lambda tolerance: together(jnp.exp(jnp.asarray(scatter)), stacked, tolerance))
     return lambda tolerance: acquisition.shown(np.asarray(compiled(jnp.asarray(tolerance))))

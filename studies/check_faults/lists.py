@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
@@ -249,7 +250,7 @@ def body_released(c: CampaignCopy) -> Made:
     return Made("drops listed as released bodies", (r"release|plank|let go",))
 
 
-def _scan(what: str, words: str, change, harmless: str = "") -> Fault:
+def _scan(what: str, words: str, change: Callable[[pd.DataFrame], pd.DataFrame], harmless: str = "") -> Fault:
     def fault(c: CampaignCopy) -> Made:
         path = c.folder / "bump_scan.csv"
         change(pd.read_csv(path)).to_csv(path, index=False, float_format="%.7g")

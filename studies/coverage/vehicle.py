@@ -24,7 +24,7 @@ from sysid.road.scan import analyse_scan
 from sysid.sdof.drop_results import DropEstimate, DropSummary
 from sysid.selftest.readings import planned_campaign
 from sysid.selftest.world import World, draw_parameters
-from sysid.vehicle_model.lanes import EffectiveRoads, MapTires
+from sysid.vehicle_model.passes import EffectiveRoads, MapTires
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Nominal k [N/m] and c [N s/m] per axle of a tractor with a lowboy trailer, and of a three-axle truck.

@@ -12,7 +12,7 @@ from sysid.wording import shorten
 
 def copied_columns(channels: Sequence[Channel]) -> dict[str, str]:
     """Columns of one log with the same readings as another of their kind: column to a sentence about it."""
-    found: dict[str, str] = {}
+    sentences: dict[str, str] = {}
     first: dict[tuple[str, bytes], str] = {}
     for channel in channels:
         mark = _mark(channel)
@@ -24,8 +24,8 @@ def copied_columns(channels: Sequence[Channel]) -> dict[str, str]:
                 f"'{shorten(other)}' and '{shorten(channel.sensor.column)}' hold the same readings: one is a copy of "
                 "the other; export the log again, or remove the wrong one."
             )
-            found[other] = found[channel.sensor.column] = sentence
-    return found
+            sentences[other] = sentences[channel.sensor.column] = sentence
+    return sentences
 
 
 def copied_logs(tests: Sequence[PlankDrop | BumpRun]) -> list[str]:

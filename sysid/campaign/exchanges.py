@@ -22,7 +22,7 @@ class Suspicion:
 
 
 def accuse(suspects: dict[str, list[Suspicion]], sensor: Sensor, sentence: str, rejected: bool = True) -> None:
-    """Add a suspicion about the column of a sensor to those found."""
+    """Add a suspicion about the column of a sensor to those of all columns."""
     suspects.setdefault(sensor.column, []).append(Suspicion(sentence, rejected))
 
 
@@ -38,7 +38,7 @@ def find_exchanges(
     inverted: tuple[int, int] | None,
     vehicle: Vehicle,
     step: float,
-    found: dict[str, list[Suspicion]],
+    suspicions: dict[str, list[Suspicion]],
 ) -> set[int]:
     """Find columns that fit each other's axle.
 
@@ -52,7 +52,7 @@ def find_exchanges(
         Two axles that arrive in the wrong order, from `inverted_axles`.
     vehicle, step
         For names, and the sample interval [s].
-    found
+    suspicions
         Receives the suspicions.
 
     Returns
@@ -68,7 +68,7 @@ def find_exchanges(
         a = trio.axle_acceleration
         swapped = fit_factors(trio.deflection, b, a, step)
         if swapped and swapped.right and swapped.clear and hop_size(a, step) < 0.7 * hop_size(b, step):
-            _exchange_sentences([(a, b)], found)
+            _exchange_sentences([(a, b)], suspicions)
             settled.add(trio.axle)
     for one, two in combinations([t for t in suspect if t.axle not in settled], 2):
         if {one.axle, two.axle} & settled or {one.axle, two.axle} == set(inverted or ()):
@@ -80,7 +80,7 @@ def find_exchanges(
             if rest is not None and (best is None or rest < best[0]):
                 best = (rest, x, y)
         if best is not None:
-            _exchange_sentences([best[1:]], found)
+            _exchange_sentences([best[1:]], suspicions)
             settled |= {one.axle, two.axle}
     if inverted is not None and not settled & set(inverted):
         one, two = (next(t for t in groups if t.axle == axle) for axle in inverted)
@@ -94,7 +94,7 @@ def find_exchanges(
             if all(f is not None for f in (*away, *home)) and _rest(home) < _rest(away):
                 pairs.append((one.body_acceleration, two.body_acceleration))
         where = " and ".join(f"'{shorten(vehicle.axles[t.axle].name)}'" for t in (one, two))
-        _exchange_sentences(pairs, found, f"the axles {where} meet the bump in the wrong order")
+        _exchange_sentences(pairs, suspicions, f"the axles {where} meet the bump in the wrong order")
         settled |= set(inverted)
     return settled
 
@@ -126,7 +126,7 @@ def _fit_with(trio: Trio, other: Trio, kind: str, step: float) -> Fit | None:
 
 def _exchange_sentences(
     pairs: Sequence[tuple[Channel, Channel]],
-    found: dict[str, list[Suspicion]],
+    suspicions: dict[str, list[Suspicion]],
     reason: str = "each fits the place of the other",
 ) -> None:
     for x, y in pairs:
@@ -134,8 +134,8 @@ def _exchange_sentences(
             f"the columns {quoted(x.sensor)} and {quoted(y.sensor)} are exchanged: {reason}; exchange their names in "
             "the file, or their entries in [sensors] if all logs have them so."
         )
-        accuse(found, x.sensor, sentence)
-        accuse(found, y.sensor, sentence)
+        accuse(suspicions, x.sensor, sentence)
+        accuse(suspicions, y.sensor, sentence)
 
 
 def inverted_axles(

@@ -269,8 +269,8 @@ def _judge_together(
     if start is None and alive:
         messages.append(f"{log.file}: the truck moves from the first sample on, so the level at rest cannot be read.")
     rests = {}
-    for item, own in zip(alive, starts, strict=True):
-        item.rest, item.noise = defects.rest_of(item.channel, start, own)
+    for item, own_start in zip(alive, starts, strict=True):
+        item.rest, item.noise = defects.rest_of(item.channel, start, own_start)
         rests[item.channel.sensor.column] = float(np.nanmedian(item.channel.value)) if item.rest is None else item.rest
         _judge_noise(item)
     alive = [item for item in alive if not item.rejected]

@@ -247,7 +247,10 @@ def _disagreement(trio: Trio, fit: Fit, suspects: dict[str, list[Suspicion]]) ->
 
 
 def _all_flipped(
-    groups: Sequence[Trio], fits: Mapping[int, Fit | None], lifts: Sequence[float], found: dict[str, list[Suspicion]]
+    groups: Sequence[Trio],
+    fits: Mapping[int, Fit | None],
+    lifts: Sequence[float],
+    suspicions: dict[str, list[Suspicion]],
 ) -> None:
     known = [f for f in fits.values() if f is not None]
     good = sum(f.right and f.clear for f in known)
@@ -257,7 +260,7 @@ def _all_flipped(
         return
     for channel in {c.sensor.column: c for t in groups for c in t.channels}.values():
         accuse(
-            found,
+            suspicions,
             channel.sensor,
             f"{quoted(channel.sensor)} and the other sensors show axles that move down where the bump lifts them: "
             "all signs are flipped; multiply the columns by -1 (+ is extension, + is up).",
@@ -293,16 +296,16 @@ def _axles_flipped(
     fits: Mapping[int, Fit | None],
     falling: frozenset[int],
     vehicle: Vehicle,
-    found: dict[str, list[Suspicion]],
+    suspicions: dict[str, list[Suspicion]],
 ) -> None:
     for trio in groups:
         fit = fits[trio.axle]
         if trio.axle not in falling or fit is None or not fit.right:
             continue
         for channel in trio.channels:
-            if channel.sensor.column not in found:
+            if channel.sensor.column not in suspicions:
                 accuse(
-                    found,
+                    suspicions,
                     channel.sensor,
                     f"{quoted(channel.sensor)} has the wrong sign, as have all sensors of the axle "
                     f"'{shorten(vehicle.axles[trio.axle].name)}': it moves down where the bump lifts the other axles; "

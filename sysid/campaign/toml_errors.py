@@ -110,7 +110,7 @@ def _problems(errors: list[Any], data: dict[str, Any], model: type[BaseModel]) -
 
 def _sentence(error: Any, loc: tuple[str | int, ...], data: dict[str, Any], model: type[BaseModel]) -> str:
     kind, where = error["type"], _where(loc, data)
-    found = _found(error.get("input"))
+    given = _as_written(error.get("input"))
     if kind == "extra_forbidden":
         return f"{where} is not a known key; {nearest(loc[-1], _valid_keys(loc[:-1], model))}"
     if kind == "missing":
@@ -119,7 +119,7 @@ def _sentence(error: Any, loc: tuple[str | int, ...], data: dict[str, Any], mode
         return f"{where} {error['ctx']['error']}"
     if kind == "literal_error":
         options = [o.strip(" '") for o in error["ctx"]["expected"].replace(" or ", ", ").split(",")]
-        return f"{where} is {found}, expected {error['ctx']['expected']}; {nearest(error.get('input'), options)}"
+        return f"{where} is {given}, expected {error['ctx']['expected']}; {nearest(error.get('input'), options)}"
     expected = {
         "float_type": "a number",
         "int_type": "a whole number",
@@ -137,10 +137,10 @@ def _sentence(error: Any, loc: tuple[str | int, ...], data: dict[str, Any], mode
         expected = expected.replace("input should be ", "").replace(" should have", " with")
         if expected.startswith(("greater", "less")):
             expected = f"a number {expected}"
-    return f"{where} is {found}, expected {shorten(expected, 120)}"
+    return f"{where} is {given}, expected {shorten(expected, 120)}"
 
 
-def _found(value: object) -> str:
+def _as_written(value: object) -> str:
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, list):

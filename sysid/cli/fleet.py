@@ -297,18 +297,18 @@ def population(path: Path, output: Path) -> None:
 
         with StageProgress(errors) as progress:
             progress.stage("population")
-            found = compute(path, output, progress.update)
-        render(screen, population_blocks(found.populations, found.loads, found.said))
-        screen.print(f"All numbers: {found.file}", markup=False)
-        return 0 if all(p.converged for p in found.populations) else NotConvergedError.exit_code
+            results = compute(path, output, progress.update)
+        render(screen, population_blocks(results.populations, results.loads, results.said))
+        screen.print(f"All numbers: {results.file}", markup=False)
+        return 0 if all(p.converged for p in results.populations) else NotConvergedError.exit_code
 
     guarded("population", do)
 
 
-def population_blocks(found: Sequence[Any], loads: Sequence[Any], said: Sequence[str]) -> list[TextTable | str]:
+def population_blocks(populations: Sequence[Any], loads: Sequence[Any], said: Sequence[str]) -> list[TextTable | str]:
     """Tables of every type, outliers and loads."""
     blocks: list[TextTable | str] = []
-    for p in found:
+    for p in populations:
         blocks += [_type_table(p), *(_outlier_words(o) for o in p.outliers)]
         if not p.outliers:
             blocks.append("No truck stands out.")
@@ -387,8 +387,8 @@ def report(path: Path, output: Path) -> None:
 
         with StageProgress(errors) as progress:
             progress.stage("population")
-            found = compute(path, output, progress.update)
-        screen.print(str(write_fleet_page(found, rows_on_disk(found.fleet, output), output)), markup=False)
+            results = compute(path, output, progress.update)
+        screen.print(str(write_fleet_page(results, rows_on_disk(results.fleet, output), output)), markup=False)
         return 0
 
     guarded("report", do)

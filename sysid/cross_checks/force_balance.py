@@ -101,8 +101,8 @@ def run_spectra(run: BumpRun, vehicle: Vehicle) -> RunSpectra | None:
     if len(deflection) < len(vehicle.axles) or np.linalg.matrix_rank(np.array(rows), tol=_DISTINCT) < count:
         return None
     motion = np.linalg.lstsq(np.array(rows), np.array(readings), rcond=None)[0]
-    every = np.array([deflection[i] for i in range(len(vehicle.axles))])
-    return RunSpectra(log.file, run.load_case, motion, every, 2.0 * np.pi * frequency[band])
+    by_axle = np.array([deflection[i] for i in range(len(vehicle.axles))])
+    return RunSpectra(log.file, run.load_case, motion, by_axle, 2.0 * np.pi * frequency[band])
 
 
 def _spectrum(channel: Channel, grid: np.ndarray, window: np.ndarray, band: np.ndarray) -> np.ndarray | None:

@@ -175,8 +175,8 @@ def _tests(look: FirstLook, prefix: str) -> str:
 def _writing(look: FirstLook, file: str) -> dict[str, Any]:
     """How one log is written, where not all are written so."""
     log, of_all = _used_logs(look)[file], _writing_of_all(look)
-    own: dict[str, Any] = {"time": log.time} if log.time is not None else {}
-    return {k: v for k, v in (own | ({"units_row": True} if log.units_row else {})).items() if k not in of_all}
+    of_log: dict[str, Any] = {"time": log.time} if log.time is not None else {}
+    return {k: v for k, v in (of_log | ({"units_row": True} if log.units_row else {})).items() if k not in of_all}
 
 
 def _drop(look: FirstLook, entry: EntryGuess, prefix: str) -> dict[str, Any]:

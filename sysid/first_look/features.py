@@ -169,7 +169,7 @@ class _Correlations:
     the factor from each column's unit length to its own (q, a)."""
 
     alike: np.ndarray
-    own: np.ndarray
+    with_deflection: np.ndarray
     gain: np.ndarray
 
 
@@ -183,23 +183,23 @@ def _scaled(predictors: np.ndarray, targets: np.ndarray) -> _Correlations | None
 
 def _of_threes(c: _Correlations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Unexplained share, alpha and beta (q, a, b)."""
-    a, b = c.own[:, :, None], c.own[:, None, :]
+    a, b = c.with_deflection[:, :, None], c.with_deflection[:, None, :]
     with np.errstate(divide="ignore", invalid="ignore"):
         determinant = 1.0 - c.alike[None] ** 2
         of_a = (a - c.alike[None] * b) / determinant
         of_b = (b - c.alike[None] * a) / determinant
         left = 1.0 - of_a * a - of_b * b
     left[:, np.abs(c.alike) > _COLLINEAR] = np.nan
-    index = np.arange(c.own.shape[0])
+    index = np.arange(c.with_deflection.shape[0])
     left[index, index, :] = np.nan
     left[index, :, index] = np.nan
-    found = (np.clip(left, 0.0, 1.0), -of_a * c.gain[:, :, None], of_b * c.gain[:, None, :])
+    result = (np.clip(left, 0.0, 1.0), -of_a * c.gain[:, :, None], of_b * c.gain[:, None, :])
     # All threes of many logs are kept at once.
-    return found[0].astype(np.float32), found[1].astype(np.float32), found[2].astype(np.float32)
+    return result[0].astype(np.float32), result[1].astype(np.float32), result[2].astype(np.float32)
 
 
 def _of_pairs(c: _Correlations) -> tuple[np.ndarray, np.ndarray]:
     """Unexplained share and alpha (q, a)."""
-    left = 1.0 - c.own**2
+    left = 1.0 - c.with_deflection**2
     np.fill_diagonal(left, np.nan)
-    return left, -c.own * c.gain
+    return left, -c.with_deflection * c.gain

@@ -51,7 +51,7 @@ def path_says(path: str) -> PathSays:
     parts = [folded(p) for p in reversed(parts)]
     speed = next((s for s in map(_speed, parts) if s is not None), None)
     kind = next((k for k in map(_kind, parts) if k is not None), None)
-    load, word = next((found for found in map(_load, parts) if found[0] is not None), (None, ""))
+    load, word = next((load for load in map(_load, parts) if load[0] is not None), (None, ""))
     axles = [_axle(p) for p in parts]
     axle = next((a for a in axles if a[0] is not None or a[1] is not None), (None, None))
     if kind is None and speed is not None:
@@ -61,9 +61,9 @@ def path_says(path: str) -> PathSays:
 
 def _speed(part: str) -> float | None:
     for pattern, factor in _SPEEDS:
-        found = pattern.search(part)
-        if found:
-            value = float(re.sub("[,p]", ".", found[1])) * factor
+        match = pattern.search(part)
+        if match:
+            value = float(re.sub("[,p]", ".", match[1])) * factor
             return round(value, 1) if 0.5 <= value <= 150.0 else None
     return None
 

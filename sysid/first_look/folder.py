@@ -50,7 +50,7 @@ def names_in(folder: Path) -> list[str]:
     if not folder.is_dir():
         what = "is a file" if folder.exists() else "does not exist"
         raise CampaignError(f"{label} {what}, expected the folder with the logs; give that folder.")
-    found: list[str] = []
+    names: list[str] = []
     size = 0
     for root, folders, files in os.walk(folder):
         folders[:] = sorted(f for f in folders if not f.startswith("."))
@@ -58,21 +58,21 @@ def names_in(folder: Path) -> list[str]:
             path = Path(root) / name
             if name.startswith(".") or path.suffix.lower() in _NEVER or has_control_characters(name):
                 continue
-            found.append(path.relative_to(folder).as_posix())
+            names.append(path.relative_to(folder).as_posix())
             size += path.stat().st_size if path.is_file() else 0
-            if len(found) > limits.FIRST_LOOK_FILES:
+            if len(names) > limits.FIRST_LOOK_FILES:
                 raise CampaignError(
                     f"{label} holds more than {limits.FIRST_LOOK_FILES} files; copy logs and scans of one campaign "
                     "into a folder of their own."
                 )
-    if not found:
+    if not names:
         raise CampaignError(f"{label} holds no files that could be logs; give the folder with the logs.")
     if size > limits.INPUT_BYTES:
         raise CampaignError(
             f"{label} holds {size / 1e9:.1f} GB, at most {limits.INPUT_BYTES / 1e9:.0f} are read; copy logs and scans "
             "of one campaign into a folder of their own."
         )
-    return sorted(found)
+    return sorted(names)
 
 
 def opened(folder: Path, name: str) -> FolderFile | None:

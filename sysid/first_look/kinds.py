@@ -47,7 +47,7 @@ class KindGuess:
 
 
 def guess_kinds(
-    seen: Mapping[str, Sequence[Look]], said: Mapping[str, NameSays], found: Sequence[Three]
+    seen: Mapping[str, Sequence[Look]], said: Mapping[str, NameSays], threes: Sequence[Three]
 ) -> dict[str, KindGuess]:
     """Kind, unit and sign of every column of a layout.
 
@@ -57,17 +57,17 @@ def guess_kinds(
         Behaviour of each column, one per log in which it lives.
     said
         What each name says.
-    found
+    threes
         From :func:`matched_threes`.
     """
     roles: dict[str, tuple[SensorKind, Three]] = {}
-    for three in found:
+    for three in threes:
         roles[three.deflection] = ("suspension_deflection", three)
         roles[three.axle] = ("axle_acceleration", three)
         if three.body is not None:
             roles[three.body] = ("body_acceleration", three)
-    units = {c: u for three in found for c, u in _units_of(three, seen).items()}
-    signs = {c: s for three in found for c, s in _signs(three).items()}
+    units = {c: u for three in threes for c, u in _units_of(three, seen).items()}
+    signs = {c: s for three in threes for c, s in _signs(three).items()}
     result = {}
     for column, of_logs in seen.items():
         told = _told_unit(column, of_logs, said[column])

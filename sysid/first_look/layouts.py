@@ -24,7 +24,7 @@ class Layout:
     logs: tuple[SeenLog, ...]
     kinds: Mapping[str, KindGuess]
     said: Mapping[str, NameSays]
-    found: tuple[Three, ...]
+    threes: tuple[Three, ...]
 
 
 def layouts_of_logs(logs: Sequence[SeenLog], fits: Mapping[str, Threes]) -> list[Layout]:
@@ -48,15 +48,15 @@ def layouts_of_logs(logs: Sequence[SeenLog], fits: Mapping[str, Threes]) -> list
         said = {c: replace(s, side=s.side or sides.get(c)) for c, s in said.items()}
         of_members = [fits[log.file] for log in members if log.file in fits]
         kinds = {c: s.kind for c, s in said.items()}
-        found = tuple(upright(t, kinds) for t in matched_threes(of_members, hop, told_dimensions(alive, said)))
-        result.append(Layout(tuple(members), guess_kinds(alive, said, found), said, found))
+        threes = tuple(upright(t, kinds) for t in matched_threes(of_members, hop, told_dimensions(alive, said)))
+        result.append(Layout(tuple(members), guess_kinds(alive, said, threes), said, threes))
     return result
 
 
 def righted(layout: Layout, runs: Sequence[SeenLog]) -> Layout:
     """The layout with all sensors of an axle turned that falls where an axle meets a bump."""
     kinds = dict(layout.kinds)
-    for three in layout.found:
+    for three in layout.threes:
         up = {three.deflection: -1, three.axle: 1} | ({three.body: 1} if three.body else {})
         lifts = [
             float(np.mean([look.lift * kinds[look.name].sign * up[look.name] for look in log.looks if look.name in up]))

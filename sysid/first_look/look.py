@@ -61,7 +61,7 @@ def first_look(folder: Path, vehicle: str | None = None, progress: Progress = un
     wanted = None if vehicle is None else template(vehicle)
     logs, fits, scans, messages = _files(folder, progress)
     layouts = layouts_of_logs(logs, fits)
-    return _found(layouts, logs, scans, messages, wanted)
+    return _first_look(layouts, logs, scans, messages, wanted)
 
 
 def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, Threes], list[SeenScan], list[str]]:
@@ -109,7 +109,7 @@ def _seen(columns: LogColumns) -> SeenLog:
     return SeenLog(columns.file, columns.title, of_columns, columns.time, columns.units_row, columns.text, said)
 
 
-def _found(
+def _first_look(
     layouts: Sequence[Layout],
     logs: Sequence[SeenLog],
     scans: Sequence[SeenScan],

@@ -66,9 +66,9 @@ def matched_threes(fits: Sequence[Threes], hop: Mapping[str, float], dimension: 
     hops = shares[:, None] > _MORE_HOP * shares[None, :]
     cost[:, ~hops] = np.inf
     cost[~hops.T] = np.inf
-    found = _picked(names, cost, left, alpha, beta)
-    taken = {c for t in found for c in (t.deflection, t.axle, t.body)}
-    return (*found, *_pairs(fits, names, shares, np.asarray(against.all(axis=2)), taken))
+    picked = _picked(names, cost, left, alpha, beta)
+    taken = {c for t in picked for c in (t.deflection, t.axle, t.body)}
+    return (*picked, *_pairs(fits, names, shares, np.asarray(against.all(axis=2)), taken))
 
 
 def _against(names: Sequence[str], dimension: Mapping[str, str]) -> np.ndarray:

@@ -126,12 +126,12 @@ def speed_m_s(times: Mapping[int, float], positions_m: Sequence[float]) -> float
 
 def measured_positions(runs: Sequence[tuple[Mapping[int, float], float]], axles: int) -> tuple[float, ...] | None:
     """Distances behind axle 1 [m] from runs (arrivals of the axles [s], speed [m/s]); None where an axle is missing."""
-    found: list[list[float]] = [[] for _ in range(axles)]
+    distances: list[list[float]] = [[] for _ in range(axles)]
     for times, speed in runs:
         if 0 in times:
             for axle, time in times.items():
-                found[axle].append(speed * (time - times[0]))
-    if not all(found):
+                distances[axle].append(speed * (time - times[0]))
+    if not all(distances):
         return None
-    middle = [float(np.median(x)) for x in found]
+    middle = [float(np.median(x)) for x in distances]
     return tuple(middle) if all(b > a for a, b in itertools.pairwise(middle)) else None

@@ -22,7 +22,7 @@ def sensor_guesses(
     """One guess per column of the logs of runs, or of drops."""
     result: dict[str, SensorGuess] = {}
     for layout in layouts:
-        of_three = {c: t.axle for t in layout.found for c in (t.deflection, t.axle, t.body) if c}
+        of_three = {c: t.axle for t in layout.threes for c in (t.deflection, t.axle, t.body) if c}
         alone = Counter(g.kind for g in layout.kinds.values() if g.kind is not None)
         for column, guess in layout.kinds.items():
             if guess.kind is None and guess.sure:

@@ -154,12 +154,12 @@ def axle_number(words: list[str]) -> int | None:
 def place_word(letters: list[str]) -> PlaceWord | None:
     """The word for a place of an axle, None where there is none or more than one kind of it."""
     # "fr" is short for frame as often as for front, and frames stand above axles.
-    found = [p for p, pattern in _PLACES.items() if _has([w for w in letters if w != "fr"], pattern)]
-    if len(found) == 2 and found[1] == "rear" and found[0] in ("drive", "trailer", "tag"):
-        return found[0]
-    if len(found) == 2 and found[0] == "front" and found[1] in ("drive", "trailer", "tag"):
-        return found[1]
-    return found[0] if len(found) == 1 else None
+    places = [p for p, pattern in _PLACES.items() if _has([w for w in letters if w != "fr"], pattern)]
+    if len(places) == 2 and places[1] == "rear" and places[0] in ("drive", "trailer", "tag"):
+        return places[0]
+    if len(places) == 2 and places[0] == "front" and places[1] in ("drive", "trailer", "tag"):
+        return places[1]
+    return places[0] if len(places) == 1 else None
 
 
 def _side(letters: list[str]) -> Side | None:

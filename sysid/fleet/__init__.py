@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
+from typing import TYPE_CHECKING
+
+from sysid.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from sysid.fleet.outcome import Outcome
+    from sysid.fleet.population import TypePopulation
+    from sysid.fleet.read import read_fleet
+    from sysid.fleet.records import Fleet, FleetCampaign, SharedError, Truck
+    from sysid.fleet.results import compute
+    from sysid.fleet.running import Row, RunOptions, run_fleet
+    from sysid.fleet.simulate import SimulatedFleet, simulate_fleet
 
 _HOMES = {
     "Fleet": "sysid.fleet.records",
@@ -37,13 +47,4 @@ __all__ = [
     "simulate_fleet",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """Load a public name when it is first used."""
-    if name in _HOMES:
-        return getattr(importlib.import_module(_HOMES[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+__getattr__, __dir__ = lazy_names(__name__, _HOMES)

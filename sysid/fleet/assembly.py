@@ -78,7 +78,7 @@ def populations(
         If no type has enough trucks with results.
     """
     priors, report = priors or HyperPriors(), progress or unwatched
-    found, said = [], []
+    populations, said = [], []
     for kind in dict.fromkeys(t.type for t in fleet.trucks):
         try:
             assembled = assemble(fleet, output, kind, priors)
@@ -95,10 +95,10 @@ def populations(
             said.append(str(error))
             continue
         said += [f"{kind}: {remark}" for remark in assembled.remarks]
-        found.append(population)
-    if not found:
+        populations.append(population)
+    if not populations:
         raise DataRejectedError(" ".join(said[:3]) or "The fleet has no campaign with results; run it first.")
-    return found, said
+    return populations, said
 
 
 def members(fleet: Fleet, output: Path, kind: str) -> Iterator[Member]:

@@ -40,13 +40,13 @@ def fleet_text(folder: Path) -> str:
     CampaignError
         If there is no campaign.
     """
-    found = campaign_folders(folder)
-    if not found:
+    folders = campaign_folders(folder)
+    if not folders:
         raise CampaignError(
             f"{shorten(folder, 100)} has no subfolder with a {CAMPAIGN_FILE}; begin campaigns by 'init FOLDER' first."
         )
     parts = [_HEAD.format(title=quoted(folder.resolve().name))]
-    for truck, campaigns in _trucks(found).items():
+    for truck, campaigns in _trucks(folders).items():
         lines = [
             "",
             "[[truck]]",
@@ -59,10 +59,10 @@ def fleet_text(folder: Path) -> str:
     return "".join(parts)
 
 
-def _trucks(found: list[str]) -> dict[str, list[str]]:
+def _trucks(folders: list[str]) -> dict[str, list[str]]:
     """Campaigns by truck: those whose folders stand in one subfolder are of one truck, others are each their own."""
     trucks: dict[str, list[str]] = {}
-    for folder in found:
+    for folder in folders:
         above = folder.rsplit("/", 1)[0] if "/" in folder else folder
         trucks.setdefault(above, []).append(folder)
     return trucks

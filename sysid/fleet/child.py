@@ -30,7 +30,7 @@ _KEY_FILE = "fleet_key"
 #: How long to wait for the process of an earlier driver to see that it is gone [s].
 _PATIENCE_S = 20.0
 #: Least time between two lines about progress [s].
-_EVERY_S = 0.5
+_INTERVAL_S = 0.5
 
 
 def main() -> None:
@@ -131,7 +131,7 @@ class _Reports:
 
     def __call__(self, message: str, fraction: float) -> None:
         now = time.monotonic()
-        if now - self._last >= _EVERY_S:
+        if now - self._last >= _INTERVAL_S:
             self._last = now
             self._say.write(json.dumps({"stage": message, "fraction": round(fraction, 4)}) + "\n")
 

@@ -73,17 +73,19 @@ def population(value: np.ndarray, variance: np.ndarray, scale: float) -> Populat
 def pooled_populations(value: np.ndarray, variance: np.ndarray, scale: float) -> list[Population]:
     """Populations of several like parameters (t, m), whose spreads are lognormal about a common one."""
     spread = spread_grid(scale)
-    found = [evidence(v[np.isfinite(v)], s[np.isfinite(v)], spread) for v, s in zip(value.T, variance.T, strict=True)]
-    if len(found) == 1:
+    by_parameter = [
+        evidence(v[np.isfinite(v)], s[np.isfinite(v)], spread) for v, s in zip(value.T, variance.T, strict=True)
+    ]
+    if len(by_parameter) == 1:
         return [population(value[np.isfinite(value[:, 0]), 0], variance[np.isfinite(value[:, 0]), 0], scale)]
     # About each common spread (rows) the spreads of single parameters (columns).
     about = -0.5 * (np.log(spread[None, :] / spread[:, None]) / POOLING) ** 2
     about -= np.log(np.exp(about).sum(axis=1, keepdims=True))
-    common = [_log_sum(about + log) for log, _, _ in found]
+    common = [_log_sum(about + log) for log, _, _ in by_parameter]
     prior = half_cauchy(spread, scale)
     result = []
-    for own, (log, mean, var) in enumerate(found):
-        others = prior + sum(c for i, c in enumerate(common) if i != own)
+    for k, (log, mean, var) in enumerate(by_parameter):
+        others = prior + sum(c for i, c in enumerate(common) if i != k)
         weights = _normalised(log + _log_sum((about + others[:, None]).T))
         result.append(Population(weights, spread, mean, var))
     return result

@@ -234,8 +234,8 @@ class Forms:
 
     def summed(self, first: np.ndarray) -> Forms:
         """Trucks, from campaigns of which each truck's first is named."""
-        every = (self.precision, self.shift, self.moved, self.own, self.known)
-        return Forms(*(np.add.reduceat(part, first, axis=1) for part in every))
+        parts = (self.precision, self.shift, self.moved, self.own, self.known)
+        return Forms(*(np.add.reduceat(part, first, axis=1) for part in parts))
 
     def mixed(self, spread: np.ndarray) -> np.ndarray:
         """I + L T for covariances T (n, d, d) of theta."""

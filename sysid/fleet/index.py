@@ -94,8 +94,8 @@ def _write(rows: Iterable[Row], folder: Path, output: Path) -> None:
 def _parts(rows: Iterable[Row], output: Path) -> Iterator[dict[str, list[dict[str, Any]]]]:
     part: dict[str, list[dict[str, Any]]] = {table: [] for table in TABLES}
     for number, row in enumerate(rows, start=1):
-        for table, found in campaign_rows(row, campaign_output(output, row.campaign), output).items():
-            part[table] += found
+        for table, more in campaign_rows(row, campaign_output(output, row.campaign), output).items():
+            part[table] += more
         if number % _PART == 0:
             yield part
             part = {table: [] for table in TABLES}

@@ -60,17 +60,17 @@ def folder_state(folder: Path) -> dict[str, str]:
 
     For campaigns that could not be read: which files they need is not known.
     """
-    found: dict[str, str] = {}
+    stamps: dict[str, str] = {}
     try:
         files = sorted(p for p in folder.rglob("*") if p.is_file())
         for path in files:
             status = path.stat()
             stamp = f"{status.st_size} bytes, {status.st_mtime_ns} ns"
             name = path.relative_to(folder).as_posix()
-            found[name] = _digest(path) if path.suffix == ".toml" else stamp
+            stamps[name] = _digest(path) if path.suffix == ".toml" else stamp
     except OSError:
         return {}
-    return found
+    return stamps
 
 
 def result_digest(path: Path) -> str:

@@ -57,7 +57,7 @@ def population_loads(kind: str, members: Iterable[Member]) -> list[PopulationLoa
             if all(isinstance(v, float) and v > 0.0 for v in values):
                 low, middle, high = (math.log(v) for v in values)
                 readings.setdefault((case, speed, axle), {})[member.truck] = (middle, (high - low) / (2.0 * Z90))
-    found = []
+    loads = []
     for (case, speed, axle), trucks in sorted(readings.items()):
         if len(trucks) < _LEAST:
             continue
@@ -65,5 +65,5 @@ def population_loads(kind: str, members: Iterable[Member]) -> list[PopulationLoa
         of = population(value, np.maximum(sd, 1e-6) ** 2, _SCALE)
         q05, q50, q95 = np.exp(of.quantiles((0.05, 0.5, 0.95)))
         spread = float(of.weights @ of.spread)
-        found.append(PopulationLoad(kind, case, speed, axle, len(trucks), float(q05), float(q50), float(q95), spread))
-    return found
+        loads.append(PopulationLoad(kind, case, speed, axle, len(trucks), float(q05), float(q50), float(q95), spread))
+    return loads

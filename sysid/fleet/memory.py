@@ -14,8 +14,8 @@ _UNKNOWN = 4_000_000_000
 
 def available_bytes() -> int:
     """Memory that could be used without swapping [bytes], within the limit of a container."""
-    found = [n for n in (_of_machine(), _of_container()) if n is not None]
-    return min(found) if found else _UNKNOWN
+    limits = [n for n in (_of_machine(), _of_container()) if n is not None]
+    return min(limits) if limits else _UNKNOWN
 
 
 def _of_machine() -> int | None:

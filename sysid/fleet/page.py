@@ -52,7 +52,7 @@ class TypePart:
 def render_fleet(results: FleetResults, rows: Sequence[Row]) -> str:
     """The page as text; it loads nothing, and what users typed is escaped."""
     gallery = Gallery()
-    found = counts(rows)
+    states = counts(rows)
     problems = [row for row in rows if row.state != "done"]
     preview = any(row.outcome is not None and row.outcome.status == "preview" for row in rows)
     content = {
@@ -60,7 +60,7 @@ def render_fleet(results: FleetResults, rows: Sequence[Row]) -> str:
         "preview": preview,
         "trucks": len(results.fleet.trucks),
         "campaigns": len(rows),
-        "counts": found,
+        "counts": states,
         "types": [_type_part(p, results, gallery) for p in results.populations],
         "said": results.said,
         "problems": [_listed(row) for row in problems[:MOST_LISTED]],
@@ -159,13 +159,13 @@ def _answer(p: TypePopulation) -> Table:
 
 def _pairs(p: TypePopulation) -> list[tuple[int, int]]:
     """Stiffness and damping of one suspension: names k_2[laden] and c_2."""
-    found = []
+    pairs = []
     for i, name in enumerate(p.names):
         if p.quantities[i] == "stiffness":
             partner = "c" + name[1:].split("[")[0]
             if partner in p.names:
-                found.append((i, p.names.index(partner)))
-    return found
+                pairs.append((i, p.names.index(partner)))
+    return pairs
 
 
 def _maps(p: TypePopulation, out: set[tuple[int, int]], gallery: Gallery) -> list[Picture]:
@@ -226,10 +226,10 @@ def _load_table(loads: Sequence[PopulationLoad]) -> Table | None:
     return table("Wheel loads of a new truck; brackets hold 90 % of trucks", head, rows)
 
 
-def _pareto_table(found: Sequence[TypePopulation]) -> Table | None:
+def _pareto_table(populations: Sequence[TypePopulation]) -> Table | None:
     rows = [
         [Cell(name), Cell(p.type), Cell(fixed(float(k), 2))]
-        for p in found
+        for p in populations
         for name, k in zip(p.campaigns, p.pareto_k, strict=True)
         if k > MOST_K
     ]

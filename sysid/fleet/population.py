@@ -148,10 +148,10 @@ def fit_population(
 
 def laplace(model: Hierarchy) -> tuple[np.ndarray, np.ndarray]:
     """Mode (h,) of the hyperparameters and a covariance (h, h) from the curvature there."""
-    found = minimize(
+    optimum = minimize(
         lambda u: -float(model(u[None])[0]), model.start, method="Nelder-Mead" if model.start.size < 2 else "BFGS"
     )
-    mode = np.clip(found.x, model.start - 4.0, model.start + 4.0)
+    mode = np.clip(optimum.x, model.start - 4.0, model.start + 4.0)
     count, step = mode.size, 0.05
     moves = step * np.eye(count)
     pairs = [(i, j) for i in range(count) for j in range(i, count)]
@@ -187,7 +187,7 @@ def find_outliers(data: TypeData, value: np.ndarray, sd: np.ndarray, priors: Hyp
     The level is shared out over all trucks and parameters (Bonferroni).
     """
     known = int(np.isfinite(value).sum())
-    found = []
+    outliers = []
     for t, truck in enumerate(data.trucks):
         others = np.arange(len(data.trucks)) != t
         for quantity in dict.fromkeys(data.quantities):
@@ -203,8 +203,8 @@ def find_outliers(data: TypeData, value: np.ndarray, sd: np.ndarray, priors: Hyp
                 chance = pop.tail(float(value[t, i]), float(sd[t, i] ** 2))
                 if chance * known < OUTLIER_LEVEL:
                     factor = float(np.exp(value[t, i] - pop.quantiles((0.5,))[0]))
-                    found.append(Outlier(truck, data.names[i], factor, chance))
-    return tuple(sorted(found, key=lambda o: o.probability))
+                    outliers.append(Outlier(truck, data.names[i], factor, chance))
+    return tuple(sorted(outliers, key=lambda o: o.probability))
 
 
 def further_trucks(mean: np.ndarray, tau: np.ndarray, sd: np.ndarray, data: TypeData, shared: np.ndarray) -> np.ndarray:
@@ -220,14 +220,14 @@ def further_trucks(mean: np.ndarray, tau: np.ndarray, sd: np.ndarray, data: Type
         centred = shared - shared.mean(axis=0)
         slope = np.linalg.lstsq(centred, mean - mean.mean(axis=0), rcond=None)[0]
         floor = (centred @ slope).var(axis=0)
-    own = (
+    of_campaigns = (
         np.nanmedian(np.where(np.isfinite(sd), sd, np.nan) ** 2, axis=0)
         if np.isfinite(sd).any()
         else np.zeros_like(floor)
     )
     wanted = variance / 4.0 - floor
     with np.errstate(divide="ignore", invalid="ignore"):
-        count = ((tau**2).mean(axis=0) + own) * (1.0 / wanted - 1.0 / (variance - floor))
+        count = ((tau**2).mean(axis=0) + of_campaigns) * (1.0 / wanted - 1.0 / (variance - floor))
     return np.where(wanted > 0.0, np.ceil(np.maximum(count, 0.0)), np.inf)
 
 
@@ -277,8 +277,8 @@ def _pareto(
         prior = (record.prior_mean, record.prior_covariance)
         k[c] = campaign_weights(record.draws, *prior, *(part[::4] for part in around)).pareto_k
         # As the draws are: a shared error that was taken out of the likelihood is part of them.
-        own = likelihood_of(record)
-        log_weights += log_correction(record.draws, *prior, *around, own.precision, own.shift)
+        likelihood = likelihood_of(record)
+        log_weights += log_correction(record.draws, *prior, *around, likelihood.precision, likelihood.shift)
     return k, log_weights
 
 

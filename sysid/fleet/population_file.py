@@ -21,19 +21,19 @@ SCHEMA = 1
 
 
 def population_document(
-    found: Sequence[TypePopulation], loads: Sequence[PopulationLoad], said: Sequence[str]
+    populations: Sequence[TypePopulation], loads: Sequence[PopulationLoad], said: Sequence[str]
 ) -> dict[str, Any]:
     """The content of the file as plain Python objects."""
     return {
         "schema": SCHEMA,
-        "types": [_type(p) for p in found],
+        "types": [_type(p) for p in populations],
         "loads": [asdict(load) for load in loads],
         "remarks": list(said),
     }
 
 
 def write_population(
-    found: Sequence[TypePopulation], loads: Sequence[PopulationLoad], said: Sequence[str], output: Path
+    populations: Sequence[TypePopulation], loads: Sequence[PopulationLoad], said: Sequence[str], output: Path
 ) -> Path:
     """Write the file below `output`.
 
@@ -42,7 +42,7 @@ def write_population(
     OutputError
         If the folder cannot be written.
     """
-    text = json.dumps(population_document(found, loads, said), indent=1, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(population_document(populations, loads, said), indent=1, ensure_ascii=False, allow_nan=False)
     try:
         write_text(output / POPULATION_JSON, text + "\n")
     except OSError as error:

@@ -46,28 +46,28 @@ def fleet_of_folder(folder: Path) -> Fleet:
     CampaignError
         If there is none, or two would have one name.
     """
-    found = campaign_folders(folder)
-    if not found:
+    folders = campaign_folders(folder)
+    if not folders:
         raise CampaignError(
             f"{shorten(folder, 100)} has neither a {FLEET_FILE} nor subfolders with a {CAMPAIGN_FILE}; give the folder "
             "above the campaigns."
         )
-    trucks = [Truck(name := result_name(f), "truck", (FleetCampaign(name, folder / f),)) for f in found]
+    trucks = [Truck(name := result_name(f), "truck", (FleetCampaign(name, folder / f),)) for f in folders]
     return _checked(Fleet(folder.resolve().name, folder, tuple(trucks)), str(folder))
 
 
 def campaign_folders(folder: Path) -> list[str]:
     """Folders with a campaign file below `folder`, relative to it, in order of their names."""
-    found = []
+    campaigns = []
     for root, folders, files in os.walk(folder):
         inside = Path(root).relative_to(folder)
         # Results of earlier runs hold no campaign files, but may hold thousands of folders.
         hidden = len(inside.parts) >= _DEPTH or "stages" in folders
         folders[:] = [] if hidden else sorted(f for f in folders if not f.startswith("."))
         if CAMPAIGN_FILE in files and inside.parts:
-            found.append(inside.as_posix())
+            campaigns.append(inside.as_posix())
             folders[:] = []
-    return sorted(found)
+    return sorted(campaigns)
 
 
 def result_name(folder: str) -> str:

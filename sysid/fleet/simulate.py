@@ -35,7 +35,7 @@ from sysid.road.scan import analyse_scan
 from sysid.runtime import configure
 from sysid.selftest.readings import Instruments, ordinary_instruments, planned_campaign, simulated_campaign
 from sysid.selftest.world import World
-from sysid.vehicle_model.lanes import EffectiveRoads
+from sysid.vehicle_model.passes import EffectiveRoads
 
 TRUTH_FILE = "fleet_truth.json"
 #: Relative standard deviations between trucks of a type, and between campaigns of one truck (assumptions).
@@ -106,9 +106,9 @@ def simulate_fleet(
             readings = _driven(planned, parameters, values, profiles, instruments, random)
             _write(readings.bump_runs, file, folder / name / f"{c + 1}", f"{name}, campaign {c + 1}")
     fleet = _fleet_file(file, folder, names, campaigns)
-    found = SimulatedFleet(fleet, _named(parameters, mean), true)
-    write_text(folder / TRUTH_FILE, json.dumps({"seed": seed, "mean": found.mean, "trucks": true}, indent=1) + "\n")
-    return found
+    simulated = SimulatedFleet(fleet, _named(parameters, mean), true)
+    write_text(folder / TRUTH_FILE, json.dumps({"seed": seed, "mean": simulated.mean, "trucks": true}, indent=1) + "\n")
+    return simulated
 
 
 def _check(broken: Mapping[str, Mapping[str, float]], names: list[str], parameters: ParameterSet) -> None:

@@ -48,15 +48,15 @@ def stage_of(output: Path, name: str) -> str:
 def counts(rows: Sequence[Row]) -> dict[str, int]:
     """How many campaigns are in which state, in a fixed order."""
     order = ("queued", "running", "done", "not converged", "rejected", "failed", "crashed")
-    found = Counter(row.state for row in rows)
-    return {state: found[state] for state in order if found[state]}
+    numbers = Counter(row.state for row in rows)
+    return {state: numbers[state] for state in order if numbers[state]}
 
 
 def row_fields(row: Row) -> dict[str, Any]:
     """One line of the table by column; what is not known is None."""
     outcome = {} if row.outcome is None else asdict(row.outcome)
-    own = {"truck": row.truck, "type": row.type, "campaign": row.campaign, "date": row.date, "state": row.state}
-    return {column: own.get(column, outcome.get(column)) for column in COLUMNS}
+    of_row = {"truck": row.truck, "type": row.type, "campaign": row.campaign, "date": row.date, "state": row.state}
+    return {column: of_row.get(column, outcome.get(column)) for column in COLUMNS}
 
 
 def write_status(rows: Sequence[Row], output: Path) -> tuple[Path, Path]:

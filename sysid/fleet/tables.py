@@ -108,7 +108,7 @@ def campaign_rows(row: Row, output: Path, folder: Path) -> dict[str, list[dict[s
         document = json.loads(read_bytes(output / RESULT_FILE) or b"") if _finished(row) else {}
     except (ValueError, RecursionError):
         document = {}
-    own = {"campaign": row.campaign, "truck": row.truck, "type": row.type}
+    of_row = {"campaign": row.campaign, "truck": row.truck, "type": row.type}
     warnings = document.get("warnings", [])
     first = row_fields(row) | {
         "title": document.get("campaign"),
@@ -119,10 +119,10 @@ def campaign_rows(row: Row, output: Path, folder: Path) -> dict[str, list[dict[s
     }
     return {
         "campaigns": [first],
-        "parameters": [own | _parameter(p) for p in document.get("parameters", [])],
-        "draws": _draws(own, output) if document else [],
-        "predictions": [own | _prediction(p) for p in document.get("predictions", [])],
-        "quality": [own | dict(v) for v in document.get("validation", [])],
+        "parameters": [of_row | _parameter(p) for p in document.get("parameters", [])],
+        "draws": _draws(of_row, output) if document else [],
+        "predictions": [of_row | _prediction(p) for p in document.get("predictions", [])],
+        "quality": [of_row | dict(v) for v in document.get("validation", [])],
     }
 
 
@@ -149,9 +149,9 @@ def _prediction(p: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _draws(own: Mapping[str, Any], output: Path) -> list[dict[str, Any]]:
+def _draws(of_row: Mapping[str, Any], output: Path) -> list[dict[str, Any]]:
     record = read_draws(output / RECORD_FILE)
     if record is None:
         return []
     values = np.exp(thinned(record.draws, INDEXED_DRAWS)).T
-    return [{**own, "name": n, "values": v} for n, v in zip(record.names, values, strict=True)]
+    return [{**of_row, "name": n, "values": v} for n, v in zip(record.names, values, strict=True)]

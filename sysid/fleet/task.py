@@ -31,7 +31,7 @@ MOST_STARTS = 2
 _STARTS_FILE = "fleet_starts.json"
 PROGRESS_FILE = "fleet_progress.json"
 #: Least time between two writings of the progress of a campaign [s].
-_EVERY_S = 1.0
+_INTERVAL_S = 1.0
 _CHILD = (sys.executable, "-m", "sysid.fleet.child")
 
 
@@ -174,7 +174,7 @@ def _heard(process: subprocess.Popen[str], output: Path) -> Outcome | None:
             continue
         if "outcome" in said:
             return Outcome(**said["outcome"])
-        if time.monotonic() - written >= _EVERY_S:
+        if time.monotonic() - written >= _INTERVAL_S:
             written = time.monotonic()
             with contextlib.suppress(OSError):
                 write_text(output / PROGRESS_FILE, line)

@@ -27,7 +27,7 @@ class RefusedError(ValueError):
 
 
 @dataclass(frozen=True)
-class Found:
+class FileChannel:
     """One channel of a file before its values are read.
 
     `length` is its number of values.  `load` gives values (n,) and unit.  `time` gives its stamps in seconds where the
@@ -62,7 +62,7 @@ def even_time(start_s: float, step_s: float, count: int) -> Callable[[], np.ndar
     return lambda: start_s + step_s * np.arange(count)
 
 
-def selected(found: Iterable[Found], request: dict[str, Any]) -> tuple[dict[str, Any], list[np.ndarray]]:
+def selected(offered: Iterable[FileChannel], request: dict[str, Any]) -> tuple[dict[str, Any], list[np.ndarray]]:
     """Answer and arrays of the wanted channels: first the stamps of all clocks [s], then the values.
 
     Raises
@@ -70,7 +70,7 @@ def selected(found: Iterable[Found], request: dict[str, Any]) -> tuple[dict[str,
     RefusedError
         If a wanted name stands for several channels, sizes are beyond the limits, or a channel has no time.
     """
-    channels = list(islice(found, limits.LOG_CHANNELS + 1))
+    channels = list(islice(offered, limits.LOG_CHANNELS + 1))
     if len(channels) > limits.LOG_CHANNELS:
         raise RefusedError(f"has more than {limits.LOG_CHANNELS} channels; export those of the sensors only")
     everything = bool(request.get("everything"))
@@ -106,9 +106,9 @@ def selected(found: Iterable[Found], request: dict[str, Any]) -> tuple[dict[str,
 class _Answer:
     """Channels whose values have been read, of those that the file has; clocks with the same stamps are one."""
 
-    channels: Sequence[Found]
+    channels: Sequence[FileChannel]
     time: str | None
-    added: list[Found] = field(default_factory=list)
+    added: list[FileChannel] = field(default_factory=list)
     units: list[str | None] = field(default_factory=list)
     values: list[np.ndarray] = field(default_factory=list)
     clock_of: list[int] = field(default_factory=list)
@@ -116,7 +116,7 @@ class _Answer:
     stamps: list[np.ndarray] = field(default_factory=list)
     described: list[dict[str, Any]] = field(default_factory=list)
 
-    def add(self, channel: Found) -> None:
+    def add(self, channel: FileChannel) -> None:
         """Read values and stamps of one channel.
 
         Raises
@@ -146,25 +146,25 @@ class _Answer:
         self.clock_of.append(clock)
 
 
-def _unequal(channel: Found, values: int, times: int, name: str) -> RefusedError:
+def _unequal(channel: FileChannel, values: int, times: int, name: str) -> RefusedError:
     return RefusedError(
         f"has {values} values in '{shorten(channel.path)}' and {times} times in '{shorten(name)}'; export it again"
     )
 
 
-def _own_names(chosen: Sequence[Found], channels: Sequence[Found]) -> list[str]:
+def _own_names(chosen: Sequence[FileChannel], channels: Sequence[FileChannel]) -> list[str]:
     """Names by which channels can be asked for: with the group where another channel has the same name."""
     counts = Counter(c.name for c in channels if c.length)
     return [c.name if counts[c.name] == 1 else c.path for c in chosen]
 
 
-def _matched(chosen: Sequence[Found], request: dict[str, Any]) -> list[str]:
+def _matched(chosen: Sequence[FileChannel], request: dict[str, Any]) -> list[str]:
     """For every chosen channel the name by which it was wanted."""
     names = {id(c): name for name in reversed(request["wanted"]) for c in chosen if name in (c.name, c.path)}
     return [names[id(c)] for c in chosen]
 
 
-def _by_name(channels: Sequence[Found], name: str) -> Found | None:
+def _by_name(channels: Sequence[FileChannel], name: str) -> FileChannel | None:
     hits = [c for c in channels if c.path == name] or [c for c in channels if c.name == name]
     hits = [c for c in hits if c.length] or hits
     if len(hits) > 1:
@@ -178,7 +178,7 @@ def _by_name(channels: Sequence[Found], name: str) -> Found | None:
     return hits[0] if hits else None
 
 
-def _check_sizes(chosen: Sequence[Found]) -> None:
+def _check_sizes(chosen: Sequence[FileChannel]) -> None:
     for channel in chosen:
         if channel.length > limits.LOG_ROWS:
             raise RefusedError(
@@ -193,7 +193,7 @@ def _check_sizes(chosen: Sequence[Found]) -> None:
 
 
 def _time_of(
-    channel: Found, size: int, channels: Sequence[Found], wanted: str | None
+    channel: FileChannel, size: int, channels: Sequence[FileChannel], wanted: str | None
 ) -> tuple[str, str, Callable[[], np.ndarray]]:
     """Key, name and stamps of the clock of a channel."""
     if channel.time is not None and wanted is None:
@@ -213,7 +213,7 @@ def _time_of(
     )
 
 
-def _seconds(column: Found) -> np.ndarray:
+def _seconds(column: FileChannel) -> np.ndarray:
     array, unit = column.load()
     if np.issubdtype(array.dtype, np.datetime64) or np.issubdtype(array.dtype, np.timedelta64):
         first = array[~np.isnat(array)][:1]

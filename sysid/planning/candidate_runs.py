@@ -45,20 +45,20 @@ class RunKind:
 class RunInformation:
     """What each channel of a candidate run says about p parameters, q masses and departures and the run's own motion.
 
-    `channels` (C, n, n) normal matrices, n = p + q + 3, in the order of `sensors`; `own_prior` (3, 3) prior precision
-    of the run's own unknowns.
+    `channels` (C, n, n) normal matrices, n = p + q + 3, in the order of `sensors`; `motion_prior_precision`
+    (3, 3) prior precision of the run's own unknowns.
     """
 
     kind: RunKind
     sensors: tuple[Sensor, ...]
     channels: np.ndarray
-    own_prior: np.ndarray
+    motion_prior_precision: np.ndarray
 
     def of(self, sensors: Sequence[Sensor]) -> np.ndarray:
         """Information (p + q, p + q) of the run recorded by some of its sensors."""
         chosen = [k for k, s in enumerate(self.sensors) if s in sensors]
         normal = self.channels[chosen].sum(axis=0)
-        return np.asarray(without_runs(normal[None], self.own_prior[None])[0])
+        return np.asarray(without_runs(normal[None], self.motion_prior_precision[None])[0])
 
 
 def recording_sensors(state: FitState) -> tuple[Sensor, ...]:
@@ -111,14 +111,14 @@ def run_information(state: FitState, kinds: Sequence[RunKind], sensors: Sequence
         allowance_columns(model, state.allowances, weights, point.log_parameters, motion, point.amounts),
     )
     order = [sensors.index(s) for s in model.layout.sensors]
-    own_prior = motion_prior(runs).precision(motion, range(len(runs)))
+    motion_prior_precision = motion_prior(runs).precision(motion, range(len(runs)))
     by_run: dict[int, RunInformation] = {}
     for group, lin in zip(model.groups, lins, strict=True):
         for r, run in enumerate(group.runs):
             normal = np.empty((len(sensors), *(lin.residual_jacobian.shape[-1],) * 2))
             for c, at in enumerate(order):
                 normal[at] = _normal(lin, r, c)
-            by_run[run] = RunInformation(kinds[run], sensors, normal, own_prior[run])
+            by_run[run] = RunInformation(kinds[run], sensors, normal, motion_prior_precision[run])
     return tuple(by_run[i] for i in range(len(kinds)))
 
 

@@ -101,9 +101,9 @@ def first(
     points, values = np.empty((0, centre.size)), np.empty(0)
     for _ in range(_START_ROUNDS):
         trial = centre + generator.standard_normal((walkers, centre.size)) @ factor.T
-        found = finite(trial)
-        points = np.concatenate([points, trial[np.isfinite(found)]])
-        values = np.concatenate([values, found[np.isfinite(found)]])
+        densities = finite(trial)
+        points = np.concatenate([points, trial[np.isfinite(densities)]])
+        values = np.concatenate([values, densities[np.isfinite(densities)]])
         if points.shape[0] >= walkers:
             break
     else:

@@ -116,8 +116,8 @@ def arviz_data(posterior: Draws) -> Any:
     except ImportError:
         return xr.DataTree.from_dict(groups)
     # From version 1 on the name stands for xarray's tree.
-    own: Any = getattr(arviz, "InferenceData", xr.DataTree)
-    return xr.DataTree.from_dict(groups) if own is xr.DataTree else own(**groups)
+    container: Any = getattr(arviz, "InferenceData", xr.DataTree)
+    return xr.DataTree.from_dict(groups) if container is xr.DataTree else container(**groups)
 
 
 def _ordered(posterior: Draws, values: np.ndarray) -> np.ndarray:

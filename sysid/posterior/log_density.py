@@ -27,7 +27,7 @@ import numpy as np
 
 from sysid.arrays import Parameters, RunsByChannels
 from sysid.estimation.fit.state import FitState
-from sysid.estimation.parameters.lane_laws import lane_laws
+from sysid.estimation.parameters.axle_laws import axle_laws
 from sysid.estimation.residuals.bump_model import GroupArrays, GroupShape
 from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.linearisation import linearise
@@ -58,7 +58,7 @@ class _GroupInputs(NamedTuple):
 def _group_misfit(inputs: _GroupInputs, log_parameters: jax.Array, *, shape: GroupShape) -> jax.Array:
     """Sum over runs of r'r - b' N^-1 b for every parameter set, (S,)."""
     arrays, road = inputs.arrays, inputs.road
-    suspension, tire = lane_laws(arrays.laws, log_parameters)
+    suspension, tire = axle_laws(arrays.laws, log_parameters)
     readings = arrays.readings(inputs.noise_sd, inputs.tempering)
     misfits = road.engine.misfits(
         arrays.matrices,

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from sysid.arrays import Axles
+from sysid.arrays import Axles, AxlesBySets
 from sysid.campaign.records import Vehicle
-from sysid.estimation.parameters.lane_laws import ElementIndex, LawInputs
+from sysid.estimation.parameters.axle_laws import ElementIndex, LawInputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.parameters.suspension_elements import ELEMENTS, ElementQuantity, law_elements
 from sysid.prediction.trust import DrivenRange
@@ -48,20 +48,20 @@ class AssumedStops:
             elements[name] = ElementIndex(position, neutral)
         return inputs._replace(elements=elements)
 
-    def acting(self, jounce_m: np.ndarray, rebound_m: np.ndarray) -> dict[int, tuple[str, float]]:
+    def acting(self, jounce_m: AxlesBySets, rebound_m: AxlesBySets) -> dict[int, tuple[str, float]]:
         """Direction and travel [m] (median) of stops that act in at least half of the draws, by axle (index).
 
         Parameters
         ----------
         jounce_m, rebound_m : (all axles, S) largest compression and extension of each draw.
         """
-        found: dict[int, tuple[str, float]] = {}
+        acting: dict[int, tuple[str, float]] = {}
         for k, axle in enumerate(self.axles):
             for direction, reached in (("rebound", rebound_m), ("jounce", jounce_m)):
                 travel = self.values[f"{direction}_travel"][:, k]
                 if np.mean(reached[axle] > travel) >= 0.5:
-                    found[axle] = direction, float(np.median(travel))
-        return found
+                    acting[axle] = direction, float(np.median(travel))
+        return acting
 
 
 def axles_without_stops(vehicle: Vehicle, parameters: ParameterSet) -> tuple[int, ...]:

@@ -61,14 +61,14 @@ def calibrated_vehicle(
 def _frames(campaign: Campaign, load_case: str, values: Mapping[str, float]) -> tuple[CalibratedFrame, ...]:
     """Frames that bend, in a load case: more mass on a frame that is as stiff lowers its frequency and damping."""
     vehicle, first = campaign.vehicle, next(iter(campaign.load_cases.values()))
-    found = []
+    frames = []
     for mode in frame_modes(vehicle, campaign.load_cases[load_case], first):
         name = vehicle.bodies[mode.body].name
         frequency, ratio = (values[n] for n in bending_names(name))
         slower = float(np.sqrt(mode.stiffness_mass / mode.modal_mass))
         axles = tuple(i for i, a in enumerate(vehicle.axles) if a.body == mode.body)
-        found.append(CalibratedFrame(mode.body, name, axles, frequency * slower, ratio * slower, mode.modal_mass))
-    return tuple(found)
+        frames.append(CalibratedFrame(mode.body, name, axles, frequency * slower, ratio * slower, mode.modal_mass))
+    return tuple(frames)
 
 
 def calibrated_vehicles(
@@ -123,7 +123,7 @@ def _grid(base: np.ndarray, ramps: Ramps | None, axle: int) -> np.ndarray:
 
 
 def tire_tangents(tire: TireLaw) -> tuple[np.ndarray, np.ndarray]:
-    """Tangent stiffness [N/m] and damping [N s/m] of the first lane's tires (axles,) at their static load."""
+    """Tangent stiffness [N/m] and damping [N s/m] of the tires in the first pass (axles,) at their static load."""
     shape = np.shape(tire.static_deflection)
     x = np.asarray(tire.static_deflection / tire.reference_deflection)[0, :, 0]
     secant = np.asarray(tire.reference_load / tire.reference_deflection)[0, :, 0]

@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.estimation.fit.state import FitState
-from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws
+from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws
 from sysid.prediction.measures import extremes
 from sysid.prediction.remarks import driven_speeds
 from sysid.prediction.trust import DrivenRange
 from sysid.vehicle_model.contact import TireLaw
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
-from sysid.vehicle_model.lane_matrices import LaneMatrices
+from sysid.vehicle_model.stacked_matrices import StackedMatrices
 
 _AXLEWISE = ("tire_deflection_m", "jounce_m", "rebound_m", "damper_speed_m_s", "lift_off_s")
 
@@ -34,9 +34,9 @@ def spring_deflection(tire: TireLaw, force: jax.Array) -> jax.Array:
 
 @partial(jax.jit, static_argnames=("timing",))
 def _histories(
-    matrices: LaneMatrices, laws: LawInputs, road: WheelRoad, log_parameters: jax.Array, *, timing: Timing
+    matrices: StackedMatrices, laws: LawInputs, road: WheelRoad, log_parameters: jax.Array, *, timing: Timing
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    suspension, tire = lane_laws(laws, log_parameters[:, None])
+    suspension, tire = axle_laws(laws, log_parameters[:, None])
     histories = road.engine.histories(matrices, suspension, tire, road, timing)
     force = histories.tire_force
     return force[..., 0], spring_deflection(tire, force)[..., 0], histories.deflection[..., 0]

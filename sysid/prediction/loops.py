@@ -12,14 +12,14 @@ import numpy as np
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.law_choice import laws_of_axles
+from sysid.estimation.parameters.axle_laws import axle_laws, law_inputs
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
-from sysid.estimation.parameters.lane_laws import lane_laws, law_inputs
 from sysid.sdof.drop_results import DropSummary
 from sysid.tabular import Tabular
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import TireLaw, effective_road
-from sysid.vehicle_model.lane_matrices import lane_matrices
-from sysid.vehicle_model.lanes import Lanes
+from sysid.vehicle_model.passes import PassBatch
+from sysid.vehicle_model.stacked_matrices import stack_matrices
 from sysid.vehicle_model.suspension import SuspensionLaw, slip_after_step, suspension_force
 
 if TYPE_CHECKING:
@@ -76,12 +76,12 @@ def calibrated_laws(
     vehicle = campaign.vehicle
     first = next(iter(campaign.load_cases.values()))
     reference = np.array(first.axle_loads_kg)[None, :, None] * vehicle.gravity_m_s2
-    matrices = lane_matrices([assemble(vehicle, campaign.load_cases[load_case], first)], [])
+    matrices = stack_matrices([assemble(vehicle, campaign.load_cases[load_case], first)], [])
     station = np.arange(-20.0, 20.0) * 0.1
     flat = effective_road(station, np.zeros((1, len(vehicle.axles), station.size)))
-    lanes = Lanes(matrices, flat, np.array([a.x_m for a in vehicle.axles])[:, None], reference)
+    batch = PassBatch(matrices, flat, np.array([a.x_m for a in vehicle.axles])[:, None], reference)
     logs = jnp.log(jnp.array([values.get(p.name, p.value) for p in fit.parameters]))[:, None]
-    law, tire = lane_laws(law_inputs(vehicle, parameters, lanes, [load_case]), logs)
+    law, tire = axle_laws(law_inputs(vehicle, parameters, batch, [load_case]), logs)
     return law, tire, np.asarray(matrices.carried_load[0, :, 0])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid.arrays import SamplesByAxlesBySets
+from sysid.arrays import AxlesBySets, SamplesByAxles, SamplesByAxlesBySets
 from sysid.prediction.predicted_passes import Quantiles
 
 
@@ -16,7 +16,7 @@ def quantiles(values: np.ndarray) -> Quantiles:
     return Quantiles(low, middle, high)
 
 
-def load_coefficient(force_N: SamplesByAxlesBySets, static_N: np.ndarray, passing: np.ndarray) -> np.ndarray:
+def load_coefficient(force_N: SamplesByAxlesBySets, static_N: AxlesBySets, passing: SamplesByAxles) -> AxlesBySets:
     """Dynamic load coefficient of each axle and draw: RMS of force less static load, over the static load (axles, S).
 
     Parameters
@@ -33,13 +33,16 @@ def load_coefficient(force_N: SamplesByAxlesBySets, static_N: np.ndarray, passin
     return np.asarray(np.sqrt(square.sum(axis=0) / passing.sum(axis=0)[:, None]))
 
 
-def lift_off_time(force_N: SamplesByAxlesBySets, interval_s: float) -> np.ndarray:
+def lift_off_time(force_N: SamplesByAxlesBySets, interval_s: float) -> AxlesBySets:
     """Time off the ground of each axle and draw [s], (axles, S), of forces (T, axles, S)."""
     return np.asarray((force_N <= 0.0).sum(axis=0) * interval_s)
 
 
 def extremes(
-    tire_deflection_m: np.ndarray, extension_m: np.ndarray, tire_force_N: np.ndarray, interval_s: float
+    tire_deflection_m: np.ndarray,
+    extension_m: np.ndarray,
+    tire_force_N: np.ndarray,
+    interval_s: float,
 ) -> dict[str, np.ndarray]:
     """Largest values over a pass, axle by axle, by the names of :class:`sysid.prediction.trust.DrivenRange`.
 
@@ -56,7 +59,7 @@ def extremes(
     }
 
 
-def impulse_ratio(force_N: SamplesByAxlesBySets, static_N: np.ndarray) -> np.ndarray:
+def impulse_ratio(force_N: SamplesByAxlesBySets, static_N: AxlesBySets) -> AxlesBySets:
     """Mean of the force over the pass over the static load, (axles, S): 1 where a pass leaves no momentum behind.
 
     `static_N` as for :func:`load_coefficient`.

@@ -14,24 +14,24 @@ from sysid.arrays import Axles, DrawsByParameters, Samples, SamplesByAxlesBySets
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitState
-from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
+from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.prediction.assumed_stops import AssumedStops, assumed_stops
 from sysid.prediction.driven_range import driven_range, spring_deflection
 from sysid.prediction.finite import check_duration, check_finite
-from sysid.prediction.mass_lanes import VehicleDraws, histories_of_draws
 from sysid.prediction.measures import extremes, impulse_ratio, lift_off_time, load_coefficient, quantiles
 from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
+from sysid.prediction.vehicle_draws import VehicleDraws, histories_of_draws
 from sysid.progress import Progress, unwatched
 from sysid.road.named_shapes import named_shape
+from sysid.vehicle_model.device_arrays import ParametersBySets
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
-from sysid.vehicle_model.lane_arrays import ParametersBySets
-from sysid.vehicle_model.lane_matrices import LaneMatrices
-from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
 from sysid.vehicle_model.motion import Motion
+from sysid.vehicle_model.passes import EffectiveRoads, Pass, make_pass_batch
+from sysid.vehicle_model.stacked_matrices import StackedMatrices
 
 #: Output interval of predicted histories [s], and how long before and after the passage they reach.
 INTERVAL_S = 0.001
@@ -50,9 +50,9 @@ SWEEP_KM_H = (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0, 32.0, 36.0, 42.0, 48.0, 54
 
 @partial(jax.jit, static_argnames=("timing",))
 def _histories(
-    matrices: LaneMatrices, laws: LawInputs, road: WheelRoad, log_parameters: ParametersBySets, *, timing: Timing
+    matrices: StackedMatrices, laws: LawInputs, road: WheelRoad, log_parameters: ParametersBySets, *, timing: Timing
 ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-    suspension, tire = lane_laws(laws, log_parameters)
+    suspension, tire = axle_laws(laws, log_parameters)
     histories = road.engine.histories(matrices, suspension, tire, road, timing)
     sunk = spring_deflection(tire, histories.tire_force)
     return histories.tire_force[:, 0], histories.suspension_force[:, 0], histories.deflection[:, 0], sunk[:, 0]
@@ -104,30 +104,30 @@ def _simulate(
     Histories every `interval_s`, their number a multiple of `grain`.
     """
     wanted = Pass(request.load_case, request.bump)
-    lanes = make_lanes(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
-    road, speed = lanes.road, request.speed_m_s
+    batch = make_pass_batch(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
+    road, speed = batch.road, request.speed_m_s
     last = road.first_station_m + road.step_m * road.rise.shape[-1]
     # The record starts half a second before axle 1 touches the bump and its time is zero over the start of the bump.
     lead = np.ceil((BEFORE_S - road.first_station_m / speed) / interval_s) * interval_s
-    duration = lead + (last + float(np.max(lanes.axle_x))) / speed + AFTER_S
+    duration = lead + (last + float(np.max(batch.axle_x))) / speed + AFTER_S
     check_duration(request, duration)
     samples = grain * int(np.ceil(duration / interval_s / grain))
     timing, motion = Timing(samples, interval_s, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
     if vehicles is None:
-        laws = law_inputs(campaign.vehicle, parameters, lanes, [request.load_case])
+        laws = law_inputs(campaign.vehicle, parameters, batch, [request.load_case])
         laws = laws if stops is None else stops.on(laws, 0)
-        wheels = wheel_road(lanes.matrices, road, lanes.axle_x, motion, timing)
-        histories = _histories(lanes.matrices, laws, wheels, jnp.asarray(sets), timing=timing)
+        wheels = wheel_road(batch.matrices, road, batch.axle_x, motion, timing)
+        histories = _histories(batch.matrices, laws, wheels, jnp.asarray(sets), timing=timing)
         tire, suspension, deflection, sunk = (np.asarray(h) for h in histories)
-        suspension = suspension + lanes.matrices.carried_load[0]
-        drawn_static = lanes.matrices.static_load[0]
+        suspension = suspension + batch.matrices.carried_load[0]
+        drawn_static = batch.matrices.static_load[0]
     else:
-        drawn = histories_of_draws(lanes, parameters, vehicles, wanted, sets.T, motion, timing)
+        drawn = histories_of_draws(batch, parameters, vehicles, wanted, sets.T, motion, timing)
         tire, suspension, deflection, sunk, drawn_static = drawn
-    static = lanes.matrices.static_load[0, :, 0]
+    static = batch.matrices.static_load[0, :, 0]
     check_finite(request, parameters, sets, np.asarray(static), tire, suspension, deflection)
     time = np.round(np.arange(samples) * interval_s - lead, 6)
-    x = lanes.axle_x[:, 0]
+    x = batch.axle_x[:, 0]
     return _Pass(
         time,
         tire,
@@ -146,7 +146,7 @@ def predict_pass(
     parameters: ParameterSet,
     roads: EffectiveRoads,
     request: PredictionRequest,
-    sets: np.ndarray,
+    sets: DrawsByParameters,
     vehicles: VehicleDraws | None = None,
     driven: DrivenRange | None = None,
     stops: AssumedStops | None = None,
@@ -204,7 +204,7 @@ def peak_ratios(
     parameters: ParameterSet,
     roads: EffectiveRoads,
     request: PredictionRequest,
-    sets: np.ndarray,
+    sets: DrawsByParameters,
 ) -> np.ndarray:
     """Peak dynamic load ratio (n, axles) of one pass for every set (n, p) of log parameters."""
     p = _simulate(campaign, parameters, roads, request, sets.T)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from sysid.arrays import AxlesBySamples, SamplesByAxlesBySets
 from sysid.tabular import Tabular
 
 if TYPE_CHECKING:
@@ -102,11 +103,11 @@ def extrapolations(
 
 def beyond_driven(
     driven: DrivenRange,
-    tire_deflection_m: np.ndarray,
-    extension_m: np.ndarray,
-    rate_m_s: np.ndarray,
-    tire_force_N: np.ndarray,
-) -> np.ndarray:
+    tire_deflection_m: SamplesByAxlesBySets,
+    extension_m: SamplesByAxlesBySets,
+    rate_m_s: SamplesByAxlesBySets,
+    tire_force_N: SamplesByAxlesBySets,
+) -> AxlesBySamples:
     """Instants at which an axle is beyond the driven runs in at least half of the draws, (axles, T) bool.
 
     Parameters

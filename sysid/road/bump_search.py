@@ -1,4 +1,4 @@
-"""Where the bump lies in a levelled cloud: crest direction, stretches along the road, lanes across it."""
+"""Where the bump lies in a levelled cloud: crest direction, stretches along the road, bands side by side."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from sysid.arrays import Points
+
 # Stations further apart than this belong to different bumps.
 MERGE_GAP_M = 0.3
-_LANE_M = 0.25
+_BAND_M = 0.25
 
 
 @dataclass(frozen=True)
@@ -32,14 +34,14 @@ class Stretch:
     peak_m: float
 
 
-def smooth_heights(along_m: np.ndarray, across_m: np.ndarray, height_m: np.ndarray, *, neighbours: int) -> np.ndarray:
+def smooth_heights(along_m: Points, across_m: Points, height_m: Points, *, neighbours: int) -> Points:
     """Return the median height [m] of each point's neighbours (n,): stray points vanish, ridges stay."""
     tree = cKDTree(np.column_stack([along_m, across_m]))
     _, index = tree.query(tree.data, k=min(neighbours, along_m.size))
     return np.asarray(np.median(height_m[index], axis=1))
 
 
-def crest_direction(along_m: np.ndarray, across_m: np.ndarray, height_m: np.ndarray) -> CrestDirection:
+def crest_direction(along_m: Points, across_m: Points, height_m: Points) -> CrestDirection:
     """Find the direction in which the heights are a ridge: the smallest scatter about the mean profile across it.
 
     Arguments (n,) [m], heights already free of stray points (:func:`smooth_heights`).
@@ -73,7 +75,7 @@ def crest_direction(along_m: np.ndarray, across_m: np.ndarray, height_m: np.ndar
 
 
 def raised_stretches(
-    along_m: np.ndarray, height_m: np.ndarray, noise_m: float, *, least_height_m: float
+    along_m: Points, height_m: Points, noise_m: float, *, least_height_m: float
 ) -> tuple[tuple[Stretch, ...], tuple[Stretch, ...]]:
     """Return the bumps along the road and the lesser rises and dips, both in order of station.
 
@@ -107,22 +109,25 @@ def _peak(median: np.ndarray) -> float:
     return float(median.max() if median.max() > 0 else median.min())
 
 
-def lanes(across_m: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return the lane number (n,) of each point and the number of lanes, about `_LANE_M` wide, at least four."""
+def split_into_bands(across_m: Points) -> tuple[Points, int]:
+    """Cut the width into bands along the road: band of each point (n,) and their number, at least four.
+
+    Bands are about `_BAND_M` wide.
+    """
     low, span = float(across_m.min()), float(np.ptp(across_m))
-    count = int(np.clip(round(span / _LANE_M), 4, 60))
+    count = int(np.clip(round(span / _BAND_M), 4, 60))
     label = np.floor((across_m - low) / max(span, 1e-12) * count).astype(np.int64)
     return np.clip(label, 0, count - 1), count
 
 
-def covered_lanes(lane: np.ndarray, count: int, height_m: np.ndarray, profile_m: np.ndarray) -> np.ndarray:
-    """Return which lanes (count,) carry the bump: height at least half the profile's, or too few points.
+def covered_bands(band: Points, count: int, height_m: Points, profile_m: Points) -> np.ndarray:
+    """Return which bands (count,) carry the bump: height at least half the profile's, or too few points.
 
     `height_m` and `profile_m` (n,) are measured heights and the heights of a common profile at the same points.
     """
     on_bump = profile_m > 0.3 * profile_m.max()
-    points = np.bincount(lane[on_bump], minlength=count)
-    total = np.bincount(lane[on_bump], weights=height_m[on_bump] / profile_m[on_bump], minlength=count)
+    points = np.bincount(band[on_bump], minlength=count)
+    total = np.bincount(band[on_bump], weights=height_m[on_bump] / profile_m[on_bump], minlength=count)
     ratio = total / np.maximum(points, 1)
     reference = np.median(np.repeat(ratio, points)) if points.any() else 1.0
     return (points < 10) | (ratio > 0.5 * reference)

@@ -10,6 +10,8 @@ from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
 from scipy.sparse import csc_array
 
+from sysid.arrays import Points, Stations
+
 
 @dataclass(frozen=True)
 class BinnedHeights:
@@ -41,17 +43,17 @@ class SplineFit:
     criterion: float
     factor: np.ndarray
 
-    def height_m(self, station_m: np.ndarray) -> np.ndarray:
+    def height_m(self, station_m: Stations) -> Stations:
         """Return the height [m] at stations [m], exactly zero outside the ends."""
         inside = (station_m > self.start_m) & (station_m < self.end_m)
         return np.where(inside, self.spline(np.clip(station_m, self.start_m, self.end_m)), 0.0)
 
-    def slope(self, station_m: np.ndarray) -> np.ndarray:
+    def slope(self, station_m: Stations) -> Stations:
         """Return dz/ds at stations [m], zero outside the ends."""
         inside = (station_m > self.start_m) & (station_m < self.end_m)
         return np.where(inside, self.spline(np.clip(station_m, self.start_m, self.end_m), nu=1), 0.0)
 
-    def variance_m2(self, station_m: np.ndarray) -> np.ndarray:
+    def variance_m2(self, station_m: Stations) -> Stations:
         """Return the posterior variance [m^2] of the height at stations [m], zero outside the ends.
 
         Bayesian covariance of the coefficients: its band covers the truth at the stated rate on average along the
@@ -68,9 +70,7 @@ class SplineFit:
         return result
 
 
-def bin_heights(
-    station_m: np.ndarray, height_m: np.ndarray, weight: np.ndarray, *, width_m: float = 0.001
-) -> BinnedHeights:
+def bin_heights(station_m: Points, height_m: Points, weight: Points, *, width_m: float = 0.001) -> BinnedHeights:
     """Gather points (n,) into bins of `width_m`; the spline sees their weighted means, which are sufficient for it."""
     label = np.floor((station_m - station_m.min()) / width_m).astype(np.int64)
     total = np.bincount(label, weights=weight)

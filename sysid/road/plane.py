@@ -8,6 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
+from sysid.arrays import PointsByXyz
+
 # Lasers and asphalt together are never better than this; it keeps perfect synthetic clouds away from a zero scale.
 NOISE_FLOOR_M = 5e-5
 _ROAD_TOLERANCE_M = 0.003
@@ -45,7 +47,7 @@ class RoadPlane:
         return np.asarray(np.sqrt(np.maximum(np.einsum("...i,ij,...j->...", design, self.covariance, design), 0.0)))
 
 
-def local_noise_m(points_m: np.ndarray) -> float:
+def local_noise_m(points_m: PointsByXyz) -> float:
     """Return the noise of the heights [m]: the scatter about small planes through neighbouring points.
 
     `points_m` (n, 3) [m].  The lower fifth of all neighbourhoods decides, so that curved and stray ones do not enter:
@@ -68,7 +70,7 @@ def local_noise_m(points_m: np.ndarray) -> float:
     return max(float(np.sqrt(squares / chi2.ppf(_LOWER_FIFTH, k - 3))), NOISE_FLOOR_M)
 
 
-def search_plane(points_m: np.ndarray, noise_m: float, rng: np.random.Generator) -> RoadPlane:
+def search_plane(points_m: PointsByXyz, noise_m: float, rng: np.random.Generator) -> RoadPlane:
     """Find the plane that carries most points and has hardly any below it (RANSAC with a one-sided score).
 
     A bump lies above its road: a plane through the flat top of a hump, or through one of its ramps, has road points
@@ -99,7 +101,7 @@ def search_plane(points_m: np.ndarray, noise_m: float, rng: np.random.Generator)
     return plane
 
 
-def refine_plane(points_m: np.ndarray, noise_m: float, start: RoadPlane) -> RoadPlane:
+def refine_plane(points_m: PointsByXyz, noise_m: float, start: RoadPlane) -> RoadPlane:
     """Fit the plane to the points of the flat road by Tukey's bisquare, starting from `start`.
 
     `points_m` (n, 3) [m] must not hold the bump.  The covariance is the cluster-robust one over square cells of

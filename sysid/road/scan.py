@@ -22,7 +22,7 @@ from sysid.road.wheel_track import (
     select_strip,
     track_range,
     travel_station,
-    without_bare_lanes,
+    without_bare_bands,
 )
 
 if TYPE_CHECKING:
@@ -39,9 +39,10 @@ _SETTLED_TURN_RAD = 2e-4
 class ScanOptions:
     """Settings of :func:`analyse_scan`.
 
-    Without `strip_half_width_m` the profile is the mean over the whole scanned width, every lane of the road counting
-    alike; with it, over a strip about `strip_centre_m` (to the left of the scan's middle line).  With `track_width_m`
-    it is the mean of two such strips (half width 0.3 m if None), half a track width to either side of that centre.
+    Without `strip_half_width_m` the profile is the mean over the whole scanned width, every band along the road
+    counting alike; with it, over a strip about `strip_centre_m` (to the left of the scan's middle line).  With
+    `track_width_m` it is the mean of two such strips (half width 0.3 m if None), half a track width to either side of
+    that centre.
     `heading_tolerance_rad` is how well the declared heading is known: a crest line that is off by less turns the
     heading, one that is off by more is a skew bump and reported, one beyond `heading_rejected_rad` is rejected.
     `strip_points` and `cloud_points` are kept for figures.
@@ -87,7 +88,7 @@ def analyse_scan(scan: Scan, *, options: ScanOptions | None = None) -> ScanAnaly
     differ by less than the tolerance of the declared heading; beyond it the profile is the mean over the tracks of the
     strip.  The profile is the penalised spline of :mod:`sysid.road.penalised_spline`, exactly zero outside the bump;
     its standard error holds the noise of the points, the plane's own error, the waviness of the flat road, the
-    uncertain ends of the bump and differences between lanes.
+    uncertain ends of the bump and differences between bands.
     `scan.points_m` (n, 3) [m]; the result is in metres and radians.  Raises DataRejectedError (one sentence) where the
     cloud holds no usable bump.
     """
@@ -185,7 +186,7 @@ def _strip_of(points: np.ndarray, frame: RoadFrame, scan: Scan, options: ScanOpt
 def _trimmed(strip: Strip, bumps: tuple[Stretch, ...], options: ScanOptions) -> Strip:
     # A strip that was asked for is taken as it is.
     chosen = options.strip_half_width_m is not None or options.track_width_m is not None
-    return strip if chosen else without_bare_lanes(strip, bumps)
+    return strip if chosen else without_bare_bands(strip, bumps)
 
 
 def _flat_road(along: np.ndarray, stretches: tuple[Stretch, ...]) -> np.ndarray:

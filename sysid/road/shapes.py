@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from sysid.arrays import Stations
 from sysid.errors import CampaignError
 from sysid.road.road_profile import RoadProfile
 
@@ -17,7 +18,7 @@ START_HEIGHT_M = 0.001
 
 
 def make_profile(
-    station_m: np.ndarray, height_m: np.ndarray, *, height_sd_m: np.ndarray | None = None, name: str = "bump"
+    station_m: Stations, height_m: Stations, *, height_sd_m: Stations | None = None, name: str = "bump"
 ) -> RoadProfile:
     """Return the profile with its start and length read off the heights.
 
@@ -107,8 +108,8 @@ def watts(height_m: float = 0.076, length_m: float = 3.66, *, name: str = "bump"
 
 
 def profile_from_points(
-    station_m: np.ndarray,
-    height_m: np.ndarray,
+    station_m: Stations,
+    height_m: Stations,
     *,
     kind: Literal["linear", "pchip"] = "linear",
     name: str = "bump",

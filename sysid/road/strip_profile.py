@@ -1,4 +1,4 @@
-"""The mean profile of a strip of road: robust weights, lanes that count alike, ends where the data put them."""
+"""The mean profile of a strip of road: robust weights, bands that count alike, ends where the data put them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.road.bump_search import lanes
+from sysid.arrays import Points
+from sysid.road.bump_search import split_into_bands
 from sysid.road.penalised_spline import BinnedHeights, SplineFit, bin_heights, fit_spline
 
 # Road on either side of a bump that takes part in the fit; the ends of the bump are looked for in it.
@@ -14,7 +15,7 @@ WINDOW_M = 0.25
 #: Residuals over the noise: full weight up to the first, none beyond the second (one of 150,000 normal ones).
 _HUBER = 2.0
 _REJECT = 4.5
-#: Length of the patches whose points share the texture of the road, and largest share of the height by which one lane
+#: Length of the patches whose points share the texture of the road, and largest share of the height by which one band
 #: may be worn: assumptions.
 _PATCH_M = 0.05
 _LARGEST_WEAR = 0.35
@@ -33,7 +34,7 @@ class StripFit:
     of that, `start_m` and `end_m` where the bump was seen; `noise_m` the scatter of one point.
     `inflation` (>= 1) is the variance of patch means over what independent noise predicts; `waviness_sd_m` how far the
     strip's mean leaves the plane on the flat road, noise taken out: the profile under the bump is not known better;
-    `lateral_sd_m` how much the bump's height differs between lanes, beyond what the flat road does, over `lanes` lanes.
+    `lateral_sd_m` how much the bump's height differs between bands, beyond what the flat road does, over `bands` bands.
     `crest_turn_rad` is the turn of the heading that squares it to the crest line; `outliers` counts rejected points.
     """
 
@@ -47,7 +48,7 @@ class StripFit:
     inflation: float
     waviness_sd_m: float
     lateral_sd_m: float
-    lanes: int
+    bands: int
     crest_turn_rad: float
     outliers: int
 
@@ -68,10 +69,10 @@ class StripProfile:
 
 
 def fit_strip(
-    along_m: np.ndarray,
-    across_m: np.ndarray,
-    height_m: np.ndarray,
-    flat: np.ndarray,
+    along_m: Points,
+    across_m: Points,
+    height_m: Points,
+    flat: Points,
     *,
     start_m: float,
     end_m: float,
@@ -82,25 +83,25 @@ def fit_strip(
 
     `flat` (n,) bool marks points of the flat road, `noise_m` is the local noise.
     Outliers are taken out by Huber weights (2 standard deviations) and rejection (4.5) about the median of their
-    patch of lane, with the median absolute deviation as scale: a worn lane is no outlier.  Points of sparse lanes weigh
-    more (at most three times), so that a scanner standing on one side does not turn the mean over the width into the
-    profile of the near side.
+    patch of a band, with the median absolute deviation as scale: a worn band is no outlier.  Points of sparse bands
+    weigh more (at most three times), so that a scanner standing on one side does not turn the mean over the width into
+    the profile of the near side.
     """
     inside = (along_m > start_m - WINDOW_M) & (along_m < end_m + WINDOW_M)
     along, across, height = along_m[inside], across_m[inside], height_m[inside]
     low, high = float(along.min()), float(along.max())
-    lane, lane_count = lanes(across)
-    lane_weight = _lane_weights(lane, lane_count)
+    band, band_count = split_into_bands(across)
+    band_weight = _band_weights(band, band_count)
 
     rough = _running_median(along, height)
     residual = height - rough
-    departure = _lane_departure(along, lane, residual, rough, noise_m)
+    departure = _band_departure(along, band, residual, rough, noise_m)
     local = residual - departure
     smoothness = None
     for iteration in range(5):
         scale = max(_mad(local), 0.3 * noise_m)
         robust = _robust_weights(local / scale)
-        weight = lane_weight * robust
+        weight = band_weight * robust
         # Kish's effective number: weights that differ for coverage must not pretend to know more than the points do.
         weight = weight * weight.sum() / np.sum(weight**2)
         data = bin_heights(along, height, weight)
@@ -108,13 +109,13 @@ def fit_strip(
         smooth = fit.height_m(along)
         residual = height - smooth
         if iteration == 0:
-            departure = _lane_departure(along, lane, residual, smooth, scale)
+            departure = _band_departure(along, band, residual, smooth, scale)
         local = residual - departure
         # The smoothness settles long before the weights do.
         smoothness = fit.smoothness if iteration >= 2 else None
     scale = max(_mad(local), 0.3 * noise_m)
 
-    bump = _patches(along, lane, residual, weight, smooth)
+    bump = _patches(along, band, residual, weight, smooth)
     raised = bump.height_m > 0.3 * bump.height_m.max(initial=0.0)
     inflation = max(1.0, float(np.mean(bump.size * bump.mean_m**2)) / scale**2) if bump.size.size else 1.0
     waviness, flat_lateral = _flat_road(along_m[flat], across_m[flat], height_m[flat], scale)
@@ -129,7 +130,7 @@ def fit_strip(
         inflation=inflation,
         waviness_sd_m=waviness,
         lateral_sd_m=float(np.sqrt(max(_excess(bump, raised, scale) - flat_lateral, 0.0))),
-        lanes=lane_count,
+        bands=band_count,
         crest_turn_rad=_crest_turn(fit.slope(along), across, weight, residual),
         outliers=int(np.sum(robust == 0) + np.sum(np.abs(height_m[flat & ~inside]) > _REJECT * scale)),
     )
@@ -148,7 +149,7 @@ def settle_ends(fit: StripFit, *, step_m: float, knot_spacing_m: float) -> Strip
     """Return the profile every `step_m`, averaged over where the bump may start and end.
 
     Each candidate end has the marginal likelihood of its spline as weight, tempered by the inflation; the variance is
-    that of the mixture, plus waviness and the mean of the lanes.  One end moves at a time: the two are far apart and do
+    that of the mixture, plus waviness and the mean of the bands.  One end moves at a time: the two are far apart and do
     not feel each other.
     """
     grid = np.arange(fit.low_m, fit.high_m, step_m)
@@ -186,7 +187,7 @@ def settle_ends(fit: StripFit, *, step_m: float, knot_spacing_m: float) -> Strip
     return StripProfile(
         station_m=station,
         height_m=mean,
-        variance_m2=np.maximum(variance, 0.0) + fit.waviness_sd_m**2 + fit.lateral_sd_m**2 / fit.lanes,
+        variance_m2=np.maximum(variance, 0.0) + fit.waviness_sd_m**2 + fit.lateral_sd_m**2 / fit.bands,
         start_m=first,
         end_m=last,
         largest_gap_m=float(np.max(np.diff(np.concatenate([[first], measured, [last]])))),
@@ -210,15 +211,15 @@ def _likely(fits: list[SplineFit], inflation: float) -> tuple[list[SplineFit], n
     return [fits[i] for i in kept], share[kept] / share[kept].sum()
 
 
-def _lane_weights(lane: np.ndarray, count: int) -> np.ndarray:
-    points = np.bincount(lane, minlength=count)
+def _band_weights(band: np.ndarray, count: int) -> np.ndarray:
+    points = np.bincount(band, minlength=count)
     typical = float(np.median(points[points > 0]))
-    return np.asarray(np.clip(typical / np.maximum(points, 1), 1 / 3, 3.0)[lane])
+    return np.asarray(np.clip(typical / np.maximum(points, 1), 1 / 3, 3.0)[band])
 
 
 @dataclass(frozen=True)
 class _Patches:
-    """Patches of road 5 cm long and one lane wide with five or more points: their number, mean residual and height."""
+    """Patches of road 5 cm long and one band wide with five or more points: their number, mean residual and height."""
 
     size: np.ndarray
     mean_m: np.ndarray
@@ -226,13 +227,13 @@ class _Patches:
 
 
 def _patches(
-    along: np.ndarray, lane: np.ndarray, residual: np.ndarray, weight: np.ndarray, height: np.ndarray
+    along: np.ndarray, band: np.ndarray, residual: np.ndarray, weight: np.ndarray, height: np.ndarray
 ) -> _Patches:
     used = weight > 0
     if not used.any():
         return _Patches(np.zeros(0), np.zeros(0), np.zeros(0))
-    along, lane, residual, height = along[used], lane[used], residual[used], height[used]
-    label = np.floor((along - along.min()) / _PATCH_M).astype(np.int64) * (lane.max() + 1) + lane
+    along, band, residual, height = along[used], band[used], residual[used], height[used]
+    label = np.floor((along - along.min()) / _PATCH_M).astype(np.int64) * (band.max() + 1) + band
     size = np.bincount(label)
     enough = size >= 5
     safe = np.maximum(size, 1)
@@ -240,15 +241,15 @@ def _patches(
     return _Patches(size[enough], mean[enough], level[enough])
 
 
-def _lane_departure(
-    along: np.ndarray, lane: np.ndarray, residual: np.ndarray, height: np.ndarray, scale: float
+def _band_departure(
+    along: np.ndarray, band: np.ndarray, residual: np.ndarray, height: np.ndarray, scale: float
 ) -> np.ndarray:
-    """Return at each point the median residual of its patch of lane, as far as wear or skewness can explain it.
+    """Return at each point the median residual of its patch of its band, as far as wear or skewness can explain it.
 
-    Points close to that median are what the lane looks like; what is more than a third of the bump's height off is an
+    Points close to that median are what the band looks like; what is more than a third of the bump's height off is an
     object on the road and stays an outlier.
     """
-    label = np.floor((along - along.min()) / _PATCH_M).astype(np.int64) * (lane.max() + 1) + lane
+    label = np.floor((along - along.min()) / _PATCH_M).astype(np.int64) * (band.max() + 1) + band
     order = np.lexsort((residual, label))
     _, first, size = np.unique(label[order], return_index=True, return_counts=True)
     median = residual[order][first + size // 2]
@@ -271,9 +272,9 @@ def _flat_road(along: np.ndarray, across: np.ndarray, height: np.ndarray, scale:
     """Return the waviness [m] of the strip's mean on the flat road and the variance [m^2] of patches there."""
     if along.size < 50:
         return 0.0, 0.0
-    lane, count = lanes(across)
-    weight = _lane_weights(lane, count) * _robust_weights(height / scale)
-    patches = _patches(along, lane, height, weight, np.zeros_like(height))
+    band, count = split_into_bands(across)
+    weight = _band_weights(band, count) * _robust_weights(height / scale)
+    patches = _patches(along, band, height, weight, np.zeros_like(height))
     label = np.floor((along - along.min()) / 0.1).astype(np.int64)
     total = np.bincount(label, weights=weight)
     square = np.bincount(label, weights=weight**2)

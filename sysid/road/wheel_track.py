@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.road.bump_search import Stretch, covered_lanes, lanes
+from sysid.arrays import Points, Stations
+from sysid.road.bump_search import Stretch, covered_bands, split_into_bands
 from sysid.road.strip_profile import StripProfile
 
 #: Half the width of a pair of twin tires.
@@ -15,7 +16,7 @@ _TRACK_HALF_WIDTH_M = 0.3
 
 @dataclass(frozen=True)
 class Strip:
-    """Points of the wheel-track strip in road coordinates (n,) [m]; `narrowed` where bare lanes were cut off."""
+    """Points of the wheel-track strip in road coordinates (n,) [m]; `narrowed` where bare bands were cut off."""
 
     along_m: np.ndarray
     across_m: np.ndarray
@@ -30,9 +31,9 @@ class Strip:
 
 
 def select_strip(
-    along_m: np.ndarray,
-    across_m: np.ndarray,
-    height_m: np.ndarray,
+    along_m: Points,
+    across_m: Points,
+    height_m: Points,
     *,
     centre_m: float,
     half_width_m: float | None,
@@ -54,9 +55,9 @@ def select_strip(
     return Strip(along_m[keep], across_m[keep], height_m[keep], half)
 
 
-def without_bare_lanes(strip: Strip, bumps: tuple[Stretch, ...]) -> Strip:
-    """Cut the strip to the widest run of lanes that carry the bump: a scan is often wider than the bump."""
-    lane, count = lanes(strip.across_m)
+def without_bare_bands(strip: Strip, bumps: tuple[Stretch, ...]) -> Strip:
+    """Cut the strip to the widest run of bands that carry the bump: a scan is often wider than the bump."""
+    band, count = split_into_bands(strip.across_m)
     inside = (strip.along_m > bumps[0].start_m) & (strip.along_m < bumps[-1].end_m)
     along, height = strip.along_m[inside], strip.height_m[inside]
     if along.size == 0:
@@ -65,22 +66,20 @@ def without_bare_lanes(strip: Strip, bumps: tuple[Stretch, ...]) -> Strip:
     order = np.argsort(label, kind="stable")
     bins, first = np.unique(label[order], return_index=True)
     profile = np.full(label.max() + 1, 1e-4)
-    # The upper quartile over the width is the bump's own height even where up to half of the lanes are bare.
+    # The upper quartile over the width is the bump's own height even where up to half of the bands are bare.
     for k, group in zip(bins, np.split(height[order], first[1:]), strict=True):
         profile[k] = max(float(np.quantile(group, 0.75)), 1e-4)
-    covered = covered_lanes(lane[inside], count, height, profile[label])
+    covered = covered_bands(band[inside], count, height, profile[label])
     if covered.all():
         return strip
     runs = np.split(np.arange(count), np.flatnonzero(np.diff(covered.astype(int))) + 1)
     widest = max((run for run in runs if covered[run[0]]), key=len, default=np.arange(count))
-    keep = (lane >= widest[0]) & (lane <= widest[-1])
+    keep = (band >= widest[0]) & (band <= widest[-1])
     half = strip.half_width_m * len(widest) / count
     return Strip(strip.along_m[keep], strip.across_m[keep], strip.height_m[keep], half, narrowed=True)
 
 
-def travel_station(
-    along_m: np.ndarray, across_m: np.ndarray, skew_rad: float, centre_m: float
-) -> tuple[np.ndarray, np.ndarray]:
+def travel_station(along_m: Points, across_m: Points, skew_rad: float, centre_m: float) -> tuple[Points, Points]:
     """Return stations along the travel and distances across it [m] of points given square to a skew crest line.
 
     A turn by the skew; stations count from where the track at `centre_m` across the travel meets along = 0.
@@ -101,7 +100,7 @@ def track_range(strip: Strip, profile: StripProfile, skew_rad: float) -> tuple[f
 
 def mean_over_tracks(
     profile: StripProfile, strip: Strip, skew_rad: float, step_m: float
-) -> tuple[float, np.ndarray, np.ndarray]:
+) -> tuple[float, Stations, Stations]:
     """Return first station, mean heights and their variance along the travel over all tracks of the strip.
 
     A wheel meets a bump that lies at `skew_rad` to its travel earlier or later the further it runs to one side (by

@@ -222,25 +222,25 @@ def _estimates(
     remarks: list[str],
 ) -> tuple[DropEstimate, ...]:
     note = "; ".join([reading.note, *remarks] if reading.note else remarks)
-    found = []
+    estimates = []
     if reading.usable and reading.log_decrement > 0.0:
         covariance = np.diag([reading.damped_period_se**2, reading.log_decrement_se**2])
         for method in ("paper", "corrected"):
-            found.append(
+            estimates.append(
                 estimate(method, axle, settings, file, reading.damped_period, reading.log_decrement, covariance, note)
             )
     else:
         why = note if not reading.usable else "the swings do not decay"
-        found += [unusable("paper", axle, file, why), unusable("corrected", axle, file, why)]
+        estimates += [unusable("paper", axle, file, why), unusable("corrected", axle, file, why)]
     note = "; ".join([fit.note, *remarks] if fit.note else remarks)
     if not fit.usable:
-        return (*found, unusable("free_decay", axle, file, note))
+        return (*estimates, unusable("free_decay", axle, file, note))
     sigma, omega = fit.decay_rate, fit.angular_frequency
     to_reading = np.array([[0.0, -2.0 * np.pi / omega**2], [2.0 * np.pi / omega, -2.0 * np.pi * sigma / omega**2]])
     covariance = to_reading @ fit.covariance @ to_reading.T
     note = "; ".join(part for part in (note, _disagreement(reading, fit, float(covariance[1, 1]))) if part)
     return (
-        *found,
+        *estimates,
         estimate("free_decay", axle, settings, file, fit.damped_period, fit.log_decrement, covariance, note),
     )
 

@@ -175,9 +175,9 @@ def _moved(window: DecayWindow, parameters: np.ndarray, terms: tuple[DampingTerm
         # A small unit keeps the friction below the cap of `_loss_terms`.
         unit[index] = 1e-6
         per_unit = float(_loss_terms(window, unit).sum()) / 1e-6
-        own = float(_loss_terms(window, parameters)[TERMS.index(term)])
+        by_term = float(_loss_terms(window, parameters)[TERMS.index(term)])
         kept = sum(float(_loss_terms(window, parameters)[TERMS.index(t)]) for t in terms)
-        moved[index] = (own + (total - kept) / len(terms)) / per_unit
+        moved[index] = (by_term + (total - kept) / len(terms)) / per_unit
     return moved
 
 
@@ -190,16 +190,16 @@ def _law(
 ) -> DampingLaw:
     """The chosen mixture; the viscous part of a mixture without it comes from the one that has it besides."""
     runner_up = min((f for f in rivals if f is not best), key=lambda f: f.criterion, default=None)
-    found = best
+    full = best
     if "viscous" not in best.terms:
-        found = fits.get(_with_viscous(best.terms), best)
-    values, covariance = _quantities(found)
-    if found is not best:
+        full = fits.get(_with_viscous(best.terms), best)
+    values, covariance = _quantities(full)
+    if full is not best:
         # What the record shows comes from the fit without the term it does not show.
-        own, own_covariance = _quantities(best)
+        shown, shown_covariance = _quantities(best)
         others = [0, 2, 3]
-        values[others] = own[others]
-        covariance[np.ix_(others, others)] = own_covariance[np.ix_(others, others)]
+        values[others] = shown[others]
+        covariance[np.ix_(others, others)] = shown_covariance[np.ix_(others, others)]
         covariance[1, others] = covariance[others, 1] = 0.0
     covariance = covariance + np.diag(_spread(best, rivals))
     noise = record.release.noise_sd if record.release is not None else float("nan")
@@ -233,12 +233,12 @@ def _spread(best: MixtureFit, rivals: list[MixtureFit]) -> np.ndarray:
     weight = np.array([np.exp(-0.5 * min(f.criterion - best.criterion, 1400.0)) for f in rivals])
     values = np.array([_quantities(f)[0] for f in rivals])
     has = np.array([[True, *(t in f.terms for t in TERMS)] for f in rivals])
-    own = _quantities(best)[0]
+    of_best = _quantities(best)[0]
     variance = np.zeros(4)
     for i in range(4):
         w = np.where(has[:, i], weight, 0.0)
         if has[rivals.index(best), i]:
-            variance[i] = float(np.sum(w * (values[:, i] - own[i]) ** 2) / w.sum())
+            variance[i] = float(np.sum(w * (values[:, i] - of_best[i]) ** 2) / w.sum())
     return variance
 
 
@@ -251,8 +251,8 @@ def _quantities(fit: MixtureFit) -> tuple[np.ndarray, np.ndarray]:
     slope[0, OMEGA], slope[0, 4] = -2.0 * np.pi * omega / damped**3, 2.0 * np.pi * beta / damped**3
     slope[1, OMEGA], slope[1, 4] = -2.0 * np.pi * beta * omega / damped**3, 2.0 * np.pi * omega**2 / damped**3
     slope[2, 5] = slope[3, 6] = 1.0
-    own = correlated_covariance(fit.jacobian, fit.whitened, np.arange(fit.whitened.size))
-    return values, slope[:, fit.free] @ own @ slope[:, fit.free].T
+    of_free = correlated_covariance(fit.jacobian, fit.whitened, np.arange(fit.whitened.size))
+    return values, slope[:, fit.free] @ of_free @ slope[:, fit.free].T
 
 
 def _unusable(note: str) -> DampingLaw:

@@ -84,12 +84,12 @@ def prepare_record(
         return fail("no motion above the noise", spikes=count)
     start = max(release.first_turn_s, earliest_s if earliest_s is not None else -np.inf)
     ringing = time >= start
-    found = scan_single_mode(time[ringing], y[ringing], frequency_range_hz)
-    if found is None:
+    first = scan_single_mode(time[ringing], y[ringing], frequency_range_hz)
+    if first is None:
         return fail("no oscillation after the release", release, count)
-    omega = 2.0 * np.pi * found[0]
+    omega = 2.0 * np.pi * first[0]
     bounds = ((-0.02 * omega, 1.5 * omega), (0.6 * omega, 1.6 * omega))
-    mode = fit_modes(time[ringing], y[ringing], [(found[1] * omega, omega)], [bounds])
+    mode = fit_modes(time[ringing], y[ringing], [(first[1] * omega, omega)], [bounds])
     if mode is None:
         return fail("too few readings after the release", release, count)
     mode = _with_drift(time[ringing], y[ringing], mode)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from sysid.arrays import Samples, UnknownsByUnknowns
+
 _GRID_DAMPING_RATIOS = (0.003, 0.01, 0.03, 0.06, 0.1, 0.16, 0.25, 0.4)
 _GRID_SAMPLES = 250  # enough for a start value; the refinement uses every sample
 _MOST_GRID_SAMPLES = 20_000
@@ -47,7 +49,7 @@ class ModeFit:
 
 
 def scan_single_mode(
-    time_s: np.ndarray, value: np.ndarray, frequency_range_hz: tuple[float, float]
+    time_s: Samples, value: Samples, frequency_range_hz: tuple[float, float]
 ) -> tuple[float, float] | None:
     """Frequency [Hz] and damping ratio of the one decaying mode that explains most, by exhaustive search on a grid.
 
@@ -70,7 +72,7 @@ def scan_single_mode(
         return None
     frequencies = np.geomspace(low, high, int(np.clip(60 * np.log(high / low), 40, 240)))
     u = time - time[0]
-    best, found = -1.0, None
+    best, mode = -1.0, None
     for ratio in _GRID_DAMPING_RATIOS:
         omega = 2.0 * np.pi * frequencies[:, None]
         envelope = np.exp(-ratio * omega * u)
@@ -88,8 +90,8 @@ def scan_single_mode(
         explained = np.where(safe, explained / np.where(safe, determinant, 1.0), 0.0)
         index = int(np.argmax(explained))
         if explained[index] > best:
-            best, found = float(explained[index]), (float(frequencies[index]), ratio)
-    return found
+            best, mode = float(explained[index]), (float(frequencies[index]), ratio)
+    return mode
 
 
 def _thin(time_s: np.ndarray, value: np.ndarray, high_hz: float) -> tuple[np.ndarray, np.ndarray]:
@@ -136,8 +138,8 @@ def _jacobian(parameters: np.ndarray, u: np.ndarray, modes: int, curved: bool, d
 
 
 def fit_modes(
-    time_s: np.ndarray,
-    value: np.ndarray,
+    time_s: Samples,
+    value: Samples,
     starts: list[tuple[float, float]],
     bounds: list[tuple[tuple[float, float], tuple[float, float]]],
     *,
@@ -231,7 +233,7 @@ def _start_and_bounds(
     return np.clip(start, lower + 1e-9 * (upper - lower), upper - 1e-9 * (upper - lower)), lower, upper
 
 
-def mode_curve(fit: ModeFit, time_s: np.ndarray, mode: int) -> np.ndarray:
+def mode_curve(fit: ModeFit, time_s: Samples, mode: int) -> Samples:
     """The part of one mode in a fit without curvature, (n,) at `time_s` [s], in the unit of the data."""
     u = time_s - fit.start_s
     cosine, sine = fit.parameters[2 * fit.decay_rate.size + 2 * mode :][:2]
@@ -239,7 +241,7 @@ def mode_curve(fit: ModeFit, time_s: np.ndarray, mode: int) -> np.ndarray:
     return np.asarray(np.exp(-fit.decay_rate[mode] * u) * (cosine * np.cos(phase) + sine * np.sin(phase)))
 
 
-def correlated_covariance(jacobian: np.ndarray, residual: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+def correlated_covariance(jacobian: np.ndarray, residual: Samples, time_s: Samples) -> UnknownsByUnknowns:
     """Covariance of least-squares estimates whose residuals are autocorrelated.
 
     (J'J)^-1 J' Sigma J (J'J)^-1 with Sigma the Toeplitz matrix of the residual's autocovariance under a Bartlett taper

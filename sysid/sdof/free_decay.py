@@ -162,11 +162,11 @@ def _fit_window(record: PreparedRecord, start_s: float) -> ModeFit | None:
     """Fit from one start; the hop mode is added only where it earns its coefficients."""
     inside = record.time_s >= start_s
     time, value = record.time_s[inside], record.value[inside]
-    found = scan_single_mode(time, value, record.frequency_range_hz) if time.size >= 16 else None
-    if found is None:
+    first = scan_single_mode(time, value, record.frequency_range_hz) if time.size >= 16 else None
+    if first is None:
         return None
-    omega = 2.0 * np.pi * found[0]
-    single = fit_modes(time, value, [(found[1] * omega, omega)], [_body_bounds(omega)])
+    omega = 2.0 * np.pi * first[0]
+    single = fit_modes(time, value, [(first[1] * omega, omega)], [_body_bounds(omega)])
     if single is None:
         return None
     body = (float(single.decay_rate[0]), float(single.angular_frequency[0]))

@@ -49,8 +49,8 @@ def fit_mixture(
     None where none ends in finite numbers.
     """
     problem = _problem(window, terms, whitener, stiffening)
-    found = (_fit_from(problem, start) for start in _best_starts(problem, starts)[:most])
-    return min((f for f in found if f is not None), key=lambda f: float(np.sum(f.whitened**2)), default=None)
+    fits = (_fit_from(problem, start) for start in _best_starts(problem, starts)[:most])
+    return min((f for f in fits if f is not None), key=lambda f: float(np.sum(f.whitened**2)), default=None)
 
 
 @dataclass(frozen=True)
@@ -124,14 +124,14 @@ def _fit_from(problem: _Problem, base: np.ndarray) -> MixtureFit | None:
     except (ValueError, FloatingPointError, np.linalg.LinAlgError):
         return None
     residual, jacobian, motion = everything(solution.x)
-    found = np.zeros(8)
-    found[free] = solution.x * unit[free]
+    parameters = np.zeros(8)
+    parameters[free] = solution.x * unit[free]
     amplitude = window.amplitude
     whitened = problem.whiten(residual) * amplitude
     scaled = problem.whiten(jacobian) * amplitude / unit[free]
     if not (np.all(np.isfinite(whitened)) and np.all(np.isfinite(scaled))):
         return None
-    return MixtureFit(problem.terms, free, found, residual * amplitude, whitened, scaled, motion)
+    return MixtureFit(problem.terms, free, parameters, residual * amplitude, whitened, scaled, motion)
 
 
 def _bounds(direction: float) -> tuple[np.ndarray, np.ndarray]:
@@ -170,12 +170,12 @@ def price_of_leaving(full: MixtureFit, terms: tuple[DampingTerm, ...]) -> float:
 def without_others(full: MixtureFit, terms: tuple[DampingTerm, ...]) -> np.ndarray:
     """Parameters (8,) that come nearest to the full fit without its other terms than `terms`, by its slopes."""
     gone, covariance = _without(full, terms)
-    own = covariance[:, gone]
+    with_gone = covariance[:, gone]
     scale = np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
     correlation = covariance[np.ix_(gone, gone)] / np.outer(scale[gone], scale[gone])
     value = full.parameters[[full.free[i] for i in gone]] / scale[gone]
     moved = full.parameters.copy()
-    moved[full.free] -= (own / scale[gone]) @ np.linalg.pinv(correlation) @ value
+    moved[full.free] -= (with_gone / scale[gone]) @ np.linalg.pinv(correlation) @ value
     return moved
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.arrays import Samples
 from sysid.sdof.smoothing import local_polynomial, robust_sd
 from sysid.sdof.time_grid import even_times
 
@@ -40,7 +41,7 @@ def smoothing_half_width(period_s: float) -> float:
     return float(np.clip(_HOP_HALF_WIDTH_S, _NARROWEST * period_s, _WIDEST * period_s))
 
 
-def find_extrema(time_s: np.ndarray, value: np.ndarray, period_s: float, start_s: float, noise_sd: float) -> Extrema:
+def find_extrema(time_s: Samples, value: Samples, period_s: float, start_s: float, noise_sd: float) -> Extrema:
     """Find the extrema of the smoothed readings after the release and choose those of the free decay.
 
     An extremum is where the slope of the local cubic (`smoothing_half_width`) vanishes.  Used are the extrema from the

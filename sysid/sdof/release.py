@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.arrays import Samples
 from sysid.sdof.smoothing import high_frequency_noise, robust_sd
 
 _MOVE_SHARE = 0.15  # a move of this share of the range is motion, not drift or noise
@@ -28,7 +29,7 @@ class Release:
     noise_sd: float
 
 
-def find_release(time_s: np.ndarray, value: np.ndarray) -> Release | None:
+def find_release(time_s: Samples, value: Samples) -> Release | None:
     """Find the last reading at rest and the first turning point after it.
 
     Scale-free: the release is sought backwards from the first move of 15 % of the range to the level held before it, so

@@ -111,10 +111,10 @@ class _SwingFrom:
         """Place of the next turning point on the other side and time until then, (p,) each."""
         above = np.maximum(place - self.nearest, 0.0)
         u = 2.0 * above / self.width - 1.0
-        found = self.coefficients[-1]
+        value = self.coefficients[-1]
         for coefficient in self.coefficients[-2::-1]:
-            found = found * u + coefficient
-        return found[0] * above - self.nearest, found[1]
+            value = value * u + coefficient
+        return value[0] * above - self.nearest, value[1]
 
 
 @dataclass(frozen=True)

@@ -4,27 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
+from sysid.arrays import Samples
+
 _CHUNK_ELEMENTS = 2_000_000  # bounds the memory of one batch of windows to some 100 MB
 _DEGREE = 3
 _MEDIAN_REACH_S = 0.02  # a running median this short leaves wheel hop nearly alone
 _MEDIAN_SHARE, _CUBIC_SHARE = 0.15, 0.03
 
 
-def robust_sd(value: np.ndarray) -> float:
+def robust_sd(value: Samples) -> float:
     """Standard deviation estimated from the median absolute deviation (0 for an empty array)."""
     if value.size == 0:
         return 0.0
     return float(1.4826 * np.median(np.abs(value - np.median(value))))
 
 
-def high_frequency_noise(value: np.ndarray) -> float:
+def high_frequency_noise(value: Samples) -> float:
     """Noise standard deviation from fourth differences, which a smooth motion hardly enters (0 below 6 samples)."""
     if value.size < 6:
         return 0.0
     return float(robust_sd(np.convolve(value, [1.0, -4.0, 6.0, -4.0, 1.0], "valid")) / np.sqrt(70.0))
 
 
-def spike_mask(time_s: np.ndarray, value: np.ndarray) -> np.ndarray:
+def spike_mask(time_s: Samples, value: Samples) -> Samples:
     """Mark isolated readings, up to three in a row, that do not fit their neighbours.
 
     A reading is a spike when it leaves the running median (over 40 ms, three to seven readings) by more than 15 % of
@@ -72,8 +74,8 @@ def _tricube(u: np.ndarray) -> np.ndarray:
 
 
 def local_polynomial(
-    time_s: np.ndarray, value: np.ndarray, at_s: np.ndarray, half_width_s: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    time_s: Samples, value: Samples, at_s: Samples, half_width_s: float
+) -> tuple[Samples, Samples, Samples, Samples]:
     """Smooth with a cubic fitted locally under tricube weights.
 
     Away from the ends this is a symmetric linear filter, so an exponentially decaying oscillation keeps its period and

@@ -99,11 +99,11 @@ def _pool(estimates: list[DropEstimate], axle: AxleOnTire, settings: DropSetting
     alike, said = _alike(usable)
     values = {}
     for index, (name, group) in enumerate((("stiffness", usable), ("damping", alike))):
-        own = [
+        covariances = [
             invert(method, axle, settings, e.damped_period, e.log_decrement, np.zeros((2, 2))).declared_covariance
             for e in group
         ]
-        mean, error = _mean(group, name, np.array([c[index, index] for c in own]))
+        mean, error = _mean(group, name, np.array([c[index, index] for c in covariances]))
         values[name] = mean
         values[f"{name}_sd"] = float(np.sqrt(error**2 + declared[index, index]))
     for name in ("friction_force", "quadratic_damping"):
@@ -213,8 +213,8 @@ def _friction_messages(names: list[str], files: tuple[DropAnalysis, ...], pooled
         rubbing = sum("friction" in a.damping_kind for a in group)
         if 2 * rubbing <= len(group):
             continue
-        found = [e for e in pooled if (e.axle, e.load_case) == (axle, load_case) and np.isfinite(e.friction_force)]
-        best = next((e for m in ("corrected", "paper") for e in found if e.method == m), None)
+        of_axle = [e for e in pooled if (e.axle, e.load_case) == (axle, load_case) and np.isfinite(e.friction_force)]
+        best = next((e for m in ("corrected", "paper") for e in of_axle if e.method == m), None)
         told = f"Axle '{names[axle]}' ({load_case}): {rubbing} of {len(group)} records show dry friction"
         if best is not None:
             force, sd = 1e-3 * best.friction_force, 1e-3 * best.friction_force_sd

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from sysid import limits
+from sysid.arrays import Samples
 
 
-def even_times(time_s: np.ndarray, step_s: float, reach_s: float) -> np.ndarray:
+def even_times(time_s: Samples, step_s: float, reach_s: float) -> Samples:
     """Times t_0 + i step from the first reading to the last, without those further than a reach from any reading.
 
     Parameters

@@ -13,7 +13,7 @@ from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.road_profile import RoadProfile
-from sysid.vehicle_model.lanes import EffectiveRoads
+from sysid.vehicle_model.passes import EffectiveRoads
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sysid.arrays import Samples
+
 #: Zero padding of the spectrum in which the dominant frequency is sought, in lengths of the record.
 _PADDING = 8
 
@@ -29,7 +31,7 @@ def _common(measured: np.ndarray, simulated: np.ndarray) -> tuple[np.ndarray, np
     return np.asarray(measured)[both], np.asarray(simulated)[both]
 
 
-def nrmse(measured: np.ndarray, simulated: np.ndarray) -> float:
+def nrmse(measured: Samples, simulated: Samples) -> float:
     """Normalised error RMS(simulated - measured) / (max - min of measured) over finite samples; NaN without any.
 
     Parameters
@@ -41,7 +43,7 @@ def nrmse(measured: np.ndarray, simulated: np.ndarray) -> float:
     return float(np.sqrt(np.mean((s - m) ** 2))) / span if span > 0.0 else float("nan")
 
 
-def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
+def fit_percent(measured: Samples, simulated: Samples) -> float:
     """Fit 100 (1 - |m - s| / |m - mean(m)|) [%] with Euclidean norms over finite samples; NaN for a constant m.
 
     100 is agreement, 0 no better than the mean, below 0 worse.
@@ -55,7 +57,7 @@ def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
     return 100.0 * (1.0 - float(np.linalg.norm(m - s)) / scale) if scale > 0.0 else float("nan")
 
 
-def peak_error(time_s: np.ndarray, measured: np.ndarray, simulated: np.ndarray) -> PeakError:
+def peak_error(time_s: Samples, measured: Samples, simulated: Samples) -> PeakError:
     """Errors of the largest absolute value over finite samples and of its instant; NaN where m is zero throughout.
 
     Parameters
@@ -70,7 +72,7 @@ def peak_error(time_s: np.ndarray, measured: np.ndarray, simulated: np.ndarray) 
     return PeakError(float(s[at_s] / m[at_m]) - 1.0, float(t[at_s] - t[at_m]))
 
 
-def sprague_geers(measured: np.ndarray, simulated: np.ndarray) -> SpragueGeers:
+def sprague_geers(measured: Samples, simulated: Samples) -> SpragueGeers:
     """Magnitude M = sqrt(sum s^2 / sum m^2) - 1 and phase P = arccos(sum m s / sqrt(sum m^2 sum s^2)) / pi.
 
     Sums run over finite samples; NaN where either history is zero throughout.
@@ -91,7 +93,7 @@ def sprague_geers(measured: np.ndarray, simulated: np.ndarray) -> SpragueGeers:
     return SpragueGeers(float(np.sqrt(ss / mm)) - 1.0, float(np.arccos(cosine)) / np.pi)
 
 
-def dominant_frequency(values: np.ndarray, interval_s: float) -> float:
+def dominant_frequency(values: Samples, interval_s: float) -> float:
     """Frequency [Hz] of the largest amplitude in the spectrum of a record under a Hann window; NaN if constant.
 
     The mean is taken off and missing samples are interpolated; the resolution is about 1 / (n `interval_s`).
@@ -108,7 +110,7 @@ def dominant_frequency(values: np.ndarray, interval_s: float) -> float:
     return float(np.argmax(spectrum)) / (_PADDING * filled.size * interval_s)
 
 
-def filled_in(values: np.ndarray) -> np.ndarray:
+def filled_in(values: Samples) -> Samples:
     """`values` (n,) with missing samples interpolated between their neighbours; empty where none is finite."""
     known = np.isfinite(values)
     if not known.any():

@@ -8,6 +8,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import correlate
 
+from sysid.arrays import PairsBySamples
+
 # Parameters of the standard (ISO/TS 18571:2014).
 _INNER, _OUTER, _CORRIDOR_POWER = 0.05, 0.5, 2
 _LARGEST_SHIFT = 0.2
@@ -33,7 +35,7 @@ class ObjectiveRating:
         return float(np.dot(_WEIGHTS, (self.corridor, self.phase, self.magnitude, self.slope)))
 
 
-def objective_ratings(measured: np.ndarray, simulated: np.ndarray) -> tuple[ObjectiveRating | None, ...]:
+def objective_ratings(measured: PairsBySamples, simulated: PairsBySamples) -> tuple[ObjectiveRating | None, ...]:
     """Ratings of many pairs of histories of one record.
 
     The standard asks for 10 kHz, meant for crash signals of 0.2 s; here the samples are taken as they are.  Phase is

@@ -166,5 +166,5 @@ def _even_density(centre: float, second: float) -> np.ndarray:
     c = minimize(dual, np.zeros(2), jac=True, hess=curvature, method="trust-exact", options={"gtol": 1e-13}).x
     for _ in range(3):  # to the last digit
         c = c - np.linalg.solve(curvature(c), dual(c)[1])
-    found = np.exp(c @ powers - (c @ powers).max())
-    return np.asarray(found / (found @ _WEIGHTS))
+    density = np.exp(c @ powers - (c @ powers).max())
+    return np.asarray(density / (density @ _WEIGHTS))

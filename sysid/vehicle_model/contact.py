@@ -29,7 +29,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.ndimage import spline_filter1d
 
-from sysid.vehicle_model.lane_arrays import AxleLanes, HostOrDevice
+from sysid.vehicle_model.device_arrays import HostOrDevice, RunsByAxlesBySets
 
 #: Flat stations added at both ends: the filter's response has died out over them.
 _PADDING = 24
@@ -40,18 +40,18 @@ MapOrders = tuple[jax.Array, jax.Array, jax.Array, jax.Array]
 
 
 class TireLaw(NamedTuple):
-    """Coefficients of the contact force per axle and lane, arrays (R, na, S).
+    """Coefficients of the contact force per axle, pass and set, arrays (R, na, S).
 
     `static_deflection` u_0 [m]; `reference_deflection` u_ref [m]; `reference_load` F_ref [N]; `exponent` n (S,) or
     broadcastable [-]; `damping` c [N s/m] at the reference deflection.  `growth` is 1 where damping grows with the
     contact length, 0 where it is constant.
     """
 
-    static_deflection: AxleLanes
-    reference_deflection: AxleLanes
+    static_deflection: RunsByAxlesBySets
+    reference_deflection: RunsByAxlesBySets
     reference_load: HostOrDevice
     exponent: jax.Array
-    damping: AxleLanes
+    damping: RunsByAxlesBySets
     growth: float = 1.0
 
 
@@ -89,8 +89,8 @@ def _orders(values: list[jax.Array]) -> MapOrders:
 
 
 def tire_law(
-    stiffness: AxleLanes,
-    damping: AxleLanes,
+    stiffness: RunsByAxlesBySets,
+    damping: RunsByAxlesBySets,
     exponent: jax.Array,
     static_load: HostOrDevice,
     reference_load: HostOrDevice,
@@ -105,7 +105,7 @@ def tire_law(
     stiffness : (R, na, S) tangent stiffness k_t at the reference load [N/m].
     damping : (R, na, S) damping at the reference load [N s/m].
     exponent : (..., S) n.
-    static_load, reference_load : (R, na, 1) static load of this lane and of the first load case [N].
+    static_load, reference_load : (R, na, 1) static load of this pass and of the first load case [N].
     """
     reference = exponent * reference_load / stiffness
     static = reference * (static_load / reference_load) ** (1.0 / exponent)
@@ -145,10 +145,10 @@ def tangents(
 def contact_force(
     law: TireLaw,
     road: RoadInput,
-    advance: AxleLanes,
-    speed: AxleLanes,
-    rise: AxleLanes,
-    rise_rate: AxleLanes,
+    advance: RunsByAxlesBySets,
+    speed: RunsByAxlesBySets,
+    rise: RunsByAxlesBySets,
+    rise_rate: RunsByAxlesBySets,
 ) -> tuple[jax.Array, jax.Array]:
     """Unclipped vertical contact force [N] and ratio of forward to vertical force [-], both (R, na, S).
 
@@ -190,7 +190,7 @@ def contact_force(
     return jnp.asarray(elastic + law.damping * (rate + law.growth * (grown - rate))), drag
 
 
-def _advanced(orders: MapOrders, advance: AxleLanes) -> tuple[list[jax.Array], list[jax.Array]]:
+def _advanced(orders: MapOrders, advance: RunsByAxlesBySets) -> tuple[list[jax.Array], list[jax.Array]]:
     """The rows of a map and their slopes `advance` [m] further on, by their Taylor series."""
     value, first, second, _ = orders
     rows = range(value.shape[-4])

@@ -19,10 +19,10 @@ from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engines.native import NATIVE
 from sysid.vehicle_model.engines.protocol import Engine, Timing, WheelRoad
 from sysid.vehicle_model.engines.reference import REFERENCE
-from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.native import kernel
 from sysid.vehicle_model.native.build import BuildError
+from sysid.vehicle_model.stacked_matrices import StackedMatrices
 
 _LOGGER = logging.getLogger(__name__)
 _CHOICES = ("auto", "native", "reference", "jax")
@@ -89,7 +89,7 @@ def _problem() -> str | None:
 
 
 def wheel_road(
-    lanes: LaneMatrices,
+    matrices: StackedMatrices,
     road: EffectiveRoad,
     axle_x: np.ndarray,
     motion: Motion,
@@ -100,5 +100,5 @@ def wheel_road(
     Vehicles that this engine does not take get the reference engine.
     """
     engine = engine_of_process()
-    chosen = engine if engine.takes(lanes) else REFERENCE
+    chosen = engine if engine.takes(matrices) else REFERENCE
     return chosen.prepare(road, axle_x, motion, timing)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sysid.arrays import Stations
 from sysid.errors import SysidError
 from sysid.vehicle_model.contact import EffectiveRoad, effective_road
 
@@ -12,7 +13,7 @@ STEP_M = 0.01
 
 
 def measured_road(
-    station_m: np.ndarray, height_m: np.ndarray, axles: int, *, footprint_m: float = 0.0, lead_m: float = 0.0
+    station_m: Stations, height_m: Stations, axles: int, *, footprint_m: float = 0.0, lead_m: float = 0.0
 ) -> EffectiveRoad:
     """Road of point followers on a measured profile: straight between its points, averaged over the footprint.
 

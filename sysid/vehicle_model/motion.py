@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from sysid.vehicle_model.lane_arrays import HostOrDevice, PerLane
+from sysid.vehicle_model.device_arrays import HostOrDevice, RunsBySets
 
 
 class MotionChange(NamedTuple):
@@ -23,7 +23,7 @@ class MotionChange(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """How each lane moves along the road, (R, S).
+    """How each run moves along the road with each parameter set, (R, S).
 
     With v the `speed` [m/s] at which axle 1 passes the start of the bump at t_0 = `start_s` [s], and a the constant
     `acceleration` [m/s2], axle 1 has come
@@ -54,13 +54,13 @@ class Motion(NamedTuple):
         """Forward speed [m/s]."""
         return jnp.asarray(self.speed + self.acceleration * self.since_start(time_s))
 
-    def ahead(self, change: MotionChange, time_s: HostOrDevice) -> PerLane:
+    def ahead(self, change: MotionChange, time_s: HostOrDevice) -> RunsBySets:
         """How far the run is ahead [m] after a small change, to first order."""
         tau = self.since_start(time_s)
         moved = tau * (change.speed + 0.5 * change.acceleration * tau)
         return jnp.asarray(moved - self.speed_at(time_s) * change.start_s)
 
-    def faster(self, change: MotionChange, time_s: HostOrDevice) -> PerLane:
+    def faster(self, change: MotionChange, time_s: HostOrDevice) -> RunsBySets:
         """By how much the run is faster [m/s] after a small change, to first order."""
         tau = self.since_start(time_s)
         gained = change.speed + tau * change.acceleration - self.acceleration * change.start_s

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from sysid.vehicle_model.lane_arrays import ChannelHistories, ChannelLanes, HostOrDevice
+from sysid.vehicle_model.device_arrays import ChannelHistories, HostOrDevice, RunsByChannelsBySets
 
 
 class Readings(NamedTuple):
@@ -33,8 +33,8 @@ class Readings(NamedTuple):
 class SensorFit(NamedTuple):
     """Eliminated sensor constants (R, C, S): `offset` in SI and `gain`."""
 
-    offset: ChannelLanes
-    gain: ChannelLanes
+    offset: RunsByChannelsBySets
+    gain: RunsByChannelsBySets
 
 
 def eliminate_sensors(readings: Readings, simulated: ChannelHistories) -> SensorFit:
@@ -62,7 +62,9 @@ def eliminate_sensors(readings: Readings, simulated: ChannelHistories) -> Sensor
     return SensorFit(mean_d - gain * mean_y, gain)
 
 
-def standardised_residuals(readings: Readings, simulated: ChannelHistories) -> tuple[ChannelHistories, ChannelLanes]:
+def standardised_residuals(
+    readings: Readings, simulated: ChannelHistories
+) -> tuple[ChannelHistories, RunsByChannelsBySets]:
     """Residuals (T, R, C, S) in units of their scale, and the gains' prior residuals (R, C, S).
 
     A clipped sample counts only where the simulation stays inside the range.

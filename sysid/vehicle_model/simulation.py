@@ -1,10 +1,10 @@
-"""Time integration of the planar vehicle over a bump, many lanes at once.
+"""Time integration of the planar vehicle over a bump, many runs and parameter sets at once.
 
-A lane is one run with one parameter set; every state array has the shape (R runs, degrees of freedom, S sets), the
-sets contiguous, so that the kinematics of a stage are three small batched matrix products and the rest is elementwise.
-The classical fourth-order Runge-Kutta scheme in its second-order (Nystrom) form advances positions and velocities; the
-integral of each clipped tire force over the step is corrected exactly at lift-off (:mod:`sysid.vehicle_model.kink`).
-Everything that does not depend on the state is computed before the loop.
+Every state array has the shape (R runs, degrees of freedom, S sets), the sets contiguous, so that the kinematics of a
+stage are three small batched matrix products and the rest is elementwise. The classical fourth-order Runge-Kutta scheme
+in its second-order (Nystrom) form advances positions and velocities; the integral of each clipped tire force over the
+step is corrected exactly at lift-off (:mod:`sysid.vehicle_model.kink`). Everything that does not depend on the state is
+computed before the loop.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.vehicle_model.contact import RoadInput, TireLaw, contact_force
+from sysid.vehicle_model.device_arrays import AxleHistories, ChannelHistories, RunsByAxlesBySets
 from sysid.vehicle_model.filters import FilterRecursion, filter_memory, filtered, next_memory
 from sysid.vehicle_model.kink import clipped_integrals
-from sysid.vehicle_model.lane_arrays import AxleHistories, AxleLanes, ChannelHistories
-from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.motion import Motion
+from sysid.vehicle_model.stacked_matrices import StackedMatrices
 from sysid.vehicle_model.suspension import (
     SuspensionLaw,
     has_kinks,
@@ -80,19 +80,19 @@ class _Forces(NamedTuple):
 
 
 def _forces(
-    lanes: LaneMatrices,
+    matrices: StackedMatrices,
     suspension: SuspensionLaw,
     tire: TireLaw,
     motion: Motion,
     road: RoadInput,
     time_s: jax.Array,
     state: _State,
-    slip_at: Callable[[AxleLanes], AxleLanes] | None = None,
+    slip_at: Callable[[RunsByAxlesBySets], RunsByAxlesBySets] | None = None,
 ) -> _Forces:
     """Forces of a state; `slip_at` gives the friction state of a stage from its extension, None keeps the state's."""
-    axles = lanes.static_load.shape[1]
-    shift = jnp.matmul(lanes.position, state.body)
-    drift = jnp.matmul(lanes.rate, state.body_rate)
+    axles = matrices.static_load.shape[1]
+    shift = jnp.matmul(matrices.position, state.body)
+    drift = jnp.matmul(matrices.rate, state.body_rate)
     nominal = motion.speed_at(time_s)
     if motion.change is not None:
         road = road.shifted(motion.ahead(motion.change, time_s)[:, None])
@@ -100,47 +100,47 @@ def _forces(
     advance = shift[:, axles : 2 * axles]
     speed = drift[:, axles : 2 * axles] + nominal[:, None]
     unclipped, drag = contact_force(
-        tire, road, advance, speed, _at_wheels(lanes, state.axle), _at_wheels(lanes, state.axle_rate)
+        tire, road, advance, speed, _at_wheels(matrices, state.axle), _at_wheels(matrices, state.axle_rate)
     )
     vertical = jnp.maximum(unclipped, 0.0)
     horizontal = drag * vertical
     extension = shift[:, :axles] - state.axle
     rate = drift[:, :axles] - state.axle_rate
     slip = state.slip if slip_at is None else slip_at(extension)
-    pull = _carried(lanes, suspension_force(suspension, extension, rate, slip, lanes.sharing))
+    pull = _carried(matrices, suspension_force(suspension, extension, rate, slip, matrices.sharing))
     body = (
-        jnp.matmul(lanes.acceleration, jnp.concatenate([pull, horizontal], axis=1))
+        jnp.matmul(matrices.acceleration, jnp.concatenate([pull, horizontal], axis=1))
         + shift[:, 2 * axles :]
         + drift[:, 2 * axles :]
     )
-    if lanes.frames is not None and suspension.frames is not None:
-        amplitude, swing = (jnp.matmul(lanes.frames.select, x) for x in (state.body, state.body_rate))
+    if matrices.frames is not None and suspension.frames is not None:
+        amplitude, swing = (jnp.matmul(matrices.frames.select, x) for x in (state.body, state.body_rate))
         straightening = suspension.frames.stiffness * amplitude + suspension.frames.damping * swing
-        body = body + jnp.matmul(lanes.frames.push, straightening)
-    axle = _unsprung_acceleration(lanes, vertical - lanes.static_load, pull)
+        body = body + jnp.matmul(matrices.frames.push, straightening)
+    axle = _unsprung_acceleration(matrices, vertical - matrices.static_load, pull)
     return _Forces(body, axle, unclipped, horizontal, pull, extension, rate)
 
 
-def _at_wheels(lanes: LaneMatrices, motion: jax.Array) -> jax.Array:
+def _at_wheels(matrices: StackedMatrices, motion: jax.Array) -> jax.Array:
     """Motion of the wheels, or above them, from that at the unsprung coordinates."""
-    return motion if lanes.beams is None else jnp.matmul(lanes.beams.wheel, motion)
+    return motion if matrices.beams is None else jnp.matmul(matrices.beams.wheel, motion)
 
 
-def _carried(lanes: LaneMatrices, pull: jax.Array) -> jax.Array:
+def _carried(matrices: StackedMatrices, pull: jax.Array) -> jax.Array:
     """Suspension force, zero where a group's suspension stands at another axle."""
-    return pull if lanes.beams is None else jnp.asarray(lanes.beams.carries * pull)
+    return pull if matrices.beams is None else jnp.asarray(matrices.beams.carries * pull)
 
 
-def _unsprung_acceleration(lanes: LaneMatrices, tire: jax.Array, pull: jax.Array | None = None) -> jax.Array:
+def _unsprung_acceleration(matrices: StackedMatrices, tire: jax.Array, pull: jax.Array | None = None) -> jax.Array:
     """Accelerations of the unsprung coordinates from vertical tire force and suspension pull, if any."""
-    if lanes.beams is None:
-        return jnp.asarray(lanes.inverse_unsprung * (tire if pull is None else tire + pull))
-    push = jnp.matmul(lanes.beams.tire, tire)
-    return push if pull is None else push + jnp.matmul(lanes.beams.pull, pull)
+    if matrices.beams is None:
+        return jnp.asarray(matrices.inverse_unsprung * (tire if pull is None else tire + pull))
+    push = jnp.matmul(matrices.beams.tire, tire)
+    return push if pull is None else push + jnp.matmul(matrices.beams.pull, pull)
 
 
 def _stages(
-    lanes: LaneMatrices,
+    matrices: StackedMatrices,
     suspension: SuspensionLaw,
     tire: TireLaw,
     motion: Motion,
@@ -155,11 +155,16 @@ def _stages(
     b, vb, z, vz, slip = state
 
     def forces(
-        road: RoadInput, tau: float, body: jax.Array, body_rate: jax.Array, axle: AxleLanes, axle_rate: AxleLanes
+        road: RoadInput,
+        tau: float,
+        body: jax.Array,
+        body_rate: jax.Array,
+        axle: RunsByAxlesBySets,
+        axle_rate: RunsByAxlesBySets,
     ) -> _Forces:
         slip_at = None if slip is None else partial(slip_at_stage, suspension, slip, first.extension, first.rate, tau)
         stage = _State(body, body_rate, axle, axle_rate, slip)
-        return _forces(lanes, suspension, tire, motion, road, time_s + tau, stage, slip_at)
+        return _forces(matrices, suspension, tire, motion, road, time_s + tau, stage, slip_at)
 
     middle_b, middle_z = b + half * vb, z + half * vz
     second = forces(
@@ -190,7 +195,7 @@ def _stages(
 
 
 def _step(
-    lanes: LaneMatrices,
+    matrices: StackedMatrices,
     suspension: SuspensionLaw,
     tire: TireLaw,
     motion: Motion,
@@ -202,9 +207,9 @@ def _step(
 ) -> tuple[_State, _Forces]:
     """One Nystrom step from `state`, whose forces are `first`; returns the new state and the mid-step forces."""
     b, vb, z, vz, slip = state
-    stages = _stages(lanes, suspension, tire, motion, roads, time_s, h, state, first)
+    stages = _stages(matrices, suspension, tire, motion, roads, time_s, h, state, first)
     _, second, third, _ = stages
-    impulse, moment = _missed_by_stages(lanes, suspension, stages)
+    impulse, moment = _missed_by_stages(matrices, suspension, stages)
 
     def advance(
         x: jax.Array, v: jax.Array, a1: jax.Array, a2: jax.Array, a3: jax.Array, a4: jax.Array
@@ -221,10 +226,10 @@ def _step(
         new_b, new_vb = new_b + h * h * moment.body, new_vb + h * impulse.body
         middle = middle._replace(body_acceleration=middle.body_acceleration + 1.5 * impulse.body)
     if slip is not None:
-        axles = lanes.static_load.shape[1]
+        axles = matrices.static_load.shape[1]
         end = (
-            jnp.matmul(lanes.position[:, :axles], new_b) - new_z,
-            jnp.matmul(lanes.position[:, :axles], new_vb) - new_vz,
+            jnp.matmul(matrices.position[:, :axles], new_b) - new_z,
+            jnp.matmul(matrices.position[:, :axles], new_vb) - new_vz,
         )
         slip = slip_after_step(suspension, slip, (first.extension, first.rate), end, h)
     return _State(new_b, new_vb, new_z, new_vz, slip), middle
@@ -238,7 +243,7 @@ class _Missed(NamedTuple):
 
 
 def _missed_by_stages(
-    lanes: LaneMatrices, suspension: SuspensionLaw, stages: tuple[_Forces, ...]
+    matrices: StackedMatrices, suspension: SuspensionLaw, stages: tuple[_Forces, ...]
 ) -> tuple[_Missed, _Missed]:
     """Corrections for the corners of tire contact and suspension law within one step."""
     phi = tuple(f.unclipped for f in stages)
@@ -248,25 +253,25 @@ def _missed_by_stages(
     moment = moment - (f1 + f2 + f3) / 6.0
     if not has_kinks(suspension):
         return (
-            _Missed(_unsprung_acceleration(lanes, impulse), None),
-            _Missed(_unsprung_acceleration(lanes, moment), None),
+            _Missed(_unsprung_acceleration(matrices, impulse), None),
+            _Missed(_unsprung_acceleration(matrices, moment), None),
         )
     arguments = tuple(f.extension for f in stages), tuple(f.rate for f in stages)
-    corrections = kink_corrections(suspension, *arguments, lanes.sharing)
-    missed = tuple(_carried(lanes, one) for one in corrections)
-    turn = lanes.acceleration[:, :, : lanes.static_load.shape[1]]
+    corrections = kink_corrections(suspension, *arguments, matrices.sharing)
+    missed = tuple(_carried(matrices, one) for one in corrections)
+    turn = matrices.acceleration[:, :, : matrices.static_load.shape[1]]
     return (
-        _Missed(_unsprung_acceleration(lanes, impulse, missed[0]), jnp.matmul(turn, missed[0])),
-        _Missed(_unsprung_acceleration(lanes, moment, missed[1]), jnp.matmul(turn, missed[1])),
+        _Missed(_unsprung_acceleration(matrices, impulse, missed[0]), jnp.matmul(turn, missed[0])),
+        _Missed(_unsprung_acceleration(matrices, moment, missed[1]), jnp.matmul(turn, missed[1])),
     )
 
 
-def _observe(lanes: LaneMatrices, layout: SensorLayout, forces: _Forces) -> jax.Array:
+def _observe(matrices: StackedMatrices, layout: SensorLayout, forces: _Forces) -> jax.Array:
     """Signals at the sensors (R, channels, S): deflections, axle accelerations, body accelerations."""
     parts = [
-        _at_wheels(lanes, forces.extension)[:, np.array(layout.deflection_axles, int)],
-        _at_wheels(lanes, forces.axle_acceleration)[:, np.array(layout.acceleration_axles, int)],
-        jnp.matmul(lanes.body_rows, forces.body_acceleration),
+        _at_wheels(matrices, forces.extension)[:, np.array(layout.deflection_axles, int)],
+        _at_wheels(matrices, forces.axle_acceleration)[:, np.array(layout.acceleration_axles, int)],
+        jnp.matmul(matrices.body_rows, forces.body_acceleration),
     ]
     return jnp.concatenate(parts, axis=1)
 
@@ -283,10 +288,10 @@ def stage_times(samples: int, interval_s: float, substeps: int) -> np.ndarray:
     return np.arange(2 * substeps * samples + 1) * (interval_s / (2 * substeps))
 
 
-def _start(lanes: LaneMatrices, suspension: SuspensionLaw) -> _State:
-    runs, axles, _ = lanes.static_load.shape
+def _start(matrices: StackedMatrices, suspension: SuspensionLaw) -> _State:
+    runs, axles, _ = matrices.static_load.shape
     sets = suspension.stiffness.shape[-1]
-    body = jnp.zeros((runs, lanes.body_rows.shape[2], sets))
+    body = jnp.zeros((runs, matrices.body_rows.shape[2], sets))
     axle = jnp.zeros((runs, axles, sets))
     if body.dtype != jnp.float64:
         raise SysidError(
@@ -296,7 +301,7 @@ def _start(lanes: LaneMatrices, suspension: SuspensionLaw) -> _State:
 
 
 def simulate_sensors(
-    lanes: LaneMatrices,
+    matrices: StackedMatrices,
     suspension: SuspensionLaw,
     tire: TireLaw,
     motion: Motion,
@@ -311,8 +316,8 @@ def simulate_sensors(
 
     Parameters
     ----------
-    lanes : matrices of the R runs.
-    suspension, tire, motion : laws and motion per lane.
+    matrices : of the R runs.
+    suspension, tire, motion : laws and motion of every run with every set.
     road : road input at :func:`stage_times`, leading axis 2 substeps T + 1.
     layout : observed signals, C channels in all.
     recursion : the anti-alias filter for the integration step, None for unfiltered signals.
@@ -325,9 +330,9 @@ def simulate_sensors(
     samples = (road.rise.shape[0] - 1) // (2 * substeps)
     h = interval_s / substeps
     sets = suspension.stiffness.shape[-1]
-    state = _start(lanes, suspension)
-    channels = len(layout.deflection_axles) + len(layout.acceleration_axles) + lanes.body_rows.shape[1]
-    memory = filter_memory(recursion, (lanes.static_load.shape[0], channels, sets))
+    state = _start(matrices, suspension)
+    channels = len(layout.deflection_axles) + len(layout.acceleration_axles) + matrices.body_rows.shape[1]
+    memory = filter_memory(recursion, (matrices.static_load.shape[0], channels, sets))
 
     def body(
         carry: tuple[_State, jax.Array], inputs: tuple[jax.Array, RoadInput]
@@ -336,13 +341,13 @@ def simulate_sensors(
         number, stages = inputs
         at = number * h
         stage = [jax.tree.map(lambda v, k=k: v[k], stages) for k in range(3)]
-        first = _forces(lanes, suspension, tire, motion, stage[0], at, state)
-        state, middle = _step(lanes, suspension, tire, motion, stage, at, h, state, first)
-        now = _observe(lanes, layout, first)
+        first = _forces(matrices, suspension, tire, motion, stage[0], at, state)
+        state, middle = _step(matrices, suspension, tire, motion, stage, at, h, state, first)
+        now = _observe(matrices, layout, first)
         if recursion is None:
             return (state, memory), now
         shown = filtered(recursion, memory, now)
-        return (state, next_memory(recursion, memory, now, _observe(lanes, layout, middle))), shown
+        return (state, next_memory(recursion, memory, now, _observe(matrices, layout, middle))), shown
 
     steps = jnp.arange(samples * substeps, dtype=jnp.float64)
     _, shown = jax.lax.scan(body, (state, memory), (steps, _step_slices(road, samples * substeps)))
@@ -350,7 +355,7 @@ def simulate_sensors(
 
 
 def simulate_histories(
-    lanes: LaneMatrices,
+    matrices: StackedMatrices,
     suspension: SuspensionLaw,
     tire: TireLaw,
     motion: Motion,
@@ -362,23 +367,23 @@ def simulate_histories(
     """Unfiltered motion and forces at every output interval; arguments as in :func:`simulate_sensors`."""
     samples = (road.rise.shape[0] - 1) // (2 * substeps)
     h = interval_s / substeps
-    state = _start(lanes, suspension)
+    state = _start(matrices, suspension)
 
     def body(state: _State, inputs: tuple[jax.Array, RoadInput]) -> tuple[_State, Histories]:
         number, stages = inputs
         at = number * h
         stage = [jax.tree.map(lambda v, k=k: v[k], stages) for k in range(3)]
-        first = _forces(lanes, suspension, tire, motion, stage[0], at, state)
+        first = _forces(matrices, suspension, tire, motion, stage[0], at, state)
         record = Histories(
-            deflection=_at_wheels(lanes, first.extension),
-            axle_acceleration=_at_wheels(lanes, first.axle_acceleration),
-            body_acceleration=jnp.matmul(lanes.body_rows, first.body_acceleration),
+            deflection=_at_wheels(matrices, first.extension),
+            axle_acceleration=_at_wheels(matrices, first.axle_acceleration),
+            body_acceleration=jnp.matmul(matrices.body_rows, first.body_acceleration),
             tire_force=jnp.maximum(first.unclipped, 0.0),
             horizontal_force=first.horizontal,
             suspension_force=-first.pull,
             body=state.body,
         )
-        state, _ = _step(lanes, suspension, tire, motion, stage, at, h, state, first)
+        state, _ = _step(matrices, suspension, tire, motion, stage, at, h, state, first)
         return state, record
 
     steps = jnp.arange(samples * substeps, dtype=jnp.float64)

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from sysid.vehicle_model.device_arrays import HostOrDevice, RunsByAxlesBySets
 from sysid.vehicle_model.kink import clipped_integrals
-from sysid.vehicle_model.lane_arrays import AxleLanes, HostOrDevice
 
 #: Rate at which a nonlinear damper's coefficient is stated: c is the secant |D| / |v| there, mean of both directions.
 REFERENCE_RATE_M_S = 0.5
@@ -39,7 +39,7 @@ class Ramps(NamedTuple):
 
 
 class FrameLaw(NamedTuple):
-    """What straightens bending frames, per lane and mode, over the modal mass: arrays (R, nf, S).
+    """What straightens bending frames, per run, mode and set, over the modal mass: arrays (R, nf, S).
 
     `stiffness` (2 pi f)^2 [1/s2] of the amplitude, `damping` 2 zeta (2 pi f) [1/s] of its rate.
     """
@@ -49,7 +49,7 @@ class FrameLaw(NamedTuple):
 
 
 class SuspensionLaw(NamedTuple):
-    """Suspension per lane and axle, arrays (R, na, S); elements that are None act on no axle.
+    """Suspension per run, axle and set, arrays (R, na, S); elements that are None act on no axle.
 
     - `stiffness` k [N/m], `damping` c [N s/m].
     - `softening` 1/l [1/m] and `stiffening` 1/d^2 [1/m2]: air spring S = k e (1 / (1 + e / l) + (e / d)^2), the
@@ -67,17 +67,17 @@ class SuspensionLaw(NamedTuple):
     - `load_share` s of a rocker between the springs of neighbouring axles; 0 on axles without one.
     """
 
-    stiffness: AxleLanes
-    damping: AxleLanes
-    softening: AxleLanes | None = None
-    stiffening: AxleLanes | None = None
-    saturation: AxleLanes | None = None
-    rounding: AxleLanes | None = None
-    tail: AxleLanes | None = None
-    asymmetry: AxleLanes | None = None
-    friction: AxleLanes | None = None
-    slip: AxleLanes | None = None
-    load_share: AxleLanes | None = None
+    stiffness: RunsByAxlesBySets
+    damping: RunsByAxlesBySets
+    softening: RunsByAxlesBySets | None = None
+    stiffening: RunsByAxlesBySets | None = None
+    saturation: RunsByAxlesBySets | None = None
+    rounding: RunsByAxlesBySets | None = None
+    tail: RunsByAxlesBySets | None = None
+    asymmetry: RunsByAxlesBySets | None = None
+    friction: RunsByAxlesBySets | None = None
+    slip: RunsByAxlesBySets | None = None
+    load_share: RunsByAxlesBySets | None = None
     ramps: Ramps | None = None
     stops: Ramps | None = None
     rate_ramps: Ramps | None = None
@@ -100,13 +100,13 @@ def _ramp_force(ramps: Ramps, x: jax.Array) -> jax.Array:
     return jnp.asarray((side * slope * jnp.maximum(side * (x - at), 0.0)).sum(axis=0))
 
 
-def spring_force(law: SuspensionLaw, extension: AxleLanes) -> jax.Array:
+def spring_force(law: SuspensionLaw, extension: RunsByAxlesBySets) -> jax.Array:
     """Elastic force of spring and stops [N], positive when it pulls axle and body together."""
     force = _of_spring(law, extension)
     return force if law.stops is None else force + _ramp_force(law.stops, extension)
 
 
-def _of_spring(law: SuspensionLaw, extension: AxleLanes) -> jax.Array:
+def _of_spring(law: SuspensionLaw, extension: RunsByAxlesBySets) -> jax.Array:
     """Force S(e) of the spring alone, with its corners [N]."""
     force = law.stiffness * extension
     if law.softening is not None:
@@ -118,7 +118,7 @@ def _of_spring(law: SuspensionLaw, extension: AxleLanes) -> jax.Array:
     return jnp.asarray(force)
 
 
-def damper_force(law: SuspensionLaw, rate: AxleLanes) -> jax.Array:
+def damper_force(law: SuspensionLaw, rate: RunsByAxlesBySets) -> jax.Array:
     """Damper force D(v) [N] at extension rates [m/s]."""
     force = _symmetric_damper(law, rate)
     if law.asymmetry is not None:
@@ -128,14 +128,14 @@ def damper_force(law: SuspensionLaw, rate: AxleLanes) -> jax.Array:
     return jnp.asarray(force)
 
 
-def _symmetric_damper(law: SuspensionLaw, rate: AxleLanes) -> jax.Array:
+def _symmetric_damper(law: SuspensionLaw, rate: RunsByAxlesBySets) -> jax.Array:
     if law.saturation is None or law.tail is None or law.rounding is None:
         return law.damping * rate
 
     return jnp.asarray(law.damping * rate * _damper_shape(law, rate) / _damper_shape(law, REFERENCE_RATE_M_S))
 
 
-def _damper_shape(law: SuspensionLaw, rate: AxleLanes | float) -> jax.Array:
+def _damper_shape(law: SuspensionLaw, rate: RunsByAxlesBySets | float) -> jax.Array:
     if law.saturation is None or law.tail is None or law.rounding is None:
         raise ValueError("a damper without a knee has no shape")
     relative = jnp.abs(rate) / law.saturation
@@ -144,9 +144,9 @@ def _damper_shape(law: SuspensionLaw, rate: AxleLanes | float) -> jax.Array:
 
 def suspension_force(
     law: SuspensionLaw,
-    extension: AxleLanes,
-    rate: AxleLanes,
-    slip: AxleLanes | None,
+    extension: RunsByAxlesBySets,
+    rate: RunsByAxlesBySets,
+    slip: RunsByAxlesBySets | None,
     sharing: HostOrDevice | None = None,
 ) -> jax.Array:
     """Force [N] that pulls axle and body together, less the static one, (R, na, S).
@@ -165,14 +165,14 @@ def suspension_force(
     return force if law.stops is None else force + _ramp_force(law.stops, extension)
 
 
-def shared(law: SuspensionLaw, sharing: HostOrDevice | None, force: AxleLanes) -> jax.Array:
+def shared(law: SuspensionLaw, sharing: HostOrDevice | None, force: RunsByAxlesBySets) -> jax.Array:
     """What axles and frame feel of the springs' forces: each passes on its share of the difference to the mean."""
     if sharing is None or law.load_share is None:
         return force
     return force + law.load_share * (jnp.matmul(sharing, force) - force)
 
 
-def _slide(slip: AxleLanes, length: jax.Array, change: jax.Array) -> jax.Array:
+def _slide(slip: RunsByAxlesBySets, length: jax.Array, change: jax.Array) -> jax.Array:
     """phi after the extension changes by `change` in one direction: s + (phi - s) exp(-|change| / z_s)."""
     direction = jnp.sign(change)
     return direction + (slip - direction) * jnp.exp(-jnp.abs(change) / length)
@@ -180,11 +180,11 @@ def _slide(slip: AxleLanes, length: jax.Array, change: jax.Array) -> jax.Array:
 
 def slip_at_stage(
     law: SuspensionLaw,
-    slip: AxleLanes,
-    start: AxleLanes,
-    rate: AxleLanes,
+    slip: RunsByAxlesBySets,
+    start: RunsByAxlesBySets,
+    rate: RunsByAxlesBySets,
     tau: float,
-    extension: AxleLanes,
+    extension: RunsByAxlesBySets,
 ) -> jax.Array:
     """Friction state phi at a stage, from the parabola through the step's start and the stage's extension.
 
@@ -206,7 +206,7 @@ def slip_at_stage(
 
 def slip_after_step(
     law: SuspensionLaw,
-    slip: AxleLanes,
+    slip: RunsByAxlesBySets,
     start: tuple[jax.Array, jax.Array],
     end: tuple[jax.Array, jax.Array],
     step_s: float,
@@ -270,7 +270,7 @@ def kink_corrections(
         if ramps is law.ramps:
             mean, first = shared(law, sharing, mean), shared(law, sharing, first)
         impulse, moment = impulse + mean, moment + first
-    curvature: AxleLanes | float = 0.0
+    curvature: RunsByAxlesBySets | float = 0.0
     if law.saturation is not None and law.tail is not None and law.rounding is not None:
         # D = c v / s(V) + curvature v |v| near rest.
         mean, first = _missed_curvature(rate[0], rate[3])

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from sysid.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from sysid.workflow.calibration import Calibration
@@ -22,12 +23,4 @@ _HOMES = {
 
 __all__ = ["KEPT_CHOICES", "Calibration", "Settings", "make_settings", "recall", "versions"]
 
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(importlib.import_module(_HOMES[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+__getattr__, __dir__ = lazy_names(__name__, _HOMES)

@@ -27,7 +27,7 @@ def code_digest(packages: Iterable[str]) -> str:
     """Hash of the sources of packages (or single modules) of `sysid` and of all that they import."""
     digest = hashlib.sha256()
     for name in sorted(imported_by(packages)):
-        digest.update(name.encode() + _own(name)[0])
+        digest.update(name.encode() + _hash_and_imports(name)[0])
     return digest.hexdigest()
 
 
@@ -38,12 +38,12 @@ def imported_by(packages: Iterable[str]) -> set[str]:
     while left:
         name = left.pop()
         imported.add(name)
-        left |= _own(name)[1] - imported
+        left |= _hash_and_imports(name)[1] - imported
     return imported
 
 
 @cache
-def _own(name: str) -> tuple[bytes, frozenset[str]]:
+def _hash_and_imports(name: str) -> tuple[bytes, frozenset[str]]:
     """Hash of the sources of one package or module, and which others it imports."""
     folder, module = ROOT / name, ROOT / f"{name}.py"
     files = [p for p in folder.rglob("*") if p.suffix in (".py", ".cpp", ".h")] if folder.is_dir() else [module]

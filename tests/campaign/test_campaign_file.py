@@ -17,7 +17,7 @@ from sysid.campaign.toml_errors import validate
 from sysid.campaign.units import angle_rad, pressure_pa, si_factor, speed_m_s
 from sysid.errors import CampaignError, DataRejectedError, SysidError
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
-from sysid.vehicle_model.lanes import declared_tires
+from sysid.vehicle_model.passes import declared_tires
 from sysid.vehicle_model.vibration_modes import natural_modes
 
 

@@ -17,7 +17,7 @@ from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE, departure_scale
 from sysid.estimation.uncertainty.departures import ENVELOPE, FRICTION, SPOKES, TIRE_LOAD, Departure, Departures
-from sysid.vehicle_model.lanes import EffectiveRoads
+from sysid.vehicle_model.passes import EffectiveRoads
 
 MOTION = RunMotion.steady(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
 

@@ -36,7 +36,7 @@ def signals(arrays, road, x, motion, *, shape):
     return simulate_group(arrays, shape, x, REFERENCE.prepare(road, arrays.axle_x, motion, shape.timing))
 
 
-def lanes(axle_x, speed, start, change) -> Motion:
+def motions(axle_x, speed, start, change) -> Motion:
     """Motions (1, S); the acceleration from v^2 - v_0^2 = 2 a L, written out here once more."""
     return Motion(*(jnp.asarray(v) for v in (speed, start, ((1 + change) ** 2 - 1) * speed**2 / (2 * axle_x.max()))))
 
@@ -48,7 +48,7 @@ def model() -> BumpModel:
     empty = bump_model(runs, campaign_parameters(runs, None), {"bump": bump()})
     truth = np.tile(true_log_parameters(empty.parameters.names)[:, None], 2 * len(empty.parameters.names) + 6)
     sets = np.ones((1, truth.shape[1]))
-    motion = lanes(empty.arrays[0].axle_x, SPEED_M_S * sets, START_S * sets, CHANGE * sets)
+    motion = motions(empty.arrays[0].axle_x, SPEED_M_S * sets, START_S * sets, CHANGE * sets)
     y = signals(empty.arrays[0], empty.roads[0], truth, motion, shape=empty.shapes[0])
     return replace(empty, arrays=(empty.arrays[0]._replace(value=np.asarray(y)[..., 0]),))
 
@@ -90,7 +90,7 @@ def central_differences(model, noise, point, speed_m_s: float, start_s: float, s
     # The unknowns are mean speed, start and change.
     mean = speed_m_s * (1 + CHANGE / 2) * (1 + SPEED_UNIT * moved[count : count + 1])
     start = start_s + SHIFT_UNIT_M / speed_m_s * moved[count + 1 : count + 2]
-    motion = lanes(model.arrays[0].axle_x, mean / (1 + change / 2), start, change)
+    motion = motions(model.arrays[0].axle_x, mean / (1 + change / 2), start, change)
     y = signals(model.arrays[0], model.roads[0], x, motion, shape=model.shapes[0])
     found = []
     for values in group_residuals(model.arrays[0], noise, np.ones_like(noise), y):

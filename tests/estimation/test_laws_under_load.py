@@ -11,12 +11,12 @@ from hand_written_truck import DURATION_S, FINE_S, OUTPUT_S, UNSPRUNG, Truck, X,
 from rigid_truck import AXLES, DAMPING, EMPTY, LADEN, STIFFNESS, VEHICLE, campaign, empty_run
 from simulated_truck import simulated_truck
 
+from sysid.estimation.parameters.axle_laws import axle_laws, law_inputs
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
-from sysid.estimation.parameters.lane_laws import lane_laws, law_inputs
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import effective_road
-from sysid.vehicle_model.lane_matrices import lane_matrices
-from sysid.vehicle_model.lanes import Lanes
+from sysid.vehicle_model.passes import PassBatch
+from sysid.vehicle_model.stacked_matrices import stack_matrices
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 HEIGHTS_M = (0.045, 0.01)
@@ -49,11 +49,11 @@ def law_of_the_parameters() -> SuspensionLaw:
         behind |= {f"{symbol}_{i + 1}": value for symbol, value in own.items()}
     assert set(behind) <= set(parameters.names)
     logs = np.log([behind.get(p.name, p.start) for p in parameters.parameters])
-    matrices = lane_matrices([assemble(data.vehicle, LADEN)] * 2, [])
+    matrices = stack_matrices([assemble(data.vehicle, LADEN)] * 2, [])
     reference = np.tile(np.array(EMPTY.axle_loads_kg)[:, None] * 9.81, (2, 1, 1))
     flat = effective_road(np.arange(-20.0, 20.0) * 0.1, np.zeros((2, 3, 40)))
-    lanes = Lanes(matrices, flat, X[:, None], reference)
-    return lane_laws(law_inputs(data.vehicle, parameters, lanes, ["laden"] * 2), jnp.asarray(logs)[:, None])[0]
+    batch = PassBatch(matrices, flat, X[:, None], reference)
+    return axle_laws(law_inputs(data.vehicle, parameters, batch, ["laden"] * 2), jnp.asarray(logs)[:, None])[0]
 
 
 @pytest.mark.parametrize("growing", [True, False], ids=["in proportion", "negative control"])
@@ -67,11 +67,11 @@ def test_friction_and_stops_of_a_laden_truck(growing):
     times, every = np.arange(round(DURATION_S / FINE_S)) * FINE_S, round(OUTPUT_S / FINE_S)
     ours = simulated_truck(0.00125, law=law_of_the_parameters(), load=LADEN, heights_m=HEIGHTS_M)
     worst = []
-    for lane, height in enumerate(HEIGHTS_M):
+    for number, height in enumerate(HEIGHTS_M):
         oracle = Truck(height, pull, SLIP_M, LADEN).histories(times)
         beyond = np.abs(oracle["deflection"]).max(axis=0) - TRAVEL_M
-        assert (beyond > (KNOTS_M[-1] if lane == 0 else -1.0)).all()
+        assert (beyond > (KNOTS_M[-1] if number == 0 else -1.0)).all()
         worst.append(
-            max(relative_rms(np.asarray(getattr(ours, q))[:, lane, :, 0], oracle[q][::every]).max() for q in CHANNELS)
+            max(relative_rms(np.asarray(getattr(ours, q))[:, number, :, 0], oracle[q][::every]).max() for q in CHANNELS)
         )
     assert (max(worst) < 1e-4) if growing else (max(worst) > 0.05)

@@ -15,7 +15,7 @@ from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.uncertainty.information import optimum_information
 from sysid.estimation.uncertainty.map_following import map_following
-from sysid.vehicle_model.lanes import MapTires
+from sysid.vehicle_model.passes import MapTires
 
 
 @pytest.fixture(scope="module")

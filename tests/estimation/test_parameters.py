@@ -12,8 +12,8 @@ from sysid.campaign.priors import NamedPrior, PriorOverride
 from sysid.campaign.records import AxleGroup, LeafDimensions, PredictionRequest
 from sysid.errors import CampaignError
 from sysid.estimation.fit.law_choice import check_priors, laws_of_axles
+from sysid.estimation.parameters.axle_laws import axle_laws, stiffness_positions
 from sysid.estimation.parameters.campaign_parameters import best_drop_estimates, campaign_parameters
-from sysid.estimation.parameters.lane_laws import lane_laws, stiffness_positions
 from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet, PriorLink
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.sdof.drop_results import DropEstimate, DropSummary
@@ -63,14 +63,14 @@ def test_an_axle_with_a_declared_travel_has_stops_whatever_its_law():
 
 
 def test_friction_grows_with_the_load_that_a_suspension_carries():
-    """The laden lane's force over the empty one's is the ratio of the loads on the springs."""
+    """The laden pass's force over the empty one's is the ratio of the loads on the springs."""
     axles = tuple(replace(a, suspension_law="friction") for a in AXLES)
     data = campaign(BOTH, load_cases=(EMPTY, LADEN), vehicle=replace(VEHICLE, axles=axles))
     parameters = campaign_parameters(data, None)
     model = bump_model(data, parameters, {"bump": bump()})
     cases = [p.load_case for p in model.passes[0]]
-    law, _ = lane_laws(model.arrays[0].laws, parameters.start[:, None])
-    force = {case: np.asarray(law.friction)[lane, :, 0] for lane, case in enumerate(cases)}
+    law, _ = axle_laws(model.arrays[0].laws, parameters.start[:, None])
+    force = {case: np.asarray(law.friction)[number, :, 0] for number, case in enumerate(cases)}
     unsprung = np.array([a.unsprung_mass_kg for a in AXLES])
     carried = {c.name: np.array(c.axle_loads_kg) - unsprung for c in (EMPTY, LADEN)}
     np.testing.assert_allclose(force["laden"] / force["empty"], carried["laden"] / carried["empty"], rtol=1e-9)

@@ -27,7 +27,7 @@ RATE = (-1.0, -0.3, 0.0, 0.2, 1.0)
 DAMPING_N = (-6e3, -3e3, 0.0, 5e3, 12e3)
 SPRING = replace(AXLES[0], spring_table=ForceTable(EXTENSION, FORCE_N), damper_table=ForceTable(RATE, DAMPING_N))
 TABLES = frozenset({"spring_table", "damper_table"})
-LOADS = np.array([[20e3], [28e3]])  # the second lane carries 8 kN more than the first load case
+LOADS = np.array([[20e3], [28e3]])  # the second pass carries 8 kN more than the first load case
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from sysid.errors import SysidError
 from sysid.logs.channels import LogRequest
 from sysid.logs.input_file import InputFile
 from sysid.logs.registry import FORMATS, format_of, read_channels
-from sysid.logs.selection import Found, RefusedError, selected
+from sysid.logs.selection import FileChannel, RefusedError, selected
 
 SENSORS = (
     Sensor("q_mm", "suspension_deflection", "mm", axle=0),
@@ -116,10 +116,10 @@ def test_all_channels_can_be_asked_for_without_their_names(name: str, written, d
 def test_of_all_channels_those_of_one_name_have_their_groups_and_text_is_left_out() -> None:
     values, time = np.arange(4.0), lambda: STEP_S * np.arange(4.0)
     found = [
-        Found("a", 4, lambda: (values, "g"), "front", time, "clock"),
-        Found("a", 4, lambda: (2.0 * values, "g"), "rear", time, "clock"),
-        Found("note", 4, lambda: (np.array(list("text")), None), "front", time, "clock"),
-        Found("q", 4, lambda: (3.0 * values, "mm"), "rear", time, "clock"),
+        FileChannel("a", 4, lambda: (values, "g"), "front", time, "clock"),
+        FileChannel("a", 4, lambda: (2.0 * values, "g"), "rear", time, "clock"),
+        FileChannel("note", 4, lambda: (np.array(list("text")), None), "front", time, "clock"),
+        FileChannel("q", 4, lambda: (3.0 * values, "mm"), "rear", time, "clock"),
     ]
     request = {"wanted": (), "time": None, "everything": True}
     answer, arrays = selected(found, request)

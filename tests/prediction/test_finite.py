@@ -12,7 +12,7 @@ from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.prediction import passes
 from sysid.prediction.finite import check_finite
 from sysid.prediction.passes import peak_ratios, predict_pass, speed_sweep
-from sysid.vehicle_model.lanes import EffectiveRoads
+from sysid.vehicle_model.passes import EffectiveRoads
 
 REQUEST = PredictionRequest("empty", 10.0)
 DATA = campaign([empty_run("a.csv", 9.0)], predictions=[REQUEST])

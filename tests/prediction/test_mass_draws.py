@@ -19,9 +19,9 @@ from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departures import Departures
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
-from sysid.prediction.mass_lanes import VehicleDraws
 from sysid.prediction.passes import predict, predict_pass
-from sysid.vehicle_model.lanes import EffectiveRoads
+from sysid.prediction.vehicle_draws import VehicleDraws
+from sysid.vehicle_model.passes import EffectiveRoads
 
 REQUEST = PredictionRequest("empty", 10.0)
 PROFILES = {"bump": bump()}

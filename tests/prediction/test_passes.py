@@ -23,7 +23,7 @@ from sysid.prediction.remarks import remarks
 from sysid.prediction.trust import Extrapolation
 from sysid.road.road_profile import RoadProfile
 from sysid.road.shapes import raised_cosine
-from sysid.vehicle_model.lanes import EffectiveRoads
+from sysid.vehicle_model.passes import EffectiveRoads
 
 SPEED_M_S = 10.0
 REQUEST = PredictionRequest("empty", SPEED_M_S)

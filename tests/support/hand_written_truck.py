@@ -10,7 +10,7 @@ from rigid_truck import AXLES, DAMPING, EMPTY, EXPONENT, STIFFNESS
 from scipy.integrate import solve_ivp
 
 from sysid.campaign.records import LoadCase
-from sysid.vehicle_model.lane_matrices import SPEED_HOLD_S
+from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S
 
 SPEED_M_S = 8.0  # with steps of 1.25 ms every wheel passes exactly over the 10 mm stations
 START_S = 0.25
@@ -167,10 +167,10 @@ def relative_rms(ours: np.ndarray, exact: np.ndarray) -> np.ndarray:
 
 
 def worst_error(ours: object, oracle: Sequence[Mapping[str, np.ndarray]]) -> float:
-    """Largest relative RMS of any channel; `ours` has a lane for every pass of `oracle`, which is `FINE_S` fine."""
+    """Largest relative RMS of any channel; `ours` has the axis R for the passes of `oracle`, which is `FINE_S` fine."""
     every = round(OUTPUT_S / FINE_S)
     return max(
-        float(relative_rms(np.asarray(getattr(ours, q))[:, lane, :, 0], one[q][::every]).max())
+        float(relative_rms(np.asarray(getattr(ours, q))[:, number, :, 0], one[q][::every]).max())
         for q in CHANNELS
-        for lane, one in enumerate(oracle)
+        for number, one in enumerate(oracle)
     )

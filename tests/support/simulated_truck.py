@@ -24,7 +24,6 @@ from sysid.campaign.records import LoadCase, Vehicle
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import effective_road, road_input, tire_law
 from sysid.vehicle_model.filters import discretise
-from sysid.vehicle_model.lane_matrices import lane_matrices
 from sysid.vehicle_model.simulation import (
     Motion,
     SensorLayout,
@@ -32,11 +31,12 @@ from sysid.vehicle_model.simulation import (
     simulate_sensors,
     stage_times,
 )
+from sysid.vehicle_model.stacked_matrices import stack_matrices
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 
 def per_axle(values: np.ndarray) -> jax.Array:
-    """One value per axle as an array (2, 3, 1) of both lanes."""
+    """One value per axle as an array (2, 3, 1) of both passes."""
     return jnp.asarray(np.tile(values[:, None], (2, 1, 1)))
 
 
@@ -69,7 +69,7 @@ def truck_model(
 ):
     """The simulation as a function of suspension law, speed [m/s] and acceleration [m/s2]."""
     matrices = assemble(vehicle, load)
-    lanes = lane_matrices([matrices] * 2, [(0, x) for x in POINTS_M])
+    stacked = stack_matrices([matrices] * 2, [(0, x) for x in POINTS_M])
     station = np.arange(-250, 300) * 0.01
     rises = np.tile(road(station), (2, 3, 1)) * np.array(heights_m)[:, None, None]
     shape = np.tile(road(station), (2, 3, 1))
@@ -82,7 +82,7 @@ def truck_model(
     @jax.jit
     def run(suspension, speed, acceleration=0.0):
         tire = tire_law(
-            per_axle(TIRE_STIFFNESS), per_axle(TIRE_DAMPING), EXPONENT, lanes.static_load, lanes.static_load
+            per_axle(TIRE_STIFFNESS), per_axle(TIRE_DAMPING), EXPONENT, stacked.static_load, stacked.static_load
         )
         motion = Motion(*(jnp.full((2, 1), v) for v in (speed, START_S, acceleration)))
         tau = stage_times(samples, every_s, substeps)[:, None, None, None] - START_S
@@ -92,7 +92,7 @@ def truck_model(
         options = {"interval_s": every_s, "substeps": substeps}
         if filtered:
             layout = SensorLayout((0, 1, 2), (0, 1, 2))
-            return simulate_sensors(lanes, *laws, layout, discretise(FILTER, step_s), **options)
-        return simulate_histories(lanes, *laws, **options)
+            return simulate_sensors(stacked, *laws, layout, discretise(FILTER, step_s), **options)
+        return simulate_histories(stacked, *laws, **options)
 
     return run

@@ -31,15 +31,15 @@ from sysid.campaign.records import (
     PredictionRequest,
     Vehicle,
 )
+from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, law_inputs
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
-from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.contact import EffectiveRoad, road_input
 from sysid.vehicle_model.filters import discretise
-from sysid.vehicle_model.lanes import EffectiveRoads, Pass, make_lanes
 from sysid.vehicle_model.motion import Motion
+from sysid.vehicle_model.passes import EffectiveRoads, Pass, make_pass_batch
 from sysid.vehicle_model.simulation import SensorLayout, simulate_sensors, stage_times
 
 
@@ -225,7 +225,7 @@ class Simulator:
     def _make(self, matrices, laws: LawInputs, table: EffectiveRoad, axle_x, speed, start) -> jax.Array:
         substeps = max(1, round(self._interval / STEP_S))
         recursion = None if self._filter is None else discretise(self._filter, self._interval / substeps)
-        suspension, tire = lane_laws(laws, jnp.log(self._x)[:, None])
+        suspension, tire = axle_laws(laws, jnp.log(self._x)[:, None])
         times = stage_times(self._samples, self._interval, substeps)[:, None, None, None]
         inputs = road_input(table, speed * (times - start) - axle_x)
         options = {"interval_s": self._interval, "substeps": substeps}
@@ -236,11 +236,11 @@ class Simulator:
         """(T, 3 na) deflections, axle and body accelerations above the axles [SI]; `only_axle` alone meets the bump."""
         vehicle = self._truth.vehicle
         points = [(a.body, a.x_m) for a in vehicle.axles]
-        lanes = make_lanes(vehicle, self._truth.load_cases, self._roads, [Pass(load_case, self._bump)], points)
-        road = lanes.road if only_axle is None else _only(lanes.road, only_axle)
-        laws = law_inputs(vehicle, self._truth.parameters, lanes, [load_case])
+        batch = make_pass_batch(vehicle, self._truth.load_cases, self._roads, [Pass(load_case, self._bump)], points)
+        road = batch.road if only_axle is None else _only(batch.road, only_axle)
+        laws = law_inputs(vehicle, self._truth.parameters, batch, [load_case])
         speed, start = (jnp.full((1, 1), v) for v in (speed_m_s, start_s))
-        shown = self._simulate(lanes.matrices, laws, road, lanes.axle_x, speed, start)
+        shown = self._simulate(batch.matrices, laws, road, batch.axle_x, speed, start)
         return np.asarray(shown)[:, 0, :, 0]
 
 

@@ -23,7 +23,6 @@ from sysid.campaign.statics import static_equilibrium
 from sysid.errors import CampaignError
 from sysid.vehicle_model.assembly import assemble, coordinate_names
 from sysid.vehicle_model.contact import effective_road, road_input, tire_law
-from sysid.vehicle_model.lane_matrices import SPEED_HOLD_S, lane_matrices
 from sysid.vehicle_model.simulation import (
     Motion,
     SensorLayout,
@@ -31,6 +30,7 @@ from sysid.vehicle_model.simulation import (
     simulate_sensors,
     stage_times,
 )
+from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, stack_matrices
 from sysid.vehicle_model.suspension import Ramps, SuspensionLaw
 from sysid.vehicle_model.vibration_modes import natural_modes
 
@@ -168,7 +168,7 @@ QUANTITIES = ("deflection", "axle_acceleration", "body_acceleration", "tire_forc
 
 
 def simulated(step_s: float, *, stops: bool = False, sensors: bool = False):
-    lanes = lane_matrices([assemble(VEHICLE, LOAD)], list(POINTS))
+    stacked = stack_matrices([assemble(VEHICLE, LOAD)], list(POINTS))
     station = np.arange(-150, 300) * 0.01
     table = effective_road(station, np.tile(road(station), (1, 6, 1)))
     samples, substeps = round(DURATION_S / OUTPUT_S), round(OUTPUT_S / step_s)
@@ -189,8 +189,8 @@ def simulated(step_s: float, *, stops: bool = False, sensors: bool = False):
             per_axle([a.tire_stiffness_N_per_m for a in AXLES]),
             per_axle([a.tire_damping_N_s_per_m for a in AXLES]),
             EXPONENT,
-            lanes.static_load,
-            lanes.static_load,
+            stacked.static_load,
+            stacked.static_load,
         )
         motion = Motion(jnp.full((1, 1), SPEED_M_S), jnp.full((1, 1), START_S))
         times = stage_times(samples, OUTPUT_S, substeps)[:, None, None, None]
@@ -198,8 +198,8 @@ def simulated(step_s: float, *, stops: bool = False, sensors: bool = False):
         options = {"interval_s": OUTPUT_S, "substeps": substeps}
         if sensors:
             layout = SensorLayout((5, 0), (2,))
-            return simulate_sensors(lanes, suspension, tire, motion, inputs, layout, None, **options)
-        return simulate_histories(lanes, suspension, tire, motion, inputs, **options)
+            return simulate_sensors(stacked, suspension, tire, motion, inputs, layout, None, **options)
+        return simulate_histories(stacked, suspension, tire, motion, inputs, **options)
 
     return run()
 

@@ -18,9 +18,9 @@ from sysid.campaign.records import AxleGroup, Equaliser, Vehicle
 from sysid.errors import CampaignError, SysidError
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import effective_road, road_input, tire_law
-from sysid.vehicle_model.lane_matrices import lane_matrices
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.simulation import simulate_histories, stage_times
+from sysid.vehicle_model.stacked_matrices import stack_matrices
 from sysid.vehicle_model.suspension import Ramps, SuspensionLaw
 from sysid.vehicle_model.vibration_modes import natural_modes
 
@@ -115,7 +115,7 @@ LIFT_M = 0.015
 def lifted(share: float, members: tuple[int, ...]) -> np.ndarray:
     """Suspension forces (3,) on the axles, less those at rest, when the wheels of axle 2 stand on a plank."""
     vehicle = replace(LEVEL, equalisers=(Equaliser("rocker", members),))
-    lanes = lane_matrices([assemble(vehicle, STANDING)], [])
+    stacked = stack_matrices([assemble(vehicle, STANDING)], [])
     kt = np.array([a.tire_stiffness_N_per_m for a in AXLES])
     x = np.array([a.x_m for a in AXLES])
     station = np.arange(-700, 2500) * 0.01
@@ -130,8 +130,8 @@ def lifted(share: float, members: tuple[int, ...]) -> np.ndarray:
     law = SuspensionLaw(
         *one[:2], load_share=jnp.asarray(np.where(np.isin(range(3), members), share, 0.0))[None, :, None]
     )
-    tire = tire_law(*one[2:], 1.0, lanes.static_load, lanes.static_load)
-    found = simulate_histories(lanes, law, tire, motion, road, interval_s=every, substeps=substeps)
+    tire = tire_law(*one[2:], 1.0, stacked.static_load, stacked.static_load)
+    found = simulate_histories(stacked, law, tire, motion, road, interval_s=every, substeps=substeps)
     assert np.abs(np.asarray(found.axle_acceleration)[-1]).max() < 1e-6  # it stands still
     return -np.asarray(found.suspension_force)[-1, 0, :, 0]
 

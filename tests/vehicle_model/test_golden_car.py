@@ -19,10 +19,10 @@ from sysid.campaign.records import Axle, Body, LoadCase, Vehicle
 from sysid.errors import SysidError
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import road_input, tire_law
-from sysid.vehicle_model.lane_matrices import lane_matrices
 from sysid.vehicle_model.measured_road import measured_road
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.simulation import simulate_histories, stage_times
+from sysid.vehicle_model.stacked_matrices import stack_matrices
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "iri"
@@ -40,7 +40,7 @@ def segment_indices(file: str, footprint_m: float) -> np.ndarray:
     load = LoadCase("golden car", (1.15 * SPRUNG_KG,), (SPRUNG_KG,), (1e3,), (0.3,))
     matrices = assemble(Vehicle("golden car", (Body("body"),), (axle,)), load)
     # The golden car's tire is a spring in both directions: preloaded a hundredfold it never leaves the road.
-    lanes = lane_matrices([replace(matrices, static_load=100.0 * matrices.static_load)], [])
+    stacked = stack_matrices([replace(matrices, static_load=100.0 * matrices.static_load)], [])
     road = measured_road(s, z, 1, footprint_m=footprint_m, lead_m=LEAD_M)
     samples = int((s[-1] - s[0] + LEAD_M) / SPEED_M_S / STEP_S)
 
@@ -49,12 +49,14 @@ def segment_indices(file: str, footprint_m: float) -> np.ndarray:
 
     @jax.jit
     def run():
-        tire = tire_law(one(653 * SPRUNG_KG), one(0.0), 1.0, lanes.static_load, lanes.static_load)._replace(growth=0.0)
+        tire = tire_law(one(653 * SPRUNG_KG), one(0.0), 1.0, stacked.static_load, stacked.static_load)._replace(
+            growth=0.0
+        )
         motion = Motion(jnp.full((1, 1), SPEED_M_S), jnp.zeros((1, 1)))
         position = s[0] - LEAD_M + SPEED_M_S * stage_times(samples, STEP_S, 1)
         inputs = road_input(road, position[:, None, None, None])
         suspension = SuspensionLaw(one(63.3 * SPRUNG_KG), one(6.0 * SPRUNG_KG))
-        return simulate_histories(lanes, suspension, tire, motion, inputs, interval_s=STEP_S, substeps=1)
+        return simulate_histories(stacked, suspension, tire, motion, inputs, interval_s=STEP_S, substeps=1)
 
     histories = run()
     assert float(histories.tire_force.min()) > 0.0

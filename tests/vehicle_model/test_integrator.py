@@ -35,11 +35,11 @@ def histories() -> dict[float, object]:
     return {h: simulated_truck(h) for h in (0.0025, 0.00125, 0.000625)}
 
 
-def worst(histories, oracle, lane: int) -> dict[str, float]:
+def worst(histories, oracle, number: int) -> dict[str, float]:
     """Largest error of any axle or point, by quantity."""
     every = round(OUTPUT_S / FINE_S)
     return {
-        q: relative_rms(np.asarray(getattr(histories, q))[:, lane, :, 0], oracle[lane][q][::every]).max()
+        q: relative_rms(np.asarray(getattr(histories, q))[:, number, :, 0], oracle[number][q][::every]).max()
         for q in QUANTITIES
     }
 
@@ -69,14 +69,14 @@ def test_a_truck_that_brakes_or_gathers_speed(acceleration_m_s2: float):
     every = round(OUTPUT_S / FINE_S)
     times = np.arange(round(DURATION_S / FINE_S)) * FINE_S
     ours = simulated_truck(0.00125, acceleration_m_s2=acceleration_m_s2)
-    for lane, height in enumerate(HEIGHTS_M):
+    for number, height in enumerate(HEIGHTS_M):
         exact = Truck(height, acceleration_m_s2=acceleration_m_s2).histories(times)
         errors = {
-            q: relative_rms(np.asarray(getattr(ours, q))[:, lane, :, 0], exact[q][::every]).max() for q in QUANTITIES
+            q: relative_rms(np.asarray(getattr(ours, q))[:, number, :, 0], exact[q][::every]).max() for q in QUANTITIES
         }
         # Of a slope that pitch has moved the wheel along the Taylor series ends early, as above.
-        assert errors.pop("horizontal_force") < (1e-3, 1e-4)[lane]
-        assert max(errors.values()) < (1e-4, 3e-6)[lane], errors
+        assert errors.pop("horizontal_force") < (1e-3, 1e-4)[number]
+        assert max(errors.values()) < (1e-4, 3e-6)[number], errors
 
 
 def test_fourth_order_where_nothing_lifts_off(histories):
@@ -93,11 +93,11 @@ def test_sensors_see_the_filtered_histories(oracle):
     b, a = signal.butter(FILTER.order, 2 * np.pi * FILTER.cutoff_hz, analog=True)
     times = np.arange(round(DURATION_S / FINE_S)) * FINE_S
     every = round(OUTPUT_S / FINE_S)
-    for lane in range(2):
-        raw = np.concatenate([oracle[lane][q] for q in QUANTITIES[:3]], axis=1)
+    for number in range(2):
+        raw = np.concatenate([oracle[number][q] for q in QUANTITIES[:3]], axis=1)
         exact = np.stack([signal.lsim((b, a), column, times)[1][::every] for column in raw.T], axis=1)
-        error = relative_rms(ours[:, lane], exact)
-        assert error.max() < (3e-3, 5e-5)[lane], error
+        error = relative_rms(ours[:, number], exact)
+        assert error.max() < (3e-3, 5e-5)[number], error
 
 
 def test_speeds_a_hair_beside_the_nominal_one_give_the_same(histories):

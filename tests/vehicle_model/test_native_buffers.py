@@ -26,7 +26,7 @@ def call() -> Call:
     step_s = case.timing.interval_s / case.timing.substeps
     laws = case.suspension, case.tire
     return native._call(
-        "sensors", case.lanes, laws, road, case.timing, case.layout, discretise(rigid_truck.FILTER, step_s)
+        "sensors", case.stacked, laws, road, case.timing, case.layout, discretise(rigid_truck.FILTER, step_s)
     )
 
 

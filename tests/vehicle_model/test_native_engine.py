@@ -18,9 +18,9 @@ from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import TireLaw, effective_road, tire_law
 from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.filters import discretise
-from sysid.vehicle_model.lane_matrices import LaneMatrices, lane_matrices
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.simulation import SensorLayout
+from sysid.vehicle_model.stacked_matrices import StackedMatrices, stack_matrices
 from sysid.vehicle_model.suspension import FrameLaw, Ramps, SuspensionLaw
 
 #: One run brakes, the other gathers speed.
@@ -39,7 +39,7 @@ class Case:
     ):
         self.axle_x = np.array([a.x_m for a in vehicle.axles])[:, None]
         matrices = [assemble(vehicle, case) for case in loads]
-        self.lanes: LaneMatrices = lane_matrices(matrices, [(0, 0.4), (len(vehicle.bodies) - 1, 9.0)])
+        self.stacked: StackedMatrices = stack_matrices(matrices, [(0, 0.4), (len(vehicle.bodies) - 1, 9.0)])
         axles = len(vehicle.axles)
         station = np.round(np.arange(-1.0, 1.6, 0.01), 6)
         shape = np.exp(-(((station - 0.3) / 0.17) ** 2))
@@ -55,7 +55,11 @@ class Case:
         tire = np.array([a.tire_stiffness_N_per_m for a in vehicle.axles])[:, None] * factor[2]
         self.suspension = SuspensionLaw(jnp.asarray(STIFFNESS * factor[0]), jnp.asarray(DAMPING * factor[1]))
         self.tire: TireLaw = tire_law(
-            jnp.asarray(tire), 3e3 * factor[3], 1.2 * factor[4, 0, 0], self.lanes.static_load, self.lanes.static_load
+            jnp.asarray(tire),
+            3e3 * factor[3],
+            1.2 * factor[4, 0, 0],
+            self.stacked.static_load,
+            self.stacked.static_load,
         )
 
     def only(self, sets: slice) -> tuple[SuspensionLaw, TireLaw]:
@@ -75,7 +79,7 @@ class Case:
         @jax.jit
         def run(suspension, tire, wheels):
             tire = tire._replace(growth=self.tire.growth)
-            return wheels.engine.sensors(self.lanes, suspension, tire, wheels, self.timing, self.layout, recursion)
+            return wheels.engine.sensors(self.stacked, suspension, tire, wheels, self.timing, self.layout, recursion)
 
         suspension, tire = self.only(sets)
         return np.asarray(run(suspension, tire._replace(growth=None), wheels))
@@ -86,13 +90,13 @@ class Case:
 
         @jax.jit
         def run(wheels):
-            return wheels.engine.histories(self.lanes, self.suspension, self.tire, wheels, self.timing)
+            return wheels.engine.histories(self.stacked, self.suspension, self.tire, wheels, self.timing)
 
         return run(wheels)
 
     def _wheels(self):
         motion = Motion(jnp.asarray(SPEED_M_S), jnp.asarray(START_S), jnp.asarray(ACCELERATION))
-        return engine.wheel_road(self.lanes, self.road, self.axle_x, motion, self.timing)
+        return engine.wheel_road(self.stacked, self.road, self.axle_x, motion, self.timing)
 
 
 def truck(**options) -> Case:
@@ -243,7 +247,7 @@ def test_frames_that_bend(both):
 
     def run():
         case = Case(replace(vehicle, bodies=bent), list(loads.values()), footprint=True, samples=540, sets=2)
-        assert case.lanes.body_rows.shape[2] == 6
+        assert case.stacked.body_rows.shape[2] == 6
         shape = (2, 2, case.suspension.stiffness.shape[-1])
         turn = 2 * np.pi * np.array([11.0, 8.0])[:, None] * np.exp(0.1 * case.random.normal(size=shape))
         ratio = 0.03 * np.exp(0.3 * case.random.normal(size=shape))

@@ -93,12 +93,12 @@ def test_every_channel_against_dop853_at_the_default_step(case):
     name, oracle, law = case
     ours = simulated_truck(0.00125, law=law)
     every = round(OUTPUT_S / FINE_S)
-    for lane in range(2):
+    for number in range(2):
         errors = {
-            q: relative_rms(np.asarray(getattr(ours, q))[:, lane, :, 0], oracle[lane][q][::every]).max()
+            q: relative_rms(np.asarray(getattr(ours, q))[:, number, :, 0], oracle[number][q][::every]).max()
             for q in CHANNELS
         }
-        assert max(errors.values()) < 1e-4, (name, lane, errors)
+        assert max(errors.values()) < 1e-4, (name, number, errors)
 
 
 def test_friction_slides_in_closed_form_and_turns():

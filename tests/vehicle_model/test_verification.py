@@ -13,13 +13,13 @@ from verification_case import DATA, VerificationPass, passes, per_axle, profile,
 
 from sysid.vehicle_model.assembly import assemble, coordinate_names
 from sysid.vehicle_model.contact import effective_road, road_input, tire_law
-from sysid.vehicle_model.lane_matrices import lane_matrices
 from sysid.vehicle_model.simulation import (
     Histories,
     Motion,
     simulate_histories,
     stage_times,
 )
+from sysid.vehicle_model.stacked_matrices import stack_matrices
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 INTERVAL_S = 0.002
@@ -34,11 +34,11 @@ CASES = passes()
 
 @pytest.fixture(scope="session")
 def simulated() -> tuple[list[VerificationPass], Histories]:
-    """All passes as the lanes of one simulation, point contact and a purely vertical contact force."""
+    """All passes in one simulation, point contact and a purely vertical contact force."""
     vehicles = {h: vehicle_and_loads(h) for h in (False, True)}
     axles = vehicles[False][0].axles
     matrices = [assemble(vehicles[c.heights][0], vehicles[c.heights][1][c.load_case]) for c in CASES]
-    lanes = lane_matrices(matrices, [(a.body, a.x_m) for a in axles])
+    stacked = stack_matrices(matrices, [(a.body, a.x_m) for a in axles])
     # The profiles themselves are the effective road: the passes have a point contact.
     rises, station = [], None
     for c in CASES:
@@ -59,8 +59,8 @@ def simulated() -> tuple[list[VerificationPass], Histories]:
         law("tire_stiffness_N_per_m"),
         law("tire_damping_N_s_per_m"),
         jnp.ones((1, 1, 1)),
-        lanes.static_load,
-        lanes.static_load,
+        stacked.static_load,
+        stacked.static_load,
     )._replace(growth=0.0)
     x = np.array([a.x_m for a in axles])[:, None]
 
@@ -69,7 +69,7 @@ def simulated() -> tuple[list[VerificationPass], Histories]:
         times = stage_times(samples, INTERVAL_S, SUBSTEPS)[:, None, None, None]
         inputs = road_input(road, speed[:, None] * (times - start[:, None]) - x)
         motion = Motion(jnp.asarray(speed), jnp.asarray(start))
-        return simulate_histories(lanes, suspension, tire, motion, inputs, interval_s=INTERVAL_S, substeps=SUBSTEPS)
+        return simulate_histories(stacked, suspension, tire, motion, inputs, interval_s=INTERVAL_S, substeps=SUBSTEPS)
 
     return CASES, Histories(*(np.asarray(v) for v in run()))
 
@@ -85,13 +85,13 @@ def test_no_pass_is_missing():
     ]
 
 
-@pytest.mark.parametrize("lane", range(len(CASES)), ids=lambda i: f"{CASES[i].name}{'_heights' * CASES[i].heights}")
-def test_histories_agree(simulated, lane: int):
-    case, histories = simulated[0][lane], simulated[1]
+@pytest.mark.parametrize("number", range(len(CASES)), ids=lambda i: f"{CASES[i].name}{'_heights' * CASES[i].heights}")
+def test_histories_agree(simulated, number: int):
+    case, histories = simulated[0][number], simulated[1]
     worst = {}
     for quantity in QUANTITIES:
         reference = case.channels(quantity)
-        model = getattr(histories, quantity)[: len(reference), lane, :, 0]
+        model = getattr(histories, quantity)[: len(reference), number, :, 0]
         static = reference[0]
         error = np.sqrt(np.mean((model - reference) ** 2, axis=0))
         worst |= {

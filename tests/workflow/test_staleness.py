@@ -170,7 +170,7 @@ def test_other_code_makes_those_stale_that_use_it(tmp_path: Path, monkeypatch) -
     monkeypatch.setattr(sources, "ROOT", tmp_path)
 
     def digests() -> dict[str, str]:
-        sources._own.cache_clear()
+        sources._hash_and_imports.cache_clear()
         return {name: sources.code_digest((name,)) for name in ("upper", "lower", "apart", "late", "alone")}
 
     try:
@@ -186,7 +186,7 @@ def test_other_code_makes_those_stale_that_use_it(tmp_path: Path, monkeypatch) -
         (tmp_path / "alone.py").write_text("x = 1\n")
         assert stale(before, digests()) == {"late", "alone"}
     finally:
-        sources._own.cache_clear()
+        sources._hash_and_imports.cache_clear()
 
 
 @pytest.mark.parametrize("stage", STAGES, ids=lambda s: s.name)

@@ -26,7 +26,7 @@ from sysid.posterior.cross_check import CheckedParameter, CrossCheck
 from sysid.road.shapes import raised_cosine
 from sysid.sdof.drop_results import DropEstimate, DropSummary
 from sysid.validation.channel_agreement import ChannelAgreement, LeftOutRun, Validation
-from sysid.vehicle_model.lanes import MapTires
+from sysid.vehicle_model.passes import MapTires
 from sysid.workflow import Settings, recall, store
 from sysid.workflow.schema import result_hint
 from sysid.workflow.stage_folder import StageFolder

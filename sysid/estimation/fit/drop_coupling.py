@@ -66,20 +66,20 @@ def with_cautions(campaign: Campaign, drops: DropSummary) -> DropSummary:
 
 def _couplings(campaign: Campaign, drops: DropSummary) -> dict[tuple[int, str], _Coupling]:
     vehicle = campaign.vehicle
-    found = {}
+    couplings = {}
     by_case: dict[str, tuple[SmallMotion, np.ndarray, np.ndarray]] = {}
     for drop in campaign.plank_drops:
         key = (drop.axle, drop.load_case)
-        if not drop.dampers or key in found or vehicle.suspension_axle[drop.axle] != drop.axle:
+        if not drop.dampers or key in couplings or vehicle.suspension_axle[drop.axle] != drop.axle:
             continue
         try:
             if drop.load_case not in by_case:
                 by_case[drop.load_case] = _small_motion(campaign, drops, drop.load_case)
-            found[key] = _coupling(campaign, drop, *by_case[drop.load_case])
+            couplings[key] = _coupling(campaign, drop, *by_case[drop.load_case])
         except (SysidError, np.linalg.LinAlgError):
             # A vehicle that does not stand by these estimates has no modes to speak of: its readings stay as they are.
             continue
-    return found
+    return couplings
 
 
 def _small_motion(campaign: Campaign, drops: DropSummary, load_case: str) -> tuple[SmallMotion, np.ndarray, np.ndarray]:
@@ -89,14 +89,14 @@ def _small_motion(campaign: Campaign, drops: DropSummary, load_case: str) -> tup
     on = [[j for j, owner in enumerate(vehicle.suspension_axle) if owner == i] for i in range(len(vehicle.axles))]
 
     def values(quantity: str) -> np.ndarray:
-        found = []
+        best_values = []
         for i, axle in enumerate(vehicle.axles):
             generic = GENERIC_STIFFNESS[axle.suspension][0] if quantity == "stiffness" else GENERIC_DAMPING[0]
             if i in best and best[i].method == "model":
-                found.append(float(getattr(best[i], quantity)))
+                best_values.append(float(getattr(best[i], quantity)))
             else:
-                found.append(sum(float(getattr(best[j], quantity)) if j in best else generic for j in on[i]))
-        return np.maximum(found, 1e-3)
+                best_values.append(sum(float(getattr(best[j], quantity)) if j in best else generic for j in on[i]))
+        return np.maximum(best_values, 1e-3)
 
     stiffness, damping = values("stiffness"), values("damping")
     tires = (

@@ -33,7 +33,7 @@ from sysid.road.enveloping import FootprintMap, footprint_map
 from sysid.road.plank_road import lifted_onto_plank, plank_table
 from sysid.sdof.drop_results import DropEstimate, DropSummary
 from sysid.sdof.smoothing import high_frequency_noise
-from sysid.vehicle_model.lanes import EffectiveRoads
+from sysid.vehicle_model.passes import EffectiveRoads
 
 #: Time before the record [s] in which the simulated axle is lifted onto the plank, and how long it then rests.
 LEAD_S = 3.0

@@ -22,7 +22,15 @@ from sysid.estimation.residuals.compressed import Compressed
 from sysid.estimation.residuals.histories import run_histories
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.run_history import RunHistory
-from sysid.estimation.residuals.run_motion import CHANGE, OWN, SHIFT, SHIFT_UNIT_M, SPEED, SPEED_UNIT, RunMotion
+from sysid.estimation.residuals.run_motion import (
+    CHANGE,
+    RUN_UNKNOWNS,
+    SHIFT,
+    SHIFT_UNIT_M,
+    SPEED,
+    SPEED_UNIT,
+    RunMotion,
+)
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, Identifiability, assess
@@ -145,8 +153,8 @@ def _check_runs_are_seen(campaign: Campaign, problem: Problem, compressed: Compr
     DataRejectedError
         With the first such run.
     """
-    own = np.linalg.norm(compressed.jacobian[:, problem.count :], axis=0).reshape(-1, OWN)[:, SHIFT]
-    lost = np.flatnonzero(own <= 1e-9 * np.median(own))
+    by_shift = np.linalg.norm(compressed.jacobian[:, problem.count :], axis=0).reshape(-1, RUN_UNKNOWNS)[:, SHIFT]
+    lost = np.flatnonzero(by_shift <= 1e-9 * np.median(by_shift))
     if lost.size:
         run = campaign.bump_runs[problem.order[int(lost[0])]]
         raise DataRejectedError(
@@ -253,8 +261,8 @@ def _estimates(
     )
     local: list[ParameterEstimate] = []
     for position, run in enumerate(problem.order):
-        own = slice(problem.count + OWN * position, problem.count + OWN * (position + 1))
-        local += _of_run(campaign, problem, motion, run, covariance[own, own])
+        of_run = slice(problem.count + RUN_UNKNOWNS * position, problem.count + RUN_UNKNOWNS * (position + 1))
+        local += _of_run(campaign, problem, motion, run, covariance[of_run, of_run])
     return globals_, tuple(local)
 
 
@@ -264,7 +272,7 @@ def _of_run(
     """Speed, start and, where it is unknown, change of speed of a run; `covariance` (3, 3) of its scaled unknowns."""
     record, reference = campaign.bump_runs[run], float(problem.reference.start_s[run])
     speed, nominal, change_sd = float(motion.speed_m_s[run]), record.nominal_speed_m_s, record.speed_change_sd
-    sd, by_unknowns = np.sqrt(np.diag(covariance)), np.zeros(OWN)
+    sd, by_unknowns = np.sqrt(np.diag(covariance)), np.zeros(RUN_UNKNOWNS)
     by_unknowns[[SPEED, CHANGE]] = SPEED_UNIT * speed, motion.speed_by_change[run] * change_sd
     of_speed = ParameterEstimate(
         name=f"speed[{record.log.file}]",

@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sysid.arrays import ParametersByParameters
+from sysid.arrays import ParametersByParameters, Unknowns, UnknownsByUnknowns
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
@@ -71,12 +71,12 @@ class LawEvidence:
         return self._allowances.count
 
     @cached_property
-    def sd(self) -> np.ndarray:
+    def sd(self) -> Unknowns:
         """Standard deviations (m,) of masses and departures."""
         tires = [PLAUSIBLE[d.kind] for d in self._allowances.departures.directions]
         return np.concatenate([self._allowances.masses.sd, tires])
 
-    def without_known(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> tuple[np.ndarray, np.ndarray]:
+    def without_known(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> tuple[Unknowns, UnknownsByUnknowns]:
         """Gradient (q,) and information (q, q) about q candidates near an optimum, all else free to follow.
 
         Parameters
@@ -106,8 +106,8 @@ class LawEvidence:
 
 
 def eliminated(
-    information: np.ndarray, score: np.ndarray, prior: ParametersByParameters, sd: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    information: UnknownsByUnknowns, score: Unknowns, prior: ParametersByParameters, sd: Unknowns
+) -> tuple[Unknowns, UnknownsByUnknowns]:
     """Gradient (q,) and information (q, q) of candidates with p parameters and m masses and departures eliminated.
 
     Parameters
@@ -118,16 +118,16 @@ def eliminated(
     """
     count = prior.shape[0]
     known = count + sd.size
-    own = information[:known, :known].copy()
-    own[:count, :count] += prior
-    own[count:, count:] += np.diag(sd**-2.0)
+    of_known = information[:known, :known].copy()
+    of_known[:count, :count] += prior
+    of_known[count:, count:] += np.diag(sd**-2.0)
     cross = information[:known, known:]
-    solved = np.linalg.solve(own, cross)
+    solved = np.linalg.solve(of_known, cross)
     return score[known:] - solved.T @ score[:known], information[known:, known:] - cross.T @ solved
 
 
 def evidence(
-    cost: float, information: np.ndarray, score: np.ndarray, prior: ParametersByParameters, sd: np.ndarray
+    cost: float, information: UnknownsByUnknowns, score: Unknowns, prior: ParametersByParameters, sd: Unknowns
 ) -> Evidence:
     """Cost that is left with m further unknowns free, and the covariance of p parameters with them.
 
@@ -140,8 +140,8 @@ def evidence(
     # In units of their tolerances: safe for unknowns that the data do not see.
     cross = information[:count, count:] * sd
     free = sd[:, None] * information[count:, count:] * sd + np.eye(sd.size)
-    own = information[:count, :count] + prior
-    remaining = free - cross.T @ np.linalg.solve(own, cross)
+    of_parameters = information[:count, :count] + prior
+    remaining = free - cross.T @ np.linalg.solve(of_parameters, cross)
     pull = sd * score[count:]
     left = cost - 0.5 * float(pull @ np.linalg.solve(remaining, pull))
-    return Evidence(left, np.linalg.inv(own - cross @ np.linalg.solve(free, cross.T)))
+    return Evidence(left, np.linalg.inv(of_parameters - cross @ np.linalg.solve(free, cross.T)))

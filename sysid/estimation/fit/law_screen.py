@@ -23,7 +23,7 @@ from sysid.estimation.fit.law_evidence import LawEvidence
 from sysid.estimation.fit.law_families import FAMILIES, Laws
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
-from sysid.estimation.parameters.lane_laws import ElementIndex, LawInputs
+from sysid.estimation.parameters.axle_laws import ElementIndex, LawInputs
 from sysid.estimation.parameters.suspension_elements import ElementQuantity, quantities
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, difference_columns
@@ -58,12 +58,12 @@ def promising(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum)
     Elements by axle, nothing at all where no family promises enough.
     """
     axles = campaign.vehicle.axles
-    found = candidates(campaign.vehicle, laws, rich_laws)
-    families = {f: [c for c in found if (c.element, axles[c.axles[0]].suspension) == f] for f in FAMILIES}
+    listed = candidates(campaign.vehicle, laws, rich_laws)
+    families = {f: [c for c in listed if (c.element, axles[c.axles[0]].suspension) == f] for f in FAMILIES}
     families = {f: members for f, members in families.items() if members}
     if not families:
         return ()
-    screen = Screen(campaign, LawEvidence(campaign, optimum), optimum, found)
+    screen = Screen(campaign, LawEvidence(campaign, optimum), optimum, listed)
     size = effective_residuals(optimum)
     taken: list[Candidate] = []
     chosen: list[tuple[str, str]] = []
@@ -90,7 +90,7 @@ def candidates(vehicle: Vehicle, poor: Laws, rich: Laws) -> list[Candidate]:
 
     A shared parameter counts for every kind of suspension apart: that is how laws are compared.
     """
-    owner, found = vehicle.suspension_axle, []
+    owner, listed = vehicle.suspension_axle, []
     for element in sorted(frozenset().union(*rich)):
         having = [i for i in range(len(owner)) if element in rich[i] - poor[i]]
         together = [tuple(i for i in having if owner[i] == first) for first in dict.fromkeys(owner[i] for i in having)]
@@ -98,31 +98,31 @@ def candidates(vehicle: Vehicle, poor: Laws, rich: Laws) -> list[Candidate]:
         for q in quantities(frozenset({element})):
             if q.decides and q.shared:
                 alike = [tuple(i for i in having if vehicle.axles[i].suspension == kind) for kind in kinds]
-                found += [Candidate(element, q, members) for members in alike]
+                listed += [Candidate(element, q, members) for members in alike]
             elif q.decides:
-                found += [Candidate(element, q, members) for members in together]
-    return found
+                listed += [Candidate(element, q, members) for members in together]
+    return listed
 
 
 class Screen:
     """The promises of candidates at one optimum of poorer laws."""
 
-    def __init__(self, campaign: Campaign, evidence: LawEvidence, optimum: Optimum, found: Sequence[Candidate]):
-        self._found = list(found)
-        self._pull, self._information = evidence.without_known(optimum, candidate_columns(campaign, optimum, found))
+    def __init__(self, campaign: Campaign, evidence: LawEvidence, optimum: Optimum, listed: Sequence[Candidate]):
+        self._listed = list(listed)
+        self._pull, self._information = evidence.without_known(optimum, candidate_columns(campaign, optimum, listed))
 
     def gain(self, members: Sequence[Candidate], size: float) -> float:
         """Promised gain of adding some of the candidates; `size` is the effective number of residuals n."""
-        index = [self._found.index(c) for c in members]
+        index = [self._listed.index(c) for c in members]
         pull = self._pull[index]
         left = self._information[np.ix_(index, index)] + np.eye(len(index))
         return float(pull @ np.linalg.solve(left, pull) - len(index) * np.log(size))
 
 
-def candidate_columns(campaign: Campaign, optimum: Optimum, found: Sequence[Candidate]) -> tuple[ResidualColumns, ...]:
+def candidate_columns(campaign: Campaign, optimum: Optimum, listed: Sequence[Candidate]) -> tuple[ResidualColumns, ...]:
     """Derivatives of every group's residuals by the candidates, in units of their prior scales."""
     problem = optimum.problem
-    trials = [(_with_candidate(campaign, problem.model, candidate), STEP) for candidate in found]
+    trials = [(_with_candidate(campaign, problem.model, candidate), STEP) for candidate in listed]
     return difference_columns(problem.model, problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
 
 

@@ -27,7 +27,7 @@ from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise as noise_model
 from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
-from sysid.vehicle_model.lanes import MapTires
+from sysid.vehicle_model.passes import MapTires
 
 #: Footprint maps are made again at most so often; each time their tires come about five times closer to those of the
 #: optimum under them.

@@ -91,9 +91,9 @@ def _part(state: FitState, runs: tuple[int, ...]) -> tuple[Campaign, BumpModel, 
         groups = zip(state.model.groups, fitted.reading, strict=True)
         of_run = {i: w[:, r] for g, w in groups for r, i in enumerate(g.runs)}
         reading = tuple(np.ones(g.value.shape) for g in model.groups)
-        for group, found in zip(model.groups, reading, strict=True):
+        for group, weight in zip(model.groups, reading, strict=True):
             for r, i in enumerate(group.runs):
-                own = of_run[chosen[i]][: group.samples, channels]
-                found[: own.shape[0], r] = own
+                fitted_weight = of_run[chosen[i]][: group.samples, channels]
+                weight[: fitted_weight.shape[0], r] = fitted_weight
         weights = replace(weights, reading=reading)
     return part, model, motion, weights

@@ -74,11 +74,11 @@ def misfits(
     model: BumpModel, motion: RunMotion, log_parameters: Parameters, noise_sd: tuple[RunsByChannels, ...]
 ) -> np.ndarray:
     """Misfit of every run at its own speed and the best shift in time, as the search for starts counts it."""
-    found = np.full(motion.speed_m_s.size, np.inf)
+    misfit = np.full(motion.speed_m_s.size, np.inf)
     signals = simulate_runs(model, log_parameters, motion)
     for position, group in enumerate(model.groups):
         reach = _SLACK_S / group.interval_s
         for r, run in enumerate(group.runs):
             simulated = np.nan_to_num(signals[position][:, r], nan=1e6, posinf=1e6, neginf=-1e6)
-            found[run] = best_shift(group, r, simulated, noise_sd[position][r], (-reach, reach))[0]
-    return found
+            misfit[run] = best_shift(group, r, simulated, noise_sd[position][r], (-reach, reach))[0]
+    return misfit

@@ -84,8 +84,8 @@ def rocker_scores(campaign: Campaign, optimum: Optimum) -> tuple[RockerScore, ..
     columns = difference_columns(problem.model, problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
     pull, information = LawEvidence(campaign, optimum).without_known(optimum, columns)
     v = np.diag(information)
-    found = [RockerScore(a, float(pull[k] ** 2 / v[k]), float(-pull[k] / v[k])) for k, a in enumerate(chosen)]
-    return tuple(sorted(found, key=lambda s: -s.gain))
+    scores = [RockerScore(a, float(pull[k] ** 2 / v[k]), float(-pull[k] / v[k])) for k, a in enumerate(chosen)]
+    return tuple(sorted(scores, key=lambda s: -s.gain))
 
 
 def undeclared_rockers(
@@ -105,14 +105,14 @@ def undeclared_rockers(
     optimum : of the laws that were chosen.
     drops, profiles, options, report : as :func:`sysid.estimation.fit.law_choice.fit_with_laws`.
     """
-    found: list[LoadShare] = []
-    while optimum.misfit >= MISFIT and len(found) < _MOST:
+    shares: list[LoadShare] = []
+    while optimum.misfit >= MISFIT and len(shares) < _MOST:
         decides = DECISIVE + float(np.log(effective_residuals(optimum)))
         promising = [s for s in rocker_scores(campaign, optimum) if s.share > 0.0 and s.gain > decides]
         if not promising:
             break
         report(f"a rocker between axles {joined_words([str(i + 1) for i in promising[0].axles])}", 0.98)
-        name = f"rocker {len(found) + 1}"
+        name = f"rocker {len(shares) + 1}"
         joined_by = Equaliser(name, promising[0].axles)
         vehicle = replace(campaign.vehicle, equalisers=(*campaign.vehicle.equalisers, joined_by))
         with_rocker = replace(campaign, vehicle=vehicle)
@@ -127,9 +127,9 @@ def undeclared_rockers(
         share = share_from_fit(name, joined_by.axles, float(np.exp(trial.vector[at])), sd)
         if 2.0 * (optimum.minimum.cost - trial.minimum.cost) < decides or share.share < LEAST_SHARE:
             break
-        found.append(share)
+        shares.append(share)
         campaign, optimum = with_rocker, trial
-    return tuple(sorted(found, key=lambda s: s.axles))
+    return tuple(sorted(shares, key=lambda s: s.axles))
 
 
 def _laws(parameters: ParameterSet, vehicle: Vehicle) -> tuple[frozenset[str], ...]:

@@ -19,7 +19,7 @@ from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowan
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.road_profile import RoadProfile
-from sysid.vehicle_model.lanes import MapTires
+from sysid.vehicle_model.passes import MapTires
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Parameters of a campaign: start values and priors from drops, nominal values and the user.
 
-Where each parameter enters the vehicle is said in :mod:`sysid.estimation.parameters.lane_laws`.
+Where each parameter enters the vehicle is said in :mod:`sysid.estimation.parameters.axle_laws`.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.arrays import Parameters
 from sysid.estimation.parameters.parameter_set import ParameterSet
-from sysid.vehicle_model.lanes import MapTires
+from sysid.vehicle_model.passes import MapTires
 
 #: Exponents of a radial spring that maps are made for.
 SPOKE_EXPONENTS = (0.3, 1.5)

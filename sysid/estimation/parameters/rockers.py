@@ -87,20 +87,20 @@ def load_shares(
 ) -> tuple[LoadShare, ...]:
     """Share of every rocker: declared, else posterior median and quantiles, else from least squares."""
     by_name, sampled = {e.name: e for e in estimates}, posterior or {}
-    found = []
+    shares = []
     for rocker in vehicle.equalisers:
         if rocker.load_share is not None:
             s = rocker.load_share
-            found.append(LoadShare(rocker.name, rocker.axles, s, s, s, declared=True))
+            shares.append(LoadShare(rocker.name, rocker.axles, s, s, s, declared=True))
             continue
         name = share_name(rocker.name)
         if name in sampled:
             q05, q50, q95 = (share_of(getattr(sampled[name], q)) for q in ("q05", "q50", "q95"))
-            found.append(LoadShare(rocker.name, rocker.axles, q50, q05, q95))
+            shares.append(LoadShare(rocker.name, rocker.axles, q50, q05, q95))
         elif name in by_name:
             e = by_name[name]
-            found.append(share_from_fit(rocker.name, rocker.axles, e.value, e.sd / e.value))
-    return tuple(found)
+            shares.append(share_from_fit(rocker.name, rocker.axles, e.value, e.sd / e.value))
+    return tuple(shares)
 
 
 def share_name(rocker: str) -> str:

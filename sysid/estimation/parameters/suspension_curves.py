@@ -15,7 +15,7 @@ import numpy as np
 from sysid.arrays import RunsByAxles
 from sysid.campaign.records import Axle, ForceTable
 from sysid.estimation.parameters.suspension_elements import NO_STOP_M
-from sysid.vehicle_model.lane_arrays import AxleLanes, HostOrDevice
+from sysid.vehicle_model.device_arrays import HostOrDevice, RunsByAxlesBySets
 from sysid.vehicle_model.suspension import REFERENCE_RATE_M_S, Ramps
 
 #: Compression [m] at which a rubber stop is three times as stiff as where it begins to act: an assumption.
@@ -40,7 +40,7 @@ class TableCorners(NamedTuple):
 
 
 class SuspensionCurves(NamedTuple):
-    """Declared curves of all axles of R lanes; None where no axle has one.
+    """Declared curves of all axles in R passes; None where no axle has one.
 
     `spring`, `damper` tables; `stops` (2, R, na, 1) extension at the rebound and at the jounce stop [m]; `lash`
     (R, na, 1) free travel of the hanger [m], zero where an axle has none.
@@ -60,9 +60,9 @@ def suspension_curves(
     Parameters
     ----------
     laws : elements of every axle's suspension law.
-    carried_N, reference_N : (R, na) load on each suspension in its lane and in the first load case.
+    carried_N, reference_N : (R, na) load on each suspension in its pass and in the first load case.
     """
-    lanes = carried_N.shape[0]
+    passes = carried_N.shape[0]
     names = frozenset().union(*laws)
     pairs = list(zip(axles, laws, strict=True))
     never = np.full(len(axles), _NEVER)
@@ -82,15 +82,15 @@ def suspension_curves(
     return SuspensionCurves(
         spring=_corners(springs, rest, None) if "spring_table" in names else None,
         damper=_corners(dampers, np.zeros_like(rest), REFERENCE_RATE_M_S) if "damper_table" in names else None,
-        stops=np.tile(np.stack([rebound, jounce])[:, None, :, None], (1, lanes, 1, 1))
+        stops=np.tile(np.stack([rebound, jounce])[:, None, :, None], (1, passes, 1, 1))
         if "bump_stops" in names
         else None,
-        lash=np.tile(lash[:, None], (lanes, 1, 1)) if "hanger_lash" in names else None,
+        lash=np.tile(lash[:, None], (passes, 1, 1)) if "hanger_lash" in names else None,
     )
 
 
 def _corners(tables: list[ForceTable | None], rest: np.ndarray, secant_at: float | None) -> TableCorners:
-    """Corners of all tables seen from where each lane rests (R, na); slopes as multiples of the one at zero.
+    """Corners of all tables seen from where each pass rests (R, na); slopes as multiples of the one at zero.
 
     With `secant_at` they are multiples of the mean secant at +- that position instead.
     """
@@ -113,7 +113,7 @@ def _corners(tables: list[ForceTable | None], rest: np.ndarray, secant_at: float
     return TableCorners(share[..., None], at[..., None], np.where(at > 0.0, 1.0, -1.0)[..., None], change[..., None])
 
 
-def table_ramps(corners: TableCorners, slope: AxleLanes) -> Ramps:
+def table_ramps(corners: TableCorners, slope: RunsByAxlesBySets) -> Ramps:
     """Ramps of a table for stiffness or damping `slope` (R, na, S); its slope at rest is `corners.share * slope`."""
     shape = (*corners.at.shape[:-1], slope.shape[-1])
     return Ramps(
@@ -123,7 +123,7 @@ def table_ramps(corners: TableCorners, slope: AxleLanes) -> Ramps:
     )
 
 
-def joined_stops(declared: HostOrDevice | None, jounce: AxleLanes, rebound: AxleLanes) -> HostOrDevice:
+def joined_stops(declared: HostOrDevice | None, jounce: RunsByAxlesBySets, rebound: RunsByAxlesBySets) -> HostOrDevice:
     """Extension at the rebound and at the jounce stop (2, R, na, S) [m], of declared and of estimated travels.
 
     Parameters
@@ -137,7 +137,7 @@ def joined_stops(declared: HostOrDevice | None, jounce: AxleLanes, rebound: Axle
     return jnp.stack([jnp.minimum(declared[0], estimated[0]), jnp.maximum(declared[1], estimated[1])])
 
 
-def stop_ramps(stops: HostOrDevice, stiffness: AxleLanes) -> Ramps:
+def stop_ramps(stops: HostOrDevice, stiffness: RunsByAxlesBySets) -> Ramps:
     """Ramps of rubber stops, F = k d (1 + d / l) at a travel d beyond the free one, as straight pieces.
 
     The pieces meet the curve at :data:`STOP_KNOTS_M`; beyond the last of them the force goes on as steeply as the curve
@@ -165,7 +165,7 @@ def stop_ramps(stops: HostOrDevice, stiffness: AxleLanes) -> Ramps:
     )
 
 
-def lash_ramps(lash: np.ndarray, stiffness: AxleLanes, carried: np.ndarray) -> Ramps:
+def lash_ramps(lash: np.ndarray, stiffness: RunsByAxlesBySets, carried: np.ndarray) -> Ramps:
     """Ramps of the hanger lash: the spring is slack from where it carries nothing until its hanger has moved `lash`.
 
     Parameters

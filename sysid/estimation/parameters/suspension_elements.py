@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import jax
 
 from sysid.campaign.records import Axle
-from sysid.vehicle_model.lane_arrays import HostOrDevice
+from sysid.vehicle_model.device_arrays import HostOrDevice
 
 LINEAR = "linear"
 

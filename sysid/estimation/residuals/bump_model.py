@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid.arrays import Channels, Runs, SamplesByRunsByChannels
 from sysid.campaign.records import AntiAliasFilter, Campaign, LoadCase, Vehicle
-from sysid.estimation.parameters.lane_laws import LawInputs, law_inputs
+from sysid.estimation.parameters.axle_laws import LawInputs, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.run_data import ChannelLayout, RunGroup, channel_layout, group_runs
 from sysid.estimation.residuals.run_motion import motion_prior
@@ -18,13 +18,13 @@ from sysid.road.contact_laws import ContactLaw
 from sysid.road.road_profile import RoadProfile
 from sysid.runtime import require_64_bit
 from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.vehicle_model.device_arrays import HostOrDevice
 from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.filters import FilterRecursion, discretise
-from sysid.vehicle_model.lane_arrays import HostOrDevice
-from sysid.vehicle_model.lane_matrices import LaneMatrices
-from sysid.vehicle_model.lanes import EffectiveRoads, Lanes, MapTires, Pass, make_lanes, pass_matrices
+from sysid.vehicle_model.passes import EffectiveRoads, MapTires, Pass, PassBatch, make_pass_batch, pass_matrices
 from sysid.vehicle_model.readings import Readings
 from sysid.vehicle_model.simulation import SensorLayout
+from sysid.vehicle_model.stacked_matrices import StackedMatrices
 
 #: Standard deviation of a sensor's gain about its calibration: assumptions, no data sheet stands behind them.
 GAIN_SD = {"suspension_deflection": 0.005, "axle_acceleration": 0.01, "body_acceleration": 0.01}
@@ -39,7 +39,7 @@ class GroupArrays(NamedTuple):
     unit of the unknown change of speed, 0 where there is none.
     """
 
-    matrices: LaneMatrices
+    matrices: StackedMatrices
     laws: LawInputs
     axle_x: np.ndarray
     value: SamplesByRunsByChannels
@@ -92,7 +92,7 @@ class BumpModel:
     groups: tuple[RunGroup, ...]
     arrays: tuple[GroupArrays, ...]
     roads: tuple[EffectiveRoad, ...]
-    lanes: tuple[Lanes, ...]
+    batches: tuple[PassBatch, ...]
     shapes: tuple[GroupShape, ...]
     passes: tuple[tuple[Pass, ...], ...]
     felt: EffectiveRoads
@@ -106,14 +106,14 @@ class BumpModel:
 
     def with_vehicle(self, vehicle: Vehicle, load_cases: Mapping[str, LoadCase]) -> BumpModel:
         """The same runs of another vehicle: its matrices assembled again, what its wheels feel as before."""
-        arrays, group_lanes = [], []
-        for old, lanes, passes in zip(self.arrays, self.lanes, self.passes, strict=True):
+        arrays, batches = [], []
+        for old, batch, passes in zip(self.arrays, self.batches, self.passes, strict=True):
             matrices = pass_matrices(vehicle, load_cases, passes, self.layout.body_points)
-            lanes = replace(lanes, matrices=matrices)
-            laws = law_inputs(vehicle, self.parameters, lanes, [p.load_case for p in passes])
+            batch = replace(batch, matrices=matrices)
+            laws = law_inputs(vehicle, self.parameters, batch, [p.load_case for p in passes])
             arrays.append(old._replace(matrices=matrices, laws=laws))
-            group_lanes.append(lanes)
-        return replace(self, arrays=tuple(arrays), lanes=tuple(group_lanes))
+            batches.append(batch)
+        return replace(self, arrays=tuple(arrays), batches=tuple(batches))
 
 
 def bump_model(
@@ -150,11 +150,11 @@ def bump_model(
     groups = group_runs(campaign, layout)
     felt = roads or EffectiveRoads(campaign.vehicle, campaign.load_cases, profiles, contact, tires)
     gain_sd = np.array([GAIN_SD[s.kind] for s in layout.sensors])
-    arrays, group_lanes, shapes, group_passes = [], [], [], []
+    arrays, batches, shapes, group_passes = [], [], [], []
     for group in groups:
         runs = [campaign.bump_runs[i] for i in group.runs]
         passes = tuple(Pass(r.load_case, r.bump, r.speed_held) for r in runs)
-        lanes = make_lanes(campaign.vehicle, campaign.load_cases, felt, passes, layout.body_points)
+        batch = make_pass_batch(campaign.vehicle, campaign.load_cases, felt, passes, layout.body_points)
         group_passes.append(passes)
         substeps = max(1, int(np.ceil(group.interval_s / target_step_s - 1e-9)))
         shapes.append(
@@ -167,12 +167,12 @@ def bump_model(
                 campaign.acquisition.filter,
             )
         )
-        group_lanes.append(lanes)
+        batches.append(batch)
         arrays.append(
             GroupArrays(
-                lanes.matrices,
-                law_inputs(campaign.vehicle, parameters, lanes, [r.load_case for r in runs]),
-                lanes.axle_x,
+                batch.matrices,
+                law_inputs(campaign.vehicle, parameters, batch, [r.load_case for r in runs]),
+                batch.axle_x,
                 group.value,
                 group.measured.astype(float),
                 group.censored.astype(float),
@@ -185,8 +185,8 @@ def bump_model(
         layout,
         groups,
         tuple(arrays),
-        tuple(lanes.road for lanes in group_lanes),
-        tuple(group_lanes),
+        tuple(batch.road for batch in batches),
+        tuple(batches),
         tuple(shapes),
         tuple(group_passes),
         felt,

@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid.arrays import Parameters, Residuals, ResidualsByUnknowns
 from sysid.estimation.residuals.bump_model import BumpModel
-from sysid.estimation.residuals.run_motion import OWN, MotionPrior, RunMotion
+from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, MotionPrior, RunMotion
 from sysid.vehicle_model.engines.protocol import Linearisation
 
 
@@ -69,14 +69,15 @@ def compress(
     """Assemble the compressed problem: data, sensor gains, global priors and the priors of the runs' motions."""
     count = log_parameters.shape[0]
     order = run_order(model)
-    width = count + OWN * len(order)
+    width = count + RUN_UNKNOWNS * len(order)
     blocks = [block for lin in linearisations for block in run_blocks(lin)]
     residuals, jacobians = [], []
     for position, block in enumerate(blocks):
         factor = square_factor(block)
         wide = np.zeros((factor.shape[0], width))
         wide[:, :count] = factor[:, :count]
-        wide[:, count + OWN * position : count + OWN * (position + 1)] = factor[:, count : count + OWN]
+        begin = count + RUN_UNKNOWNS * position
+        wide[:, begin : begin + RUN_UNKNOWNS] = factor[:, count : count + RUN_UNKNOWNS]
         residuals.append(factor[:, -1])
         jacobians.append(wide)
     rows, targets = model.parameters.prior_rows()
@@ -85,6 +86,6 @@ def compress(
     for position, (residual, derivative) in enumerate(zip(*expected.rows(motion, order), strict=True)):
         residuals.append(residual)
         wide = np.zeros((residual.size, width))
-        wide[:, count + OWN * position : count + OWN * (position + 1)] = derivative
+        wide[:, count + RUN_UNKNOWNS * position : count + RUN_UNKNOWNS * (position + 1)] = derivative
         jacobians.append(wide)
     return Compressed(np.concatenate(residuals), np.concatenate(jacobians))

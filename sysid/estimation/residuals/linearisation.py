@@ -12,16 +12,16 @@ import jax
 import jax.numpy as jnp
 
 from sysid.arrays import Parameters
-from sysid.estimation.parameters.lane_laws import lane_laws
+from sysid.estimation.parameters.axle_laws import axle_laws
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays, GroupShape
 from sysid.estimation.residuals.residual_weights import Weights
-from sysid.estimation.residuals.run_motion import OWN, RunMotion
+from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, RunMotion
 from sysid.estimation.residuals.signals import wheel_road
 from sysid.threads import side_by_side
 from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.vehicle_model.device_arrays import HostOrDevice
 from sysid.vehicle_model.engine import WheelRoad
 from sysid.vehicle_model.engines.protocol import Linearisation, Unknowns
-from sysid.vehicle_model.lane_arrays import HostOrDevice
 from sysid.vehicle_model.motion import MotionChange
 
 
@@ -40,8 +40,8 @@ def linearise_group(
     The last three columns belong to each run's own motion in scaled units.
     """
     inputs = wheel_road(arrays, road, motion, shape)
-    own = motion.per_unit(arrays.axle_x, arrays.change_unit)
-    linearised: Linearisation = _linearise(arrays, inputs, noise_sd, tempering, log_parameters, own, shape=shape)
+    of_motion = motion.per_unit(arrays.axle_x, arrays.change_unit)
+    linearised: Linearisation = _linearise(arrays, inputs, noise_sd, tempering, log_parameters, of_motion, shape=shape)
     return linearised
 
 
@@ -52,20 +52,20 @@ def _linearise(
     noise_sd: HostOrDevice,
     tempering: HostOrDevice,
     log_parameters: jax.Array,
-    own: MotionChange,
+    of_motion: MotionChange,
     *,
     shape: GroupShape,
 ) -> Linearisation:
     count = log_parameters.shape[0]
     unknowns = Unknowns(
         log_parameters,
-        jnp.eye(count, count + OWN),
+        jnp.eye(count, count + RUN_UNKNOWNS),
         # Parameters come first, then the unknowns of a run's own motion.
-        jax.tree.map(lambda by_own: jnp.pad(by_own, ((0, 0), (count, 0))), own),
+        jax.tree.map(lambda columns: jnp.pad(columns, ((0, 0), (count, 0))), of_motion),
     )
     return road.engine.linearise(
         arrays.matrices,
-        partial(lane_laws, arrays.laws),
+        partial(axle_laws, arrays.laws),
         unknowns,
         road,
         shape.timing,

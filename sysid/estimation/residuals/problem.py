@@ -12,7 +12,7 @@ from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.compressed import Compressed, compress, run_order
 from sysid.estimation.residuals.linearisation import linearise
 from sysid.estimation.residuals.residual_weights import Weights
-from sysid.estimation.residuals.run_motion import OWN, SHIFT, SPEED, RunMotion, motion_prior
+from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, SHIFT, SPEED, RunMotion, motion_prior
 from sysid.vehicle_model.engines.protocol import Linearisation
 
 
@@ -29,12 +29,12 @@ class Problem:
 
     def vector(self, log_parameters: Parameters) -> UnknownsOfFit:
         """The vector of log parameters (p,) and the motions that unknowns are counted from."""
-        return np.concatenate([log_parameters, np.zeros(OWN * len(self.order))])
+        return np.concatenate([log_parameters, np.zeros(RUN_UNKNOWNS * len(self.order))])
 
     def unpack(self, vector: UnknownsOfFit) -> tuple[np.ndarray, RunMotion]:
         """Log parameters and run motions of a vector."""
-        moved = np.zeros((self.reference.speed_m_s.size, OWN))
-        moved[self.order] = vector[self.count :].reshape(-1, OWN)
+        moved = np.zeros((self.reference.speed_m_s.size, RUN_UNKNOWNS))
+        moved[self.order] = vector[self.count :].reshape(-1, RUN_UNKNOWNS)
         return vector[: self.count], self.reference.moved(moved, self.expected.change_sd)
 
     def with_weights(self, weights: Weights) -> Problem:
@@ -68,6 +68,6 @@ class Problem:
         # The tangents are taken in units of the current speed, the vector counts in units of the reference speed.
         jacobian = problem.jacobian.copy()
         here, reference = motion.of(self.order), self.reference.of(self.order)
-        jacobian[:, self.count + SPEED :: OWN] /= here.mean_speed_m_s / reference.mean_speed_m_s
-        jacobian[:, self.count + SHIFT :: OWN] *= here.speed_m_s / reference.speed_m_s
+        jacobian[:, self.count + SPEED :: RUN_UNKNOWNS] /= here.mean_speed_m_s / reference.mean_speed_m_s
+        jacobian[:, self.count + SHIFT :: RUN_UNKNOWNS] *= here.speed_m_s / reference.speed_m_s
         return Compressed(problem.residual, jacobian)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.arrays import Runs
+from sysid.arrays import Runs, RunsByUnknowns, RunsByUnknownsByUnknowns
 from sysid.campaign.records import BumpRun
 from sysid.vehicle_model.motion import Motion, MotionChange, acceleration_of
 
@@ -21,8 +21,8 @@ from sysid.vehicle_model.motion import Motion, MotionChange, acceleration_of
 SPEED_UNIT = 0.01
 SHIFT_UNIT_M = 0.02
 #: How many unknowns a run has of its own, and in which order they stand behind those that all runs share.
-OWN = 3
-SPEED, SHIFT, CHANGE = range(OWN)
+RUN_UNKNOWNS = 3
+SPEED, SHIFT, CHANGE = range(RUN_UNKNOWNS)
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,12 @@ class RunMotion:
         return RunMotion(self.speed_m_s[chosen], self.start_s[chosen], self.speed_change[chosen])
 
     def along_road(self, axle_x: np.ndarray) -> Motion:
-        """The runs as lanes (R, 1) of a vehicle with axles at `axle_x` (na, 1) [m]."""
+        """Motion (R, 1) of the runs of a vehicle with axles at `axle_x` (na, 1) [m]."""
         acceleration = acceleration_of(self.speed_change, self.speed_m_s, float(np.ptp(axle_x)))
         return Motion(self.speed_m_s[:, None], self.start_s[:, None], acceleration[:, None])
 
     def per_unit(self, axle_x: np.ndarray, change_unit: Runs) -> MotionChange:
-        """Derivatives (R, 3) of the lanes' motion by the scaled unknowns of the runs.
+        """Derivatives (R, 3) of the motion of the runs by the scaled unknowns of the runs.
 
         Parameters
         ----------
@@ -69,16 +69,16 @@ class RunMotion:
         )
 
     @property
-    def mean_speed_m_s(self) -> np.ndarray:
+    def mean_speed_m_s(self) -> Runs:
         """Mean speed from axle 1 to the last axle at the bump (R,) [m/s]."""
         return np.asarray(self.speed_m_s * (1.0 + 0.5 * self.speed_change))
 
     @property
-    def speed_by_change(self) -> np.ndarray:
+    def speed_by_change(self) -> Runs:
         """Derivative (R,) of the speed at axle 1 by its change at the same mean speed [m/s]."""
         return np.asarray(-self.speed_m_s / (2.0 + self.speed_change))
 
-    def moved(self, unknowns: np.ndarray, change_unit: Runs) -> RunMotion:
+    def moved(self, unknowns: RunsByUnknowns, change_unit: Runs) -> RunMotion:
         """The motion that scaled unknowns (R, 3) away from this one has; `change_unit` as in :meth:`per_unit`."""
         change = self.speed_change + change_unit * unknowns[:, CHANGE]
         mean = self.mean_speed_m_s * (1.0 + SPEED_UNIT * unknowns[:, SPEED])
@@ -108,14 +108,14 @@ class MotionPrior:
         ratio = motion.speed_m_s[chosen] / self.speed_m_s[chosen]
         sd, change_sd = self.relative_sd[chosen], self.change_sd[chosen]
         change = motion.speed_change[chosen] / np.where(change_sd > 0.0, change_sd, 1.0)
-        derivative = np.zeros((len(chosen), 2, OWN))
+        derivative = np.zeros((len(chosen), 2, RUN_UNKNOWNS))
         derivative[:, 0, SPEED] = SPEED_UNIT * ratio / sd
         derivative[:, 0, CHANGE] = motion.speed_by_change[chosen] * change_sd / (self.speed_m_s[chosen] * sd)
         # Without a change its unknown moves nothing: it stays where it is.
         derivative[:, 1, CHANGE] = 1.0
         return np.stack([(ratio - 1.0) / sd, change], axis=1), derivative
 
-    def precision(self, motion: RunMotion, runs: Sequence[int]) -> np.ndarray:
+    def precision(self, motion: RunMotion, runs: Sequence[int]) -> RunsByUnknownsByUnknowns:
         """Prior precision (R, 3, 3) of some runs' own unknowns."""
         _, derivative = self.rows(motion, runs)
         return np.asarray(np.einsum("rjk,rjl->rkl", derivative, derivative))

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid.estimation.residuals.run_motion import OWN
+from sysid.arrays import RunsByChannelsByUnknowns, RunsByUnknownsByUnknowns, SamplesByRunsByChannelsByUnknowns
+from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS
 
 
-def run_normal(residual_columns: np.ndarray, gain_columns: np.ndarray, prior: np.ndarray) -> np.ndarray:
+def run_normal(
+    residual_columns: SamplesByRunsByChannelsByUnknowns,
+    gain_columns: RunsByChannelsByUnknowns,
+    prior: RunsByUnknownsByUnknowns,
+) -> RunsByUnknownsByUnknowns:
     """Normal matrix (R, 3, 3) of the runs' own unknowns, N = J'J + prior precision.
 
     Parameters
@@ -20,21 +25,21 @@ def run_normal(residual_columns: np.ndarray, gain_columns: np.ndarray, prior: np
     return np.asarray(normal + prior)
 
 
-def without_runs(normal: np.ndarray, prior: np.ndarray) -> np.ndarray:
+def without_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> RunsByUnknownsByUnknowns:
     """Information (R, p, p) about p common unknowns, from normal matrices (R, p + 3, p + 3) of runs.
 
     Parameters
     ----------
     prior : (R, 3, 3) prior precision of the runs' own unknowns.
     """
-    count = normal.shape[-1] - OWN
+    count = normal.shape[-1] - RUN_UNKNOWNS
     return np.asarray(normal[:, :count, :count] - normal[:, :count, count:] @ response_of_runs(normal, prior))
 
 
-def response_of_runs(normal: np.ndarray, prior: np.ndarray) -> np.ndarray:
-    """How the runs' own unknowns go with the common ones at their best: N^-1 J_own' J, (R, 3, p); as `without_runs`."""
-    count = normal.shape[-1] - OWN
+def response_of_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> np.ndarray:
+    """How the runs' own unknowns go with the common ones at their best: N^-1 J_run' J, (R, 3, p); as `without_runs`."""
+    count = normal.shape[-1] - RUN_UNKNOWNS
     of_runs = normal[:, count:, count:] + prior
     # A run whose data say nothing about its own unknowns must not divide by zero.
-    of_runs += 1e-12 * np.trace(of_runs, axis1=1, axis2=2)[:, None, None] * np.eye(OWN)
+    of_runs += 1e-12 * np.trace(of_runs, axis1=1, axis2=2)[:, None, None] * np.eye(RUN_UNKNOWNS)
     return np.asarray(np.linalg.solve(of_runs, normal[:, count:, :count]))

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 
 from sysid.estimation.residuals.bump_model import GroupArrays
 from sysid.vehicle_model import readings
-from sysid.vehicle_model.lane_arrays import ChannelHistories, ChannelLanes, HostOrDevice
+from sysid.vehicle_model.device_arrays import ChannelHistories, HostOrDevice, RunsByChannelsBySets
 from sysid.vehicle_model.readings import SensorFit
 
 
@@ -32,7 +32,7 @@ def eliminate_sensors(arrays: GroupArrays, noise_sd: HostOrDevice, simulated: Ch
 
 def group_residuals(
     arrays: GroupArrays, noise_sd: HostOrDevice, tempering: HostOrDevice, simulated: ChannelHistories
-) -> tuple[ChannelHistories, ChannelLanes]:
+) -> tuple[ChannelHistories, RunsByChannelsBySets]:
     """Standardised residuals (T, R, C, S) and the gains' prior residuals (R, C, S).
 
     Parameters

@@ -9,14 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import Parameters
-from sysid.estimation.parameters.lane_laws import lane_laws
+from sysid.estimation.parameters.axle_laws import axle_laws
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays, GroupShape
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.threads import side_by_side
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.vehicle_model.device_arrays import ChannelHistories, ParametersBySets
 from sysid.vehicle_model.engine import WheelRoad
-from sysid.vehicle_model.lane_arrays import ChannelHistories, ParametersBySets
 
 
 def wheel_road(arrays: GroupArrays, road: EffectiveRoad, motion: RunMotion, shape: GroupShape) -> WheelRoad:
@@ -28,7 +28,7 @@ def simulate_group(
     arrays: GroupArrays, shape: GroupShape, log_parameters: ParametersBySets, road: WheelRoad
 ) -> ChannelHistories:
     """Filtered sensor signals (T, R, C, S) of one group for log parameters (p, S)."""
-    suspension, tire = lane_laws(arrays.laws, log_parameters)
+    suspension, tire = axle_laws(arrays.laws, log_parameters)
     return road.engine.sensors(arrays.matrices, suspension, tire, road, shape.timing, shape.sensors, shape.recursion)
 
 

@@ -14,7 +14,7 @@ from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.uncertainty.departures import FRICTION, REACH, Departures, departures
 from sysid.estimation.uncertainty.uncertain_masses import REACH_SD, UncertainMasses, uncertain_masses
 from sysid.vehicle_model.contact import EffectiveRoad
-from sysid.vehicle_model.lanes import EffectiveRoads, Pass
+from sysid.vehicle_model.passes import EffectiveRoads, Pass
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,12 @@ import numpy as np
 
 from sysid.arrays import RunsByAxles
 from sysid.campaign.statics import carried_by_suspensions
-from sysid.estimation.parameters.lane_laws import ElementIndex, LawInputs
+from sysid.estimation.parameters.axle_laws import ElementIndex, LawInputs
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.road.contact_laws import CONTACT_LAWS
 from sysid.road.enveloping import FootprintMap
 from sysid.vehicle_model.contact import EffectiveRoad
-from sysid.vehicle_model.lanes import EffectiveRoads, Pass
+from sysid.vehicle_model.passes import EffectiveRoads, Pass
 
 #: Logarithms (n, axles) of axle loads over the declared ones in n load cases.
 LoadChanges: TypeAlias = Callable[[Sequence[str]], RunsByAxles]
@@ -80,18 +80,18 @@ class Departures:
     _blends: dict[tuple[Pass, ...], BlendedRoad] = field(default_factory=dict, repr=False, compare=False)
 
     def spread(self, kind: str, amplitudes: np.ndarray, load_cases: Sequence[str]) -> np.ndarray:
-        """Amplitudes (R, na) of one kind in lanes of the given load cases, from those of all directions (n,)."""
-        by_lane = np.zeros((len(load_cases), len(self.roads.vehicle.axles)))
+        """Amplitudes (R, na) of one kind in passes of the given load cases, from those of all directions (n,)."""
+        by_pass = np.zeros((len(load_cases), len(self.roads.vehicle.axles)))
         of = [(d, v) for d, v in zip(self.directions, amplitudes, strict=True) if d.kind == kind]
         common = sum(v for d, v in of if d.axle is None)
         for direction, value in of:
             if direction.axle is not None:
-                lanes = [direction.load_case in (None, case) for case in load_cases]
-                by_lane[lanes, direction.axle] = np.clip(common + value, -REACH[kind], REACH[kind])
-        return by_lane
+                affected = [direction.load_case in (None, case) for case in load_cases]
+                by_pass[affected, direction.axle] = np.clip(common + value, -REACH[kind], REACH[kind])
+        return by_pass
 
     def laws(self, inputs: LawInputs, amplitudes: np.ndarray, load_cases: Sequence[str]) -> LawInputs:
-        """Law inputs of lanes moved along the directions of tires and friction."""
+        """Law inputs of passes moved along the directions of tires and friction."""
         stiffer = np.exp(self.spread(TIRE_LOAD, amplitudes, load_cases))[..., None]
         rubbing = np.maximum(self.spread(FRICTION, amplitudes, load_cases)[0], 0.0)
         moved = inputs._replace(tire_factor=stiffer)

@@ -16,11 +16,11 @@ import numpy as np
 from sysid.arrays import Parameters, RunsByChannels
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays
 from sysid.estimation.residuals.residual_weights import Weights
-from sysid.estimation.residuals.run_motion import OWN, RunMotion
+from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, RunMotion
 from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import simulate_runs
+from sysid.vehicle_model.device_arrays import HostOrDevice
 from sysid.vehicle_model.engines.protocol import Linearisation
-from sysid.vehicle_model.lane_arrays import HostOrDevice
 
 
 class ResidualColumns(NamedTuple):
@@ -103,7 +103,7 @@ def with_columns(
 
     def widened(derivatives: HostOrDevice, more: np.ndarray) -> np.ndarray:
         old = np.asarray(derivatives)
-        return np.concatenate([old[..., :-OWN], more, old[..., -OWN:]], axis=-1)
+        return np.concatenate([old[..., :-RUN_UNKNOWNS], more, old[..., -RUN_UNKNOWNS:]], axis=-1)
 
     return tuple(
         lin._replace(

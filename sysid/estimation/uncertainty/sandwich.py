@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
-from sysid.estimation.residuals.run_motion import OWN
+from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS
 from sysid.estimation.residuals.run_unknowns import response_of_runs
 
 #: Smallest eigenvalue of an information with a diagonal of ones.
@@ -64,7 +64,7 @@ def block_scores(
     parts_of : (R, C) bool, channels whose information is wanted one by one, run after run; None for none.
     """
     runs, width = jacobian.shape[1], jacobian.shape[-1]
-    count = width - OWN
+    count = width - RUN_UNKNOWNS
     scores = gain_jacobian * gain_residual[..., None]
     normal = np.empty((runs, width, width))
     by_channel = np.empty((runs, jacobian.shape[2], width, width)) if parts_of is not None else None

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.ndimage import correlate1d, label, maximum_filter1d, median_filter, uniform_filter1d
 from scipy.stats import norm, t
 
-from sysid.arrays import Channels, SamplesByRunsByChannels
+from sysid.arrays import Channels, Samples, SamplesByRunsByChannels
 
 #: Degrees of freedom that are tried; above the last one tails cannot be told from normal ones.
 DEGREES_OF_FREEDOM = (2.0, 3.0, 4.0, 6.0, 9.0)
@@ -42,13 +42,15 @@ class Tails(NamedTuple):
     weight: SamplesByRunsByChannels
 
     @property
-    def information(self) -> np.ndarray:
+    def information(self) -> Channels:
         """Share (C,) of the information of the weighted squares that the readings have."""
         nu = self.degrees_of_freedom
         return np.where(np.isfinite(nu), (np.where(np.isfinite(nu), nu, 1.0) + 1.0) / (nu + 3.0), 1.0)
 
 
-def heavy_tails(measured: np.ndarray, residual: np.ndarray, reading: np.ndarray) -> Tails:
+def heavy_tails(
+    measured: SamplesByRunsByChannels, residual: SamplesByRunsByChannels, reading: SamplesByRunsByChannels
+) -> Tails:
     """Tails of every channel from its residuals in all runs.
 
     Parameters
@@ -59,14 +61,14 @@ def heavy_tails(measured: np.ndarray, residual: np.ndarray, reading: np.ndarray)
     for c in range(measured.shape[2]):
         runs = range(measured.shape[1])
         standing = [standing_out(measured[:, r, c], residual[:, r, c], reading[:, r, c]) for r in runs]
-        u = np.concatenate([own[np.isfinite(own)] for own in standing])
+        u = np.concatenate([residuals[np.isfinite(residuals)] for residuals in standing])
         if u.size < _FEWEST or not np.any(u):
             continue
         nu[c], scale = best_distribution(u)
         if np.isfinite(nu[c]):
-            for r, own in enumerate(standing):
-                t_weight = (nu[c] + 1.0) / (nu[c] + (np.nan_to_num(own) / scale) ** 2)
-                weight[:, r, c] = np.where(np.isfinite(own) & ~_lasting(t_weight < _LOW), t_weight, 1.0)
+            for r, residuals in enumerate(standing):
+                t_weight = (nu[c] + 1.0) / (nu[c] + (np.nan_to_num(residuals) / scale) ** 2)
+                weight[:, r, c] = np.where(np.isfinite(residuals) & ~_lasting(t_weight < _LOW), t_weight, 1.0)
     return Tails(nu, weight)
 
 
@@ -76,7 +78,7 @@ def _lasting(low: np.ndarray) -> np.ndarray:
     return np.asarray(low & (np.bincount(row)[row] > _LONGEST))
 
 
-def standing_out(measured: np.ndarray, residual: np.ndarray, reading: np.ndarray) -> np.ndarray:
+def standing_out(measured: Samples, residual: Samples, reading: Samples) -> Samples:
     """How far residuals (n,) stand out of their neighbours, in standard deviations of their surroundings.
 
     NaN where that cannot be said: a neighbour is missing, or the surroundings move less than the channel's resolution

@@ -8,10 +8,10 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import Found, RefusedError
+from sysid.logs.selection import FileChannel, RefusedError
 
 
-def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
+def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
     """Columns of the table."""
     import pyarrow as pa
 
@@ -24,24 +24,26 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
         yield from _feather(stream)
 
 
-def _parquet(stream: BinaryIO) -> Iterator[Found]:
+def _parquet(stream: BinaryIO) -> Iterator[FileChannel]:
     from pyarrow.parquet import ParquetFile
 
     file = ParquetFile(stream, memory_map=False, pre_buffer=False)
     for field in file.schema_arrow:
-        yield _found(field, file.metadata.num_rows, lambda n=field.name: file.read([n], use_threads=False).column(0))
+        yield _file_channel(
+            field, file.metadata.num_rows, lambda n=field.name: file.read([n], use_threads=False).column(0)
+        )
 
 
-def _feather(stream: BinaryIO) -> Iterator[Found]:
+def _feather(stream: BinaryIO) -> Iterator[FileChannel]:
     import pyarrow as pa
 
     stream.seek(0)
     table = pa.ipc.open_file(stream).read_all()
     for place, field in enumerate(table.schema):
-        yield _found(field, table.num_rows, lambda i=place: table.column(i))
+        yield _file_channel(field, table.num_rows, lambda i=place: table.column(i))
 
 
-def _found(field: Any, rows: int, column: Any) -> Found:
+def _file_channel(field: Any, rows: int, column: Any) -> FileChannel:
     def load() -> tuple[np.ndarray, str | None]:
         import pyarrow as pa
 
@@ -53,7 +55,7 @@ def _found(field: Any, rows: int, column: Any) -> Found:
             raise RefusedError(f"has {str(kind)[:30]} in '{field.name[:60]}', expected numbers; write it as numbers")
         return values.to_numpy(), (field.metadata or {}).get(b"unit")
 
-    return Found(field.name, rows, load)
+    return FileChannel(field.name, rows, load)
 
 
 def _is_number(pa: Any, kind: Any) -> bool:

@@ -10,12 +10,12 @@ import numpy as np
 
 from sysid import limits
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import Found, RefusedError
+from sysid.logs.selection import FileChannel, RefusedError
 from sysid.logs.text_numbers import MISSING
 from sysid.logs.time_columns import TIME_NAMES
 
 
-def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
+def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
     """Columns of all sheets that have a row with names of columns.
 
     Raises
@@ -37,7 +37,7 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
         yield from _of_sheet(name, sheet.to_python(skip_empty_area=False), request)
 
 
-def _of_sheet(sheet: str, rows: list[list[Any]], request: dict[str, Any]) -> Iterator[Found]:
+def _of_sheet(sheet: str, rows: list[list[Any]], request: dict[str, Any]) -> Iterator[FileChannel]:
     wanted = {*request["wanted"], *([request["time"]] if request["time"] else [])}
     wanted |= {name.rpartition("/")[2] for name in wanted}
     header = max(range(min(len(rows), limits.HEADER_LINES)), key=lambda i: _hits(rows[i], wanted), default=None)
@@ -51,7 +51,7 @@ def _of_sheet(sheet: str, rows: list[list[Any]], request: dict[str, Any]) -> Ite
         name = str(cell).strip()
         if name:
             unit = str(rows[header + 1][place]) if request["units_row"] and header + 1 < len(rows) else None
-            yield Found(name, len(body), _loader(body, place, name, first, unit), sheet, first_row=first + 1)
+            yield FileChannel(name, len(body), _loader(body, place, name, first, unit), sheet, first_row=first + 1)
 
 
 def _loader(

@@ -10,14 +10,14 @@ import numpy as np
 
 from sysid import limits
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import Found, RefusedError, even_time
+from sysid.logs.selection import FileChannel, RefusedError, even_time
 
 _UNITS = ("unit", "units", "Unit", "Units", "UNIT", "unit_string")
 _STEPS = ("sample_interval_s", "dt", "wf_increment")
 _RATES = ("sample_rate_hz", "sample_rate", "sampling_rate", "fs")
 
 
-def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
+def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
     """Data sets of all groups that are vectors of numbers.
 
     Raises
@@ -44,7 +44,7 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
             yield from _of_data_set(file[path], path)
 
 
-def _of_data_set(data: Any, path: str) -> Iterator[Found]:
+def _of_data_set(data: Any, path: str) -> Iterator[FileChannel]:
     if data.external or data.is_virtual:
         raise RefusedError(f"keeps the data of '{path[:60]}' in other files; write them into one")
     if data.shape is None or data.dtype is None:
@@ -52,9 +52,11 @@ def _of_data_set(data: Any, path: str) -> Iterator[Found]:
     group, _, name = path.rpartition("/")
     if data.dtype.names and len(data.shape) == 1:
         for column in data.dtype.names[: limits.LOG_COLUMNS]:
-            yield Found(str(column), data.shape[0], partial(_column, data, column), path)
+            yield FileChannel(str(column), data.shape[0], partial(_column, data, column), path)
     elif data.dtype.kind in "biufc" and sum(n != 1 for n in data.shape) <= 1 and data.size > 1:
-        yield Found(name, data.size, lambda: (np.asarray(data[()]).reshape(-1), _unit(data)), group, *_own_time(data))
+        yield FileChannel(
+            name, data.size, lambda: (np.asarray(data[()]).reshape(-1), _unit(data)), group, *_own_time(data)
+        )
 
 
 def _column(data: Any, column: str) -> tuple[np.ndarray, None]:

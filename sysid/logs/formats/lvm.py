@@ -9,10 +9,10 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import Found, RefusedError, even_time
+from sysid.logs.selection import FileChannel, RefusedError, even_time
 
 
-def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
+def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
     """Channels of all segments; with several, the group is ``segment 1`` and so on."""
     from lvm_read import read_str
 
@@ -25,7 +25,7 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
             yield from _of_segment(segment, str(content.get("X_Columns", "One")), f"segment {number + 1}" * several)
 
 
-def _of_segment(segment: dict[str, Any], x_columns: str, group: str) -> Iterator[Found]:
+def _of_segment(segment: dict[str, Any], x_columns: str, group: str) -> Iterator[FileChannel]:
     names, data = segment["Channel names"], segment["data"]
     if data.ndim != 2 or not data.size:
         return
@@ -48,7 +48,7 @@ def _of_segment(segment: dict[str, Any], x_columns: str, group: str) -> Iterator
         time = _even(segment, entry, count) if without_x or x_place is None else _column(data, x_place, count, name)
         clock = "Delta_X" if without_x or x_place is None else f"X_Value in column {x_place + 1}"
         unit = units[entry] if entry < len(units) else None
-        yield Found(name, count, partial(_channel, data[:count, place], unit, name), group, time, clock)
+        yield FileChannel(name, count, partial(_channel, data[:count, place], unit, name), group, time, clock)
 
 
 def _channel(values: np.ndarray, unit: str | None, name: str) -> tuple[np.ndarray, str | None]:

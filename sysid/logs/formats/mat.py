@@ -10,12 +10,12 @@ import numpy as np
 
 from sysid.logs.by_library import library_format
 from sysid.logs.formats import hdf5
-from sysid.logs.selection import Found
+from sysid.logs.selection import FileChannel
 
 _NUMBERS = ("double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
 
 
-def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
+def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
     """Vectors by name; those in a structure S stand in the group S."""
     head = stream.read(520)
     stream.seek(0)
@@ -26,7 +26,7 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
 
     for name, shape, kind in whosmat(stream):
         if kind in _NUMBERS and sum(n != 1 for n in shape) <= 1 and np.prod(shape, dtype=float) > 1:
-            yield Found(name, int(max(shape)), partial(_loaded, stream, name))
+            yield FileChannel(name, int(max(shape)), partial(_loaded, stream, name))
         elif kind == "struct" and tuple(shape) == (1, 1):
             yield from _of_structure(name, _variable(stream, name))
 
@@ -43,14 +43,14 @@ def _variable(stream: BinaryIO, name: str) -> Any:
     return value if value.dtype.names else np.asarray(value).reshape(-1)
 
 
-def _of_structure(name: str, value: np.ndarray) -> Iterator[Found]:
+def _of_structure(name: str, value: np.ndarray) -> Iterator[FileChannel]:
     record = value.reshape(-1)[0]
     for field in value.dtype.names or ():
         inner = record[field]
         if not isinstance(inner, np.ndarray) or inner.dtype.kind not in "biufc" or inner.size < 2:
             continue
         if sum(n != 1 for n in inner.shape) <= 1:
-            yield Found(field, inner.size, partial(_flat, inner), name)
+            yield FileChannel(field, inner.size, partial(_flat, inner), name)
 
 
 def _flat(value: np.ndarray) -> tuple[np.ndarray, None]:

@@ -8,10 +8,10 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import Found, RefusedError
+from sysid.logs.selection import FileChannel, RefusedError
 
 
-def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
+def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
     """Channels of all groups but their masters."""
     import logging
 
@@ -24,10 +24,10 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
         master = file.masters_db.get(number)
         for place, channel in enumerate(group.channels):
             if place != master:
-                yield _found(file, number, place, channel.name, label, int(group.channel_group.cycles_nr))
+                yield _file_channel(file, number, place, channel.name, label, int(group.channel_group.cycles_nr))
 
 
-def _found(file: Any, group: int, place: int, name: str, label: str, length: int) -> Found:
+def _file_channel(file: Any, group: int, place: int, name: str, label: str, length: int) -> FileChannel:
     read: list[Any] = []
 
     def signal() -> Any:
@@ -41,7 +41,9 @@ def _found(file: Any, group: int, place: int, name: str, label: str, length: int
             raise RefusedError(f"has an array in the channel '{name[:60]}', expected single numbers; choose another")
         return values, signal().unit
 
-    return Found(name, length, load, label, lambda: np.asarray(signal().timestamps, np.float64), f"time of {label}")
+    return FileChannel(
+        name, length, load, label, lambda: np.asarray(signal().timestamps, np.float64), f"time of {label}"
+    )
 
 
 FORMAT = library_format(

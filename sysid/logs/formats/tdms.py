@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import Found, RefusedError, even_time
+from sysid.logs.selection import FileChannel, RefusedError, even_time
 
 #: Scalings that the library knows; others it leaves out with a line in its log, which would pass raw counts as values.
 _UNSCALED = ("scale", "scaling")
@@ -26,7 +26,7 @@ class _Complaints(logging.Handler):
         self.lines.append(record.getMessage())
 
 
-def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
+def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
     """Channels of all groups; starts of waveforms are counted from the earliest one of the file.
 
     Raises
@@ -47,7 +47,7 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
         raise RefusedError("is a TDMS file that ends before its data do; copy or export it again")
     for channel, start in zip(channels, starts, strict=True):
         offset = 0.0 if start is None else float((start - min(known)) / np.timedelta64(1, "ns")) * 1e-9
-        yield _found(channel, offset, complaints)
+        yield _file_channel(channel, offset, complaints)
 
 
 def _start(channel: Any) -> np.datetime64 | None:
@@ -55,7 +55,7 @@ def _start(channel: Any) -> np.datetime64 | None:
     return start if isinstance(start, np.datetime64) and not np.isnat(start) and start.astype("i8") else None
 
 
-def _found(channel: Any, offset_s: float, complaints: _Complaints) -> Found:
+def _file_channel(channel: Any, offset_s: float, complaints: _Complaints) -> FileChannel:
     properties = channel.properties
     step = properties.get("wf_increment")
     length = len(channel)
@@ -76,8 +76,8 @@ def _found(channel: Any, offset_s: float, complaints: _Complaints) -> Found:
     if isinstance(step, (int, float)) and step:
         start = offset_s + float(properties.get("wf_start_offset", 0.0) or 0.0)
         time = even_time(start, float(step), length)
-        return Found(channel.name, length, load, channel.group_name, time, f"waveform {start!r} {step!r}")
-    return Found(channel.name, length, load, channel.group_name)
+        return FileChannel(channel.name, length, load, channel.group_name, time, f"waveform {start!r} {step!r}")
+    return FileChannel(channel.name, length, load, channel.group_name)
 
 
 FORMAT = library_format(

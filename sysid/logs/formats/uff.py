@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import Found, RefusedError
+from sysid.logs.selection import FileChannel, RefusedError
 
 _HEAD = re.compile(rb"^\s*-1[ \t]*\r?\n\s{0,5}(15|55|58b?|82|15[01]|164|18|1858|24\d\d)\b")
 _TIME = 17
@@ -19,7 +19,7 @@ _DIRECTIONS = {0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z", 4
                -5: "-RY", 6: "+RZ", -6: "-RZ"}  # fmt: skip
 
 
-def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
+def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
     """Functions over time by the name in their first line, else by node and direction, such as ``12+Z``.
 
     Raises
@@ -40,10 +40,10 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
         raise RefusedError("has no data set 58; export the time histories as universal file 58")
     for one in sets:
         if int(one.get("abscissa_spec_data_type", _TIME)) == _TIME:
-            yield _found(one)
+            yield _file_channel(one)
 
 
-def _found(one: dict[str, Any]) -> Found:
+def _file_channel(one: dict[str, Any]) -> FileChannel:
     values, time = np.asarray(one["data"]), np.asarray(one["x"], np.float64)
     label = str(one.get("id1", "")).strip()
     if not label or label.upper() == "NONE":
@@ -52,7 +52,7 @@ def _found(one: dict[str, Any]) -> Found:
     unit_or_none = None if unit.upper() == "NONE" else unit
     # Equal steps and sizes make one clock of two data sets.
     clock = f"abscissa {time.size} {time[:1].tolist()} {time[-1:].tolist()}"
-    return Found(label, values.size, lambda: (values, unit_or_none), time=lambda: time, clock=clock)
+    return FileChannel(label, values.size, lambda: (values, unit_or_none), time=lambda: time, clock=clock)
 
 
 FORMAT = library_format(

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.vehicle_model.contact import CELL_POLYNOMIAL, EffectiveRoad, TireLaw
+from sysid.vehicle_model.device_arrays import ChannelHistories, HostOrDevice, RunsBySets
 from sysid.vehicle_model.engines.protocol import (
     LawFunction,
     Linearisation,
@@ -19,14 +20,13 @@ from sysid.vehicle_model.engines.protocol import (
     WheelRoad,
 )
 from sysid.vehicle_model.filters import FilterRecursion
-from sysid.vehicle_model.lane_arrays import ChannelHistories, HostOrDevice, PerLane
-from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.native import kernel
 from sysid.vehicle_model.native.buffers import COORDINATES, ELEMENTS, MAX_AXLES, POLE_NUMBERS, law_rows
 from sysid.vehicle_model.native.kernel import Call
 from sysid.vehicle_model.readings import Readings
 from sysid.vehicle_model.simulation import Histories, SensorLayout
+from sysid.vehicle_model.stacked_matrices import StackedMatrices
 from sysid.vehicle_model.suspension import Ramps, SuspensionLaw
 
 _NOTHING = np.zeros(0)
@@ -45,9 +45,9 @@ class NativeEngine:
 
     name: str = "native"
 
-    def takes(self, lanes: LaneMatrices) -> bool:
+    def takes(self, matrices: StackedMatrices) -> bool:
         """Vehicles of the sizes that the kernel is compiled for."""
-        return lanes.body_rows.shape[2] in COORDINATES and lanes.static_load.shape[1] <= MAX_AXLES
+        return matrices.body_rows.shape[2] in COORDINATES and matrices.static_load.shape[1] <= MAX_AXLES
 
     def prepare(self, road: EffectiveRoad, axle_x: HostOrDevice, motion: Motion, timing: Timing) -> WheelRoad:
         """Nothing to do beforehand."""
@@ -55,7 +55,7 @@ class NativeEngine:
 
     def sensors(
         self,
-        lanes: LaneMatrices,
+        matrices: StackedMatrices,
         suspension: SuspensionLaw,
         tire: TireLaw,
         road: WheelRoad,
@@ -64,19 +64,19 @@ class NativeEngine:
         recursion: FilterRecursion | None,
     ) -> ChannelHistories:
         """Filtered sensor signals (T, R, C, S)."""
-        return kernel.run(_call("sensors", lanes, (suspension, tire), road, timing, layout, recursion))[0]
+        return kernel.run(_call("sensors", matrices, (suspension, tire), road, timing, layout, recursion))[0]
 
     def histories(
-        self, lanes: LaneMatrices, suspension: SuspensionLaw, tire: TireLaw, road: WheelRoad, timing: Timing
+        self, matrices: StackedMatrices, suspension: SuspensionLaw, tire: TireLaw, road: WheelRoad, timing: Timing
     ) -> Histories:
         """Unfiltered histories."""
-        all_axles = tuple(range(lanes.static_load.shape[1]))
-        call = _call("histories", lanes, (suspension, tire), road, timing, SensorLayout(all_axles, all_axles), None)
+        all_axles = tuple(range(matrices.static_load.shape[1]))
+        call = _call("histories", matrices, (suspension, tire), road, timing, SensorLayout(all_axles, all_axles), None)
         return Histories(*kernel.run(call))
 
     def linearise(
         self,
-        lanes: LaneMatrices,
+        matrices: StackedMatrices,
         laws: LawFunction,
         unknowns: Unknowns,
         road: WheelRoad,
@@ -85,7 +85,7 @@ class NativeEngine:
         recursion: FilterRecursion | None,
         readings: Readings,
     ) -> Linearisation:
-        """Derivatives as lanes of the time loop; those of the laws' rows by JAX."""
+        """Derivatives beside the values in the time loop; those of the laws' rows by JAX."""
         at = jnp.broadcast_to(unknowns.value[:, None], unknowns.parameters.shape)
         tangents = jax.jvp(lambda x: _differentiated(*laws(x)), (at,), (unknowns.parameters,))[1]
         more = {
@@ -95,11 +95,11 @@ class NativeEngine:
             **readings._asdict(),
         }
         one = laws(unknowns.value[:, None])
-        return Linearisation(*kernel.run(_call("linearise", lanes, one, road, timing, layout, recursion, more)))
+        return Linearisation(*kernel.run(_call("linearise", matrices, one, road, timing, layout, recursion, more)))
 
     def misfits(
         self,
-        lanes: LaneMatrices,
+        matrices: StackedMatrices,
         suspension: SuspensionLaw,
         tire: TireLaw,
         road: WheelRoad,
@@ -108,9 +108,9 @@ class NativeEngine:
         recursion: FilterRecursion | None,
         readings: Readings,
         local: LocalColumns,
-    ) -> PerLane:
+    ) -> RunsBySets:
         """r'r - b' N^-1 b, (R, S); the signals of a run never leave the processor's cache."""
-        call = misfit_call(lanes, (suspension, tire), road, timing, layout, recursion, readings, local)
+        call = misfit_call(matrices, (suspension, tire), road, timing, layout, recursion, readings, local)
         return kernel.run(call)[0]
 
 
@@ -118,7 +118,7 @@ NATIVE = NativeEngine()
 
 
 def misfit_call(
-    lanes: LaneMatrices,
+    matrices: StackedMatrices,
     laws: tuple[SuspensionLaw, TireLaw],
     road: WheelRoad,
     timing: Timing,
@@ -129,12 +129,12 @@ def misfit_call(
 ) -> Call:
     """The call that computes misfits, as the benchmark without Python and XLA wants it too."""
     more = {**readings._asdict(), **{f"local_{name}": array for name, array in local._asdict().items()}}
-    return _call("misfits", lanes, laws, road, timing, layout, recursion, more)
+    return _call("misfits", matrices, laws, road, timing, layout, recursion, more)
 
 
 def _call(
     entry: str,
-    lanes: LaneMatrices,
+    matrices: StackedMatrices,
     laws: tuple[SuspensionLaw, TireLaw],
     road: WheelRoad,
     timing: Timing,
@@ -144,18 +144,18 @@ def _call(
 ) -> Call:
     suspension, tire = laws
     present, ramps = _elements(suspension), [0 if r is None else len(r.at) for r in _corners(suspension)]
-    arrays = _lane_arrays(lanes) | _road_arrays(road) | _filter_arrays(recursion) | _law_arrays(suspension, tire)
+    arrays = _matrix_arrays(matrices) | _road_arrays(road) | _filter_arrays(recursion) | _law_arrays(suspension, tire)
     rows, runs, axles, sets = arrays["laws"].shape
     sizes = {
         "R": runs,
         "S": sets,
         "T": timing.samples,
-        "C": len(layout.deflection_axles) + len(layout.acceleration_axles) + lanes.body_rows.shape[1],
+        "C": len(layout.deflection_axles) + len(layout.acceleration_axles) + matrices.body_rows.shape[1],
         "na": axles,
-        "nb": lanes.body_rows.shape[2],
-        "nr": lanes.body_rows.shape[1],
+        "nb": matrices.body_rows.shape[2],
+        "nr": matrices.body_rows.shape[1],
         "n": arrays["rise"].shape[2],
-        "nf": 0 if lanes.frames is None else lanes.frames.select.shape[1],
+        "nf": 0 if matrices.frames is None else matrices.frames.select.shape[1],
         "L": rows,
         "J": sum(ramps),
         "poles": arrays["filter"].shape[0],
@@ -176,14 +176,14 @@ def _call(
     return Call(entry, arrays | (more or {}), sizes, settings)
 
 
-def _lane_arrays(lanes: LaneMatrices) -> dict[str, Any]:
+def _matrix_arrays(matrices: StackedMatrices) -> dict[str, Any]:
     names = ("position", "rate", "acceleration", "inverse_unsprung", "static_load", "body_rows")
-    beams = (_NOTHING,) * 4 if lanes.beams is None else lanes.beams
+    beams = (_NOTHING,) * 4 if matrices.beams is None else matrices.beams
     return (
-        {name: getattr(lanes, name) for name in names}
+        {name: getattr(matrices, name) for name in names}
         | dict(zip(("wheel", "tire_push", "beam_pull", "carries"), beams, strict=True))
-        | {"sharing": _NOTHING if lanes.sharing is None else lanes.sharing}
-        | dict(zip(("frame_select", "frame_push"), lanes.frames or (_NOTHING,) * 2, strict=True))
+        | {"sharing": _NOTHING if matrices.sharing is None else matrices.sharing}
+        | dict(zip(("frame_select", "frame_push"), matrices.frames or (_NOTHING,) * 2, strict=True))
     )
 
 
@@ -225,7 +225,7 @@ def _corners(law: SuspensionLaw) -> tuple[Ramps | None, ...]:
 
 
 def _law_arrays(suspension: SuspensionLaw, tire: TireLaw) -> dict[str, jax.Array]:
-    """Laws of all lanes as rows; elements that no axle has are left out."""
+    """Laws of all passes and sets as rows; elements that no axle has are left out."""
     shape = suspension.stiffness.shape
 
     def row(value: jax.Array) -> jax.Array:

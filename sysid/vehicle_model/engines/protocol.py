@@ -14,15 +14,15 @@ from typing import Any, NamedTuple, Protocol
 import jax
 
 from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
+from sysid.vehicle_model.device_arrays import ChannelHistories, HostOrDevice, ParametersBySets, RunsBySets
 from sysid.vehicle_model.filters import FilterRecursion
-from sysid.vehicle_model.lane_arrays import ChannelHistories, HostOrDevice, ParametersBySets, PerLane
-from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.motion import Motion, MotionChange
 from sysid.vehicle_model.readings import Readings
 from sysid.vehicle_model.simulation import Histories, SensorLayout
+from sysid.vehicle_model.stacked_matrices import StackedMatrices
 from sysid.vehicle_model.suspension import SuspensionLaw
 
-#: Suspension and tire laws of all lanes, as a function of parameters (p, S).
+#: Suspension and tire laws of all runs and sets, as a function of parameters (p, S).
 LawFunction = Callable[[ParametersBySets], tuple[SuspensionLaw, TireLaw]]
 
 
@@ -92,7 +92,7 @@ class Engine(Protocol):
     def name(self) -> str:
         """What it is called in settings and results."""
 
-    def takes(self, lanes: LaneMatrices) -> bool:
+    def takes(self, matrices: StackedMatrices) -> bool:
         """Whether it can integrate vehicles of this size."""
 
     def prepare(self, road: EffectiveRoad, axle_x: HostOrDevice, motion: Motion, timing: Timing) -> WheelRoad:
@@ -100,7 +100,7 @@ class Engine(Protocol):
 
     def sensors(
         self,
-        lanes: LaneMatrices,
+        matrices: StackedMatrices,
         suspension: SuspensionLaw,
         tire: TireLaw,
         road: WheelRoad,
@@ -111,13 +111,13 @@ class Engine(Protocol):
         """Sensor signals (T, R, C, S) through the filter, see :func:`sysid.vehicle_model.simulate_sensors`."""
 
     def histories(
-        self, lanes: LaneMatrices, suspension: SuspensionLaw, tire: TireLaw, road: WheelRoad, timing: Timing
+        self, matrices: StackedMatrices, suspension: SuspensionLaw, tire: TireLaw, road: WheelRoad, timing: Timing
     ) -> Histories:
         """Unfiltered histories, see :func:`sysid.vehicle_model.simulate_histories`."""
 
     def linearise(
         self,
-        lanes: LaneMatrices,
+        matrices: StackedMatrices,
         laws: LawFunction,
         unknowns: Unknowns,
         road: WheelRoad,
@@ -130,7 +130,7 @@ class Engine(Protocol):
 
     def misfits(
         self,
-        lanes: LaneMatrices,
+        matrices: StackedMatrices,
         suspension: SuspensionLaw,
         tire: TireLaw,
         road: WheelRoad,
@@ -139,5 +139,5 @@ class Engine(Protocol):
         recursion: FilterRecursion | None,
         readings: Readings,
         local: LocalColumns,
-    ) -> PerLane:
+    ) -> RunsBySets:
         """r'r - b' N^-1 b of every run and set (R, S): squares with the runs' own unknowns marginalised."""

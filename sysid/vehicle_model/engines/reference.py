@@ -10,6 +10,13 @@ import jax.numpy as jnp
 
 from sysid.vehicle_model import simulation
 from sysid.vehicle_model.contact import EffectiveRoad, RoadInput, TireLaw, road_input
+from sysid.vehicle_model.device_arrays import (
+    ChannelHistories,
+    HostOrDevice,
+    ParametersBySets,
+    RunsByChannelsBySets,
+    RunsBySets,
+)
 from sysid.vehicle_model.engines.protocol import (
     LawFunction,
     Linearisation,
@@ -19,11 +26,10 @@ from sysid.vehicle_model.engines.protocol import (
     WheelRoad,
 )
 from sysid.vehicle_model.filters import FilterRecursion
-from sysid.vehicle_model.lane_arrays import ChannelHistories, ChannelLanes, HostOrDevice, ParametersBySets, PerLane
-from sysid.vehicle_model.lane_matrices import LaneMatrices
 from sysid.vehicle_model.motion import Motion, MotionChange
 from sysid.vehicle_model.readings import Readings, standardised_residuals
 from sysid.vehicle_model.simulation import Histories, SensorLayout, stage_times
+from sysid.vehicle_model.stacked_matrices import StackedMatrices
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 
@@ -42,7 +48,7 @@ class ReferenceEngine:
 
     name: str = "reference"
 
-    def takes(self, lanes: LaneMatrices) -> bool:
+    def takes(self, matrices: StackedMatrices) -> bool:
         """Vehicles of any size."""
         return True
 
@@ -52,7 +58,7 @@ class ReferenceEngine:
 
     def sensors(
         self,
-        lanes: LaneMatrices,
+        matrices: StackedMatrices,
         suspension: SuspensionLaw,
         tire: TireLaw,
         road: WheelRoad,
@@ -61,14 +67,14 @@ class ReferenceEngine:
         recursion: FilterRecursion | None,
     ) -> ChannelHistories:
         """Filtered sensor signals (T, R, C, S)."""
-        return _sensors(lanes, suspension, tire, road.motion, road, timing, layout, recursion)
+        return _sensors(matrices, suspension, tire, road.motion, road, timing, layout, recursion)
 
     def histories(
-        self, lanes: LaneMatrices, suspension: SuspensionLaw, tire: TireLaw, road: WheelRoad, timing: Timing
+        self, matrices: StackedMatrices, suspension: SuspensionLaw, tire: TireLaw, road: WheelRoad, timing: Timing
     ) -> Histories:
         """Unfiltered histories."""
         return simulation.simulate_histories(
-            lanes,
+            matrices,
             suspension,
             tire,
             road.motion,
@@ -79,7 +85,7 @@ class ReferenceEngine:
 
     def linearise(
         self,
-        lanes: LaneMatrices,
+        matrices: StackedMatrices,
         laws: LawFunction,
         unknowns: Unknowns,
         road: WheelRoad,
@@ -88,14 +94,14 @@ class ReferenceEngine:
         recursion: FilterRecursion | None,
         readings: Readings,
     ) -> Linearisation:
-        """Forward-mode derivatives: one lane for each unknown."""
+        """Forward-mode derivatives: one tangent for each unknown."""
 
         def residuals(
             parameters: ParametersBySets, change: MotionChange
-        ) -> tuple[ChannelHistories, ChannelLanes, ChannelHistories]:
+        ) -> tuple[ChannelHistories, RunsByChannelsBySets, ChannelHistories]:
             suspension, tire = laws(parameters)
             motion = road.motion._replace(change=change)
-            simulated = _sensors(lanes, suspension, tire, motion, road, timing, layout, recursion)
+            simulated = _sensors(matrices, suspension, tire, motion, road, timing, layout, recursion)
             return (*standardised_residuals(readings, simulated), simulated)
 
         tangents = unknowns.parameters, unknowns.motion
@@ -106,7 +112,7 @@ class ReferenceEngine:
 
     def misfits(
         self,
-        lanes: LaneMatrices,
+        matrices: StackedMatrices,
         suspension: SuspensionLaw,
         tire: TireLaw,
         road: WheelRoad,
@@ -115,9 +121,9 @@ class ReferenceEngine:
         recursion: FilterRecursion | None,
         readings: Readings,
         local: LocalColumns,
-    ) -> PerLane:
+    ) -> RunsBySets:
         """r'r - b' N^-1 b, (R, S)."""
-        simulated = self.sensors(lanes, suspension, tire, road, timing, layout, recursion)
+        simulated = self.sensors(matrices, suspension, tire, road, timing, layout, recursion)
         residual, gain = standardised_residuals(readings, simulated)
         squares = (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
         projections = []
@@ -130,7 +136,7 @@ class ReferenceEngine:
 
 
 def _sensors(
-    lanes: LaneMatrices,
+    matrices: StackedMatrices,
     suspension: SuspensionLaw,
     tire: TireLaw,
     motion: Motion,
@@ -140,7 +146,7 @@ def _sensors(
     recursion: FilterRecursion | None,
 ) -> ChannelHistories:
     return simulation.simulate_sensors(
-        lanes,
+        matrices,
         suspension,
         tire,
         motion,

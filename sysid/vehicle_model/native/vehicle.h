@@ -9,12 +9,12 @@
 
 namespace sysid {
 
-// Rigid beams that carry axle groups, as in LaneBeams: (na, na), (na, na), (na, na), (na,); null without groups.
+// Rigid beams that carry axle groups, as in StackedBeams: (na, na), (na, na), (na, na), (na,); null without groups.
 struct Beams {
   const double *wheel = nullptr, *tire = nullptr, *pull = nullptr, *carries = nullptr;
 };
 
-// Bending modes of frames, as in LaneFrames: (count, nb), (nb, count).
+// Bending modes of frames, as in StackedFrames: (count, nb), (nb, count).
 struct Frames {
   int count = 0;
   const double *select = nullptr, *push = nullptr;
@@ -42,7 +42,7 @@ struct MotionChange {
   V speed, start, acceleration;
 };
 
-// Constants of one run (matrices as in LaneMatrices): na axles, nr body sensors.
+// Constants of one run (matrices as in StackedMatrices): na axles, nr body sensors.
 struct Run {
   int axles, body_sensors;
   const double *position, *rate, *acceleration, *inverse_unsprung, *static_load, *body_rows, *axle_x;

@@ -28,13 +28,13 @@ def _check(context: Context) -> QualityReport:
     from sysid.cross_checks import cross_check
 
     report = context.inputs.quality
-    found = cross_check(context.campaign, context.inputs.read)
+    crossed = cross_check(context.campaign, context.inputs.read)
     return replace(
         report,
-        messages=(*report.messages, *(m for m in found.messages if m not in report.messages)),
-        left_out=(*report.left_out, *found.left_out),
-        speeds=found.speeds,
-        scans=found.scans,
+        messages=(*report.messages, *(m for m in crossed.messages if m not in report.messages)),
+        left_out=(*report.left_out, *crossed.left_out),
+        speeds=crossed.speeds,
+        scans=crossed.scans,
     )
 
 

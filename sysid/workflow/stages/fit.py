@@ -249,10 +249,10 @@ def _profiled(context: Context) -> Sequence[str]:
     chosen: list[str] = []
     for name in context.options.get("profiled") or ():
         # k_3 stands for the stiffness of axle 3 in every load case.
-        found = [n for n in names if n == name or n.startswith(f"{name}[")]
-        if not found:
+        matching = [n for n in names if n == name or n.startswith(f"{name}[")]
+        if not matching:
             raise CampaignError(finish(f"The fit has no parameter '{name}'; {nearest(name, names)}"))
-        chosen += found
+        chosen += matching
     return tuple(dict.fromkeys(chosen))
 
 
@@ -278,7 +278,7 @@ PROFILE = Itemwise(
     each=_profiles,
     needs=(SCAN, FIT),
     code=("estimation",),
-    put=lambda results, found: replace(results, profiles=tuple(found.values())),
+    put=lambda results, profiles: replace(results, profiles=tuple(profiles.values())),
     effort=120.0,
     command=Command(
         help="Profile of the deviance of chosen parameters, all others optimised anew.",

@@ -13,7 +13,7 @@ from sysid.vehicle_model.assembly import PlanarMatrices
 SPEED_HOLD_S = 0.05
 
 
-class LaneBeams(NamedTuple):
+class StackedBeams(NamedTuple):
     """Unsprung coordinates of R runs of a vehicle with axle groups, see :class:`sysid.vehicle_model.beams.Beams`.
 
     `wheel` (R, na, na) turns coordinates into the rise of the wheels, and extensions at the coordinates into those
@@ -27,7 +27,7 @@ class LaneBeams(NamedTuple):
     carries: np.ndarray
 
 
-class LaneFrames(NamedTuple):
+class StackedFrames(NamedTuple):
     """Bending modes of the frames of R runs, nf of them.
 
     `select` (R, nf, nb) picks their amplitudes from the body coordinates, `push` (R, nb, nf) gives body accelerations
@@ -38,7 +38,7 @@ class LaneFrames(NamedTuple):
     push: np.ndarray
 
 
-class LaneMatrices(NamedTuple):
+class StackedMatrices(NamedTuple):
     """Matrices of R runs for the integrator; nb body coordinates, na axles, nr body sensors.
 
     `position` (R, 2 na + nb, nb) turns body coordinates into attachment heights, wheel travel and the body acceleration
@@ -57,14 +57,14 @@ class LaneMatrices(NamedTuple):
     static_load: np.ndarray
     carried_load: np.ndarray
     body_rows: np.ndarray
-    beams: LaneBeams | None = None
+    beams: StackedBeams | None = None
     sharing: np.ndarray | None = None
-    frames: LaneFrames | None = None
+    frames: StackedFrames | None = None
 
 
-def lane_matrices(
+def stack_matrices(
     matrices: list[PlanarMatrices], body_sensors: list[tuple[int, float]], hold_s: Sequence[float] | None = None
-) -> LaneMatrices:
+) -> StackedMatrices:
     """Stack the matrices of R runs, with one row per body accelerometer given as (body, x_m).
 
     `hold_s` is the time constant T [s] with which each run's driving force holds the speed, infinite for none; None
@@ -78,7 +78,7 @@ def lane_matrices(
         rate.append(np.concatenate([m.attachment, m.travel, -inverse @ hold]))
         acceleration.append(inverse @ np.concatenate([-m.attachment.T, m.travel.T], axis=1))
         rows.append(np.array([m.body_point(body, x) for body, x in body_sensors]).reshape(-1, inverse.shape[0]))
-    return LaneMatrices(
+    return StackedMatrices(
         position=np.stack(position),
         rate=np.stack(rate),
         acceleration=np.stack(acceleration),
@@ -86,13 +86,13 @@ def lane_matrices(
         static_load=np.stack([m.static_load for m in matrices])[..., None],
         carried_load=np.stack([m.carried_load for m in matrices])[..., None],
         body_rows=np.stack(rows),
-        beams=_lane_beams(matrices),
-        sharing=_lane_sharing(matrices),
-        frames=_lane_frames(matrices),
+        beams=_stack_beams(matrices),
+        sharing=_stack_sharing(matrices),
+        frames=_stack_frames(matrices),
     )
 
 
-def _lane_frames(matrices: list[PlanarMatrices]) -> LaneFrames | None:
+def _stack_frames(matrices: list[PlanarMatrices]) -> StackedFrames | None:
     if not any(m.frames for m in matrices):
         return None
     select, push = [], []
@@ -100,20 +100,20 @@ def _lane_frames(matrices: list[PlanarMatrices]) -> LaneFrames | None:
         unit = np.eye(m.mass.shape[0])[list(m.frame_columns)]
         select.append(unit)
         push.append(-np.linalg.solve(m.mass, unit.T * [f.stiffness_mass for f in m.frames]))
-    return LaneFrames(np.stack(select), np.stack(push))
+    return StackedFrames(np.stack(select), np.stack(push))
 
 
-def _lane_sharing(matrices: list[PlanarMatrices]) -> np.ndarray | None:
+def _stack_sharing(matrices: list[PlanarMatrices]) -> np.ndarray | None:
     means = [m.sharing for m in matrices if m.sharing is not None]
     return np.stack(means) if means else None
 
 
-def _lane_beams(matrices: list[PlanarMatrices]) -> LaneBeams | None:
+def _stack_beams(matrices: list[PlanarMatrices]) -> StackedBeams | None:
     beams = [m.beams for m in matrices if m.beams is not None]
     if not beams:
         return None
     inverse = [np.linalg.inv(b.mass) for b in beams]
-    return LaneBeams(
+    return StackedBeams(
         wheel=np.stack([b.wheel for b in beams]),
         tire=np.stack([i @ b.wheel.T for i, b in zip(inverse, beams, strict=True)]),
         pull=np.stack(inverse),

@@ -1,6 +1,7 @@
 """Names for arrays inside compiled functions; each with its shape.
 
-R runs, S parameter sets, na axles, C channels, T samples; a lane is one run with one set.
+R runs, S parameter sets, na axles, C channels, T samples; every run is simulated with every set.  Predicted passes
+stand along R too: the model knows no difference.
 """
 
 from __future__ import annotations
@@ -13,12 +14,12 @@ import numpy as np
 #: Constants of the host that a compiled function takes: inside it they are JAX arrays.
 HostOrDevice: TypeAlias = jax.Array | np.ndarray
 
-#: (R, S) one value for every lane.
-PerLane: TypeAlias = jax.Array
+#: (R, S) one value for every run with every set.
+RunsBySets: TypeAlias = jax.Array
 #: (R, na, S)
-AxleLanes: TypeAlias = jax.Array
+RunsByAxlesBySets: TypeAlias = jax.Array
 #: (R, C, S)
-ChannelLanes: TypeAlias = jax.Array
+RunsByChannelsBySets: TypeAlias = jax.Array
 #: (T, R, na, S) unfiltered histories.
 AxleHistories: TypeAlias = jax.Array
 #: (T, R, C, S) what the sensors show.

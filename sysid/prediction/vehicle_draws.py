@@ -1,4 +1,4 @@
-"""Histories of one pass for many draws of parameters and masses: every draw is a lane with matrices of its own."""
+"""Histories of one pass for many draws of parameters and masses: every draw is a pass with matrices of its own."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import DrawsByParameters
-from sysid.estimation.parameters.lane_laws import LawInputs, lane_laws, law_inputs
+from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.prediction.assumed_stops import AssumedStops
 from sysid.prediction.driven_range import spring_deflection
 from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
+from sysid.vehicle_model.device_arrays import ParametersBySets
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
-from sysid.vehicle_model.lane_arrays import ParametersBySets
-from sysid.vehicle_model.lane_matrices import LaneMatrices
-from sysid.vehicle_model.lanes import Lanes, Pass, pass_matrices
 from sysid.vehicle_model.motion import Motion
+from sysid.vehicle_model.passes import Pass, PassBatch, pass_matrices
+from sysid.vehicle_model.stacked_matrices import StackedMatrices
 from sysid.vehicle_model.suspension import SuspensionLaw
 
-#: Lanes that are simulated side by side.
+#: Passes that are simulated side by side.
 TOGETHER = 20
 
 
@@ -50,7 +50,7 @@ class VehicleDraws:
 
 
 def histories_of_draws(
-    lanes: Lanes,
+    batch: PassBatch,
     parameters: ParameterSet,
     vehicles: VehicleDraws,
     driven: Pass,
@@ -64,7 +64,7 @@ def histories_of_draws(
 
     Parameters
     ----------
-    lanes : the pass `driven` with declared masses, one lane.
+    batch : the pass `driven` alone, with declared masses.
     vehicles : of every draw; log_parameters : (n, p).
     motion : speed [m/s] and start [s] (1, 1).
     """
@@ -78,7 +78,7 @@ def histories_of_draws(
         for draw in chosen:
             log_factors, amplitudes = vehicles.allowances.split(vehicles.amounts[draw])
             vehicle, cases = masses.applied(log_factors)
-            of_draw = replace(lanes, matrices=pass_matrices(vehicle, cases, [driven], []))
+            of_draw = replace(batch, matrices=pass_matrices(vehicle, cases, [driven], []))
             matrices.append(of_draw.matrices)
             inputs = law_inputs(vehicle, parameters, of_draw, [driven.load_case])
             inputs = departures.laws(inputs, amplitudes, [driven.load_case])
@@ -87,7 +87,7 @@ def histories_of_draws(
         stacked = jax.tree.map(lambda *parts: np.concatenate(parts), *matrices)
         inputs = jax.tree.map(lambda *parts: np.stack(parts), *laws)
         speed, start_s = (jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s))
-        road = wheel_road(stacked, _joined(roads), lanes.axle_x, Motion(speed, start_s), timing)
+        road = wheel_road(stacked, _joined(roads), batch.axle_x, Motion(speed, start_s), timing)
         sets = jnp.asarray(log_parameters[chosen, :, None])
         tire, suspension, *deflections = _histories(stacked, inputs, road, sets, timing=timing)
         static.append(np.asarray(stacked.static_load)[..., 0])
@@ -97,7 +97,7 @@ def histories_of_draws(
 
 
 def _joined(roads: list[EffectiveRoad]) -> EffectiveRoad:
-    """The roads of several lanes as one."""
+    """The roads of several passes as one."""
 
     def joined(tables: list[np.ndarray | None]) -> np.ndarray | None:
         present = [t for t in tables if t is not None]
@@ -112,7 +112,7 @@ def _joined(roads: list[EffectiveRoad]) -> EffectiveRoad:
 
 @partial(jax.jit, static_argnames=("timing",))
 def _histories(
-    matrices: LaneMatrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *, timing: Timing
+    matrices: StackedMatrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *, timing: Timing
 ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
     suspension, tire = _laws(inputs, sets)
     histories = road.engine.histories(matrices, suspension, tire, road, timing)
@@ -121,16 +121,16 @@ def _histories(
 
 
 def _laws(inputs: LawInputs, sets: jax.Array) -> tuple[SuspensionLaw, TireLaw]:
-    """Laws with one lane per draw from inputs stacked along the draws and parameters (n, p, 1)."""
+    """Laws with one pass per draw from inputs stacked along the draws and parameters (n, p, 1)."""
 
     def one(of_draw: LawInputs, x: ParametersBySets) -> tuple[SuspensionLaw, tuple[jax.Array, ...]]:
-        suspension, tire = lane_laws(of_draw, x)
-        lane = suspension.stiffness.shape
-        return suspension, tuple(jnp.broadcast_to(v, lane) for v in tire[:-1])
+        suspension, tire = axle_laws(of_draw, x)
+        shape = suspension.stiffness.shape
+        return suspension, tuple(jnp.broadcast_to(v, shape) for v in tire[:-1])
 
-    def as_lanes(x: jax.Array) -> jax.Array:
+    def as_passes(x: jax.Array) -> jax.Array:
         # (n, [ramps,] 1, axles, 1) becomes ([ramps,] n, axles, 1).
         return jnp.moveaxis(x[..., 0, :, :], 0, -3)
 
-    suspension, tire = jax.tree.map(as_lanes, jax.vmap(one)(inputs, sets))
+    suspension, tire = jax.tree.map(as_passes, jax.vmap(one)(inputs, sets))
     return suspension, TireLaw(*tire)

@@ -1,4 +1,4 @@
-"""From the parameter vector to the suspension and tire laws of every lane."""
+"""From the parameter vector to the suspension and tire laws of every axle in every pass."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from sysid.estimation.parameters.suspension_curves import (
 )
 from sysid.estimation.parameters.suspension_elements import coefficients, law_elements, quantities
 from sysid.vehicle_model.contact import TireLaw, tire_law
-from sysid.vehicle_model.lane_arrays import AxleLanes, HostOrDevice, ParametersBySets
-from sysid.vehicle_model.lanes import Lanes
+from sysid.vehicle_model.device_arrays import HostOrDevice, ParametersBySets, RunsByAxlesBySets
+from sysid.vehicle_model.passes import PassBatch
 from sysid.vehicle_model.suspension import FrameLaw, SuspensionLaw
 
 
@@ -57,12 +57,12 @@ class FramePositions(NamedTuple):
 
 
 class LawInputs(NamedTuple):
-    """What turns parameters into laws; positions in the parameter vector and constants of R lanes.
+    """What turns parameters into laws; positions in the parameter vector and constants of R passes.
 
     `stiffness` (R, na); `damping`, `tire_stiffness`, `tire_damping` (na,); `exponent` (); `elements` by quantity;
     `curves` declared by the campaign file; `static_load`, `reference_load`, `carried_load` (R, na, 1) [N]: road load in
-    its lane and in the first load case, load on the suspension; `load_growth` (R, na, 1) the latter over that in the
-    first load case; `tire_factor` (R, na, 1) on a lane's tire stiffness; `shares` of rockers and positions of
+    its pass and in the first load case, load on the suspension; `load_growth` (R, na, 1) the latter over that in the
+    first load case; `tire_factor` (R, na, 1) on a pass's tire stiffness; `shares` of rockers and positions of
     bending `frames`, None without any.
     """
 
@@ -83,12 +83,12 @@ class LawInputs(NamedTuple):
 
 
 def stiffness_positions(parameters: ParameterSet, axles: int, load_cases: list[str]) -> np.ndarray:
-    """Positions (R, na) of every lane's stiffness; `load_cases` names the load case of each lane."""
+    """Positions (R, na) of every pass's stiffness; `load_cases` names the load case of each pass."""
     return np.array([[parameters.index("stiffness", i, case) for i in range(axles)] for case in load_cases])
 
 
-def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_cases: list[str]) -> LawInputs:
-    """Where each axle and lane finds its parameters; `load_cases` names the load case of each lane."""
+def law_inputs(vehicle: Vehicle, parameters: ParameterSet, batch: PassBatch, load_cases: list[str]) -> LawInputs:
+    """Where each axle of each pass finds its parameters; `load_cases` names the load case of each pass."""
     axles = range(len(vehicle.axles))
 
     def per_axle(quantity: str) -> np.ndarray:
@@ -103,8 +103,8 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_ca
         having = [any(q.quantity == quantity for q in quantities(laws[i])) for i in axles]
         position = [parameters.index(quantity, None if shared else i) if having[i] else -1 for i in axles]
         elements[quantity] = ElementIndex(np.array(position), np.full(len(position), neutral))
-    carried = lanes.matrices.carried_load
-    reference = carried[..., 0] + (lanes.reference_load - lanes.matrices.static_load)[..., 0] @ carried_by_suspensions(
+    carried = batch.matrices.carried_load
+    reference = carried[..., 0] + (batch.reference_load - batch.matrices.static_load)[..., 0] @ carried_by_suspensions(
         vehicle
     )
     return LawInputs(
@@ -115,8 +115,8 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, lanes: Lanes, load_ca
         np.array(parameters.index("tire_exponent")),
         elements,
         suspension_curves(vehicle.axles, laws, carried[..., 0], reference),
-        lanes.matrices.static_load,
-        lanes.reference_load,
+        batch.matrices.static_load,
+        batch.reference_load,
         carried,
         carried / reference[..., None],
         np.ones_like(carried),
@@ -146,8 +146,8 @@ def _rocker_shares(vehicle: Vehicle, parameters: ParameterSet) -> RockerShares |
     return shares
 
 
-def lane_laws(inputs: LawInputs, log_parameters: ParametersBySets) -> tuple[SuspensionLaw, TireLaw]:
-    """Suspension and tire laws of every lane from the log parameters (p, S)."""
+def axle_laws(inputs: LawInputs, log_parameters: ParametersBySets) -> tuple[SuspensionLaw, TireLaw]:
+    """Suspension and tire laws (R, na, S) of every axle in every pass from the log parameters (p, S)."""
     values = jnp.exp(log_parameters)
     tire = tire_law(
         values[inputs.tire_stiffness] * inputs.tire_factor,
@@ -161,7 +161,9 @@ def lane_laws(inputs: LawInputs, log_parameters: ParametersBySets) -> tuple[Susp
     return _suspension(inputs, values, stiffness, damping), tire
 
 
-def _suspension(inputs: LawInputs, values: jax.Array, stiffness: AxleLanes, damping: AxleLanes) -> SuspensionLaw:
+def _suspension(
+    inputs: LawInputs, values: jax.Array, stiffness: RunsByAxlesBySets, damping: RunsByAxlesBySets
+) -> SuspensionLaw:
     def element(quantity: str) -> jax.Array | None:
         if quantity not in inputs.elements:
             return None

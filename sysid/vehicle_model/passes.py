@@ -1,4 +1,4 @@
-"""Lanes of a set of passes: matrices and effective roads of each pass, ready for the integrator."""
+"""Passes over bumps: what is driven, what the wheels feel of it, and batches of passes ready for the integrator."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sysid.road.enveloping import SPOKE_EXPONENT, FootprintMap, SpokeTable, foot
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import EffectiveRoad, effective_road
-from sysid.vehicle_model.lane_matrices import SPEED_HOLD_S, LaneMatrices, lane_matrices
+from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, StackedMatrices, stack_matrices
 
 #: Time constants [s] with which a driver, a servo or a winch at constant speed, a cruise control, or nothing at all
 #: holds the speed over the bump.
@@ -31,14 +31,14 @@ class Pass:
 
 
 @dataclass(frozen=True)
-class Lanes:
+class PassBatch:
     """Everything about R passes that does not depend on the estimated parameters.
 
     `matrices` of each pass; `road` the effective roads (R, na, n); `axle_x` (na, 1) [m]; `reference_load` (R, na, 1)
     static load in the first load case [N].
     """
 
-    matrices: LaneMatrices
+    matrices: StackedMatrices
     road: EffectiveRoad
     axle_x: np.ndarray
     reference_load: np.ndarray
@@ -133,23 +133,23 @@ def pass_matrices(
     load_cases: Mapping[str, LoadCase],
     passes: Sequence[Pass],
     body_points: list[tuple[int, float]],
-) -> LaneMatrices:
+) -> StackedMatrices:
     """Matrices of several passes, with body accelerometers at (body, x_m) `body_points`."""
     first = next(iter(load_cases.values()))
     matrices = {name: assemble(vehicle, load_cases[name], first) for name in {p.load_case for p in passes}}
-    return lane_matrices([matrices[p.load_case] for p in passes], body_points, [HOLD_S[p.speed_held] for p in passes])
+    return stack_matrices([matrices[p.load_case] for p in passes], body_points, [HOLD_S[p.speed_held] for p in passes])
 
 
-def make_lanes(
+def make_pass_batch(
     vehicle: Vehicle,
     load_cases: Mapping[str, LoadCase],
     roads: EffectiveRoads,
     passes: Sequence[Pass],
     body_points: list[tuple[int, float]],
-) -> Lanes:
-    """Lanes of several passes, with body accelerometers at (body, x_m) `body_points`."""
+) -> PassBatch:
+    """The batch of several passes, with body accelerometers at (body, x_m) `body_points`."""
     first = next(iter(load_cases.values()))
-    return Lanes(
+    return PassBatch(
         matrices=pass_matrices(vehicle, load_cases, passes, body_points),
         road=roads.stacked(passes),
         axle_x=np.array([a.x_m for a in vehicle.axles])[:, None],
