@@ -154,7 +154,8 @@ def predict_pass(
     """Wheel loads of one pass, for a point estimate or for posterior draws.
 
     The peak dynamic load ratio of a draw is the maximum over the pass of the unfiltered vertical tire force over the
-    static axle load; quantiles are taken over draws, pointwise in time for the bands.
+    static axle load as it was weighed, so that their product is the peak force; quantiles are taken over draws,
+    pointwise in time for the bands.
 
     Parameters
     ----------
@@ -167,7 +168,7 @@ def predict_pass(
     p = _simulate(campaign, parameters, roads, request, sets.T, vehicles, stops)
     force = quantiles(p.tire_N)
     suspension = quantiles(p.suspension_N)
-    ratio = quantiles(p.tire_N.max(axis=0) / p.drawn_static_N)
+    ratio = quantiles(p.tire_N.max(axis=0) / p.static_N[:, None])
     travel = (-p.deflection_m).max(axis=0), p.deflection_m.max(axis=0)
     jounce, rebound = (quantiles(t) for t in travel)
     assumed = stops if vehicles is None else vehicles.stops
@@ -208,7 +209,7 @@ def peak_ratios(
 ) -> np.ndarray:
     """Peak dynamic load ratio (n, axles) of one pass for every set (n, p) of log parameters."""
     p = _simulate(campaign, parameters, roads, request, sets.T)
-    return np.asarray((p.tire_N.max(axis=0) / p.drawn_static_N).T)
+    return np.asarray((p.tire_N.max(axis=0) / p.static_N[:, None]).T)
 
 
 def _transposed(values: np.ndarray | None) -> np.ndarray | None:
@@ -253,7 +254,7 @@ def speed_sweep(
             interval_s=SWEEP_INTERVAL_S,
             grain=SWEEP_GRAIN,
         )
-        peaks.append(p.tire_N.max(axis=0) / p.drawn_static_N)
+        peaks.append(p.tire_N.max(axis=0) / p.static_N[:, None])
         coefficients.append(load_coefficient(p.tire_N, p.drawn_static_N, p.passing))
         trust = () if driven is None else extrapolations(p.reached(speed), driven, load_case)
         beyond.append([any(e.axle == i and e.what != "speed" for e in trust) for i in range(len(p.static_N))])
