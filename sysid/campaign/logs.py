@@ -27,13 +27,16 @@ CLIP_TOLERANCE = 1e-4  # of full scale: rounding of the written digits
 class LogWriting:
     """How logs are written, as the campaign says: see :class:`sysid.logs.channels.LogRequest`.
 
-    `sync` is the column of a signal that several loggers record.
+    `sync` is the column of a signal that several loggers record, `database` the text of the DBC file
+    `database_file` for logs of a CAN bus.
     """
 
     time: str | None = None
     units_row: bool = False
     format: str | None = None
     sync: str | None = None
+    database_file: str | None = None
+    database: str | None = None
 
 
 def read_log(
@@ -76,7 +79,7 @@ def read_log(
     """
     columns = [s.source or s.column for s in sensors]
     wanted = tuple(dict.fromkeys([*columns, writing.sync] if writing.sync else columns))
-    request = LogRequest(wanted, writing.time, writing.units_row, writing.format)
+    request = LogRequest(wanted, writing.time, writing.units_row, writing.format, database=writing.database)
     content = read_channels(file_content(source, name), name, request)
     known = {c.name: c for c in content.channels}
     messages: list[str] = []

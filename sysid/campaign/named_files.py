@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +88,10 @@ class NamedFiles:
             channels = (Channel(s, np.zeros(1), np.zeros(1), np.zeros(1, np.int8)) for s in sensors)
             return Log(paths.relative_name(name), interval, tuple(channels))
         content = self.content(name, key, limits.LOG_BYTES)
+        if writing.database_file is not None:
+            database = self.content(writing.database_file, f"can_database of {key}", limits.DATABASE_BYTES)
+            # DBC files are written in the code page of Western Windows.
+            writing = replace(writing, database=database.data.decode("cp1252", errors="replace"))
         log = read_log(content, paths.relative_name(name), sensors, interval, writing)
         numbers = sum(channel.value.size for channel in log.channels)
         self._count("numbers", numbers, limits.INPUT_NUMBERS, f"{self.file.name}: {key}")

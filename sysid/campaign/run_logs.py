@@ -25,10 +25,11 @@ def log_writing(common: LogTable, *own: LogTable, sync: str | None = None) -> Lo
     def said(key: str) -> str | bool | None:
         return next((value for t in tables if (value := getattr(t, key)) is not None), None)
 
-    time, form = said("time"), said("format")
+    time, form, database = said("time"), said("format"), said("can_database")
     assert not isinstance(time, bool)
     assert not isinstance(form, bool)
-    return LogWriting(time, bool(said("units_row")), form, sync)
+    assert not isinstance(database, bool)
+    return LogWriting(time, bool(said("units_row")), form, sync, database)
 
 
 @dataclass(frozen=True)

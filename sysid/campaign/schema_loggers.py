@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StrictBool
 
-from sysid.campaign.schema_fields import LogFormatName, Name, Table
+from sysid.campaign.schema_fields import LogFormatName, Name, PathText, Table
 
 #: Loggers of one campaign.
 LOGGERS = 20
@@ -18,6 +18,7 @@ class LogTable(Table):
     time: Name | None = None
     units_row: StrictBool | None = None
     format: LogFormatName | None = None
+    can_database: PathText | None = None
 
 
 class LoggerTable(LogTable):

@@ -68,15 +68,20 @@ def on_common_clock(
     findings: list[list[ClockFinding]] = [[] for _ in runs]
     joined = list(runs)
     for logger in loggers[1:]:
+        of_runs = [(r, logs[logger.name]) for r, logs in enumerate(others) if logger.name in logs]
+        for r, log in of_runs:
+            if log.duration_s == 0.0 or runs[r].log.duration_s == 0.0:
+                # A planned log has no clock yet.
+                joined[r] = _joined(joined[r], log, _as_declared(runs[r], log, logger))
         seen = [
-            _look(r, run, logs[logger.name], logger, vehicle)
-            for r, (run, logs) in enumerate(zip(runs, others, strict=True))
-            if logger.name in logs
+            _look(r, runs[r], log, logger, vehicle)
+            for r, log in of_runs
+            if log.duration_s > 0.0 and runs[r].log.duration_s > 0.0
         ]
         found = _along_line(seen, logger, runs) if logger.clock == "continuous" else _one_by_one(seen, logger, runs)
         for one, finding in zip(seen, found, strict=True):
             findings[one.run].append(finding)
-            joined[one.run] = _joined(joined[one.run], one, finding)
+            joined[one.run] = _joined(joined[one.run], one.log, finding)
     return tuple(joined), tuple(finding for of_run in findings for finding in of_run)
 
 
@@ -132,7 +137,7 @@ def _half_length(log: Log) -> float:
 def _shared(one: _Seen, logger: Logger, run: BumpRun) -> ClockFinding:
     lag = one.lag
     apart = one.start_apart_s
-    finding = ClockFinding(run.log.file, one.log.file, logger.name, "declared", apart, 0.0, 0.0, 0.0, 0.0)
+    finding = _as_declared(run, one.log, logger, apart)
     off = 0.0 if lag is None else lag.lag_s - apart
     if lag is not None and abs(off) > max(SURE * lag.sd_s, APART_S):
         sentence = (
@@ -142,6 +147,10 @@ def _shared(one: _Seen, logger: Logger, run: BumpRun) -> ClockFinding:
         )
         return replace(finding, complaint=sentence)
     return finding
+
+
+def _as_declared(run: BumpRun, log: Log, logger: Logger, offset_s: float = 0.0) -> ClockFinding:
+    return ClockFinding(run.log.file, log.file, logger.name, "declared", offset_s, 0.0, 0.0, 0.0, 0.0)
 
 
 def _by(method: ClockMethod) -> str:
@@ -254,29 +263,29 @@ def _line(
     return (float(level), float(rate)), covariance * max(scatter, 1.0), used
 
 
-def _joined(run: BumpRun, one: _Seen, finding: ClockFinding) -> BumpRun:
+def _joined(run: BumpRun, other: Log, finding: ClockFinding) -> BumpRun:
     """The run with the channels of another log, at the times of the reference."""
     log = run.log
-    messages = (*log.messages, *one.log.messages)
+    messages = (*log.messages, *other.messages)
     if finding.complaint:
-        return replace(run, log=replace(log, more_files=(*log.more_files, one.log.file), messages=messages))
+        return replace(run, log=replace(log, more_files=(*log.more_files, other.file), messages=messages))
     moved = []
-    for channel in one.log.channels:
+    for channel in other.channels:
         time = channel.time_s + finding.offset_s + finding.rate * (channel.time_s - finding.at_s)
         # Readings from before the reference was started have no counterpart.
         kept = time >= log.channels[0].time_s[0] - 0.5 * log.sample_interval_s
-        if kept.sum() > 1:
+        if kept.sum() > 1 or time.size == 1:
             moved.append(Channel(channel.sensor, time[kept], channel.value[kept], channel.censored[kept]))
     said = list(messages)
     channels = join_sides([*log.channels, *moved], log.file, said)
-    interval = max(log.sample_interval_s, one.log.sample_interval_s)
+    interval = max(log.sample_interval_s, other.sample_interval_s)
     return replace(
         run,
         log=replace(
             log,
             sample_interval_s=interval,
             channels=tuple(channels),
-            more_files=(*log.more_files, one.log.file),
+            more_files=(*log.more_files, other.file),
             messages=tuple(said),
         ),
     )
