@@ -22,7 +22,7 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.law_evidence import eliminated
-from sysid.estimation.fit.mistake_candidates import Candidate, Directions
+from sysid.estimation.fit.mistake_candidates import WHOLE, Candidate, Directions
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.residuals.residual_weights import Weights
@@ -43,7 +43,10 @@ _AT_ONCE = 12
 
 @dataclass(frozen=True)
 class MistakeScore:
-    """A possible mistake: the `share` of the squares beyond the noise that it explains, and its `amplitude`."""
+    """A possible mistake: the `share` of the squares beyond the noise that it explains, and its `amplitude`.
+
+    The amplitude is 1 where one linear step takes the whole mistake, and nothing more.
+    """
 
     candidate: Candidate
     share: float
@@ -55,7 +58,7 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
     problem = optimum.problem.with_weights(_plain_weights(optimum))
     model = problem.model
     lins = problem.linearise(optimum.vector)
-    total = sum(float(np.sum(np.asarray(lin.residual) ** 2)) for lin in lins)
+    total = sum(float(np.sum(np.asarray(r) ** 2)) for lin in lins for r in (lin.residual, lin.gain_residual))
     count = sum(
         float(group.measured[:, np.isfinite(noise)].sum())
         for group, noise in zip(model.groups, problem.weights.noise_sd, strict=True)
@@ -111,7 +114,7 @@ def likely_mistake(campaign: Campaign, optimum: Optimum) -> str | None:
 
 def named_mistake(campaign: Campaign, scores: Sequence[MistakeScore]) -> str | None:
     """The sentence for scores, the largest share first."""
-    possible = [s for s in scores if s.candidate.possible(s.amplitude)]
+    possible = [s for s in scores if WHOLE[0] <= s.amplitude <= WHOLE[1]]
     if not possible or possible[0].share < NAMED_SHARE:
         return None
     best = possible[0]
@@ -121,9 +124,9 @@ def named_mistake(campaign: Campaign, scores: Sequence[MistakeScore]) -> str | N
     percent = f"{100.0 * min(best.share, 1.0):.0f} %"
     sentence = (
         f"One mistake would explain {percent} of what the residuals hold beyond the noise: probably "
-        f"{best.candidate.sentence(campaign, best.amplitude)}."
+        f"{best.candidate.sentence(campaign)}."
     )
     for rival in rivals:
         share = f"{100.0 * min(rival.share, 1.0):.0f} %"
-        sentence += f" It may as well ({share}) be that {rival.candidate.sentence(campaign, rival.amplitude)}."
+        sentence += f" It may as well ({share}) be that {rival.candidate.sentence(campaign)}."
     return sentence
