@@ -8,14 +8,14 @@ hand explains
 
     u^2 / v,    u = g_a - H_az (H_zz + P)^-1 g_z,    v = H_aa - H_az (H_zz + P)^-1 H_za,    a = -u / v,
 
-of the sum of squares beyond that of the noise; g is the gradient, H the information of the data and P that of the
-priors.
+of the sum of squares; g is the gradient, H the information of the data and P that of the priors.  It is compared with
+what a step of z alone leaves beyond the noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -52,6 +52,11 @@ class MistakeScore:
     share: float
     amplitude: float
 
+    @property
+    def whole(self) -> bool:
+        """Whether one linear step takes about the whole mistake."""
+        return WHOLE[0] <= self.amplitude <= WHOLE[1]
+
 
 def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, ...]:
     """Score test of every possible mistake, the largest share first; none where residuals are those of the noise."""
@@ -82,13 +87,32 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
         score = data.score
         score[: problem.count] += rows.T @ (rows @ values - targets)
         pull, information = eliminated(data.matrix, score, rows.T @ rows, sd)
+        left = total - count - _taken(data.matrix, score, rows.T @ rows, sd)
+        if left < (MISFIT**2 - 1.0) * count:
+            break
         v = np.diag(information)
         for k, (candidate, _) in enumerate(chosen):
             if v[k] > 0.0:
-                share = float(pull[k] ** 2 / v[k]) / (total - count)
-                found.append(MistakeScore(candidate, share, float(-pull[k] / v[k])))
+                found.append(MistakeScore(candidate, float(pull[k] ** 2 / v[k]) / left, float(-pull[k] / v[k])))
     problem.forget()
-    return tuple(sorted(found, key=lambda s: -s.share))
+    return _best_sizes(found)
+
+
+def _best_sizes(scores: Sequence[MistakeScore]) -> tuple[MistakeScore, ...]:
+    """Of every mistake the size that explains most in one whole step, else most at all; the largest share first."""
+    best: dict[Candidate, MistakeScore] = {}
+    for score in sorted(scores, key=lambda s: (s.whole, s.share)):
+        best[replace(score.candidate, size=0.0)] = score
+    return tuple(sorted(best.values(), key=lambda s: -s.share))
+
+
+def _taken(information: np.ndarray, score: np.ndarray, prior: np.ndarray, sd: np.ndarray) -> float:
+    """What one step of parameters, masses and departures takes of the sum of squares."""
+    count, known = prior.shape[0], prior.shape[0] + sd.size
+    own = information[:known, :known].copy()
+    own[:count, :count] += prior
+    own[count:, count:] += np.diag(sd**-2.0)
+    return float(score[:known] @ np.linalg.solve(own, score[:known]))
 
 
 def _plain_weights(optimum: Optimum) -> Weights:
@@ -114,7 +138,7 @@ def likely_mistake(campaign: Campaign, optimum: Optimum) -> str | None:
 
 def named_mistake(campaign: Campaign, scores: Sequence[MistakeScore]) -> str | None:
     """The sentence for scores, the largest share first."""
-    possible = [s for s in scores if WHOLE[0] <= s.amplitude <= WHOLE[1]]
+    possible = [s for s in scores if s.whole]
     if not possible or possible[0].share < NAMED_SHARE:
         return None
     best = possible[0]
