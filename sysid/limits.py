@@ -15,6 +15,8 @@ CAMPAIGN_BYTES: Final = 2_000_000
 LOG_BYTES: Final = 200_000_000
 SCAN_BYTES: Final = 150_000_000
 PROFILE_BYTES: Final = 50_000_000
+#: A database of CAN messages: those of whole trucks have a few megabytes.
+DATABASE_BYTES: Final = 10_000_000
 #: All files of a campaign together, a file counted as often as it is read, and the numbers of all logs.
 INPUT_BYTES: Final = 4_000_000_000
 INPUT_NUMBERS: Final = 50_000_000

@@ -117,6 +117,12 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
     return Passage(line[0], arrivals, len(moved))
 
 
+def first_arrival(channel: Channel) -> Arrival | None:
+    """The first motion of an axle acceleration that counts, where no other axle tells when to expect it."""
+    found = integrated(channel, 1)
+    return None if found is None else _lifted(*found, (float(found[0][0]), float(found[0][-1])))
+
+
 def _quiet_before(found: tuple[np.ndarray, np.ndarray] | None, arrival_s: float, speed: float) -> bool:
     """Whether an axle moved little until a metre in front of the bump: a record of noise alone does not."""
     assert found is not None

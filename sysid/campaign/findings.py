@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from sysid.campaign.clocks.settings import ClockFinding
 from sysid.tabular import Tabular, records_table
 
 if TYPE_CHECKING:
@@ -73,8 +74,8 @@ class ScanFinding:
 class QualityReport(Tabular):
     """All findings of a campaign: one per log and channel, plus sentences about logs or the campaign as a whole.
 
-    `left_out` are runs that contradict what the campaign file says of them, and scans that show no bump, with the
-    reason.  `speeds` of the runs, and the bumps of the `scans`.
+    `left_out` are runs that contradict what the campaign file says of them, logs whose clock is unknown, and scans that
+    show no bump, with the reason.  `speeds` of the runs, the bumps of the `scans`, and the `clocks` of further loggers.
     """
 
     channels: tuple[ChannelFinding, ...]
@@ -82,6 +83,7 @@ class QualityReport(Tabular):
     left_out: tuple[str, ...] = ()
     speeds: tuple[RunSpeed, ...] = ()
     scans: tuple[ScanFinding, ...] = ()
+    clocks: tuple[ClockFinding, ...] = ()
 
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""

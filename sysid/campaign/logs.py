@@ -25,11 +25,18 @@ CLIP_TOLERANCE = 1e-4  # of full scale: rounding of the written digits
 
 @dataclass(frozen=True)
 class LogWriting:
-    """How logs are written, as the campaign says: see :class:`sysid.logs.channels.LogRequest`."""
+    """How logs are written, as the campaign says: see :class:`sysid.logs.channels.LogRequest`.
+
+    `sync` is the column of a signal that several loggers record, `database` the text of the DBC file
+    `database_file` for logs of a CAN bus.
+    """
 
     time: str | None = None
     units_row: bool = False
     format: str | None = None
+    sync: str | None = None
+    database_file: str | None = None
+    database: str | None = None
 
 
 def read_log(
@@ -70,8 +77,9 @@ def read_log(
         If the file is no table of numbers, has no time column or none of the sensors, its time does not advance, or its
         units contradict those of the sensors.
     """
-    wanted = tuple(dict.fromkeys(s.column for s in sensors))
-    request = LogRequest(wanted, writing.time, writing.units_row, writing.format)
+    columns = [s.source or s.column for s in sensors]
+    wanted = tuple(dict.fromkeys([*columns, writing.sync] if writing.sync else columns))
+    request = LogRequest(wanted, writing.time, writing.units_row, writing.format, database=writing.database)
     content = read_channels(file_content(source, name), name, request)
     known = {c.name: c for c in content.channels}
     messages: list[str] = []
@@ -79,7 +87,7 @@ def read_log(
     for raw in content.channels:
         if id(raw.clock) not in clocks:
             clocks[id(raw.clock)] = clean_clock(raw.clock, sample_interval_s, name, messages)
-    messages += _missing(sensors, known, content, name)
+    messages += _missing(columns, known, content, name)
     step = max(clock.step_s for clock in clocks.values())
     if len({clock.step_s for clock in clocks.values()}) > 1:
         messages.append(
@@ -89,18 +97,27 @@ def read_log(
     start = float(min(clock.stamps[0] for clock in clocks.values()))
     times = {key: clock.stamps - start for key, clock in clocks.items()}
     channels = []
-    for sensor in sensors:
-        if sensor.column in known:
-            raw = known[sensor.column]
+    for sensor, column in zip(sensors, columns, strict=True):
+        if column in known:
+            raw = known[column]
             key = id(raw.clock)
             channels.append(_channel(sensor, times[key], raw, clocks[key].rows, name))
     channels = join_sides(channels, name, messages)
-    return Log(name, step, tuple(channels), start, tuple(messages))
+    sync = None
+    if writing.sync in known:
+        raw = known[writing.sync]
+        sync = times[id(raw.clock)], raw.values[clocks[id(raw.clock)].rows]
+    elif writing.sync is not None:
+        messages.append(
+            f"{name}: the column '{shorten(writing.sync)}' of the common signal is missing"
+            f"{near_names(writing.sync, content.names)}; the clock is looked for without it."
+        )
+    return Log(name, step, tuple(channels), start, tuple(messages), sync=sync)
 
 
-def _missing(sensors: Sequence[Sensor], known: dict[str, RawChannel], content: LogContent, name: str) -> list[str]:
-    missing = [s.column for s in sensors if s.column not in known]
-    if len(missing) == len(sensors):
+def _missing(columns: Sequence[str], known: dict[str, RawChannel], content: LogContent, name: str) -> list[str]:
+    missing = [column for column in columns if column not in known]
+    if len(missing) == len(columns):
         raise DataRejectedError(
             f"{name} has none of the sensor columns, expected '{shorten(missing[0])}'"
             f"{near_names(missing[0], content.names)}; correct the columns or the sensors in campaign.toml."
@@ -117,8 +134,9 @@ def _channel(sensor: Sensor, time: np.ndarray, raw: RawChannel, rows: np.ndarray
     against = contradiction(raw.unit, sensor.unit) if sensor.scale == 1.0 else None
     if against is not None:
         raise DataRejectedError(
-            f"{label}: the file says that '{shorten(sensor.column)}' is in '{shorten(against, 30)}', campaign.toml "
-            f"says '{sensor.unit}'; correct the unit there, or give the sensor a scale if its readings are scaled."
+            f"{label}: the file says that '{shorten(sensor.source or sensor.column)}' is in "
+            f"'{shorten(against, 30)}', campaign.toml says '{sensor.unit}'; correct the unit there, or give "
+            "the sensor a scale if its readings are scaled."
         )
     factor = si_factor(sensor.unit, "length" if sensor.si_unit == "m" else "acceleration")
     value = raw.values[rows] * (sensor.sign * sensor.scale * factor)

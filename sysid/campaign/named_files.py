@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -59,12 +59,20 @@ class NamedFiles:
                 f"{most / 1e6:.0f} are read; cut the logs to the time of the tests."
             )
 
-    def log(self, name: str, key: str, sensors: Sequence[Sensor], writing: LogWriting) -> Log:
-        """The log that the test `key` names; a blank one where it is planned and does not exist.
+    def log(
+        self,
+        name: str,
+        key: str,
+        sensors: Sequence[Sensor],
+        writing: LogWriting,
+        sample_interval_s: float | None = None,
+    ) -> Log:
+        """The log that a test names by the key `key`; a blank one where it is planned and does not exist.
 
         Parameters
         ----------
         writing : how the log is written.
+        sample_interval_s : that of its logger, if it is not that of all.
 
         Raises
         ------
@@ -73,14 +81,18 @@ class NamedFiles:
         DataRejectedError
             If the log cannot be read, or all logs together are too large.
         """
-        interval = self.sample_interval_s
+        interval = sample_interval_s or self.sample_interval_s
         if self.planned:
-            paths.check_name(name, f"{self.file.name}: {key}.file")
+            paths.check_name(name, f"{self.file.name}: {key}")
         if self.planned and not (self.file.parent / name).exists():
             channels = (Channel(s, np.zeros(1), np.zeros(1), np.zeros(1, np.int8)) for s in sensors)
             return Log(paths.relative_name(name), interval, tuple(channels))
-        content = self.content(name, f"{key}.file", limits.LOG_BYTES)
+        content = self.content(name, key, limits.LOG_BYTES)
+        if writing.database_file is not None:
+            database = self.content(writing.database_file, f"can_database of {key}", limits.DATABASE_BYTES)
+            # DBC files are written in the code page of Western Windows.
+            writing = replace(writing, database=database.data.decode("cp1252", errors="replace"))
         log = read_log(content, paths.relative_name(name), sensors, interval, writing)
         numbers = sum(channel.value.size for channel in log.channels)
-        self._count("numbers", numbers, limits.INPUT_NUMBERS, f"{self.file.name}: {key}.file")
+        self._count("numbers", numbers, limits.INPUT_NUMBERS, f"{self.file.name}: {key}")
         return log

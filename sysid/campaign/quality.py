@@ -63,9 +63,10 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
         The cleaned campaign, and one finding per channel with its verdict: good, usable (and why) or rejected.
     """
     findings: list[ChannelFinding] = []
-    messages: list[str] = list(campaign.messages)
+    messages: list[str] = [*campaign.messages, *(c.caution for c in campaign.clocks if c.caution)]
     of_logs: list[tuple[str, str]] = []
-    left_out: list[str] = []
+    left_out: list[str] = [c.complaint for c in campaign.clocks if c.complaint]
+    messages += left_out
     drops: list[PlankDrop] = []
     runs: list[BumpRun] = []
     tests: tuple[PlankDrop | BumpRun, ...] = (*campaign.plank_drops, *campaign.bump_runs)
@@ -90,7 +91,7 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
             drops.append(replace(test, log=log))
     messages += [*say_once(of_logs), *copied_logs(tests), *_rejections(findings)]
     cleaned = replace(campaign, plank_drops=tuple(drops), bump_runs=tuple(runs))
-    return cleaned, QualityReport(tuple(findings), tuple(messages), tuple(left_out))
+    return cleaned, QualityReport(tuple(findings), tuple(messages), tuple(left_out), clocks=campaign.clocks)
 
 
 def quality_table(report: QualityReport) -> pd.DataFrame:
@@ -106,6 +107,12 @@ def quality_table(report: QualityReport) -> pd.DataFrame:
         rows.append(row)
     table = pd.DataFrame(rows, columns=list(ChannelFinding.__dataclass_fields__))
     return table.rename(columns={"gaps": "gap_rows", "dead_spans": "dead_s"})
+
+
+def screened(channel: Channel) -> Channel | None:
+    """A channel without the defects that it shows by itself: None where it cannot be used."""
+    item = _examine(channel)
+    return None if item.rejected else item.channel
 
 
 def _check_log(

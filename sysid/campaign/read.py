@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,8 @@ import numpy as np
 
 from sysid import limits
 from sysid.campaign import paths
-from sysid.campaign.logs import LogWriting
+from sysid.campaign.clocks.common import on_common_clock
+from sysid.campaign.clocks.settings import ClockFinding
 from sysid.campaign.named_files import NamedFiles
 from sysid.campaign.priors import NamedPrior
 from sysid.campaign.records import (
@@ -25,6 +26,7 @@ from sysid.campaign.records import (
     Scan,
     Sensor,
 )
+from sysid.campaign.run_logs import RunLogs, log_writing
 from sysid.campaign.stand_ins import with_stand_ins
 from sysid.campaign.statics import check_statics
 from sysid.campaign.todo import refuse_todos
@@ -77,7 +79,7 @@ def read_campaign(
     CampaignError
         If the campaign file is wrong or has values to fill in, or a file it names is missing or outside its folder.
     DataRejectedError
-        If a log or scan cannot be read.
+        If a log or scan cannot be read, or the clock of a logger is outside of its declared bounds.
     """
     # pydantic takes a third of a second to import; those who only need the records do not pay for it.
     from sysid.campaign.toml_errors import parse_toml, validate
@@ -102,6 +104,7 @@ def read_campaign(
     files = NamedFiles(file, tables.acquisition.sample_interval_s, {file.name: content.sha256}, planned)
     reader = _Inputs(file, tables, vehicle, files)
     scans = reader.scans(point_cloud_reader)
+    drops, (runs, clocks) = reader.plank_drops(), reader.bump_runs(scans)
     acquisition = tables.acquisition
     low_pass = acquisition.filter
     return Campaign(
@@ -115,13 +118,14 @@ def read_campaign(
             acquisition.sample_interval_s,
             None if low_pass is None else AntiAliasFilter(low_pass.type, low_pass.order, low_pass.cutoff_hz),
         ),
-        plank_drops=reader.plank_drops(),
-        bump_runs=reader.bump_runs(scans),
+        plank_drops=drops,
+        bump_runs=runs,
         scans=scans,
         predictions=reader.predictions(scans, profile_reader),
         input_sha256=files.hashes,
         messages=reader.messages(),
         priors={name: NamedPrior(*table.lognormal()) for name, table in tables.priors.items()},
+        clocks=clocks,
     )
 
 
@@ -131,11 +135,6 @@ class _Inputs:
     tables: s.CampaignFile
     vehicle: VehicleReader
     files: NamedFiles
-
-    def _writing(self, entry: s.PlankDropTable | s.BumpRunTable) -> LogWriting:
-        common = self.tables.acquisition
-        units_row = common.units_row if entry.units_row is None else entry.units_row
-        return LogWriting(entry.time or common.time, bool(units_row), entry.format or common.format)
 
     def _load_case(self, name: str, key: str) -> str:
         return self.vehicle.pick(name, list(self.vehicle.load_cases), f"{key}.load_case", "load case")
@@ -182,13 +181,14 @@ class _Inputs:
             first = next(iter(self.vehicle.load_cases))
             load_case = first if entry.load_case is None else self._load_case(entry.load_case, key)
             speed = None if entry.nominal_speed_km_h is None else speed_m_s(entry.nominal_speed_km_h)
+            writing = log_writing(self.tables.acquisition, entry)
             for index, at in self._drop_sensors(lifted, key).items():
                 drops.append(
                     PlankDrop(
                         axle=index,
                         load_case=load_case,
                         plank_height_m=entry.plank_height_m,
-                        log=self.files.log(entry.file, key, at, self._writing(entry)),
+                        log=self.files.log(entry.file, f"{key}.file", at, writing),
                         nominal_speed_m_s=speed,
                         dampers=entry.dampers,
                         towed=entry.towed,
@@ -232,8 +232,8 @@ class _Inputs:
             )
         return dict(sorted(sensors_of.items()))
 
-    def bump_runs(self, scans: Mapping[str, Scan]) -> tuple[BumpRun, ...]:
-        """Bump runs with their logs, in the order of the file.
+    def bump_runs(self, scans: Mapping[str, Scan]) -> tuple[tuple[BumpRun, ...], tuple[ClockFinding, ...]]:
+        """Bump runs with their logs, in the order of the file, and the clocks of further loggers.
 
         Raises
         ------
@@ -241,25 +241,30 @@ class _Inputs:
             If sensors of runs, an axle, a body, a load case, a scan or a file that a run names are missing, or if a run
             does not say which of several bumps it crosses.
         DataRejectedError
-            If a log cannot be read.
+            If a log cannot be read, or a clock is outside of its declared bounds.
         """
-        runs = []
+        runs, others = [], []
         sensors = self._run_sensors()
+        logs = RunLogs(self.file.name, self.tables, self.files, sensors)
         for i, entry in enumerate(self.tables.tests.bump_run):
             key = self._key("bump_run", i, sensors)
+            log, of_others = logs.read(entry, key)
+            others.append(of_others)
             runs.append(
                 BumpRun(
                     case=entry.case,
                     load_case=self._load_case(entry.load_case, key),
                     nominal_speed_m_s=speed_m_s(entry.nominal_speed_km_h),
                     repeat=entry.repeat,
-                    log=self.files.log(entry.file, key, sensors, self._writing(entry)),
+                    log=log,
                     bump=self._bump(entry.bump, key, scans),
                     speed_held=entry.speed_held,
                     speed_change_sd=entry.speed_change_sd,
                 )
             )
-        return tuple(runs)
+        if not any(others):
+            return tuple(runs), ()
+        return on_common_clock(runs, others, logs.loggers, self.vehicle.vehicle)
 
     def predictions(
         self, scans: Mapping[str, Scan], profile_reader: ProfileReader | None
@@ -301,12 +306,14 @@ class _Inputs:
     def messages(self) -> tuple[str, ...]:
         """What somebody should know about the list of tests."""
         tests = self.tables.tests
+        of_runs = [[f for f in (r.file, *r.files.values()) if f is not None] for r in tests.bump_run]
         names = [
-            paths.relative_name(e) for e in [*(d.file for d in tests.plank_drop), *(r.file for r in tests.bump_run)]
+            paths.relative_name(e) for e in [*(d.file for d in tests.plank_drop), *(f for fs in of_runs for f in fs)]
         ]
         said: dict[str, tuple[str, float]] = {}
-        for run in tests.bump_run:
-            name = paths.relative_name(run.file)
+        for run, name in (
+            (r, paths.relative_name(f)) for r, fs in zip(tests.bump_run, of_runs, strict=True) for f in fs
+        ):
             of_run = (run.load_case, run.nominal_speed_km_h)
             if said.setdefault(name, of_run) != of_run:
                 raise CampaignError(
@@ -325,7 +332,8 @@ class _Inputs:
             key = f"sensors.bump_run.{shorten(column)}"
             axle = None if table.axle is None else self.vehicle.axle(table.axle, f"{key}.axle")
             body = None if table.body is None else self.vehicle.body(table.body, f"{key}.body")
-            result.append(_sensor(column, table, axle=axle, body=body, x_m=table.x_m))
+            sensor = _sensor(column, table, axle=axle, body=body, x_m=table.x_m)
+            result.append(replace(sensor, logger=table.logger or "", source=(table.column or "").strip()))
         return result
 
     def _bump(self, name: str | None, key: str, scans: Mapping[str, Scan]) -> str:

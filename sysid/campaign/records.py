@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from sysid.campaign.clocks.settings import ClockFinding
 from sysid.campaign.priors import NamedPrior, PriorOverride
 
 #: What holds the speed: a driver or servo at once, a tow at constant speed, a cruise control slowly, or nothing.
@@ -226,6 +227,7 @@ class Sensor:
     `axle` (index) for deflections and axle accelerations, `body` (index) and `x_m` for body accelerations.
     `full_scale` is the range (+-) in SI units, None if undeclared; `unit` is the unit in the file, after readings are
     multiplied by `scale` and `sign`.  For plank drops `axle`, `body` and `x_m` are filled in with the axle under test.
+    `logger` is the name of its logger, empty for the first one; `source` the column in its files, empty for `column`.
     """
 
     column: str
@@ -238,6 +240,8 @@ class Sensor:
     side: Literal["left", "right"] | None = None
     sign: int = 1
     scale: float = 1.0
+    logger: str = ""
+    source: str = ""
 
     @property
     def si_unit(self) -> str:
@@ -263,7 +267,8 @@ class Channel:
 class Log:
     """One log file: its name relative to the campaign folder, its nominal sample interval [s] and its channels.
 
-    `messages` are sentences about what was missing or repaired while reading.
+    `messages` are sentences about what was missing or repaired while reading.  `more_files` are logs of other loggers
+    whose channels are here, or could not be used; `sync` holds stamps and readings of a signal that loggers share.
     """
 
     file: str
@@ -271,6 +276,8 @@ class Log:
     channels: tuple[Channel, ...]
     start_time_s: float = 0.0
     messages: tuple[str, ...] = ()
+    more_files: tuple[str, ...] = ()
+    sync: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def duration_s(self) -> float:
@@ -371,7 +378,7 @@ class Campaign:
 
     `load_cases` keeps the order of the file (the first is the reference of drops and tire stiffness);
     `input_sha256` maps every input file, relative to `folder`, to its hash; `messages` are sentences about the campaign
-    as a whole; `priors` are the user's own by the name of the parameter.
+    as a whole; `priors` are the user's own by the name of the parameter; `clocks` those of further loggers, run by run.
     """
 
     title: str
@@ -388,6 +395,7 @@ class Campaign:
     input_sha256: Mapping[str, str]
     messages: tuple[str, ...] = ()
     priors: Mapping[str, NamedPrior] = field(default_factory=dict)
+    clocks: tuple[ClockFinding, ...] = ()
 
     @property
     def load_cases_in_use(self) -> tuple[str, ...]:

@@ -10,7 +10,6 @@ from sysid import limits
 from sysid.campaign.schema_fields import (
     TEXT_LENGTH,
     LengthUnit,
-    LogFormatName,
     Name,
     PathText,
     Position,
@@ -19,6 +18,7 @@ from sysid.campaign.schema_fields import (
     SpeedKmH,
     Table,
 )
+from sysid.campaign.schema_loggers import LOGGERS, LoggerTable, LogTable
 from sysid.campaign.schema_priors import NamedPriorTable
 from sysid.campaign.schema_vehicle import LoadCaseTable, VehicleTable
 from sysid.campaign.units import unit_names
@@ -38,14 +38,6 @@ class FilterTable(Table):
     type: Literal["butterworth", "bessel"]
     order: Annotated[int, Field(strict=True, ge=1, le=12)]
     cutoff_hz: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1e6)]
-
-
-class LogTable(Table):
-    """How logs are written; what a test says counts before what [acquisition] says for all."""
-
-    time: Name | None = None
-    units_row: StrictBool | None = None
-    format: LogFormatName | None = None
 
 
 class AcquisitionTable(LogTable):
@@ -77,11 +69,13 @@ class _SensorTable(Table):
 
 
 class RunSensorTable(_SensorTable):
-    """[sensors.bump_run]: column = { kind, axle or body and x_m, unit, range, side, sign, scale }."""
+    """[sensors.bump_run]: column = { kind, axle or body and x_m, unit, range, side, sign, scale, logger, column }."""
 
     axle: Name | None = None
     body: Name | None = None
     x_m: Position | None = None
+    logger: Name | None = None
+    column: Name | None = None
 
     @model_validator(mode="after")
     def _place_of_kind(self) -> RunSensorTable:
@@ -152,13 +146,20 @@ class BumpRunTable(LogTable):
     """One entry of tests.bump_run."""
 
     case: Name
-    file: PathText
+    file: PathText | None = None
+    files: Annotated[dict[Name, PathText], Field(max_length=LOGGERS)] = {}
     load_case: Name
     nominal_speed_km_h: SpeedKmH
     repeat: Annotated[int, Field(strict=True, ge=1, le=10_000)] = 1
     bump: Name | None = None
     speed_held: Literal["servo", "towed", "cruise", "free"] = "servo"
     speed_change_sd: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=0.5)] = 0.02
+
+    @model_validator(mode="after")
+    def _one_or_several(self) -> BumpRunTable:
+        if (self.file is None) == (not self.files):
+            raise ValueError("needs its log; give file, or files with one log per logger")
+        return self
 
 
 class ShapeTable(Table):
@@ -247,6 +248,7 @@ class CampaignFile(Table):
     vehicle: VehicleTable
     load_case: Annotated[dict[Name, LoadCaseTable], Field(min_length=1, max_length=100)]
     acquisition: AcquisitionTable
+    logger: Annotated[list[LoggerTable], Field(max_length=LOGGERS)] = []
     sensors: SensorsTable
     scan: Annotated[dict[Name, ScanTable], Field(max_length=100)] = {}
     tests: TestsTable = TestsTable()

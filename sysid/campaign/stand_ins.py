@@ -55,7 +55,7 @@ def with_stand_ins(tables: dict[str, Any], label: str) -> tuple[dict[str, Any], 
         for column in [c for c, sensor in of_kind.items() if _has_todo(sensor)]:
             del of_kind[column]
     tests = _table(result, "tests")
-    for kind, wanted in (("plank_drop", ("axle", "axles", "file")), ("bump_run", ("file", "load_case"))):
+    for kind, wanted in (("plank_drop", ("axle", "axles", "file")), ("bump_run", ("file", "files", "load_case"))):
         needed = (*wanted, "nominal_speed_km_h") if kind == "bump_run" else wanted
         if isinstance(tests.get(kind), list):
             tests[kind] = [e for e in tests[kind] if not any(_has_todo(_of(e, key)) for key in needed)]

@@ -43,6 +43,7 @@ def library_format(
             time=request.time,
             units_row=request.units_row,
             everything=request.everything,
+            database=request.database,
         )
         return _content(answer, arrays, label, title)
 

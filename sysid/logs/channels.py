@@ -43,7 +43,7 @@ class LogRequest:
     `wanted` are names of channels; `time` is the name of the column of time (None: a usual one); with `units_row` the
     row below the names holds units; `format` is the name of a format (None: found from content and suffix).  With
     `everything` all channels of numbers that have a time are given (300 at most), by name, or by group and name where
-    several have the same, instead of the wanted ones.
+    several have the same, instead of the wanted ones.  `database` is the text of a DBC file for logs of a CAN bus.
     """
 
     wanted: tuple[str, ...]
@@ -51,6 +51,7 @@ class LogRequest:
     units_row: bool = False
     format: str | None = None
     everything: bool = False
+    database: str | None = None
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from sysid.errors import CampaignError
 from sysid.logs import text
 from sysid.logs.channels import LogContent, LogFormat, LogRequest
-from sysid.logs.formats import arrow, excel, hdf5, lvm, mat, mdf, tdms, uff
+from sysid.logs.formats import arrow, can_bus, excel, hdf5, lvm, mat, mdf, tdms, uff
 from sysid.logs.input_file import InputFile
 from sysid.wording import finish, nearest, shorten
 
@@ -19,6 +19,7 @@ FORMATS: tuple[LogFormat, ...] = (
     excel.FORMAT,
     lvm.FORMAT,
     uff.FORMAT,
+    can_bus.FORMAT,
     text.FORMAT,
 )
 _HEAD_BYTES = 4096

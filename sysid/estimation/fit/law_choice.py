@@ -28,6 +28,7 @@ from sysid.estimation.fit.law_evidence import Judged, LawEvidence
 from sysid.estimation.fit.law_families import FAMILIES, STOPS, Laws, richest_laws, without_family
 from sysid.estimation.fit.law_screen import promising
 from sysid.estimation.fit.least_squares import optimise
+from sysid.estimation.fit.likely_mistake import likely_mistake
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.rocker_search import undeclared_rockers
@@ -121,7 +122,9 @@ def fit_with_laws(
     joint = joint_optimum(campaign, chosen, profiles, options, report)
     fit, state = evaluate_optimum(campaign, joint, options, report)
     rockers = undeclared_rockers(campaign, chosen, drops, profiles, options, report)
-    fit = replace(fit, undeclared_rockers=rockers, warnings=(*(r.proposal for r in rockers), *fit.warnings))
+    mistake = None if rockers else likely_mistake(campaign, chosen)
+    proposals = (*(r.proposal for r in rockers), *([mistake] if mistake else []))
+    fit = replace(fit, undeclared_rockers=rockers, warnings=(*proposals, *fit.warnings))
     trials = contact_trials(campaign, chosen, profiles, options, report) if options.contact_spread else ()
     return replace(fit, law_comparison=comparison, contact_trials=trials), state
 

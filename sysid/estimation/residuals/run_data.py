@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,21 +75,37 @@ def channel_layout(runs: tuple[BumpRun, ...]) -> ChannelLayout:
     return ChannelLayout(tuple(sorted(seen.values(), key=lambda s: _KIND_ORDER.index(s.kind))))
 
 
-def on_grid(channel: Channel, samples: int, interval_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Value, measured mask and censoring (samples,) of one channel on the uniform grid k * interval.
+def grid_phase(channels: Sequence[Channel], interval_s: float) -> float | None:
+    """By which share of the interval the grid of a run begins late: that of its first channel of even stamps."""
+    return next((phase for c in channels if (phase := _even_phase(c.time_s / interval_s)) is not None), None)
 
-    Stamps that all lie within 2 % of the interval of grid times, but for an offset that they share, are taken to be
-    there: an offset shifts a run as a whole.  Other readings are interpolated by a cubic spline inside stretches
-    without gaps; clipped ones stand at the nearest grid time.
+
+def _even_phase(position: np.ndarray) -> float | None:
+    """Offset (-1/2 to 1/2) that stamps share, in intervals; None where some are not within 2 % of an even grid."""
+    phase = float(np.angle(np.mean(np.exp(2j * np.pi * position))) / (2.0 * np.pi))
+    # All stamps are judged, so that every channel of one clock goes the same way.
+    even = position - phase
+    return phase if bool(np.all(np.abs(even - np.rint(even)) < _EVEN)) else None
+
+
+def on_grid(
+    channel: Channel, samples: int, interval_s: float, phase: float | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Value, measured mask and censoring (samples,) of one channel on the uniform grid (k + phase) * interval.
+
+    Stamps that all lie within 2 % of the interval of grid times are taken to be there; without a `phase` (of the run)
+    but for an offset that they share, which shifts a run as a whole.  Other readings are interpolated by a cubic
+    spline inside stretches without gaps; clipped ones stand at the nearest grid time.
     """
     value = np.zeros(samples)
     measured = np.zeros(samples, bool)
     censored = np.zeros(samples, np.int8)
     position = channel.time_s / interval_s
-    # All stamps are judged, so that every channel of a log goes the same way.
-    even = position - np.angle(np.mean(np.exp(2j * np.pi * position))) / (2.0 * np.pi)
-    regular = bool(np.all(np.abs(even - np.rint(even)) < _EVEN))
-    index = np.rint(even if regular else position).astype(int)
+    own = _even_phase(position)
+    begin = (own or 0.0) if phase is None else phase
+    apart = 0.0 if own is None else own - begin
+    regular = own is not None and abs(apart - np.rint(apart)) < _EVEN
+    index = np.rint(position - begin).astype(int)
     inside = (index >= 0) & (index < samples) & np.isfinite(channel.value)
     if regular:
         value[index[inside]] = channel.value[inside]
@@ -96,7 +113,7 @@ def on_grid(channel: Channel, samples: int, interval_s: float) -> tuple[np.ndarr
         measured[index[inside]] = channel.censored[inside] == 0
         return value, measured, censored
     good = np.isfinite(channel.value) & (channel.censored == 0)
-    grid = np.arange(samples) * interval_s
+    grid = (np.arange(samples) + begin) * interval_s
     stamps, readings = channel.time_s[good], channel.value[good]
     for part in np.split(np.arange(stamps.size), np.flatnonzero(np.diff(stamps) > 1.6 * interval_s) + 1):
         if part.size < 4:
@@ -145,7 +162,9 @@ def _group(campaign: Campaign, layout: ChannelLayout, members: tuple[int, ...], 
     interval = campaign.bump_runs[members[0]].log.sample_interval_s
     column = {s.column: c for c, s in enumerate(layout.sensors)}
     for r, i in enumerate(members):
-        for channel in campaign.bump_runs[i].log.channels:
+        channels = campaign.bump_runs[i].log.channels
+        phase = grid_phase(channels, interval)
+        for channel in channels:
             c = column[channel.sensor.column]
-            value[:, r, c], measured[:, r, c], censored[:, r, c] = on_grid(channel, samples, interval)
+            value[:, r, c], measured[:, r, c], censored[:, r, c] = on_grid(channel, samples, interval, phase)
     return RunGroup(members, interval, value, measured, censored)

@@ -54,7 +54,13 @@ def trial_residuals(
     model : holds the readings; trial : the same runs with other masses or moved along departures.
     log_parameters : (p,); motion : of all runs.
     """
-    signals = simulate_runs(trial, log_parameters, motion)
+    return signal_residuals(model, weights, simulate_runs(trial, log_parameters, motion))
+
+
+def signal_residuals(
+    model: BumpModel, weights: Weights, signals: Sequence[np.ndarray]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Weighted residuals (T, R, C) and gain residuals (R, C) of every group for sensor signals (T, R, C) [SI]."""
     weighted = zip(weights.on(model.arrays), weights.noise_sd, weights.tempering, signals, strict=True)
     residuals = [_residuals(arrays, noise, temper, jnp.asarray(shown)) for arrays, noise, temper, shown in weighted]
     return [(np.asarray(residual), np.asarray(gain)) for residual, gain in residuals]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from math import degrees
+from math import degrees, isfinite
 from typing import TYPE_CHECKING
 
 from sysid.display import TextTable
@@ -54,6 +54,7 @@ def _check_fault(report: QualityReport) -> type[SysidError] | None:
 def show_check(report: QualityReport, results: Results) -> Blocks:
     """One line per log for its good channels and one per other channel, the findings in words, and the sum."""
     yield from quality_blocks(report)
+    yield from _clock_blocks(report)
     yield from _speed_blocks(report)
     yield "Every channel with its noise stands in the report."
 
@@ -80,6 +81,18 @@ def quality_blocks(report: QualityReport) -> Blocks:
         f"{len(report.channels)} channel records: {verdicts['good']} good, {verdicts['usable']} usable with findings, "
         f"{verdicts['rejected']} rejected."
     )
+
+
+def _clock_blocks(report: QualityReport) -> Blocks:
+    """What is added to the stamps of further loggers, to be on the clock of the first one."""
+    if report.clocks:
+        table = TextTable("Clocks", ("log", "logger", "offset s", "sd ms", "rate ppm", "sd ppm", "found by"))
+        for c in report.clocks:
+            known = isfinite(c.offset_s)
+            offset = (f"{c.offset_s:+.4f}", f"{1e3 * c.sd_s:.2f}") if known else ("-", "-")
+            method = f"{c.method}, not used" if c.complaint else c.method
+            table.add_row(c.other_file, c.logger, *offset, f"{1e6 * c.rate:+.1f}", f"{1e6 * c.rate_sd:.1f}", method)
+        yield table
 
 
 def _speed_blocks(report: QualityReport) -> Blocks:
@@ -212,8 +225,9 @@ def _scan(context: Context) -> dict[str, ScanAnalysis]:
 
 def all_but_logs(campaign: Campaign) -> Collection[str]:
     """The campaign file, scans and whatever else is no log."""
-    logs = {drop.log.file for drop in campaign.plank_drops} | {run.log.file for run in campaign.bump_runs}
-    return [name for name in campaign.input_sha256 if name not in logs]
+    logs = [test.log for test in campaign.plank_drops] + [run.log for run in campaign.bump_runs]
+    files = {name for log in logs for name in (log.file, *log.more_files)}
+    return [name for name in campaign.input_sha256 if name not in files]
 
 
 SCAN = Whole(

@@ -1,0 +1,1 @@
+"""Logs of one run by several loggers: how the clock of each runs against that of the first one."""

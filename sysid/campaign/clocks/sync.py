@@ -1,0 +1,106 @@
+"""How far the clocks of two loggers are apart, from a signal that both of them record.
+
+With the signal v_a(t) of the first logger and v_b(t) of the second, gain g and level o eliminated, the lag is where
+
+    J(lag) = sum (v_a(t) - g v_b(t - lag) - o)^2
+
+is smallest: first by cross-correlation at all lags, then between the samples of the faster log.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid.campaign.clocks.motion import Lag
+
+#: Longest records together [samples of the common grid].
+_MOST_STEPS = 4_000_000
+#: Below this correlation the signals are not the same; another lag that comes as near as this is as good.
+LEAST_CORRELATION, RIVAL = 0.5, 0.9
+_FEWEST = 50
+
+Signal = tuple[np.ndarray, np.ndarray]
+
+
+def sync_lag(first: Signal, second: Signal, within_s: tuple[float, float]) -> Lag | None:
+    """Lag of the second logger's stamps from the common signal.
+
+    Parameters
+    ----------
+    first, second
+        Stamps (n,) [s] of the logger's own clock and readings (n,) in any unit.
+    within_s
+        Smallest and largest lag that is tried [s].
+
+    Returns
+    -------
+    Lag or None
+        None where the signals are not the same, or several lags are as good, as with a long row of even pulses.
+    """
+    signals = [(time[np.isfinite(value)], value[np.isfinite(value)]) for time, value in (first, second)]
+    if min(time.size for time, _ in signals) < _FEWEST or min(float(np.ptp(v)) for _, v in signals) <= 0.0:
+        return None
+    steps = [float(np.median(np.diff(time))) for time, _ in signals]
+    step = min(steps)
+    if sum(float(np.ptp(time)) for time, _ in signals) / step > _MOST_STEPS:
+        return None
+    coarse = _coarse(signals, step, within_s)
+    return None if coarse is None else _fine(signals, coarse, steps)
+
+
+def _coarse(signals: list[Signal], step: float, within_s: tuple[float, float]) -> float | None:
+    even = [np.interp(np.arange(t[0], t[-1], step), t, v) for t, v in signals]
+    even = [v - v.mean() for v in even]
+    n = sum(v.size for v in even)
+    spectra = [np.fft.rfft(v, n) for v in even]
+    height = np.fft.irfft(spectra[0] * np.conj(spectra[1]), n)
+    index = np.arange(n)
+    index = np.where(index < even[0].size, index, index - n)
+    lags = index * step + signals[0][0][0] - signals[1][0][0]
+    # Signs of the two may differ: cables get exchanged.
+    height = np.where((lags >= within_s[0] - step) & (lags <= within_s[1] + step), np.abs(height), 0.0)
+    k = int(np.argmax(height))
+    size = float(np.linalg.norm(even[0]) * np.linalg.norm(even[1]))
+    if height[k] < LEAST_CORRELATION * size:
+        return None
+    # Down from the highest point on both sides: what rises again there is another lag.
+    order = np.argsort(lags)
+    heights, at = height[order], int(np.flatnonzero(order == k)[0])
+    falls = heights < (1.0 - (1.0 - RIVAL) / 2.0) * heights[at]
+    left = int(np.max(np.flatnonzero(falls[:at]), initial=-1))
+    right = at + int(np.argmax(falls[at:])) if falls[at:].any() else heights.size
+    other = max(float(np.max(heights[: left + 1], initial=0.0)), float(np.max(heights[right:], initial=0.0)))
+    beyond = np.concatenate([heights[: left + 1], heights[right:]])
+    peaks = beyond[1:-1][(beyond[1:-1] > beyond[:-2]) & (beyond[1:-1] >= beyond[2:])]
+    if other > 0.0 and float(np.max(peaks, initial=0.0)) > RIVAL * heights[at]:
+        return None
+    return float(lags[k])
+
+
+def _fine(signals: list[Signal], lag: float, steps: list[float]) -> Lag | None:
+    (time_a, a), (time_b, b) = signals
+    reach = 1.5 * max(steps)
+    inside = (time_a >= time_b[0] + lag + reach) & (time_a <= time_b[-1] + lag - reach)
+    if inside.sum() < _FEWEST:
+        return None
+    time, value = time_a[inside], a[inside]
+
+    def left(tried: float) -> tuple[float, float]:
+        shown = np.interp(time - tried, time_b, b)
+        design = np.stack([shown, np.ones(shown.size)], axis=1)
+        solution = np.linalg.lstsq(design, value, rcond=None)[0]
+        return float(np.sum((value - design @ solution) ** 2)), float(solution[0])
+
+    tried = lag + reach * np.linspace(-1.0, 1.0, 61)
+    best = float(tried[int(np.argmin([left(t)[0] for t in tried]))])
+    near = best + reach / 30.0 * np.linspace(-1.0, 1.0, 21)
+    best = float(near[int(np.argmin([left(t)[0] for t in near]))])
+    rest, gain = left(best)
+    slope = gain * np.gradient(np.interp(time - best, time_b, b), time)
+    power = slope**2
+    formula = np.sqrt(rest / max(time.size - 3, 1) / max(float(power.sum()), 1e-300))
+    # An edge lies anywhere between two samples, in each log by itself.
+    edges = max(float(np.sum(np.abs(np.diff(value)))) / float(np.ptp(value)), 1.0)
+    between = float(np.hypot(steps[0], steps[1])) / np.sqrt(12.0 * edges)
+    middle = float(power @ time) / max(float(power.sum()), 1e-300)
+    return Lag(best, float(max(formula, between)), middle - best)

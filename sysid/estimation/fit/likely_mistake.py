@@ -1,0 +1,156 @@
+"""The likely mistake in a campaign whose residuals do not fit: one wrong sign, lag, scale, place or load case.
+
+A score test, as in :mod:`sysid.estimation.fit.rocker_search`, needs no further fit.  Residuals are counted in units
+of the noise of the instruments (or of what the channels show before the bump), all alike, so that a sensor that
+contradicts the others keeps its weight.  With a mistake of amplitude a and everything that would move with it, z
+(parameters, masses and tires within their tolerances, speeds and starts of the runs), one linear step from the fit at
+hand explains
+
+    u^2 / v,    u = g_a - H_az (H_zz + P)^-1 g_z,    v = H_aa - H_az (H_zz + P)^-1 H_za,    a = -u / v,
+
+of the sum of squares; g is the gradient, H the information of the data and P that of the priors.  It is compared with
+what a step of z alone leaves beyond the noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.fit.law_evidence import eliminated
+from sysid.estimation.fit.mistake_candidates import WHOLE, Candidate, Directions
+from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.thresholds import MISFIT
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.uncertainty.allowances import Allowances
+from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE
+from sysid.estimation.uncertainty.departures import departures
+from sysid.estimation.uncertainty.information import allowance_columns, information_with
+from sysid.estimation.uncertainty.residual_columns import joined
+from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
+
+#: Share of the squares beyond the noise that one mistake must explain to be named.
+NAMED_SHARE = 0.5
+#: Another mistake that explains this part of what the best one does is named with it.
+AS_GOOD = 0.8
+#: Candidates that are looked at together: what their columns take in memory.
+_AT_ONCE = 12
+
+
+@dataclass(frozen=True)
+class MistakeScore:
+    """A possible mistake: the `share` of the squares beyond the noise that it explains, and its `amplitude`.
+
+    The amplitude is 1 where one linear step takes the whole mistake, and nothing more.
+    """
+
+    candidate: Candidate
+    share: float
+    amplitude: float
+
+    @property
+    def whole(self) -> bool:
+        """Whether one linear step takes about the whole mistake."""
+        return WHOLE[0] <= self.amplitude <= WHOLE[1]
+
+
+def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, ...]:
+    """Score test of every possible mistake, the largest share first; none where residuals are those of the noise."""
+    problem = optimum.problem.with_weights(_plain_weights(optimum))
+    model = problem.model
+    lins = problem.linearise(optimum.vector)
+    total = sum(float(np.sum(np.asarray(r) ** 2)) for lin in lins for r in (lin.residual, lin.gain_residual))
+    count = sum(
+        float(group.measured[:, np.isfinite(noise)].sum())
+        for group, noise in zip(model.groups, problem.weights.noise_sd, strict=True)
+    )
+    if total < MISFIT**2 * count:
+        return ()
+    rubbing = [True] * len(campaign.vehicle.axles)
+    tires = departures(model.felt, campaign.load_cases_in_use, rubbing)
+    allowances = Allowances(uncertain_masses(campaign), tires)
+    known = allowance_columns(problem, optimum.vector, allowances)
+    sd = np.concatenate([allowances.masses.sd, [PLAUSIBLE[d.kind] for d in tires.directions]])
+    rows, targets = model.parameters.prior_rows()
+    values, motion = problem.unpack(optimum.vector)
+    directions = iter(Directions(campaign, model, problem.weights, values, motion))
+    found = []
+    while chosen := list(islice(directions, _AT_ONCE)):
+        columns = chosen[0][1]
+        for _, more in chosen[1:]:
+            columns = joined(columns, more)
+        data = information_with(campaign, problem, optimum.vector, joined(known, columns))
+        score = data.score
+        score[: problem.count] += rows.T @ (rows @ values - targets)
+        pull, information = eliminated(data.matrix, score, rows.T @ rows, sd)
+        left = total - count - _taken(data.matrix, score, rows.T @ rows, sd)
+        if left < (MISFIT**2 - 1.0) * count:
+            break
+        v = np.diag(information)
+        for k, (candidate, _) in enumerate(chosen):
+            if v[k] > 0.0:
+                found.append(MistakeScore(candidate, float(pull[k] ** 2 / v[k]) / left, float(-pull[k] / v[k])))
+    problem.forget()
+    return _best_sizes(found)
+
+
+def _best_sizes(scores: Sequence[MistakeScore]) -> tuple[MistakeScore, ...]:
+    """Of every mistake the size that explains most in one whole step, else most at all; the largest share first."""
+    best: dict[Candidate, MistakeScore] = {}
+    for score in sorted(scores, key=lambda s: (s.whole, s.share)):
+        best[replace(score.candidate, size=0.0)] = score
+    return tuple(sorted(best.values(), key=lambda s: -s.share))
+
+
+def _taken(information: np.ndarray, score: np.ndarray, prior: np.ndarray, sd: np.ndarray) -> float:
+    """What one step of parameters, masses and departures takes of the sum of squares."""
+    count, known = prior.shape[0], prior.shape[0] + sd.size
+    own = information[:known, :known].copy()
+    own[:count, :count] += prior
+    own[count:, count:] += np.diag(sd**-2.0)
+    return float(score[:known] @ np.linalg.solve(own, score[:known]))
+
+
+def _plain_weights(optimum: Optimum) -> Weights:
+    """Noise of the instruments, or of the rolling truck where that is more, for all readings alike."""
+    noise = tuple(np.maximum(i, r) for i, r in zip(optimum.instrument, optimum.rolling, strict=True))
+    known = tuple(
+        np.where(np.isfinite(n) & (n > 0.0) & np.isfinite(used), n, np.inf)
+        for n, used in zip(noise, optimum.problem.weights.noise_sd, strict=True)
+    )
+    return Weights(known, tuple(np.ones_like(n) for n in known))
+
+
+def likely_mistake(campaign: Campaign, optimum: Optimum) -> str | None:
+    """A sentence about the one mistake that explains most of the misfit, None where none explains a large share.
+
+    Parameters
+    ----------
+    campaign : as fitted.
+    optimum : of the laws that were chosen.
+    """
+    return named_mistake(campaign, mistake_scores(campaign, optimum))
+
+
+def named_mistake(campaign: Campaign, scores: Sequence[MistakeScore]) -> str | None:
+    """The sentence for scores, the largest share first."""
+    possible = [s for s in scores if s.whole]
+    if not possible or possible[0].share < NAMED_SHARE:
+        return None
+    best = possible[0]
+    rivals = [s for s in possible[1:] if s.share > AS_GOOD * best.share]
+    if len(rivals) > 1:
+        return None
+    percent = f"{100.0 * min(best.share, 1.0):.0f} %"
+    sentence = (
+        f"One mistake would explain {percent} of what the residuals hold beyond the noise: probably "
+        f"{best.candidate.sentence(campaign)}."
+    )
+    for rival in rivals:
+        share = f"{100.0 * min(rival.share, 1.0):.0f} %"
+        sentence += f" It may as well ({share}) be that {rival.candidate.sentence(campaign)}."
+    return sentence
