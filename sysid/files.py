@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from sysid import limits
+
 #: How the name of a file begins that is being written; a killed process may leave one behind.
 UNFINISHED = ".writing-"
 #: Pauses [s] before a file that a reader holds open is replaced again: only Windows refuses that.
@@ -51,13 +53,13 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, text.encode("utf-8", errors="backslashreplace"))
 
 
-def read_bytes(path: Path) -> bytes | None:
-    """The content of a plain file; None where there is none that can be read.
+def read_bytes(path: Path, most: int = limits.RESULT_BYTES) -> bytes | None:
+    """The content of a plain file of at most `most` bytes; None where there is none that can be read.
 
     A pipe, which would wait for a writer, and a folder are no plain files.
     """
     try:
-        return path.read_bytes() if path.is_file() else None
+        return path.read_bytes() if path.is_file() and path.stat().st_size <= most else None
     except OSError:
         return None
 

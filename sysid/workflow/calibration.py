@@ -87,6 +87,11 @@ class Calibration:
         """The campaign with rejected channels removed and clipped samples marked."""
         return self._inputs.campaign
 
+    @property
+    def read_back(self) -> frozenset[str]:
+        """Names of the stages whose results were read from the output folder instead of computed."""
+        return frozenset(self._folder.read_back)
+
     def result(self, stage: Stage[T], options: Mapping[str, Any] = NOTHING) -> T:
         """The result of any stage; of one whose results come one by one, those that are asked for.
 

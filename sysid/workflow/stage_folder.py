@@ -60,6 +60,8 @@ class StageFolder:
         self.path, self._settings, self._campaign = output, settings, campaign
         self._results: dict[Stage[Any], Any] = {}
         self._fingerprints: dict[Stage[Any], str] = {}
+        #: Names of the stages whose results come from files, not from this process.
+        self.read_back: set[str] = set()
         self._version = versions()["sysid"]
         self.lock = FolderLock(output)
         self.write(lambda: (output / "stages").mkdir(parents=True, exist_ok=True))
@@ -72,6 +74,7 @@ class StageFolder:
             stored = store.load(self._path(stage), self.fingerprint(stage), result_hint(stage))
             if stored is not None:
                 self._results[stage] = stored
+                self.read_back.add(stage.name)
         result: T | None = self._results.get(stage)
         return result
 
@@ -81,6 +84,7 @@ class StageFolder:
         if stage.in_run == "always":
             self.no_success()
         self._results[stage] = result
+        self.read_back.discard(stage.name)
         if stage.in_file:
             self.write(lambda: remember(self.path, self._settings))
             try:
