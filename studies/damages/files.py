@@ -19,6 +19,8 @@ _HUGE_BYTES = 3_000_000_000
 def bits_flipped(path: Path, rng: np.random.Generator) -> str:
     """Up to 16 bits anywhere."""
     data = bytearray(path.read_bytes())
+    if not data:
+        return lengthened(path, rng)
     count = int(rng.integers(1, 17))
     for at in rng.integers(0, len(data), count):
         data[at] ^= 1 << int(rng.integers(8))
@@ -29,6 +31,8 @@ def bits_flipped(path: Path, rng: np.random.Generator) -> str:
 def cut_off(path: Path, rng: np.random.Generator) -> str:
     """The end is missing."""
     data = path.read_bytes()
+    if not data:
+        return lengthened(path, rng)
     kept = int(rng.integers(0, len(data)))
     _put(path, data[:kept])
     return f"{kept} of {len(data)} bytes left"
