@@ -230,6 +230,7 @@ class Calibration:
         wanted = [stage for stage in stages.STAGES if stage.in_run in kinds]
         with self._folder.lock:
             self._folder.no_success()
+            self._folder.tidy()
             if not self._runner.resume:
                 self._folder.forget(stages.STAGES)
             efforts = {stage.name: stage.effort for stage in self._runner.missing(wanted)}

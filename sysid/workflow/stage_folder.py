@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 
 from sysid.campaign.records import Campaign
 from sysid.errors import CampaignError
-from sysid.files import read_bytes, write_text
+from sysid.files import read_json, remove_unfinished, write_text
 from sysid.folder_lock import FolderLock, cannot_write
 from sysid.threads import one_blas_thread
 from sysid.workflow import store
@@ -104,6 +104,10 @@ class StageFolder:
         """Take the marker of a finished run away."""
         self.write(lambda: (self.path / SUCCESS_MARKER).unlink(missing_ok=True))
 
+    def tidy(self) -> None:
+        """Remove what killed processes left half-written, down to the files of a load case in ``models/``."""
+        self.write(lambda: remove_unfinished(self.path, depth=2))
+
     @contextmanager
     def timed(self, name: str, parts: Callable[[], dict[str, float]] = dict) -> Iterator[None]:
         """Keep the time of a stage or an ending, and of its `parts` by name."""
@@ -156,13 +160,8 @@ class StageFolder:
         return self.path / "stages" / "timings.json"
 
     def _read_timings(self) -> dict[str, float]:
-        content = read_bytes(self._timings_file)
-        try:
-            timings = json.loads(content or b"{}")
-        except (ValueError, RecursionError):
-            return {}
-        whole = isinstance(timings, dict) and all(type(seconds) in (int, float) for seconds in timings.values())
-        return timings if whole else {}
+        timings = read_json(self._timings_file)
+        return timings if all(type(seconds) in (int, float) for seconds in timings.values()) else {}
 
 
 def dependents(stage: Stage[Any]) -> tuple[Stage[Any], ...]:
