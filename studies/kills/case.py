@@ -21,7 +21,6 @@ import numpy as np
 
 from studies.coverage.shards import Record
 from studies.damages.case import RUN, base
-from sysid.files import UNFINISHED
 
 SEED = 2028
 #: Lives of one folder that are killed; the next one may live.
@@ -123,8 +122,3 @@ def _result(folder: Path) -> dict[str, Any]:
     document = dict(json.loads((folder / "result.json").read_text(encoding="utf-8")))
     del document["timings"]
     return document
-
-
-def leftovers(output: Path) -> list[str]:
-    """Files that a kill left half-written."""
-    return [p.name for p in output.rglob(f"{UNFINISHED}*")]
