@@ -49,7 +49,13 @@ def base(folder: Path) -> tuple[Path, Path]:
         # In a process of its own: what it compiles would stay in the memory of this one.
         arguments = [sys.executable, "calibrate.py", "run", str(campaign), "--output", str(output), *RUN]
         subprocess.run(arguments, cwd=ROOT, check=True, capture_output=True)
-    # What the program itself takes is loaded before the first case.
+    return campaign, output
+
+
+@cache
+def _warmed(folder: Path) -> tuple[Path, Path]:
+    """The same; what the program itself takes is loaded before the first case."""
+    campaign, output = base(folder)
     with tempfile.TemporaryDirectory() as place:
         command("export", campaign, Path(shutil.copytree(output, Path(place) / "output")))
     return campaign, output
@@ -75,7 +81,7 @@ def draw(number: int, output: Path, seed: int = SEED) -> tuple[Path, str, Damage
 
 def replicate(number: int, bases: Path, seed: int = SEED) -> Record:
     """What the commands say of one damaged folder, and what is wrong with that."""
-    campaign, good = base(bases)
+    campaign, good = _warmed(bases)
     file, name, damage, bare, rng = draw(number, good, seed)
     forged = name in FORGERIES
     expected = json.loads((good / "result.json").read_text(encoding="utf-8"))
