@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long fuzz test-browser docs wheel bench coverage first-look ring-downs faults check-faults fleets lint format clean
+.PHONY: run quick test test-long fuzz test-browser docs wheel bench coverage first-look ring-downs faults check-faults damages kills soak fleets lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -58,6 +58,18 @@ first-look: $(VENV)/.installed
 # Three hours on one core: plausible faults through the whole command.
 faults: $(VENV)/.installed
 	$(BIN)/python -m studies.faults --output build/faults --document docs/robustness.md
+
+# An hour on one core: damaged, foreign and forged result folders.
+damages: $(VENV)/.installed
+	$(BIN)/python -m studies.damages --output build/damages --document docs/robustness.md
+
+# An hour on one core: `run --resume` killed at any moment.
+kills: $(VENV)/.installed
+	$(BIN)/python -m studies.kills --output build/kills --document docs/robustness.md
+
+# Ten minutes on one core: memory, handles and threads of many calibrations in one process.
+soak: $(VENV)/.installed
+	$(BIN)/python -m studies.soak --output build/soak
 
 # Some ten minutes on one core: populations of simulated fleets with known truth.
 fleets: $(VENV)/.installed

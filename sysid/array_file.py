@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid import limits
 from sysid.files import read_bytes, write_bytes
 
 _FIELDS = "fields.json"
@@ -39,7 +40,7 @@ class Content:
 def write(path: Path, fields: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> str:
     """Write JSON-ready fields and arrays, complete or not at all, and return the digest that a reader finds.
 
-    Raises OSError if the folder cannot be written.
+    Raises OSError if the folder cannot be written, ValueError if the file would be longer than what is read back.
     """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
@@ -50,6 +51,10 @@ def write(path: Path, fields: Mapping[str, Any], arrays: Mapping[str, np.ndarray
                 np.lib.format.write_array(entry, np.asarray(array, order="C"), (1, 0), allow_pickle=False)
         archive.comment = b"0" * _DIGEST
     content = buffer.getvalue()[:-_DIGEST]
+    if len(content) + _DIGEST > limits.STAGE_BYTES:
+        raise ValueError(
+            f"it takes {len(content) / 1e9:.1f} GB, more than the {limits.STAGE_BYTES / 1e9:g} GB of a file"
+        )
     digest = hashlib.sha256(content).hexdigest()
     write_bytes(path, content + digest.encode())
     return digest
@@ -57,7 +62,7 @@ def write(path: Path, fields: Mapping[str, Any], arrays: Mapping[str, np.ndarray
 
 def read(path: Path) -> Content | None:
     """What :func:`write` left in a file; None where there is none, it is damaged, or it is no such file."""
-    content = read_bytes(path)
+    content = read_bytes(path, limits.STAGE_BYTES)
     if content is None or len(content) <= _DIGEST:
         return None
     digest = hashlib.sha256(memoryview(content)[:-_DIGEST]).hexdigest()

@@ -28,6 +28,10 @@ class NumericsError(DataRejectedError):
     """A stage's linear algebra broke down on finite data: they do not determine what it looks for (exit code 3)."""
 
 
+class StoredResultsError(DataRejectedError):
+    """Results that were read back from an output folder cannot be worked with: they were changed (exit code 3)."""
+
+
 class OutputError(DataRejectedError):
     """The output folder cannot be written: full, read-only, or another process writes to it (exit code 3)."""
 

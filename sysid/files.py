@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+
+from sysid import limits
 
 #: How the name of a file begins that is being written; a killed process may leave one behind.
 UNFINISHED = ".writing-"
@@ -51,21 +55,35 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, text.encode("utf-8", errors="backslashreplace"))
 
 
-def read_bytes(path: Path) -> bytes | None:
-    """The content of a plain file; None where there is none that can be read.
+def read_bytes(path: Path, most: int = limits.RESULT_BYTES) -> bytes | None:
+    """The content of a plain file of at most `most` bytes; None where there is none that can be read.
 
     A pipe, which would wait for a writer, and a folder are no plain files.
     """
     try:
-        return path.read_bytes() if path.is_file() else None
+        return path.read_bytes() if path.is_file() and path.stat().st_size <= most else None
     except OSError:
         return None
 
 
-def remove_unfinished(folder: Path) -> None:
-    """Remove what killed processes left half-written in a folder that no other process writes to."""
-    for path in folder.glob(f"{UNFINISHED}*"):
-        path.unlink(missing_ok=True)
+def read_json(path: Path, most: int = limits.RESULT_BYTES) -> dict[str, Any]:
+    """The table in a JSON file of at most `most` bytes; empty where there is none or it cannot be read."""
+    try:
+        document = json.loads(read_bytes(path, most) or b"")
+    except (ValueError, RecursionError):
+        return {}
+    return document if isinstance(document, dict) else {}
+
+
+def remove_unfinished(folder: Path, depth: int = 0) -> None:
+    """Remove what killed processes left half-written in a folder that no other process writes to.
+
+    Folders below it are looked into down to `depth`.
+    """
+    for level in range(depth + 1):
+        for path in folder.glob(f"{'*/' * level}{UNFINISHED}*"):
+            if path.is_file():
+                path.unlink(missing_ok=True)
 
 
 def _replace(source: Path, target: Path) -> None:

@@ -82,6 +82,12 @@ PROFILE_STATIONS: Final = 100_000
 PROFILE_LENGTH_M: Final = 100.0
 PROFILE_HEIGHT_M: Final = 1.0
 
+# ---------------------------------------------------------------- result folders
+#: A stage's result or a stretch of a chain; hundreds of thousands of draws of all parameters take less.
+STAGE_BYTES: Final = 2_000_000_000
+#: What else is read back of a result folder: settings, times, result.json.
+RESULT_BYTES: Final = 50_000_000
+
 # ---------------------------------------------------------------- child process of readers that cannot be bounded
 #: Memory beyond that of the interpreter and its libraries [bytes], processor time [s], and time on the clock [s], which
 #: is long enough for a machine that does ten things at once.

@@ -21,7 +21,8 @@ ROOT = Path(sysid.__file__).resolve().parent
 
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
-    {"arrays", "errors", "files", "lazy_names", "limits", "private_files", "progress", "read_worker", "wording"},
+    {"limits"},
+    {"arrays", "errors", "files", "lazy_names", "private_files", "progress", "read_worker", "wording"},
     {"array_file", "bounded_reader", "display", "folder_lock", "output_folder", "runtime", "tabular", "threads"},
     {"logs"},
     {"campaign"},

@@ -17,9 +17,10 @@ from rich.console import Console
 from sysid.cli.invocation import configured, same_command, tell
 from sysid.cli.progress import StageProgress
 from sysid.cli.tables import render, show_run
-from sysid.errors import NotConvergedError, OutputError, SysidError
+from sysid.errors import NotConvergedError, OutputError, StoredResultsError, SysidError
 from sysid.files import write_text
 from sysid.folder_lock import cannot_write
+from sysid.wording import shorten
 from sysid.workflow.stage import Command, Ending, Stage, Whole
 from sysid.workflow.stages import EXPORT, RECORDS
 
@@ -65,6 +66,33 @@ def _unexpected(name: str, output: Path, error: Exception, errors: Console) -> i
     return SysidError.exit_code
 
 
+@contextmanager
+def _stored_results_doubted(calibration: Calibration, output: Path) -> Iterator[None]:
+    """Doubt results that were read back when something breaks that rests on them.
+
+    A stage file is checked along the types of its result.  That its arrays fit each other and the campaign is not:
+    the program writes no others, but somebody who sends a folder can.
+
+    Raises
+    ------
+    StoredResultsError
+        For any unexpected error after a result was read back.
+    """
+    try:
+        yield
+    except (SysidError, OSError):
+        raise
+    except Exception as error:
+        if not calibration.read_back:
+            raise
+        kept = _keep_traceback(output)
+        raise StoredResultsError(
+            f"The stored results in {output.name}/ ({', '.join(sorted(calibration.read_back))}) do not fit each other "
+            f"or the campaign ({type(error).__name__}: {shorten(error, 100)}): they were changed, or the program is at "
+            f"fault; run all stages again without --resume, and if that does not help report it{kept}."
+        ) from error
+
+
 def _keep_traceback(output: Path) -> str:
     """Write the traceback of the running exception into the output folder; where it went, in words."""
     try:
@@ -96,13 +124,15 @@ def _run(
             campaign, output, make_settings(**choices), progress.update, resume=resume, notice=notice
         )
         progress.stage(name)
-        outcome = _computed(record, calibration, typed, resume)
-    blocks = (
-        show_run(outcome.result, calibration)
-        if record is None
-        else _command(record).show(outcome.result, calibration.results())
-    )
-    render(screen, blocks)
+        with _stored_results_doubted(calibration, output):
+            outcome = _computed(record, calibration, typed, resume)
+    with _stored_results_doubted(calibration, output):
+        blocks = (
+            show_run(outcome.result, calibration)
+            if record is None
+            else _command(record).show(outcome.result, calibration.results())
+        )
+        render(screen, blocks)
     for path in outcome.written:
         screen.print(str(path), markup=False)
     return _exit_code(outcome, calibration.settings.quick)

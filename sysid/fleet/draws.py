@@ -18,6 +18,8 @@ RECORD_FILE = "fleet_draws.npz"
 #: Draws that are kept of a campaign: enough for a Pareto k, few enough for ten thousand campaigns.
 KEPT_DRAWS = 1000
 SCHEMA = 1
+#: Logarithms of numbers that a float holds are far below.
+_LARGEST = 1e4
 _WORDS = ("names", "quantities", "units", "axles", "load_cases", "laws")
 
 
@@ -114,6 +116,11 @@ def read_draws(path: Path) -> CampaignDraws | None:
     try:
         words: dict[str, Any] = {k: tuple(content.fields[k]) for k in _WORDS}
         arrays: dict[str, Any] = dict(content.arrays)
-        return CampaignDraws(**words, **arrays)
+        record = CampaignDraws(**words, **arrays)
     except (KeyError, TypeError, ValueError):
         return None
+    kinds = {name: int if name == "axles" else str for name in _WORDS}
+    typed = all(type(word) is kinds[name] for name in _WORDS for word in words[name])
+    # Logarithms and their covariances; not a number is not below either.
+    numbers = all(array.dtype == float and (np.abs(array) < _LARGEST).all() for array in arrays.values())
+    return record if typed and numbers and len(set(record.names)) == len(record.names) else None

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sysid.errors import CampaignError
+from sysid.files import read_json
 from sysid.workflow.sources import code_digest
 from sysid.workflow.stages import STAGES
 from sysid.workflow.versions import versions
@@ -79,11 +80,12 @@ def result_digest(path: Path) -> str:
     Raises CampaignError if the file is missing or damaged.
     """
     try:
-        document = json.loads(path.read_bytes())
+        document = read_json(path)
         del document["timings"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        text = json.dumps(document, sort_keys=True)
+    except (KeyError, RecursionError):
         raise CampaignError(f"{path.name} is missing or damaged; run the fleet again.") from None
-    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _digest(path: Path) -> str:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from sysid.display import Z90
-from sysid.files import read_bytes
+from sysid.files import read_json
 from sysid.fleet.assembly import Member
 from sysid.fleet.exchangeable import population
 from sysid.fleet.outcome import RESULT_FILE
@@ -47,13 +47,13 @@ def population_loads(kind: str, members: Iterable[Member]) -> list[PopulationLoa
     readings: dict[tuple[str, float, int], dict[str, tuple[float, float]]] = {}
     for member in members:
         try:
-            document = json.loads(read_bytes(member.output / RESULT_FILE) or b"")
-            passes = [(p["load_case"], float(p["speed_km_h"]), int(p["axle"]), p["peak_dynamic_load_ratio"])
+            document = read_json(member.output / RESULT_FILE)
+            passes = [(str(p["load_case"]), float(p["speed_km_h"]), int(p["axle"]), dict(p["peak_dynamic_load_ratio"]))
                       for p in document["predictions"]]  # fmt: skip
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, OverflowError):
             continue
         for case, speed, axle, ratio in passes:
-            values = [ratio.get(q) for q in ("q05", "q50", "q95")]
+            values: list[Any] = [ratio.get(q) for q in ("q05", "q50", "q95")]
             if all(isinstance(v, float) and v > 0.0 for v in values):
                 low, middle, high = (math.log(v) for v in values)
                 readings.setdefault((case, speed, axle), {})[member.truck] = (middle, (high - low) / (2.0 * Z90))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from sysid.errors import CampaignError
-from sysid.files import read_bytes, write_text
+from sysid.files import read_json, write_text
 from sysid.fleet.key import calibration_key, file_digests, folder_state, result_digest
 
 #: ``failed``: the program or the disk, not the data; ``crashed``: its process was killed or died, twice.
@@ -56,13 +57,22 @@ def keep(folder: Path, outcome: Outcome) -> None:
 
 def kept(folder: Path) -> Outcome | None:
     """The outcome that was written there; None if there is none or it cannot be read."""
-    try:
-        document = json.loads(read_bytes(folder / OUTCOME_FILE) or b"")
-        if document.pop("schema") != SCHEMA or document["state"] not in get_args(State):
-            return None
-        return Outcome(**{f.name: document[f.name] for f in fields(Outcome)})
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    document = read_json(folder / OUTCOME_FILE)
+    if document.get("schema") != SCHEMA or document.get("state") not in get_args(State):
         return None
+    members = {f.name: document.get(f.name) for f in fields(Outcome)}
+    if not all(_is_like(members[f.name], getattr(Outcome("done"), f.name)) for f in fields(Outcome)):
+        return None
+    return Outcome(**members)  # type: ignore[arg-type]
+
+
+def _is_like(value: Any, example: Any) -> bool:
+    """Whether a value has the type of an example: texts in tables, numbers that are none of true and false."""
+    if isinstance(example, dict):
+        return isinstance(value, dict) and all(isinstance(text, str) for text in value.values())
+    if isinstance(example, float):
+        return type(value) in (int, float) and math.isfinite(value) and abs(value) < 2**53
+    return type(value) is type(example) and (not isinstance(value, int) or 0 <= value < 2**63)
 
 
 def still_valid(outcome: Outcome, campaign: Path, folder: Path, choices: Mapping[str, Any]) -> bool:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sysid.export.csv_cells import csv_text, escape_cell
-from sysid.files import read_bytes, write_text
+from sysid.files import read_json, write_text
 from sysid.fleet.outcome import kept
 from sysid.fleet.records import Fleet
 from sysid.fleet.running import Row, campaign_output
@@ -39,7 +39,7 @@ def rows_on_disk(fleet: Fleet, output: Path) -> list[Row]:
 def stage_of(output: Path, name: str) -> str:
     """What a running campaign is doing, as it said last; empty if it has not said anything."""
     try:
-        said = json.loads(read_bytes(campaign_output(output, name) / PROGRESS_FILE) or b"")
+        said = read_json(campaign_output(output, name) / PROGRESS_FILE)
         return f"{str(said['stage'])[:60]} ({100.0 * float(said['fraction']):.0f} %)"
     except (ValueError, KeyError, TypeError):
         return ""

@@ -5,14 +5,13 @@ A column that a campaign does not know is null.  SI units, speeds in km/h where 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sysid.files import read_bytes
+from sysid.files import read_json
 from sysid.fleet.draws import RECORD_FILE, read_draws, thinned
 from sysid.fleet.outcome import RESULT_FILE
 from sysid.fleet.running import Row
@@ -104,10 +103,20 @@ def campaign_rows(row: Row, output: Path, folder: Path) -> dict[str, list[dict[s
     output : folder of its results.
     folder : that of the fleet, to which paths are relative.
     """
+    document = read_json(output / RESULT_FILE) if _finished(row) else {}
     try:
-        document = json.loads(read_bytes(output / RESULT_FILE) or b"") if _finished(row) else {}
-    except (ValueError, RecursionError):
-        document = {}
+        found = _rows_of(document, row, output)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        # Not what the program writes: the campaign is there, its results are not.
+        found = _rows_of({}, row, output)
+    if not all(_fits(name, line) for name, lines in found.items() for line in lines):
+        found = _rows_of({}, row, output)
+    (first,) = found["campaigns"]
+    first["folder"] = output.relative_to(folder).as_posix()
+    return found
+
+
+def _rows_of(document: Mapping[str, Any], row: Row, output: Path) -> dict[str, list[dict[str, Any]]]:
     of_row = {"campaign": row.campaign, "truck": row.truck, "type": row.type}
     warnings = document.get("warnings", [])
     first = row_fields(row) | {
@@ -115,7 +124,6 @@ def campaign_rows(row: Row, output: Path, folder: Path) -> dict[str, list[dict[s
         "seed": document.get("seed"),
         "warnings": len(warnings) if document else None,
         "warning": warnings[0] if warnings else None,
-        "folder": output.relative_to(folder).as_posix(),
     }
     return {
         "campaigns": [first],
@@ -124,6 +132,21 @@ def campaign_rows(row: Row, output: Path, folder: Path) -> dict[str, list[dict[s
         "predictions": [of_row | _prediction(p) for p in document.get("predictions", [])],
         "quality": [of_row | dict(v) for v in document.get("validation", [])],
     }
+
+
+def _fits(table: str, line: Mapping[str, Any]) -> bool:
+    """Whether every value of a line is of its column's type."""
+    return all(_of_kind(line.get(name), kind) for name, (kind, _) in TABLES[table].items())
+
+
+def _of_kind(value: Any, kind: str) -> bool:
+    if value is None or kind == "list<double>":
+        return True
+    if kind == "double":
+        return type(value) is float or (type(value) is int and abs(value) < 2**53)
+    if kind == "int64":
+        return type(value) is int and abs(value) < 2**63
+    return isinstance(value, {"string": str, "bool": bool}[kind])
 
 
 def _finished(row: Row) -> bool:

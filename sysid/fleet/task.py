@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import sysid
-from sysid.files import read_bytes, write_text
+from sysid.files import read_bytes, read_json, write_text
 from sysid.fleet.key import calibration_key, folder_state
 from sysid.fleet.outcome import LOG_FILE, Outcome, keep, kept, still_valid
 from sysid.folder_lock import cannot_write
@@ -190,9 +190,9 @@ def _without_process(task: Task, state: str, sentence: str) -> Outcome:
 def _starts(output: Path, run: str) -> int:
     """How often the task was started within this run of the fleet and has not come to an end."""
     try:
-        said = json.loads(read_bytes(output / _STARTS_FILE) or b"{}")
+        said = read_json(output / _STARTS_FILE)
         return int(said["starts"]) if said.get("run") == run else 0
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, OverflowError):
         return 0
 
 

@@ -87,6 +87,11 @@ class Calibration:
         """The campaign with rejected channels removed and clipped samples marked."""
         return self._inputs.campaign
 
+    @property
+    def read_back(self) -> frozenset[str]:
+        """Names of the stages whose results were read from the output folder instead of computed."""
+        return frozenset(self._folder.read_back)
+
     def result(self, stage: Stage[T], options: Mapping[str, Any] = NOTHING) -> T:
         """The result of any stage; of one whose results come one by one, those that are asked for.
 
@@ -225,6 +230,7 @@ class Calibration:
         wanted = [stage for stage in stages.STAGES if stage.in_run in kinds]
         with self._folder.lock:
             self._folder.no_success()
+            self._folder.tidy()
             if not self._runner.resume:
                 self._folder.forget(stages.STAGES)
             efforts = {stage.name: stage.effort for stage in self._runner.missing(wanted)}

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, cast, get_args
 
 from sysid.estimation.fit.options import FitOptions
-from sysid.files import read_bytes, write_text
+from sysid.files import read_json, write_text
 from sysid.posterior.sampling import SamplingOptions
 from sysid.road.contact_laws import ContactLaw
 from sysid.validation.channel_agreement import ValidationLimits
@@ -53,10 +53,10 @@ def remember(folder: Path, settings: Settings) -> None:
 def recall(folder: Path) -> dict[str, Any]:
     """What :func:`remember` kept in an output folder; empty if nothing was kept or it cannot be read."""
     try:
-        kept = json.loads(read_bytes(folder / "stages" / "settings.json") or b"")
+        kept = read_json(folder / "stages" / "settings.json")
         choices = {name: kept[name] for name, kind in KEPT_CHOICES.items() if type(kept[name]) is kind}
         known = choices["laws"] in LAWS and choices["contact"] in get_args(ContactLaw) and choices["seed"] >= 0
-    except (ValueError, KeyError, TypeError, RecursionError):
+    except (KeyError, TypeError):
         return {}
     return choices if known and len(choices) == len(KEPT_CHOICES) else {}
 

@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 
 from sysid.campaign.records import Campaign
 from sysid.errors import CampaignError
-from sysid.files import read_bytes, write_text
+from sysid.files import read_json, remove_unfinished, write_text
 from sysid.folder_lock import FolderLock, cannot_write
 from sysid.threads import one_blas_thread
 from sysid.workflow import store
@@ -60,6 +60,8 @@ class StageFolder:
         self.path, self._settings, self._campaign = output, settings, campaign
         self._results: dict[Stage[Any], Any] = {}
         self._fingerprints: dict[Stage[Any], str] = {}
+        #: Names of the stages whose results come from files, not from this process.
+        self.read_back: set[str] = set()
         self._version = versions()["sysid"]
         self.lock = FolderLock(output)
         self.write(lambda: (output / "stages").mkdir(parents=True, exist_ok=True))
@@ -72,6 +74,7 @@ class StageFolder:
             stored = store.load(self._path(stage), self.fingerprint(stage), result_hint(stage))
             if stored is not None:
                 self._results[stage] = stored
+                self.read_back.add(stage.name)
         result: T | None = self._results.get(stage)
         return result
 
@@ -81,6 +84,7 @@ class StageFolder:
         if stage.in_run == "always":
             self.no_success()
         self._results[stage] = result
+        self.read_back.discard(stage.name)
         if stage.in_file:
             self.write(lambda: remember(self.path, self._settings))
             try:
@@ -99,6 +103,10 @@ class StageFolder:
     def no_success(self) -> None:
         """Take the marker of a finished run away."""
         self.write(lambda: (self.path / SUCCESS_MARKER).unlink(missing_ok=True))
+
+    def tidy(self) -> None:
+        """Remove what killed processes left half-written, down to the files of a load case in ``models/``."""
+        self.write(lambda: remove_unfinished(self.path, depth=2))
 
     @contextmanager
     def timed(self, name: str, parts: Callable[[], dict[str, float]] = dict) -> Iterator[None]:
@@ -152,13 +160,8 @@ class StageFolder:
         return self.path / "stages" / "timings.json"
 
     def _read_timings(self) -> dict[str, float]:
-        content = read_bytes(self._timings_file)
-        try:
-            timings = json.loads(content or b"{}")
-        except (ValueError, RecursionError):
-            return {}
-        whole = isinstance(timings, dict) and all(type(seconds) in (int, float) for seconds in timings.values())
-        return timings if whole else {}
+        timings = read_json(self._timings_file)
+        return timings if all(type(seconds) in (int, float) for seconds in timings.values()) else {}
 
 
 def dependents(stage: Stage[Any]) -> tuple[Stage[Any], ...]:

@@ -24,7 +24,7 @@ def save(path: Path, result: Any, fingerprint: str, hint: Any) -> None:
     Raises
     ------
     TypeError
-        If the result is not of its type, so that nobody would read it back.
+        If the result is not of its type or too large, so that nobody would read it back.
     OSError
         If the folder cannot be written.
     """
@@ -34,7 +34,10 @@ def save(path: Path, result: Any, fingerprint: str, hint: Any) -> None:
         _decoded(tree, hint, arrays)
     except (ValueError, KeyError) as error:
         raise TypeError(str(error)) from error
-    array_file.write(path, {"fingerprint": fingerprint, "result": tree}, arrays)
+    try:
+        array_file.write(path, {"fingerprint": fingerprint, "result": tree}, arrays)
+    except ValueError as error:
+        raise TypeError(str(error)) from error
 
 
 def load(path: Path, fingerprint: str, hint: Any) -> Any | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 from collections.abc import Callable, Iterator
@@ -17,6 +16,7 @@ from crg_files import crg_file
 from hypothesis import strategies as st
 from plyfile import PlyData, PlyElement
 
+from studies.process import processor_seconds, reset_peak, status
 from sysid.campaign import Sensor, check_quality, read_campaign, read_log
 from sysid.campaign.records import Scan
 from sysid.campaign.toml_errors import parse_toml, validate
@@ -230,39 +230,16 @@ class Watch:
 
         before = signal.signal(signal.SIGPROF, interrupt)
         signal.setitimer(signal.ITIMER_PROF, hang_s)
-        resident = _reset_peak()
-        begin = _processor_s()
+        resident = reset_peak()
+        begin = processor_seconds()
         try:
             yield
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
             signal.signal(signal.SIGPROF, before)
             self.examples += 1
-            self.seconds = max(self.seconds, _processor_s() - begin)
-            self.bytes = max(self.bytes, _status("VmHWM") - resident)
-
-
-def _processor_s() -> float:
-    """Processor time of this process and of the children that it has waited for [s]."""
-    times = os.times()
-    return times.user + times.system + times.children_user + times.children_system
-
-
-def _status(name: str) -> float:
-    try:
-        text = Path("/proc/self/status").read_text(encoding="ascii")
-    except OSError:  # not Linux: memory is not watched
-        return 0.0
-    return 1024.0 * int(text.split(f"{name}:")[1].split()[0])
-
-
-def _reset_peak() -> float:
-    """Set the peak memory of this process to what it has now, and return that."""
-    try:
-        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-    except OSError:
-        return _status("VmHWM")
-    return _status("VmRSS")
+            self.seconds = max(self.seconds, processor_seconds() - begin)
+            self.bytes = max(self.bytes, status("VmHWM") - resident)
 
 
 def check(target: Target, folder: Path, content: bytes, watch: Watch) -> None:

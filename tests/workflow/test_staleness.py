@@ -12,7 +12,7 @@ from typing import Any, Literal
 import pytest
 from small_results import small_campaign
 
-from sysid.workflow import Settings, sources
+from sysid.workflow import Calibration, Settings, sources
 from sysid.workflow.schema import result_hint, schema_digest, schema_text
 from sysid.workflow.stage import Itemwise, Whole
 from sysid.workflow.stage_folder import StageFolder, dependents
@@ -197,3 +197,16 @@ def test_the_record_names_the_packages_that_its_function_calls(stage: Any) -> No
     assert called <= sources.imported_by(stage.code)
     # Without any package named the hash of the code would say nothing.
     assert stage.code
+
+
+def test_a_run_removes_what_killed_processes_left_half_written(tmp_path, monkeypatch):
+    for name in ("", "stages", "models/empty", "predictions"):
+        (tmp_path / name).mkdir(parents=True, exist_ok=True)
+        (tmp_path / name / ".writing-abc.csv").write_text("half")
+    (tmp_path / "models" / "kept.csv").write_text("whole")
+    calibration = Calibration(Path(__file__).parents[2] / "examples" / "linear_truck", tmp_path)
+    monkeypatch.setattr("sysid.workflow.stages.STAGES", ())
+    monkeypatch.setattr("sysid.workflow.stages.ENDINGS", ())
+    calibration.run()
+    assert not list(tmp_path.rglob(".writing-*"))
+    assert (tmp_path / "models" / "kept.csv").exists()

@@ -328,3 +328,19 @@ def test_a_result_that_nobody_would_read_back_is_refused(tmp_path: Path) -> None
     with pytest.warns(UserWarning, match="result of 'drops' is not kept: DropSummary.messages"):
         folder.keep(DROPS, replace(SUMMARY, messages=(1,)))
     assert folder.known(DROPS).messages == (1,)
+
+
+def test_a_file_longer_than_any_result_is_not_read_and_not_kept(tmp_path, monkeypatch):
+    path = tmp_path / "stage.npz"
+    array_file.write(path, {"a": 1}, {})
+    with path.open("r+b") as stream:
+        stream.truncate(3_000_000_000)  # no block of it is on the disk
+    tracemalloc.start()
+    try:
+        assert array_file.read(path) is None
+        assert tracemalloc.get_traced_memory()[1] < 1e6
+    finally:
+        tracemalloc.stop()
+    monkeypatch.setattr("sysid.limits.STAGE_BYTES", 1000)
+    with pytest.raises(TypeError, match="more than"):
+        store.save(path, SUMMARY, "fingerprint", result_hint(DROPS))

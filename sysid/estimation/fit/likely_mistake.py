@@ -26,10 +26,11 @@ from sysid.estimation.fit.mistake_candidates import WHOLE, Candidate, Directions
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE
 from sysid.estimation.uncertainty.departures import departures
-from sysid.estimation.uncertainty.information import allowance_columns, information_with
+from sysid.estimation.uncertainty.information import information_with
 from sysid.estimation.uncertainty.residual_columns import joined
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 
@@ -73,10 +74,10 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
     rubbing = [True] * len(campaign.vehicle.axles)
     tires = departures(model.felt, campaign.load_cases_in_use, rubbing)
     allowances = Allowances(uncertain_masses(campaign), tires)
-    known = allowance_columns(problem, optimum.vector, allowances)
     sd = np.concatenate([allowances.masses.sd, [PLAUSIBLE[d.kind] for d in tires.directions]])
     rows, targets = model.parameters.prior_rows()
     values, motion = problem.unpack(optimum.vector)
+    known = allowance_columns(model, allowances, problem.weights, values, motion)
     directions = iter(Directions(campaign, model, problem.weights, values, motion))
     found = []
     while chosen := list(islice(directions, _AT_ONCE)):

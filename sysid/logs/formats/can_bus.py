@@ -15,7 +15,7 @@ import numpy as np
 
 from sysid import limits
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import Found, RefusedError
+from sysid.logs.selection import FileChannel, RefusedError
 
 #: Frames of a log: half an hour of a full bus.
 _MOST_FRAMES = limits.LOG_ROWS
@@ -32,7 +32,7 @@ class _Frames:
         self.data: list[bytes] = []
 
 
-def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
+def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
     """Signals of all messages that the database knows, one group per message and sender.
 
     Raises
@@ -62,7 +62,7 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[Found]:
         label = f"{message.name} {identifier:X}" if several else str(message.name)
         decoded: list[dict[str, np.ndarray]] = []
         for signal in message.signals:
-            yield Found(
+            yield FileChannel(
                 signal.name,
                 len(one.time_s),
                 partial(_load, message, signal, one, decoded),
