@@ -125,7 +125,7 @@ def test_a_log_of_a_campaign(written: Callable[[], bytes], name: str):
     ("database", "sentence"),
     [
         (None, "name its DBC file by can_database"),
-        (DATABASE.replace("256", "300").replace("257", "301").replace("258", "302").split("BO_ 2566844926")[0],
+        (DATABASE.split("BO_ 2566844926")[0].replace("256", "300").replace("257", "301").replace("258", "302"),
          "has no frame of a message in its CAN database"),
         ("BO_ what is this", "has a CAN database that cannot be read"),
     ],
