@@ -101,6 +101,20 @@ def test_scale_is_the_root_mean_square_of_what_exact_data_ask_for():
     np.testing.assert_allclose(found.sd, np.sqrt(np.mean(behind**2)), rtol=1e-3)
 
 
+def test_readings_of_a_scale_that_are_further_off_than_said_get_the_scale_that_they_have():
+    """Exact data about five readings: the root mean square of their errors, the tolerance where that is more."""
+    jacobian = 1e5 * np.random.default_rng(9).normal(size=(80, 8))
+    readings = np.array([True] * 5 + [False])
+    for behind, wanted in (([0.01, -0.012, 0.004, 0.009, -0.011], None), ([0.001] * 5, 0.005), ([0.1] * 5, 0.015)):
+        residual = -jacobian[:, 2:7] @ np.array(behind)
+        solved = np.linalg.lstsq(jacobian[:, :2], -residual, rcond=None)[0]
+        score = jacobian.T @ (residual + jacobian[:, :2] @ solved)
+        tolerance = np.array([0.005] * 5 + [0.03])
+        found = departure_scale(jacobian.T @ jacobian, score, 1e-9 * np.eye(2), tolerance, [], None, readings).mass_sd
+        assert found[5] == 0.03
+        np.testing.assert_allclose(found[:5], wanted or np.sqrt(np.mean(np.square(behind))), rtol=1e-3)
+
+
 def test_data_without_departures_leave_scales_of_their_own_accuracy_and_no_data_the_plausible_one():
     jacobian = np.random.default_rng(5).normal(size=(200, 30)) * 1e3
     residual = np.random.default_rng(6).normal(size=200)

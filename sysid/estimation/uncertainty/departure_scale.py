@@ -40,15 +40,21 @@ from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty
 #: the whole way to another contact law; 0.2 in the footprint's log stiffness and in the spokes' exponent; 10 % of a
 #: tire's stiffness beyond its load law; 3 % of the load as friction (leaf packs have 2 to 10 %, general knowledge).
 PLAUSIBLE = {ENVELOPE: 1.0, FOOTPRINT: 0.2, SPOKES: 0.2, TIRE_LOAD: 0.1, FRICTION: 0.03}
+#: Readings of a scale are not taken to be further off than so many times their tolerance.
+MOST_GROWN = 3.0
 _ROUNDS = 200
 
 
 @dataclass(frozen=True)
 class DepartureScale:
-    """Scale tau (n,) of every direction, and the masses and amplitudes (m + n,) that the data ask for with it."""
+    """Scale tau (n,) of every direction, and the masses and amplitudes (m + n,) that the data ask for with it.
+
+    `mass_sd` (m,) tolerances, those of scale readings grown where the data ask for it.
+    """
 
     sd: np.ndarray
     estimate: np.ndarray
+    mass_sd: Masses
 
 
 def departure_columns(
@@ -101,8 +107,11 @@ def departure_scale(
     mass_sd: Masses,
     directions: Sequence[Departure],
     amounts: np.ndarray | None = None,
+    readings: np.ndarray | None = None,
 ) -> DepartureScale:
     """Scales of the kinds by expectation-maximisation.
+
+    Readings of a scale that are further off than their tolerance have a scale in the same way, never below it.
 
     Parameters
     ----------
@@ -110,6 +119,7 @@ def departure_scale(
         priors of the parameters included.
     prior : (p, p) prior precision; mass_sd : (m,) tolerances; directions : the n directions.
     amounts : (m + n,) y at which information and score were taken, None for 0.
+    readings : (m,) bool, which masses are readings of a scale, None for none.
     """
     count, masses = prior.shape[0], mass_sd.size
     cross = information[:count, count:]
@@ -121,7 +131,7 @@ def departure_scale(
     names = np.array([d.group for d in directions])
     largest = np.array([PLAUSIBLE[d.kind] for d in directions])
     tau = largest.copy()
-    estimate = np.zeros(here.size)
+    estimate, tolerance, mass_sd = np.zeros(here.size), mass_sd, mass_sd.copy()
     for _ in range(_ROUNDS):
         sd = np.concatenate([mass_sd, tau])
         # In units of their scales the unknowns have the unit matrix as prior: safe for scales that go to zero.
@@ -129,9 +139,12 @@ def departure_scale(
         estimate = -(left @ (sd * right)) * sd
         variance = (np.diag(left) * sd**2)[masses:]
         before = tau.copy()
+        if readings is not None and readings.any():
+            square = np.mean(estimate[:masses][readings] ** 2 + (np.diag(left) * sd**2)[:masses][readings])
+            mass_sd[readings] = np.clip(np.sqrt(square), tolerance[readings], MOST_GROWN * tolerance[readings])
         for group in dict.fromkeys(names):
             of = names == group
             tau[of] = np.minimum(np.sqrt(np.mean(estimate[masses:][of] ** 2 + variance[of])), largest[of])
         if np.allclose(tau, before, rtol=1e-3):
             break
-    return DepartureScale(tau, estimate)
+    return DepartureScale(tau, estimate, mass_sd)

@@ -240,15 +240,15 @@ def model_error(
     prior : (p, p) P; pull : (p,) gradient of half the sum of squares of the priors.
     """
     assert data.parts is not None
-    masses, directions = allowances.masses.sd, allowances.departures.directions
+    masses, directions = allowances.masses, allowances.departures.directions
     count, factor = prior.shape[0], 1.0
     scores, parts = data.by_block(data.scores), data.by_block(data.parts)
     for _ in range(_FACTOR_ROUNDS):
         matrix, score = data.matrix / factor, data.score / factor
         with_priors = score.copy()
         with_priors[:count] += pull
-        departed = departure_scale(matrix, with_priors, prior, masses, directions, amounts)
-        sd = np.concatenate([masses, departed.sd])
+        departed = departure_scale(matrix, with_priors, prior, masses.sd, directions, amounts, masses.readings)
+        sd = np.concatenate([departed.mass_sd, departed.sd])
         step = joint_step(matrix, score, prior, pull, sd, amounts)
         there = scores + parts @ np.concatenate([step.parameters, step.amounts])
         unit, covariance = joint_scale(matrix, prior, sd), joint_covariance(matrix, prior, sd)
