@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -53,13 +52,8 @@ def population_loads(kind: str, members: Iterable[Member]) -> list[PopulationLoa
         except (ValueError, KeyError, TypeError, OverflowError):
             continue
         for case, speed, axle, ratio in passes:
-<<<<<<< HEAD
-            values: list[Any] = [ratio.get(q) for q in ("q05", "q50", "q95")]
-            if all(isinstance(v, float) and v > 0.0 for v in values):
-=======
             values = [v for q in ("q05", "q50", "q95") if isinstance(v := ratio.get(q), float) and v > 0.0]
             if len(values) == 3:
->>>>>>> robust
                 low, middle, high = (math.log(v) for v in values)
                 readings.setdefault((case, speed, axle), {})[member.truck] = (middle, (high - low) / (2.0 * Z90))
     loads = []

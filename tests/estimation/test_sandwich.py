@@ -120,8 +120,6 @@ def test_model_error_is_the_factor_by_which_blocks_scatter_more_than_noise():
     blocks, rows, count, together, prior = 40, 60, 10, 5, 1e-6 * np.eye(10)
     masses = SimpleNamespace(sd=np.zeros(0), readings=np.zeros(0, bool))
     nothing = SimpleNamespace(masses=masses, departures=SimpleNamespace(directions=()))
-        masses=SimpleNamespace(sd=np.zeros(0), readings=np.zeros(0, bool)), departures=SimpleNamespace(directions=())
-    )
     factors, noise = [], []
     for _ in range(60):
         # Columns alike in the same stretches: five equal readings tell as much as one.
