@@ -16,7 +16,7 @@ from sysid.campaign.clocks.motion import Lag
 #: Longest records together [samples of the common grid].
 _MOST_STEPS = 4_000_000
 #: Below this correlation the signals are not the same; another lag that comes as near as this is as good.
-LEAST_CORRELATION, RIVAL = 0.5, 0.9
+LEAST_CORRELATION, RIVAL = 0.5, 0.8
 _FEWEST = 50
 
 Signal = tuple[np.ndarray, np.ndarray]
@@ -69,12 +69,15 @@ def _coarse(signals: list[Signal], step: float, within_s: tuple[float, float]) -
     falls = heights < (1.0 - (1.0 - RIVAL) / 2.0) * heights[at]
     left = int(np.max(np.flatnonzero(falls[:at]), initial=-1))
     right = at + int(np.argmax(falls[at:])) if falls[at:].any() else heights.size
-    other = max(float(np.max(heights[: left + 1], initial=0.0)), float(np.max(heights[right:], initial=0.0)))
-    beyond = np.concatenate([heights[: left + 1], heights[right:]])
-    peaks = beyond[1:-1][(beyond[1:-1] > beyond[:-2]) & (beyond[1:-1] >= beyond[2:])]
-    if other > 0.0 and float(np.max(peaks, initial=0.0)) > RIVAL * heights[at]:
+    if max(_highest_peak(heights[: left + 1]), _highest_peak(heights[right:])) > RIVAL * heights[at]:
         return None
     return float(lags[k])
+
+
+def _highest_peak(heights: np.ndarray) -> float:
+    """The largest height that is above its neighbours, 0 where there is none."""
+    inside = heights[1:-1]
+    return float(np.max(inside[(inside > heights[:-2]) & (inside >= heights[2:])], initial=0.0))
 
 
 def _fine(signals: list[Signal], lag: float, steps: list[float]) -> Lag | None:
