@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -101,6 +102,35 @@ def test_a_wrong_sign(column: str):
     assert said is not None
     assert f"probably the sensor '{column}' has the wrong sign" in said
     assert "set sign = -1 for it" in said
+
+
+def test_a_lag():
+    said = sentence_of(measured(lag=("axle1_lvdt", 0.03)))
+    assert said is not None
+    late = float(re.findall(r"probably the sensor 'axle1_lvdt' is (\d+) ms late", said)[0])
+    assert late == pytest.approx(30.0, abs=6.0)
+
+
+def test_a_scale():
+    said = sentence_of(changed(measured(), "axle3_lvdt", times(1.25)))
+    assert said is not None
+    factor = float(re.findall(r"probably the sensor 'axle3_lvdt' reads (\S+) times what it should", said)[0])
+    assert factor == pytest.approx(1.25, abs=0.05)
+
+
+def test_a_frame_sensor_that_is_not_at_its_place():
+    said = sentence_of(changed(measured(), "frame2_accel", at_x(3.5)))
+    assert said is not None
+    place = float(re.findall(r"probably the sensor 'frame2_accel' is at x_m = (\S+), not at 3.5", said)[0])
+    assert place == pytest.approx(5.0, abs=0.3)
+
+
+def test_an_axle_that_is_not_at_its_place():
+    data = measured()
+    moved = tuple(replace(a, x_m=a.x_m - 0.3) if i == 1 else a for i, a in enumerate(data.vehicle.axles))
+    said = sentence_of(replace(data, vehicle=replace(data.vehicle, axles=moved)))
+    assert said is not None
+    assert re.search(rf"probably the axle '{moved[1].name}' is about [234]0 cm behind its declared place", said)
 
 
 def test_a_sentence_says_the_share_and_comes_first():

@@ -10,7 +10,7 @@ from rigid_truck import SENSORS, campaign, empty_run, with_values
 
 from sysid.campaign.records import BumpRun, Channel
 from sysid.errors import DataRejectedError
-from sysid.estimation.residuals.run_data import channel_layout, group_runs, on_grid
+from sysid.estimation.residuals.run_data import channel_layout, grid_phase, group_runs, on_grid
 
 
 def channel(time: np.ndarray, value: np.ndarray, censored: np.ndarray | None = None) -> Channel:
@@ -155,3 +155,20 @@ def test_no_usable_run_is_said_in_words():
     dead = with_values(run("dead", 100), np.full((100, 8), np.nan))
     with pytest.raises(DataRejectedError, match="nothing to fit"):
         groups([dead])
+
+
+def test_a_clock_of_another_phase_is_not_moved_onto_the_grid():
+    """Two clocks of one rate, 0.4 steps apart: a line read by the second stands on the steps of the first."""
+    time = 0.005 * np.arange(400)
+    first, second = channel(time, time.copy()), channel(time + 0.002, 3.0 * (time + 0.002))
+    phase = grid_phase((first, second), 0.005)
+    assert phase == pytest.approx(0.0, abs=1e-9)
+    value, measured, _ = on_grid(second, 400, 0.005, phase)
+    assert not measured[0]
+    assert measured[1:].all()
+    assert value[1:] == pytest.approx(3.0 * time[1:], abs=1e-12)
+    # A phase that all channels share shifts the run, and nothing is interpolated.
+    alone = grid_phase((second,), 0.005)
+    value, measured, _ = on_grid(second, 400, 0.005, alone)
+    assert measured.all()
+    assert np.array_equal(value, second.value)

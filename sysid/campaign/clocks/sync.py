@@ -15,8 +15,10 @@ from sysid.campaign.clocks.motion import Lag
 
 #: Longest records together [samples of the common grid].
 _MOST_STEPS = 4_000_000
-#: Below this correlation the signals are not the same; another lag that comes as near as this is as good.
-LEAST_CORRELATION, RIVAL = 0.5, 0.9
+#: Below this correlation the signals are not the same; another lag that comes as near as this to the best is as good.
+LEAST_CORRELATION, RIVAL = 0.5, 0.95
+#: Lags at which less of both signals' power is common to both do not count.
+_LEAST_COMMON = 0.2
 _FEWEST = 50
 
 Signal = tuple[np.ndarray, np.ndarray]
@@ -58,23 +60,38 @@ def _coarse(signals: list[Signal], step: float, within_s: tuple[float, float]) -
     index = np.where(index < even[0].size, index, index - n)
     lags = index * step + signals[0][0][0] - signals[1][0][0]
     # Signs of the two may differ: cables get exchanged.
-    height = np.where((lags >= within_s[0] - step) & (lags <= within_s[1] + step), np.abs(height), 0.0)
+    possible = (lags >= within_s[0] - step) & (lags <= within_s[1] + step)
+    common = [_power_between(v, i, i + w.size) for v, w, i in ((*even, index), (*even[::-1], -index))]
+    whole = float(np.sum(even[0] ** 2) * np.sum(even[1] ** 2))
+    possible &= common[0] * common[1] > _LEAST_COMMON**2 * whole
+    height = np.where(possible, np.abs(height), 0.0)
     k = int(np.argmax(height))
-    size = float(np.linalg.norm(even[0]) * np.linalg.norm(even[1]))
-    if height[k] < LEAST_CORRELATION * size:
+    # Even pulses overlap less at another lag, and fit as well where they do.
+    order = np.argsort(lags)
+    heights = (height / np.sqrt(np.maximum(common[0] * common[1], 1e-12 * whole)))[order]
+    at = int(np.flatnonzero(order == k)[0])
+    if heights[at] < LEAST_CORRELATION:
         return None
     # Down from the highest point on both sides: what rises again there is another lag.
-    order = np.argsort(lags)
-    heights, at = height[order], int(np.flatnonzero(order == k)[0])
     falls = heights < (1.0 - (1.0 - RIVAL) / 2.0) * heights[at]
     left = int(np.max(np.flatnonzero(falls[:at]), initial=-1))
     right = at + int(np.argmax(falls[at:])) if falls[at:].any() else heights.size
-    other = max(float(np.max(heights[: left + 1], initial=0.0)), float(np.max(heights[right:], initial=0.0)))
-    beyond = np.concatenate([heights[: left + 1], heights[right:]])
-    peaks = beyond[1:-1][(beyond[1:-1] > beyond[:-2]) & (beyond[1:-1] >= beyond[2:])]
-    if other > 0.0 and float(np.max(peaks, initial=0.0)) > RIVAL * heights[at]:
+    if max(_highest_peak(heights[: left + 1]), _highest_peak(heights[right:])) > RIVAL * heights[at]:
         return None
     return float(lags[k])
+
+
+def _power_between(value: np.ndarray, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Sum of squares of the samples from begin to end, as far as there are any."""
+    total = np.concatenate([[0.0], np.cumsum(value**2)])
+    first, last = (np.clip(i, 0, value.size) for i in (begin, end))
+    return np.asarray(total[last] - total[first])
+
+
+def _highest_peak(heights: np.ndarray) -> float:
+    """The largest height that is above its neighbours, 0 where there is none."""
+    inside = heights[1:-1]
+    return float(np.max(inside[(inside > heights[:-2]) & (inside >= heights[2:])], initial=0.0))
 
 
 def _fine(signals: list[Signal], lag: float, steps: list[float]) -> Lag | None:

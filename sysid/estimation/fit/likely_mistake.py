@@ -35,7 +35,7 @@ from sysid.estimation.uncertainty.residual_columns import joined
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 
 #: Share of the squares beyond the noise that one mistake must explain to be named.
-NAMED_SHARE = 0.5
+NAMED_SHARE = 0.4
 #: Another mistake that explains this part of what the best one does is named with it.
 AS_GOOD = 0.8
 #: Candidates that are looked at together: what their columns take in memory.

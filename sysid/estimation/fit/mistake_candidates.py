@@ -59,8 +59,8 @@ class Candidate:
             assert self.axle is not None
             axle = campaign.vehicle.axles[self.axle]
             return (
-                f"the axle '{shorten(axle.name)}' is {100 * abs(self.size):.0f} cm "
-                f"{'behind' if self.size > 0 else 'in front of'} its declared place (x_m = {axle.x_m + self.size:.2f} "
+                f"the axle '{shorten(axle.name)}' is about {100 * abs(self.size):.0f} cm "
+                f"{'behind' if self.size > 0 else 'in front of'} its declared place (x_m = {axle.x_m + self.size:.1f} "
                 f"instead of {axle.x_m:g}): measure the distances between the axles"
             )
         if self.kind == "load case":
@@ -192,8 +192,11 @@ class Directions:
 
     def _of_load_cases(self, here: Residuals) -> Iterator[tuple[Candidate, tuple[ResidualColumns, ...]]]:
         runs = self.campaign.bump_runs
-        driven = list(dict.fromkeys(r.load_case for r in runs))
-        for other in driven if len(driven) > 1 else ():
+        # A stiffness of its own per load case is known for those that were driven.
+        own = any(axle.load_dependent for axle in self.campaign.vehicle.axles)
+        for other in self.campaign.load_cases_in_use if own else self.campaign.load_cases:
+            if all(run.load_case == other for run in runs):
+                continue
             listed = replace(self.campaign, bump_runs=tuple(replace(r, load_case=other) for r in runs))
             trial = bump_model(
                 listed,
