@@ -26,14 +26,18 @@ if TYPE_CHECKING:
 
 
 def masses_table(fit: FitResult) -> Table | None:
-    """Declared mass properties with their tolerances and what the data would ask for; None where all are exact."""
+    """Declared mass properties with their tolerances and what the data make of them; None where all are exact."""
     if not fit.masses:
         return None
     rows = [
-        [m.words, f"\N{PLUS-MINUS SIGN} {100.0 * m.tolerance:g} %", f"{100.0 * (m.estimate - 1.0):+.1f} %"]
+        [
+            m.words,
+            f"\N{PLUS-MINUS SIGN} {100.0 * m.tolerance:g} %",
+            f"{100.0 * (m.estimate - 1.0):+.1f} \N{PLUS-MINUS SIGN} {100.0 * m.sd:.1f} %",
+        ]
         for m in fit.masses
     ]
-    return table("Declared masses", ["property", "tolerance", "change that fits best"], rows)
+    return table("Declared masses", ["property", "tolerance", "change estimated"], rows)
 
 
 def estimates_table(results: Results, quantity: Quantity) -> Table | None:
@@ -200,7 +204,7 @@ def flat_settings(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[s
 
 
 def vehicle_table(results: Results) -> Table:
-    """What the campaign file declares about the axles: taken as given, not estimated (tire values are priors)."""
+    """What the campaign file declares about the axles: priors of masses and tires."""
     cases = results.campaign.load_cases
     head = (
         "axle",

@@ -172,10 +172,16 @@ def test_a_mass_that_is_off_within_its_tolerance_moves_k_and_c_little(fits):
 
 
 def test_what_the_data_ask_for_is_what_the_masses_are(fits):
-    _, (plain, _), (moved, _), _, masses, off = fits
+    _, (plain, state), (moved, _), _, masses, off = fits
     estimate = np.log([c.estimate for c in moved.masses])
     base = np.log([c.estimate for c in plain.masses])
     assert [c.name for c in plain.masses] == [f.name for f in masses.factors]
+    # The data shrink what is known of that mass, to what the joint distribution says.
+    assert plain.masses[1].sd < 0.3 * plain.masses[1].tolerance
+    response, covariance = state.point.mass_response, plain.covariance
+    draws = np.random.default_rng(5).multivariate_normal(response.centre, covariance, 20_000)
+    scatter = response.draws(draws, np.random.default_rng(6)).std(axis=0)[1]
+    assert plain.masses[1].sd == pytest.approx(scatter, rel=0.03)
     # Declared 2 % too high, the data ask for 2 % less than they do with the right value.
     assert estimate[1] - base[1] == pytest.approx(-off[1], abs=0.004)
 

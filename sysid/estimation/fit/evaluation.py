@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import least_squares as scipy_least_squares
 
-from sysid.arrays import Parameters
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit.fit_result import FitResult, MassCheck
@@ -81,7 +81,7 @@ def evaluate_optimum(
     shared = covariance[: problem.count, : problem.count]
     determined = assess(estimates, shared, adjusted.data)
     warnings = fit_warnings(minimum, (optimum.misfit, optimum.over_instruments), halving, difference, determined)
-    checks = _mass_checks(allowances.masses, adjusted.response)
+    checks = _mass_checks(allowances.masses, adjusted.response, shared)
     point = _fit_point(problem, vector, adjusted)
     fit = FitResult(
         parameters=estimates,
@@ -120,10 +120,13 @@ def _fit_point(problem: Problem, vector: np.ndarray, adjusted: AdjustedInformati
     return replace(point, slope=adjusted.slope, amounts=adjusted.response.amounts, mass_response=adjusted.response)
 
 
-def _mass_checks(masses: UncertainMasses, response: MassResponse) -> tuple[MassCheck, ...]:
+def _mass_checks(
+    masses: UncertainMasses, response: MassResponse, covariance: ParametersByParameters
+) -> tuple[MassCheck, ...]:
+    sd = response.sd(covariance)
     return tuple(
-        MassCheck(f.name, f.quantity, f.words, f.sd, float(np.exp(estimate)))
-        for f, estimate in zip(masses.factors, response.amounts, strict=False)
+        MassCheck(f.name, f.quantity, f.words, f.sd, float(np.exp(estimate)), float(after))
+        for f, estimate, after in zip(masses.factors, response.amounts, sd, strict=False)
     )
 
 

@@ -74,7 +74,7 @@ class ContactTrial:
 @dataclass(frozen=True)
 class MassCheck:
     """One declared mass property: `words` say which, `tolerance` is the standard deviation of the logarithm of a factor
-    on it, and `estimate` the factor that the data would take for it if it were estimated with all other unknowns.
+    on it before the data and `sd` after them, and `estimate` the factor.
     """
 
     name: str
@@ -82,6 +82,7 @@ class MassCheck:
     words: str
     tolerance: float
     estimate: float
+    sd: float
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ class FitState:
 
     @cached_property
     def allowances(self) -> Allowances:
-        """Masses and departures that were not estimated."""
+        """Masses and departures beside the parameters."""
         return campaign_allowances(self.campaign, self.point.parameters, self.model.felt)
 
     def problem(self) -> Problem:

@@ -1,4 +1,4 @@
-"""What a fit holds fixed and allows for: declared mass properties, and departures of the vehicle from the model."""
+"""What a fit allows for beside its parameters: declared masses, and departures of the vehicle from the model."""
 
 from __future__ import annotations
 

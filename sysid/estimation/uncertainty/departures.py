@@ -2,9 +2,8 @@
 
 The model's tire rolls over its footprint in one way, stiffens with load by one exponent, and a linear suspension does
 not rub.  A real truck does a little of everything else.  A departure is a direction in which the simulation can be
-moved towards such other physics: amplitude 0 is the model.  Departures are not estimated; their size is taken from what
-the data ask for (:mod:`sysid.estimation.uncertainty.departure_scale`) and goes into the covariance like the tolerance
-of a mass.
+moved towards such other physics: amplitude 0 is the model.  Amplitudes are estimated, with priors whose size is taken
+from what the data ask for (:mod:`sysid.estimation.uncertainty.departure_scale`).
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.arrays import DrawsByParameters, Parameters
+from sysid.arrays import DrawsByParameters, Parameters, ParametersByParameters
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,11 @@ class MassResponse:
     response: np.ndarray
     factor: np.ndarray
     amounts: np.ndarray
+
+    def sd(self, covariance: ParametersByParameters) -> np.ndarray:
+        """Standard deviations (q,) with parameters of the given covariance (p, p)."""
+        carried = np.einsum("qi,ij,qj->q", self.response, covariance, self.response)
+        return np.asarray(np.sqrt((self.factor**2).sum(axis=1) + carried))
 
     def draws(self, log_parameters: DrawsByParameters, random: np.random.Generator) -> np.ndarray:
         """One draw (n, q) for every set (n, p) of log parameters."""

@@ -1,4 +1,4 @@
-"""Derivatives of the residuals by what is not estimated: masses and departures from the model.
+"""Derivatives of the residuals by masses and departures from the model.
 
 Both are differences of whole simulations.  The sensors' offset and gain are eliminated and the weights applied as
 everywhere else, so the columns stand beside those of the parameters.
