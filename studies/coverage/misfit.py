@@ -129,6 +129,9 @@ def _peaks(plan: Plan, world: World, reported: Predictions, normal: Predictions)
         true = predict_pass(
             world.campaign, world.parameters, world.roads, request, world.log_parameters[None]
         ).peak_ratio_q50
+        # Ratios are to the loads that were weighed.
+        weighed = np.array(plan.campaign.load_cases[request.load_case].axle_loads_kg)
+        true = true * np.array(world.campaign.load_cases[request.load_case].axle_loads_kg) / weighed
         for axle, truth in enumerate(true):
             bands = [
                 [float(p.peak_ratio_q05[axle]), float(p.peak_ratio_q50[axle]), float(p.peak_ratio_q95[axle])]
