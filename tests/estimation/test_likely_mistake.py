@@ -133,6 +133,16 @@ def test_an_axle_that_is_not_at_its_place():
     assert re.search(rf"probably the axle '{moved[1].name}' is about [234]0 cm behind its declared place", said)
 
 
+@pytest.mark.parametrize(("run", "listed"), [(0, "laden"), (2, "empty")])
+def test_a_run_of_another_load_case(run: int, listed: str):
+    data = measured()
+    runs = tuple(replace(r, load_case=listed) if i == run else r for i, r in enumerate(data.bump_runs))
+    said = sentence_of(replace(data, bump_runs=runs))
+    assert said is not None
+    driven = data.bump_runs[run]
+    assert f"{driven.log.file} was driven in the load case '{driven.load_case}', not '{listed}'" in said
+
+
 def test_a_sentence_says_the_share_and_comes_first():
     data = changed(measured(), "axle2_lvdt", times(-1.0))
     fit, _ = fit_with_laws(data, None, PROFILES, OPTIONS)
