@@ -1,7 +1,6 @@
 """Frozen records of one measurement campaign: everything in SI units, axles front to rear, index 0 = axle 1.
 
-Axes: x rearward from axle 1, z up, pitch positive nose-up (right-handed about the axis pointing to the right of
-travel).
+Axes: x rearward from axle 1, z up, pitch positive nose-up (right-handed about the axis to the right of travel).
 """
 
 from __future__ import annotations
@@ -227,7 +226,7 @@ class Sensor:
     `axle` (index) for deflections and axle accelerations, `body` (index) and `x_m` for body accelerations.
     `full_scale` is the range (+-) in SI units, None if undeclared; `unit` is the unit in the file, after readings are
     multiplied by `scale` and `sign`.  For plank drops `axle`, `body` and `x_m` are filled in with the axle under test.
-    `logger` is the name of its logger, empty for the first one; `source` the column in its files, empty for `column`.
+    `logger`: name of its logger, empty for the first one; `source`: column in its files, empty for `column`.
     """
 
     column: str
@@ -378,7 +377,7 @@ class Campaign:
 
     `load_cases` keeps the order of the file (the first is the reference of drops and tire stiffness);
     `input_sha256` maps every input file, relative to `folder`, to its hash; `messages` are sentences about the campaign
-    as a whole; `priors` are the user's own by the name of the parameter; `clocks` those of further loggers, run by run.
+    as a whole; `priors` are the user's own by the name of the parameter; `clocks` those of further loggers by run.
     """
 
     title: str
