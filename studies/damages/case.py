@@ -22,11 +22,13 @@ from studies.damages.files import FILE_DAMAGES, Damage
 from studies.damages.forgeries import FORGERIES
 from studies.process import processor_seconds, reset_peak, status
 from studies.small_campaign import ROOT, small_campaign
+from sysid.workflow.sources import code_digest
 
 SEED = 2027
 #: Beyond what the process held before [bytes].
 MOST_BYTES = 500e6
-LIMIT_S = 300.0
+#: Processor time, and time on the clock of a machine that does ten things at once.
+LIMIT_S, WAIT_S = 300.0, 3600.0
 INTERRUPTED = 130
 #: How the base was made, and how an interrupted one goes on; four stretches of a chain.
 RUN = ("--quick", "--max-steps", "40")
@@ -42,13 +44,15 @@ class TooLongError(BaseException):
 
 @cache
 def base(folder: Path) -> tuple[Path, Path]:
-    """Campaign and undamaged result folder, made if they are not there."""
+    """Campaign and undamaged result folder, made if they are not there or other code made them."""
     campaign, output = small_campaign(folder / "campaign"), folder / "output"
-    if not (output / "SUCCESS").exists():
+    mark, code = folder / "code", code_digest(p.stem for p in sorted((ROOT / "sysid").iterdir()) if p.stem[0] != "_")
+    if not (output / "SUCCESS").exists() or not mark.exists() or mark.read_text(encoding="utf-8") != code:
         shutil.rmtree(output, ignore_errors=True)
         # In a process of its own: what it compiles would stay in the memory of this one.
         arguments = [sys.executable, "calibrate.py", "run", str(campaign), "--output", str(output), *RUN]
         subprocess.run(arguments, cwd=ROOT, check=True, capture_output=True)
+        mark.write_text(code, encoding="utf-8")
     return campaign, output
 
 
@@ -57,7 +61,11 @@ def _warmed(folder: Path) -> tuple[Path, Path]:
     """The same; what the program itself takes is loaded before the first case."""
     campaign, output = base(folder)
     with tempfile.TemporaryDirectory() as place:
-        command("export", campaign, Path(shutil.copytree(output, Path(place) / "output")))
+        copy = Path(shutil.copytree(output, Path(place) / "output"))
+        command("export", campaign, copy)
+        one, other = (json.loads((p / "result.json").read_text(encoding="utf-8")) for p in (copy, output))
+        if list(_compared(one, other, "", True, ("timings",))):
+            raise SystemExit(f"The undamaged folder {output} is not exported as it was; remove it and start again.")
     return campaign, output
 
 
@@ -151,7 +159,7 @@ def command(name: str, campaign: Path, output: Path, *options: str) -> tuple[int
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else 1
         except TooLongError:
-            code, _ = -1, errors.write(f"not done within {LIMIT_S:g} s")
+            code, _ = -1, errors.write(f"not done within {LIMIT_S:g} s of processor time")
         except Exception as error:
             code, _ = 1, errors.write(f"Traceback: {error!r}")
     if code == INTERRUPTED:
@@ -165,13 +173,16 @@ def _limited() -> Iterator[None]:
     def interrupt(number: int, frame: object) -> None:
         raise TooLongError
 
-    before = signal.signal(signal.SIGALRM, interrupt)
-    signal.setitimer(signal.ITIMER_REAL, LIMIT_S)
+    timers = {signal.SIGALRM: (signal.ITIMER_REAL, WAIT_S), signal.SIGPROF: (signal.ITIMER_PROF, LIMIT_S)}
+    before = {number: signal.signal(number, interrupt) for number in timers}
+    for timer, seconds in timers.values():
+        signal.setitimer(timer, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        for number, (timer, _) in timers.items():
+            signal.setitimer(timer, 0.0)
+            signal.signal(number, before[number])
 
 
 def _compared(found: Any, expected: Any, place: str, whole: bool, free: Sequence[str]) -> Iterator[str]:

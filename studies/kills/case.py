@@ -25,7 +25,7 @@ from studies.damages.case import RUN, base
 SEED = 2028
 #: Lives of one folder that are killed; the next one may live.
 MOST_KILLS = 25
-LIMIT_S = 900.0
+LIMIT_S = 7200.0
 #: A life is killed after so many lines of progress, at the most, and a pause.
 _LINES, _PAUSE_S = 7, 1.0
 _LOADED = ("sysid.cli.stages", "sysid.workflow.calibration", "sysid.workflow.stages.fit", "sysid.report",
