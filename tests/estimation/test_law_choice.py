@@ -173,4 +173,7 @@ def test_a_linear_truck_stays_linear(tmp_path):
     assert [t.contact for t in fit.contact_trials] == ["footprint", "cams", "point"]
     misfits = [t.misfit for t in fit.contact_trials]
     assert misfits[0] < 1.1 < misfits[1] < misfits[2]
-    assert fit.contact_trials[0].values == pytest.approx([p.value for p in fit.parameters])
+    # Trials are of the vehicle as declared, the result is of one within its tolerances.
+    sd = np.array([p.sd / p.value for p in fit.parameters])
+    apart = np.log(fit.contact_trials[0].values) - np.log([p.value for p in fit.parameters])
+    assert np.abs(apart / sd).max() < 3.0

@@ -27,6 +27,8 @@ def contact_trials(
 ) -> tuple[ContactTrial, ...]:
     """The fit repeated with every contact law: how much of the result hangs on the model of the tire's contact.
 
+    All are fits of the vehicle as declared, without departures towards the other laws.
+
     Parameters
     ----------
     optimum : of the contact law in `options`, whose suspension laws and parameters are kept; it stands first.
