@@ -64,7 +64,10 @@ def joint_optimum(
             optimum = _moved(campaign, before, step, profiles, how, report, larger_steps=not last)
             if optimum.misfit <= WORSE * before.misfit:
                 break
-            step = step.half()
+            step = step.times(0.5)
+        else:
+            # No step is an improvement: the model is another one than the truck.
+            return _moved(campaign, before, step.times(0.0), profiles, options, report, larger_steps=False)
         if last:
             break
     return optimum

@@ -26,9 +26,9 @@ class JointStep:
     amounts: np.ndarray
     largest: float
 
-    def half(self) -> JointStep:
-        """Half the step."""
-        return JointStep(0.5 * self.parameters, 0.5 * self.amounts, 0.5 * self.largest)
+    def times(self, share: float) -> JointStep:
+        """A share of the step."""
+        return JointStep(share * self.parameters, share * self.amounts, share * self.largest)
 
 
 def joint_scale(information: np.ndarray, prior: ParametersByParameters, sd: np.ndarray) -> np.ndarray:
