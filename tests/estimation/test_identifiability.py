@@ -140,6 +140,11 @@ def test_masses_that_the_data_see_are_learnt_from_more_data_and_others_stay_open
         joint[3:, 3:] += np.diag(information.sd**-2.0)
         more = (copies - 1) * bare.matrix
         np.testing.assert_allclose(bare.covariance(more), np.linalg.inv(joint)[:3, :3], rtol=1e-9)
+    # Model error widens what more data say as it widens what there is.
+    wide = replace(bare, matrix=bare.matrix / 4.0, factor=4.0)
+    np.testing.assert_allclose(
+        wide.precision(bare.matrix), replace(bare, matrix=bare.matrix / 2.0).precision(), rtol=1e-12
+    )
     # Flattening is that of the marginal information.
     flat = replace(bare, flattening=flattening)
     np.testing.assert_allclose(flat.precision(), flattening @ bare.precision() @ flattening, rtol=1e-12)

@@ -45,7 +45,8 @@ class DataInformation:
 
     `matrix` H (p + q, p + q); `flattening` C (p, p), with what footprint maps that follow their tires do
     (:mod:`sysid.estimation.uncertainty.map_following`); `prior` P (p, p) prior precision of the parameters; `sd` (q,)
-    prior standard deviations of masses and departures, the first `masses` of them masses.
+    prior standard deviations of masses and departures, the first `masses` of them masses; `factor` by which model error
+    widens all variances, in the matrix already.
     """
 
     matrix: np.ndarray
@@ -53,6 +54,7 @@ class DataInformation:
     prior: ParametersByParameters
     sd: np.ndarray
     masses: int
+    factor: float = 1.0
 
     @property
     def mass_sd(self) -> Masses:
@@ -61,7 +63,7 @@ class DataInformation:
 
     def precision(self, more: np.ndarray | None = None) -> np.ndarray:
         """Precision (p, p) of the parameters by the data alone; `more` (p + q, p + q) is the information of others."""
-        matrix = self.matrix if more is None else self.matrix + more
+        matrix = self.matrix if more is None else self.matrix + more / self.factor
         left = integrated(matrix, self.prior.shape[0], self.sd).information
         adjusted = self.flattening.T @ left @ self.flattening
         return np.asarray(0.5 * (adjusted + adjusted.T))
@@ -198,7 +200,7 @@ def adjusted_information(
         loads = _footprints_by_parameters(allowances, left.response[: masses.sd.size])
         follow = map_following(about, problem.model.parameters, parameters, departures.directions, loads)
     flat = of_blocks.matrix @ follow
-    known = DataInformation(matrix, flat, prior, sd, masses.sd.size)
+    known = DataInformation(matrix, flat, prior, sd, masses.sd.size, factor)
     adjustment = Adjustment(
         flattening(data.matrix[:count, :count], known.precision()),
         known.precision(),
