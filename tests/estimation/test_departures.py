@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,9 +15,9 @@ from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
-from sysid.estimation.uncertainty.allowances import campaign_allowances
+from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE, departure_scale
-from sysid.estimation.uncertainty.departures import ENVELOPE, FRICTION, SPOKES, TIRE_LOAD, Departure, Departures
+from sysid.estimation.uncertainty.departures import ENVELOPE, FRICTION, REACH, SPOKES, TIRE_LOAD, Departure, Departures
 from sysid.vehicle_model.passes import EffectiveRoads
 
 MOTION = RunMotion.steady(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
@@ -139,3 +140,12 @@ def test_stiffening_spokes_are_the_maps_of_their_exponent(model):
         *(simulate_runs(m, parameters.start, MOTION) for m in (ours, moved, exact)), strict=True
     ):
         assert np.sqrt(np.mean((one - two) ** 2)) < 0.05 * np.sqrt(np.mean((plain - two) ** 2))
+
+
+def test_amounts_stay_within_reach_and_friction_does_not_push():
+    masses = SimpleNamespace(sd=np.array([0.03]), factors=("one",))
+    directions = (Departure(FRICTION, 0), Departure(ENVELOPE, 0), Departure(TIRE_LOAD, 0, "laden"))
+    allowances = Allowances(masses, SimpleNamespace(directions=directions))
+    found = allowances.within_reach(np.array([-0.5, -0.02, -9.0, 0.1]))
+    np.testing.assert_allclose(found, [-0.12, 0.0, -REACH[ENVELOPE], 0.1])
+    np.testing.assert_allclose(allowances.within_reach(np.full(4, 9.0)), [0.12, *(REACH[d.kind] for d in directions)])
