@@ -10,7 +10,8 @@ import numpy as np
 from scipy.signal import lsim
 
 from studies.coverage.shards import Record
-from sysid.campaign.records import Axle, Body, Channel, LoadCase, Log, PlankDrop, Sensor, Vehicle
+from sysid.campaign.records import Channel, Log, PlankDrop, Sensor
+from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
 from sysid.sdof.analysis import analyse_drop
 from sysid.sdof.settings import DropSettings
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from sysid.campaign.read import read_campaign
-from sysid.campaign.records import Axle, Campaign, Equaliser, LoadCase, Vehicle
+from sysid.campaign.records import Campaign
+from sysid.campaign.vehicle_records import Axle, Equaliser, LoadCase, Vehicle
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet

@@ -8,7 +8,8 @@ import numpy as np
 
 from studies.coverage.shards import Record as Replicate
 from studies.ring_downs.motion import INTERVAL_S, Record, draw
-from sysid.campaign.records import Axle, Body, Channel, LoadCase, Log, PlankDrop, Sensor, Vehicle
+from sysid.campaign.records import Channel, Log, PlankDrop, Sensor
+from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
 from sysid.sdof.analysis import analyse_drop
 from sysid.sdof.drop_results import DropAnalysis
 from sysid.sdof.settings import DropSettings

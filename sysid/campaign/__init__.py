@@ -8,24 +8,19 @@ from sysid.campaign.read import PointCloudReader, read_campaign
 from sysid.campaign.records import (
     Acquisition,
     AntiAliasFilter,
-    Axle,
-    AxleGroup,
-    Body,
     BumpRun,
     BumpShape,
     Campaign,
     Channel,
-    LeafDimensions,
-    LoadCase,
     Log,
     PlankDrop,
     PredictionRequest,
     Scan,
     Sensor,
     SensorKind,
-    Vehicle,
 )
 from sysid.campaign.statics import StaticEquilibrium, check_statics, static_equilibrium
+from sysid.campaign.vehicle_records import Axle, AxleGroup, Body, LeafDimensions, LoadCase, Vehicle
 from sysid.logs.input_file import InputFile
 
 __all__ = [

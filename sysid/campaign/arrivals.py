@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid import limits
-from sysid.campaign.records import Channel, Vehicle
+from sysid.campaign.records import Channel
+from sysid.campaign.vehicle_records import Vehicle
 
 #: Drift is integrated below, a bump of 2 m at walking speed above (an assumption).
 HIGH_PASS_HZ = 0.4

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid import limits
-from sysid.campaign.records import Channel, Vehicle
+from sysid.campaign.records import Channel
+from sysid.campaign.vehicle_records import Vehicle
 
 BAND_HZ = (1.0, 10.0)  # below, drift is integrated twice; above, the displacement sensor shows noise only
 PAIR_BAND_HZ = (5.0, 15.0)  # wheel hop, where the frame moves little

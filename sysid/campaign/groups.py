@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sysid.campaign.records import AxleGroup, Equaliser, Vehicle
+from sysid.campaign.vehicle_records import AxleGroup, Equaliser, Vehicle
 from sysid.errors import CampaignError
 from sysid.wording import shorten
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from sysid.campaign.arrivals import Passage, find_passage
-from sysid.campaign.records import BumpRun, Channel, Vehicle
+from sysid.campaign.records import BumpRun, Channel
+from sysid.campaign.vehicle_records import Vehicle
 
 #: Logarithms of listed over measured speed: arrivals are read to some three per cent, the least squares find a speed
 #: that is a fifth off, and none that is off by half.

@@ -13,9 +13,10 @@ from sysid.campaign.copies import copied_columns, copied_logs
 from sysid.campaign.exchanges import Suspicion
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
 from sysid.campaign.passage import speed_complaint
-from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop, Vehicle
+from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop
 from sysid.campaign.suspects import axles_shown_falling, suspicions
 from sysid.campaign.units import si_factor
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.wording import say_once, shorten
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.campaign.records import LoadCase, Vehicle
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.errors import CampaignError
 
 MASS_TOLERANCE = 0.005  # scales read to about 0.5 %, so a smaller difference cannot be told from a reading error

@@ -12,8 +12,9 @@ from sysid.campaign import defects
 from sysid.campaign.arrivals import find_passage
 from sysid.campaign.consistency import Fit, Trio, arrival, first_lift, fit_factors, trios
 from sysid.campaign.exchanges import Suspicion, accuse, find_exchanges, inverted_axles, quoted
-from sysid.campaign.records import Channel, Log, Sensor, Vehicle
+from sysid.campaign.records import Channel, Log, Sensor
 from sysid.campaign.units import si_factor
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.wording import shorten
 
 _ACTUAL_UNITS = {"length": ("m", "cm", "mm", "in"), "acceleration": ("m/s^2", "g", "mg", "mm/s^2")}

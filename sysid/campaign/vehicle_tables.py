@@ -8,7 +8,10 @@ from itertools import pairwise
 
 from sysid.campaign.groups import check_groups
 from sysid.campaign.priors import PriorOverride
-from sysid.campaign.records import (
+from sysid.campaign.schema import CampaignFile
+from sysid.campaign.schema_vehicle import AxleTable, BodyTable, GroupTable, LoadCaseTable
+from sysid.campaign.units import pressure_pa
+from sysid.campaign.vehicle_records import (
     Axle,
     AxleGroup,
     Body,
@@ -20,9 +23,6 @@ from sysid.campaign.records import (
     MassTolerances,
     Vehicle,
 )
-from sysid.campaign.schema import CampaignFile
-from sysid.campaign.schema_vehicle import AxleTable, BodyTable, GroupTable, LoadCaseTable
-from sysid.campaign.units import pressure_pa
 from sysid.errors import CampaignError
 from sysid.wording import finish, nearest, shorten
 

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid.campaign.records import Campaign, LoadCase, PlankDrop, Vehicle
+from sysid.campaign.records import Campaign, PlankDrop
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.cross_checks.force_balance import RunSpectra, frame_rise
 from sysid.cross_checks.masses import stiffness_of
 from sysid.wording import shorten

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid import limits
-from sysid.campaign.records import BumpRun, Channel, LoadCase, Vehicle
+from sysid.campaign.records import BumpRun, Channel
 from sysid.campaign.statics import chains, static_equilibrium
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 
 #: Below, offsets and drift count; above, frames bend and deflections are small (an assumption).
 BAND_HZ = (0.8, 6.0)

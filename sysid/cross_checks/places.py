@@ -8,7 +8,8 @@ import numpy as np
 
 from sysid.campaign.arrivals import Passage
 from sysid.campaign.passage import DOUBTFUL, believed_speed
-from sysid.campaign.records import BumpRun, Vehicle
+from sysid.campaign.records import BumpRun
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.wording import shorten
 
 #: Arrivals agree with places and speeds to 1 % on average (measured on simulated trucks, also on those of another

@@ -14,7 +14,8 @@ import numpy as np
 from sysid import limits
 from sysid.campaign.consistency import Trio, trios
 from sysid.campaign.exchanges import quoted
-from sysid.campaign.records import BumpRun, Channel, Sensor, Vehicle
+from sysid.campaign.records import BumpRun, Channel, Sensor
+from sysid.campaign.vehicle_records import Vehicle
 
 #: Below, drift; above, the deflection's noise, differentiated twice, is larger than the motion.
 BAND_HZ = (1.0, 12.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sysid.campaign.records import Axle
+from sysid.campaign.vehicle_records import Axle
 from sysid.export.csv_cells import csv_text, escape_cell, number_cell
 
 if TYPE_CHECKING:

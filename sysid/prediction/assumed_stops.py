@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from sysid.arrays import Axles, AxlesBySets
-from sysid.campaign.records import Vehicle
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.estimation.parameters.axle_laws import ElementIndex, LawInputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.parameters.suspension_elements import ELEMENTS, ElementQuantity, law_elements

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sysid.campaign.records import Campaign, LoadCase
+from sysid.campaign.records import Campaign
+from sysid.campaign.vehicle_records import LoadCase
 from sysid.errors import SysidError
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.parameters.parameter_set import bending_names

@@ -14,7 +14,7 @@ from sysid.report.cells import Cell, Table, axle_name, suspension_values, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, listing
 
 if TYPE_CHECKING:
-    from sysid.campaign.records import LoadCase
+    from sysid.campaign.vehicle_records import LoadCase
 
 
 def answer_table(results: Results) -> Table | None:

@@ -20,7 +20,7 @@ from sysid.sdof.drop_results import DropAnalysis
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sysid.campaign.records import LoadCase
+    from sysid.campaign.vehicle_records import LoadCase
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.residuals.run_history import RunHistory
     from sysid.vehicle_model.vibration_modes import NaturalModes

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.campaign.records import LoadCase, Vehicle
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.road.enveloping import effective_profile, spoke_table
 from sysid.road.road_profile import RoadProfile
 

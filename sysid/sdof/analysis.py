@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.campaign.records import Channel, LoadCase, PlankDrop, Vehicle
+from sysid.campaign.records import Channel, PlankDrop
 from sysid.campaign.statics import static_equilibrium
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.errors import DataRejectedError
 from sysid.sdof.damping_choice import more_than_viscous, viscous_alone, without_sticking
 from sysid.sdof.damping_law import fit_damping_law

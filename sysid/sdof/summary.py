@@ -10,7 +10,8 @@ from dataclasses import asdict
 import numpy as np
 import pandas as pd
 
-from sysid.campaign.records import Campaign, PlankDrop, Vehicle
+from sysid.campaign.records import Campaign, PlankDrop
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.sdof.analysis import analyse_drop, axle_on_tire
 from sysid.sdof.averages import mean_with_scatter
 from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropMethod, DropSummary

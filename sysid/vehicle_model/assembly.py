@@ -30,8 +30,8 @@ from itertools import pairwise
 import numpy as np
 
 from sysid.arrays import Axles
-from sysid.campaign.records import LoadCase, Vehicle
 from sysid.campaign.statics import carried_by_suspensions, chains, static_equilibrium
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.vehicle_model.beams import Beams, assemble_beams, unsprung_names
 from sysid.vehicle_model.bending import FrameMode, frame_modes
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.campaign.records import Vehicle
+from sysid.campaign.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True)

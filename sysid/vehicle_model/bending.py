@@ -28,8 +28,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 
-from sysid.campaign.records import LoadCase, Vehicle
 from sysid.campaign.statics import static_equilibrium
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.errors import CampaignError
 
 #: First root of cos b cosh b = 1 beyond zero.

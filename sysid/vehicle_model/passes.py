@@ -8,7 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from sysid.campaign.records import Axle, LoadCase, SpeedHeld, Vehicle
+from sysid.campaign.records import SpeedHeld
+from sysid.campaign.vehicle_records import Axle, LoadCase, Vehicle
 from sysid.road.contact_laws import CONTACT_LAWS, ContactLaw
 from sysid.road.enveloping import SPOKE_EXPONENT, FootprintMap, SpokeTable, footprint_map, spoke_table
 from sysid.road.road_profile import RoadProfile

@@ -22,7 +22,7 @@ from scipy.linalg import block_diag, eig, eigh
 from scipy.optimize import linear_sum_assignment
 
 from sysid.arrays import Axles
-from sysid.campaign.records import LoadCase, Vehicle
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.errors import SysidError
 from sysid.tabular import Tabular
 from sysid.vehicle_model.assembly import PlanarMatrices, assemble, coordinate_names

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from sysid.campaign import read_campaign
-from sysid.campaign.records import FrameBending
+from sysid.campaign.vehicle_records import FrameBending
 from sysid.errors import CampaignError
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 

@@ -12,7 +12,8 @@ from sysid.campaign import read_campaign
 from sysid.campaign.arrivals import find_passage
 from sysid.campaign.passage import passage_speed, speed_complaint
 from sysid.campaign.quality import check_quality
-from sysid.campaign.records import Axle, Body, BumpRun, Channel, Log, Sensor, Vehicle
+from sysid.campaign.records import BumpRun, Channel, Log, Sensor
+from sysid.campaign.vehicle_records import Axle, Body, Vehicle
 
 DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 SPEED, STEP = 4.5, 0.005

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sysid.campaign.records import Axle, Body, BumpRun, Channel, LoadCase, Log, Sensor, Vehicle
+from sysid.campaign.records import BumpRun, Channel, Log, Sensor
+from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
 from sysid.cross_checks.drops import compressions
 from sysid.cross_checks.force_balance import balance, run_spectra
 

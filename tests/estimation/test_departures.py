@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from rigid_truck import EMPTY, LADEN, VEHICLE, bump, campaign, empty_run
 
-from sysid.campaign.records import AxleGroup, Campaign
+from sysid.campaign.records import Campaign
+from sysid.campaign.vehicle_records import AxleGroup
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model

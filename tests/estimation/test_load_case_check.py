@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sysid.campaign.records import Acquisition, BumpRun, Campaign, LoadCase, Log, Vehicle
+from sysid.campaign.records import Acquisition, BumpRun, Campaign, Log
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit import load_case_check
 from sysid.estimation.fit.load_case_check import check_load_cases

@@ -11,7 +11,8 @@ import rigid_truck
 from native_engine import needs_native
 from rigid_truck import bump, campaign, empty_run, true_log_parameters
 
-from sysid.campaign.records import AxleGroup, Campaign, Equaliser, ForceTable, FrameBending
+from sysid.campaign.records import Campaign
+from sysid.campaign.vehicle_records import AxleGroup, Equaliser, ForceTable, FrameBending
 from sysid.estimation.fit.state import FitState, state_at
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model

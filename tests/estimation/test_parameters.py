@@ -9,7 +9,8 @@ import pytest
 from rigid_truck import AXLES, EMPTY, LADEN, VEHICLE, bump, campaign, empty_run
 
 from sysid.campaign.priors import NamedPrior, PriorOverride
-from sysid.campaign.records import AxleGroup, LeafDimensions, PredictionRequest
+from sysid.campaign.records import PredictionRequest
+from sysid.campaign.vehicle_records import AxleGroup, LeafDimensions
 from sysid.errors import CampaignError
 from sysid.estimation.fit.law_choice import check_priors, laws_of_axles
 from sysid.estimation.parameters.axle_laws import axle_laws, stiffness_positions

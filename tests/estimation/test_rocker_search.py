@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rigid_truck import AXLES, DAMPING, EMPTY, LADEN, STIFFNESS, VEHICLE, bump, campaign, empty_run, with_values
 
-from sysid.campaign.records import AxleGroup, Equaliser
+from sysid.campaign.vehicle_records import AxleGroup, Equaliser
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.options import FitOptions

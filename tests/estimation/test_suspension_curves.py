@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rigid_truck import AXLES
 
-from sysid.campaign.records import ForceTable, LeafDimensions
+from sysid.campaign.vehicle_records import ForceTable, LeafDimensions
 from sysid.estimation.parameters.campaign_parameters import leaf_pack_stiffness
 from sysid.estimation.parameters.suspension_curves import (
     joined_stops,

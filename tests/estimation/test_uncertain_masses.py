@@ -10,7 +10,7 @@ import rigid_truck
 from rigid_truck import EMPTY, LADEN, VEHICLE, campaign, empty_run
 from synthetic_fit import synthetic_campaign
 
-from sysid.campaign.records import AxleGroup, MassTolerances
+from sysid.campaign.vehicle_records import AxleGroup, MassTolerances
 from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.minimiser import minimise
 from sysid.estimation.fit.options import FitOptions

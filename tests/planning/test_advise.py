@@ -17,7 +17,8 @@ from rigid_truck import (
 )
 from synthetic_fit import NOISE, synthetic_fit
 
-from sysid.campaign.records import MassTolerances, PredictionRequest, Sensor
+from sysid.campaign.records import PredictionRequest, Sensor
+from sysid.campaign.vehicle_records import MassTolerances
 from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.state import state_at

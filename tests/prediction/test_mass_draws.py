@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from rigid_truck import EMPTY, LADEN, VEHICLE, bump, campaign, empty_run
 
-from sysid.campaign.records import AxleGroup, Campaign, Equaliser, FrameBending, MassTolerances, PredictionRequest
+from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.campaign.vehicle_records import AxleGroup, Equaliser, FrameBending, MassTolerances
 from sysid.errors import CampaignError
 from sysid.estimation.fit.state import state_at
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters

@@ -9,7 +9,7 @@ import numpy as np
 from rigid_truck import AXLES, DAMPING, EMPTY, EXPONENT, STIFFNESS
 from scipy.integrate import solve_ivp
 
-from sysid.campaign.records import LoadCase
+from sysid.campaign.vehicle_records import LoadCase
 from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S
 
 SPEED_M_S = 8.0  # with steps of 1.25 ms every wheel passes exactly over the 10 mm stations

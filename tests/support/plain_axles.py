@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sysid.campaign.records import Axle
+from sysid.campaign.vehicle_records import Axle
 
 
 def axle(name: str, body: int, x_m: float, mass: float = 500.0) -> Axle:

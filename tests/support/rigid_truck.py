@@ -10,18 +10,16 @@ import numpy as np
 from vehicles import example_vehicle
 
 from sysid.campaign.records import (
-    EXACT_MASSES,
     Acquisition,
     AntiAliasFilter,
     BumpRun,
     Campaign,
     Channel,
-    LoadCase,
     Log,
     PredictionRequest,
     Sensor,
-    Vehicle,
 )
+from sysid.campaign.vehicle_records import EXACT_MASSES, LoadCase, Vehicle
 from sysid.road.road_profile import RoadProfile
 
 _EXAMPLE = example_vehicle("rigid3")

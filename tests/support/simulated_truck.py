@@ -20,7 +20,7 @@ from hand_written_truck import (
 )
 from rigid_truck import DAMPING, EMPTY, EXPONENT, FILTER, STIFFNESS, VEHICLE
 
-from sysid.campaign.records import LoadCase, Vehicle
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import effective_road, road_input, tire_law
 from sysid.vehicle_model.filters import discretise

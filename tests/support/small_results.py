@@ -9,20 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from sysid.campaign.findings import ChannelFinding, QualityReport
-from sysid.campaign.records import (
-    Acquisition,
-    Axle,
-    Body,
-    BumpRun,
-    Campaign,
-    Channel,
-    LoadCase,
-    Log,
-    PlankDrop,
-    PredictionRequest,
-    Sensor,
-    Vehicle,
-)
+from sysid.campaign.records import Acquisition, BumpRun, Campaign, Channel, Log, PlankDrop, PredictionRequest, Sensor
+from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
 from sysid.estimates.derive import derive_estimates
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.profiles import ProfileLikelihood

@@ -21,16 +21,8 @@ import numpy as np
 from campaign_files import campaign_text, sensor_columns, truth_text, write_log, write_scan
 from vehicles import NAMES, ExampleVehicle, example_vehicle
 
-from sysid.campaign.records import (
-    Acquisition,
-    AntiAliasFilter,
-    BumpRun,
-    Campaign,
-    LoadCase,
-    Log,
-    PredictionRequest,
-    Vehicle,
-)
+from sysid.campaign.records import Acquisition, AntiAliasFilter, BumpRun, Campaign, Log, PredictionRequest
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, law_inputs
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.map_tires import map_tires

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from sysid.campaign import schema
-from sysid.campaign.records import LoadCase, Vehicle
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.campaign.vehicle_tables import VehicleReader
 from sysid.first_look.templates import template_text
 

@@ -11,8 +11,8 @@ import pytest
 from rigid_truck import AXLES, EMPTY, VEHICLE
 from scipy.linalg import null_space
 
-from sysid.campaign.records import Body, LoadCase, Vehicle
 from sysid.campaign.statics import chains, static_equilibrium
+from sysid.campaign.vehicle_records import Body, LoadCase, Vehicle
 from sysid.errors import CampaignError
 from sysid.vehicle_model.assembly import assemble, coordinate_names
 

@@ -18,8 +18,8 @@ from scipy.linalg import null_space
 
 from sysid.campaign.groups import check_groups
 from sysid.campaign.priors import PriorOverride
-from sysid.campaign.records import Axle, AxleGroup, Body, LoadCase, Vehicle
 from sysid.campaign.statics import static_equilibrium
+from sysid.campaign.vehicle_records import Axle, AxleGroup, Body, LoadCase, Vehicle
 from sysid.errors import CampaignError
 from sysid.vehicle_model.assembly import assemble, coordinate_names
 from sysid.vehicle_model.contact import effective_road, road_input, tire_law

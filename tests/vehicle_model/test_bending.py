@@ -15,7 +15,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq, fsolve
 from simulated_truck import per_axle, simulated_truck, truck_model
 
-from sysid.campaign.records import Axle, Body, FrameBending, LoadCase, Vehicle
+from sysid.campaign.vehicle_records import Axle, Body, FrameBending, LoadCase, Vehicle
 from sysid.errors import CampaignError
 from sysid.vehicle_model.bending import frame_modes, free_beam
 from sysid.vehicle_model.suspension import FrameLaw, SuspensionLaw

@@ -14,7 +14,7 @@ from scipy.linalg import eig
 from simulated_truck import per_axle, simulated_truck, truck_model
 
 from sysid.campaign.groups import check_groups
-from sysid.campaign.records import AxleGroup, Equaliser, Vehicle
+from sysid.campaign.vehicle_records import AxleGroup, Equaliser, Vehicle
 from sysid.errors import CampaignError, SysidError
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import effective_road, road_input, tire_law

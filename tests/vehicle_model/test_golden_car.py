@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from sysid.campaign.records import Axle, Body, LoadCase, Vehicle
+from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
 from sysid.errors import SysidError
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import road_input, tire_law

@@ -12,7 +12,8 @@ import rigid_truck
 import verification_case
 from native_engine import needs_native
 
-from sysid.campaign.records import AntiAliasFilter, AxleGroup, Equaliser, FrameBending, LoadCase, Vehicle
+from sysid.campaign.records import AntiAliasFilter
+from sysid.campaign.vehicle_records import AxleGroup, Equaliser, FrameBending, LoadCase, Vehicle
 from sysid.vehicle_model import engine
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import TireLaw, effective_road, tire_law

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sysid.campaign.records import Axle, Body, LoadCase, Vehicle
+from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
 from sysid.vehicle_model.ring_down_modes import modes_after_drop, modes_after_release
 from sysid.vehicle_model.vibration_modes import small_motion
 

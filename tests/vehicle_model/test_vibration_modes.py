@@ -9,7 +9,7 @@ import pytest
 from rigid_truck import DAMPING, EMPTY, STIFFNESS, VEHICLE
 from vehicles import example_vehicle
 
-from sysid.campaign.records import Axle, Body, LoadCase, Vehicle
+from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
 from sysid.errors import SysidError
 from sysid.vehicle_model.vibration_modes import natural_modes
 

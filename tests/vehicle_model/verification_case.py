@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid.campaign.records import Axle, Body, LoadCase, Vehicle
+from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "verification"
 CASE = tomllib.loads((DATA / "case.toml").read_text(encoding="utf-8"))

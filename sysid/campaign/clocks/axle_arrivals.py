@@ -14,7 +14,8 @@ import numpy as np
 
 from sysid.campaign.arrivals import find_passage, first_arrival
 from sysid.campaign.clocks.motion import Lag
-from sysid.campaign.records import BumpRun, Channel, Vehicle
+from sysid.campaign.records import BumpRun, Channel
+from sysid.campaign.vehicle_records import Vehicle
 
 #: Axles are found at their place within 0.07 m in 99 of 100 runs (as in `sysid.cross_checks.places`).
 PLACE_SD_M = 0.027

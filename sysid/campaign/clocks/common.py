@@ -13,7 +13,8 @@ from sysid.campaign.clocks.settings import ClockFinding, ClockMethod, Logger
 from sysid.campaign.clocks.sync import sync_lag
 from sysid.campaign.log_sides import join_sides
 from sysid.campaign.quality import screened
-from sysid.campaign.records import BumpRun, Channel, Log, Vehicle
+from sysid.campaign.records import BumpRun, Channel, Log
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.errors import DataRejectedError
 from sysid.wording import shorten
 

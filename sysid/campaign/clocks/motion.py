@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.campaign.records import Channel, SensorKind, Vehicle
+from sysid.campaign.records import Channel, SensorKind
+from sysid.campaign.vehicle_records import Vehicle
 
 #: Below, drift; above, frames bend and deflections, differentiated twice, are noise.
 BAND_HZ = (0.8, 8.0)

@@ -12,7 +12,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from sysid.campaign.records import BumpRun, Campaign, Channel, LoadCase, PlankDrop, Vehicle
+from sysid.campaign.records import BumpRun, Campaign, Channel, PlankDrop
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.errors import DataRejectedError, SysidError
 from sysid.estimation.fit.evaluation import parameter_sd
 from sysid.estimation.fit.optimum import Optimum

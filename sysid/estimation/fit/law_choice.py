@@ -19,7 +19,8 @@ from typing import Literal
 
 import numpy as np
 
-from sysid.campaign.records import Campaign, Vehicle
+from sysid.campaign.records import Campaign
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.estimation.fit.contact_trials import contact_trials
 from sysid.estimation.fit.evaluation import evaluate_optimum, parameter_sd
 from sysid.estimation.fit.fit_result import FitResult, LawComparison, LawTrial

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sysid.campaign.records import Axle
+from sysid.campaign.vehicle_records import Axle
 
 #: Stops whose travels nobody declared.
 STOPS = "estimated_bump_stops"

@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.campaign.records import Axle, Campaign, Vehicle
+from sysid.campaign.records import Campaign
+from sysid.campaign.vehicle_records import Axle, Vehicle
 from sysid.estimation.fit.law_evidence import LawEvidence
 from sysid.estimation.fit.law_families import FAMILIES, Laws
 from sysid.estimation.fit.optimum import Optimum, effective_residuals

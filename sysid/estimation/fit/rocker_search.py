@@ -18,7 +18,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from sysid.campaign.records import Campaign, Equaliser, Vehicle
+from sysid.campaign.records import Campaign
+from sysid.campaign.vehicle_records import Equaliser, Vehicle
 from sysid.estimation.fit.law_evidence import LawEvidence
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.optimum import Optimum, effective_residuals

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import Axles, RunsByAxles
-from sysid.campaign.records import Vehicle
 from sysid.campaign.statics import carried_by_suspensions
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.estimation.parameters.parameter_set import SHARE_ODDS, ParameterSet, bending_names
 from sysid.estimation.parameters.suspension_curves import (
     SuspensionCurves,

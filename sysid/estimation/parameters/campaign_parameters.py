@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.campaign.priors import PriorOverride
-from sysid.campaign.records import Axle, Campaign, LeafDimensions, Vehicle
+from sysid.campaign.records import Campaign
+from sysid.campaign.vehicle_records import Axle, LeafDimensions, Vehicle
 from sysid.errors import CampaignError
 from sysid.estimation.parameters.named_priors import with_named_priors
 from sysid.estimation.parameters.parameter_set import (

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sysid.campaign.records import Vehicle
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.wording import joined_words
 

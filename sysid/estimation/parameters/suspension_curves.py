@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import RunsByAxles
-from sysid.campaign.records import Axle, ForceTable
+from sysid.campaign.vehicle_records import Axle, ForceTable
 from sysid.estimation.parameters.suspension_elements import NO_STOP_M
 from sysid.vehicle_model.device_arrays import HostOrDevice, RunsByAxlesBySets
 from sysid.vehicle_model.suspension import REFERENCE_RATE_M_S, Ramps

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import jax
 
-from sysid.campaign.records import Axle
+from sysid.campaign.vehicle_records import Axle
 from sysid.vehicle_model.device_arrays import HostOrDevice
 
 LINEAR = "linear"

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sysid.arrays import Channels, Runs, SamplesByRunsByChannels
-from sysid.campaign.records import AntiAliasFilter, Campaign, LoadCase, Vehicle
+from sysid.campaign.records import AntiAliasFilter, Campaign
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.estimation.parameters.axle_laws import LawInputs, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.run_data import ChannelLayout, RunGroup, channel_layout, group_runs

@@ -14,7 +14,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from sysid.campaign.records import Campaign, LoadCase, Vehicle
+from sysid.campaign.records import Campaign
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 
 T = TypeVar("T")
 
