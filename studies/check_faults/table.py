@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-_BEGIN, _END = "<!-- check faults: begin -->", "<!-- check faults: end -->"
+from studies.documents import write_between_marks
+
 ENDINGS = ("stopped", "warned", "other", "silent")
 
 
@@ -68,9 +68,6 @@ def healthy_table(records: Sequence[dict[str, Any]]) -> str:
 
 def write(faults: Sequence[dict[str, Any]], healthy: Sequence[dict[str, Any]], seed: int, document: Path) -> None:
     """Replace what stands between the marks of a document."""
-    text = document.read_text(encoding="utf-8")
-    if _BEGIN not in text or _END not in text:
-        raise SystemExit(f"{document} has no place for the tables; put the lines {_BEGIN} and {_END} there.")
     wrong, channels = falsely_accused(faults)
     applied = [r for r in faults if r["ending"] != "does not apply"]
     parts = [
@@ -83,6 +80,4 @@ def write(faults: Sequence[dict[str, Any]], healthy: Sequence[dict[str, Any]], s
         unnamed(faults),
     ]
     body = "\n\n".join(parts)
-    document.write_text(
-        re.sub(f"{_BEGIN}.*{_END}", lambda _: f"{_BEGIN}\n{body}\n{_END}", text, flags=re.S), encoding="utf-8"
-    )
+    write_between_marks(document, "check faults", body)

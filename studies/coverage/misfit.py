@@ -46,7 +46,7 @@ PHYSICS = (
 CORRELATION = 0.3
 #: Draws of the normal approximation.
 DRAWS = 400
-_SEED = 20261123
+_SEED = 20261124
 _OPTIONS = FitOptions(cross_check=False)
 _FOLDER = Path("build/coverage/three_axle_truck")
 

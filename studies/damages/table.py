@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from studies.damages.files import FILE_DAMAGES
 from studies.damages.forgeries import FORGERIES
-
-_BEGIN, _END = "<!-- damages: begin -->", "<!-- damages: end -->"
+from studies.documents import write_between_marks
 
 
 def failures(record: dict[str, Any]) -> list[str]:
@@ -48,8 +46,4 @@ def figures(records: Sequence[dict[str, Any]], seed: int) -> str:
 
 def write(records: Sequence[dict[str, Any]], seed: int, document: Path) -> None:
     """Replace the table between its marks in a document."""
-    text = document.read_text(encoding="utf-8")
-    if _BEGIN not in text or _END not in text:
-        raise SystemExit(f"{document} has no place for the table; put the lines {_BEGIN} and {_END} there.")
-    body = f"{_BEGIN}\n{figures(records, seed)}\n\n{table(records)}\n{_END}"
-    document.write_text(re.sub(f"{_BEGIN}.*{_END}", lambda _: body, text, flags=re.S), encoding="utf-8")
+    write_between_marks(document, "damages", f"{figures(records, seed)}\n\n{table(records)}")

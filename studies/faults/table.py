@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from studies.documents import write_between_marks
 from studies.faults.bookkeeping import BOOKKEEPING
 from studies.faults.measuring import MEASURING
 
-_BEGIN, _END = "<!-- faults: begin -->", "<!-- faults: end -->"
 _ENDINGS = {
     "done, exit 0": (0,),
     "bad campaign file, exit 2": (2,),
@@ -40,11 +39,6 @@ def table(records: Sequence[dict[str, Any]]) -> str:
 
 def write(records: Sequence[dict[str, Any]], command: str, seed: int, document: Path) -> None:
     """Replace the table between its marks in a document."""
-    text = document.read_text(encoding="utf-8")
     faults = len({name for r in records for name in r["faults"]})
-    body = f"{_BEGIN}\n`calibrate.py {command}`, {len(records)} cases with {faults} kinds of faults, seed {seed}.\n\n"
-    if _BEGIN not in text or _END not in text:
-        raise SystemExit(f"{document} has no place for the table; put the lines {_BEGIN} and {_END} there.")
-    document.write_text(
-        re.sub(f"{_BEGIN}.*{_END}", lambda _: f"{body}{table(records)}\n{_END}", text, flags=re.S), encoding="utf-8"
-    )
+    head = f"`calibrate.py {command}`, {len(records)} cases with {faults} kinds of faults, seed {seed}."
+    write_between_marks(document, "faults", f"{head}\n\n{table(records)}")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-_BEGIN, _END = "<!-- fleets: begin -->", "<!-- fleets: end -->"
+from studies.documents import write_between_marks
+
 _WORDS = {"mean": "mean of the type", "spread": "spread between trucks", "trucks": "k and c of every truck"}
 
 
@@ -66,8 +66,4 @@ def tables(studies: dict[str, Sequence[dict[str, Any]]]) -> str:
 
 def write(text: str, document: Path) -> None:
     """Replace the tables between their marks in a document."""
-    old = document.read_text(encoding="utf-8")
-    if _BEGIN not in old or _END not in old:
-        raise SystemExit(f"{document} has no place for the tables; put the lines {_BEGIN} and {_END} there.")
-    body = f"{_BEGIN}\n{text}\n{_END}"
-    document.write_text(re.sub(f"{_BEGIN}.*{_END}", lambda _: body, old, flags=re.S), encoding="utf-8")
+    write_between_marks(document, "fleets", text)

@@ -10,7 +10,6 @@ goes on with the next folder.
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 from collections import Counter
 from functools import partial
@@ -18,9 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from studies.coverage.shards import collect, fill
+from studies.documents import write_between_marks
 from studies.kills.case import SEED, replicate
-
-_BEGIN, _END = "<!-- kills: begin -->", "<!-- kills: end -->"
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -48,7 +46,7 @@ def main(arguments: list[str] | None = None) -> None:
             sys.stdout.write(f"{record['number']}: {wrong}\n")
     sys.stdout.write(f"{figures(records, options.seed)}\n")
     if options.document is not None:
-        _write(figures(records, options.seed), options.document)
+        write_between_marks(options.document, "kills", figures(records, options.seed))
 
 
 def figures(records: list[dict[str, Any]], seed: int) -> str:
@@ -60,14 +58,6 @@ def figures(records: list[dict[str, Any]], seed: int) -> str:
         f"{counts.total()} kills in {len(records)} folders, seed {seed}; {good} of the folders ended as the "
         f"undisturbed one.\n\nKills by stage: {places}."
     )
-
-
-def _write(text: str, document: Path) -> None:
-    page = document.read_text(encoding="utf-8")
-    if _BEGIN not in page or _END not in page:
-        raise SystemExit(f"{document} has no place for the figures; put the lines {_BEGIN} and {_END} there.")
-    body = f"{_BEGIN}\n{text}\n{_END}"
-    document.write_text(re.sub(f"{_BEGIN}.*{_END}", lambda _: body, page, flags=re.S), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from studies.documents import write_between_marks
 from studies.ring_downs.motion import KINDS
 
 Z90 = 1.6448536269514722
 QUANTITIES = ("period", "k", "c", "F", "Q")
 _TERM = {"c": "viscous", "F": "friction", "Q": "quadratic"}
-_BEGIN, _END = "<!-- ring-downs: begin -->", "<!-- ring-downs: end -->"
 
 
 def errors(records: Iterable[dict[str, Any]], quantity: str) -> list[tuple[float, float]]:
@@ -68,8 +67,4 @@ def table(records: Sequence[dict[str, Any]]) -> str:
 
 def write(records: Sequence[dict[str, Any]], seed: int, document: Path) -> None:
     """Replace the table between its marks in a document."""
-    text = document.read_text(encoding="utf-8")
-    body = f"{_BEGIN}\n{len(records)} ring-downs, seed {seed}.\n\n{table(records)}\n{_END}"
-    if _BEGIN not in text or _END not in text:
-        raise SystemExit(f"{document} has no place for the table; put the lines {_BEGIN} and {_END} there.")
-    document.write_text(re.sub(f"{_BEGIN}.*{_END}", lambda _: body, text, flags=re.S), encoding="utf-8")
+    write_between_marks(document, "ring-downs", f"{len(records)} ring-downs, seed {seed}.\n\n{table(records)}")

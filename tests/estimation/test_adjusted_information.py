@@ -6,11 +6,34 @@ import numpy as np
 import pytest
 from synthetic_fit import synthetic_fit
 
+from sysid.estimation.fit.joint_optimum import NEAR_SD
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
-from sysid.estimation.uncertainty.information import AdjustedInformation, adjusted_information
-from sysid.estimation.uncertainty.joint_step import integrated
+from sysid.estimation.uncertainty.information import (
+    AdjustedInformation,
+    adjusted_information,
+    footprints_following,
+    model_error,
+    optimum_information,
+)
+from sysid.estimation.uncertainty.joint_step import JointStep, integrated
 
 TOO_SMALL = 3.0
+
+
+def remaining(state: FitState, change: np.ndarray | None = None) -> JointStep:
+    """The step that is left at an optimum, or `change` (q,) off it in masses and departures."""
+    allowances, problem = state.allowances, state.problem()
+    vector, amounts = problem.vector(state.point.log_parameters), state.point.amounts
+    if change is not None:
+        amounts = amounts + change
+        problem = Problem(allowances.moved(state.model, amounts), state.campaign, state.point.motion, problem.weights)
+    rows, targets = state.parameters.prior_rows()
+    pull = rows.T @ (rows @ state.point.log_parameters - targets)
+    following = footprints_following(problem, state.point.log_parameters, allowances)
+    data = optimum_information(state.campaign, problem, vector, allowances, amounts)
+    return model_error(data, rows.T @ rows, pull, allowances, amounts, following).step
 
 
 @pytest.fixture(scope="module")
@@ -50,3 +73,14 @@ def test_the_likelihood_has_its_maximum_where_the_data_have_theirs(fit, found):
 def test_the_engine_s_likelihood_is_flattened_to_the_precision_of_the_data(found):
     np.testing.assert_allclose(found.adjustment.information, found.data.precision(), rtol=1e-9)
     assert found.response.amounts.shape == found.data.sd.shape
+
+
+def test_masses_and_tires_have_settled_where_the_fit_ends(fit):
+    assert fit.result.converged
+    assert remaining(fit.state).largest < NEAR_SD
+    # Moved off, the step leads back: by what it was, but for what the directions bend.
+    change = np.zeros(fit.state.allowances.count)
+    names = [d.name for d in fit.state.allowances.departures.directions]
+    at = len(fit.state.allowances.masses.factors) + names.index("footprint_1[empty]")
+    change[at] = 0.02
+    assert remaining(fit.state, change).amounts[at] == pytest.approx(-0.02, abs=0.006)

@@ -20,18 +20,23 @@ from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
-from sysid.estimation.uncertainty.information import model_error, optimum_information
+from sysid.estimation.uncertainty.information import footprints_following, model_error, optimum_information
 from sysid.estimation.uncertainty.joint_step import JointStep
 from sysid.progress import Progress
 from sysid.road.road_profile import RoadProfile
 
 #: Rounds end where no mass or departure moves further than this many of its standard deviations, or after so many.
 NEAR_SD = 0.3
-ROUNDS = 6
-#: A step that makes the residuals larger than this many times what they were is taken in half, at most so often.
-WORSE, HALVINGS = 1.05, 3
+ROUNDS = 8
+#: Beyond this many standard deviations the last of them has not settled.
+SETTLED_SD = 1.0
+#: Rounds in which residuals are weighted anew.  Later the weights stay: they can go back and forth with the optimum.
+REWEIGHTED = 2
+#: Shares of a step that are tried until one does not make the residuals larger than so many times what they were.
+SHARES, WORSE = (1.0, 0.5, 0.25), 1.05
 #: Before the last round searches need not be exact.
 _ROUGH_TOLERANCE = 1e-5
+_UNSETTLED = "masses and tires did not settle: another model may be needed"
 
 
 def joint_optimum(
@@ -48,29 +53,35 @@ def joint_optimum(
     optimum : of the parameters, with masses and contact as declared.
     profiles, options, report : as :func:`sysid.estimation.fit.least_squares.optimise`.
     """
-    hasty = replace(
-        options, weight_rounds=min(options.weight_rounds, 1), tolerance=max(options.tolerance, _ROUGH_TOLERANCE)
-    )
+    rough = replace(options, weight_rounds=0, tolerance=max(options.tolerance, _ROUGH_TOLERANCE))
+    reweighted, final = replace(rough, weight_rounds=min(options.weight_rounds, 1)), replace(options, weight_rounds=0)
     for number in range(ROUNDS):
         report("masses and tires", 0.9)
         allowances = _allowances(campaign, optimum.problem.model)
         if not allowances.count:
             break
         step = _step(campaign, optimum, allowances)
-        last = number > 0 and (step.largest < NEAR_SD or number == ROUNDS - 1)
-        how = options if last else hasty
-        before = optimum
-        for _ in range(HALVINGS):
-            optimum = _moved(campaign, before, step, profiles, how, report, larger_steps=not last)
-            if optimum.misfit <= WORSE * before.misfit:
+        near = number >= REWEIGHTED and step.largest < NEAR_SD
+        last = near or number == ROUNDS - 1
+        how = final if last else (reweighted if number < REWEIGHTED else rough)
+        for share in SHARES:
+            moved = _moved(campaign, optimum, step.times(share), profiles, how, report, larger_steps=not last)
+            if moved.misfit <= WORSE * optimum.misfit:
                 break
-            step = step.times(0.5)
         else:
-            # No step is an improvement: the model is another one than the truck.
-            return _moved(campaign, before, step.times(0.0), profiles, options, report, larger_steps=False)
+            # No step is an improvement: the search ends where it is, by exact steps.
+            moved = _moved(campaign, optimum, step.times(0.0), profiles, final, report, larger_steps=False)
+            return _unsettled(moved)
+        optimum = moved
         if last:
-            break
+            return optimum if step.largest < SETTLED_SD else _unsettled(optimum)
     return optimum
+
+
+def _unsettled(optimum: Optimum) -> Optimum:
+    minimum = optimum.minimum
+    message = f"{minimum.message.removesuffix('.')}; {_UNSETTLED}."
+    return replace(optimum, minimum=replace(minimum, converged=False, message=message))
 
 
 def _allowances(campaign: Campaign, model: BumpModel) -> Allowances:
@@ -84,7 +95,8 @@ def _step(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> Joint
     problem.forget()
     rows, targets = problem.model.parameters.prior_rows()
     prior, pull = rows.T @ rows, rows.T @ (rows @ optimum.vector[: problem.count] - targets)
-    return model_error(data, prior, pull, allowances, amounts).step
+    following = footprints_following(problem, optimum.vector[: problem.count], allowances)
+    return model_error(data, prior, pull, allowances, amounts, following).step
 
 
 def _moved(

@@ -17,7 +17,7 @@ from functools import partial
 
 import numpy as np
 
-from sysid.arrays import Masses, Parameters, ParametersByParameters, UnknownsOfFit
+from sysid.arrays import Parameters, ParametersByParameters, UnknownsOfFit
 from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
@@ -30,7 +30,7 @@ from sysid.estimation.uncertainty.joint_step import (
     joint_scale,
     joint_step,
 )
-from sysid.estimation.uncertainty.map_following import map_following
+from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_following
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, with_columns
 from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, block_scores, flattening
@@ -55,11 +55,6 @@ class DataInformation:
     sd: np.ndarray
     masses: int
     factor: float = 1.0
-
-    @property
-    def mass_sd(self) -> Masses:
-        """Tolerances (m,) of the masses."""
-        return self.sd[: self.masses]
 
     def precision(self, more: np.ndarray | None = None) -> np.ndarray:
         """Precision (p, p) of the parameters by the data alone; `more` (p + q, p + q) is the information of others."""
@@ -188,7 +183,7 @@ def adjusted_information(
     # At the optimum the data pull as hard as the priors, the other way.
     prior, pull = rows.T @ rows, rows.T @ (rows @ parameters - targets)
     data = optimum_information(campaign, problem, vector, allowances, amounts)
-    spread = model_error(data, prior, pull, allowances, here)
+    spread = model_error(data, prior, pull, allowances, here, footprints_following(problem, parameters, allowances))
     factor, sd = spread.factor, spread.sd
     matrix = data.matrix / factor
     left = integrated(matrix, count, sd)
@@ -197,7 +192,7 @@ def adjusted_information(
     follow = np.eye(count)
     if problem.model.tires is not None and departures.directions:
         about = _about_maps(matrix, count, masses.sd.size, sd)
-        loads = _footprints_by_parameters(allowances, left.response[: masses.sd.size])
+        loads = _footprints_by_loads(allowances) @ left.response[: masses.sd.size]
         follow = map_following(about, problem.model.parameters, parameters, departures.directions, loads)
     flat = of_blocks.matrix @ follow
     known = DataInformation(matrix, flat, prior, sd, masses.sd.size, factor)
@@ -227,7 +222,12 @@ class ModelError:
 
 
 def model_error(
-    data: BlockInformation, prior: ParametersByParameters, pull: Parameters, allowances: Allowances, amounts: np.ndarray
+    data: BlockInformation,
+    prior: ParametersByParameters,
+    pull: Parameters,
+    allowances: Allowances,
+    amounts: np.ndarray,
+    following: np.ndarray | None = None,
 ) -> ModelError:
     """By how much model error widens all variances.
 
@@ -240,6 +240,7 @@ def model_error(
     ----------
     data : with the parts of all blocks, at `amounts` (q,).
     prior : (p, p) P; pull : (p,) gradient of half the sum of squares of the priors.
+    following : (p + q, p + q) of :func:`footprints_following`, None where footprints stay.
     """
     assert data.parts is not None
     masses, directions = allowances.masses, allowances.departures.directions
@@ -251,8 +252,12 @@ def model_error(
         with_priors[:count] += pull
         departed = departure_scale(matrix, with_priors, prior, masses.sd, directions, amounts, masses.readings)
         sd = np.concatenate([departed.mass_sd, departed.sd])
-        step = joint_step(matrix, score, prior, pull, sd, amounts)
-        there = scores + parts @ np.concatenate([step.parameters, step.amounts])
+        step = joint_step(matrix, score, prior, pull, sd, amounts, following)
+        # What cannot move on, as friction that would push, must not carry the others along.
+        free = np.where(_held(allowances, amounts, step), 0.0, sd)
+        step = joint_step(matrix, score, prior, pull, free, amounts, following)
+        change = np.concatenate([step.parameters, step.amounts])
+        there = scores + parts @ (change if following is None else change + following @ change)
         unit, covariance = joint_scale(matrix, prior, sd), joint_covariance(matrix, prior, sd)
         white = there * unit
         carried = covariance @ (parts * np.outer(unit, unit)) / factor
@@ -262,8 +267,31 @@ def model_error(
     return ModelError(factor, sd, step, there)
 
 
-def _footprints_by_parameters(allowances: Allowances, response: np.ndarray) -> np.ndarray:
-    """How footprints (n, p) go with parameters by way of the axle loads, which follow these by `response` (m, p)."""
+def _held(allowances: Allowances, amounts: np.ndarray, step: JointStep) -> np.ndarray:
+    """Which masses and departures (q,) are at the end of their reach, and would go beyond."""
+    if not amounts.size:
+        return np.zeros(0, bool)
+    there = allowances.within_reach(amounts + step.amounts)
+    return np.asarray((there == amounts) & (step.amounts != 0.0))
+
+
+def footprints_following(problem: Problem, log_parameters: Parameters, allowances: Allowances) -> np.ndarray | None:
+    """F (p + q, p + q): departures to which footprints that follow amount, per parameter, mass and departure.
+
+    None where footprints do not follow tires: none are tabulated for them.
+    """
+    model, directions = problem.model, allowances.departures.directions
+    if model.tires is None or not directions:
+        return None
+    count, masses = problem.count, allowances.masses.sd.size
+    following = np.zeros((count + allowances.count,) * 2)
+    following[count + masses :, :count] = footprints_by_tires(model.parameters, log_parameters, directions)
+    following[count + masses :, count : count + masses] = _footprints_by_loads(allowances)
+    return following
+
+
+def _footprints_by_loads(allowances: Allowances) -> np.ndarray:
+    """Departures (n, m) to which footprints that follow the axle loads amount, per log factor on a mass."""
     masses = allowances.masses
     small = 1e-3 * masses.sd
     by_factor = [
@@ -271,7 +299,7 @@ def _footprints_by_parameters(allowances: Allowances, response: np.ndarray) -> n
         for unit, size in zip(np.diag(small), small, strict=True)
     ]
     shape = (masses.sd.size, len(allowances.departures.directions))
-    return np.asarray(np.array(by_factor).reshape(shape).T @ response)
+    return np.asarray(np.array(by_factor).reshape(shape).T)
 
 
 def _about_maps(matrix: np.ndarray, count: int, masses: int, sd: np.ndarray) -> np.ndarray:

@@ -3,7 +3,10 @@
 With parameters x of prior precision P, masses and departures y ~ N(0, L^-1), and the information H and gradient g of
 the data at (x, y), priors included, a Gauss-Newton step is
 
-    (dx, dy) = -(H + diag(P, L))^-1 g.
+    (dx, dy) = -(H T + diag(P, L))^-1 g.
+
+Gradients hold the footprints, which follow tires and loads afterwards: T = I + F, with F dz the departures to which
+these amount after a step dz (:mod:`sysid.estimation.uncertainty.map_following`).
 
 Integrated over y the data leave for x the information N = H_xx - H_xy (H_yy + L)^-1 H_yx, and y follows x by
 -(H_yy + L)^-1 H_yx with the covariance (H_yy + L)^-1 about that.
@@ -58,6 +61,7 @@ def joint_step(
     pull: Parameters,
     sd: np.ndarray,
     amounts: np.ndarray,
+    following: np.ndarray | None = None,
 ) -> JointStep:
     """One Gauss-Newton step.
 
@@ -66,13 +70,17 @@ def joint_step(
     information : (p + q, p + q) of the data; score : (p + q,) gradient of half the sum of squares of the data.
     prior : (p, p) prior precision of the parameters; pull : (p,) gradient of their prior's half sum of squares.
     sd : (q,) prior standard deviations of masses and departures; amounts : (q,) where they are.
+    following : (p + q, p + q) F, None where footprints stay.
     """
     count = prior.shape[0]
     scale, inverse = joint_scale(information, prior, sd), joint_covariance(information, prior, sd)
     gradient = scale * score
     gradient[:count] += scale[:count] * pull
     gradient[count:] += amounts / np.where(sd > 0.0, sd, 1.0)
-    step = -inverse @ gradient
+    whole = np.linalg.inv(inverse)
+    if following is not None:
+        whole += (information @ following) * np.outer(scale, scale)
+    step = -np.linalg.solve(whole, gradient)
     spread = np.sqrt(np.diag(inverse)[count:])
     largest = float(np.max(np.abs(step[count:]) / spread, initial=0.0))
     return JointStep(step[:count] * scale[:count], step[count:] * sd, largest)

@@ -30,18 +30,28 @@ def map_following(
     loads : (n, p) how footprints go with the parameters by way of the axle loads, None for loads that stay.
     """
     count = len(parameters.names)
-    change = np.zeros((len(directions), count)) if loads is None else loads.copy()
-    for k, p in enumerate(parameters.parameters):
-        for j, d in enumerate(directions):
-            if p.quantity == "tire_stiffness" and d.kind == FOOTPRINT and d.axle is not None and d.axle == p.axle:
-                change[j, k] += 1.0
-            if p.quantity == "tire_exponent" and d.kind == SPOKES and d.axle is not None:
-                change[j, k] += np.exp(log_parameters[k])
+    change = footprints_by_tires(parameters, log_parameters, directions)
+    if loads is not None:
+        change = change + loads
     cross = information[:count, count:] @ change
     about_parameters = information[:count, :count]
     return np.asarray(
         np.eye(count) - shift_of_optimum(np.block([[about_parameters, cross], [cross.T, about_parameters]]), count)
     )
+
+
+def footprints_by_tires(
+    parameters: ParameterSet, log_parameters: Parameters, directions: Sequence[Departure]
+) -> np.ndarray:
+    """Amplitudes (n, p) of the `directions` by which footprints of other tires differ, per log parameter (p,)."""
+    change = np.zeros((len(directions), len(parameters.names)))
+    for k, p in enumerate(parameters.parameters):
+        for j, d in enumerate(directions):
+            if p.quantity == "tire_stiffness" and d.kind == FOOTPRINT and d.axle is not None and d.axle == p.axle:
+                change[j, k] = 1.0
+            if p.quantity == "tire_exponent" and d.kind == SPOKES and d.axle is not None:
+                change[j, k] = np.exp(log_parameters[k])
+    return change
 
 
 def shift_of_optimum(information: np.ndarray, count: int) -> np.ndarray:
