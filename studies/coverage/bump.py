@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from studies.coverage.shards import Record
-from sysid.campaign.records import Acquisition, AntiAliasFilter, BumpRun, Campaign, Log, PriorOverride, Sensor
+from sysid.campaign.priors import PriorOverride
+from sysid.campaign.records import Acquisition, AntiAliasFilter, BumpRun, Campaign, Log, Sensor
 from sysid.campaign.vehicle_records import EXACT_MASSES, Axle, Body, LoadCase, Vehicle
 from sysid.errors import SysidError
 from sysid.estimation.fit.least_squares import fit_bump_runs
