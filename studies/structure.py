@@ -81,7 +81,7 @@ def _body_lines(tree: ast.Module) -> set[int]:
             inside |= set(range(node.body[0].lineno, (node.end_lineno or 0) + 1))
             outside |= set(range(node.lineno, node.body[0].lineno))
         text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-        if text or isinstance(node, ast.Import | ast.ImportFrom):
+        if isinstance(node, ast.stmt) and (text or isinstance(node, ast.Import | ast.ImportFrom)):
             outside |= set(range(node.lineno, (node.end_lineno or 0) + 1))
     return inside - outside
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from studies.check_faults import clocks, lists, sensors
 from studies.check_faults.campaigns import BASES, base, healthy
-from studies.check_faults.made import EVERYWHERE, Fault, Made
-from studies.faults.campaign_copy import CampaignCopy, DoesNotApply
+from studies.check_faults.made import EVERYWHERE, Copy, Fault, Made
+from studies.faults.campaign_copy import DoesNotApply
 
 FAMILIES: dict[str, dict[str, Fault]] = {"sensors": sensors.FAULTS, "clocks": clocks.FAULTS, **lists.FAULTS}
 FAULTS = [(family, name) for family, faults in FAMILIES.items() for name in faults]
@@ -24,13 +24,6 @@ FAULTS = [(family, name) for family, faults in FAMILIES.items() for name in faul
 TELLING = "named files"
 #: Bumps of these bases are the same from both sides.
 SYMMETRIC = ("rigid3",)
-
-
-@dataclass(frozen=True)
-class Copy(CampaignCopy):
-    """A copy that knows whether its bump is the same from both sides."""
-
-    symmetric: bool = False
 
 
 @dataclass(frozen=True)
@@ -94,9 +87,9 @@ def _read(code: int, lines: list[str]) -> Said:
 def faulty(number: int, folder: Path, seed: int, known: dict[str, Said]) -> dict[str, Any]:
     """The case of a number; `known` keeps what the bases say without a fault."""
     # Every fault once before any comes twice, on other campaigns in turn: a study that was stopped is an even one.
-    turn, place = divmod(number, len(FAULTS))
-    name = BASES[(turn + place) % len(BASES)]
-    family, fault = FAULTS[place]
+    turn, which = divmod(number, len(FAULTS))
+    name = BASES[(turn + which) % len(BASES)]
+    family, fault = FAULTS[which]
     telling = fault.endswith(TELLING)
     source = (
         base(name, folder, seed)

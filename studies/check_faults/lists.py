@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from studies.check_faults.made import (
+    Copy,
     Fault,
     Made,
     an_axle,
@@ -26,7 +27,7 @@ _SPEED = r"nominal_speed_km_h = ([\d.]+)"
 def speeds(factor: float, word: str) -> Fault:
     """All speeds stand in another unit, or are off."""
 
-    def fault(c: CampaignCopy) -> Made:
+    def fault(c: Copy) -> Made:
         change_text(c, _SPEED, lambda m: f"nominal_speed_km_h = {float(m.group(1)) * factor:.4g}")
         return Made(f"speeds times {factor:.3g}", (word,))
 
@@ -91,7 +92,7 @@ def filter_wrong(c: CampaignCopy) -> Made:
 def heading(by: float) -> Fault:
     """The direction of travel is off."""
 
-    def fault(c: CampaignCopy) -> Made:
+    def fault(c: Copy) -> Made:
         change_text(c, r"heading_deg = ([\d.]+)", lambda m: f"heading_deg = {float(m.group(1)) + by:g}")
         harmless = "a symmetric bump is the same from both sides" if by == 180.0 and c.symmetric else ""
         return Made(
@@ -104,7 +105,7 @@ def heading(by: float) -> Fault:
 def positions(factor: float) -> Fault:
     """All distances behind axle 1 are scaled."""
 
-    def fault(c: CampaignCopy) -> Made:
+    def fault(c: Copy) -> Made:
         change_text(c, r"\b(x_m|hitch_x_m) = ([\d.]+)", lambda m: f"{m.group(1)} = {float(m.group(2)) * factor:.4g}")
         return Made(f"all positions times {factor:g}", (r"positions|x_m",))
 
@@ -143,7 +144,7 @@ def axles_from_the_rear(c: CampaignCopy) -> Made:
 def loads_in(factor: float, unit: str, keys: str) -> Fault:
     """Masses stand in another unit."""
 
-    def fault(c: CampaignCopy) -> Made:
+    def fault(c: Copy) -> Made:
         def line(m: re.Match[str]) -> str:
             return m.group(1) + re.sub(r"\d+(?:\.\d+)?", lambda n: f"{float(n.group(0)) * factor:.6g}", m.group(2))
 
@@ -179,7 +180,7 @@ def two_loads_exchanged(c: CampaignCopy) -> Made:
 def inertia(factor: float) -> Fault:
     """The pitch inertias stand in another unit, or are wrong."""
 
-    def fault(c: CampaignCopy) -> Made:
+    def fault(c: Copy) -> Made:
         def line(m: re.Match[str]) -> str:
             return m.group(1) + re.sub(r"\d+(?:\.\d+)?", lambda n: f"{float(n.group(0)) * factor:.6g}", m.group(2))
 
@@ -192,7 +193,7 @@ def inertia(factor: float) -> Fault:
 def tires(factor: float) -> Fault:
     """The tire stiffness is that of one tire, or in another unit."""
 
-    def fault(c: CampaignCopy) -> Made:
+    def fault(c: Copy) -> Made:
         change_text(
             c,
             r"^tire_stiffness_N_per_m = ([\d.]+)",
@@ -206,7 +207,7 @@ def tires(factor: float) -> Fault:
 def drops_exchanged(far: bool) -> Fault:
     """The drops of two axles are listed under each other's name."""
 
-    def fault(c: CampaignCopy) -> Made:
+    def fault(c: Copy) -> Made:
         names = c.axles()
         if far:
             i, j = 0, int(c.rng.integers(1, len(names)))
@@ -237,7 +238,7 @@ def one_drop_of_another(c: CampaignCopy) -> Made:
 def plank(factor: float) -> Fault:
     """The height of the plank is wrong."""
 
-    def fault(c: CampaignCopy) -> Made:
+    def fault(c: Copy) -> Made:
         change_text(c, r"plank_height_m = ([\d.]+)", lambda m: f"plank_height_m = {float(m.group(1)) * factor:g}")
         return Made(f"plank height times {factor:g}", (r"plank",))
 
@@ -251,7 +252,7 @@ def body_released(c: CampaignCopy) -> Made:
 
 
 def _scan(what: str, words: str, change: Callable[[pd.DataFrame], pd.DataFrame], harmless: str = "") -> Fault:
-    def fault(c: CampaignCopy) -> Made:
+    def fault(c: Copy) -> Made:
         path = c.folder / "bump_scan.csv"
         change(pd.read_csv(path)).to_csv(path, index=False, float_format="%.7g")
         return Made(what, (words,), harmless=harmless)
@@ -265,7 +266,7 @@ def _longer(t: pd.DataFrame) -> pd.DataFrame:
     return t.assign(x_m=2.2 * x, y_m=2.2 * y, z_m=0.6 * t["z_m"])
 
 
-def scan_mirrored(c: CampaignCopy) -> Made:
+def scan_mirrored(c: Copy) -> Made:
     """The scan is mirrored along the lane."""
     path = c.folder / "bump_scan.csv"
     t = pd.read_csv(path)

@@ -27,7 +27,14 @@ class Made:
     harmless: str = ""
 
 
-Fault = Callable[[CampaignCopy], Made]
+@dataclass(frozen=True)
+class Copy(CampaignCopy):
+    """A copy that knows whether its bump is the same from both sides."""
+
+    symmetric: bool = False
+
+
+Fault = Callable[[Copy], Made]
 
 
 def count_axles(c: CampaignCopy) -> int:

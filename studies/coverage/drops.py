@@ -73,7 +73,8 @@ def replicate(number: int) -> Record:
         ]
     )
     true = declared * np.exp(tolerance * random.standard_normal(4))
-    clean = deflection(k, c, *(float(v) for v in true), release_s=0.8 + random.uniform(0.0, 0.3))
+    mass, unsprung, tire, tire_damping = (float(v) for v in true)
+    clean = deflection(k, c, mass, unsprung, tire, tire_damping, release_s=0.8 + random.uniform(0.0, 0.3))
     value = clean + NOISE_M * (random.standard_normal(clean.size) + random.uniform(-6.0, 6.0))
     time = np.arange(value.size) * INTERVAL_S
     channel = Channel(SENSOR, time, value, np.zeros(value.size, np.int8))

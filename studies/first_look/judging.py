@@ -51,8 +51,7 @@ def judged(written: Written, vehicle: str | None) -> Score:
             _column(score, guesses.get(new), written, kind, new, old)
     axles = [a["name"] for a in sorted(written.tables["vehicle"]["axle"], key=lambda a: a["x_m"])]
     for entry in look.tests:
-        old = written.file.get(entry.file)
-        kind, true = _entry(written.tables, old)
+        kind, true = _entry(written.tables, written.file.get(entry.file))
         right = entry.kind == kind
         if kind == "plank_drop":
             right = right and entry.axle is not None and axles[entry.axle] == true["axle"]
@@ -79,7 +78,7 @@ def _column(score: Score, guess: SensorGuess | None, written: Written, kind: str
     if kind == "bump_run":
         at = listed["x_m"] if "x_m" in listed else next(a["x_m"] for a in axles if a["name"] == listed["axle"])
         axle = int(np.argmin([abs(a["x_m"] - at) for a in axles])) + 1
-    true = {"kind": listed["kind"], "unit": listed["unit"], "sign": 1, "axle": axle} | written.changed.get(new, {})
+    true = {"kind": listed["kind"], "unit": listed["unit"], "sign": 1, "axle": axle, **written.changed.get(new, {})}
     score.columns += 1
     number = None if guess is None or guess.axle is None else guess.axle + 1
     right = guess is not None and (guess.kind, guess.unit, guess.sign, number) == tuple(true.values())

@@ -188,7 +188,7 @@ def _mdf(path: Path, table: pd.DataFrame) -> None:
 
     time = table["time_s"].to_numpy()
     with MDF(version="4.10") as file:
-        file.append([Signal(table[c].to_numpy(), time, name=c, unit=_unit(c)) for c in table.columns[1:]])
+        file.append([Signal(table[c].to_numpy(), time, name=c, unit=_unit(str(c))) for c in table.columns[1:]])
         file.save(path, overwrite=True)
 
 
@@ -196,7 +196,9 @@ def _tdms(path: Path, table: pd.DataFrame) -> None:
     from nptdms import ChannelObject, TdmsWriter
 
     with TdmsWriter(path) as writer:
-        writer.write_segment([ChannelObject("log", c, table[c].to_numpy(), {"unit_string": _unit(c)}) for c in table])
+        writer.write_segment(
+            [ChannelObject("log", c, table[c].to_numpy(), {"unit_string": _unit(str(c))}) for c in table]
+        )
 
 
 def _mat(path: Path, table: pd.DataFrame) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ def alarms(records: Sequence[dict[str, Any]]) -> int:
     return sum(any([o[0], o[1]] != r["broken"] for o in r["outliers"]) for r in records)
 
 
-def tables(studies: dict[str, Sequence[dict[str, Any]]]) -> str:
+def tables(studies: Mapping[str, Sequence[dict[str, Any]]]) -> str:
     """Markdown: coverage and errors of the healthy fleets, outliers of all."""
     healthy = studies["healthy"]
     lines = ["| 90 % intervals of | hold the truth | of | share |", "|---|---|---|---|"]

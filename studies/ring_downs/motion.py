@@ -61,7 +61,8 @@ def ring(oscillator: Oscillator, released_m: float, time_s: np.ndarray) -> tuple
         def turning(t, s):
             return s[1]
 
-        turning.terminal, turning.direction = True, -way
+        # Attributes by which solve_ivp knows what to do at an event.
+        vars(turning).update(terminal=True, direction=-way)
         span = (begin + short, begin + 10.0 * np.sqrt(o.mass / o.stiffness))
         run = solve_ivp(
             motion,
