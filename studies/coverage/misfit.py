@@ -41,6 +41,8 @@ PHYSICS = (
     Physics("rocker 40 %", rocker=0.4),
     Physics("rocker full", rocker=1.0),
     Physics("stops undeclared", stops=True),
+    Physics("frame bends at 7 Hz", bending_hz=7.0),
+    Physics("frame bends at 12 Hz", bending_hz=12.0),
 )
 #: Correlation of successive noise values.
 CORRELATION = 0.3

@@ -12,7 +12,7 @@ import numpy as np
 
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
-from sysid.campaign.vehicle_records import Axle, Equaliser, LoadCase, Vehicle
+from sysid.campaign.vehicle_records import Axle, Equaliser, FrameBending, LoadCase, Vehicle
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet
@@ -35,6 +35,8 @@ NOMINAL = {
 }
 #: Travels [m] before stops in vehicles whose campaign file does not declare any.
 JOUNCE_M, REBOUND_M = 0.075, 0.085
+#: Damping ratio of frames that bend.
+BENDING_RATIO = 0.025
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,8 @@ class Physics:
     `cams` share of the cams' contact in that of radial springs; `spokes` is added to the exponent of the radial springs
     that goes with the tire's load law; `friction` of the load that leaf springs carry is Coulomb friction; `elements`
     further elements of the suspensions; `rocker` load share of a rocker between the rear axles of the first body;
-    `stops` at undeclared travels; `scales` standard deviation of the error of each axle load.
+    `stops` at undeclared travels; `scales` standard deviation of the error of each axle load; `bending_hz` frequency at
+    which the frame of the last body bends by itself, 0 for a rigid one.
     """
 
     name: str
@@ -55,6 +58,7 @@ class Physics:
     rocker: float = 0.0
     stops: bool = False
     scales: float = 0.0
+    bending_hz: float = 0.0
 
     @property
     def linear(self) -> bool:
@@ -181,6 +185,9 @@ def misfit_world(plan: Plan, physics: Physics, random: np.random.Generator) -> W
     if physics.rocker:
         tandem = tuple(i for i, a in enumerate(axles) if a.body == axles[0].body)[-2:]
         vehicle = replace(vehicle, equalisers=(Equaliser("rocker", tandem, physics.rocker),))
+    if physics.bending_hz:
+        bent = replace(vehicle.bodies[-1], bending=FrameBending(physics.bending_hz, BENDING_RATIO))
+        vehicle = replace(vehicle, bodies=(*vehicle.bodies[:-1], bent))
     true = replace(plan.campaign, vehicle=vehicle, load_cases=load_cases)
     parameters = campaign_parameters(true, plan.drops, list(physics.laws(vehicle)))
     first = next(iter(load_cases.values()))
@@ -189,6 +196,8 @@ def misfit_world(plan: Plan, physics: Physics, random: np.random.Generator) -> W
             carried = (first.axle_loads_kg[p.axle] - axles[p.axle].unsprung_mass_kg) * vehicle.gravity_m_s2
             share = physics.friction or 0.05
             truth[p.name] = np.log(share * carried) + 0.3 * random.standard_normal()
+        elif p.quantity == "bending_frequency":
+            truth[p.name] = np.log(p.prior_median)
         elif p.name not in truth:
             truth[p.name] = np.log(p.prior_median) + 0.2 * random.standard_normal()
     values = np.array([truth[n] for n in parameters.names])

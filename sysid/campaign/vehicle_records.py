@@ -69,13 +69,17 @@ class Axle:
 class FrameBending:
     """First bending mode of a free frame: `frequency_hz` and `damping_ratio`, its body carried by nothing.
 
-    `x_m` and `rise` are points of its shape, front to rear; none for that of a uniform beam.
+    `x_m` and `rise` are points of its shape, front to rear; none for that of a uniform beam.  `frequency_sd` is the
+    standard deviation of the frequency's logarithm, 0.1 for a frame that somebody has hit with a hammer or computed
+    (an assumption); a search begins at `start_hz`, None for `frequency_hz`.
     """
 
     frequency_hz: float
     damping_ratio: float
     x_m: tuple[float, ...] = ()
     rise: tuple[float, ...] = ()
+    frequency_sd: float = 0.1
+    start_hz: float | None = None
 
 
 @dataclass(frozen=True)

@@ -140,8 +140,12 @@ def _parameter(estimate: ParameterEstimate, summary: PosteriorSummary | None) ->
 def _rockers(results: Results) -> list[dict[str, Any]]:
     if results.fit is None:
         return []
-    rows = [(r, "declared" if r.declared else "estimated") for r in results.load_shares]
-    rows += [(r, "proposed") for r in results.fit.undeclared_rockers]
+    proposed = {r.name for r in results.fit.undeclared_rockers}
+
+    rows = [
+        (r, "declared" if r.declared else "proposed" if r.name in proposed else "estimated")
+        for r in results.load_shares
+    ]
     return [
         {
             "name": None if source == "proposed" else r.name,

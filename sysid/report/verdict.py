@@ -156,7 +156,7 @@ def _against(results: Results) -> list[str]:
 
 
 def _cautions(results: Results) -> list[str]:
-    sentences = [] if results.fit is None else [r.proposal for r in results.fit.undeclared_rockers]
+    sentences = [] if results.fit is None else list(results.fit.proposals)
     if results.fit is not None and results.posterior is None:
         sentences.append("The posterior has not been sampled: intervals come from the least-squares covariance.")
     if unidentified := _unidentified(results):

@@ -11,7 +11,7 @@ import pytest
 from synthetic_campaign import Physics, write_campaign
 
 from sysid.campaign import check_quality, read_campaign
-from sysid.estimation.fit import law_choice
+from sysid.estimation.fit import law_comparison
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.law_evidence import Evidence, Judged, LawEvidence
 from sysid.estimation.fit.law_families import richest_laws
@@ -78,13 +78,13 @@ def test_poor_laws_are_compared_under_the_maps_of_the_rich_ones(monkeypatch):
         asked.append((laws, near, how))
         return {"rough trial": under_rich_maps, "rough": rough, "base": rich, "final": final}[how]
 
-    monkeypatch.setattr(law_choice, "_trial", lambda laws, optimum, gain: gain)
-    monkeypatch.setattr(law_choice, "_sure", lambda *rest: True)
-    monkeypatch.setattr(law_choice, "promising", lambda *rest: promises.pop(0))
-    monkeypatch.setattr(law_choice, "LawEvidence", lambda campaign, optimum: SimpleNamespace(judge=as_it_is))
+    monkeypatch.setattr(law_comparison, "_trial", lambda laws, optimum, gain: gain)
+    monkeypatch.setattr(law_comparison, "_sure", lambda *rest: True)
+    monkeypatch.setattr(law_comparison, "promising", lambda *rest: promises.pop(0))
+    monkeypatch.setattr(law_comparison, "LawEvidence", lambda campaign, optimum: SimpleNamespace(judge=as_it_is))
     axle = SimpleNamespace(suspension_law=None, suspension="leaf")
     data = SimpleNamespace(vehicle=SimpleNamespace(axles=(axle,)))
-    best, comparison = law_choice._compare(data, poor_laws, rich_laws, poor, fitted)
+    best, comparison = law_comparison.compare_laws(data, poor_laws, rich_laws, poor, fitted)
     assert asked == [
         (rich_laws, poor, "rough"),
         (rich_laws, rough, "base"),
@@ -110,7 +110,7 @@ def test_an_element_that_is_needed_beyond_doubt_is_not_fitted_without(sd, sure):
     """By hand: two forces known to 3 % and independent raise the sum of squares by 2 / 0.03^2 = 2222 when they go."""
     laws, without = (frozenset({"friction"}),) * 2, (frozenset(),) * 2
     judged = known_forces([1000.0, 3000.0], sd, np.eye(2))
-    assert law_choice._sure(judged, laws, without, 1000.0) is sure
+    assert law_comparison._sure(judged, laws, without, 1000.0) is sure
 
 
 def test_forces_that_only_their_sum_is_known_of_are_judged_together():
@@ -118,8 +118,8 @@ def test_forces_that_only_their_sum_is_known_of_are_judged_together():
     spread = np.linalg.cholesky(np.array([[1.0, -0.999], [-0.999, 1.0]]))
     judged = known_forces([1000.0, 1000.0], 0.5, spread)
     laws = (frozenset({"friction"}),) * 2
-    assert law_choice._sure(judged, laws, (frozenset(),) * 2, 1000.0)
-    assert not law_choice._sure(judged, laws, (frozenset(), laws[1]), 1000.0)
+    assert law_comparison._sure(judged, laws, (frozenset(),) * 2, 1000.0)
+    assert not law_comparison._sure(judged, laws, (frozenset(), laws[1]), 1000.0)
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from sysid.campaign.vehicle_records import AxleGroup, Equaliser
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.options import FitOptions
-from sysid.estimation.fit.rocker_search import candidates
+from sysid.estimation.fit.rocker_search import joined_axles
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.rockers import LoadShare, load_shares, share_from_fit
@@ -85,13 +85,13 @@ def test_friction_that_is_not_modelled_is_no_rocker():
 
 
 def test_candidates_are_near_neighbours_under_one_body_that_nothing_joins():
-    assert candidates(VEHICLE) == ((1, 2),)
-    assert candidates(replace(VEHICLE, equalisers=TANDEM)) == ()
-    assert candidates(replace(VEHICLE, groups=(AxleGroup("beam", (1, 2), 1.0, 1.0),))) == ()
+    assert joined_axles(VEHICLE) == ((1, 2),)
+    assert joined_axles(replace(VEHICLE, equalisers=TANDEM)) == ()
+    assert joined_axles(replace(VEHICLE, groups=(AxleGroup("beam", (1, 2), 1.0, 1.0),))) == ()
     tridem = (AXLES[0], AXLES[1], AXLES[2], replace(AXLES[2], name="lift", x_m=6.9))
-    assert candidates(replace(VEHICLE, axles=tridem)) == ((1, 2), (2, 3), (1, 2, 3))
+    assert joined_axles(replace(VEHICLE, axles=tridem)) == ((1, 2), (2, 3), (1, 2, 3))
     trailer = (*tridem[:3], replace(tridem[3], body=1))
-    assert candidates(replace(VEHICLE, axles=trailer)) == ((1, 2),)
+    assert joined_axles(replace(VEHICLE, axles=trailer)) == ((1, 2),)
 
 
 def test_shares_from_odds():

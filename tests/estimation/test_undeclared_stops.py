@@ -10,7 +10,7 @@ import pytest
 from rigid_truck import AXLES, SENSORS, STIFFNESS, VEHICLE, bump, campaign, empty_run, true_log_parameters, with_values
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.fit import law_choice
+from sysid.estimation.fit import law_comparison
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.law_families import STOPS, Laws
 from sysid.estimation.fit.options import FitOptions
@@ -73,8 +73,8 @@ def stand_in(stop_N_per_m: list[float], sd: list[float], monkeypatch) -> Laws:
     parameters = ParameterSet(tuple(Parameter(f"{q}_{i}", q, "N/m", 1.0, 1.0, 0.7, axle=i) for q, i in kinds), ())
     model = SimpleNamespace(parameters=parameters)
     optimum = SimpleNamespace(problem=SimpleNamespace(model=model), vector=np.log([4e5, 4e5, *stop_N_per_m]))
-    monkeypatch.setattr(law_choice, "parameter_sd", lambda optimum: np.array([0.01, 0.01, *sd]))
-    return law_choice.with_stops_that_act((frozenset({"friction", STOPS}), frozenset({STOPS})), optimum)
+    monkeypatch.setattr(law_comparison, "parameter_sd", lambda optimum: np.array([0.01, 0.01, *sd]))
+    return law_comparison.with_stops_that_act((frozenset({"friction", STOPS}), frozenset({STOPS})), optimum)
 
 
 def test_stops_that_the_data_do_not_know_or_that_are_none_are_taken_away(monkeypatch):
@@ -86,10 +86,10 @@ def test_stops_that_the_data_do_not_know_or_that_are_none_are_taken_away(monkeyp
 def test_stops_are_fitted_before_what_imitates_them(monkeypatch):
     gas, stop = frozenset({"gas_spring"}), frozenset({STOPS})
     promises = [(gas | stop,), (gas,), ()]
-    monkeypatch.setattr(law_choice, "promising", lambda *unused: promises.pop(0))
-    monkeypatch.setattr(law_choice, "_with_nearer_stops", lambda laws, optimum, fitted: optimum)
+    monkeypatch.setattr(law_comparison, "promising", lambda *unused: promises.pop(0))
+    monkeypatch.setattr(law_comparison, "_with_nearer_stops", lambda laws, optimum, fitted: optimum)
     asked: list[Laws] = []
-    law_choice._enriched(None, (frozenset(),), (gas | stop,), None, lambda laws, near, how="final": asked.append(laws))
+    law_comparison._enriched(None, (frozenset(),), (gas | stop,), None, lambda laws, near, how="final": asked.append(laws))
     assert asked == [(stop,), (gas | stop,), (gas | stop,)]
 
 

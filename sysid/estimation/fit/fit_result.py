@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from sysid.arrays import ParametersByParameters
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.parameters.rockers import LoadShare
+from sysid.estimation.parameters.undeclared_parts import UndeclaredFrame
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.uncertainty.identifiability import Identifiability
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
@@ -99,8 +100,8 @@ class FitResult(Tabular):
     do, or None; `contact_trials` the fit with every contact law where that was asked for, the result's own first;
     `masses` what the data say about declared masses, whose tolerances `covariance` holds; `identifiability` what the
     data determine (:mod:`sysid.estimation.uncertainty.identifiability`); `load_shares` of the declared rockers between
-    springs; `undeclared_rockers` are rockers that the campaign file does not declare and the residuals ask for
-    (:mod:`sysid.estimation.fit.rocker_search`).
+    springs; `undeclared_rockers` and `undeclared_frames` are rockers and bending frames that the campaign file does not
+    declare and the residuals ask for (:mod:`sysid.estimation.fit.part_search`): they are part of the model.
     """
 
     parameters: tuple[ParameterEstimate, ...]
@@ -127,12 +128,19 @@ class FitResult(Tabular):
     identifiability: Identifiability | None = None
     load_shares: tuple[LoadShare, ...] = ()
     undeclared_rockers: tuple[LoadShare, ...] = ()
+    undeclared_frames: tuple[UndeclaredFrame, ...] = ()
 
     @property
     def laws(self) -> tuple[str, ...]:
         """Suspension law of every axle (of a group one, in the place of its first axle), front to rear."""
         laws = {p.axle: p.law for p in self.parameters if p.quantity == "damping"}
         return tuple(laws[axle] for axle in sorted(laws, key=lambda a: -1 if a is None else a))
+
+    @property
+    def proposals(self) -> tuple[str, ...]:
+        """Sentences that ask to declare what the data show."""
+        rockers = (r.proposal for r in self.undeclared_rockers)
+        return (*rockers, *(f.proposal for f in self.undeclared_frames))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ Philosophical Society 44 (1948), doi:10.1017/S0305004100023987).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,13 +59,10 @@ def promising(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum)
     Elements by axle, nothing at all where no family promises enough.
     """
     axles = campaign.vehicle.axles
-    listed = candidates(campaign.vehicle, laws, rich_laws)
-    families = {f: [c for c in listed if (c.element, axles[c.axles[0]].suspension) == f] for f in FAMILIES}
-    families = {f: members for f, members in families.items() if members}
+    families = _families(campaign.vehicle, laws, rich_laws)
     if not families:
         return ()
-    screen = Screen(campaign, LawEvidence(campaign, optimum), optimum, listed)
-    size = effective_residuals(optimum)
+    screen, size = _screen(campaign, optimum, families), effective_residuals(optimum)
     taken: list[Candidate] = []
     chosen: list[tuple[str, str]] = []
     first = 0.0
@@ -84,6 +81,27 @@ def promising(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum)
         frozenset(e for e, kind in chosen if kind == axle.suspension and e in rich - law)
         for axle, law, rich in zip(axles, laws, rich_laws, strict=True)
     )
+
+
+def largest_gain(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum) -> float:
+    """Largest gain that one family of elements promises, 0 where there is none; arguments as :func:`promising`."""
+    families = _families(campaign.vehicle, laws, rich_laws)
+    if not families:
+        return 0.0
+    screen, size = _screen(campaign, optimum, families), effective_residuals(optimum)
+    return max(0.0, *(screen.gain(members, size) for members in families.values()))
+
+
+def _families(vehicle: Vehicle, laws: Laws, rich_laws: Laws) -> dict[tuple[str, str], list[Candidate]]:
+    """Candidates by family, those that have any."""
+    listed = candidates(vehicle, laws, rich_laws)
+    members = {f: [c for c in listed if (c.element, vehicle.axles[c.axles[0]].suspension) == f] for f in FAMILIES}
+    return {f: found for f, found in members.items() if found}
+
+
+def _screen(campaign: Campaign, optimum: Optimum, families: Mapping[tuple[str, str], list[Candidate]]) -> Screen:
+    listed = [c for members in families.values() for c in members]
+    return Screen(campaign, LawEvidence(campaign, optimum), optimum, listed)
 
 
 def candidates(vehicle: Vehicle, poor: Laws, rich: Laws) -> list[Candidate]:

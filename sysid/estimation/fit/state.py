@@ -11,6 +11,7 @@ import numpy as np
 from sysid.arrays import Parameters, ParametersByParameters
 from sysid.campaign.records import Campaign
 from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.parameters.undeclared_parts import NO_PARTS, UndeclaredParts
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
@@ -31,7 +32,7 @@ class FitPoint:
     of its residuals; `adjustment` (p, p) by which the likelihood is flattened, and `slope` (p,) the gradient that its
     logarithm then has there (:mod:`sysid.estimation.uncertainty.information`), None for that of the flattened one;
     `amounts` (q,) masses and departures at the optimum, and `mass_response` how they go with the parameters, both None
-    for a vehicle as declared.
+    for a vehicle as declared; `parts` were added to the declared vehicle.
     """
 
     parameters: ParameterSet
@@ -45,11 +46,14 @@ class FitPoint:
     slope: Parameters | None = None
     amounts: np.ndarray | None = None
     mass_response: MassResponse | None = None
+    parts: UndeclaredParts = NO_PARTS
 
 
 @dataclass(frozen=True)
 class FitState:
-    """A finished fit: the screened `campaign`, what is kept of it (`point`), and the `model` of its runs."""
+    """A finished fit: the screened `campaign` with the parts that the fit added, what is kept of it (`point`), and the
+    `model` of its runs.
+    """
 
     campaign: Campaign
     point: FitPoint
@@ -96,13 +100,14 @@ def fit_point(
 
 
 def restored(campaign: Campaign, profiles: Mapping[str, RoadProfile], point: FitPoint) -> FitState:
-    """The fit of a campaign from what was kept of it.
+    """The fit of a campaign, as its file declares it, from what was kept of it.
 
     Parameters
     ----------
     campaign : screened, the one that was fitted.
     profiles : road profile of each bump, those of the fit.
     """
+    campaign = point.parts.in_campaign(campaign)
     return FitState(campaign, point, model_of(campaign, profiles, point))
 
 

@@ -50,10 +50,15 @@ class RockerShares(NamedTuple):
 
 
 class FramePositions(NamedTuple):
-    """Where frequency and damping ratio of every bending frame stand in the parameter vector, (nf,) each."""
+    """Where frequency [Hz] and damping ratio of every bending frame stand in the parameter vector, (nf,) each.
+
+    Frames that are no parameters have position -1 and take the fixed values.
+    """
 
     frequency: np.ndarray
     damping: np.ndarray
+    fixed_frequency: np.ndarray
+    fixed_damping: np.ndarray
 
 
 class LawInputs(NamedTuple):
@@ -126,11 +131,13 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, batch: PassBatch, loa
 
 
 def _frame_positions(vehicle: Vehicle, parameters: ParameterSet) -> FramePositions | None:
-    names = [bending_names(body.name) for body in vehicle.bodies if body.bending is not None]
-    if not names:
+    bent = [(bending_names(body.name), body.bending) for body in vehicle.bodies if body.bending is not None]
+    if not bent:
         return None
-    at = np.array([[parameters.names.index(n) for n in pair] for pair in names])
-    return FramePositions(at[:, 0], at[:, 1])
+    place = {name: i for i, name in enumerate(parameters.names)}
+    at = np.array([[place.get(name, -1) for name in pair] for pair, _ in bent])
+    fixed = np.array([[bending.frequency_hz, bending.damping_ratio] for _, bending in bent])
+    return FramePositions(at[:, 0], at[:, 1], fixed[:, 0], fixed[:, 1])
 
 
 def _rocker_shares(vehicle: Vehicle, parameters: ParameterSet) -> RockerShares | None:
@@ -184,7 +191,10 @@ def _suspension(
         given["load_share"] = jnp.broadcast_to(share, stiffness.shape)
     frames = None
     if inputs.frames is not None:
-        turn, ratio = 2.0 * jnp.pi * values[inputs.frames.frequency], values[inputs.frames.damping]
+        at = inputs.frames
+        frequency = jnp.where(at.frequency[:, None] >= 0, values[at.frequency], at.fixed_frequency[:, None])
+        ratio = jnp.where(at.damping[:, None] >= 0, values[at.damping], at.fixed_damping[:, None])
+        turn = 2.0 * jnp.pi * frequency
         shape = (stiffness.shape[0], *turn.shape)
         frames = FrameLaw(jnp.broadcast_to(turn**2, shape), jnp.broadcast_to(2.0 * ratio * turn, shape))
     curves, ramps, base, stop = inputs.curves, [], stiffness, element("stop_stiffness")

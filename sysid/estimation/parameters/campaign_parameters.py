@@ -52,9 +52,8 @@ AIR_LINK_LEAST_SD = 0.05
 #: that nothing but the data says how much friction in the rocker leaves of the sharing (an assumption).
 SHARE_ODDS_PRIOR = (1.0, 2.0)
 
-#: Spread of the logarithm of a declared bending frequency and damping ratio of a frame: a frame that somebody has hit
-#: with a hammer or computed is known to about 10 %, its damping to a factor of less than two (assumptions).
-BENDING_FREQUENCY_SD = 0.1
+#: Spread of the logarithm of the damping ratio of a frame that bends: known to a factor of less than two (an
+#: assumption).
 BENDING_DAMPING_SD = 0.5
 
 #: Young's modulus of spring steel [Pa] (material data), and the spread of the leaf formula about real packs, an
@@ -182,8 +181,9 @@ def _frame_parameters(vehicle: Vehicle) -> list[Parameter]:
         if body.bending is not None:
             (hz, ratio), bent = bending_names(body.name), body.bending
             frequency, damping = bent.frequency_hz, bent.damping_ratio
+            start = bent.start_hz or frequency
             parameters += [
-                Parameter(hz, BENDING_FREQUENCY, "Hz", frequency, frequency, BENDING_FREQUENCY_SD),
+                Parameter(hz, BENDING_FREQUENCY, "Hz", start, frequency, bent.frequency_sd),
                 Parameter(ratio, BENDING_DAMPING, "1", damping, damping, BENDING_DAMPING_SD),
             ]
     return parameters

@@ -65,9 +65,9 @@ class LoadShare:
         """The sentence that asks to declare a rocker which the data show."""
         axles = joined_words([str(i + 1) for i in self.axles])
         return (
-            f"Axles {axles} behave as if a rocker shared {100.0 * self.share:.0f} % of their load: declare "
-            '[[vehicle.group]] kind = "equaliser" with these axles if the truck has one. Without it k and c of these '
-            "axles are wrong by more than their intervals say."
+            f"Axles {axles} behave as if a rocker shared {100.0 * self.share:.0f} % of their load (90 % interval "
+            f"{100.0 * self.low:.0f} to {100.0 * self.high:.0f} %): all results include this. If the truck has one, "
+            'declare [[vehicle.group]] kind = "equaliser" with these axles; if it has not, do not use their results.'
         )
 
 

@@ -122,7 +122,8 @@ FIT = Whole(
     needs=(CHECK, DROPS, SCAN),
     settings=("fit",),
     code=("estimation",),
-    put=lambda results, kept: replace(results, fit=kept.fit),
+    # What follows shows the vehicle with the parts that the fit added.
+    put=lambda results, kept: replace(results, fit=kept.fit, campaign=kept.point.parts.in_campaign(results.campaign)),
     in_run="always",
     effort=60.0,
     command=Command(

@@ -1,0 +1,185 @@
+"""Which suspension laws the data support: linear ones against richer families, by an information criterion.
+
+Two sets of laws are compared under the same weights and footprint maps, those of the richest one:
+
+    gain = 2 (cost_poor - cost_rich) - (p_rich - p_poor) ln n
+
+with cost half the sum of squares with priors, masses and tires allowed to be a little wrong
+(:mod:`sysid.estimation.fit.law_evidence`), and n the number of residuals over their variance inflation.  This is the
+difference of the Bayesian information criterion (G. Schwarz, Estimating the dimension of a model, Annals of Statistics
+6 (1978), doi:10.1214/aos/1176344136) with an effective sample size; a gain above 10 counts as decisive (R. E. Kass and
+A. E. Raftery, Bayes factors, JASA 90 (1995), doi:10.1080/01621459.1995.10476572).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.fit.evaluation import parameter_sd
+from sysid.estimation.fit.fit_result import LawComparison, LawTrial
+from sysid.estimation.fit.law_evidence import Judged, LawEvidence
+from sysid.estimation.fit.law_families import FAMILIES, STOPS, Laws, without_family
+from sysid.estimation.fit.law_screen import promising
+from sysid.estimation.fit.optimum import Optimum, effective_residuals
+from sysid.estimation.fit.thresholds import DECISIVE
+from sysid.estimation.parameters.suspension_elements import law_name, quantities
+from sysid.estimation.weights.reweighting import reweighted
+
+#: How much clearer than decisive a test has to be for a fit without an element to be left out.
+SURE = 5.0
+#: Standard deviation over that of its prior from which on the stiffness of a stop is not known from the data.
+IDLE_SHRINKAGE = 0.9
+#: Travels that are estimated with undeclared stops, and by how much in the logarithm a second search begins nearer: two
+#: and a half standard deviations of their prior, nearer than nearly all of them.
+TRAVELS, NEARER = ("jounce_travel", "rebound_travel"), 0.3
+
+
+def compare_laws(
+    campaign: Campaign,
+    poor_laws: Laws,
+    rich_laws: Laws,
+    poor: Optimum,
+    fitted: Callable[..., Optimum],
+) -> tuple[Optimum, LawComparison]:
+    """The preferred laws' optimum and all trials; every gain is over the laws of the campaign file."""
+    rich_laws, rich = _enriched(campaign, poor_laws, rich_laws, poor, fitted)
+    if rich is None:
+        optimum = fitted(poor_laws, poor)
+        cost, names = optimum.minimum.cost, _names(poor_laws)
+        return optimum, LawComparison((LawTrial(names, optimum.problem.count, cost, optimum.misfit, 0.0),), names)
+    data = LawEvidence(campaign, rich)
+    # Under the weights and maps of the rich laws, as all trials.
+    best_laws, best, size = rich_laws, data.judge(rich), effective_residuals(rich)
+    # Where nobody doubts the result, what the poor laws cost need not be known to the last.
+    sure = _sure(best, rich_laws, poor_laws, size)
+    base = data.judge(fitted(poor_laws, rich, how="rough trial" if sure else "trial"))
+
+    def gain_over(other: Judged, optimum: Judged) -> float:
+        extra = optimum.count - other.count
+        return float(2.0 * (other.evidence.cost - optimum.evidence.cost) - extra * np.log(size))
+
+    trials = [LawTrial(_names(poor_laws), base.count, base.evidence.cost, poor.misfit, 0.0)]
+    trials.append(_trial(rich_laws, best, gain_over(base, best)))
+    for family in FAMILIES:
+        without = without_family(campaign.vehicle.axles, best_laws, poor_laws, family)
+        if without in (best_laws, poor_laws) or _sure(best, best_laws, without, size):
+            continue
+        candidate = data.judge(fitted(without, best.optimum, how="trial"))
+        trials.append(_trial(without, candidate, gain_over(base, candidate)))
+        if gain_over(candidate, best) < DECISIVE:
+            best_laws, best = without, candidate
+    acting = with_stops_that_act(best_laws, best.optimum)
+    if acting != best_laws:
+        best_laws, best = acting, data.judge(fitted(acting, best.optimum, how="trial"))
+        trials.append(_trial(acting, best, gain_over(base, best)))
+    chosen = best.optimum
+    if gain_over(base, best) < DECISIVE:
+        best_laws, chosen = poor_laws, fitted(poor_laws, poor)
+    else:
+        # Trials ran under the rich laws' weights and with larger steps; the result stands on its own.
+        chosen = fitted(best_laws, chosen)
+    return chosen, LawComparison(tuple(trials), _names(best_laws))
+
+
+def with_stops_that_act(laws: Laws, optimum: Optimum) -> Laws:
+    """The laws without stops, whose travels nobody declared, of axles that do not show them.
+
+    An axle shows them where the data know their stiffness better than its prior does, and it is no softer than the
+    spring: else a parameter is left open that slows every search, or the stop stands for something else.
+    """
+    if not any(STOPS in law for law in laws):
+        return laws
+    parameters, sd = optimum.problem.model.parameters, parameter_sd(optimum)
+    kept = []
+    for axle, law in enumerate(laws):
+        owner = parameters.suspension_axle[axle] if parameters.suspension_axle else axle
+        springs = [i for i, p in enumerate(parameters.parameters) if (p.quantity, p.axle) == ("stiffness", owner)]
+        shown = False
+        if STOPS in law:
+            stop = parameters.index("stop_stiffness", axle)
+            known = sd[stop] < IDLE_SHRINKAGE * parameters.parameters[stop].prior_sd
+            shown = bool(known and optimum.vector[stop] > optimum.vector[springs].min())
+        kept.append(law if shown else law - {STOPS})
+    return tuple(kept)
+
+
+def _with_nearer_stops(laws: Laws, optimum: Optimum, fitted: Callable[..., Optimum]) -> Optimum:
+    """The better of an optimum and of a search that begins with the travels which it did not reach made shorter.
+
+    A stop beyond what the runs reach has no effect, so that no search moves it; one inside is pushed out if it is none.
+    """
+    parameters, sd = optimum.problem.model.parameters, parameter_sd(optimum)
+    unreached = [
+        i for i, p in enumerate(parameters.parameters) if p.quantity in TRAVELS and sd[i] >= IDLE_SHRINKAGE * p.prior_sd
+    ]
+    if not unreached:
+        return optimum
+    vector = optimum.vector.copy()
+    vector[unreached] -= NEARER
+    again = fitted(laws, replace(optimum, vector=vector), how="rough")
+    return again if again.misfit < optimum.misfit else optimum
+
+
+def _enriched(
+    campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum, fitted: Callable[..., Optimum]
+) -> tuple[Laws, Optimum | None]:
+    """Laws with all elements that promise a decisive gain, and their optimum; None where none does.
+
+    What is promised is judged anew at the optimum of the laws that promised most.
+    """
+    start = laws
+    while True:
+        added = promising(campaign, laws, rich_laws, optimum)
+        if not added:
+            break
+        if any(STOPS in more for more in added):
+            # Other elements imitate a stop that is not there yet, and then hide its travel from the search.
+            added = tuple(more & {STOPS} for more in added)
+        laws = tuple(law | more for law, more in zip(laws, added, strict=True))
+        optimum = fitted(laws, optimum, how="rough")
+        if any(STOPS in more for more in added):
+            optimum = _with_nearer_stops(laws, optimum, fitted)
+    return laws, (None if laws == start else fitted(laws, optimum, how="base"))
+
+
+def _sure(judged: Judged, laws: Laws, without: Laws, size: float) -> bool:
+    """Whether elements are needed beyond doubt, so that no fit without them has to be made.
+
+    By Wald's test (A. Wald, Tests of statistical hypotheses concerning several parameters, Transactions of the American
+    Mathematical Society 54 (1943), doi:10.1090/S0002-9947-1943-0012401-3) the sum of squares would rise by
+    (v - n)' C^-1 (v - n), with the values v of their parameters, the values n that take them out, and the covariance C
+    of v.  Far from the optimum the cost is no parabola: only :data:`SURE` times what decides is beyond doubt.
+    """
+    gone = [more - less for more, less in zip(laws, without, strict=True)]
+    optimum = judged.optimum
+    parameters = optimum.problem.model.parameters.parameters
+    index, distance = [], []
+    for position, p in enumerate(parameters):
+        # A shared parameter goes with the last axle that has its element.
+        elements = frozenset().union(*gone).difference(*without) if p.axle is None else gone[p.axle]
+        for q in quantities(elements):
+            if q.quantity == p.quantity and q.decides:
+                value = float(np.exp(optimum.vector[position]))
+                index.append(position)
+                # Relative to the value, as the covariance of its logarithm is.
+                distance.append(1.0 - q.neutral / value)
+    if not index:
+        return False
+    covariance = judged.evidence.covariance[np.ix_(index, index)]
+    rise = float(np.array(distance) @ np.linalg.solve(covariance, distance))
+    return bool(rise > SURE * (DECISIVE + len(index) * np.log(size)))
+
+
+def _names(laws: Laws) -> tuple[str, ...]:
+    return tuple(law_name(law) for law in laws)
+
+
+def _trial(laws: Laws, judged: Judged, gain: float) -> LawTrial:
+    optimum, problem = judged.optimum, judged.optimum.problem
+    weights = reweighted(problem, problem.linearise(optimum.vector))
+    misfit = replace(optimum, problem=problem.with_weights(weights)).misfit
+    return LawTrial(_names(laws), problem.count, judged.evidence.cost, misfit, gain)

@@ -1,0 +1,87 @@
+"""Parts that nobody declared and the residuals ask for: rockers between springs, and frames that bend."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.estimation.fit.frame_search import frame_candidates
+from sysid.estimation.fit.law_families import Laws
+from sysid.estimation.fit.least_squares import optimise
+from sysid.estimation.fit.optimum import Optimum, effective_residuals
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.part_score import PartCandidate, part_scores
+from sysid.estimation.fit.rocker_search import rocker_candidates
+from sysid.estimation.fit.thresholds import DECISIVE, MISFIT
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.undeclared_parts import UndeclaredParts
+from sysid.progress import Progress
+from sysid.road.road_profile import RoadProfile
+from sysid.sdof.drop_results import DropSummary
+
+#: At most so many parts are added.
+_MOST = 3
+
+
+def undeclared_parts(
+    campaign: Campaign,
+    laws: Laws,
+    optimum: Optimum,
+    drops: DropSummary | None,
+    profiles: Mapping[str, RoadProfile],
+    options: FitOptions,
+    report: Progress,
+    *,
+    law_gain: Callable[[Campaign, Optimum], float],
+) -> tuple[UndeclaredParts, Optimum]:
+    """Parts that the residuals of a fit ask for, and an optimum with them under the same weights and maps.
+
+    A part is fitted where its score test promises a decisive gain, and more than any richer suspension law does; what
+    the fit gains decides.  Nothing is looked for where the residuals are hardly larger than the noise.
+
+    Parameters
+    ----------
+    laws : of every axle, those of `optimum`.
+    drops, profiles, options, report : as :func:`sysid.estimation.fit.law_choice.fit_with_laws`.
+    law_gain : largest gain that richer suspension laws promise at an optimum.
+    """
+    parts = UndeclaredParts()
+    for _ in range(_MOST):
+        if optimum.misfit < MISFIT:
+            break
+        decides = DECISIVE + float(np.log(effective_residuals(optimum)))
+        scores = part_scores(campaign, optimum, candidates_of(campaign))
+        promising = [s for s in scores if s.amplitude > s.candidate.least and s.gain > decides]
+        if not promising or promising[0].gain < law_gain(campaign, optimum):
+            break
+        best = promising[0].candidate
+        report(best.words, 0.5)
+        added = best.unknown.in_campaign(campaign)
+        trial = _fitted(added, laws, optimum, drops, profiles, options, report)
+        if 2.0 * (optimum.minimum.cost - trial.minimum.cost) < decides or not best.plausible(trial):
+            break
+        parts, campaign, optimum = parts + best.unknown, added, trial
+    return parts, optimum
+
+
+def _fitted(
+    campaign: Campaign,
+    laws: Laws,
+    near: Optimum,
+    drops: DropSummary | None,
+    profiles: Mapping[str, RoadProfile],
+    options: FitOptions,
+    report: Progress,
+) -> Optimum:
+    """The optimum with a part, under the weights and maps of the one without, so that costs can be compared."""
+    how = replace(options, weight_rounds=0, tolerance=max(options.tolerance, 1e-6))
+    parameters = campaign_parameters(campaign, drops, laws)
+    return optimise(campaign, parameters, profiles, how, report, near=near, keep_maps=True)
+
+
+def candidates_of(campaign: Campaign) -> tuple[PartCandidate, ...]:
+    """Everything that is looked for."""
+    return (*rocker_candidates(campaign.vehicle), *frame_candidates(campaign.vehicle))

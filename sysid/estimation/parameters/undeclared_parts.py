@@ -1,0 +1,86 @@
+"""Parts of a vehicle that its campaign file does not declare and a fit has added: rockers, and frames that bend."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.campaign.records import Campaign
+from sysid.campaign.vehicle_records import Equaliser, FrameBending, Vehicle
+from sysid.estimation.parameters.estimate import ParameterEstimate
+from sysid.estimation.parameters.parameter_set import bending_names
+
+#: Normal quantile of 95 %.
+_Q95 = 1.6448536269514722
+
+
+@dataclass(frozen=True)
+class BendingFrame:
+    """Bending of the frame of body number `body`."""
+
+    body: int
+    bending: FrameBending
+
+
+@dataclass(frozen=True)
+class UndeclaredParts:
+    """`rockers` between springs, and `frames` that bend."""
+
+    rockers: tuple[Equaliser, ...] = ()
+    frames: tuple[BendingFrame, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.rockers or self.frames)
+
+    def __add__(self, other: UndeclaredParts) -> UndeclaredParts:
+        return UndeclaredParts(self.rockers + other.rockers, self.frames + other.frames)
+
+    def on(self, vehicle: Vehicle) -> Vehicle:
+        """A vehicle with these parts."""
+        bodies = list(vehicle.bodies)
+        for frame in self.frames:
+            bodies[frame.body] = replace(bodies[frame.body], bending=frame.bending)
+        return replace(vehicle, bodies=tuple(bodies), equalisers=(*vehicle.equalisers, *self.rockers))
+
+    def in_campaign(self, campaign: Campaign) -> Campaign:
+        """A campaign of the vehicle with these parts."""
+        return replace(campaign, vehicle=self.on(campaign.vehicle)) if self else campaign
+
+
+NO_PARTS = UndeclaredParts()
+
+
+@dataclass(frozen=True)
+class UndeclaredFrame:
+    """A frame that was declared rigid and bends: `frequency_hz` by itself, with its 90 % interval `low` to `high`."""
+
+    body: str
+    frequency_hz: float
+    low: float
+    high: float
+
+    @property
+    def proposal(self) -> str:
+        """The sentence that asks to declare it."""
+        hz = self.frequency_hz
+        return (
+            f"The frame of '{self.body}' behaves as if it bends at {hz:.1f} Hz (90 % interval {self.low:.1f} to "
+            f"{self.high:.1f} Hz): all results include this. If the truck has such a frame, declare bending = "
+            f"{{ frequency_hz = {hz:.1f} }} in its [[vehicle.body]]; if it has not, do not use their results."
+        )
+
+
+def undeclared_frames(
+    vehicle: Vehicle, parts: UndeclaredParts, estimates: Iterable[ParameterEstimate]
+) -> tuple[UndeclaredFrame, ...]:
+    """The frames among added parts, as estimated."""
+    by_name = {e.name: e for e in estimates}
+    frames = []
+    for frame in parts.frames:
+        body = vehicle.bodies[frame.body].name
+        e = by_name[bending_names(body)[0]]
+        spread = float(np.exp(_Q95 * e.sd / e.value))
+        frames.append(UndeclaredFrame(body, e.value, e.value / spread, e.value * spread))
+    return tuple(frames)
