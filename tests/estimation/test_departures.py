@@ -115,6 +115,10 @@ def test_readings_of_a_scale_that_are_further_off_than_said_get_the_scale_that_t
         found = departure_scale(jacobian.T @ jacobian, score, 1e-9 * np.eye(2), tolerance, [], None, readings).mass_sd
         assert found[5] == 0.03
         np.testing.assert_allclose(found[:5], wanted or np.sqrt(np.mean(np.square(behind))), rtol=1e-3)
+        # What they share is taken to be off by as much more than said.
+        given = (jacobian.T @ jacobian, score, 1e-9 * np.eye(2), tolerance, [], None, readings)
+        shared = departure_scale(*given, scales=~readings).mass_sd
+        np.testing.assert_allclose(shared, np.append(found[:5], 0.03 * found[0] / 0.005), rtol=1e-3)
 
 
 def test_data_without_departures_leave_scales_of_their_own_accuracy_and_no_data_the_plausible_one():

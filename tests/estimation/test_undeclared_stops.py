@@ -89,7 +89,9 @@ def test_stops_are_fitted_before_what_imitates_them(monkeypatch):
     monkeypatch.setattr(law_comparison, "promising", lambda *unused: promises.pop(0))
     monkeypatch.setattr(law_comparison, "_with_nearer_stops", lambda laws, optimum, fitted: optimum)
     asked: list[Laws] = []
-    law_comparison._enriched(None, (frozenset(),), (gas | stop,), None, lambda laws, near, how="final": asked.append(laws))
+    law_comparison._enriched(
+        None, (frozenset(),), (gas | stop,), None, lambda laws, near, how="final": asked.append(laws)
+    )
     assert asked == [(stop,), (gas | stop,), (gas | stop,)]
 
 

@@ -108,10 +108,13 @@ def departure_scale(
     directions: Sequence[Departure],
     amounts: np.ndarray | None = None,
     readings: np.ndarray | None = None,
+    scales: np.ndarray | None = None,
 ) -> DepartureScale:
     """Scales of the kinds by expectation-maximisation.
 
-    Readings of a scale that are further off than their tolerance have a scale in the same way, never below it.
+    Readings of a scale that are further off than their tolerance have a scale in the same way, never below it.  What
+    all readings share no motion shows; the tolerance of that grows by the same factor: a scale whose readings scatter
+    more than declared is not taken to be true on average as declared (an assumption).
 
     Parameters
     ----------
@@ -119,7 +122,7 @@ def departure_scale(
         priors of the parameters included.
     prior : (p, p) prior precision; mass_sd : (m,) tolerances; directions : the n directions.
     amounts : (m + n,) y at which information and score were taken, None for 0.
-    readings : (m,) bool, which masses are readings of a scale, None for none.
+    readings, scales : (m,) bool, which masses are readings of a scale, and what all its readings share; None for none.
     """
     count, masses = prior.shape[0], mass_sd.size
     cross = information[:count, count:]
@@ -142,6 +145,8 @@ def departure_scale(
         if readings is not None and readings.any():
             square = np.mean(estimate[:masses][readings] ** 2 + (np.diag(left) * sd**2)[:masses][readings])
             mass_sd[readings] = np.clip(np.sqrt(square), tolerance[readings], MOST_GROWN * tolerance[readings])
+            if scales is not None:
+                mass_sd[scales] = tolerance[scales] * float(np.max(mass_sd[readings] / tolerance[readings]))
         for group in dict.fromkeys(names):
             of = names == group
             tau[of] = np.minimum(np.sqrt(np.mean(estimate[masses:][of] ** 2 + variance[of])), largest[of])

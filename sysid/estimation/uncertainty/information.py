@@ -250,7 +250,9 @@ def model_error(
         matrix, score = data.matrix / factor, data.score / factor
         with_priors = score.copy()
         with_priors[:count] += pull
-        departed = departure_scale(matrix, with_priors, prior, masses.sd, directions, amounts, masses.readings)
+        departed = departure_scale(
+            matrix, with_priors, prior, masses.sd, directions, amounts, masses.readings, masses.scales
+        )
         sd = np.concatenate([departed.mass_sd, departed.sd])
         step = joint_step(matrix, score, prior, pull, sd, amounts, following)
         # What cannot move on, as friction that would push, must not carry the others along.

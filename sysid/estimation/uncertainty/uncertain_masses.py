@@ -70,6 +70,11 @@ class UncertainMasses:
         """Which factors (m,) belong to single readings of a scale."""
         return np.array([f.quantity == AXLE_LOAD for f in self.factors], bool)
 
+    @property
+    def scales(self) -> np.ndarray:
+        """Which factors (m,) are shared by all readings of a scale."""
+        return np.array([f.quantity == SCALE for f in self.factors], bool)
+
     def load_changes(self, log_factors: np.ndarray, load_cases: Sequence[str]) -> np.ndarray:
         """Logarithms (n, axles) of what axle loads are over the declared ones in `load_cases`, for factors (m,)."""
         change = np.zeros((len(load_cases), len(self.vehicle.axles)))
