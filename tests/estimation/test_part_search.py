@@ -1,4 +1,4 @@
-"""Rockers that nobody declared: found where there is one, and nowhere else."""
+"""Rockers and bending frames that nobody declared: found where there is one, and nowhere else."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 from rigid_truck import AXLES, DAMPING, EMPTY, LADEN, STIFFNESS, VEHICLE, bump, campaign, empty_run, with_values
 
-from sysid.campaign.vehicle_records import AxleGroup, Equaliser
+from sysid.campaign.vehicle_records import AxleGroup, Equaliser, FrameBending
+from sysid.estimation.fit.frame_search import LEAST_AMPLITUDE, TRIED_HZ, frame_candidates
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.part_score import part_scores
+from sysid.estimation.fit.part_search import undeclared_parts
 from sysid.estimation.fit.rocker_search import joined_axles
+from sysid.estimation.fit.state import restored
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.rockers import LoadShare, load_shares, share_from_fit
@@ -26,16 +30,17 @@ PROFILES = {"bump": bump()}
 TANDEM = (Equaliser("tandem", (1, 2)),)
 
 
-def measured(share: float, friction: float):
-    """A campaign of linear laws without a rocker, its readings from a truck with a rocker or friction."""
+def measured(share: float, friction: float, bending_hz: float = 0.0):
+    """A campaign of linear laws on a rigid frame without a rocker; its readings from a truck with one of these."""
     linear = tuple(replace(a, suspension_law="linear", load_dependent=False) for a in AXLES)
     rubbing = tuple(replace(a, suspension_law="friction" if friction else "linear") for a in linear)
     runs = [empty_run("slow.csv", 6.0, samples=340), empty_run("fast.csv", 8.5, samples=340),
             empty_run("laden.csv", 6.0, load_case="laden", samples=340)]  # fmt: skip
     cases = (EMPTY, LADEN)
-    behind = campaign(
-        runs, load_cases=cases, vehicle=replace(VEHICLE, axles=rubbing, equalisers=TANDEM if share else ())
-    )
+    true = replace(VEHICLE, axles=rubbing, equalisers=TANDEM if share else ())
+    if bending_hz:
+        true = replace(true, bodies=(replace(true.bodies[0], bending=FrameBending(bending_hz, 0.025)),))
+    behind = campaign(runs, load_cases=cases, vehicle=true)
     parameters = campaign_parameters(behind, None)
     truth = {"share_odds[tandem]": share / (1.0 - share) if share else 1.0}
     for i in range(3):
@@ -64,6 +69,9 @@ def test_a_rocker_that_nobody_declared_is_named():
     assert found.share == pytest.approx(0.7, abs=0.05)
     assert "rocker shared" in fit.warnings[0]
     assert "Axles 2 and 3" in fit.warnings[0]
+    # It is part of the model: springs and dampers are those of the truck.
+    found_k = [p.value for p in fit.parameters if p.quantity == "stiffness"]
+    assert found_k == pytest.approx(STIFFNESS, rel=0.02)
 
 
 def test_a_declared_one_is_estimated_and_nothing_more_is_asked_for():
@@ -82,6 +90,50 @@ def test_friction_that_is_not_modelled_is_no_rocker():
     optimum = optimise(data, campaign_parameters(data, None), PROFILES, OPTIONS, unwatched)
     assert optimum.misfit > MISFIT
     assert fit.undeclared_rockers == ()
+
+
+def test_a_frame_that_nobody_declared_to_bend_is_part_of_the_fit():
+    data = measured(0.0, 0.0, bending_hz=8.0)
+    fit, state = fit_with_laws(data, None, PROFILES, OPTIONS)
+    (found,) = fit.undeclared_frames
+    assert found.body == VEHICLE.bodies[0].name
+    assert found.frequency_hz == pytest.approx(8.0, rel=0.03)
+    assert found.low < 8.0 < found.high
+    assert "bends at 8" in fit.warnings[0]
+    assert [p.value for p in fit.parameters if p.quantity == "stiffness"] == pytest.approx(STIFFNESS, rel=0.02)
+    assert fit.undeclared_rockers == ()
+    # What is kept of the fit brings the frame back.
+    again = restored(data, PROFILES, state.point)
+    assert again.campaign.vehicle == state.campaign.vehicle
+    problems = state.problem(), again.problem()
+    signals = [simulate_runs(p.model, state.point.log_parameters, state.point.motion)[0] for p in problems]
+    np.testing.assert_array_equal(*signals)
+
+
+def test_scores_of_frames_on_rigid_trucks_are_small_and_of_bending_ones_are_largest_near_their_frequency():
+    for data, bends in ((measured(0.0, 1500.0), False), (measured(0.0, 0.0, bending_hz=11.0), True)):
+        optimum = optimise(data, campaign_parameters(data, None), PROFILES, OPTIONS, unwatched)
+        scores = part_scores(data, optimum, frame_candidates(data.vehicle))
+        assert (abs(scores[0].amplitude) > 2.0 * LEAST_AMPLITUDE) == bends
+        if bends:
+            assert scores[0].candidate.tried.frames[0].bending.frequency_hz == 11.0
+            assert scores[0].amplitude == pytest.approx(1.0, abs=0.6)
+
+
+def test_frames_are_tried_on_bodies_that_are_declared_rigid():
+    bent = replace(VEHICLE, bodies=(replace(VEHICLE.bodies[0], bending=FrameBending(8.0, 0.03)),))
+    assert frame_candidates(bent) == ()
+    assert [c.tried.frames[0].bending.frequency_hz for c in frame_candidates(VEHICLE)] == list(TRIED_HZ)
+
+
+def test_a_part_that_explains_less_than_a_law_waits():
+    data = measured(0.0, 0.0, bending_hz=8.0)
+    optimum = optimise(data, campaign_parameters(data, None), PROFILES, OPTIONS, unwatched)
+    laws = tuple(frozenset[str]() for _ in data.vehicle.axles)
+    given = (data, laws, optimum, None, PROFILES, OPTIONS, unwatched)
+    parts, same = undeclared_parts(*given, law_gain=lambda *unused: 1e9)
+    assert not parts
+    assert same is optimum
 
 
 def test_candidates_are_near_neighbours_under_one_body_that_nothing_joins():
