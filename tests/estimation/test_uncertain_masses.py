@@ -190,7 +190,7 @@ def test_a_mass_far_from_what_the_data_ask_for_is_named():
     data, parameters, profiles = synthetic_campaign()
     masses = uncertain_masses(replace(data, vehicle=TOLERANT))
     wrong = np.zeros(masses.sd.size)
-    wrong[2] = 0.085
+    wrong[2] = 0.12
     vehicle, cases = masses.applied(wrong)
     found, _ = fit_bump_runs(replace(data, vehicle=vehicle, load_cases=cases), parameters, profiles, OPTIONS)
     sentences = [w for w in found.warnings if "unsprung mass of axle 3 (tag)" in w]

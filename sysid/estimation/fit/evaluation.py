@@ -44,8 +44,9 @@ from sysid.progress import Progress
 from sysid.road.contact_laws import CONTACT_LAWS
 from sysid.vehicle_model.engines.protocol import Linearisation
 
-#: Where the data ask for a mass this many tolerances off, somebody should look at it.
-DOUBTFUL_MASS_SD = 2.0
+#: Where the data ask for a mass this many tolerances off, somebody should look at it: of the some 25 masses of a healthy
+#: vehicle one would be beyond two by chance.
+DOUBTFUL_MASS_SD = 3.0
 
 
 def evaluate_optimum(
@@ -136,7 +137,7 @@ def _mass_warnings(checks: tuple[MassCheck, ...]) -> tuple[str, ...]:
         if abs(np.log(check.estimate)) > DOUBTFUL_MASS_SD * check.tolerance:
             percent, side = 100.0 * abs(check.estimate - 1.0), "above" if check.estimate > 1.0 else "below"
             sentences.append(
-                f"The data ask for a value about {percent:.0f} % {side} the declared one: {check.words}, declared "
+                f"The data ask for a value about {percent:.2g} % {side} the declared one: {check.words}, declared "
                 f"within {100.0 * check.tolerance:g} %. Check it in campaign.toml, or widen its tolerance."
             )
     return tuple(sentences)
