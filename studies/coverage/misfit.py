@@ -43,6 +43,9 @@ PHYSICS = (
     Physics("stops undeclared", stops=True),
     Physics("frame bends at 7 Hz", bending_hz=7.0),
     Physics("frame bends at 12 Hz", bending_hz=12.0),
+    Physics("speed falls by 5 %", speed_change=-0.05),
+    Physics("rough road", roughness_m3=1e-6),
+    Physics("2 % outliers", outliers=0.02),
 )
 #: Correlation of successive noise values.
 CORRELATION = 0.3
@@ -64,10 +67,12 @@ def replicate(number: int) -> Record:
     plan, physics = _plan(number % 2), PHYSICS[(number // 2) % len(PHYSICS)]
     random = np.random.default_rng([_SEED, number])
     world = misfit_world(plan, physics, random)
-    instruments = replace(ordinary_instruments(plan.campaign), correlation=CORRELATION)
+    instruments = replace(
+        ordinary_instruments(plan.campaign), correlation=CORRELATION, outliers=physics.outliers, outlier_in_noises=6.0
+    )
     record: Record = {"number": number, "vehicle": plan.kind, "physics": physics.name, "linear": physics.linear}
     try:
-        campaign = simulated_campaign(plan.campaign, world, plan.profiles, instruments, random)
+        campaign = simulated_campaign(plan.campaign, world, plan.profiles, instruments, random, physics.speed_change)
         fit, state = fit_with_laws(campaign, plan.drops, plan.profiles, _OPTIONS)
         posterior = sample_posterior(
             LogDensity(state).with_larger_steps(),

@@ -35,6 +35,8 @@ NOMINAL = {
 }
 #: Travels [m] before stops in vehicles whose campaign file does not declare any.
 JOUNCE_M, REBOUND_M = 0.075, 0.085
+#: Way that is rough before and behind a bump [m].
+ROUGH_WAY_M = (32.0, 30.0)
 #: Damping ratio of frames that bend.
 BENDING_RATIO = 0.025
 
@@ -47,7 +49,9 @@ class Physics:
     that goes with the tire's load law; `friction` of the load that leaf springs carry is Coulomb friction; `elements`
     further elements of the suspensions; `rocker` load share of a rocker between the rear axles of the first body;
     `stops` at undeclared travels; `scales` standard deviation of the error of each axle load; `bending_hz` frequency at
-    which the frame of the last body bends by itself, 0 for a rigid one.
+    which the frame of the last body bends by itself, 0 for a rigid one; `speed_change` relative change of speed in
+    every run, None for the usual ones; `roughness_m3` of the road at 0.1 cycles per metre; `outliers` share of readings
+    that are far off.
     """
 
     name: str
@@ -59,6 +63,9 @@ class Physics:
     stops: bool = False
     scales: float = 0.0
     bending_hz: float = 0.0
+    speed_change: float | None = None
+    roughness_m3: float = 0.0
+    outliers: float = 0.0
 
     @property
     def linear(self) -> bool:
@@ -203,7 +210,26 @@ def misfit_world(plan: Plan, physics: Physics, random: np.random.Generator) -> W
     values = np.array([truth[n] for n in parameters.names])
     tires = map_tires(parameters, values)
     tires = replace(tires, spoke_exponent=tires.spoke_exponent + physics.spokes)
-    return World(true, parameters, values, MixedRoads(vehicle, load_cases, plan.profiles, tires, physics))
+    profiles = plan.profiles
+    if physics.roughness_m3:
+        profiles = {name: rough_profile(p, physics.roughness_m3, random) for name, p in profiles.items()}
+    return World(true, parameters, values, MixedRoads(vehicle, load_cases, profiles, tires, physics))
+
+
+def rough_profile(profile: RoadProfile, roughness_m3: float, random: np.random.Generator) -> RoadProfile:
+    """A bump on a rough road: elevation of power spectral density G(n) = G0 (n / 0.1)^-2 (ISO 8608), n in cycles per
+    metre, as a sum of waves of random phase.
+    """
+    step = float(profile.station_m[1] - profile.station_m[0])
+    count = [round(way / step) for way in ROUGH_WAY_M]
+    station = profile.station_m[0] + step * np.arange(-count[0], profile.station_m.size + count[1])
+    n = np.arange(0.05, 5.0, 0.02)
+    size = np.sqrt(2.0 * roughness_m3 * (n / 0.1) ** -2 * 0.02)
+    phase = 2.0 * np.pi * random.uniform(size=n.size)
+    rough = np.sum(size[:, None] * np.cos(2.0 * np.pi * n[:, None] * station + phase[:, None]), axis=0)
+    inside = np.clip(np.minimum(station - station[0], station[-1] - station), 0.0, 1.0)
+    height = np.pad(profile.height_m, count) + rough * inside
+    return replace(profile, station_m=station, height_m=height, height_sd_m=np.pad(profile.height_sd_m, count))
 
 
 def _weighed_wrongly(vehicle: Vehicle, cases: Mapping[str, LoadCase], error: np.ndarray) -> dict[str, LoadCase]:

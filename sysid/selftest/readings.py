@@ -131,6 +131,7 @@ def simulated_campaign(
     profiles: Mapping[str, RoadProfile],
     instruments: Instruments,
     random: np.random.Generator,
+    speed_change: float | None = None,
 ) -> Campaign:
     """The planned campaign with the readings that its sensors would show of the world's vehicle.
 
@@ -139,10 +140,14 @@ def simulated_campaign(
     planned : declared masses and blank records.
     world : the vehicle behind the readings.
     profiles : road profile of every bump.
+    speed_change : relative change of speed in every run, None for changes drawn from their prior.
     """
+    motion = draw_motion(planned, profiles, random)
+    if speed_change is not None:
+        motion = replace(motion, speed_change=np.full(motion.speed_m_s.size, speed_change))
     true = replace(world.campaign, bump_runs=planned.bump_runs)
     model = bump_model(true, world.parameters, profiles, target_step_s=STEP_S, roads=world.roads)
-    signals = simulate_runs(model, world.log_parameters, draw_motion(planned, profiles, random))
+    signals = simulate_runs(model, world.log_parameters, motion)
     position = {s.column: c for c, s in enumerate(model.layout.sensors)}
     runs = list(planned.bump_runs)
     for group, shown in zip(model.groups, signals, strict=True):

@@ -44,8 +44,8 @@ from sysid.progress import Progress
 from sysid.road.contact_laws import CONTACT_LAWS
 from sysid.vehicle_model.engines.protocol import Linearisation
 
-#: Where the data ask for a mass this many tolerances off, somebody should look at it: of the some 25 masses of a healthy
-#: vehicle one would be beyond two by chance.
+#: Where the data ask for a mass this many tolerances off, somebody should look at it: a healthy vehicle has some 25
+#: masses, of which one would be beyond two by chance.
 DOUBTFUL_MASS_SD = 3.0
 
 
