@@ -12,10 +12,11 @@ import pandas as pd
 
 from sysid.campaign.statics import static_equilibrium
 from sysid.export.csv_cells import escape_cell
-from sysid.export.tables import beyond_columns
+from sysid.export.tables import bet_column, beyond_columns
 
 if TYPE_CHECKING:
     from sysid.campaign.records import Campaign
+    from sysid.export.contents import Judgement
     from sysid.prediction.calibrated_elements import CalibratedVehicle
     from sysid.prediction.predicted_passes import PassPrediction
 
@@ -114,12 +115,13 @@ def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle) -> str:
     return stream.getvalue()
 
 
-def moving_forces_csv(campaign: Campaign, prediction: PassPrediction) -> str:
+def moving_forces_csv(campaign: Campaign, prediction: PassPrediction, judgement: Judgement | None = None) -> str:
     """Moving forces of a pass: time [s], per axle its station [m] and vertical force on the road [N] with bands.
 
     Axle i stands at v t - x_i from the start of the bump in the direction of travel; the force is that of all its
     tires, downward, static load included; quantiles are pointwise, those of 5 % and 95 % empty before sampling.
-    ``beyond_driven1`` ... are 1 where the axle is beyond what the driven runs reached.
+    ``beyond_driven1`` ... are 1 where the axle is beyond what the driven runs reached; ``do_not_bet`` as in
+    :func:`sysid.export.tables.prediction_csv`.
     """
     p = prediction
     columns = {"time_s": np.round(p.time_s, 6)}
@@ -129,7 +131,7 @@ def moving_forces_csv(campaign: Campaign, prediction: PassPrediction) -> str:
             columns[f"force{i + 1}_N_{key}"] = (
                 np.full(len(p.time_s), np.nan) if force is None else np.round(force[i], 2)
             )
-    columns |= beyond_columns(p)
+    columns |= beyond_columns(p) | bet_column(p, judgement)
     return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
 
 

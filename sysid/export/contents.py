@@ -30,6 +30,21 @@ if TYPE_CHECKING:
 
 Status = Literal["converged", "not_converged", "preview"]
 STATUSES: tuple[Status, ...] = ("converged", "not_converged", "preview")
+#: Whether numbers may be used: as they are, after reading the reasons, not as far as their intervals go, or not yet.
+Trust = Literal["use", "with_care", "do_not_bet", "not_yet"]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What everything that is written says of the results: `trust` and the sentences for it."""
+
+    trust: Trust
+    reasons: tuple[str, ...]
+
+    @property
+    def forbids(self) -> bool:
+        """Whether nobody should rely on the numbers and their intervals."""
+        return self.trust in ("do_not_bet", "not_yet")
 
 
 @dataclass(frozen=True)
@@ -38,7 +53,8 @@ class Results(Tabular):
 
     `scans` maps the name of a bump to its analysis; `estimates` holds what drops, fit and posterior say of the truck,
     `driven` what the driven runs reached; `further` holds results of stages without a field here, by name;
-    `unfinished` names stages that are still running or were stopped, and whose result is what they have got so far.
+    `unfinished` names stages that are still running or were stopped, and whose result is what they have got so far;
+    `judgement` says whether the numbers may be used, None where nobody has judged them.
     `provenance` may hold ``input_sha256`` (file -> hash),
     ``versions`` (package -> version), ``seed``, ``settings`` (nested mapping) and ``timings`` (stage -> seconds).
 
@@ -63,6 +79,7 @@ class Results(Tabular):
     status: Status = "not_converged"
     warnings: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    judgement: Judgement | None = None
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
@@ -74,7 +91,7 @@ class Results(Tabular):
 
         import pandas as pd
 
-        text = parameter_table(self.campaign.vehicle.axles, self.fit, self.posterior)
+        text = parameter_table(self.campaign.vehicle.axles, self.fit, self.posterior, self.trust)
         return pd.read_csv(io.StringIO(text))
 
     @property
@@ -86,6 +103,11 @@ class Results(Tabular):
         if self.predictions is not None:
             sentences += [w for p in self.predictions.passes for w in p.warnings]
         return tuple(dict.fromkeys(sentences))
+
+    @property
+    def trust(self) -> Trust | None:
+        """What the judgement comes to, None without one."""
+        return None if self.judgement is None else self.judgement.trust
 
     @property
     def load_shares(self) -> tuple[LoadShare, ...]:

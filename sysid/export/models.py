@@ -15,6 +15,7 @@ from sysid.tabular import distinct
 
 if TYPE_CHECKING:
     from sysid.campaign.records import Campaign
+    from sysid.export.contents import Judgement
     from sysid.prediction.calibrated_elements import CalibratedVehicle
     from sysid.prediction.predicted_passes import Predictions
 
@@ -35,28 +36,34 @@ def model_texts(campaign: Campaign, vehicles: Iterable[CalibratedVehicle]) -> di
     return texts
 
 
-def moving_force_texts(campaign: Campaign, predictions: Predictions) -> dict[str, str]:
+def moving_force_texts(
+    campaign: Campaign, predictions: Predictions, judgement: Judgement | None = None
+) -> dict[str, str]:
     """Texts by file name below the output folder, one per predicted pass."""
     names = prediction_files(predictions.passes)
     return {
-        name.replace("predictions/", "moving_forces/", 1): moving_forces_csv(campaign, p)
+        name.replace("predictions/", "moving_forces/", 1): moving_forces_csv(campaign, p, judgement)
         for name, p in zip(names, predictions.passes, strict=True)
     }
 
 
 def write_models(
-    campaign: Campaign, vehicles: Iterable[CalibratedVehicle], predictions: Predictions | None, folder: Path
+    campaign: Campaign,
+    vehicles: Iterable[CalibratedVehicle],
+    predictions: Predictions | None,
+    folder: Path,
+    judgement: Judgement | None = None,
 ) -> tuple[Path, ...]:
     """Write all files for other programs below the output `folder`, each complete or not at all; their paths.
 
     Parameters
     ----------
     vehicles : calibrated vehicle of every load case (:func:`sysid.prediction.calibrated_vehicle`).
-    predictions : predicted passes, None for none.
+    predictions : predicted passes, None for none; judgement : whether they may be used.
     """
     texts = model_texts(campaign, vehicles)
     if predictions is not None:
-        texts |= moving_force_texts(campaign, predictions)
+        texts |= moving_force_texts(campaign, predictions, judgement)
     paths = tuple(Path(folder) / name for name in texts)
     for path, text in zip(paths, texts.values(), strict=True):
         write_text(path, text)

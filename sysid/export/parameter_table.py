@@ -31,13 +31,19 @@ PARAMETER_COLUMNS = (
     "posterior_q95",
     "posterior_ess",
     "posterior_rhat",
+    "verdict",
 )
 
 _SUMMARY_KEYS = ("mean", "sd", "q05", "q50", "q95", "ess", "rhat")
 
 
-def parameter_table(axles: Sequence[Axle], fit: FitResult | None, posterior: Posterior | None) -> str:
-    """The text of `parameters.csv`: one row per parameter in SI units, empty cells for what is not known."""
+def parameter_table(
+    axles: Sequence[Axle], fit: FitResult | None, posterior: Posterior | None, trust: str | None = None
+) -> str:
+    """The text of `parameters.csv`: one row per parameter in SI units, empty cells for what is not known.
+
+    The last column says in every row whether the numbers may be used (`trust`), as `result.json` does.
+    """
     summaries = {} if posterior is None else {s.name: s for s in posterior.summaries}
     rows = []
     for p in () if fit is None else (*fit.parameters, *fit.run_parameters):
@@ -55,6 +61,7 @@ def parameter_table(axles: Sequence[Axle], fit: FitResult | None, posterior: Pos
                 p.unit,
                 "true" if p.identified else "false",
                 *(number_cell(value) for value in (p.value, p.sd, *sampled)),
+                trust or "",
             ]
         )
     return csv_text(PARAMETER_COLUMNS, rows)

@@ -49,6 +49,9 @@ def result_document(results: Results) -> dict[str, Any]:
         "advice": _advice(results),
         "left_out": _left_out(results),
         "rockers": _rockers(results),
+        "verdict": None
+        if results.judgement is None
+        else {"trust": results.judgement.trust, "reasons": list(results.judgement.reasons)},
     }
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from sysid.export.contents import Results
+from sysid.export.contents import Judgement, Results
 from sysid.export.csv_cells import csv_text, escape_cell, number_cell
 from sysid.export.naming import file_stem, prediction_files, speed_km_h
 from sysid.export.parameter_table import parameter_table
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def parameters_csv(results: Results) -> str:
     """The text of `parameters.csv`: one row per parameter in SI units, empty cells for what is not known."""
-    return parameter_table(results.campaign.vehicle.axles, results.fit, results.posterior)
+    return parameter_table(results.campaign.vehicle.axles, results.fit, results.posterior, results.trust)
 
 
 def write_parameters(results: Results, path: Path) -> None:
@@ -78,11 +78,12 @@ def write_validation(results: Results, path: Path) -> None:
         write_text(path, validation_csv(results.validation))
 
 
-def prediction_csv(prediction: PassPrediction) -> str:
+def prediction_csv(prediction: PassPrediction, judgement: Judgement | None = None) -> str:
     """The text of one `predictions/*.csv`: time [s], quantiles of each axle's vertical tire and suspension force [N].
 
     Before sampling the columns of the 5 % and 95 % quantiles are empty.  ``beyond_driven1`` ... are 1 at instants at
-    which the axle is beyond what the driven runs reached, 0 at others.
+    which the axle is beyond what the driven runs reached, 0 at others; ``do_not_bet`` is 1 where nobody should rely on
+    the forces and their intervals (`verdict` of `result.json`), 0 where somebody may; absent without a judgement.
     """
     # Rounded to 1 us and 0.01 N: far below what the model knows, and a file half the size.
     columns = {"time_s": np.round(prediction.time_s, 6)}
@@ -95,7 +96,7 @@ def prediction_csv(prediction: PassPrediction) -> str:
             for key, force in zip(("q05", "q50", "q95"), bands, strict=True):
                 values = np.full(len(p.time_s), np.nan) if force is None else np.round(force[axle], 2)
                 columns[f"{name}{axle + 1}_N_{key}"] = values
-    columns |= beyond_columns(p)
+    columns |= beyond_columns(p) | bet_column(p, judgement)
     return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
 
 
@@ -104,10 +105,16 @@ def beyond_columns(p: PassPrediction) -> dict[str, np.ndarray]:
     return {} if p.beyond is None else {f"beyond_driven{i + 1}": row.astype(int) for i, row in enumerate(p.beyond)}
 
 
-def pass_measures_csv(predictions: Predictions) -> str:
+def bet_column(p: PassPrediction, judgement: Judgement | None) -> dict[str, np.ndarray]:
+    """Column ``do_not_bet`` of a pass: 1 where nobody should rely on its forces, else 0; none without a judgement."""
+    return {} if judgement is None else {"do_not_bet": np.full(len(p.time_s), int(judgement.forbids))}
+
+
+def pass_measures_csv(predictions: Predictions, trust: str | None = None) -> str:
     """The text of `predictions/peaks.csv`: a row per pass, axle and measure with its quantiles.
 
-    The last column names what of the axle goes beyond the driven runs, words as in `trust` of `result.json`.
+    The last columns name what of the axle goes beyond the driven runs, words as in `trust` of a pass in `result.json`,
+    and whether the numbers may be used, as its `verdict`.
     """
     rows = []
     passes = predictions.passes
@@ -117,12 +124,12 @@ def pass_measures_csv(predictions: Predictions) -> str:
             for name, values in _measures(p):
                 if values is not None:
                     beyond = " ".join(e.what for e in p.trust if e.axle == axle)
-                    rows.append([*head, name, *_bands(values, axle), file, beyond])
+                    rows.append([*head, name, *_bands(values, axle), file, beyond, trust or ""])
     names = ("load_case", "speed_km_h", "shape", "axle", "measure", "q05", "q50", "q95", "file", "beyond_driven")
-    return csv_text(names, rows)
+    return csv_text((*names, "verdict"), rows)
 
 
-def speed_sweeps_csv(predictions: Predictions) -> str:
+def speed_sweeps_csv(predictions: Predictions, trust: str | None = None) -> str:
     """The text of `predictions/against_speed.csv`: a row per load case, speed and axle with quantiles."""
     rows = [
         [
@@ -134,13 +141,15 @@ def speed_sweeps_csv(predictions: Predictions) -> str:
             *_bands(s.load_coefficient, (i, axle)),
             "true" if s.extrapolated[i] else "false",
             "" if s.beyond is None else "true" if s.beyond[i, axle] else "false",
+            trust or "",
         ]
         for s in predictions.sweeps
         for i, speed in enumerate(s.speed_m_s)
         for axle in range(s.peak_ratio.q50.shape[1])
     ]
     names = [f"{name}_{q}" for name in ("peak_dynamic_load_ratio", "load_coefficient") for q in ("q05", "q50", "q95")]
-    return csv_text(("load_case", "bump", "speed_km_h", "axle", *names, "extrapolated", "beyond_driven"), rows)
+    flags = ("extrapolated", "beyond_driven", "verdict")
+    return csv_text(("load_case", "bump", "speed_km_h", "axle", *names, *flags), rows)
 
 
 def _measures(p: PassPrediction) -> tuple[tuple[str, Quantiles | None], ...]:
@@ -165,10 +174,11 @@ def write_predictions(results: Results, folder: Path) -> tuple[Path, ...]:
     if results.predictions is None:
         return ()
     passes = results.predictions.passes
-    texts = dict(zip(prediction_files(passes), map(prediction_csv, passes), strict=True))
-    texts["predictions/peaks.csv"] = pass_measures_csv(results.predictions)
+    histories = [prediction_csv(p, results.judgement) for p in passes]
+    texts = dict(zip(prediction_files(passes), histories, strict=True))
+    texts["predictions/peaks.csv"] = pass_measures_csv(results.predictions, results.trust)
     if results.predictions.sweeps:
-        texts["predictions/against_speed.csv"] = speed_sweeps_csv(results.predictions)
+        texts["predictions/against_speed.csv"] = speed_sweeps_csv(results.predictions, results.trust)
     for name, text in texts.items():
         write_text(Path(folder) / name, text)
     return tuple(Path(folder) / name for name in texts)

@@ -9,7 +9,7 @@ from typing import Literal
 
 from sysid.estimates.suspension_values import AxleEstimates, Estimate, Quantity
 from sysid.estimation.fit.thresholds import MISFIT
-from sysid.export.contents import Results
+from sysid.export.contents import Judgement, Results, Trust
 from sysid.report import stops
 from sysid.report.cells import suspension_values
 from sysid.report.numbers import count, interval, listing, number, percent, speed
@@ -19,6 +19,12 @@ Tone = Literal["good", "caution", "stop"]
 # Half width of a 90 % interval, relative to the value, above which a parameter is called poorly known.
 WIDE = 0.2
 
+_ANSWER: dict[Trust, tuple[Tone, str]] = {
+    "use": ("good", "Yes"),
+    "with_care": ("caution", "Yes, with care"),
+    "do_not_bet": ("stop", "Do not bet on them"),
+    "not_yet": ("stop", "Not yet"),
+}
 _QUANTITIES: tuple[tuple[Quantity, str, str], ...] = (
     ("stiffness", "Stiffness k", "kN/m"),
     ("damping", "Damping c", "kN\u00a0s/m"),
@@ -41,24 +47,31 @@ class Verdict:
 
 def verdict(results: Results) -> Verdict:
     """Judge the results of all stages that have run."""
-    against, cautions = _against(results), _cautions(results)
-    if against:
-        tone: Tone = "stop"
-        answer = "Not for decisions" if results.status == "preview" else "Not yet"
-    elif cautions:
-        tone, answer = "caution", "Yes, with care"
-    else:
-        tone, answer = "good", "Yes"
+    judgement = judge(results)
+    tone, answer = _ANSWER[judgement.trust]
     return Verdict(
         tone=tone,
         badge=_badge(results),
         badge_tone=_badge_tone(results),
-        answer=answer,
+        answer="Not for decisions" if results.status == "preview" else answer,
         what=tuple(_what(results)),
-        use=(*against, *cautions) or ("The calibration has converged and no check of this report found a problem.",),
+        use=judgement.reasons,
         todo=tuple(_todo(results)),
         synthetic=is_synthetic(results),
     )
+
+
+def judge(results: Results) -> Judgement:
+    """Whether the numbers of all stages that have run may be used, and why."""
+    against, unexplained, cautions = _against(results), _unexplained(results), _cautions(results)
+    reasons = (*against, *unexplained, *cautions)
+    if against:
+        return Judgement("not_yet", reasons)
+    if unexplained:
+        return Judgement("do_not_bet", reasons)
+    if cautions:
+        return Judgement("with_care", reasons)
+    return Judgement("use", ("The calibration has converged and no check of this report found a problem.",))
 
 
 def is_misfit(residual_over_noise: float) -> bool:
@@ -153,6 +166,16 @@ def _against(results: Results) -> list[str]:
     elif not results.fit.converged:
         sentences.append(f"The least-squares fit did not converge: {results.fit.message.rstrip('.')}.")
     return sentences
+
+
+def _unexplained(results: Results) -> list[str]:
+    if results.fit is None or not is_misfit(results.fit.misfit):
+        return []
+    return [
+        f"Do not bet on these intervals: the residuals are {number(results.fit.misfit, 2)} times the noise (median "
+        "over channels). The truck does something that no law and no part of the model does, and values may be off by "
+        "more than their intervals say. The figures of measured and simulated signals show where."
+    ]
 
 
 def _cautions(results: Results) -> list[str]:

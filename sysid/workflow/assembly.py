@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from sysid.export.contents import Results, Status
+from sysid.report.verdict import judge
 from sysid.vehicle_model.engine import engine_versions
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.runner import Runner
@@ -28,7 +29,7 @@ def assembled(runner: Runner, inputs: Inputs, settings: Settings) -> Results:
         if result is not None:
             results = _with(results, stage, result)
             of_stages += stage.warnings(result, settings.quick and stage.name not in results.unfinished)
-    return replace(
+    results = replace(
         results,
         status=_status(results, settings),
         warnings=(*inputs.read.messages, *_general_warnings(results, settings), *of_stages),
@@ -41,6 +42,7 @@ def assembled(runner: Runner, inputs: Inputs, settings: Settings) -> Results:
             "timings": {name: round(seconds, 3) for name, seconds in runner.folder.timings.items()},
         },
     )
+    return replace(results, judgement=judge(results))
 
 
 def _with(results: Results, stage: Stage[Any], result: Any) -> Results:

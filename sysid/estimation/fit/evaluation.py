@@ -107,6 +107,7 @@ def evaluate_optimum(
         warnings=(*warnings, *_mass_warnings(checks)),
         masses=checks,
         identifiability=determined,
+        misfit=optimum.misfit,
         load_shares=load_shares(campaign.vehicle, estimates),
     )
     return fit, FitState(campaign, point, model)

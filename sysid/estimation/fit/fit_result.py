@@ -101,7 +101,9 @@ class FitResult(Tabular):
     `masses` what the data say about declared masses, whose tolerances `covariance` holds; `identifiability` what the
     data determine (:mod:`sysid.estimation.uncertainty.identifiability`); `load_shares` of the declared rockers between
     springs; `undeclared_rockers` and `undeclared_frames` are rockers and bending frames that the campaign file does not
-    declare and the residuals ask for (:mod:`sysid.estimation.fit.part_search`): they are part of the model.
+    declare and the residuals ask for (:mod:`sysid.estimation.fit.part_search`): they are part of the model; `misfit` is
+    the median over channels and runs of residual over noise, that of the instruments or what the channels show before
+    the bump.
     """
 
     parameters: tuple[ParameterEstimate, ...]
@@ -128,6 +130,7 @@ class FitResult(Tabular):
     identifiability: Identifiability | None = None
     load_shares: tuple[LoadShare, ...] = ()
     undeclared_rockers: tuple[LoadShare, ...] = ()
+    misfit: float = float("nan")
     undeclared_frames: tuple[UndeclaredFrame, ...] = ()
 
     @property

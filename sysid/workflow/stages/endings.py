@@ -56,7 +56,7 @@ def _export(results: Results, folder: Path, progress: Progress) -> Sequence[Path
         written += [folder / "parameters.csv", folder / "validation.csv"]
         progress("files for other programs", 0.3)
         vehicles = () if results.estimates is None else results.estimates.vehicles
-        written += write_models(results.campaign, vehicles, results.predictions, folder)
+        written += write_models(results.campaign, vehicles, results.predictions, folder, results.judgement)
     written += write_profiles(results.profiles, folder)
     if results.predictions is not None:
         written += write_predictions(results, folder)
