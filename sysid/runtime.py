@@ -1,4 +1,4 @@
-"""Process-wide settings: 64-bit floats and the compilation cache of JAX, and where compiled code is kept."""
+"""Process-wide settings: 64-bit floats and compiled functions of JAX, where compiled code is kept, and free memory."""
 
 from __future__ import annotations
 
@@ -12,6 +12,11 @@ from pathlib import Path
 
 from sysid.errors import SysidError
 from sysid.private_files import NotPrivateError, check_owner_of_all, private_folder
+
+#: What glibc is asked for as the process begins, unless the environment variable says something else: heaps that all
+#: threads share, as what compiling leaves free in each would add up, and pages of its own for every block of so many
+#: bytes or more, so that arrays go back to the system with the last that uses them.
+_HEAPS = {"MALLOC_ARENA_MAX": (-8, 2), "MALLOC_MMAP_THRESHOLD_": (-3, 4_194_304)}
 
 
 class CacheWarning(UserWarning):
@@ -76,11 +81,12 @@ def cache_folder() -> Path:
 
 
 def configure() -> None:
-    """Switch JAX to 64-bit floats and keep its compiled functions between runs.
+    """Switch JAX to 64-bit floats, keep its compiled functions between runs, and share few heaps.
 
     A cache folder that cannot be written is done without, and so is, with a warning, one that others can write to
     (:func:`private_cache`).
     """
+    _use_few_heaps()
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -97,17 +103,39 @@ def return_memory() -> None:
 
     Compiling leaves much of it, in a pool for every thread; only glibc can be asked.
     """
-    trim = _malloc_trim()
+    trim = _of_glibc("malloc_trim")
     if trim is not None:
         trim(0)
 
 
+def forget_compiled() -> None:
+    """Let go of all functions that JAX has compiled: about a megabyte each, of which other suspension laws need none.
+
+    What is asked for again comes from the cache folder.
+    """
+    import jax
+
+    jax.clear_caches()
+    return_memory()
+
+
+def _use_few_heaps() -> None:
+    change = _of_glibc("mallopt")
+    if change is not None:
+        for variable, (parameter, value) in _HEAPS.items():
+            if variable not in os.environ:
+                change(parameter, value)
+
+
 @cache
-def _malloc_trim() -> Callable[[int], int] | None:
+def _of_glibc(name: str) -> Callable[..., int] | None:
+    """A function of the C library where that is glibc."""
     if not sys.platform.startswith("linux"):
         return None
     try:
-        return ctypes.CDLL(None).malloc_trim
+        library = ctypes.CDLL(None)
+        # Others have a `mallopt` without these parameters.
+        return getattr(library, name) if hasattr(library, "gnu_get_libc_version") else None
     except (OSError, AttributeError):
         return None
 

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from studies.process import status
-from sysid.runtime import _malloc_trim, return_memory
+from sysid.runtime import _of_glibc, return_memory
 
 
-@pytest.mark.skipif(not Path("/proc/self/status").exists() or _malloc_trim() is None, reason="needs glibc and /proc")
+@pytest.mark.skipif(
+    not Path("/proc/self/status").exists() or _of_glibc("malloc_trim") is None, reason="needs glibc and /proc"
+)
 def test_free_memory_behind_a_block_in_use_goes_back() -> None:
     # Blocks below the size that has pages of its own; the last one keeps the heap from shrinking.
     blocks = [np.ones(8000) for _ in range(2500)]

@@ -130,7 +130,7 @@ def test_compressed_problem_has_the_squares_and_products_of_the_dense_one(fit):
         (small.jacobian.T @ small.residual, jacobian.T @ r),
     ):
         np.testing.assert_allclose(ours, exact, rtol=1e-8, atol=1e-9 * np.abs(exact).max())
-    assert sum(len(run_blocks(one)) for one in lin) == nominal.size
+    assert sum(len(list(run_blocks(one))) for one in lin) == nominal.size
 
 
 def test_local_columns_count_in_units_of_the_reference(fit):

@@ -41,6 +41,7 @@ from sysid.estimation.parameters.suspension_elements import law_elements, law_na
 from sysid.estimation.weights.reweighting import reweighted
 from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
+from sysid.runtime import forget_compiled
 from sysid.sdof.drop_results import DropSummary
 
 #: How much clearer than decisive a test has to be for a fit without an element to be left out.
@@ -99,6 +100,8 @@ def fit_with_laws(
 
         def fitted(laws: Laws, near: Optimum, *, how: How = "final") -> Optimum:
             named, trial = campaign_parameters(campaign, drops, laws), how.endswith("trial")
+            if named.names != near.problem.model.parameters.names:
+                forget_compiled()
             # A trial keeps weights and maps of its neighbour, under which it is compared.
             tolerance = max(options.tolerance, 1e-3 if how == "rough trial" else 1e-6)
             under = replace(options, weight_rounds=0, tolerance=tolerance) if trial else options
@@ -296,5 +299,6 @@ def _names(laws: Laws) -> tuple[str, ...]:
 def _trial(laws: Laws, judged: Judged, gain: float) -> LawTrial:
     optimum, problem = judged.optimum, judged.optimum.problem
     weights = reweighted(problem, problem.linearise(optimum.vector))
+    problem.forget()
     misfit = replace(optimum, problem=problem.with_weights(weights)).misfit
     return LawTrial(_names(laws), problem.count, judged.evidence.cost, misfit, gain)

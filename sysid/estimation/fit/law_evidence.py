@@ -85,6 +85,7 @@ class LawEvidence:
         """
         problem = optimum.problem
         data = information_with(self._campaign, problem, optimum.vector, joined(self._columns(optimum), more))
+        problem.forget()
         rows, targets = problem.model.parameters.prior_rows()
         score = data.score
         score[: problem.count] += rows.T @ (rows @ optimum.vector[: problem.count] - targets)

@@ -124,6 +124,7 @@ def undeclared_rockers(
         trial = optimise(with_rocker, parameters, profiles, how, report, near=optimum, keep_maps=True)
         at = parameters.names.index(share_name(name))
         jacobian = trial.problem.compressed(trial.vector).jacobian
+        trial.problem.forget()
         sd = float(np.sqrt(np.linalg.inv(jacobian.T @ jacobian)[at, at]))
         share = share_from_fit(name, joined_by.axles, float(np.exp(trial.vector[at])), sd)
         if 2.0 * (optimum.minimum.cost - trial.minimum.cost) < decides or share.share < LEAST_SHARE:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,16 +30,16 @@ def run_order(model: BumpModel) -> list[int]:
     return [run for group in model.groups for run in group.runs]
 
 
-def run_blocks(linearisation: Linearisation) -> list[np.ndarray]:
-    """Per run the matrix [J r] (rows, p + 4) of all its residuals, sensor gains included."""
+def run_blocks(linearisation: Linearisation) -> Iterator[np.ndarray]:
+    """Per run, one at a time, the matrix [J r] (rows, p + 4) of all its residuals, sensor gains included."""
     residual, jacobian = np.asarray(linearisation.residual), np.asarray(linearisation.residual_jacobian)
     gain, gain_jacobian = np.asarray(linearisation.gain_residual), np.asarray(linearisation.gain_jacobian)
-    blocks = []
+    samples, _, channels, width = jacobian.shape
     for r in range(residual.shape[1]):
-        columns = np.concatenate([jacobian[:, r].reshape(-1, jacobian.shape[-1]), gain_jacobian[r]])
-        values = np.concatenate([residual[:, r].ravel(), gain[r]])
-        blocks.append(np.concatenate([columns, values[:, None]], axis=1))
-    return blocks
+        block = np.empty((samples + 1, channels, width + 1))
+        block[:-1, :, :-1], block[:-1, :, -1] = jacobian[:, r], residual[:, r]
+        block[-1, :, :-1], block[-1, :, -1] = gain_jacobian[r], gain[r]
+        yield block.reshape(-1, width + 1)
 
 
 def square_factor(block: np.ndarray) -> np.ndarray:
@@ -70,10 +70,9 @@ def compress(
     count = log_parameters.shape[0]
     order = run_order(model)
     width = count + RUN_UNKNOWNS * len(order)
-    blocks = [block for lin in linearisations for block in run_blocks(lin)]
+    factors = (square_factor(block) for lin in linearisations for block in run_blocks(lin))
     residuals, jacobians = [], []
-    for position, block in enumerate(blocks):
-        factor = square_factor(block)
+    for position, factor in enumerate(factors):
         wide = np.zeros((factor.shape[0], width))
         wide[:, :count] = factor[:, :count]
         begin = count + RUN_UNKNOWNS * position

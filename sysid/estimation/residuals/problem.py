@@ -53,6 +53,8 @@ class Problem:
         key = vector.tobytes()
         if self._latest is None or self._latest[0] != key or self._latest[1] is not self.weights:
             parameters, motion = self.unpack(vector)
+            # Two of them side by side would be the most that a fit ever holds.
+            self.forget()
             self._latest = (key, self.weights, linearise(self.model, self.weights, parameters, motion))
         return self._latest[2]
 

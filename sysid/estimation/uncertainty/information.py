@@ -124,25 +124,22 @@ def information_with(
     shared = problem.count + columns[0].gain.shape[-1]
     information = np.zeros((shared, shared))
     for group, of_group, more in zip(problem.model.groups, problem.linearise(vector), columns, strict=True):
-        # One group at a time: joined columns of all of them fill the memory of a small computer.
-        (lin,) = with_columns([of_group], [more])
-        runs = list(group.runs)
         used = np.asarray(group.measured.any(axis=0))
-        found = block_scores(
-            np.asarray(lin.residual),
-            np.asarray(lin.residual_jacobian),
-            np.asarray(lin.gain_residual),
-            np.asarray(lin.gain_jacobian),
-            problem.expected.precision(motion, runs),
-            used if with_parts else None,
-        )
-        information += found.information.sum(axis=0)
-        for r, run in enumerate(runs):
+        for r, (run, lin) in enumerate(zip(group.runs, with_columns(of_group, more), strict=True)):
+            found = block_scores(
+                np.asarray(lin.residual),
+                np.asarray(lin.residual_jacobian),
+                np.asarray(lin.gain_residual),
+                np.asarray(lin.gain_jacobian),
+                problem.expected.precision(motion, [run]),
+                used[[r]] if with_parts else None,
+            )
+            information += found.information[0]
             record = campaign.bump_runs[run]
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
-            scores += [found.scores[r, c] for c in np.flatnonzero(used[r])]
+            scores += [found.scores[0, c] for c in np.flatnonzero(used[r])]
             blocks += [(*case, int(c)) for c in np.flatnonzero(used[r])]
-        parts += found.parts
+            parts += found.parts
     return BlockInformation(information, np.array(scores), tuple(blocks), np.array(parts) if with_parts else None)
 
 

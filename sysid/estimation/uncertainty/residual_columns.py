@@ -6,7 +6,7 @@ everywhere else, so the columns stand beside those of the parameters.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import jax
@@ -19,7 +19,6 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, RunMotion
 from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import simulate_runs
-from sysid.vehicle_model.device_arrays import HostOrDevice
 from sysid.vehicle_model.engines.protocol import Linearisation
 
 
@@ -102,19 +101,22 @@ def _residuals(
     return residual[..., 0], gain[..., 0]
 
 
-def with_columns(
-    linearisations: Sequence[Linearisation], columns: Sequence[ResidualColumns]
-) -> tuple[Linearisation, ...]:
-    """Linearisations with the columns between the derivatives by parameters and those by a run's own unknowns."""
+def with_columns(linearisation: Linearisation, columns: ResidualColumns) -> Iterator[Linearisation]:
+    """The runs of a group with the columns between the derivatives by parameters and those by a run's own unknowns.
 
-    def widened(derivatives: HostOrDevice, more: np.ndarray) -> np.ndarray:
-        old = np.asarray(derivatives)
+    One run at a time, as a group of one: joined columns of all of them fill the memory of a small computer.
+    """
+    residual, jacobian, gain, gain_jacobian, simulated = (np.asarray(array) for array in linearisation)
+
+    def widened(old: np.ndarray, more: np.ndarray) -> np.ndarray:
         return np.concatenate([old[..., :-RUN_UNKNOWNS], more, old[..., -RUN_UNKNOWNS:]], axis=-1)
 
-    return tuple(
-        lin._replace(
-            residual_jacobian=widened(lin.residual_jacobian, one.residual),
-            gain_jacobian=widened(lin.gain_jacobian, one.gain),
+    for r in range(residual.shape[1]):
+        of_run = slice(r, r + 1)
+        yield Linearisation(
+            residual[:, of_run],
+            widened(jacobian[:, of_run], columns.residual[:, of_run]),
+            gain[of_run],
+            widened(gain_jacobian[of_run], columns.gain[of_run]),
+            simulated[:, of_run],
         )
-        for lin, one in zip(linearisations, columns, strict=True)
-    )
