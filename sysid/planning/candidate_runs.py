@@ -111,8 +111,8 @@ def run_information(state: FitState, kinds: Sequence[RunKind], sensors: Sequence
     order = [sensors.index(s) for s in model.layout.sensors]
     motion_prior_precision = motion_prior(runs).precision(motion, range(len(runs)))
     by_run: dict[int, RunInformation] = {}
-    for group, of_group, more in zip(model.groups, lins, columns, strict=True):
-        for run, lin in zip(group.runs, with_columns(of_group, more), strict=True):
+    for group, of_group, *more in zip(model.groups, lins, *columns, strict=True):
+        for run, lin in zip(group.runs, with_columns(of_group, *more), strict=True):
             normal = np.empty((len(sensors), *(lin.residual_jacobian.shape[-1],) * 2))
             for c, at in enumerate(order):
                 normal[at] = _normal(lin, c)

@@ -105,27 +105,31 @@ def optimum_information(
     """Information of the data about parameters, then masses and departures, where these are `amounts` (q,)."""
     parameters, motion = problem.unpack(vector)
     columns = allowance_columns(problem.model, allowances, problem.weights, parameters, motion, amounts)
-    return information_with(campaign, problem, vector, columns, with_parts=True)
+    return information_with(campaign, problem, vector, *columns, with_parts=True)
 
 
 def information_with(
     campaign: Campaign,
     problem: Problem,
     vector: UnknownsOfFit,
-    columns: Sequence[ResidualColumns],
-    *,
+    *kinds: Sequence[ResidualColumns],
     with_parts: bool = False,
 ) -> BlockInformation:
-    """Information of the data about parameters, then the unknowns of further columns; of single channels on request."""
+    """Information of the data about parameters, then the unknowns of further columns; of single channels on request.
+
+    Parameters
+    ----------
+    kinds : columns of every group by unknowns of some kind, kind after kind.
+    """
     _, motion = problem.unpack(vector)
     scores: list[np.ndarray] = []
     parts: list[np.ndarray] = []
     blocks: list[Hashable] = []
-    shared = problem.count + columns[0].gain.shape[-1]
+    shared = problem.count + sum(columns[0].gain.shape[-1] for columns in kinds)
     information = np.zeros((shared, shared))
-    for group, of_group, more in zip(problem.model.groups, problem.linearise(vector), columns, strict=True):
+    for group, of_group, *more in zip(problem.model.groups, problem.linearise(vector), *kinds, strict=True):
         used = np.asarray(group.measured.any(axis=0))
-        for r, (run, lin) in enumerate(zip(group.runs, with_columns(of_group, more), strict=True)):
+        for r, (run, lin) in enumerate(zip(group.runs, with_columns(of_group, *more), strict=True)):
             found = block_scores(
                 np.asarray(lin.residual),
                 np.asarray(lin.residual_jacobian),

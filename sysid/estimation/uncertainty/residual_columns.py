@@ -35,14 +35,6 @@ def empty_columns(model: BumpModel, count: int) -> tuple[ResidualColumns, ...]:
     return tuple(ResidualColumns(np.zeros((*s, count)), np.zeros((*s[1:], count))) for s in shapes)
 
 
-def joined(first: Sequence[ResidualColumns], second: Sequence[ResidualColumns]) -> tuple[ResidualColumns, ...]:
-    """The columns of both, group by group, one kind after the other."""
-    return tuple(
-        ResidualColumns(*(np.concatenate(pair, axis=-1) for pair in zip(a, b, strict=True)))
-        for a, b in zip(first, second, strict=True)
-    )
-
-
 def trial_residuals(
     model: BumpModel, trial: BumpModel, weights: Weights, log_parameters: Parameters, motion: RunMotion
 ) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -101,22 +93,23 @@ def _residuals(
     return residual[..., 0], gain[..., 0]
 
 
-def with_columns(linearisation: Linearisation, columns: ResidualColumns) -> Iterator[Linearisation]:
+def with_columns(linearisation: Linearisation, *kinds: ResidualColumns) -> Iterator[Linearisation]:
     """The runs of a group with the columns between the derivatives by parameters and those by a run's own unknowns.
 
-    One run at a time, as a group of one: joined columns of all of them fill the memory of a small computer.
+    One run at a time, as a group of one, and kind after kind: joined columns of all of them fill the memory of a small
+    computer.
     """
     residual, jacobian, gain, gain_jacobian, simulated = (np.asarray(array) for array in linearisation)
 
-    def widened(old: np.ndarray, more: np.ndarray) -> np.ndarray:
-        return np.concatenate([old[..., :-RUN_UNKNOWNS], more, old[..., -RUN_UNKNOWNS:]], axis=-1)
+    def widened(old: np.ndarray, *more: np.ndarray) -> np.ndarray:
+        return np.concatenate([old[..., :-RUN_UNKNOWNS], *more, old[..., -RUN_UNKNOWNS:]], axis=-1)
 
     for r in range(residual.shape[1]):
         of_run = slice(r, r + 1)
         yield Linearisation(
             residual[:, of_run],
-            widened(jacobian[:, of_run], columns.residual[:, of_run]),
+            widened(jacobian[:, of_run], *(columns.residual[:, of_run] for columns in kinds)),
             gain[of_run],
-            widened(gain_jacobian[of_run], columns.gain[of_run]),
+            widened(gain_jacobian[of_run], *(columns.gain[of_run] for columns in kinds)),
             simulated[:, of_run],
         )
