@@ -13,10 +13,9 @@ from pathlib import Path
 from sysid.errors import SysidError
 from sysid.private_files import NotPrivateError, check_owner_of_all, private_folder
 
-#: What glibc is asked for as the process begins, unless the environment variable says something else: heaps that all
-#: threads share, as what compiling leaves free in each would add up, and pages of its own for every block of so many
-#: bytes or more, so that arrays go back to the system with the last that uses them.
-_HEAPS = {"MALLOC_ARENA_MAX": (-8, 2), "MALLOC_MMAP_THRESHOLD_": (-3, 4_194_304)}
+#: Heaps of glibc that all threads share: with one for each of JAX's, what compiling leaves free in them adds up to
+#: hundreds of megabytes.  The number of that setting of `mallopt`, and the environment variable that goes before it.
+_HEAPS, _HEAPS_SETTING, _HEAPS_VARIABLE = 2, -8, "MALLOC_ARENA_MAX"
 
 
 class CacheWarning(UserWarning):
@@ -109,22 +108,21 @@ def return_memory() -> None:
 
 
 def forget_compiled() -> None:
-    """Let go of all functions that JAX has compiled: about a megabyte each, of which other suspension laws need none.
+    """Let go of all functions that JAX has compiled in this process: they take more than a megabyte each.
 
-    What is asked for again comes from the cache folder.
+    Another stage, or another suspension law, needs hardly any of them; what is asked for again comes from the cache
+    folder.
     """
-    import jax
-
-    jax.clear_caches()
+    jax = sys.modules.get("jax")
+    if jax is not None:
+        jax.clear_caches()
     return_memory()
 
 
 def _use_few_heaps() -> None:
     change = _of_glibc("mallopt")
-    if change is not None:
-        for variable, (parameter, value) in _HEAPS.items():
-            if variable not in os.environ:
-                change(parameter, value)
+    if change is not None and _HEAPS_VARIABLE not in os.environ:
+        change(_HEAPS_SETTING, _HEAPS)
 
 
 @cache

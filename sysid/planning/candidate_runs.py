@@ -15,7 +15,7 @@ import numpy as np
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor, SensorKind
 from sysid.estimation.fit.state import FitState, model_of
 from sysid.estimation.residuals.bump_model import BumpModel
-from sysid.estimation.residuals.linearisation import linearise
+from sysid.estimation.residuals.linearisation import linearise_one
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_data import RunGroup
 from sysid.estimation.residuals.run_motion import RunMotion, motion_prior
@@ -106,13 +106,13 @@ def run_information(state: FitState, kinds: Sequence[RunKind], sensors: Sequence
     signals = simulate_runs(model, point.log_parameters, motion)
     weights = _weights(state, model, signals)
     model = _read_by_sensors(model, signals)
-    lins = linearise(model, weights, point.log_parameters, motion)
     columns = allowance_columns(model, state.allowances, weights, point.log_parameters, motion, point.amounts)
     order = [sensors.index(s) for s in model.layout.sensors]
     motion_prior_precision = motion_prior(runs).precision(motion, range(len(runs)))
     by_run: dict[int, RunInformation] = {}
-    for group, of_group, *more in zip(model.groups, lins, *columns, strict=True):
-        for run, lin in zip(group.runs, with_columns(of_group, *more), strict=True):
+    for position, group in enumerate(model.groups):
+        of_group = linearise_one(model, weights, point.log_parameters, motion, position)
+        for run, lin in zip(group.runs, with_columns(of_group, *(c[position] for c in columns)), strict=True):
             normal = np.empty((len(sensors), *(lin.residual_jacobian.shape[-1],) * 2))
             for c, at in enumerate(order):
                 normal[at] = _normal(lin, c)

@@ -65,6 +65,7 @@ def evaluate_optimum(
         difference = _scipy_difference(problem, vector, optimum.first)
     compressed = problem.compressed(vector)
     _check_runs_are_seen(campaign, problem, compressed)
+    problem.forget()
     allowances = campaign_allowances(campaign, model.parameters, model.felt)
     adjusted = adjusted_information(campaign, problem, vector, allowances, optimum.amounts)
     adjustment = adjusted.adjustment

@@ -85,7 +85,6 @@ class LawEvidence:
         """
         problem = optimum.problem
         data = information_with(self._campaign, problem, optimum.vector, *self._columns(optimum), more)
-        problem.forget()
         rows, targets = problem.model.parameters.prior_rows()
         score = data.score
         score[: problem.count] += rows.T @ (rows @ optimum.vector[: problem.count] - targets)
@@ -101,7 +100,6 @@ class LawEvidence:
         """An optimum with the evidence for it."""
         problem = optimum.problem
         data = information_with(self._campaign, problem, optimum.vector, *self._columns(optimum))
-        problem.forget()
         rows, _ = problem.model.parameters.prior_rows()
         return Judged(optimum, evidence(optimum.minimum.cost, data.matrix, data.score, rows.T @ rows, self.sd))
 

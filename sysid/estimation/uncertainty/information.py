@@ -33,7 +33,7 @@ from sysid.estimation.uncertainty.joint_step import (
 from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_following
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, with_columns
-from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, block_scores, flattening
+from sysid.estimation.uncertainty.sandwich import Adjustment, BlockScores, adjust, block_scores, flattening
 
 #: Rounds in which the factor of model error, and the scales of departures that go with it, are found.
 _FACTOR_ROUNDS = 4
@@ -121,30 +121,40 @@ def information_with(
     ----------
     kinds : columns of every group by unknowns of some kind, kind after kind.
     """
-    _, motion = problem.unpack(vector)
     scores: list[np.ndarray] = []
     parts: list[np.ndarray] = []
     blocks: list[Hashable] = []
     shared = problem.count + sum(columns[0].gain.shape[-1] for columns in kinds)
     information = np.zeros((shared, shared))
-    for group, of_group, *more in zip(problem.model.groups, problem.linearise(vector), *kinds, strict=True):
-        used = np.asarray(group.measured.any(axis=0))
-        for r, (run, lin) in enumerate(zip(group.runs, with_columns(of_group, *more), strict=True)):
-            found = block_scores(
-                np.asarray(lin.residual),
-                np.asarray(lin.residual_jacobian),
-                np.asarray(lin.gain_residual),
-                np.asarray(lin.gain_jacobian),
-                problem.expected.precision(motion, [run]),
-                used[[r]] if with_parts else None,
-            )
-            information += found.information[0]
+    for position, group in enumerate(problem.model.groups):
+        found = _run_scores(problem, vector, position, [columns[position] for columns in kinds], with_parts)
+        for run, used, of_run in zip(group.runs, group.measured.any(axis=0), found, strict=True):
+            information += of_run.information[0]
             record = campaign.bump_runs[run]
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
-            scores += [found.scores[0, c] for c in np.flatnonzero(used[r])]
-            blocks += [(*case, int(c)) for c in np.flatnonzero(used[r])]
-            parts += found.parts
+            scores += [of_run.scores[0, c] for c in np.flatnonzero(used)]
+            blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
+            parts += of_run.parts
     return BlockInformation(information, np.array(scores), tuple(blocks), np.array(parts) if with_parts else None)
+
+
+def _run_scores(
+    problem: Problem, vector: UnknownsOfFit, position: int, columns: Sequence[ResidualColumns], with_parts: bool
+) -> list[BlockScores]:
+    """Scores and information of every run of a group, whose derivatives are in memory no longer than that takes."""
+    group, (_, motion) = problem.model.groups[position], problem.unpack(vector)
+    runs = with_columns(problem.linearise_one(vector, position), *columns)
+    return [
+        block_scores(
+            np.asarray(lin.residual),
+            np.asarray(lin.residual_jacobian),
+            np.asarray(lin.gain_residual),
+            np.asarray(lin.gain_jacobian),
+            problem.expected.precision(motion, [run]),
+            used[None] if with_parts else None,
+        )
+        for run, used, lin in zip(group.runs, group.measured.any(axis=0), runs, strict=True)
+    ]
 
 
 @dataclass(frozen=True)

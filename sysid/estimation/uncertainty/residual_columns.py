@@ -52,8 +52,11 @@ def signal_residuals(
     model: BumpModel, weights: Weights, signals: Sequence[np.ndarray]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Weighted residuals (T, R, C) and gain residuals (R, C) of every group for sensor signals (T, R, C) [SI]."""
-    weighted = zip(weights.on(model.arrays), weights.noise_sd, weights.tempering, signals, strict=True)
-    residuals = [_residuals(arrays, noise, temper, jnp.asarray(shown)) for arrays, noise, temper, shown in weighted]
+    scales = zip(weights.noise_sd, weights.tempering, signals, strict=True)
+    residuals = [
+        _residuals(weights.on(model.arrays, position), noise, temper, jnp.asarray(shown))
+        for position, (noise, temper, shown) in enumerate(scales)
+    ]
     return [(np.asarray(residual), np.asarray(gain)) for residual, gain in residuals]
 
 
