@@ -128,7 +128,7 @@ def information_with(
     information = np.zeros((shared, shared))
     for position, group in enumerate(problem.model.groups):
         found = _run_scores(problem, vector, position, [columns[position] for columns in kinds], with_parts)
-        for run, used, of_run in zip(group.runs, group.measured.any(axis=0), found, strict=True):
+        for run, used, of_run in zip(group.runs, np.asarray(group.measured.any(axis=0)), found, strict=True):
             information += of_run.information[0]
             record = campaign.bump_runs[run]
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
@@ -153,7 +153,7 @@ def _run_scores(
             problem.expected.precision(motion, [run]),
             used[None] if with_parts else None,
         )
-        for run, used, lin in zip(group.runs, group.measured.any(axis=0), runs, strict=True)
+        for run, used, lin in zip(group.runs, np.asarray(group.measured.any(axis=0)), runs, strict=True)
     ]
 
 
