@@ -43,6 +43,7 @@ from sysid.estimation.weights.residual_evidence import ResidualEvidence, residua
 from sysid.estimation.weights.reweighting import residual_inflation
 from sysid.progress import Progress
 from sysid.road.contact_laws import CONTACT_LAWS
+from sysid.runtime import return_memory
 
 #: Where the data ask for a mass this many tolerances off, somebody should look at it.
 DOUBTFUL_MASS_SD = 2.0
@@ -66,6 +67,7 @@ def evaluate_optimum(
     compressed = problem.compressed(vector)
     _check_runs_are_seen(campaign, problem, compressed)
     problem.forget()
+    return_memory()
     allowances = campaign_allowances(campaign, model.parameters, model.felt)
     adjusted = adjusted_information(campaign, problem, vector, allowances, optimum.amounts)
     adjustment = adjusted.adjustment

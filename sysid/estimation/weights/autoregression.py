@@ -138,5 +138,6 @@ def variance_inflation(models: Autoregression, sensitivity: np.ndarray) -> np.nd
         total[at], weighted[at] = power.sum(axis=0), spectrum[:, *at] @ power
     inflation = weighted / np.where(total > 0.0, total, 1.0)
     others = tuple(range(total.ndim - 1))
-    telling = total >= total.mean(axis=others)
+    # The mean of channels that are all alike may be above each of them by rounding.
+    telling = total >= (1.0 - 1e-9) * total.mean(axis=others)
     return np.asarray(np.maximum(np.where(telling, inflation, 1.0).max(axis=-1), 1.0))
