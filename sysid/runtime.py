@@ -1,4 +1,4 @@
-"""Process-wide settings: 64-bit floats and the compilation cache of JAX, and where compiled code is kept."""
+"""Process-wide settings: 64-bit floats and compiled functions of JAX, where compiled code is kept, and free memory."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ from pathlib import Path
 
 from sysid.errors import SysidError
 from sysid.private_files import NotPrivateError, check_owner_of_all, private_folder
+
+#: Heaps of glibc that all threads share: with one for each of JAX's, what compiling leaves free in them adds up to
+#: hundreds of megabytes.  The number of that setting of `mallopt`, and the environment variable that goes before it.
+_HEAPS, _HEAPS_SETTING, _HEAPS_VARIABLE = 2, -8, "MALLOC_ARENA_MAX"
 
 
 class CacheWarning(UserWarning):
@@ -76,11 +80,12 @@ def cache_folder() -> Path:
 
 
 def configure() -> None:
-    """Switch JAX to 64-bit floats and keep its compiled functions between runs.
+    """Switch JAX to 64-bit floats, keep its compiled functions between runs, and share few heaps.
 
     A cache folder that cannot be written is done without, and so is, with a warning, one that others can write to
     (:func:`private_cache`).
     """
+    _use_few_heaps()
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -97,17 +102,38 @@ def return_memory() -> None:
 
     Compiling leaves much of it, in a pool for every thread; only glibc can be asked.
     """
-    trim = _malloc_trim()
+    trim = _of_glibc("malloc_trim")
     if trim is not None:
         trim(0)
 
 
+def forget_compiled() -> None:
+    """Let go of all functions that JAX has compiled in this process: they take more than a megabyte each.
+
+    Another stage, or another suspension law, needs hardly any of them; what is asked for again comes from the cache
+    folder.
+    """
+    jax = sys.modules.get("jax")
+    if jax is not None:
+        jax.clear_caches()
+    return_memory()
+
+
+def _use_few_heaps() -> None:
+    change = _of_glibc("mallopt")
+    if change is not None and _HEAPS_VARIABLE not in os.environ:
+        change(_HEAPS_SETTING, _HEAPS)
+
+
 @cache
-def _malloc_trim() -> Callable[[int], int] | None:
+def _of_glibc(name: str) -> Callable[..., int] | None:
+    """A function of the C library where that is glibc."""
     if not sys.platform.startswith("linux"):
         return None
     try:
-        return ctypes.CDLL(None).malloc_trim
+        library = ctypes.CDLL(None)
+        # Others have a `mallopt` without these parameters.
+        return getattr(library, name) if hasattr(library, "gnu_get_libc_version") else None
     except (OSError, AttributeError):
         return None
 

@@ -15,7 +15,7 @@ import numpy as np
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor, SensorKind
 from sysid.estimation.fit.state import FitState, model_of
 from sysid.estimation.residuals.bump_model import BumpModel
-from sysid.estimation.residuals.linearisation import linearise
+from sysid.estimation.residuals.linearisation import linearise_one
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_data import RunGroup
 from sysid.estimation.residuals.run_motion import RunMotion, motion_prior
@@ -106,25 +106,23 @@ def run_information(state: FitState, kinds: Sequence[RunKind], sensors: Sequence
     signals = simulate_runs(model, point.log_parameters, motion)
     weights = _weights(state, model, signals)
     model = _read_by_sensors(model, signals)
-    lins = with_columns(
-        linearise(model, weights, point.log_parameters, motion),
-        allowance_columns(model, state.allowances, weights, point.log_parameters, motion, point.amounts),
-    )
+    columns = allowance_columns(model, state.allowances, weights, point.log_parameters, motion, point.amounts)
     order = [sensors.index(s) for s in model.layout.sensors]
     motion_prior_precision = motion_prior(runs).precision(motion, range(len(runs)))
     by_run: dict[int, RunInformation] = {}
-    for group, lin in zip(model.groups, lins, strict=True):
-        for r, run in enumerate(group.runs):
+    for position, group in enumerate(model.groups):
+        of_group = linearise_one(model, weights, point.log_parameters, motion, position)
+        for run, lin in zip(group.runs, with_columns(of_group, *(c[position] for c in columns)), strict=True):
             normal = np.empty((len(sensors), *(lin.residual_jacobian.shape[-1],) * 2))
             for c, at in enumerate(order):
-                normal[at] = _normal(lin, r, c)
+                normal[at] = _normal(lin, c)
             by_run[run] = RunInformation(kinds[run], sensors, normal, motion_prior_precision[run])
     return tuple(by_run[i] for i in range(len(kinds)))
 
 
-def _normal(lin: Linearisation, run: int, channel: int) -> np.ndarray:
-    rows = np.asarray(lin.residual_jacobian)[:, run, channel]
-    gain = np.asarray(lin.gain_jacobian)[run, channel]
+def _normal(of_run: Linearisation, channel: int) -> np.ndarray:
+    rows = np.asarray(of_run.residual_jacobian)[:, 0, channel]
+    gain = np.asarray(of_run.gain_jacobian)[0, channel]
     return np.asarray(rows.T @ rows + np.outer(gain, gain))
 
 

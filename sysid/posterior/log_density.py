@@ -30,7 +30,7 @@ from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import axle_laws
 from sysid.estimation.residuals.bump_model import GroupArrays, GroupShape
 from sysid.estimation.residuals.larger_steps import with_larger_steps
-from sysid.estimation.residuals.linearisation import linearise
+from sysid.estimation.residuals.linearisation import linearise_one
 from sysid.estimation.residuals.run_motion import motion_prior
 from sysid.estimation.residuals.run_unknowns import run_normal
 from sysid.estimation.residuals.signals import wheel_road
@@ -97,15 +97,15 @@ class LogDensity:
         expected = motion_prior(state.campaign.bump_runs)
         count = self.centre.size
         self._inputs = []
-        lin = linearise(state.model, point.weights, self.centre, point.motion)
-        weighted = point.weights.on(state.model.arrays)
         for position, group in enumerate(state.model.groups):
             runs = list(group.runs)
-            local = np.asarray(lin[position].residual_jacobian[..., count:])
-            gain = np.asarray(lin[position].gain_jacobian[..., count:])
+            lin = linearise_one(state.model, point.weights, self.centre, point.motion, position)
+            # Copies, which do not keep the columns of the parameters.
+            local = np.array(np.asarray(lin.residual_jacobian)[..., count:])
+            gain = np.array(np.asarray(lin.gain_jacobian)[..., count:])
             normal = run_normal(local, gain, expected.precision(point.motion, runs))
             pull = np.einsum("rj,rjk->rk", *expected.rows(point.motion, runs))
-            arrays, shape = weighted[position], state.model.shapes[position]
+            arrays, shape = point.weights.on(state.model.arrays, position), state.model.shapes[position]
             road = wheel_road(arrays, state.model.roads[position], point.motion.of(runs), shape)
             self._inputs.append(
                 _GroupInputs(
@@ -158,9 +158,8 @@ class LogDensity:
         x, point = np.asarray(log_parameters, float), self._point
         flattened = self.centre + self._adjustment @ (x - self.centre)
         misfit, slope = 0.0, np.zeros_like(x)
-        for inputs, lin in zip(
-            self._inputs, linearise(self._model, point.weights, flattened, point.motion), strict=True
-        ):
+        for position, inputs in enumerate(self._inputs):
+            lin = linearise_one(self._model, point.weights, flattened, point.motion, position)
             residual, gain = np.asarray(lin.residual), np.asarray(lin.gain_residual)
             columns = np.asarray(lin.residual_jacobian)[..., : x.size]
             gain_columns = np.asarray(lin.gain_jacobian)[..., : x.size]

@@ -50,8 +50,9 @@ def run_bands(
             of_group.append(one.signals)
     bands: dict[int, HistoryBand] = {}
     for group, signals in zip(state.model.groups, shown, strict=True):
-        low, high = np.quantile(np.array(signals), [0.05, 0.95], axis=0)
-        bands |= {run: HistoryBand(low[:, r].T, high[:, r].T) for r, run in enumerate(group.runs)}
+        for r, run in enumerate(group.runs):
+            low, high = np.quantile(np.array([of_draw[:, r] for of_draw in signals]), [0.05, 0.95], axis=0)
+            bands[run] = HistoryBand(low.T, high.T)
     return tuple(bands[run] for run in sorted(bands))
 
 

@@ -9,10 +9,12 @@ from sysid.prediction.predicted_passes import Quantiles
 
 
 def quantiles(values: np.ndarray) -> Quantiles:
-    """Quantiles over draws, the last axis; a single column is a point estimate without a band."""
+    """Quantiles over draws of values (..., axles, S); a single draw is a point estimate without a band."""
     if values.shape[-1] == 1:
         return Quantiles(None, values[..., 0], None)
-    low, middle, high = np.quantile(values, [0.05, 0.5, 0.95], axis=-1)
+    # Axle by axle: values are copied to be sorted.
+    bands = [np.quantile(values[..., axle, :], [0.05, 0.5, 0.95], axis=-1) for axle in range(values.shape[-2])]
+    low, middle, high = np.stack(bands, axis=-1)
     return Quantiles(low, middle, high)
 
 

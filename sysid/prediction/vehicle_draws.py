@@ -70,7 +70,9 @@ def histories_of_draws(
     """
     count = log_parameters.shape[0]
     masses, departures = vehicles.allowances.masses, vehicles.allowances.departures
-    chunks, static = [], []
+    # Filled chunk by chunk: chunks that are joined in the end take twice the memory.
+    histories = np.empty((4, timing.samples, count, len(batch.axle_x)))
+    static = []
     for first in range(0, count, TOGETHER):
         # The last chunk repeats its last draw: one size is compiled once.
         chosen = np.minimum(np.arange(first, first + TOGETHER), count - 1)
@@ -91,9 +93,10 @@ def histories_of_draws(
         sets = jnp.asarray(log_parameters[chosen, :, None])
         tire, suspension, *deflections = _histories(stacked, inputs, road, sets, timing=timing)
         static.append(np.asarray(stacked.static_load)[..., 0])
-        chunks.append([np.asarray(h)[..., 0] for h in (tire, suspension + stacked.carried_load, *deflections)])
-    together = (np.concatenate(parts, axis=1)[:, :count] for parts in zip(*chunks, strict=True))
-    return (*(np.moveaxis(history, 1, 2) for history in together), np.concatenate(static)[:count].T)
+        end = min(first + TOGETHER, count)
+        for whole, part in zip(histories, (tire, suspension + stacked.carried_load, *deflections), strict=True):
+            whole[:, first:end] = np.asarray(part)[:, : end - first, :, 0]
+    return (*(np.moveaxis(history, 1, 2) for history in histories), np.concatenate(static)[:count].T)
 
 
 def _joined(roads: list[EffectiveRoad]) -> EffectiveRoad:

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, TypeVar
 
 from sysid.errors import NumericsError
-from sysid.runtime import return_memory
+from sysid.runtime import forget_compiled
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
 from sysid.workflow.settings import Settings
@@ -125,7 +125,7 @@ class Runner:
                 with self._timed(stage.name), self.steps.step(stage.name), _breakdown_said(stage.name):
                     result: T = stage.compute(context)
                 self.folder.keep(stage, result)
-            return_memory()
+            forget_compiled()
             return result
         known: T | None = self.folder.known(stage)
         assert known is not None

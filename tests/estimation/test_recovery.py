@@ -8,7 +8,7 @@ from rigid_truck import SENSORS
 from synthetic_fit import CLIPPED, LOST, NOISE, NOMINAL_M_S, SAMPLES, SPEED_M_S, START_S, SyntheticFit, synthetic_fit
 
 from sysid.estimation.fit.start_search import search_motion
-from sysid.estimation.residuals.compressed import compress, run_blocks
+from sysid.estimation.residuals.compressed import compress, run_normals
 from sysid.estimation.residuals.linearisation import linearise
 from sysid.estimation.residuals.run_motion import RunMotion, motion_prior
 from sysid.estimation.residuals.signals import simulate_runs
@@ -130,7 +130,7 @@ def test_compressed_problem_has_the_squares_and_products_of_the_dense_one(fit):
         (small.jacobian.T @ small.residual, jacobian.T @ r),
     ):
         np.testing.assert_allclose(ours, exact, rtol=1e-8, atol=1e-9 * np.abs(exact).max())
-    assert sum(len(run_blocks(one)) for one in lin) == nominal.size
+    assert sum(len(list(run_normals(one))) for one in lin) == nominal.size
 
 
 def test_local_columns_count_in_units_of_the_reference(fit):

@@ -69,7 +69,7 @@ def log_marginal(fit: SyntheticFit, x: np.ndarray, widths: np.ndarray) -> float:
     local = np.einsum("rkl,ls->rks", widths, np.stack([g.ravel() for g in np.meshgrid(u, u, u)]))
     motion, change = motions(fit, runs, local)
     total = squares(
-        state.point.weights.on(model.arrays)[0],
+        state.point.weights.on(model.arrays, 0),
         model.roads[0],
         state.point.weights.noise_sd[0],
         state.point.weights.tempering[0],

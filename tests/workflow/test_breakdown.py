@@ -36,4 +36,4 @@ def test_residuals_that_are_not_finite_give_a_factor_that_is_not(bad: float) -> 
     block = np.random.default_rng(0).normal(size=(50, 4))
     block[7, 2] = bad
     with np.errstate(all="ignore"):
-        assert np.isnan(square_factor(block)).all()
+        assert np.isnan(square_factor(block.T @ block)).all()

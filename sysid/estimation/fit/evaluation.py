@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares as scipy_least_squares
 
-from sysid.arrays import Parameters, ParametersByParameters
+from sysid.arrays import Parameters, ParametersByParameters, UnknownsOfFit
 from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit.fit_result import FitResult, MassCheck
@@ -38,11 +39,11 @@ from sysid.estimation.uncertainty.information import AdjustedInformation, adjust
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.sandwich import Adjustment
 from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
-from sysid.estimation.weights.residual_evidence import residual_evidence
+from sysid.estimation.weights.residual_evidence import ResidualEvidence, residual_evidence
 from sysid.estimation.weights.reweighting import residual_inflation
 from sysid.progress import Progress
 from sysid.road.contact_laws import CONTACT_LAWS
-from sysid.vehicle_model.engines.protocol import Linearisation
+from sysid.runtime import return_memory
 
 #: Where the data ask for a mass this many tolerances off, somebody should look at it: a healthy vehicle has some 25
 #: masses, of which one would be beyond two by chance.
@@ -57,8 +58,7 @@ def evaluate_optimum(
     model = problem.model
     report("covariance and checks", 0.9)
     parameters, motion = problem.unpack(vector)
-    lin = problem.linearise(vector)
-    inflation = residual_inflation(problem, lin)
+    at_optimum = _AtOptimum.of(problem, vector)
     weights = problem.weights
 
     difference = float("nan")
@@ -67,6 +67,8 @@ def evaluate_optimum(
         difference = _scipy_difference(problem, vector, optimum.first)
     compressed = problem.compressed(vector)
     _check_runs_are_seen(campaign, problem, compressed)
+    problem.forget()
+    return_memory()
     allowances = campaign_allowances(campaign, model.parameters, model.felt)
     adjusted = adjusted_information(campaign, problem, vector, allowances, optimum.amounts)
     adjustment = adjusted.adjustment
@@ -75,10 +77,10 @@ def evaluate_optimum(
     singular = np.linalg.svd(scaled, compute_uv=False)
 
     report("step-halving check", 0.96)
-    halving = _step_halving_error(problem, vector, lin)
+    halving = _step_halving_error(problem, vector, at_optimum.simulated)
     estimates, runs = _estimates(campaign, problem, parameters, motion, covariance)
     usable = [np.isfinite(n) for n in weights.noise_sd]
-    median_inflation = float(np.median(np.concatenate([v[u] for v, u in zip(inflation, usable, strict=True)])))
+    inflation = [v[u] for v, u in zip(at_optimum.inflation, usable, strict=True)]
     shared = covariance[: problem.count, : problem.count]
     determined = assess(estimates, shared, adjusted.data)
     warnings = fit_warnings(minimum, (optimum.misfit, optimum.over_instruments), halving, difference, determined)
@@ -100,10 +102,10 @@ def evaluate_optimum(
         condition_number=float(singular[0] / singular[-1]),
         step_halving_error=halving,
         scipy_max_difference_sd=difference,
-        variance_inflation=median_inflation,
+        variance_inflation=float(np.median(np.concatenate(inflation))),
         model_error_inflation=float(np.sqrt(np.mean(adjustment.inflation))),
         contact=CONTACT_LAWS[options.contact].meaning,
-        residual_evidence=residual_evidence(problem, lin),
+        residual_evidence=at_optimum.evidence,
         warnings=(*warnings, *_mass_warnings(checks)),
         masses=checks,
         identifiability=determined,
@@ -111,6 +113,24 @@ def evaluate_optimum(
         load_shares=load_shares(campaign.vehicle, estimates),
     )
     return fit, FitState(campaign, point, model)
+
+
+@dataclass(frozen=True)
+class _AtOptimum:
+    """What is wanted of the residuals at an optimum, without their derivatives.
+
+    Per group `simulated` sensor signals (T, R, C) [SI] and variance `inflation` (R, C).
+    """
+
+    simulated: list[np.ndarray]
+    inflation: list[np.ndarray]
+    evidence: ResidualEvidence
+
+    @classmethod
+    def of(cls, problem: Problem, vector: UnknownsOfFit) -> _AtOptimum:
+        lin = problem.linearise(vector)
+        simulated = [np.asarray(one.simulated) for one in lin]
+        return cls(simulated, residual_inflation(problem, lin), residual_evidence(problem, lin))
 
 
 def _fit_point(problem: Problem, vector: np.ndarray, adjusted: AdjustedInformation) -> FitPoint:
@@ -147,6 +167,7 @@ def _mass_warnings(checks: tuple[MassCheck, ...]) -> tuple[str, ...]:
 def parameter_sd(optimum: Optimum) -> np.ndarray:
     """Standard deviations (p,) of the log parameters from the curvature of the cost at the optimum alone."""
     jacobian = optimum.problem.compressed(optimum.vector).jacobian
+    optimum.problem.forget()
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian))[: optimum.problem.count]))
 
 
@@ -228,13 +249,12 @@ def _scipy_difference(problem: Problem, optimum: np.ndarray, start: np.ndarray) 
     return float(np.max(np.abs(minimum.x - optimum) / sd))
 
 
-def _step_halving_error(problem: Problem, vector: np.ndarray, coarse: tuple[Linearisation, ...]) -> float:
+def _step_halving_error(problem: Problem, vector: UnknownsOfFit, coarse: Sequence[np.ndarray]) -> float:
     """Largest relative RMS change of any simulated channel when the integration step is halved."""
     parameters, motion = problem.unpack(vector)
     fine = simulate_runs(problem.model.with_substeps(2), parameters, motion)
     worst = 0.0
-    for lin, smooth in zip(coarse, fine, strict=True):
-        rough = np.asarray(lin.simulated)
+    for rough, smooth in zip(coarse, fine, strict=True):
         size = np.sqrt((smooth**2).mean(axis=0))
         error = np.sqrt(((rough - smooth) ** 2).mean(axis=0))
         worst = max(worst, float(np.max(error / np.maximum(size, 1e-12))))

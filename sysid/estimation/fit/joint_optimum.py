@@ -92,7 +92,6 @@ def _step(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> Joint
     problem = optimum.problem
     amounts = np.zeros(allowances.count) if optimum.amounts is None else optimum.amounts
     data = optimum_information(campaign, problem, optimum.vector, allowances, optimum.amounts)
-    problem.forget()
     rows, targets = problem.model.parameters.prior_rows()
     prior, pull = rows.T @ rows, rows.T @ (rows @ optimum.vector[: problem.count] - targets)
     following = footprints_following(problem, optimum.vector[: problem.count], allowances)

@@ -35,6 +35,7 @@ from sysid.estimation.parameters.suspension_elements import law_elements
 from sysid.estimation.parameters.undeclared_parts import UndeclaredParts, undeclared_frames
 from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
+from sysid.runtime import forget_compiled
 from sysid.sdof.drop_results import DropSummary
 
 #: Iterations after which the fit that trials are compared with ends: parameters that the data hardly see creep on for
@@ -164,9 +165,13 @@ class _Choice:
         if how == "base":
             rounds, most = min(options.weight_rounds, 1), min(options.max_iterations, BASE_ITERATIONS)
             under = replace(options, weight_rounds=rounds, tolerance=tolerance, max_iterations=most)
+        parameters = campaign_parameters(self.campaign, self.drops, laws)
+        if near is not None and parameters.names != near.problem.model.parameters.names:
+            # Functions compiled for other laws are not needed again, and take hundreds of megabytes together.
+            forget_compiled()
         return optimise(
             self.campaign,
-            campaign_parameters(self.campaign, self.drops, laws),
+            parameters,
             self.profiles,
             under,
             self._comparing if comparing else self.report,

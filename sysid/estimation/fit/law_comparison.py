@@ -181,5 +181,6 @@ def _names(laws: Laws) -> tuple[str, ...]:
 def _trial(laws: Laws, judged: Judged, gain: float) -> LawTrial:
     optimum, problem = judged.optimum, judged.optimum.problem
     weights = reweighted(problem, problem.linearise(optimum.vector))
+    problem.forget()
     misfit = replace(optimum, problem=problem.with_weights(weights)).misfit
     return LawTrial(_names(laws), problem.count, judged.evidence.cost, misfit, gain)

@@ -26,7 +26,7 @@ from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE
 from sysid.estimation.uncertainty.departures import departures
 from sysid.estimation.uncertainty.information import information_with
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns, joined
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 
 
@@ -84,13 +84,13 @@ class LawEvidence:
         more : derivatives of every group's residuals by the candidates.
         """
         problem = optimum.problem
-        data = information_with(self._campaign, problem, optimum.vector, joined(self._columns(optimum), more))
+        data = information_with(self._campaign, problem, optimum.vector, *self._columns(optimum), more)
         rows, targets = problem.model.parameters.prior_rows()
         score = data.score
         score[: problem.count] += rows.T @ (rows @ optimum.vector[: problem.count] - targets)
         return eliminated(data.matrix, score, rows.T @ rows, self.sd)
 
-    def _columns(self, optimum: Optimum) -> tuple[ResidualColumns, ...]:
+    def _columns(self, optimum: Optimum) -> tuple[Sequence[ResidualColumns], ...]:
         """Derivatives of every group's residuals at an optimum by masses and departures."""
         problem = optimum.problem
         parameters, motion = problem.unpack(optimum.vector)
@@ -99,8 +99,7 @@ class LawEvidence:
     def judge(self, optimum: Optimum) -> Judged:
         """An optimum with the evidence for it."""
         problem = optimum.problem
-        data = information_with(self._campaign, problem, optimum.vector, self._columns(optimum))
-        problem.forget()
+        data = information_with(self._campaign, problem, optimum.vector, *self._columns(optimum))
         rows, _ = problem.model.parameters.prior_rows()
         return Judged(optimum, evidence(optimum.minimum.cost, data.matrix, data.score, rows.T @ rows, self.sd))
 

@@ -31,7 +31,6 @@ from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE
 from sysid.estimation.uncertainty.departures import departures
 from sysid.estimation.uncertainty.information import information_with
-from sysid.estimation.uncertainty.residual_columns import joined
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 
 #: Share of the squares beyond the noise that one mistake must explain to be named.
@@ -81,10 +80,7 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
     directions = iter(Directions(campaign, model, problem.weights, values, motion))
     found = []
     while chosen := list(islice(directions, _AT_ONCE)):
-        columns = chosen[0][1]
-        for _, more in chosen[1:]:
-            columns = joined(columns, more)
-        data = information_with(campaign, problem, optimum.vector, joined(known, columns))
+        data = information_with(campaign, problem, optimum.vector, *known, *(columns for _, columns in chosen))
         score = data.score
         score[: problem.count] += rows.T @ (rows @ values - targets)
         pull, information = eliminated(data.matrix, score, rows.T @ rows, sd)

@@ -61,7 +61,9 @@ def undeclared_parts(
         report(best.words, 0.5)
         added = best.unknown.in_campaign(campaign)
         trial = _fitted(added, laws, optimum, drops, profiles, options, report)
-        if 2.0 * (optimum.minimum.cost - trial.minimum.cost) < decides or not best.plausible(trial):
+        stays = 2.0 * (optimum.minimum.cost - trial.minimum.cost) >= decides and best.plausible(trial)
+        trial.problem.forget()
+        if not stays:
             break
         parts, campaign, optimum = parts + best.unknown, added, trial
     return parts, optimum

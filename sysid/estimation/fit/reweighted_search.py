@@ -21,6 +21,7 @@ from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise as noise_model
 from sysid.estimation.weights.reweighting import reweighted
 from sysid.progress import Progress
+from sysid.runtime import return_memory
 
 
 def optimise_from(
@@ -64,6 +65,7 @@ def optimise_from(
     assert minimum is not None
     # Optima of many laws are kept side by side, their derivatives need not be.
     problem.forget()
+    return_memory()
     _, rolling = noise_before(model, motion)
     return Optimum(problem, vector, first, replace(minimum, iterations=iterations), instrument, rolling)
 

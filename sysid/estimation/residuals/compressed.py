@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,9 @@ from sysid.arrays import Parameters, Residuals, ResidualsByUnknowns
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, MotionPrior, RunMotion
 from sysid.vehicle_model.engines.protocol import Linearisation
+
+#: Samples whose rows are multiplied together: a megabyte or so, which stays in the processor's cache.
+_STRETCH = 128
 
 
 class Compressed(NamedTuple):
@@ -30,27 +33,35 @@ def run_order(model: BumpModel) -> list[int]:
     return [run for group in model.groups for run in group.runs]
 
 
-def run_blocks(linearisation: Linearisation) -> list[np.ndarray]:
-    """Per run the matrix [J r] (rows, p + 4) of all its residuals, sensor gains included."""
+def run_normals(linearisation: Linearisation) -> Iterator[np.ndarray]:
+    """Per run the normal matrix B'B (p + 4, p + 4) of B = [J r], all its residuals, sensor gains included.
+
+    A stretch of samples at a time goes through one small block: copies of whole runs would be as large as J.
+    """
     residual, jacobian = np.asarray(linearisation.residual), np.asarray(linearisation.residual_jacobian)
     gain, gain_jacobian = np.asarray(linearisation.gain_residual), np.asarray(linearisation.gain_jacobian)
-    blocks = []
-    for r in range(residual.shape[1]):
-        columns = np.concatenate([jacobian[:, r].reshape(-1, jacobian.shape[-1]), gain_jacobian[r]])
-        values = np.concatenate([residual[:, r].ravel(), gain[r]])
-        blocks.append(np.concatenate([columns, values[:, None]], axis=1))
-    return blocks
+    samples, runs, channels, width = jacobian.shape
+    room = np.empty((min(_STRETCH, samples), channels, width + 1))
+    for r in range(runs):
+        gains = np.concatenate([gain_jacobian[r], gain[r][:, None]], axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            normal = gains.T @ gains
+            for begin in range(0, samples, _STRETCH):
+                stretch = slice(begin, min(begin + _STRETCH, samples))
+                block = room[: stretch.stop - begin]
+                block[..., :-1], block[..., -1] = jacobian[stretch, r], residual[stretch, r]
+                flat = block.reshape(-1, width + 1)
+                normal += flat.T @ flat
+        yield normal
 
 
-def square_factor(block: np.ndarray) -> np.ndarray:
-    """F (n, n) with F'F = B'B for a tall block B (m, n), columns of zeros allowed.
+def square_factor(normal: np.ndarray) -> np.ndarray:
+    """F (n, n) with F'F = N for a normal matrix N (n, n), columns of zeros allowed.
 
-    From the eigenvalues of the normal matrix with columns scaled to unit length: for thousands of rows and tens of
-    columns a small part of the time of an orthogonal factorisation, and exact enough for scaled condition numbers far
-    below 1e8.  Of a block that is not finite it is NaN: a trial of a search, which is rejected for that.
+    From the eigenvalues of the matrix with columns scaled to unit length: for thousands of rows and tens of columns a
+    small part of the time of an orthogonal factorisation, and exact enough for scaled condition numbers far below 1e8.
+    Of a matrix that is not finite it is NaN: a trial of a search, which is rejected for that.
     """
-    with np.errstate(over="ignore", invalid="ignore"):
-        normal = block.T @ block
     if not np.isfinite(normal).all():
         return np.full_like(normal, np.nan)
     length = np.sqrt(np.diag(normal))
@@ -70,10 +81,9 @@ def compress(
     count = log_parameters.shape[0]
     order = run_order(model)
     width = count + RUN_UNKNOWNS * len(order)
-    blocks = [block for lin in linearisations for block in run_blocks(lin)]
+    factors = (square_factor(normal) for lin in linearisations for normal in run_normals(lin))
     residuals, jacobians = [], []
-    for position, block in enumerate(blocks):
-        factor = square_factor(block)
+    for position, factor in enumerate(factors):
         wide = np.zeros((factor.shape[0], width))
         wide[:, :count] = factor[:, :count]
         begin = count + RUN_UNKNOWNS * position

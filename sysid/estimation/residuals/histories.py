@@ -38,9 +38,11 @@ def shown_signals(
     weights, motion : of the fit.
     """
     signals = simulate_runs(model, log_parameters, motion)
-    scales = (n / t for n, t in zip(weights.noise_sd, weights.tempering, strict=True))
-    arrays = weights.on(model.arrays)
-    return tuple(_shown(a, s, simulated) for a, s, simulated in zip(arrays, scales, signals, strict=True))
+    scales = zip(weights.noise_sd, weights.tempering, signals, strict=True)
+    return tuple(
+        _shown(weights.on(model.arrays, position), noise / temper, simulated)
+        for position, (noise, temper, simulated) in enumerate(scales)
+    )
 
 
 def _shown(arrays: GroupArrays, scale: np.ndarray, simulated: np.ndarray) -> ShownSignals:

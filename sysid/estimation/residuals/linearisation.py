@@ -79,23 +79,24 @@ def linearise(
     model: BumpModel, weights: Weights, log_parameters: Parameters, motion: RunMotion
 ) -> tuple[Linearisation, ...]:
     """Linearisation of every group at global log parameters (p,) and run motions."""
-
-    weighted = weights.on(model.arrays)
-
-    def one(position: int) -> Linearisation:
-        runs = list(model.groups[position].runs)
-        linearised: Linearisation = jax.block_until_ready(
-            linearise_group(
-                weighted[position],
-                model.roads[position],
-                weights.noise_sd[position],
-                weights.tempering[position],
-                jnp.asarray(log_parameters),
-                motion.of(runs),
-                shape=model.shapes[position],
-            )
-        )
-        return linearised
-
+    one = partial(linearise_one, model, weights, log_parameters, motion)
     # A compiled loop keeps one core busy; threads let the groups share the cores.
     return side_by_side(one, range(len(model.groups)))
+
+
+def linearise_one(
+    model: BumpModel, weights: Weights, log_parameters: Parameters, motion: RunMotion, position: int
+) -> Linearisation:
+    """Linearisation of one group, as :func:`linearise`: where derivatives of all take too much memory."""
+    linearised: Linearisation = jax.block_until_ready(
+        linearise_group(
+            weights.on(model.arrays, position),
+            model.roads[position],
+            weights.noise_sd[position],
+            weights.tempering[position],
+            jnp.asarray(log_parameters),
+            motion.of(list(model.groups[position].runs)),
+            shape=model.shapes[position],
+        )
+    )
+    return linearised

@@ -10,7 +10,7 @@ from sysid.arrays import Parameters, UnknownsOfFit
 from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.compressed import Compressed, compress, run_order
-from sysid.estimation.residuals.linearisation import linearise
+from sysid.estimation.residuals.linearisation import linearise, linearise_one
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, SHIFT, SPEED, RunMotion, motion_prior
 from sysid.vehicle_model.engines.protocol import Linearisation
@@ -49,12 +49,23 @@ class Problem:
         self._latest = None
 
     def linearise(self, vector: UnknownsOfFit) -> tuple[Linearisation, ...]:
-        """Linearisation of every group at a vector."""
-        key = vector.tobytes()
-        if self._latest is None or self._latest[0] != key or self._latest[1] is not self.weights:
-            parameters, motion = self.unpack(vector)
-            self._latest = (key, self.weights, linearise(self.model, self.weights, parameters, motion))
+        """Linearisation of every group at a vector, kept until that of another is asked for."""
+        if not self._is_kept(vector):
+            # Two of them side by side would be the most that a fit ever holds.
+            self.forget()
+            self._latest = vector.tobytes(), self.weights, linearise(self.model, self.weights, *self.unpack(vector))
+        assert self._latest is not None
         return self._latest[2]
+
+    def linearise_one(self, vector: UnknownsOfFit, position: int) -> Linearisation:
+        """Linearisation of one group, not kept unless all are: for what needs the room for other columns."""
+        if self._is_kept(vector):
+            return self.linearise(vector)[position]
+        return linearise_one(self.model, self.weights, *self.unpack(vector), position)
+
+    def _is_kept(self, vector: UnknownsOfFit) -> bool:
+        latest = self._latest
+        return latest is not None and latest[0] == vector.tobytes() and latest[1] is self.weights
 
     def evaluate(self, vector: UnknownsOfFit) -> tuple[np.ndarray, np.ndarray]:
         """Compressed residuals (m,) and Jacobian (m, p + 3 runs)."""

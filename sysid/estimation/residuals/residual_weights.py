@@ -19,9 +19,9 @@ class Weights:
     tempering: tuple[RunsByChannels, ...]
     reading: tuple[SamplesByRunsByChannels, ...] | None = None
 
-    def on(self, arrays: Sequence[GroupArrays]) -> tuple[GroupArrays, ...]:
-        """The arrays of all groups with the weights of single readings in them."""
+    def on(self, arrays: Sequence[GroupArrays], position: int) -> GroupArrays:
+        """The arrays of a group, one of all, with the weights of single readings in them."""
+        of_group = arrays[position]
         if self.reading is None:
-            return tuple(arrays)
-        pairs = zip(arrays, self.reading, strict=True)
-        return tuple(a._replace(measured=a.measured * np.sqrt(w)) for a, w in pairs)
+            return of_group
+        return of_group._replace(measured=of_group.measured * np.sqrt(self.reading[position]))

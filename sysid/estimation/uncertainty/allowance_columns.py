@@ -14,7 +14,7 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import departure_columns
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns, difference_columns, joined
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, difference_columns
 
 STEP = 1e-4
 
@@ -26,8 +26,8 @@ def allowance_columns(
     log_parameters: Parameters,
     motion: RunMotion,
     amounts: np.ndarray | None = None,
-) -> tuple[ResidualColumns, ...]:
-    """Derivatives of every group's residuals (T, R, C, q) and gains (R, C, q) by q masses and departures.
+) -> tuple[tuple[ResidualColumns, ...], tuple[ResidualColumns, ...]]:
+    """Derivatives of every group's residuals and gains by masses, and those by departures: q columns together.
 
     Footprints stay what they are, as in derivatives by the parameters: a truck with all masses, loads, stiffnesses and
     dampings larger by the same share moves in the same way.
@@ -45,4 +45,4 @@ def allowance_columns(
     trials = [(allowances.moved(model, here + units[j], here), float(steps[j])) for j in range(count)]
     start = allowances.moved(model, here)
     by_masses = difference_columns(model, start, weights, log_parameters, motion, trials)
-    return joined(by_masses, departure_columns(model, allowances, weights, log_parameters, motion, here))
+    return by_masses, departure_columns(model, allowances, weights, log_parameters, motion, here)

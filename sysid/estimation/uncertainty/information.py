@@ -33,7 +33,7 @@ from sysid.estimation.uncertainty.joint_step import (
 from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_following
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, with_columns
-from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, block_scores, flattening
+from sysid.estimation.uncertainty.sandwich import Adjustment, BlockScores, adjust, block_scores, flattening
 
 #: Rounds in which the factor of model error, and the scales of departures that go with it, are found.
 _FACTOR_ROUNDS = 4
@@ -105,45 +105,56 @@ def optimum_information(
     """Information of the data about parameters, then masses and departures, where these are `amounts` (q,)."""
     parameters, motion = problem.unpack(vector)
     columns = allowance_columns(problem.model, allowances, problem.weights, parameters, motion, amounts)
-    return information_with(campaign, problem, vector, columns, with_parts=True)
+    return information_with(campaign, problem, vector, *columns, with_parts=True)
 
 
 def information_with(
     campaign: Campaign,
     problem: Problem,
     vector: UnknownsOfFit,
-    columns: Sequence[ResidualColumns],
-    *,
+    *kinds: Sequence[ResidualColumns],
     with_parts: bool = False,
 ) -> BlockInformation:
-    """Information of the data about parameters, then the unknowns of further columns; of single channels on request."""
-    _, motion = problem.unpack(vector)
+    """Information of the data about parameters, then the unknowns of further columns; of single channels on request.
+
+    Parameters
+    ----------
+    kinds : columns of every group by unknowns of some kind, kind after kind.
+    """
     scores: list[np.ndarray] = []
     parts: list[np.ndarray] = []
     blocks: list[Hashable] = []
-    shared = problem.count + columns[0].gain.shape[-1]
+    shared = problem.count + sum(columns[0].gain.shape[-1] for columns in kinds)
     information = np.zeros((shared, shared))
-    for group, of_group, more in zip(problem.model.groups, problem.linearise(vector), columns, strict=True):
-        # One group at a time: joined columns of all of them fill the memory of a small computer.
-        (lin,) = with_columns([of_group], [more])
-        runs = list(group.runs)
-        used = np.asarray(group.measured.any(axis=0))
-        found = block_scores(
+    for position, group in enumerate(problem.model.groups):
+        found = _run_scores(problem, vector, position, [columns[position] for columns in kinds], with_parts)
+        for run, used, of_run in zip(group.runs, np.asarray(group.measured.any(axis=0)), found, strict=True):
+            information += of_run.information[0]
+            record = campaign.bump_runs[run]
+            case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
+            scores += [of_run.scores[0, c] for c in np.flatnonzero(used)]
+            blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
+            parts += of_run.parts
+    return BlockInformation(information, np.array(scores), tuple(blocks), np.array(parts) if with_parts else None)
+
+
+def _run_scores(
+    problem: Problem, vector: UnknownsOfFit, position: int, columns: Sequence[ResidualColumns], with_parts: bool
+) -> list[BlockScores]:
+    """Scores and information of every run of a group, whose derivatives are in memory no longer than that takes."""
+    group, (_, motion) = problem.model.groups[position], problem.unpack(vector)
+    runs = with_columns(problem.linearise_one(vector, position), *columns)
+    return [
+        block_scores(
             np.asarray(lin.residual),
             np.asarray(lin.residual_jacobian),
             np.asarray(lin.gain_residual),
             np.asarray(lin.gain_jacobian),
-            problem.expected.precision(motion, runs),
-            used if with_parts else None,
+            problem.expected.precision(motion, [run]),
+            used[None] if with_parts else None,
         )
-        information += found.information.sum(axis=0)
-        for r, run in enumerate(runs):
-            record = campaign.bump_runs[run]
-            case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
-            scores += [found.scores[r, c] for c in np.flatnonzero(used[r])]
-            blocks += [(*case, int(c)) for c in np.flatnonzero(used[r])]
-        parts += found.parts
-    return BlockInformation(information, np.array(scores), tuple(blocks), np.array(parts) if with_parts else None)
+        for run, used, lin in zip(group.runs, np.asarray(group.measured.any(axis=0)), runs, strict=True)
+    ]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ everywhere else, so the columns stand beside those of the parameters.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import jax
@@ -19,7 +19,6 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, RunMotion
 from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import simulate_runs
-from sysid.vehicle_model.device_arrays import HostOrDevice
 from sysid.vehicle_model.engines.protocol import Linearisation
 
 
@@ -34,14 +33,6 @@ def empty_columns(model: BumpModel, count: int) -> tuple[ResidualColumns, ...]:
     """Zero columns of every group for `count` amplitudes."""
     shapes = [group.value.shape for group in model.groups]
     return tuple(ResidualColumns(np.zeros((*s, count)), np.zeros((*s[1:], count))) for s in shapes)
-
-
-def joined(first: Sequence[ResidualColumns], second: Sequence[ResidualColumns]) -> tuple[ResidualColumns, ...]:
-    """The columns of both, group by group, one kind after the other."""
-    return tuple(
-        ResidualColumns(*(np.concatenate(pair, axis=-1) for pair in zip(a, b, strict=True)))
-        for a, b in zip(first, second, strict=True)
-    )
 
 
 def trial_residuals(
@@ -61,8 +52,11 @@ def signal_residuals(
     model: BumpModel, weights: Weights, signals: Sequence[np.ndarray]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Weighted residuals (T, R, C) and gain residuals (R, C) of every group for sensor signals (T, R, C) [SI]."""
-    weighted = zip(weights.on(model.arrays), weights.noise_sd, weights.tempering, signals, strict=True)
-    residuals = [_residuals(arrays, noise, temper, jnp.asarray(shown)) for arrays, noise, temper, shown in weighted]
+    scales = zip(weights.noise_sd, weights.tempering, signals, strict=True)
+    residuals = [
+        _residuals(weights.on(model.arrays, position), noise, temper, jnp.asarray(shown))
+        for position, (noise, temper, shown) in enumerate(scales)
+    ]
     return [(np.asarray(residual), np.asarray(gain)) for residual, gain in residuals]
 
 
@@ -102,19 +96,23 @@ def _residuals(
     return residual[..., 0], gain[..., 0]
 
 
-def with_columns(
-    linearisations: Sequence[Linearisation], columns: Sequence[ResidualColumns]
-) -> tuple[Linearisation, ...]:
-    """Linearisations with the columns between the derivatives by parameters and those by a run's own unknowns."""
+def with_columns(linearisation: Linearisation, *kinds: ResidualColumns) -> Iterator[Linearisation]:
+    """The runs of a group with the columns between the derivatives by parameters and those by a run's own unknowns.
 
-    def widened(derivatives: HostOrDevice, more: np.ndarray) -> np.ndarray:
-        old = np.asarray(derivatives)
-        return np.concatenate([old[..., :-RUN_UNKNOWNS], more, old[..., -RUN_UNKNOWNS:]], axis=-1)
+    One run at a time, as a group of one, and kind after kind: joined columns of all of them fill the memory of a small
+    computer.
+    """
+    residual, jacobian, gain, gain_jacobian, simulated = (np.asarray(array) for array in linearisation)
 
-    return tuple(
-        lin._replace(
-            residual_jacobian=widened(lin.residual_jacobian, one.residual),
-            gain_jacobian=widened(lin.gain_jacobian, one.gain),
+    def widened(old: np.ndarray, *more: np.ndarray) -> np.ndarray:
+        return np.concatenate([old[..., :-RUN_UNKNOWNS], *more, old[..., -RUN_UNKNOWNS:]], axis=-1)
+
+    for r in range(residual.shape[1]):
+        of_run = slice(r, r + 1)
+        yield Linearisation(
+            residual[:, of_run],
+            widened(jacobian[:, of_run], *(columns.residual[:, of_run] for columns in kinds)),
+            gain[of_run],
+            widened(gain_jacobian[of_run], *(columns.gain[of_run] for columns in kinds)),
+            simulated[:, of_run],
         )
-        for lin, one in zip(linearisations, columns, strict=True)
-    )

@@ -66,19 +66,16 @@ def block_scores(
     runs, width = jacobian.shape[1], jacobian.shape[-1]
     count = width - RUN_UNKNOWNS
     scores = gain_jacobian * gain_residual[..., None]
-    normal = np.empty((runs, width, width))
+    normal = np.zeros((runs, width, width))
     by_channel = np.empty((runs, jacobian.shape[2], width, width)) if parts_of is not None else None
-    # Run by run: einsum over all of them goes through the columns with strides that cost ten times as much.
-    for r in range(runs):
-        columns = np.ascontiguousarray(jacobian[:, r].swapaxes(0, 1))
-        scores[r] += np.einsum("ctk,ct->ck", columns, residual[:, r].T)
-        if by_channel is None:
-            flat = columns.reshape(-1, width)
-            normal[r] = flat.T @ flat + gain_jacobian[r].T @ gain_jacobian[r]
-        else:
-            gains = gain_jacobian[r][:, :, None] * gain_jacobian[r][:, None, :]
-            by_channel[r] = columns.swapaxes(1, 2) @ columns + gains
-            normal[r] = by_channel[r].sum(axis=0)
+    # Channel by channel: einsum over all of them goes through the columns with strides that cost ten times as much.
+    for r, c in np.ndindex(gain_residual.shape):
+        columns = np.ascontiguousarray(jacobian[:, r, c])
+        scores[r, c] += residual[:, r, c] @ columns
+        squares = columns.T @ columns + np.outer(gain_jacobian[r, c], gain_jacobian[r, c])
+        normal[r] += squares
+        if by_channel is not None:
+            by_channel[r, c] = squares
     eliminate = response_of_runs(normal, local_prior)
     information = normal[:, :count, :count] - normal[:, :count, count:] @ eliminate
     parts: list[np.ndarray] = []

@@ -130,10 +130,14 @@ def variance_inflation(models: Autoregression, sensitivity: np.ndarray) -> np.nd
     ----------
     sensitivity : (T, ..., p) derivatives of the residuals by the parameters.
     """
-    power = np.abs(rfft(sensitivity, axis=0)) ** 2
     spectrum = models.spectrum(np.fft.rfftfreq(sensitivity.shape[0]))
-    total = power.sum(axis=0)
-    inflation = (power * spectrum[..., None]).sum(axis=0) / np.where(total > 0.0, total, 1.0)
+    total, weighted = np.empty(sensitivity.shape[1:]), np.empty(sensitivity.shape[1:])
+    # Record by record: transforms of all of them take more memory than the derivatives.
+    for at in np.ndindex(total.shape[:-1]):
+        power = np.abs(rfft(sensitivity[:, *at], axis=0)) ** 2
+        total[at], weighted[at] = power.sum(axis=0), spectrum[:, *at] @ power
+    inflation = weighted / np.where(total > 0.0, total, 1.0)
     others = tuple(range(total.ndim - 1))
-    telling = total >= total.mean(axis=others)
+    # The mean of channels that are all alike may be above each of them by rounding.
+    telling = total >= (1.0 - 1e-9) * total.mean(axis=others)
     return np.asarray(np.maximum(np.where(telling, inflation, 1.0).max(axis=-1), 1.0))

@@ -52,11 +52,11 @@ class Linearisation(NamedTuple):
     in SI.
     """
 
-    residual: jax.Array
+    residual: HostOrDevice
     residual_jacobian: HostOrDevice
-    gain_residual: jax.Array
+    gain_residual: HostOrDevice
     gain_jacobian: HostOrDevice
-    simulated: jax.Array
+    simulated: HostOrDevice
 
 
 class LocalColumns(NamedTuple):
