@@ -124,10 +124,10 @@ def first_arrival(channel: Channel) -> Arrival | None:
     return None if found is None else _lifted(*found, (float(found[0][0]), float(found[0][-1])))
 
 
-def _quiet_before(found: tuple[np.ndarray, np.ndarray] | None, arrival_s: float, speed: float) -> bool:
+def _quiet_before(motion: tuple[np.ndarray, np.ndarray] | None, arrival_s: float, speed: float) -> bool:
     """Whether an axle moved little until a metre in front of the bump: a record of noise alone does not."""
-    assert found is not None
-    grid, velocity = found
+    assert motion is not None
+    grid, velocity = motion
     before = np.abs(velocity[grid < arrival_s - 1.0 / speed])
     return before.size >= 5 and float(before.max()) < _QUIET * float(np.max(np.abs(velocity)))
 

@@ -37,7 +37,7 @@ _UNIT_COST: dict[str | None, float] = {
     "mm/s^2": 1.5,
 }
 _ON_TIME_M = 0.3  # an axle that meets the bump further from its place is another one
-_SPEED_RIGHT = 0.3
+_SPEED_RIGHT = 0.3  # |ln| of measured over listed speed up to which places and units count as right
 _MATCH = 0.5  # |ln| between found and expected factor; units differ by ln 9.8 = 2.3 and more
 
 
