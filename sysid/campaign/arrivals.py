@@ -61,9 +61,9 @@ class Passage:
 def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: float) -> Passage | None:
     """Find the speed and the arrivals of the axles, from their accelerations.
 
-    Displacements d_i of the axles, integrated twice, are added up as d_i(t + x_i / v): the speed v at which they fall
-    upon each other best is that of the run.  Each axle has then met the bump when its velocity reached half of that
-    with which it is lifted.
+    Displacements d_i of the axles, integrated twice, are added up as d_i(t + x_i / v); the speed v of the run is that
+    at which they coincide best.  An axle has met the bump when its velocity reaches half of the velocity with which
+    it is lifted.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Quality check of all logs: what each channel is worth, said in sentences, and a campaign without what is not."""
+"""Quality check of all logs: sentences on every channel, and the campaign without the channels that are rejected."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def run(
 
 
 class StatusView:
-    """The table while the fleet runs: live on a terminal, elsewhere a line for every campaign that comes to an end."""
+    """The table while the fleet runs: live on a terminal, elsewhere a line for every campaign that ends."""
 
     def __init__(self, errors: Console, output: Path):
         self._errors, self._output = errors, output

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -208,8 +208,3 @@ def stiffness_of(spectra: Sequence[RunSpectra], campaign: Campaign, name: str) -
     """k and c of all axles from the runs of one load case."""
     runs = [run for run in spectra if run.load_case == name]
     return _solved(runs, campaign.vehicle, campaign.load_cases[name]) if runs else None
-
-
-def load_case_files(spectra: Sequence[RunSpectra]) -> Mapping[str, str]:
-    """Load case by file."""
-    return {run.file: run.load_case for run in spectra}

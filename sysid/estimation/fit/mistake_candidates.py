@@ -73,7 +73,7 @@ class Candidate:
         if self.kind == "clock":
             return (
                 f"the readings of the logger '{shorten(self.logger)}' are {1e3 * abs(self.size):.0f} ms "
-                f"{'late' if self.size > 0 else 'early'} against the others: check what check says of its clock"
+                f"{'late' if self.size > 0 else 'early'} against the others: look at its clock in the output of check"
             )
         return self._of_sensor()
 
