@@ -67,6 +67,15 @@ def test_code_that_a_docstring_names_is_there(path: Path) -> None:
             if not (ROOT / n).is_file()} == set()  # fmt: skip
 
 
+def test_readme_and_picture_have_every_package() -> None:
+    packages = {p.parent.name for p in (ROOT / "sysid").glob("*/__init__.py")}
+    picture = (ROOT / "docs" / "architecture" / "rooms.svg").read_text(encoding="utf-8")
+    shown = {name for text in re.findall(r'font-weight="bold">([^<]+)<', picture) for name in re.findall(r"\w+", text)}
+    assert packages - shown == set()
+    table = PAGES[0].read_text(encoding="utf-8").split("## Where things are")[1]
+    assert {name for name in packages if f"`sysid/{name}`" not in table} == set()
+
+
 def test_what_moved_is_seen() -> None:
     assert missing_files("`suspension.py`, `vehicle_model/suspension.py`, `sysid/estimation/laws.py`, `model.py`") == {
         "sysid/estimation/laws.py",
