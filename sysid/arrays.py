@@ -40,8 +40,6 @@ ParametersByParameters: TypeAlias = np.ndarray
 DrawsByParameters: TypeAlias = np.ndarray
 #: (m,) one value for every uncertain mass.
 Masses: TypeAlias = np.ndarray
-#: (p, m)
-ParametersByMasses: TypeAlias = np.ndarray
 #: (p + 3 runs,) global parameters, then the motion of every run.
 UnknownsOfFit: TypeAlias = np.ndarray
 #: (m,) residuals of all runs in one vector.

@@ -61,9 +61,9 @@ class Passage:
 def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: float) -> Passage | None:
     """Find the speed and the arrivals of the axles, from their accelerations.
 
-    Displacements d_i of the axles, integrated twice, are added up as d_i(t + x_i / v): the speed v at which they fall
-    upon each other best is that of the run.  Each axle has then met the bump when its velocity reached half of that
-    with which it is lifted.
+    Displacements d_i of the axles, integrated twice, are added up as d_i(t + x_i / v); the speed v of the run is that
+    at which they coincide best.  An axle has met the bump when its velocity reaches half of the velocity with which
+    it is lifted.
 
     Parameters
     ----------
@@ -124,10 +124,10 @@ def first_arrival(channel: Channel) -> Arrival | None:
     return None if found is None else _lifted(*found, (float(found[0][0]), float(found[0][-1])))
 
 
-def _quiet_before(found: tuple[np.ndarray, np.ndarray] | None, arrival_s: float, speed: float) -> bool:
+def _quiet_before(motion: tuple[np.ndarray, np.ndarray] | None, arrival_s: float, speed: float) -> bool:
     """Whether an axle moved little until a metre in front of the bump: a record of noise alone does not."""
-    assert found is not None
-    grid, velocity = found
+    assert motion is not None
+    grid, velocity = motion
     before = np.abs(velocity[grid < arrival_s - 1.0 / speed])
     return before.size >= 5 and float(before.max()) < _QUIET * float(np.max(np.abs(velocity)))
 

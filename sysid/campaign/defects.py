@@ -11,7 +11,7 @@ from sysid.campaign.records import Channel
 
 DEAD_S = 0.25  # a live sensor does not repeat one value for longer than this
 LOST_S = 0.1  # a cycle of wheel hop at 10 Hz: shorter gaps are left to the missing samples
-HELD_SAMPLES = 8
+HELD_SAMPLES = 8  # equal readings in a row that count as a channel that hangs
 SHIFT_M, SHIFT_M_S2 = 0.006, 0.8  # beyond what friction and a slope leave (an assumption)
 SPIKE_SIGMA = 15.0  # typical departures: no motion of a truck does so in one sample (an assumption)
 MOVING_SHARE = 0.08  # of the largest departure: smooth motion of that size at the start is no rest
@@ -193,10 +193,10 @@ def motion_starts(channels: Sequence[Channel]) -> list[float | None]:
     Each channel is compared with its own first 0.2 s; it has left that level by six times its scatter and a twentieth
     of its range.
     """
-    return [_own_start(channel) for channel in channels]
+    return [_channel_start(channel) for channel in channels]
 
 
-def _own_start(channel: Channel) -> float | None:
+def _channel_start(channel: Channel) -> float | None:
     good = np.isfinite(channel.value)
     time, value = channel.time_s[good], channel.value[good]
     quiet = time <= QUIET_S
@@ -232,15 +232,18 @@ def motion_start(starts: Sequence[float | None]) -> float | None:
     return start if start >= QUIET_S else None
 
 
-def rest_of(channel: Channel, start_s: float | None, own_s: float | None = None) -> tuple[float | None, float | None]:
+def rest_of(
+    channel: Channel, start_s: float | None, channel_s: float | None = None
+) -> tuple[float | None, float | None]:
     """Mean and standard deviation of the quiet start, which ends 0.05 s before the motion begins.
 
-    It begins at `start_s` for the truck, or at `own_s` for this channel if that is earlier and leaves enough: where the
-    axles alone have sensors, the first one moves before the second tells that the truck does.
+    The motion begins at `start_s` for the truck, or at `channel_s` for this channel if that is earlier and leaves
+    enough of the quiet start: where only axles have sensors, the first one moves before the second shows that the
+    truck does.
     """
     if start_s is None:
         return None, None
-    end = start_s if own_s is None or own_s < QUIET_S else min(start_s, own_s)
+    end = start_s if channel_s is None or channel_s < QUIET_S else min(start_s, channel_s)
     quiet = channel.value[(channel.time_s < end - 0.05) & np.isfinite(channel.value)]
     if quiet.size < 10:
         return None, None

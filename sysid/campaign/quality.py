@@ -1,4 +1,4 @@
-"""Quality check of all logs: what each channel is worth, said in sentences, and a campaign without what is not."""
+"""Quality check of all logs: sentences on every channel, and the campaign without the channels that are rejected."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from sysid.wording import say_once, shorten
 if TYPE_CHECKING:
     import pandas as pd
 
-FEWEST_SAMPLES = 20
+FEWEST_SAMPLES = 20  # a second at the slowest rate below
 SLOWEST_HZ = 20.0  # body modes reach 4 Hz: five samples per cycle are the least that shows them
 LARGEST = 1e9  # m or m/s^2: error codes of loggers, not motion
 NO_RESPONSE = 4.5  # a record whose peak is below this many noise rms holds nothing but noise
@@ -277,8 +277,8 @@ def _judge_together(
     if start is None and alive:
         messages.append(f"{log.file}: the truck moves from the first sample on, so the level at rest cannot be read.")
     rests = {}
-    for item, own_start in zip(alive, starts, strict=True):
-        item.rest, item.noise = defects.rest_of(item.channel, start, own_start)
+    for item, channel_start in zip(alive, starts, strict=True):
+        item.rest, item.noise = defects.rest_of(item.channel, start, channel_start)
         rests[item.channel.sensor.column] = float(np.nanmedian(item.channel.value)) if item.rest is None else item.rest
         _judge_noise(item)
     alive = [item for item in alive if not item.rejected]

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from sysid.campaign.schema_loggers import LoggerTable, LogTable
 
 
-def log_writing(common: LogTable, *own: LogTable, sync: str | None = None) -> LogWriting:
+def log_writing(common: LogTable, *specific: LogTable, sync: str | None = None) -> LogWriting:
     """How a log is written: what tables say, the last first, `common` after all."""
-    tables = [*reversed(own), common]
+    tables = [*reversed(specific), common]
 
     def said(key: str) -> str | bool | None:
         return next((value for t in tables if (value := getattr(t, key)) is not None), None)

@@ -37,7 +37,7 @@ _UNIT_COST: dict[str | None, float] = {
     "mm/s^2": 1.5,
 }
 _ON_TIME_M = 0.3  # an axle that meets the bump further from its place is another one
-_SPEED_RIGHT = 0.3
+_SPEED_RIGHT = 0.3  # |ln| of measured over listed speed up to which places and units count as right
 _MATCH = 0.5  # |ln| between found and expected factor; units differ by ln 9.8 = 2.3 and more
 
 
@@ -280,7 +280,7 @@ def axles_shown_falling(runs: Sequence[tuple[Sequence[Channel], float]], vehicle
     for channels, listed_m_s in runs:
         live = [c for c in channels if not defects.held_spans(c.value, c.sensor.full_scale)]
         passage = find_passage(live, vehicle, listed_m_s)
-        # A speed far from the listed one is that of wrong places or units: distances on the bump are wrong then.
+        # A speed far from the listed one means that places or units are wrong, and so distances on the bump are too.
         if passage is None or abs(np.log(abs(passage.speed_m_s) / listed_m_s)) > _SPEED_RIGHT:
             continue
         off = passage.misplaced_m(vehicle)

@@ -50,7 +50,7 @@ def find_todos(tables: Mapping[str, Any]) -> tuple[Todo, ...]:
 
 def find_doubts(text: str) -> tuple[Doubt, ...]:
     """All lines whose comment asks to confirm a guess."""
-    found = []
+    doubts = []
     table = ""
     for number, line in enumerate(text.splitlines(), start=1):
         header = _HEADER.match(line)
@@ -63,8 +63,8 @@ def find_doubts(text: str) -> tuple[Doubt, ...]:
             file = _FILE.search(match["entry"])
             key = re.split(r"\s*=", match["entry"].strip(), maxsplit=1)[0].strip(" {,")
             entry = file[1] if file else f"{table}.{key}" if key else table
-            found.append(Doubt(number, shorten(entry, 80), match["what"].strip()))
-    return tuple(found)
+            doubts.append(Doubt(number, shorten(entry, 80), match["what"].strip()))
+    return tuple(doubts)
 
 
 def refuse_todos(tables: Mapping[str, Any], label: str) -> None:

@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 Dimension = Literal["length", "acceleration", "speed", "angle", "pressure"]
 
-# Spellings accepted in a campaign file and what pint calls them; 1 g is the standard gravity 9.80665 m/s2.
+#: 1 g as a unit (CGPM 1901); weights use the campaign's `gravity_m_s2`.
+STANDARD_GRAVITY_M_S2 = 9.80665
+
+# Spellings accepted in a campaign file and what pint calls them.
 # A fixed list instead of free expressions: pint would read "g" as gram and "mg" as milligram.
 _SPELLINGS: dict[str, dict[str, str]] = {
     "length": {

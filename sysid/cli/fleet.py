@@ -7,7 +7,6 @@ import os
 import shlex
 import sys
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +16,13 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from sysid.cli.invocation import program, tell
+from sysid.cli.calibration_options import calibration_options
+from sysid.cli.guarded import guarded
+from sysid.cli.invocation import program
 from sysid.cli.output_option import OutputFolder
-from sysid.cli.stages import INTERRUPTED, console, termination_as_interrupt
 from sysid.cli.tables import render
 from sysid.display import TextTable, shown_unit
-from sysid.errors import CampaignError, NotConvergedError, SysidError
+from sysid.errors import CampaignError, NotConvergedError
 from sysid.files import write_text
 from sysid.folder_lock import cannot_write
 from sysid.wording import shorten
@@ -68,40 +68,10 @@ def _output_option(command: Callable[..., Any]) -> Callable[..., Any]:
                         type=OutputFolder())(command)  # fmt: skip
 
 
-def stage_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options that are passed on to the calibration of every campaign."""
-    for decorate in reversed((
-        click.option("--quick", is_flag=True, help="Previews: few iterations, short chains; results are marked so."),
-        click.option("--seed", default=None, help="Seed of everything random (default: 0).", type=click.IntRange(0)),
-        click.option("--max-steps", default=None, help="Limit of sampling steps per ensemble.",
-                     type=click.IntRange(1)),
-        click.option("--laws", default=None, type=click.Choice(["auto", "compare", "declared"]),
-                     help="Suspension laws, as of 'run'."),
-        click.option("--contact", default=None, type=click.Choice(["footprint", "cams", "point"]),
-                     help="Contact law of the tires, as of 'run'."),
-        click.option("--contact-spread", is_flag=True, help="Repeat each fit with the other contact laws."),
-    )):  # fmt: skip
-        command = decorate(command)
-    return command
-
-
-def guarded(name: str, do: Callable[[Console, Console], int]) -> None:
-    """Leave with the exit code of a command; its errors are one sentence each."""
-    screen, errors = console(False), console(True)
-    say = partial(tell, errors, f"fleet {name}")
-    with termination_as_interrupt():
-        try:
-            code = do(screen, errors)
-        except SysidError as error:
-            say(str(error))
-            code = error.exit_code
-        except KeyboardInterrupt:
-            errors.print("Stopped. What is done is kept; the same command goes on from there.", markup=False)
-            code = INTERRUPTED
-        except Exception as error:
-            say(f"an unexpected error stopped it ({type(error).__name__}: {error}); please report it.")
-            code = SysidError.exit_code
-    sys.exit(code)
+def _guarded(name: str, do: Callable[[Console, Console], int]) -> None:
+    """Leave with the exit code of a command of `fleet`."""
+    stopped = "Stopped. What is done is kept; the same command goes on from there."
+    sys.exit(guarded(f"fleet {name}", stopped, do))
 
 
 @fleet.command("run")
@@ -114,7 +84,7 @@ def guarded(name: str, do: Callable[[Console, Console], int]) -> None:
 @click.option("--only", multiple=True, metavar="NAME", help="This campaign only; may be repeated.")
 @click.option("--scheduler", default=None, metavar="ADDRESS",
               help="Work on the cluster of this Dask scheduler; needs sysid[cluster].")  # fmt: skip
-@stage_options
+@calibration_options
 def run(
     path: Path,
     output: Path,
@@ -142,11 +112,11 @@ def run(
             screen.print(f"Table of all campaigns: {files[1]}", markup=False)
         return exit_code(rows)
 
-    guarded("run", do)
+    _guarded("run", do)
 
 
 class StatusView:
-    """The table while the fleet runs: live on a terminal, elsewhere a line for every campaign that comes to an end."""
+    """The table while the fleet runs: live on a terminal, elsewhere a line for every campaign that ends."""
 
     def __init__(self, errors: Console, output: Path):
         self._errors, self._output = errors, output
@@ -226,7 +196,7 @@ def init(folder: Path, force: bool) -> None:
         screen.print(f"{target}\nLook at trucks, types and dates in it, then: {program()} fleet {folder}", markup=False)
         return 0
 
-    guarded("init", do)
+    _guarded("init", do)
 
 
 def _begun(folder: Path, force: bool) -> Path:
@@ -259,13 +229,13 @@ def status(path: Path, output: Path) -> None:
         render(screen, status_blocks(rows_on_disk(read_fleet(path), output)))
         return 0
 
-    guarded("status", do)
+    _guarded("status", do)
 
 
 @fleet.command("jobs")
 @_fleet_argument
 @_output_option
-@stage_options
+@calibration_options
 def jobs(path: Path, output: Path, **choices: Any) -> None:
     """One command per campaign, a line each, for another scheduler (Slurm arrays, Snakemake, GNU parallel)."""
 
@@ -282,7 +252,7 @@ def jobs(path: Path, output: Path, **choices: Any) -> None:
             screen.print(shlex.join(line), markup=False, soft_wrap=True)
         return 0
 
-    guarded("jobs", do)
+    _guarded("jobs", do)
 
 
 @fleet.command("population")
@@ -302,7 +272,7 @@ def population(path: Path, output: Path) -> None:
         screen.print(f"All numbers: {results.file}", markup=False)
         return 0 if all(p.converged for p in results.populations) else NotConvergedError.exit_code
 
-    guarded("population", do)
+    _guarded("population", do)
 
 
 def population_blocks(populations: Sequence[Any], loads: Sequence[Any], said: Sequence[str]) -> list[TextTable | str]:
@@ -370,7 +340,7 @@ def index(path: Path, output: Path) -> None:
         screen.print(str(write_index(read_fleet(path), output)), markup=False)
         return 0
 
-    guarded("index", do)
+    _guarded("index", do)
 
 
 @fleet.command("report")
@@ -391,4 +361,4 @@ def report(path: Path, output: Path) -> None:
         screen.print(str(write_fleet_page(results, rows_on_disk(results.fleet, output), output)), markup=False)
         return 0
 
-    guarded("report", do)
+    _guarded("report", do)

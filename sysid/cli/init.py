@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import os
-from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 
 from sysid.campaign.todo import find_doubts, find_todos
 from sysid.campaign.toml_errors import parse_toml
-from sysid.cli.invocation import program, tell
+from sysid.cli.guarded import guarded
+from sysid.cli.invocation import program
 from sysid.cli.progress import StageProgress
-from sysid.cli.stages import INTERRUPTED, console, termination_as_interrupt
 from sysid.cli.tables import render
 from sysid.display import TextTable
-from sysid.errors import CampaignError, OutputError, SysidError
+from sysid.errors import CampaignError, OutputError
 from sysid.files import write_text
 from sysid.first_look import FirstLook, campaign_text, first_look
 from sysid.output_folder import has_control_characters
@@ -26,24 +25,18 @@ _ROWS = 200
 
 def run_init(folder: Path, vehicle: str | None, output: Path | None, force: bool) -> int:
     """Look at the folder, write the campaign file, and return the exit code."""
-    screen, errors = console(False), console(True)
-    say = partial(tell, errors, "init")
-    with termination_as_interrupt():
-        try:
-            target, prefix = _target(folder, output, force)
-            with StageProgress(errors) as progress:
-                progress.stage("init")
-                look = first_look(folder, vehicle, progress.update)
-            text = campaign_text(look, shorten(folder.resolve().name, 60), shorten(target, 80), prefix)
-            _write(target, text)
-        except SysidError as error:
-            say(str(error))
-            return error.exit_code
-        except KeyboardInterrupt:
-            errors.print("Stopped; nothing was written.", markup=False)
-            return INTERRUPTED
-    _show(screen, look, target, text)
-    return 0
+
+    def do(screen: Console, errors: Console) -> int:
+        target, prefix = _target(folder, output, force)
+        with StageProgress(errors) as progress:
+            progress.stage("init")
+            look = first_look(folder, vehicle, progress.update)
+        text = campaign_text(look, shorten(folder.resolve().name, 60), shorten(target, 80), prefix)
+        _write(target, text)
+        _show(screen, look, target, text)
+        return 0
+
+    return guarded("init", "Stopped; nothing was written.", do)
 
 
 def _target(folder: Path, output: Path | None, force: bool) -> tuple[Path, str]:

@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from sysid.cli.calibration_options import calibration_options, decorated
 from sysid.cli.fleet import fleet
 from sysid.cli.output_option import OutputFolder
 from sysid.workflow.stage import Option
@@ -32,27 +33,14 @@ written, 4 not converged (results are still written and marked so), 130 stopped 
 
 
 def _options(command: Callable[..., Any]) -> Callable[..., Any]:
-    decorators = [
+    return decorated(
+        command,
         click.argument("campaign", default=DEFAULT_CAMPAIGN, type=click.Path(path_type=Path)),
         click.option("--output", default=DEFAULT_OUTPUT, show_default=True, help="Folder for everything written.",
                      type=OutputFolder()),
-        click.option("--quick", is_flag=True, help="Preview: few iterations, a short chain; results are marked so."),
-        click.option("--seed", default=None, help="Seed of everything random (default: 0).", type=click.IntRange(0)),
-        click.option("--max-steps", default=None, help="Limit of sampling steps per ensemble (default: 1500).",
-                     type=click.IntRange(1)),
-        click.option("--laws", default=None, type=click.Choice(["auto", "compare", "declared"]),
-                     help="Suspension laws of axles without a declared one: richer ones where linear ones leave "
-                          "residuals (auto), compared in any case, or as declared (default: auto)."),
-        click.option("--contact", default=None, type=click.Choice(["footprint", "cams", "point"]),
-                     help="Contact law of the tires: radial springs over the footprint, tandem elliptical cams, or a "
-                          "point follower (default: footprint)."),
-        click.option("--contact-spread", is_flag=True,
-                     help="Repeat the fit with the other contact laws and show how much the results change."),
+        calibration_options,
         click.option("--resume", is_flag=True, help="Continue an interrupted run from what is in the output folder."),
-    ]  # fmt: skip
-    for decorate in reversed(decorators):
-        command = decorate(command)
-    return command
+    )  # fmt: skip
 
 
 class _InOrder(click.Group):

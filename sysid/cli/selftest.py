@@ -10,34 +10,25 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
+from sysid.cli.guarded import guarded
 from sysid.cli.invocation import configured, tell
 from sysid.cli.progress import StageProgress
-from sysid.cli.stages import INTERRUPTED, console, termination_as_interrupt
 from sysid.cli.tables import plain_table
 from sysid.display import shown_unit
-from sysid.errors import NotConvergedError, SysidError
+from sysid.errors import NotConvergedError
 from sysid.selftest.replicates import Replicate, SelfTest
 from sysid.wording import shorten
 
 
 def run_selftest(campaign: Path, count: int, seed: int) -> int:
     """Simulate and calibrate a campaign `count` times, print what was learned, and return the exit code."""
-    errors = console(True)
-    say = partial(tell, errors, "selftest")
-    with termination_as_interrupt():
-        try:
-            selftest = _simulated(campaign, count, seed, errors, say)
-        except SysidError as error:
-            say(str(error))
-            return error.exit_code
-        except KeyboardInterrupt:
-            errors.print("Stopped; a self-test writes no files, so nothing is kept.", markup=False)
-            return INTERRUPTED
-        except Exception as error:
-            say(f"an unexpected error stopped it ({type(error).__name__}: {error}); please report it.")
-            return SysidError.exit_code
-    show_selftest(console(False), selftest)
-    return 0 if selftest.converged else NotConvergedError.exit_code
+
+    def do(screen: Console, errors: Console) -> int:
+        selftest = _simulated(campaign, count, seed, errors, partial(tell, errors, "selftest"))
+        show_selftest(screen, selftest)
+        return 0 if selftest.converged else NotConvergedError.exit_code
+
+    return guarded("selftest", "Stopped; a self-test writes no files, so nothing is kept.", do)
 
 
 def _simulated(campaign: Path, count: int, seed: int, errors: Console, say: Callable[[str], None]) -> SelfTest:

@@ -65,17 +65,17 @@ def cross_check(campaign: Campaign, read: Campaign) -> QualityReport:
         said += _sentences(lambda: tire_complaint(runs, passages, vehicle))
         said += _sentences(lambda: bump_complaints(runs, passages, profiles))
         said += _sentences(lambda: drop_complaints(campaign, [] if masses else spectra))
-    found = tuple(_scan_finding(name, campaign.scans[name], scan) for name, scan in scans.items())
-    return QualityReport((), tuple(said), tuple(refused), speeds, found)
+    findings = tuple(_scan_finding(name, campaign.scans[name], scan) for name, scan in scans.items())
+    return QualityReport((), tuple(said), tuple(refused), speeds, findings)
 
 
 def _sentences(compare: Callable[[], Sequence[str] | str | None]) -> list[str]:
     """What a comparison says; nothing where its equations have no solution, as with readings of no sense."""
     try:
-        found = compare()
+        findings = compare()
     except np.linalg.LinAlgError:
         return []
-    return [found] if isinstance(found, str) else list(found or ())
+    return [findings] if isinstance(findings, str) else list(findings or ())
 
 
 def _scans(scans: Mapping[str, Scan]) -> tuple[dict[str, ScanAnalysis], list[str]]:

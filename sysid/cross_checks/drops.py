@@ -149,25 +149,27 @@ def _odd_ones(
     by_axle: dict[int, list[tuple[PlankDrop, float]]] = {}
     for drop, share in plank:
         by_axle.setdefault(drop.axle, []).append((drop, share))
-    medians = {axle: float(np.median([s for _, s in found])) for axle, found in by_axle.items()}
-    for axle, found in by_axle.items():
-        for drop, share in found:
-            others = [s for d, s in found if d is not drop]
+    medians = {axle: float(np.median([s for _, s in shares])) for axle, shares in by_axle.items()}
+    for axle, shares in by_axle.items():
+        for drop, share in shares:
+            others = [s for d, s in shares if d is not drop]
             # Of two that differ, what the runs expect tells which one is odd.
-            own = float(np.median(others)) if len(others) > 1 else (expected[axle] if others and expected else None)
+            usual = float(np.median(others)) if len(others) > 1 else (expected[axle] if others and expected else None)
             if (
-                own is None
-                or abs(share - own) < (REPEATS if len(others) > 1 else ONE_OF_TWO)
+                usual is None
+                or abs(share - usual) < (REPEATS if len(others) > 1 else ONE_OF_TWO)
                 or (len(others) > 1 and np.ptp(others) > REPEATS)
             ):
                 continue
-            if len(others) == 1 and (abs(share - others[0]) < REPEATS or abs(others[0] - own) > abs(share - own)):
+            if len(others) == 1 and (abs(share - others[0]) < REPEATS or abs(others[0] - usual) > abs(share - usual)):
                 continue
-            near = [a for a, m in medians.items() if a != axle and abs(m - share) < min(REPEATS, abs(own - share) / 2)]
+            near = [
+                a for a, m in medians.items() if a != axle and abs(m - share) < min(REPEATS, abs(usual - share) / 2)
+            ]
             hint = f", as {' or '.join(_name(vehicle, a) for a in near)} is" if near else ""
             said.append(
                 f"{shorten(drop.log.file, 100)}: its suspension is compressed by {share:.2f} of the plank height, the "
-                f"other drops of {_name(vehicle, axle)} by {own:.2f}{hint}; check its axle and plank_height_m."
+                f"other drops of {_name(vehicle, axle)} by {usual:.2f}{hint}; check its axle and plank_height_m."
             )
     return said
 

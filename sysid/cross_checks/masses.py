@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -69,8 +69,8 @@ def _wrong_load_cases(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list
         return []
     gains: dict[str, tuple[float, str]] = {}
     for run in spectra:
-        own = _solved([run], vehicle, cases[run.load_case])
-        if own is None:
+        declared = _solved([run], vehicle, cases[run.load_case])
+        if declared is None:
             continue
         others = {n: f for n in cases if n != run.load_case and (f := _solved([run], vehicle, cases[n])) is not None}
         if not others:
@@ -84,8 +84,8 @@ def _wrong_load_cases(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list
         if others[best].unexplained > HOPELESS:
             continue
         # Freeing an inertia explains a little more in any case; much more than another load case means that it is that.
-        ratio = others[best].unexplained / own.unexplained
-        if freed and min(freed) < 0.5 * others[best].unexplained and not _lighter(run, vehicle, own, others[best]):
+        ratio = others[best].unexplained / declared.unexplained
+        if freed and min(freed) < 0.5 * others[best].unexplained and not _makes_sense_instead(declared, others[best]):
             ratio = 1.0
         gains[run.file] = (ratio, best)
     wrong = [file for file, (ratio, _) in gains.items() if ratio < OTHER_CASE]
@@ -105,36 +105,36 @@ def _wrong_load_cases(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list
     ]
 
 
-def _lighter(run: RunSpectra, vehicle: Vehicle, own: Balance, other: Balance) -> bool:
-    """Whether stiffnesses make more sense with the other masses: all positive, where they were not."""
-    return bool(np.all(other.stiffness > 0.0) and not np.all(own.stiffness > 0.0))
+def _makes_sense_instead(declared: Balance, other: Balance) -> bool:
+    """Whether all stiffnesses are positive with the other masses, and not with the declared ones."""
+    return bool(np.all(other.stiffness > 0.0) and not np.all(declared.stiffness > 0.0))
 
 
 def _of_load_case(vehicle: Vehicle, load_case: LoadCase, runs: Sequence[RunSpectra]) -> list[str]:
-    own = _solved(runs, vehicle, load_case)
+    as_listed = _solved(runs, vehicle, load_case)
     inertia = _solved(runs, vehicle, load_case, "inertia")
     moment = _solved(runs, vehicle, load_case, "moment")
-    if own is None or inertia is None or moment is None:
+    if as_listed is None or inertia is None or moment is None:
         return []
     statics = static_equilibrium(vehicle, load_case)
     arms = statics.cg_x_m - np.array(hinges(vehicle))
     masses = np.array(load_case.sprung_mass_kg)
     declared = np.array(load_case.pitch_inertia_kg_m2)
-    found = (inertia.freed * (declared + masses * arms**2) - masses * arms**2) / declared
+    ratio = (inertia.freed * (declared + masses * arms**2) - masses * arms**2) / declared
     # An inertia of tons instead of kilograms leaves nothing to compare but the part about the centre of gravity.
     about_hinge = inertia.freed
     off = [
         b
         for b in range(masses.size)
-        if not 1.0 / INERTIA_OFF < found[b] < INERTIA_OFF
+        if not 1.0 / INERTIA_OFF < ratio[b] < INERTIA_OFF
         and abs(about_hinge[b] - 1.0) > max(HINGE_OFF, 4.0 * inertia.freed_se[b])
     ]
     turning = ""
-    if off and inertia.unexplained < min(0.5 * own.unexplained, HOPELESS):
+    if off and inertia.unexplained < min(0.5 * as_listed.unexplained, HOPELESS):
         turning = "the frames turn as with pitch_inertia_kg_m2 of " + ", ".join(
-            _inertia_words(vehicle, b, found[b] * declared[b], declared[b]) for b in off
+            _inertia_words(vehicle, b, ratio[b] * declared[b], declared[b]) for b in off
         )
-    centre = _centres(vehicle, load_case, own, moment, arms)
+    centre = _centres(vehicle, load_case, as_listed, moment, arms)
     remedy = "check the inertias about the bodies' own centres of gravity, in kg m2."
     if turning and centre and moment.unexplained < 2.0 * inertia.unexplained:
         return [f"either {centre}; or {turning}. Check axle_loads_kg, sprung_mass_kg and x_m, and {remedy}"]
@@ -143,14 +143,14 @@ def _of_load_case(vehicle: Vehicle, load_case: LoadCase, runs: Sequence[RunSpect
     return [f"{centre}. Check axle_loads_kg, sprung_mass_kg and x_m."] if centre else []
 
 
-def _inertia_words(vehicle: Vehicle, body: int, found: float, declared: float) -> str:
-    about = f"about {found:.2g}" if found > 0.0 else "far less"
+def _inertia_words(vehicle: Vehicle, body: int, explained: float, declared: float) -> str:
+    about = f"about {explained:.2g}" if explained > 0.0 else "far less"
     return f"{about} for '{shorten(vehicle.bodies[body].name)}' (listed {declared:g})"
 
 
-def _centres(vehicle: Vehicle, load_case: LoadCase, own: Balance, moment: Balance, arms: np.ndarray) -> str:
+def _centres(vehicle: Vehicle, load_case: LoadCase, as_listed: Balance, moment: Balance, arms: np.ndarray) -> str:
     """Axle loads that put a centre of gravity where the frames do not turn about it."""
-    if moment.unexplained > min(0.5 * own.unexplained, HOPELESS):
+    if moment.unexplained > min(0.5 * as_listed.unexplained, HOPELESS):
         return ""
     away = (moment.freed - 1.0) * arms
     error = moment.freed_se * np.abs(arms)
@@ -208,8 +208,3 @@ def stiffness_of(spectra: Sequence[RunSpectra], campaign: Campaign, name: str) -
     """k and c of all axles from the runs of one load case."""
     runs = [run for run in spectra if run.load_case == name]
     return _solved(runs, campaign.vehicle, campaign.load_cases[name]) if runs else None
-
-
-def load_case_files(spectra: Sequence[RunSpectra]) -> Mapping[str, str]:
-    """Load case by file."""
-    return {run.file: run.load_case for run in spectra}

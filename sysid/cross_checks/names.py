@@ -60,5 +60,5 @@ def _other_case(name: str, listed: str, cases: list[str]) -> str | None:
     def holds(case: str) -> bool:
         return re.search(rf"(?<![a-z0-9]){re.escape(case.lower())}(?![a-z0-9])", name) is not None
 
-    found = [case for case in cases if holds(case)]
-    return found[0] if len(found) == 1 and found[0] != listed else None
+    matching = [case for case in cases if holds(case)]
+    return matching[0] if len(matching) == 1 and matching[0] != listed else None

@@ -94,11 +94,11 @@ def _spectrum(channel: Channel, grid: np.ndarray) -> np.ndarray:
 
 def _others(trio: Trio, run: BumpRun, grid: np.ndarray, band: np.ndarray) -> dict[str, np.ndarray]:
     """Spectra of the sensors of the same kinds at other axles."""
-    own = {c.sensor.column for c in trio.channels}
+    compared = {c.sensor.column for c in trio.channels}
     return {
         f"{c.sensor.kind} {c.sensor.column}": _spectrum(c, grid)[band]
         for c in run.log.channels
-        if c.sensor.column not in own and np.isfinite(c.value).mean() > 0.97
+        if c.sensor.column not in compared and np.isfinite(c.value).mean() > 0.97
     }
 
 
@@ -187,7 +187,7 @@ def _leaks(
 ) -> list[_Explanation]:
     """One sensor that holds a share of another one of its kind besides its own reading."""
     names = set.intersection(*(set(o) for o in others)) if others else set()
-    found = []
+    explanations = []
     for name in sorted(n for n in names if n.startswith(kind)):
         top = bottom = whole = 0.0
         for e, spectra in zip(equations, others, strict=True):
@@ -198,8 +198,8 @@ def _leaks(
             whole += _power(rest)
         share = top / max(bottom, 1e-30)
         if share > LEAK:
-            found.append(_Explanation(wrong, whole - top * share, 1.0, 0.0, share, name.split(" ", 1)[1]))
-    return found
+            explanations.append(_Explanation(wrong, whole - top * share, 1.0, 0.0, share, name.split(" ", 1)[1]))
+    return explanations
 
 
 def place_of_frame_sensors(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:

@@ -185,10 +185,10 @@ def _rise(run: BumpRun, passage: Passage, axle: int, profile: RoadProfile) -> _R
     a, q = _axle_sensor(run, axle), _axle_sensor(run, axle, "suspension_deflection")
     if a is None or q is None or a.censored.mean() > 0.01 or np.isfinite(a.value).mean() < 0.97:
         return None
-    found = integrated(a, 2)
-    if found is None:
+    motion = integrated(a, 2)
+    if motion is None:
         return None
-    grid, rise = found
+    grid, rise = motion
     speed, arrival = passage.speed_m_s, passage.arrivals[axle].time_s
     window = (grid > arrival - 0.3) & (grid < arrival + (profile.length_m + 0.5) / speed + 0.6)
     good = [np.isfinite(c.value) for c in (a, q)]

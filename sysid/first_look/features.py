@@ -93,8 +93,8 @@ def _look(raw: RawChannel, channel: Channel, start_s: float | None) -> Look:
     if value.size < _LEAST_SAMPLES or step <= 0.0 or np.ptp(value) == 0.0:
         return Look(*told, duration)
     # The first axle moves before most columns do: its rest ends with its own first motion.
-    own_s = defects.motion_start(defects.motion_starts([channel]))
-    starts = [s for s in (own_s, start_s) if s is not None]
+    channel_s = defects.motion_start(defects.motion_starts([channel]))
+    starts = [s for s in (channel_s, start_s) if s is not None]
     rest, noise = defects.rest_of(channel, min(starts, default=None))
     if rest is None or noise is None:
         rest, noise = float(np.median(value)), float(np.std(np.diff(value, 2)) / np.sqrt(6.0))

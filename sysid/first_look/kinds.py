@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.campaign.records import SensorKind
-from sysid.campaign.units import is_other_quantity, recognised_unit, si_factor
+from sysid.campaign.units import STANDARD_GRAVITY_M_S2, is_other_quantity, recognised_unit, si_factor
 from sysid.first_look.features import Look
 from sysid.first_look.matching import Three
 from sysid.first_look.words import NameSays
 
-_G = 9.80665
 #: Share of the power in the band of wheel hop from which a column without a three counts as an axle's.
 _HOPS = 0.35
 #: Units that loggers write, with the cost of taking them.
@@ -191,7 +190,10 @@ def _cost_of(kind: SensorKind, unit: str, of_logs: Sequence[Look], base: float) 
     factor = si_factor(unit, "length" if kind == "suspension_deflection" else "acceleration")
     cost = base + (np.log(np.median(sizes) * factor / usual) / spread) ** 2 if sizes else base
     rest = float(np.median([look.rest for look in of_logs])) if of_logs else 0.0
-    if kind != "suspension_deflection" and abs(abs(rest * factor) - _G) < 0.05 * _G:
+    if (
+        kind != "suspension_deflection"
+        and abs(abs(rest * factor) - STANDARD_GRAVITY_M_S2) < 0.05 * STANDARD_GRAVITY_M_S2
+    ):
         cost -= 4.0  # an accelerometer that shows gravity at rest
     return float(cost)
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from sysid.campaign.records import SensorKind
+from sysid.campaign.units import STANDARD_GRAVITY_M_S2
 from sysid.first_look.features import Threes
 
 #: Share of q'' that a three may leave unexplained, and |ln| by which its factors may differ from each other.
@@ -19,7 +20,6 @@ _PAIR_UNEXPLAINED = 0.4
 _UNEXPLAINED_AGAINST = 0.08
 #: How many times the share of wheel hop of the two others an axle acceleration has.
 _MORE_HOP = 1.5
-_G = 9.80665
 _LARGEST_COST = 6.0
 
 
@@ -57,7 +57,7 @@ def matched_threes(fits: Sequence[Threes], hop: Mapping[str, float], dimension: 
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.abs(np.log(np.abs(alpha / beta)))
         # Accelerations in g and in m/s^2 side by side are rare.
-        ratio = np.minimum(ratio, np.abs(ratio - np.log(_G)) + 0.15)
+        ratio = np.minimum(ratio, np.abs(ratio - np.log(STANDARD_GRAVITY_M_S2)) + 0.15)
         cost = np.log(left + 0.003) + np.minimum((ratio / 0.15) ** 2, _LARGEST_COST)
     shares = np.array([hop.get(n, 0.0) for n in names])
     against = _against(names, dimension)

@@ -128,17 +128,17 @@ def assemble(fleet: Fleet, output: Path, kind: str, priors: HyperPriors) -> Asse
             remarks.append(f"campaign {member.campaign} has no posterior draws and is left out")
             continue
         names = tuple(n for n, q in zip(record.names, record.quantities, strict=True) if q in QUANTITIES)
-        own = record.of(names)
+        chosen = record.of(names)
         try:
-            likelihood = likelihood_of(own)
+            likelihood = likelihood_of(chosen)
         except (ValueError, np.linalg.LinAlgError) as error:
             remarks.append(f"campaign {member.campaign} is left out: {error}")
             continue
         for i, name in enumerate(names):
-            about.setdefault(name, (own.quantities[i], own.units[i], own.axles[i], own.load_cases[i]))
-            laws.setdefault(name, set()).add(own.laws[i])
+            about.setdefault(name, (chosen.quantities[i], chosen.units[i], chosen.axles[i], chosen.load_cases[i]))
+            laws.setdefault(name, set()).add(chosen.laws[i])
         known.append(member)
-        parts.append((names, likelihood, own.prior_mean))
+        parts.append((names, likelihood, chosen.prior_mean))
     trucks = tuple(dict.fromkeys(m.truck for m in known))
     if len(trucks) < LEAST_TRUCKS:
         raise DataRejectedError(

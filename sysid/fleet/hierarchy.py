@@ -223,18 +223,18 @@ class Forms:
     """Quadratic forms of campaigns, or of trucks, in theta (d,) and the shared errors e (S,).
 
     exp(-theta'L theta/2 + h'theta - theta'B e - e'D e/2 + g'e): `precision` L (n, m, d, d), `shift` h (n, m, d),
-    `moved` B (n, m, d, S), `own` D (n, m, S, S), `known` g (n, m, S).
+    `moved` B (n, m, d, S), `shared` D (n, m, S, S), `known` g (n, m, S).
     """
 
     precision: np.ndarray
     shift: np.ndarray
     moved: np.ndarray
-    own: np.ndarray
+    shared: np.ndarray
     known: np.ndarray
 
     def summed(self, first: np.ndarray) -> Forms:
         """Trucks, from campaigns of which each truck's first is named."""
-        parts = (self.precision, self.shift, self.moved, self.own, self.known)
+        parts = (self.precision, self.shift, self.moved, self.shared, self.known)
         return Forms(*(np.add.reduceat(part, first, axis=1) for part in parts))
 
     def mixed(self, spread: np.ndarray) -> np.ndarray:
@@ -249,7 +249,7 @@ class Forms:
         """Precision (n, m, d + S, d + S) of mu and e with theta ~ N(mu, T) integrated out."""
         gain = self.gain(spread)
         cross = gain @ self.moved
-        corner = self.own - self.moved.transpose(0, 1, 3, 2) @ spread[:, None] @ cross
+        corner = self.shared - self.moved.transpose(0, 1, 3, 2) @ spread[:, None] @ cross
         upper = np.concatenate([gain @ self.precision, cross], axis=3)
         return np.concatenate([upper, np.concatenate([cross.transpose(0, 1, 3, 2), corner], axis=3)], axis=2)
 

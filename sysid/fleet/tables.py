@@ -105,15 +105,15 @@ def campaign_rows(row: Row, output: Path, folder: Path) -> dict[str, list[dict[s
     """
     document = read_json(output / RESULT_FILE) if _finished(row) else {}
     try:
-        found = _rows_of(document, row, output)
+        rows = _rows_of(document, row, output)
     except (KeyError, TypeError, ValueError, AttributeError):
         # Not what the program writes: the campaign is there, its results are not.
-        found = _rows_of({}, row, output)
-    if not all(_fits(name, line) for name, lines in found.items() for line in lines):
-        found = _rows_of({}, row, output)
-    (first,) = found["campaigns"]
+        rows = _rows_of({}, row, output)
+    if not all(_fits(name, line) for name, lines in rows.items() for line in lines):
+        rows = _rows_of({}, row, output)
+    (first,) = rows["campaigns"]
     first["folder"] = output.relative_to(folder).as_posix()
-    return found
+    return rows
 
 
 def _rows_of(document: Mapping[str, Any], row: Row, output: Path) -> dict[str, list[dict[str, Any]]]:

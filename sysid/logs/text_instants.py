@@ -18,7 +18,7 @@ _INSTANT = (
 )
 _PATTERN = re.compile(_INSTANT)
 _DAY_S = 86400.0
-_LOOKED_AT = 200
+_LOOKED_AT = 200  # lines that are searched
 
 
 def has_instants(table: NumberTable, place: int) -> bool:

@@ -28,7 +28,7 @@ from sysid.logs.text_numbers import (
 from sysid.wording import shorten
 
 _HEAD_BYTES = 1 << 20
-_COMPARED = 60
+_COMPARED = 60  # characters of a name that are compared with a misspelt one
 _COMMENT = ("#", "%", '"#')
 _BINARY = {b"\x1f\x8b": "a gzip file", b"%PDF": "a PDF"}
 #: What spreadsheets write where they have no number, in English and German.

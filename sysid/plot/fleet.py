@@ -102,9 +102,9 @@ def shrinkage(
         for place, t in enumerate(rows):
             color = WARNING if (t, i) in standing_out else axle_color(0)
             first = place == 0
-            own, with_others = alone[:, t, i] / mean[i], drawn[:, t, i] / mean[i]
-            if np.isfinite(own).all():
-                ax.plot(own[[0, 2]], [place] * 2, color=MUTED, alpha=0.4, lw=5, solid_capstyle="butt",
+            separate, with_others = alone[:, t, i] / mean[i], drawn[:, t, i] / mean[i]
+            if np.isfinite(separate).all():
+                ax.plot(separate[[0, 2]], [place] * 2, color=MUTED, alpha=0.4, lw=5, solid_capstyle="butt",
                         label="own campaigns" if first else None)  # fmt: skip
             ax.plot(with_others[[0, 2]], [place] * 2, color=color, lw=1.6, label="with all trucks" if first else None)
             ax.plot(with_others[1], place, "o", color=color, ms=3.5)

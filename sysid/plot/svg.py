@@ -75,8 +75,8 @@ def _simplify(element: ET.Element, names: dict[str, str], linked: set[str]) -> N
         element.text = None
     element.tail = None
     attributes = element.attrib
-    if (own := attributes.pop("id", None)) in linked:
-        attributes["id"] = names[own or ""]
+    if (identifier := attributes.pop("id", None)) in linked:
+        attributes["id"] = names[identifier or ""]
     if (target := attributes.pop(_XLINK_HREF, None)) is not None:
         attributes["href"] = "#" + names[target[1:]] if target.startswith("#") else re.sub(r"\s+", "", target)
     for declaration in attributes.pop("style", "").split(";"):

@@ -290,7 +290,7 @@ def predict(
 ) -> Predictions:
     """Wheel loads of passes, and the load ratio against speed in their load cases.
 
-    Every draw gets masses and departures of its own, as the fit says that they go with the parameters.
+    Every draw gets its own masses and departures, drawn given its parameters as the fit relates them.
 
     Parameters
     ----------

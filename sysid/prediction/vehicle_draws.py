@@ -29,7 +29,7 @@ TOGETHER = 20
 
 @dataclass(frozen=True)
 class VehicleDraws:
-    """Vehicles that go with n draws of the parameters.
+    """One vehicle for each of n draws of the parameters.
 
     `amounts` (n, m + d): log factors on the m uncertain masses, then amplitudes of the d departures; `stops` that are
     assumed, None without any.

@@ -71,7 +71,7 @@ def spoke_table(profile: RoadProfile, radius_m: float, *, exponent: float = SPOK
 
 @lru_cache(maxsize=64)
 def _known_table(stations: bytes, heights: bytes, start_m: float, radius_m: float, exponent: float) -> SpokeTable:
-    """The table of one profile, made once: every stage asks for it again."""
+    """The table of one profile, made once, because every stage needs it again."""
     # Long roads are met once or twice, and take a gigabyte per hundred metres.
     shape_of = _known_shape if len(stations) <= _KEPT_STATIONS * 8 else _known_shape.__wrapped__
     shape = shape_of(stations, heights, start_m, radius_m)
@@ -204,12 +204,12 @@ def effective_profile(
 class FootprintMap:
     """How a radial-spring tire responds over a bump, relative to its response on a flat road.
 
-    With v the amount by which the wheel centre is lower than the effective profile of the static load asks for, the
-    tire carries what a flat road would make it carry at the equivalent deflection
+    v is how much lower the wheel centre is than the effective profile W(s) of the static load would have it.  The tire
+    carries as much as on a flat road at the equivalent deflection
 
         e = u_0 + v + stretch_1 v + stretch_2 v^2 + stretch_3 v^3
 
-    and its forward force is V (drag_0 + drag_1 v + drag_2 v^2) of the vertical force V.  `station_m` (n,) from the
+    and its forward force is V (drag_0 + drag_1 v + drag_2 v^2), with the vertical force V.  `station_m` (n,) from the
     start of the bump; `rise_m` (n,) effective profile; `stretch`, `drag` (3, n) [1, 1/m, 1/m2]; `lift_m` (n,) how much
     deeper than on a flat road (v = -u_0) the wheel centre stands at first contact, v = lift - u_0; `misfit_m` the
     largest error of e over the fitted range.

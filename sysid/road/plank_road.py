@@ -29,7 +29,10 @@ def plank_end(height_m: float) -> RoadProfile:
 
 
 def plank_table(height_m: float, radius_m: float) -> SpokeTable:
-    """Forces of a radial-spring wheel of radius R [m] around the end of a plank; see :func:`enveloping.spoke_table`."""
+    """Forces of a radial-spring wheel of radius R [m] around the end of a plank.
+
+    See :func:`sysid.road.enveloping.spoke_table`.
+    """
     table = spoke_table(plank_end(height_m), radius_m)
     near = np.abs(table.station_m) <= _FIELD_M + 1e-9
     return SpokeTable(

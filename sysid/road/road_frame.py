@@ -9,7 +9,7 @@ import numpy as np
 from sysid.arrays import Points, PointsByXyz, Stations
 from sysid.road.plane import RoadPlane, local_noise_m, refine_plane, search_plane
 
-_PLANE_POINTS = 200_000
+_PLANE_POINTS = 200_000  # that a plane is fitted to at most
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from sysid.sdof.estimates import AxleOnTire, estimate, estimate_by_law, unusable
 from sysid.sdof.free_decay import FreeDecayFit, fit_free_decay
 from sysid.sdof.settings import DropSettings
 
-_SIDE_DISAGREEMENT = 0.2
-_DECREMENT_DISAGREEMENT = 0.2
+_SIDE_DISAGREEMENT = 0.2  # relative difference of left and right that is worth a remark
+_DECREMENT_DISAGREEMENT = 0.2  # relative difference of two methods that is worth a remark
 _CONTACT_LENGTH_RADII = 0.25  # half the footprint of a truck tire in tire radii, roughly
 
 

@@ -14,7 +14,7 @@ from sysid.sdof.peaks import smoothing_half_width
 _SMALLEST_SHARE = 0.10  # of the amplitude lost, by all that is not viscous
 _SMALLEST_PART = 0.25  # of the motion after the release that the fitted swings must be
 _EVIDENCE = 10.0  # of the information criterion, against two viscous modes
-_MODES_COEFFICIENTS = 9
+_MODES_COEFFICIENTS = 9  # of two modes: rate, frequency, two amplitudes each, and the level
 
 
 def more_than_viscous(law: DampingLaw, record: PreparedRecord, modes: FreeDecayFit) -> DampingLaw | None:

@@ -24,7 +24,7 @@ from sysid.sdof.whitening import autoregression
 
 TERMS: tuple[DampingTerm, ...] = ("viscous", "friction", "quadratic")
 _SMALLEST_SHARE = 0.03  # of the amplitude lost: a term below that is no part of the kind
-_STIFFENING_SWINGS = 6
+_STIFFENING_SWINGS = 6  # the fewest that tell a nonlinear spring from a damper
 _POOR_NOISE, _POOR_SHARE = 3.0, 0.04
 _HOPELESSLY_POOR = 1.5  # of what is poor: no other start of the fullest mixture mends that
 _STIFFENING_EVIDENCE = 20.0  # of the information criterion, before a spring counts as nonlinear

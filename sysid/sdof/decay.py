@@ -18,12 +18,12 @@ from sysid.sdof.smoothing import local_polynomial, spike_mask
 DampingKind = Literal["viscous", "friction", "quadratic", "unknown"]
 
 _SAMPLES_PER_CYCLE = 4.0  # of the highest frequency allowed: fewer and a faster motion may pass for a slow one
-_TREND_SIGNIFICANCE = 0.01
+_TREND_SIGNIFICANCE = 0.01  # of the test for a decrement that changes
 _TREND_RELEVANCE = 0.3  # relative change of the decrement over the record that viscous neighbours do not explain
-_TREND_REMARK = 0.1
+_TREND_REMARK = 0.1  # relative change that is worth a remark if it is significant
 _TREND_UNKNOWN = 0.5  # a change of this size that cannot be excluded leaves the kind of damping open
-_SCATTER_REMARK = 0.2
-_HEAVY_RATIO = 0.10
+_SCATTER_REMARK = 0.2  # relative error of the decrement that is worth a remark
+_HEAVY_RATIO = 0.10  # of a peak to the one before
 _DRIFT_CYCLES, _DRIFT_SIGNIFICANCE = 3.0, 5.0
 
 

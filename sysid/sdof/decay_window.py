@@ -11,9 +11,9 @@ from sysid.sdof.peaks import smoothing_half_width
 from sysid.sdof.smoothing import local_polynomial
 
 _START_PERIODS, _TAIL_PERIODS = 0.125, 0.25  # after the first and the last extremum used
-_FEWEST_EXTREMA = 3
-_FEWEST_READINGS = 40
-_GAP_STEPS = 1.8
+_FEWEST_EXTREMA = 3  # two swings, whose ratio is a decrement
+_FEWEST_READINGS = 40  # for the eight parameters of the fullest mixture
+_GAP_STEPS = 1.8  # of the median step: a longer one is a gap
 
 
 @dataclass(frozen=True)

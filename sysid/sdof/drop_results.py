@@ -48,7 +48,7 @@ class DampingLaw:
     is f = F/k [m], `quadratic_per_m` is q [1/m].  `covariance` (4, 4) is that of these four, zero where the term is
     absent (the decrement is fitted along in any case).  `shares` (3,) of viscous, dry and quadratic damping in the
     amplitude lost over `window_s` [s].  `stick_time_s` when the mass sticks, infinite where it does not; `level` x0
-    [m]; `stiffening_per_m2` e of a spring force k y (1 + e y^2), 0 where the record does not ask for it.  `time_s`,
+    [m]; `stiffening_per_m2` e of a spring force k y (1 + e y^2), 0 where the record shows none.  `time_s`,
     `model` (n,) the fitted motion; `noise_ratio` residual over the noise at rest.  `usable` False (NaN numbers, no
     terms) where `note` says why.
     """

@@ -11,18 +11,18 @@ from sysid.sdof.decay_modes import ModeFit, fit_modes, mode_curve, scan_single_m
 
 HOP_RANGE_HZ = (6.0, 20.0)
 _HOP_STARTS_HZ = (8.5, 12.0)
-_HOP_DAMPING_RATIO = 0.12
+_HOP_DAMPING_RATIO = 0.12  # of the wheel hop where the search begins
 _HOP_ABOVE_BODY = 2.0  # hop is sought at least an octave above the body mode
-_WINDOW_CANDIDATES = 5
-_WINDOW_TOLERANCE = 1.15
-_WINDOW_SHARE = 0.2
-_POOR_NOISE_RATIO = 1.5
-_POOR_SHARE = 0.02
-_UNCERTAIN = 0.5
-_LARGEST_DAMPING_RATIO = 0.7
+_WINDOW_CANDIDATES = 5  # later starts of the fitted window that are tried
+_WINDOW_TOLERANCE = 1.15  # residuals this close to the noise, or to the best window, are as good
+_WINDOW_SHARE = 0.2  # of the range of the record: the least swing that is left to fit
+_POOR_NOISE_RATIO = 1.5  # residuals over noise from which a fit counts as poor,
+_POOR_SHARE = 0.02  # if they are also more than this share of the amplitude
+_UNCERTAIN = 0.5  # relative error of the decay rate that leaves it unknown
+_LARGEST_DAMPING_RATIO = 0.7  # beyond, a record shows less than one swing
 _DRIFT_CYCLES, _DRIFT_SIGNIFICANCE = 3.0, 4.0
-_CURVATURE_SIGNIFICANCE = 4.0
-_CURVATURE_RELEVANCE = 0.3
+_CURVATURE_SIGNIFICANCE = 4.0  # standard errors
+_CURVATURE_RELEVANCE = 0.3  # relative change of the decay rate over two time constants
 
 
 @dataclass(frozen=True)

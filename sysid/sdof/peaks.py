@@ -12,12 +12,12 @@ from sysid.sdof.time_grid import even_times
 
 _WIDEST, _NARROWEST = 0.4, 0.2  # half window of the smoothing in body periods: passes 0.96 to 1.00 of the body mode
 _HOP_HALF_WIDTH_S = 0.18  # passes at most a tenth of a wheel hop of 7 Hz and more
-_HALF_PERIOD_TOLERANCE = 0.2
-_GROWTH_TOLERANCE = 1.05
-_SMALLEST_RELATIVE_AMPLITUDE = 0.01
+_HALF_PERIOD_TOLERANCE = 0.2  # of half a period, by which extrema may be off
+_GROWTH_TOLERANCE = 1.05  # a free decay does not grow; a swing may be this much larger than the last, beside the noise
+_SMALLEST_RELATIVE_AMPLITUDE = 0.01  # of the largest swing
 _GAP_PERIODS = 1.0 / 6.0
-_NOISE_FLOOR = 3.0
-_NOISE_SAMPLES = 400
+_NOISE_FLOOR = 3.0  # standard deviations of an extremum that its amplitude must exceed
+_NOISE_SAMPLES = 400  # enough for a scatter known to 4 %
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from sysid.arrays import Samples
 from sysid.sdof.smoothing import high_frequency_noise, robust_sd
 
 _MOVE_SHARE = 0.15  # a move of this share of the range is motion, not drift or noise
-_REST_SHARE = 0.01
+_REST_SHARE = 0.01  # of the range: readings this close to the level are at rest
 
 
 @dataclass(frozen=True)

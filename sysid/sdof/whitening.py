@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-_AR_ORDER = 2
+_AR_ORDER = 2  # a damped oscillation, such as the wheel hop, is one of order 2
 
 
 def autoregression(residual: np.ndarray, first_of_run: np.ndarray) -> np.ndarray:

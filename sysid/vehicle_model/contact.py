@@ -8,13 +8,13 @@ acts like a flat road at the equivalent deflection
 
 and gives the vertical and the forward force
 
-    V = max(0, F_ref |e / u_ref|^n sign(e) + c (e / u_ref)^(1/2) de/dt),
+    V = max(0, F_ref |e / u_ref|^n sign(e) + c g(e / u_ref) de/dt),   g(r) = r ((1 + s) / (r + s))^(1/2),
     H = V (beta_0(s) + beta_1(s) w + beta_2(s) w^2).
 
 Below v = lift - u_0 the undeformed wheel is clear of the road.  The exponent n is the same for all tires and estimated
 with the other parameters; u_ref = n F_ref / k_t makes k_t the tangent stiffness at the static load F_ref of the first
 load case, so other load cases get stiffer by themselves.  The damping grows with the contact length, the square root of
-the deflection (softened below a tenth of u_ref).
+the deflection, but falls in proportion to the deflection far below s u_ref (:data:`SOFT_DAMPING`).
 """
 
 from __future__ import annotations

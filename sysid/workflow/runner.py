@@ -1,4 +1,4 @@
-"""Runs stages: those that one needs first, each once, and only what is not known."""
+"""Runs a stage after the stages that it needs, each once, and only those whose result is not known yet."""
 
 from __future__ import annotations
 

@@ -99,10 +99,11 @@ class Aside(Generic[T]):
 
 @dataclass(frozen=True)
 class Command(Generic[T]):
-    """How a result is asked for and shown on the command line.
+    """The command of a stage: its help, its options, and how its result is shown.
 
-    `show` makes tables and sentences; `recalls`: without options it takes those of the run that filled the folder;
-    `fault` the error whose exit code is that of a result which is shown all the same, None where all is well.
+    `show` makes tables and sentences; `recalls`: without options the command takes those of the run that filled the
+    folder; `fault` is the error whose exit code the command ends with although the result is shown, None where all is
+    well.
     """
 
     help: str
@@ -127,7 +128,7 @@ class Stage(Generic[T]):
     - When it runs: `in_run` whether ``run`` computes it, ``full`` not in previews; `along_with` the stage in whose
       company it always runs; `effort` its typical seconds.
     - How it is kept: `in_file` False for what every process computes anew; `unfinished` whether a kept result goes on
-      when an interrupted run is resumed; `answers` whether a kept result is what is asked for; `so_far` what an
+      when an interrupted run is resumed; `answers` whether a kept result fits the options; `so_far` what an
       unfinished run has got.
     - Where it goes: `put` its result into those of the whole calibration (None: under its name into ``further``);
       `warnings` of it (quick: of a preview) for the user; `command` on the command line, None for none.
@@ -160,10 +161,10 @@ class Whole(Stage[T]):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Itemwise(Stage[dict[str, T]]):
-    """A stage whose results come one by one, are kept one by one, and are asked for by name.
+    """A stage whose results are computed one by one, kept one by one, and chosen by name.
 
-    `chosen` names what the options ask for; `each` computes named ones in turn, whose return annotation says what the
-    file may hold.
+    `chosen` returns the names that the options choose; `each` computes the named results in turn, and its return
+    annotation says what the file may hold.
     """
 
     chosen: Callable[[Context], Sequence[str]]

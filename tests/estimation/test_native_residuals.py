@@ -8,12 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import rigid_truck
+from fit_states import state_at
 from native_engine import needs_native
 from rigid_truck import bump, campaign, empty_run, true_log_parameters
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import AxleGroup, Equaliser, ForceTable, FrameBending
-from sysid.estimation.fit.state import FitState, state_at
+from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.linearisation import linearise, linearise_group

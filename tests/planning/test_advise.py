@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fit_states import state_at
 from rigid_truck import (
     SENSORS,
     VEHICLE,
@@ -21,7 +22,6 @@ from sysid.campaign.records import PredictionRequest, Sensor
 from sysid.campaign.vehicle_records import MassTolerances
 from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.options import FitOptions
-from sysid.estimation.fit.state import state_at
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.parameters.map_tires import map_tires

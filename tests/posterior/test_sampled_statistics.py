@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from figures import record
+from fit_states import state_at
 from synthetic_fit import SyntheticFit, synthetic_fit
 
-from sysid.estimation.fit.state import state_at
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion

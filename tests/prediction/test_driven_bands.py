@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from fit_states import state_at
 from rigid_truck import true_log_parameters
 from scipy import stats
 from synthetic_fit import NOISE, SPEED_M_S, START_S, synthetic_campaign
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import MassTolerances
-from sysid.estimation.fit.state import FitState, state_at
+from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import GAIN_SD, bump_model
 from sysid.estimation.residuals.histories import run_histories

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fit_states import state_at
 from rigid_truck import EMPTY, LADEN, VEHICLE, bump, campaign, empty_run
 
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.campaign.vehicle_records import AxleGroup, Equaliser, FrameBending, MassTolerances
 from sysid.errors import CampaignError
-from sysid.estimation.fit.state import state_at
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.residual_weights import Weights

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fit_states import state_at
 from rigid_truck import AXLES, EMPTY, LADEN, STIFFNESS, VEHICLE, bump, campaign, empty_run, true_log_parameters
 
 from sysid.campaign.records import BumpShape, Campaign, PredictionRequest
-from sysid.estimation.fit.state import FitState, state_at
+from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import bump_model

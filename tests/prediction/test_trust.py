@@ -7,10 +7,11 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from fit_states import state_at
 from rigid_truck import DAMPING, EMPTY, EXPONENT, STIFFNESS, VEHICLE, bump, campaign, empty_run, true_log_parameters
 
 from sysid.campaign.records import PredictionRequest
-from sysid.estimation.fit.state import FitState, state_at
+from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.residual_weights import Weights

@@ -79,8 +79,8 @@ def on_common_clock(
             for r, log in of_runs
             if log.duration_s > 0.0 and runs[r].log.duration_s > 0.0
         ]
-        found = _along_line(seen, logger, runs) if logger.clock == "continuous" else _one_by_one(seen, logger, runs)
-        for one, finding in zip(seen, found, strict=True):
+        settled = _along_line(seen, logger, runs) if logger.clock == "continuous" else _one_by_one(seen, logger, runs)
+        for one, finding in zip(seen, settled, strict=True):
             findings[one.run].append(finding)
             joined[one.run] = _joined(joined[one.run], one.log, finding)
     return tuple(joined), tuple(finding for of_run in findings for finding in of_run)
@@ -220,8 +220,8 @@ def _along_line(seen: Sequence[_Seen], logger: Logger, runs: Sequence[BumpRun]) 
     for k, one in enumerate(seen):
         run = runs[one.run]
         here = np.array([1.0, when[k] - centre])
-        value, own = float(here @ np.array([level, rate])), float(np.sqrt(here @ covariance @ here))
-        _check_bounds(value, own, logger, run, replace(one, method=one.method if one.lag else last.method))
+        value, value_sd = float(here @ np.array([level, rate])), float(np.sqrt(here @ covariance @ here))
+        _check_bounds(value, value_sd, logger, run, replace(one, method=one.method if one.lag else last.method))
         off = offset[k] - value
         if usable[k] and not used[k] and abs(off) > APART_S:
             sentence = (
@@ -235,8 +235,8 @@ def _along_line(seen: Sequence[_Seen], logger: Logger, runs: Sequence[BumpRun]) 
         at = when[k] - one.log.start_time_s
         method: ClockMethod = one.method if int(used.sum()) == 1 and usable[k] else "all runs"
         finding = ClockFinding(
-            run.log.file, one.log.file, logger.name, method, value + one.start_apart_s, own, float(at), rate, rate_sd,
-            complaint=sentence,
+            run.log.file, one.log.file, logger.name, method, value + one.start_apart_s, value_sd, float(at), rate,
+            rate_sd, complaint=sentence,
         )  # fmt: skip
         result.append(finding if sentence else _judged(finding))
     return result

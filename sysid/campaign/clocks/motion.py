@@ -124,12 +124,12 @@ def motion_lag(
 
 def _observations(first: Sequence[Channel], second: Sequence[Channel], vehicle: Vehicle) -> list[_Observation]:
     whole = [(c, k == 1) for k, cs in enumerate((first, second)) for c in cs if _whole(c)]
-    found = []
+    usable = []
     for channel, late in whole:
         sensor = channel.sensor
         if sensor.kind == "body_acceleration" and sensor.body is not None and sensor.x_m is not None:
             row = _row(vehicle, sensor.body, sensor.x_m)
-            found.append(_Observation(row, (_Part(channel, late, False),)))
+            usable.append(_Observation(row, (_Part(channel, late, False),)))
         elif sensor.kind == "axle_acceleration" and sensor.axle is not None:
             deflection = next(
                 (
@@ -142,8 +142,8 @@ def _observations(first: Sequence[Channel], second: Sequence[Channel], vehicle: 
             if deflection is not None:
                 axle = vehicle.axles[sensor.axle]
                 row = _row(vehicle, axle.body, axle.x_m)
-                found.append(_Observation(row, (_Part(channel, late, False), deflection)))
-    return found
+                usable.append(_Observation(row, (_Part(channel, late, False), deflection)))
+    return usable
 
 
 def _whole(channel: Channel) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-#: A clock that starts anew with every log, one that runs on from log to log, or one that is that of the first logger.
+#: A clock that starts anew with every log, one that runs on from log to log, or one shared with the first logger.
 ClockKind = Literal["per_log", "continuous", "shared"]
 #: How the offset of a clock in one run was found.
 ClockMethod = Literal["sync", "motion", "arrivals", "all runs", "declared"]

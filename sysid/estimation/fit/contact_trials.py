@@ -25,7 +25,7 @@ def contact_trials(
     options: FitOptions,
     progress: Progress | None = None,
 ) -> tuple[ContactTrial, ...]:
-    """The fit repeated with every contact law: how much of the result hangs on the model of the tire's contact.
+    """The fit repeated with every contact law: how much the result depends on the model of the contact.
 
     All are fits of the vehicle as declared, without departures towards the other laws.
 

@@ -53,7 +53,7 @@ DOUBTFUL_MASS_SD = 3.0
 def evaluate_optimum(
     campaign: Campaign, optimum: Optimum, options: FitOptions, report: Progress
 ) -> tuple[FitResult, FitState]:
-    """Covariance, checks and histories at an optimum; if `options` ask for it SciPy's solver looks for it as well."""
+    """Covariance, checks and histories at an optimum; with ``options.cross_check`` SciPy's solver searches as well."""
     problem, vector, minimum = optimum.problem, optimum.vector, optimum.minimum
     model = problem.model
     report("covariance and checks", 0.9)
@@ -158,8 +158,8 @@ def _mass_warnings(checks: tuple[MassCheck, ...]) -> tuple[str, ...]:
         if abs(np.log(check.estimate)) > DOUBTFUL_MASS_SD * check.tolerance:
             percent, side = 100.0 * abs(check.estimate - 1.0), "above" if check.estimate > 1.0 else "below"
             sentences.append(
-                f"The data ask for a value about {percent:.2g} % {side} the declared one: {check.words}, declared "
-                f"within {100.0 * check.tolerance:g} %. Check it in campaign.toml, or widen its tolerance."
+                f"The data fit better with a value about {percent:.2g} % {side} the declared one: {check.words}, "
+                f"declared within {100.0 * check.tolerance:g} %. Check it in campaign.toml, or widen its tolerance."
             )
     return tuple(sentences)
 
@@ -172,7 +172,7 @@ def parameter_sd(optimum: Optimum) -> np.ndarray:
 
 
 def _check_runs_are_seen(campaign: Campaign, problem: Problem, compressed: Compressed) -> None:
-    """A run whose simulated passage has left its record no longer knows its start: nothing can be said of it.
+    """Refuse a fit in which a run's simulated passage has left its record: then nothing determines the run's start.
 
     Raises
     ------
@@ -184,9 +184,9 @@ def _check_runs_are_seen(campaign: Campaign, problem: Problem, compressed: Compr
     if lost.size:
         run = campaign.bump_runs[problem.order[int(lost[0])]]
         raise DataRejectedError(
-            f"{run.log.file}: the fit has moved its passage over the bump out of the record, as channels that "
-            "contradict each other make it do. See what the stage 'check' says of its channels (units, exchanged "
-            "columns), and compare its speed and load case with the test notes."
+            f"{run.log.file}: the fit has moved its passage over the bump out of the record. This happens when "
+            "channels contradict each other. Look at the output of the stage 'check' for its channels (units, "
+            "exchanged columns), and compare its speed and load case with the test notes."
         )
 
 
@@ -364,7 +364,7 @@ def fit_warnings(
     if misfit >= MISFIT:
         sentences.append(
             f"Residuals are {size} (median over channels): the model does not explain everything the sensors saw. "
-            "Intervals are widened by what these residuals ask for and may not hold all of it."
+            "Intervals are widened accordingly, but may still be too narrow."
         )
     if halving > STEP_HALVING:
         sentences.append(

@@ -1,8 +1,8 @@
 """The joint optimum of parameters, masses and departures from the model, from the optimum of the parameters alone.
 
-Masses and departures y have priors, and the data inform them: rounds of a Gauss-Newton step of all together
-(:mod:`sysid.estimation.uncertainty.joint_step`), of the vehicle and the footprint maps made anew there, and of a search
-for the parameters under them.
+Masses and departures y have priors, and the data inform them.  Every round has three parts: a Gauss-Newton step of all
+together (:mod:`sysid.estimation.uncertainty.joint_step`); vehicle and footprint maps made anew there; a search for the
+parameters with this vehicle.
 """
 
 from __future__ import annotations

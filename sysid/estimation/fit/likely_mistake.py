@@ -78,7 +78,7 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
     values, motion = problem.unpack(optimum.vector)
     known = allowance_columns(model, allowances, problem.weights, values, motion)
     directions = iter(Directions(campaign, model, problem.weights, values, motion))
-    found = []
+    scored = []
     while chosen := list(islice(directions, _AT_ONCE)):
         data = information_with(campaign, problem, optimum.vector, *known, *(columns for _, columns in chosen))
         score = data.score
@@ -90,9 +90,9 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
         v = np.diag(information)
         for k, (candidate, _) in enumerate(chosen):
             if v[k] > 0.0:
-                found.append(MistakeScore(candidate, float(pull[k] ** 2 / v[k]) / left, float(-pull[k] / v[k])))
+                scored.append(MistakeScore(candidate, float(pull[k] ** 2 / v[k]) / left, float(-pull[k] / v[k])))
     problem.forget()
-    return _best_sizes(found)
+    return _best_sizes(scored)
 
 
 def _best_sizes(scores: Sequence[MistakeScore]) -> tuple[MistakeScore, ...]:
@@ -106,10 +106,10 @@ def _best_sizes(scores: Sequence[MistakeScore]) -> tuple[MistakeScore, ...]:
 def _taken(information: np.ndarray, score: np.ndarray, prior: np.ndarray, sd: np.ndarray) -> float:
     """What one step of parameters, masses and departures takes of the sum of squares."""
     count, known = prior.shape[0], prior.shape[0] + sd.size
-    own = information[:known, :known].copy()
-    own[:count, :count] += prior
-    own[count:, count:] += np.diag(sd**-2.0)
-    return float(score[:known] @ np.linalg.solve(own, score[:known]))
+    precision = information[:known, :known].copy()
+    precision[:count, :count] += prior
+    precision[count:, count:] += np.diag(sd**-2.0)
+    return float(score[:known] @ np.linalg.solve(precision, score[:known]))
 
 
 def _plain_weights(optimum: Optimum) -> Weights:

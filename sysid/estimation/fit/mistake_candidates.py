@@ -73,7 +73,7 @@ class Candidate:
         if self.kind == "clock":
             return (
                 f"the readings of the logger '{shorten(self.logger)}' are {1e3 * abs(self.size):.0f} ms "
-                f"{'late' if self.size > 0 else 'early'} against the others: check what check says of its clock"
+                f"{'late' if self.size > 0 else 'early'} against the others: look at its clock in the output of check"
             )
         return self._of_sensor()
 
@@ -193,8 +193,8 @@ class Directions:
     def _of_load_cases(self, here: Residuals) -> Iterator[tuple[Candidate, tuple[ResidualColumns, ...]]]:
         runs = self.campaign.bump_runs
         # A stiffness of its own per load case is known for those that were driven.
-        own = any(axle.load_dependent for axle in self.campaign.vehicle.axles)
-        for other in self.campaign.load_cases_in_use if own else self.campaign.load_cases:
+        per_load_case = any(axle.load_dependent for axle in self.campaign.vehicle.axles)
+        for other in self.campaign.load_cases_in_use if per_load_case else self.campaign.load_cases:
             if all(run.load_case == other for run in runs):
                 continue
             listed = replace(self.campaign, bump_runs=tuple(replace(r, load_case=other) for r in runs))

@@ -25,14 +25,14 @@ from sysid.vehicle_model.passes import MapTires
 
 @dataclass(frozen=True)
 class FitPoint:
-    """Where a fit ended and how it got there: all that is kept of it, besides its results for people.
+    """Where a fit ended and how it got there: all that is kept for later stages, beside the results for people.
 
     `parameters` with their priors and laws; `contact`, `tires` of the footprint maps (None for the declared ones) and
-    `target_step_s` of the integration say what was simulated; `log_parameters` (p,) and `motion` the optimum; `weights`
-    of its residuals; `adjustment` (p, p) by which the likelihood is flattened, and `slope` (p,) the gradient that its
-    logarithm then has there (:mod:`sysid.estimation.uncertainty.information`), None for that of the flattened one;
-    `amounts` (q,) masses and departures at the optimum, and `mass_response` how they go with the parameters, both None
-    for a vehicle as declared; `parts` were added to the declared vehicle.
+    `target_step_s` of the integration say what was simulated; `log_parameters` (p,) and `motion` the optimum;
+    `weights` of its residuals; `adjustment` (p, p) flattens the likelihood, and `slope` (p,) is the gradient of its
+    logarithm at the optimum (:mod:`sysid.estimation.uncertainty.information`), None for the gradient of the flattened
+    likelihood; `amounts` (q,) masses and departures at the optimum, and `mass_response` how they depend on the
+    parameters, both None for a vehicle as declared; `parts` were added to the declared vehicle.
     """
 
     parameters: ParameterSet
@@ -131,10 +131,3 @@ def model_of(
     if point.amounts is None:
         return model
     return campaign_allowances(fitted or campaign, point.parameters, model.felt).moved(model, point.amounts)
-
-
-def state_at(
-    campaign: Campaign, model: BumpModel, log_parameters: Parameters, motion: RunMotion, weights: Weights
-) -> FitState:
-    """A fit that ended at log parameters (p,) and run motions with exact masses and independent noise."""
-    return FitState(campaign, fit_point(model, log_parameters, motion, weights, np.eye(log_parameters.size)), model)

@@ -1,6 +1,6 @@
 """The runs of a fit with larger integration steps, and the same signals at one parameter set.
 
-A search or a sampler asks for thousands of parameter sets that lie close to each other.  There the error of the
+A search or a sampler simulates thousands of parameter sets that lie close to each other.  Among them the error of the
 integration hardly changes: with the signals y_h(x) of steps h at log parameters x and a set x_0 among them,
 
     y_h(x) = y_H(x) + [y_h(x_0) - y_H(x_0)] + (rest),    rest = 0 at x_0,

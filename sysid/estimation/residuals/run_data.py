@@ -101,10 +101,10 @@ def on_grid(
     measured = np.zeros(samples, bool)
     censored = np.zeros(samples, np.int8)
     position = channel.time_s / interval_s
-    own = _even_phase(position)
-    begin = (own or 0.0) if phase is None else phase
-    apart = 0.0 if own is None else own - begin
-    regular = own is not None and abs(apart - np.rint(apart)) < _EVEN
+    sampled_phase = _even_phase(position)
+    begin = (sampled_phase or 0.0) if phase is None else phase
+    apart = 0.0 if sampled_phase is None else sampled_phase - begin
+    regular = sampled_phase is not None and abs(apart - np.rint(apart)) < _EVEN
     index = np.rint(position - begin).astype(int)
     inside = (index >= 0) & (index < samples) & np.isfinite(channel.value)
     if regular:

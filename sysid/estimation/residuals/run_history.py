@@ -45,8 +45,8 @@ class RunHistory(Tabular):
     channel rows: `measured` and `simulated` (channels, n) in SI with the estimated sensor offset and gain applied to
     the simulation; NaN where missing; `censored` as in the records; `noise_sd` (channels,) residual scale;
     `instrument_noise_sd`, `rolling_noise_sd` (channels,) what the channels show before the bump, from reading to
-    reading and in all (0 where nothing tells it); `offset`, `gain` (channels,); `band` what the posterior says of the
-    same signals, None before sampling.
+    reading and in all (0 where unknown); `offset`, `gain` (channels,); `band` of the same signals over posterior draws,
+    None before sampling.
     """
 
     file: str

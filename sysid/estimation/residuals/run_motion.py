@@ -1,8 +1,8 @@
-"""Motion of every run: what the search finds, and what the campaign says of it beforehand.
+"""Motion of every run: the unknowns of the search, and their priors from the campaign.
 
-A run has unknowns of its own: its speed v and start t_0 at axle 1, and by which share c its speed changes, at constant
-acceleration, until the last axle is where axle 1 was, L behind.  The search counts in the mean speed of the passage,
-v (1 + c / 2), start and c: the mean speed is what the arrivals of first and last axle determine whatever c is.
+A run has three unknowns of its own: its speed v and start t_0 at axle 1, and the share c by which its speed changes,
+at constant acceleration, until the last axle is where axle 1 was, L behind.  The search uses the mean speed of the
+passage, v (1 + c / 2), in place of v: the arrivals of first and last axle determine the mean speed whatever c is.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def without_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknow
 
 
 def response_of_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> np.ndarray:
-    """How the runs' own unknowns go with the common ones at their best: N^-1 J_run' J, (R, 3, p); as `without_runs`."""
+    """How the runs' own unknowns follow the common ones at their best: N^-1 J_run' J, (R, 3, p); as `without_runs`."""
     count = normal.shape[-1] - RUN_UNKNOWNS
     of_runs = normal[:, count:, count:] + prior
     # A run whose data say nothing about its own unknowns must not divide by zero.

@@ -49,15 +49,15 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChann
     groups = {_group(m.frame_id): m for m in database.messages if m.is_extended_frame}
     groups.pop(None, None)
     frames = _frames(_messages(stream))
-    found = []
+    known_frames = []
     for (identifier, extended), one in sorted(frames.items()):
         message = known.get((identifier, extended)) or (groups.get(_group(identifier)) if extended else None)
         if message is not None:
-            found.append((identifier, message, one))
-    if not found:
+            known_frames.append((identifier, message, one))
+    if not known_frames:
         raise RefusedError("has no frame of a message in its CAN database; check that the DBC file is that of this bus")
-    names = [message.name for _, message, _ in found]
-    for identifier, message, one in found:
+    names = [message.name for _, message, _ in known_frames]
+    for identifier, message, one in known_frames:
         several = names.count(message.name) > 1
         label = f"{message.name} {identifier:X}" if several else str(message.name)
         decoded: list[dict[str, np.ndarray]] = []

@@ -115,7 +115,9 @@ def _speed_blocks(report: QualityReport) -> Blocks:
 
 
 def _finding_cells(f: ChannelFinding) -> tuple[str, ...]:
-    scale, unit = (1e-3, "mm") if f.si_unit == "m" else (9.80665, "g")
+    from sysid.campaign.units import STANDARD_GRAVITY_M_S2
+
+    scale, unit = (1e-3, "mm") if f.si_unit == "m" else (STANDARD_GRAVITY_M_S2, "g")
 
     def level(value: float | None, digits: str) -> str:
         return "-" if value is None else f"{value / scale:{digits}} {unit}"

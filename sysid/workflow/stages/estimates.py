@@ -35,7 +35,7 @@ ESTIMATES = Whole(
     # Whatever has run: the drops alone have something to show.
     uses=(SCAN, FIT, SAMPLE),
     code=("estimates",),
-    # Seconds, and in memory only: so it is there for every report of whatever has run, beside a running chain too.
+    # It takes seconds and stays in memory, so every report has it, whatever stages have run, also while a chain runs.
     in_file=False,
     put=lambda results, estimates: replace(results, estimates=estimates),
 )
