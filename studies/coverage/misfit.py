@@ -100,7 +100,7 @@ def replicate(number: int) -> Record:
         "failed": None if fit.converged and posterior.converged else f"{fit.message}; {posterior.message}",
         "laws": sorted(elements),
         "false_laws": physics.linear and bool(elements),
-        "said": any("does not explain" in w or "behave as if a rocker" in w for w in fit.warnings),
+        "said": bool(fit.proposals) or any("does not explain" in w for w in fit.warnings),
         "misfit": _misfit(fit),
         "effective": min(s.ess for s in posterior.summaries),
         "entries": entries + _peaks(plan, world, *passes),

@@ -1,6 +1,6 @@
 """The likely mistake in a campaign whose residuals do not fit: one wrong sign, lag, scale, place or load case.
 
-A score test, as in :mod:`sysid.estimation.fit.rocker_search`, needs no further fit.  Residuals are counted in units
+A score test, as in :mod:`sysid.estimation.fit.part_score`, needs no further fit.  Residuals are counted in units
 of the noise of the instruments (or of what the channels show before the bump), all alike, so that a sensor that
 contradicts the others keeps its weight.  With a mistake of amplitude a and everything that would move with it, z
 (parameters, masses and tires within their tolerances, speeds and starts of the runs), one linear step from the fit at
