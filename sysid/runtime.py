@@ -107,14 +107,25 @@ def return_memory() -> None:
         trim(0)
 
 
+class _Process:
+    """Whether this process runs nothing else than this program."""
+
+    ours = False
+
+
+def own_process() -> None:
+    """Say that this process runs this program alone: what JAX has compiled in it is ours to let go of."""
+    _Process.ours = True
+
+
 def forget_compiled() -> None:
     """Let go of all functions that JAX has compiled in this process: they take more than a megabyte each.
 
     Another stage, or another suspension law, needs hardly any of them; what is asked for again comes from the cache
-    folder.
+    folder.  In a process that may run other code, as a notebook, they stay, and only free memory is given back.
     """
     jax = sys.modules.get("jax")
-    if jax is not None:
+    if jax is not None and _Process.ours:
         jax.clear_caches()
     return_memory()
 

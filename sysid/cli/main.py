@@ -16,6 +16,7 @@ import click
 from sysid.cli.calibration_options import calibration_options, decorated
 from sysid.cli.fleet import fleet
 from sysid.cli.output_option import OutputFolder
+from sysid.runtime import own_process
 from sysid.workflow.stage import Option
 from sysid.workflow.stages import RECORDS
 
@@ -156,6 +157,7 @@ def formats(files: tuple[Path, ...]) -> None:
 
 def main() -> None:
     """Run the command line."""
+    own_process()
     cli(prog_name=Path(sys.argv[0]).name if sys.argv else "sysid")
 
 

@@ -23,6 +23,7 @@ from sysid.files import read_bytes, write_text
 from sysid.fleet.key import calibration_key, chain_key, folder_state, result_digest
 from sysid.fleet.outcome import LOG_FILE, RESULT_FILE, Outcome, State
 from sysid.folder_lock import FolderLock, cannot_write
+from sysid.runtime import own_process
 
 #: Exit status of a process that nobody waits for.
 ABANDONED = 75
@@ -35,6 +36,7 @@ _INTERVAL_S = 0.5
 
 def main() -> None:
     """Calibrate the requested campaign and say what became of it."""
+    own_process()
     say = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8", buffering=1)
     # Whatever a library prints belongs into the log.
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
