@@ -116,7 +116,7 @@ def test_scores_of_frames_on_rigid_trucks_are_small_and_of_bending_ones_are_larg
         scores = part_scores(data, optimum, frame_candidates(data.vehicle))
         assert (abs(scores[0].amplitude) > 2.0 * LEAST_AMPLITUDE) == bends
         if bends:
-            assert scores[0].candidate.tried.frames[0].bending.frequency_hz == 11.0
+            assert scores[0].candidate.tried.frames[0].bending.frequency_hz in (10.0, 11.2, 12.5)
             assert scores[0].amplitude == pytest.approx(1.0, abs=0.6)
 
 
