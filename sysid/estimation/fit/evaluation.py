@@ -55,11 +55,10 @@ def evaluate_optimum(
 ) -> tuple[FitResult, FitState]:
     """Covariance, checks and histories at an optimum; with ``options.cross_check`` SciPy's solver searches as well."""
     problem, vector, minimum = optimum.problem, optimum.vector, optimum.minimum
-    model = problem.model
+    model, weights = problem.model, problem.weights
     report("covariance and checks", 0.9)
     parameters, motion = problem.unpack(vector)
     at_optimum = _AtOptimum.of(problem, vector)
-    weights = problem.weights
 
     difference = float("nan")
     if options.cross_check:
@@ -73,8 +72,7 @@ def evaluate_optimum(
     adjusted = adjusted_information(campaign, problem, vector, allowances, optimum.amounts)
     adjustment = adjusted.adjustment
     covariance = _covariance(problem, compressed, adjustment)
-    scaled = compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0)
-    singular = np.linalg.svd(scaled, compute_uv=False)
+    singular = np.linalg.svd(compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0), compute_uv=False)
 
     report("step-halving check", 0.96)
     halving = _step_halving_error(problem, vector, at_optimum.simulated)
