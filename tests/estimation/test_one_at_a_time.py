@@ -6,9 +6,9 @@ import weakref
 
 import numpy as np
 import pytest
+from fit_states import state_at
 from rigid_truck import bump, campaign, empty_run, true_log_parameters
 
-from sysid.estimation.fit.state import state_at
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals import problem as problem_module
 from sysid.estimation.residuals.bump_model import bump_model

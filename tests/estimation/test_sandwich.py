@@ -119,7 +119,7 @@ def test_model_error_is_the_factor_by_which_blocks_scatter_more_than_noise():
     random = np.random.default_rng(11)
     # Few blocks: what the unknowns take up of their scatter is an eighth.
     blocks, rows, count, together, prior = 8, 60, 4, 5, 1e-6 * np.eye(4)
-    masses = SimpleNamespace(sd=np.zeros(0), readings=np.zeros(0, bool))
+    masses = SimpleNamespace(sd=np.zeros(0), readings=np.zeros(0, bool), scales=np.zeros(0, bool))
     nothing = SimpleNamespace(masses=masses, departures=SimpleNamespace(directions=()))
     factors, noise = [], []
     for _ in range(300):
