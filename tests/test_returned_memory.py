@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from studies.process import status
-from sysid.runtime import _of_glibc, forget_compiled, return_memory
+from sysid.cli.main import main
+from sysid.runtime import _of_glibc, _Process, forget_compiled, return_memory
 
 
 @pytest.mark.skipif(
@@ -69,3 +70,10 @@ def test_threads_share_few_heaps(tmp_path: Path, asked: str | None, heaps: set[i
     said = tmp_path / "heaps.xml"
     subprocess.run([sys.executable, "-c", _HEAPS_OF_THREADS, str(said)], env=environment, check=True)
     assert said.read_text().count("<heap nr=") in heaps
+
+
+def test_the_command_line_has_a_process_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sysid.runtime._Process.ours", False)
+    monkeypatch.setattr("sysid.cli.main.cli", lambda **given: None)
+    main()
+    assert _Process.ours

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from rigid_truck import AXLES, DAMPING, EMPTY, LADEN, STIFFNESS, VEHICLE, bump, campaign, empty_run, with_values
 
 from sysid.campaign.vehicle_records import AxleGroup, Equaliser, FrameBending
+from sysid.estimation.fit import law_choice
+from sysid.estimation.fit.fit_result import LawComparison
 from sysid.estimation.fit.frame_search import LEAST_AMPLITUDE, TRIED_HZ, frame_candidates
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.least_squares import optimise
@@ -20,6 +23,7 @@ from sysid.estimation.fit.state import restored
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.rockers import LoadShare, load_shares, share_from_fit
+from sysid.estimation.parameters.undeclared_parts import NO_PARTS, UndeclaredParts
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
@@ -134,6 +138,51 @@ def test_a_part_that_explains_less_than_a_law_waits():
     parts, same = undeclared_parts(*given, law_gain=lambda *unused: 1e9)
     assert not parts
     assert same is optimum
+
+
+class _Stub:
+    """An optimum by name; what a fit is made of in the test below."""
+
+    def __init__(self, name: str):
+        self.name, self.misfit = name, 2.0
+        self.problem = SimpleNamespace(model=SimpleNamespace(parameters=SimpleNamespace(names=())))
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_a_part_that_only_shows_beside_the_laws_lets_their_comparison_begin_again(monkeypatch, late):
+    data, calls = measured(0.0, 0.0), []
+    data = replace(data, vehicle=replace(data.vehicle, axles=tuple(replace(a, suspension_law=None) for a in AXLES)))
+    part = UndeclaredParts(rockers=TANDEM)
+
+    def found(campaign, laws, optimum, *rest, **how):
+        calls.append(f"look beside {optimum.name}")
+        # Beside the linear laws, or only beside the chosen ones; once.
+        here = not campaign.vehicle.equalisers and (optimum.name == "chosen" if late else optimum.name == "fit 1")
+        return (part, _Stub("with part")) if here else (NO_PARTS, optimum)
+
+    def fitted(campaign, *rest, near=None, **how):
+        calls.append("fit with rocker" if campaign.vehicle.equalisers else "fit")
+        return _Stub(f"fit {sum(c.startswith('fit') for c in calls)}")
+
+    def compared(campaign, *rest):
+        calls.append("compare with rocker" if campaign.vehicle.equalisers else "compare")
+        return _Stub("chosen"), LawComparison((), ())
+
+    class Ended(Exception):
+        pass
+
+    def ended(campaign, optimum, *rest):
+        calls.append(f"end at {optimum.name}" + (" with rocker" if campaign.vehicle.equalisers else ""))
+        raise Ended
+
+    for name, stub in (("undeclared_parts", found), ("optimise", fitted), ("compare_laws", compared),
+                       ("joint_optimum", ended), ("laws_of", lambda vehicle, optimum: ())):  # fmt: skip
+        monkeypatch.setattr(law_choice, name, stub)
+    with pytest.raises(Ended):
+        fit_with_laws(data, None, PROFILES, FitOptions(cross_check=False))
+    early = ["fit", "look beside fit 1", "fit with rocker", "compare with rocker", "look beside chosen"]
+    later = ["fit", "look beside fit 1", "compare", "look beside chosen", "fit with rocker", "compare with rocker"]
+    assert calls == [*(later if late else early), "end at chosen with rocker"]
 
 
 def test_candidates_are_near_neighbours_under_one_body_that_nothing_joins():

@@ -10,6 +10,7 @@ import pytest
 from small_results import Words, before_sampling, campaign_only, small_fit, small_results
 
 from sysid.export import Results, result_document, result_schema, write_result
+from sysid.export.contents import Judgement
 from sysid.validation.channel_agreement import LeftOut, LeftOutRun
 
 
@@ -23,6 +24,15 @@ def validator():
 @pytest.mark.parametrize("results", [small_results(), before_sampling(), campaign_only()], ids=["all", "fit", "none"])
 def test_document_follows_the_schema(validator, results):
     validator.validate(json.loads(json.dumps(result_document(results), allow_nan=False)))
+
+
+def test_the_verdict_is_there_as_it_was_judged(validator):
+    document = result_document(replace(small_results(), judgement=Judgement("do_not_bet", ("The reason.",))))
+    assert document["verdict"] == {"trust": "do_not_bet", "reasons": ["The reason."]}
+    validator.validate(document)
+    assert result_document(small_results())["verdict"] is None
+    document["verdict"]["trust"] = "perhaps"
+    assert not validator.is_valid(document)
 
 
 def test_schema_refuses_what_the_contract_does_not_name(validator):

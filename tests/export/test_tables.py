@@ -19,6 +19,8 @@ from sysid.export import (
     write_predictions,
     write_validation,
 )
+from sysid.export.contents import Judgement
+from sysid.export.models import moving_force_texts
 from sysid.export.tables import write_profiles
 from sysid.files import write_atomically, write_text
 
@@ -119,6 +121,17 @@ def test_peaks_and_ratio_against_speed_come_back_with_pandas(tmp_path):
     assert table["extrapolated"].tolist() == [False] * 4 + [True] * 2
     np.testing.assert_allclose(table["peak_dynamic_load_ratio_q95"], sweep.peak_ratio.q95.ravel(), rtol=1e-12)
     np.testing.assert_allclose(table["load_coefficient_q50"], sweep.load_coefficient.q50.ravel(), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("trust", "forbidden"), [("use", 0), ("with_care", 0), ("do_not_bet", 1), ("not_yet", 1)])
+def test_tables_and_histories_carry_the_verdict(tmp_path, trust, forbidden):
+    results = replace(small_results(), judgement=Judgement(trust, ("because",)))
+    history, peaks, against = write_predictions(results, tmp_path)
+    for text in (peaks, against, io.StringIO(parameters_csv(results))):
+        assert set(pd.read_csv(text)["verdict"]) == {trust}
+    assert set(pd.read_csv(history)["do_not_bet"]) == {forbidden}
+    (moving,) = moving_force_texts(results.campaign, results.predictions, results.judgement).values()
+    assert set(pd.read_csv(io.StringIO(moving))["do_not_bet"]) == {forbidden}
 
 
 def test_a_pass_over_another_bump_has_it_in_its_file_name():

@@ -6,12 +6,15 @@ from dataclasses import replace
 import pytest
 from small_results import Words, before_sampling, campaign_only, small_fit, small_results, with_estimates
 
+from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.parameters.rockers import LoadShare
+from sysid.estimation.parameters.undeclared_parts import UndeclaredFrame
 from sysid.prediction.trust import Extrapolation
 from sysid.report.figures import representative_run
 from sysid.report.numbers import decimals, fixed, interval, listing, number, percent
-from sysid.report.verdict import verdict
+from sysid.report.verdict import judge, verdict
 
+FRAME = UndeclaredFrame("trailer", 8.0, 7.9, 8.1)
 ROCKER = LoadShare("rocker 1", (0, 1), 0.8, 0.75, 0.85)
 
 
@@ -39,6 +42,26 @@ def test_nothing_against_it_is_a_yes():
 
 
 @pytest.mark.parametrize(
+    ("change", "trust", "answer", "forbids"),
+    [
+        ({}, "use", "Yes", False),
+        ({"posterior": None}, "with_care", "Yes, with care", False),
+        ({"fit": replace(small_fit(), misfit=MISFIT)}, "do_not_bet", "Do not bet on them", True),
+        # Just below the limit, as it is printed, and where nothing is known.
+        ({"fit": replace(small_fit(), misfit=MISFIT - 0.006)}, "use", "Yes", False),
+        ({"fit": replace(small_fit(), misfit=math.nan)}, "use", "Yes", False),
+        ({"fit": replace(small_fit(), misfit=MISFIT), "status": "not_converged"}, "not_yet", "Not yet", True),
+        ({"status": "preview"}, "not_yet", "Not for decisions", True),
+    ],
+)
+def test_one_verdict_of_the_first_screen_and_of_the_files(change, trust, answer, forbids):
+    results = with_estimates(replace(blameless(), **change))
+    judgement, screen = judge(results), verdict(results)
+    assert (judgement.trust, judgement.forbids, screen.answer) == (trust, forbids, answer)
+    assert judgement.reasons == screen.use
+
+
+@pytest.mark.parametrize(
     ("change", "tone", "sentence"),
     [
         ({"status": "preview"}, "stop", "preview"),
@@ -48,6 +71,8 @@ def test_nothing_against_it_is_a_yes():
         ({"fit": None, "posterior": None, "drops": None}, "stop", "No stage"),
         ({"fit": small_fit(converged=False)}, "stop", "did not converge"),
         ({"fit": replace(small_fit(), undeclared_rockers=(ROCKER,))}, "caution", "Axles 1 and 2 behave as if a rocker"),
+        ({"fit": replace(small_fit(), undeclared_frames=(FRAME,))}, "caution", "bends at 8.00 Hz"),
+        ({"fit": replace(small_fit(), misfit=MISFIT)}, "stop", "Do not bet on these intervals: the residuals are 1.3"),
         ({"validation": small_results().validation}, "caution", "2 of 6 channel records"),
         ({"predictions": small_results().predictions}, "caution", "tire deflection of axle 2 and lift-off of axle 2"),
     ],

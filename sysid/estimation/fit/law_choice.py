@@ -32,7 +32,7 @@ from sysid.estimation.parameters.campaign_parameters import campaign_parameters,
 from sysid.estimation.parameters.named_priors import check_named_priors
 from sysid.estimation.parameters.rockers import load_shares
 from sysid.estimation.parameters.suspension_elements import law_elements
-from sysid.estimation.parameters.undeclared_parts import UndeclaredParts, undeclared_frames
+from sysid.estimation.parameters.undeclared_parts import NO_PARTS, UndeclaredParts, undeclared_frames
 from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
 from sysid.runtime import forget_compiled
@@ -75,13 +75,14 @@ def fit_with_laws(
     """
     options, report = options or FitOptions(), progress or unwatched
     choice = _Choice(campaign, drops, profiles, options, report)
-    choice, linear, parts = choice.with_parts(choice.declared, choice.by_declared_laws(None))
+    choice, linear = choice.with_parts(choice.declared, choice.by_declared_laws(None))
     chosen, comparison = choice.chosen(linear)
-    choice, linear, more = choice.with_parts(laws_of(campaign.vehicle, chosen), chosen)
-    if more:
-        parts += more
-        chosen, comparison = choice.chosen(linear)
-    campaign = choice.campaign
+    if chosen is not linear:
+        later, again = choice.with_parts(laws_of(campaign.vehicle, chosen), chosen)
+        if later is not choice:
+            choice = later
+            chosen, comparison = choice.chosen(again)
+    campaign, parts = choice.campaign, choice.parts
     joint = joint_optimum(campaign, chosen, profiles, options, report)
     fit, state = evaluate_optimum(campaign, joint, options, report)
     state = replace(state, point=replace(state.point, parts=parts))
@@ -103,13 +104,14 @@ def fit_with_laws(
 
 @dataclass(frozen=True)
 class _Choice:
-    """Fits of one campaign by any laws."""
+    """Fits of one campaign by any laws; its vehicle has the `parts` that were added to the declared one."""
 
     campaign: Campaign
     drops: DropSummary | None
     profiles: Mapping[str, RoadProfile]
     options: FitOptions
     report: Progress
+    parts: UndeclaredParts = NO_PARTS
 
     @property
     def declared(self) -> Laws:
@@ -139,8 +141,11 @@ class _Choice:
         """The optimum of the laws of the campaign file, good enough to judge its residuals where any law is open."""
         return self.fitted(self.declared, near, how="rough" if self.is_open else "final")
 
-    def with_parts(self, laws: Laws, optimum: Optimum) -> tuple[_Choice, Optimum, UndeclaredParts]:
-        """Fits with the parts that an optimum asks for and nobody declared, that by declared laws, and those parts."""
+    def with_parts(self, laws: Laws, optimum: Optimum) -> tuple[_Choice, Optimum]:
+        """Fits with the parts that an optimum asks for and nobody declared, and the one by declared laws among them.
+
+        The same ones, and the optimum itself, where it asks for none.
+        """
         parts, with_them = undeclared_parts(
             self.campaign,
             laws,
@@ -152,9 +157,9 @@ class _Choice:
             law_gain=lambda campaign, at: largest_gain(campaign, laws, self.richest, at) if self.is_open else 0.0,
         )
         if not parts:
-            return self, optimum, parts
-        choice = replace(self, campaign=parts.in_campaign(self.campaign))
-        return choice, choice.by_declared_laws(with_them), parts
+            return self, optimum
+        choice = replace(self, campaign=parts.in_campaign(self.campaign), parts=self.parts + parts)
+        return choice, choice.by_declared_laws(with_them)
 
     def fitted(self, laws: Laws, near: Optimum | None, *, how: How = "final", comparing: bool = False) -> Optimum:
         """The optimum of some laws; `near` one of others to start from."""

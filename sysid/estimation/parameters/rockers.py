@@ -9,11 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from sysid.campaign.vehicle_records import Vehicle
+from sysid.display import Z90
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.wording import joined_words
-
-#: Normal quantile of 95 %.
-_Q95 = 1.6448536269514722
 
 
 class _Quantiles(Protocol):
@@ -78,7 +76,7 @@ def share_of(odds: float) -> float:
 
 def share_from_fit(name: str, axles: tuple[int, ...], odds: float, log_sd: float) -> LoadShare:
     """The share whose log odds are normal about ln `odds`."""
-    low, high = (share_of(odds * float(np.exp(side * _Q95 * log_sd))) for side in (-1.0, 1.0))
+    low, high = (share_of(odds * float(np.exp(side * Z90 * log_sd))) for side in (-1.0, 1.0))
     return LoadShare(name, axles, share_of(odds), low, high)
 
 

@@ -9,11 +9,9 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import Equaliser, FrameBending, Vehicle
+from sysid.display import Z90
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.parameters.parameter_set import bending_names
-
-#: Normal quantile of 95 %.
-_Q95 = 1.6448536269514722
 
 
 @dataclass(frozen=True)
@@ -26,7 +24,7 @@ class BendingFrame:
 
 @dataclass(frozen=True)
 class UndeclaredParts:
-    """`rockers` between springs, and `frames` that bend."""
+    """`rockers` between springs, and `frames` that bend; true where there is any, sums hold the parts of both."""
 
     rockers: tuple[Equaliser, ...] = ()
     frames: tuple[BendingFrame, ...] = ()
@@ -66,21 +64,21 @@ class UndeclaredFrame:
         """The sentence that asks to declare it."""
         hz = self.frequency_hz
         return (
-            f"The frame of '{self.body}' behaves as if it bends at {hz:.1f} Hz (90 % interval {self.low:.1f} to "
-            f"{self.high:.1f} Hz): all results include this. If the truck has such a frame, declare bending = "
-            f"{{ frequency_hz = {hz:.1f} }} in its [[vehicle.body]]; if it has not, do not use their results."
+            f"The frame of '{self.body}' behaves as if it bends at {hz:.2f} Hz (90 % interval {self.low:.2f} to "
+            f"{self.high:.2f} Hz): all results include this. If it does, declare it in its [[vehicle.body]], bending = "
+            f"{{ frequency_hz = {hz:.2f} }}; if it is stiff, do not use the results of its axles."
         )
 
 
 def undeclared_frames(
     vehicle: Vehicle, parts: UndeclaredParts, estimates: Iterable[ParameterEstimate]
 ) -> tuple[UndeclaredFrame, ...]:
-    """The frames among added parts, as estimated."""
+    """The frames among added parts, as estimated: frequencies [Hz] are lognormal about their estimates."""
     by_name = {e.name: e for e in estimates}
     frames = []
     for frame in parts.frames:
         body = vehicle.bodies[frame.body].name
         e = by_name[bending_names(body)[0]]
-        spread = float(np.exp(_Q95 * e.sd / e.value))
+        spread = float(np.exp(Z90 * e.sd / e.value))
         frames.append(UndeclaredFrame(body, e.value, e.value / spread, e.value * spread))
     return tuple(frames)
