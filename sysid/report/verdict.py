@@ -154,9 +154,9 @@ def _against(results: Results) -> list[str]:
     sentences = []
     if results.status == "preview":
         sentences.append("This is a preview with shortened sampling. Its intervals are not reliable.")
-    elif results.status == "not_converged" and (results.posterior is not None or results.fit is not None):
-        why = results.posterior.message if results.posterior is not None else ""
-        sentences.append("The calibration has not converged" + (f": {why.rstrip('.')}." if why else "."))
+    elif results.status == "not_converged" and results.posterior is not None:
+        why = results.posterior.message.rstrip(".")
+        sentences.append("The calibration has not converged" + (f": {why}." if why else "."))
     if results.fit is None:
         sentences.append(
             "The drop values are starting points: tires in series and coupled axles bias equations (1)–(3)."

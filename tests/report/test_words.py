@@ -45,7 +45,8 @@ def test_nothing_against_it_is_a_yes():
     ("change", "trust", "answer", "forbids"),
     [
         ({}, "use", "Yes", False),
-        ({"posterior": None}, "with_care", "Yes, with care", False),
+        # As after the stage `fit` alone.
+        ({"posterior": None, "status": "not_converged"}, "with_care", "Yes, with care", False),
         ({"fit": replace(small_fit(), misfit=MISFIT)}, "do_not_bet", "Do not bet on them", True),
         # Just below the limit, as it is printed, and where nothing is known.
         ({"fit": replace(small_fit(), misfit=MISFIT - 0.006)}, "use", "Yes", False),

@@ -64,8 +64,8 @@ class LoadShare:
         axles = joined_words([str(i + 1) for i in self.axles])
         return (
             f"Axles {axles} behave as if a rocker shared {100.0 * self.share:.0f} % of their load (90 % interval "
-            f"{100.0 * self.low:.0f} to {100.0 * self.high:.0f} %): all results include this. If the truck has one, "
-            'declare [[vehicle.group]] kind = "equaliser" with these axles; if it has not, do not use their results.'
+            f"{100.0 * self.low:.1f} to {100.0 * self.high:.1f} %): all results include this. If the truck has one, "
+            'declare [[vehicle.group]] kind = "equaliser" with these axles; if not, do not use results of these axles.'
         )
 
 
