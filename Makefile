@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long fuzz test-browser docs wheel bench coverage first-look ring-downs faults check-faults damages kills soak fleets lint format clean
+.PHONY: run quick test test-long fuzz test-browser docs wheel bench coverage first-look ring-downs faults check-faults damages kills soak fleets independent lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -74,6 +74,10 @@ soak: $(VENV)/.installed
 # Some ten minutes on one core: populations of simulated fleets with known truth.
 fleets: $(VENV)/.installed
 	$(BIN)/python -m studies.fleets --output build/fleets --document docs/fleet.md
+
+# Two hours on two quiet cores: trucks of equations of their own through `run`; can be stopped and goes on.
+independent: $(VENV)/.installed
+	$(BIN)/python -m studies.independent --output build/independent --document docs/statistics.md
 
 # Ten minutes on one core: mistakes that `check` must name, and healthy campaigns that it must not accuse.
 check-faults: $(VENV)/.installed

@@ -18,7 +18,14 @@ Record = dict[str, Any]
 _ROOT = Path(__file__).resolve().parents[2]
 _MARK = "sources"
 #: What only writes about replicates.
-_WRITERS = ("studies/coverage/__main__.py", "studies/coverage/tables.py")
+_WRITERS = (
+    "studies/coverage/__main__.py",
+    "studies/coverage/tables.py",
+    "studies/independent/__main__.py",
+    "studies/independent/table.py",
+)
+#: Begin of the names of modules of `tests/support` that studies simulate with.
+_SIMULATING = "independent_"
 #: Packages that results of a study rest on.
 _PACKAGES = (
     "campaign",
@@ -44,8 +51,10 @@ class Shards(NamedTuple):
 def sources(root: Path = _ROOT) -> str:
     """Hash of the sources of the studies and of what they rest on in `sysid`; what only shows results is left out."""
     found = hashlib.sha256()
-    for folder in (*(f"sysid/{name}" for name in _PACKAGES), "studies"):
+    for folder in (*(f"sysid/{name}" for name in _PACKAGES), "studies", "tests/support"):
         for path in sorted(p for p in (root / folder).rglob("*") if p.suffix in (".py", ".cpp", ".h")):
+            if folder == "tests/support" and not path.name.startswith(_SIMULATING):
+                continue
             name = path.relative_to(root).as_posix()
             if name not in _WRITERS:
                 found.update(name.encode() + b"\0" + path.read_bytes() + b"\0")

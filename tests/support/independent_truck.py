@@ -1,33 +1,20 @@
-"""Logs of trucks whose equations are written out here, apart from the package: rockers, bending frames, spoked tires.
+"""Trucks whose equations are written out here, apart from the package: rockers, bending frames, hinges.
 
 Coordinates p: travel, heave and pitch of every body, the amplitude of every frame that bends, heave of every axle.
-Hinges are constraints, taken out by a null space of their rows.  A tire is a fan of radial springs with dampers that
-push where their spoke is shorter than the wheel's radius; no effective road, no footprint map.  Runge-Kutta of fourth
-order with steps of half a millisecond, all runs of a campaign side by side.
+Hinges are constraints, taken out by a null space of their rows.  :mod:`independent_motion` integrates them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from itertools import cycle, product
-from pathlib import Path
+from dataclasses import dataclass
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from campaign_files import HEADING_DEG, sensor_columns, write_log, write_scan
 from scipy.linalg import null_space
 from scipy.optimize import brentq
 
 GRAVITY = 9.81
-STEP_S = 0.0005
-INTERVAL_S = 0.005
-SPOKES = np.radians(np.linspace(-60.0, 60.0, 91))
-SPOKE_EXPONENT = 0.7
 #: Time constant with which a driver holds the speed.
 HOLD_S = 0.05
-NOISE = {"lvdt": 2.5e-4, "axle": 0.25, "frame": 0.15}
-BUMP_M, LENGTH_M = 0.075, 0.9
 
 
 @dataclass(frozen=True)
@@ -40,11 +27,36 @@ class Bending:
 
 
 @dataclass(frozen=True)
+class Elements:
+    """What the suspension of an axle has beside its spring and damper; none of it by default.
+
+    `friction_share` of the static force of the suspension, reached over some `slip_length_m`; damper force
+    c q' r / (1 + |q'| / knee), r = `bump_ratio` in compression and `rebound_ratio` in rebound; air spring
+    k q (1 + a q / 2 + b q^2 / 3) with `air` = (a [1/m], b [1/m2]), its k as the static force to the power
+    `load_exponent`; stops beyond the travels, which are `declared` or not, k_s d (1 + d / 15 mm).
+    """
+
+    friction_share: float = 0.0
+    slip_length_m: float = 0.0015
+    bump_ratio: float = 1.0
+    rebound_ratio: float = 1.0
+    knee_m_per_s: float = 1e9
+    air: tuple[float, float] = (0.0, 0.0)
+    load_exponent: float = 0.0
+    jounce_m: float = 1.0
+    rebound_m: float = 1.0
+    stop_N_per_m: float = 2.0e6
+    declared: bool = True
+
+
+@dataclass(frozen=True)
 class IndependentTruck:
     """Numbers of a truck, per axle and per body, SI; `hitch` (x, height) of every body but the first.
 
     `rocker` the axles that one joins, and `share` of it; `bending` by body, None for rigid ones.  `load_cases` by name:
-    axle loads [kg], sprung masses [kg], pitch inertias [kg m2], heights of the centres of gravity [m].
+    axle loads [kg], sprung masses [kg], pitch inertias [kg m2], heights of the centres of gravity [m].  `stiffness` of
+    the first load case; `roughness_m3` of the road, displacement spectrum at 0.1 cycles/m; a spoke's force grows with
+    its shortening to the power `spoke_exponent`.
     """
 
     body: tuple[int, ...]
@@ -61,7 +73,24 @@ class IndependentTruck:
     rocker: tuple[int, ...] = ()
     share: float = 0.0
     bending: tuple[Bending | None, ...] = ()
-    names: tuple[str, ...] = field(default=())
+    elements: tuple[Elements, ...] = ()
+    roughness_m3: float = 0.0
+    road_seed: int = 5
+    spoke_exponent: float = 0.7
+
+    def stiffness_of(self, case: str) -> np.ndarray:
+        """Stiffness of every suspension in a load case [N/m]."""
+        unsprung = np.array(self.unsprung_kg)
+        first = np.array(next(iter(self.load_cases.values()))[0]) - unsprung
+        power = np.array([e.load_exponent for e in self.elements or (Elements(),) * len(self.x_m)])
+        return np.array(self.stiffness) * ((np.array(self.load_cases[case][0]) - unsprung) / first) ** power
+
+    def secant_damping(self, velocity_m_per_s: float = 0.5) -> np.ndarray:
+        """Mean of compression and rebound of force over velocity [N s/m]."""
+        each = self.elements or (Elements(),) * len(self.x_m)
+        knee = np.array([e.knee_m_per_s for e in each])
+        ratio = np.array([0.5 * (e.bump_ratio + e.rebound_ratio) for e in each])
+        return np.array(self.damping) * ratio / (1.0 + velocity_m_per_s / knee)
 
     @property
     def bodies(self) -> int:
@@ -141,8 +170,9 @@ class Equations:
         self.forward = forward @ free
         self.points = np.array([up(body[i], x[i]) for i in range(na)]) @ free
         self.stiffness, self.damping = (inverse @ free.T @ m @ free for m in (stiff, damp))
-        self.spring = through @ np.diag(truck.stiffness)
-        self.damper = np.diag(truck.damping)
+        self.through = through
+        self.suspension = truck.stiffness_of(case)
+        self.carried = support
         self.push = inverse @ self.extension.T
         self.lift = inverse @ self.wheel.T
         self.drive = inverse @ self.forward.T
@@ -191,230 +221,6 @@ class Equations:
             return float(free_beam_shape(np.array((x - low) / length)) - heave - pitch * (x - cg))
 
         return shape, float(lumps @ (beam - heave - pitch * (where - cg)) ** 2)
-
-
-def height(s):
-    """The bump, a raised cosine about s = 0."""
-    inside = jnp.abs(s) < 0.5 * LENGTH_M
-    return jnp.where(inside, 0.5 * BUMP_M * (1.0 + jnp.cos(2 * jnp.pi * s / LENGTH_M)), 0.0)
-
-
-def slope(s):
-    """Slope of the bump."""
-    inside = jnp.abs(s) < 0.5 * LENGTH_M
-    return jnp.where(inside, -jnp.pi * BUMP_M / LENGTH_M * jnp.sin(2 * jnp.pi * s / LENGTH_M), 0.0)
-
-
-def shortening(s, h, radius):
-    """By how much the road shortens every spoke of a wheel with its centre at station s and height h, (..., spokes)."""
-    sine, cosine = jnp.sin(SPOKES), jnp.cos(SPOKES)
-    rho = h[..., None] / cosine
-    for _ in range(4):  # Newton's method
-        at = s[..., None] + rho * sine
-        rho = rho + (h[..., None] - rho * cosine - height(at)) / (cosine + slope(at) * sine)
-    return radius[..., None] - rho
-
-
-def flat_force(radius: float, sunk: float) -> float:
-    """Vertical force of spokes of unit stiffness per radian, the centre `sunk` below the radius over a flat road."""
-    shorter = np.maximum(radius - (radius - sunk) / np.cos(SPOKES), 0.0)
-    return float(np.trapezoid(np.cos(SPOKES) * shorter**SPOKE_EXPONENT, SPOKES))
-
-
-def spokes(radius: float, load: float, stiffness: float, damping: float) -> tuple[float, float]:
-    """Stiffness and damping per radian of spokes whose tangents on a flat road at `load` are the given ones."""
-
-    def sunk_under(spring: float) -> float:
-        return brentq(lambda d: spring * flat_force(radius, d) - load, 1e-6, 0.25)
-
-    def excess(log_spring: float) -> float:
-        spring = np.exp(log_spring)
-        sunk = sunk_under(spring)
-        return spring * (flat_force(radius, sunk + 1e-5) - flat_force(radius, sunk - 1e-5)) / 2e-5 - stiffness
-
-    spring = float(np.exp(brentq(excess, 13.0, 18.0)))
-    touching = radius - (radius - sunk_under(spring)) / np.cos(SPOKES) > 0.0
-    return spring, damping / float(np.trapezoid(np.where(touching, 1.0, 0.0), SPOKES))
-
-
-def rest_height(radius: float, load: float, spring: float) -> float:
-    """Height of a wheel's centre at which a flat road carries `load` [N]."""
-    return radius - brentq(lambda d: spring * flat_force(radius, d) - load, 1e-6, 0.25)
-
-
-def simulate(
-    truck: IndependentTruck, runs: list[tuple[str, float, float, float]], seconds: float, *, load_shift: bool = False
-) -> np.ndarray:
-    """Readings (T, runs, 3 na): deflections, axle and frame accelerations.
-
-    Runs are of (load case, speed and start at axle 1, share by which the speed changes until the last axle passes), at
-    constant acceleration; with `load_shift` its inertia forces lean the truck, which begins in that equilibrium.
-    """
-    each = [Equations(truck, case) for case, *_ in runs]
-    m = {n: jnp.asarray(np.stack([getattr(e, n) for e in each])) for n in vars(each[0])}
-    speed, start, change = (jnp.asarray([r[k] for r in runs])[:, None] for k in (1, 2, 3))
-    acceleration = ((speed * (1.0 + change)) ** 2 - speed**2) / (2.0 * truck.x_m[-1])
-    leaning = float(load_shift) * acceleration * m.pop("shift")
-    first = np.array(next(iter(truck.load_cases.values()))[0]) * GRAVITY
-    tires = [spokes(*v) for v in zip(truck.radius_m, first, truck.tire_N_per_m, truck.tire_N_s_per_m, strict=True)]
-    rest = jnp.asarray(
-        [[rest_height(r, f, k) for r, f, (k, _) in zip(truck.radius_m, e.static, tires, strict=True)] for e in each]
-    )
-    spring, damper = jnp.asarray(tires).T
-    radius, x = jnp.asarray(truck.radius_m), jnp.asarray(truck.x_m)
-    sine, cosine, turn = jnp.sin(SPOKES), jnp.cos(SPOKES), float(SPOKES[1] - SPOKES[0])
-
-    def dot(a, v):
-        return jnp.einsum("rij,rj->ri", a, v)
-
-    def accelerations(t, q, v):
-        tau = t - start
-        s = speed * tau + 0.5 * acceleration * tau**2 - x + dot(m["forward"], q)
-        h = rest + dot(m["wheel"], q)
-        s_rate, h_rate = speed + acceleration * tau + dot(m["forward"], v), dot(m["wheel"], v)
-        delta, rate = jax.jvp(lambda s, h: shortening(s, h, radius), (s, h), (s_rate, h_rate))
-        touching = delta > 0.0
-        force = jnp.where(touching, spring[:, None] * jnp.where(touching, delta, 1.0) ** SPOKE_EXPONENT, 0.0)
-        force = jnp.maximum(force + jnp.where(touching, damper[:, None] * rate, 0.0), 0.0)
-        # Spokes of the flat road about the ends count half: both ends are clear of it.
-        vertical, along = (turn * (force * w).sum(axis=-1) for w in (cosine, -sine))
-        pull = dot(m["spring"], dot(m["extension"], q)) + dot(m["damper"], dot(m["extension"], v))
-        return (
-            -dot(m["stiffness"], q)
-            - dot(m["damping"], v)
-            - dot(m["push"], pull)
-            + dot(m["lift"], vertical - m["static"])
-            + dot(m["drive"], along)
-            + leaning
-        )
-
-    def step(state, number):
-        q, v = state
-        t, h = number * STEP_S, STEP_S
-        a1 = accelerations(t, q, v)
-        a2 = accelerations(t + h / 2, q + h / 2 * v, v + h / 2 * a1)
-        a3 = accelerations(t + h / 2, q + h / 2 * v + h * h / 4 * a1, v + h / 2 * a2)
-        a4 = accelerations(t + h, q + h * v + h * h / 2 * a2, v + h * a3)
-        new = q + h * v + h * h / 6 * (a1 + a2 + a3), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-        seen = jnp.concatenate([dot(m["extension"], q), dot(m["wheel"], a1), dot(m["points"], a1)], axis=1)
-        return new, seen
-
-    substeps = round(INTERVAL_S / STEP_S)
-    still = jnp.zeros((len(runs), m["push"].shape[1]))
-
-    def at_rest(q):
-        # Nothing holds a truck fore and aft: the smallest motion that balances everything else.
-        def left(flat):
-            return accelerations(0.0, flat.reshape(q.shape), still).ravel()
-
-        for _ in range(8 if load_shift else 0):  # Newton's method
-            q = q - jnp.linalg.lstsq(jax.jacfwd(left)(q.ravel()), left(q.ravel()))[0].reshape(q.shape)
-        return q
-
-    @jax.jit
-    def all_steps(state):
-        def sample(state, k):
-            first, seen = step(state, k * substeps)
-            rest_of, _ = jax.lax.scan(lambda s, j: (step(s, k * substeps + j)[0], None), first, jnp.arange(1, substeps))
-            return rest_of, seen
-
-        return jax.lax.scan(sample, state, jnp.arange(round(seconds / INTERVAL_S)))[1]
-
-    return np.asarray(all_steps((at_rest(still), still)))
-
-
-def write_truck_campaign(
-    folder: Path,
-    truck: IndependentTruck,
-    *,
-    declare: str = "",
-    bending: str = "",
-    speeds=(8.0, 16.0, 24.0),
-    changes=(0.0,),
-    load_shift: bool = False,
-    of_runs: str = "",
-    seed: int = 1,
-) -> dict[str, tuple[float, float]]:
-    """A campaign folder with a scan and one run per load case and speed [km/h]; declared masses are the true ones.
-
-    `declare` is text after the axles, such as a group; `bending` a key of the last body; `changes` of the speed over a
-    passage are taken by the runs in turn, `load_shift` as in :func:`simulate`; `of_runs` a key of every run.  Returns
-    speed at axle 1 [m/s] and its change by the file of a run.
-    """
-    rng = np.random.default_rng(seed)
-    (folder / "bump_runs").mkdir(parents=True, exist_ok=True)
-    write_scan(folder / "bump_scan.csv", lambda s: np.asarray(height(s)), 0.5 * LENGTH_M, 20_000, 0.0015, rng)
-    runs = [
-        (case, v / 3.6 * (1.0 + 0.01 * rng.normal()), rng.uniform(0.7, 1.2), change, v)
-        for (case, v), change in zip(product(truck.load_cases, speeds), cycle(changes))
-    ]
-    length = [r[2] + (truck.x_m[-1] + LENGTH_M) / (r[1] * (1.0 + min(r[3], 0.0))) + 2.0 for r in runs]
-    clean = simulate(truck, [r[:4] for r in runs], max(length), load_shift=load_shift)
-    columns, kinds = sensor_columns(len(truck.x_m))
-    sd = np.array([NOISE[k] for k in kinds])
-    lines, driven = [], {}
-    for r, (case, speed, _, change, v) in enumerate(runs):
-        file = f"bump_runs/{case}_{v:g}.csv"
-        values = clean[: int(length[r] / INTERVAL_S), r]
-        gain = 1.0 + 0.003 * rng.normal(size=sd.size)
-        values = gain * values + sd * (rng.normal(size=values.shape) + 4.0 * rng.uniform(-1.0, 1.0, sd.size))
-        write_log(folder / file, INTERVAL_S, columns, kinds, values)
-        driven[file] = speed, change
-        key = f", {of_runs}" if of_runs else ""
-        lines.append(
-            f'  {{ case = "{case} {v:g}", file = "{file}", load_case = "{case}", nominal_speed_km_h = {v:g}{key} }},'
-        )
-    text = _campaign_text(truck, declare, bending, lines)
-    (folder / "campaign.toml").write_text(text, encoding="utf-8")
-    return driven
-
-
-def _campaign_text(truck: IndependentTruck, declare: str, bending: str, runs: list[str]) -> str:
-    lines = ["schema = 1", "", "[campaign]", 'title = "Synthetic campaign of an independent truck"', "", "[vehicle]"]
-    lines += ['name = "independent truck"', ""]
-    for b in range(truck.bodies):
-        lines += ["[[vehicle.body]]", f'name = "body {b + 1}"']
-        if b:
-            lines += [f"hitch_x_m = {truck.hitch[b - 1][0]}", f"hitch_height_m = {truck.hitch[b - 1][1]}"]
-        if b == truck.bodies - 1 and bending:
-            lines.append(bending)
-        lines.append("")
-    for i, x in enumerate(truck.x_m):
-        lines += [
-            "[[vehicle.axle]]",
-            f'name = "axle {i + 1}"',
-            f'body = "body {truck.body[i] + 1}"',
-            f"x_m = {x}",
-            f"unsprung_mass_kg = {truck.unsprung_kg[i]}",
-            f"tire_stiffness_N_per_m = {truck.tire_N_per_m[i]}",
-            f"tire_damping_N_s_per_m = {truck.tire_N_s_per_m[i]}",
-            f"tire_radius_m = {truck.radius_m[i]}",
-            f'suspension = "{truck.suspension[i]}"',
-            "load_dependent = false",
-            "",
-        ]
-    lines += [declare, ""]
-    for case, (loads, sprung, inertia, tall) in truck.load_cases.items():
-        lines += [
-            f"[load_case.{case}]",
-            f"axle_loads_kg = {list(loads)}",
-            f"sprung_mass_kg = {list(sprung)}",
-            f"pitch_inertia_kg_m2 = {list(inertia)}",
-            f"cg_height_m = {list(tall)}",
-            "",
-        ]
-    lines += ["[acquisition]", f"sample_interval_s = {INTERVAL_S}", "", "[sensors.bump_run]"]
-    columns, kinds = sensor_columns(len(truck.x_m))
-    for k, (column, kind) in enumerate(zip(columns, kinds, strict=True)):
-        i = k % len(truck.x_m)
-        if kind == "frame":
-            place = f'kind = "body_acceleration", body = "body {truck.body[i] + 1}", x_m = {truck.x_m[i]}, unit = "g"'
-        else:
-            what, unit = ("suspension_deflection", "mm") if kind == "lvdt" else ("axle_acceleration", "g")
-            place = f'kind = "{what}", axle = "axle {i + 1}", unit = "{unit}"'
-        lines.append(f"{column} = {{ {place} }}")
-    lines += ["", "[scan]", 'file = "bump_scan.csv"', f"heading_deg = {HEADING_DEG}", "", "[tests]", "bump_run = ["]
-    return "\n".join([*lines, *runs, "]", ""])
 
 
 #: A rigid three-axle truck on leaf springs whose tandem shares 80 % of its load over a rocker.

@@ -225,9 +225,8 @@ def test_natural_modes_of_two_bending_bodies_against_energies_with_constraints(m
 
     monkeypatch.setattr(Equations, "_shape", staticmethod(shape))
     e = Equations(truck, "laden")
-    square = np.linalg.eigvals(
-        e.stiffness + e.push @ e.spring @ e.extension + e.lift @ np.diag(truck.tire_N_per_m) @ e.wheel
-    )
+    springs = e.push @ e.through @ np.diag(e.suspension) @ e.extension
+    square = np.linalg.eigvals(e.stiffness + springs + e.lift @ np.diag(truck.tire_N_per_m) @ e.wheel)
     square = np.sort(square.real)
     assert abs(square[0]) < 1e-6 * square[-1]  # fore and aft nothing holds it
     modes = natural_modes(vehicle, laden, k, c, first=first)

@@ -9,7 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from independent_truck import LOWBOY, THREE_AXLES, IndependentTruck, write_truck_campaign
+from independent_campaign import write_truck_campaign
+from independent_truck import LOWBOY, THREE_AXLES, Elements, IndependentTruck
 
 pytestmark = pytest.mark.long
 
@@ -33,7 +34,9 @@ def errors(result: dict, truck: IndependentTruck) -> dict[str, float]:
     worst = {"stiffness": 0.0, "damping": 0.0}
     for p in result["parameters"]:
         if p["quantity"] in worst:
-            truth = getattr(truck, p["quantity"])[p["axle"] - 1]
+            case = p["load_case"] or next(iter(truck.load_cases))
+            true = truck.stiffness_of(case) if p["quantity"] == "stiffness" else truck.secant_damping()
+            truth = true[p["axle"] - 1]
             worst[p["quantity"]] = max(worst[p["quantity"]], abs(p["least_squares"]["value"] / truth - 1.0))
     return worst
 
@@ -108,3 +111,34 @@ def test_what_a_constant_speed_makes_of_it(tmp_path):
     result = fitted(tmp_path, truck, changes=(-0.05,), of_runs="speed_change_sd = 0")
     assert errors(result, truck)["stiffness"] > 0.03
     assert not [p for p in result["parameters"] if p["quantity"] == "speed_change"]
+
+
+RUBBING = replace(THREE_AXLES, rocker=(), share=0.0)
+DAMPERS = {"bump_ratio": 0.7, "rebound_ratio": 1.3, "knee_m_per_s": 1.2}
+STOPS = {"jounce_m": 0.075, "rebound_m": 0.085, "declared": False}
+AIR = {"air": (2.5, 30.0), "load_exponent": 0.7}
+ON_AIR = replace(RUBBING, stiffness=(4.3e5, 2.6e5, 2.8e5), suspension=("leaf", "air", "air"))
+
+
+@pytest.mark.parametrize(
+    ("truck", "of_k", "of_c"),
+    [
+        (replace(RUBBING, elements=(Elements(friction_share=0.1),) * 3), 0.006, 0.015),
+        (replace(RUBBING, elements=(Elements(knee_m_per_s=0.4),) * 3), 0.006, 0.006),
+        (replace(THREE_AXLES, elements=(Elements(friction_share=0.06, **DAMPERS),) * 3), 0.008, 0.01),
+        (
+            replace(
+                ON_AIR,
+                elements=(Elements(friction_share=0.05, **DAMPERS, **STOPS),)
+                + (Elements(**DAMPERS, **STOPS, **AIR),) * 2,
+            ),
+            0.02,
+            0.02,
+        ),
+    ],
+    ids=["10 % friction", "saturating dampers", "rocker that rubs", "air springs and stops"],
+)
+def test_laws_and_parts_that_nobody_declared(tmp_path, truck, of_k, of_c):
+    worst = errors(fitted(tmp_path, truck), truck)
+    assert worst["stiffness"] < of_k
+    assert worst["damping"] < of_c

@@ -1,0 +1,1 @@
+"""Whole campaigns of trucks with equations of their own, through the command that users type."""

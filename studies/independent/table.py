@@ -1,0 +1,77 @@
+"""Tables of the study of independent trucks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from studies.coverage.shards import Record
+from studies.documents import write_between_marks
+
+_KINDS = {"stiffness": "k", "damping": "c", "peak": "peak load ratios"}
+
+
+def holds(entry: Record) -> bool:
+    """Whether an interval holds the truth."""
+    low, _, high = entry["reported"]
+    return bool(low <= entry["truth"] <= high)
+
+
+def tables(records: Sequence[Record]) -> str:
+    """Markdown: how often 90 % intervals hold and how wide they are, by quantity, by vehicle and by physics."""
+    good = [r for r in records if r["failed"] is None]
+    lines = ["| 90 % interval of | intervals | hold | median half-width | median error | 95 % of errors below |"]
+    lines.append("|---|---:|---:|---:|---:|---:|")
+    for kind, name in _KINDS.items():
+        lines.append(_row(name, [e for r in good for e in r["entries"] if e["kind"] == kind]))
+    for vehicle in dict.fromkeys(r["vehicle"] for r in good):
+        lines.append(_row(vehicle, [e for r in good if r["vehicle"] == vehicle for e in r["entries"]]))
+    lines.append(_row("all", [e for r in good for e in r["entries"]]))
+    lines += [
+        "",
+        "| true physics | campaigns | k held | c held | peaks held | largest error of k, c, peaks | verdict |",
+    ]
+    lines.append("|---|---:|---:|---:|---:|---:|---|")
+    for name in dict.fromkeys(r["physics"] for r in good):
+        lines.append(_physics_row(name, [r for r in good if r["physics"] == name]))
+    linear = [r for r in good if r["linear"]]
+    false = sum(bool(set(r["laws"]) - {"stops"}) for r in linear)
+    missed = sum(sum(map(holds, r["entries"])) < 0.5 * len(r["entries"]) for r in good)
+    lines += [
+        "",
+        f"Laws that are not there: in {false} of {len(linear)} campaigns of linear suspensions. Fewer than half of the "
+        f"intervals hold in {missed} of {len(good)} campaigns. Not converged or refused: {len(records) - len(good)} of "
+        f"{len(records)}.",
+    ]
+    for r in records:
+        if r["failed"] is not None:
+            lines += ["", f"- {r['vehicle']}, {r['physics']}: exit {r['code']}."]
+    return "\n".join(lines)
+
+
+def _row(name: str, entries: Sequence[Record]) -> str:
+    width = [0.5 * (e["reported"][2] - e["reported"][0]) / e["reported"][1] for e in entries]
+    error = np.abs([e["reported"][1] / e["truth"] - 1.0 for e in entries])
+    held = 100.0 * np.mean([holds(e) for e in entries])
+    cells = (f"{100 * v:.1f} %" for v in (np.median(width), np.median(error), np.quantile(error, 0.95)))
+    return f"| {name} | {len(entries)} | {held:.0f} % | " + " | ".join(cells) + " |"
+
+
+def _physics_row(name: str, records: Sequence[Record]) -> str:
+    held, worst = [], []
+    for kind in _KINDS:
+        of = [e for r in records for e in r["entries"] if e["kind"] == kind]
+        held.append(f"{sum(map(holds, of))} of {len(of)}")
+        worst.append(f"{100.0 * max(abs(e['reported'][1] / e['truth'] - 1.0) for e in of):.1f}")
+    trust = [r["trust"].replace("_", " ") for r in records]
+    verdict = ", ".join(f"{t}: {trust.count(t)}" for t in dict.fromkeys(trust))
+    return f"| {name} | {len(records)} | " + " | ".join(held) + f" | {', '.join(worst)} % | {verdict} |"
+
+
+def write(records: Sequence[Record], seed: int, document: Path) -> None:
+    """Replace the tables between their marks in a document."""
+    six = sum(r["vehicle"] == "lowboy" for r in records)
+    words = f"{len(records)} campaigns of seed {seed}, {six} of them tractors with a lowboy."
+    write_between_marks(document, "independent trucks", f"{words}\n\n{tables(records)}")

@@ -1,0 +1,117 @@
+"""The study of independent trucks: kinds, forces of suspensions and masses by hand, what its tables count."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from independent_motion import element_force, rough_road
+from independent_physics import KINDS, PASSES, declared_truck, true_truck
+from independent_truck import LOWBOY, THREE_AXLES, Elements
+
+from studies.independent import case
+from studies.independent.table import holds, tables, write
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*float64.*:UserWarning")
+
+
+def test_kinds_of_the_study_are_those_that_can_be_simulated() -> None:
+    assert tuple(KINDS) == case.KINDS
+
+
+def test_every_kind_comes_for_both_vehicles() -> None:
+    drawn = {case.draw(number) for number in range(80)}
+    assert drawn == {(vehicle, kind) for vehicle in ("three axles", "lowboy") for kind in case.KINDS}
+
+
+def test_forces_of_springs_dampers_and_stops() -> None:
+    element = Elements(
+        air=(2.5, 30.0), bump_ratio=0.6, rebound_ratio=1.4, knee_m_per_s=1.2, jounce_m=0.07, rebound_m=0.08
+    )
+    truck = replace(THREE_AXLES, elements=(element,) * 3)
+    spring, other, share, _ = element_force(truck, np.array(truck.stiffness))
+    assert not np.any(share)
+    # Compressed by 30 mm: k q (1 + a q / 2 + b q^2 / 3) against the compression.
+    q = 0.03
+    expected = -np.array(truck.stiffness) * q * (1.0 + 2.5 * q / 2 + 30.0 * q**2 / 3)
+    np.testing.assert_allclose(np.asarray(spring(np.full(3, -q))), expected, rtol=1e-6)
+    # 0.4 m/s of compression, then of rebound.
+    c = np.array(truck.damping) * 0.4 / (1.0 + 0.4 / 1.2)
+    np.testing.assert_allclose(np.asarray(other(np.zeros(3), np.full(3, -0.4))), -0.6 * c, rtol=1e-6)
+    np.testing.assert_allclose(np.asarray(other(np.zeros(3), np.full(3, 0.4))), 1.4 * c, rtol=1e-6)
+    # 10 mm into a stop on either side: k_s d (1 + d / 15 mm).
+    stop = 2.0e6 * 0.01 * (1.0 + 10.0 / 15.0)
+    np.testing.assert_allclose(np.asarray(other(np.full(3, -0.08), np.zeros(3))), -stop, rtol=1e-5)
+    np.testing.assert_allclose(np.asarray(other(np.full(3, 0.09), np.zeros(3))), stop, rtol=1e-5)
+
+
+def test_secant_and_stiffness_under_load() -> None:
+    truck = replace(THREE_AXLES, elements=(Elements(knee_m_per_s=0.5, bump_ratio=0.5, load_exponent=0.7),) * 3)
+    # At the knee a damper gives half; compression 0.5 and rebound 1 average 0.75.
+    np.testing.assert_allclose(truck.secant_damping(0.5), 0.375 * np.array(truck.damping))
+    carried = [np.array(truck.load_cases[c][0]) - np.array(truck.unsprung_kg) for c in ("empty", "laden")]
+    np.testing.assert_allclose(truck.stiffness_of("laden") / truck.stiffness, (carried[1] / carried[0]) ** 0.7)
+    np.testing.assert_array_equal(truck.stiffness_of("empty"), truck.stiffness)
+
+
+@pytest.mark.parametrize("kind", ["linear", "worn", "full rocker", "bends and rubs"])
+@pytest.mark.parametrize("vehicle", ["three axles", "lowboy"])
+def test_a_true_truck_stands_on_its_wheels(vehicle: str, kind: str) -> None:
+    physics = KINDS[kind]
+    declared = declared_truck(vehicle, physics)
+    truck = true_truck(declared, physics, np.random.default_rng(3))
+    for name, (loads, sprung, *_) in truck.load_cases.items():
+        assert sum(loads) == pytest.approx(sum(sprung) + sum(truck.unsprung_kg))
+        assert loads != declared.load_cases[name][0]
+    assert truck.x_m == declared.x_m
+    assert {e.friction_share > 0.0 for e, s in zip(truck.elements, truck.suspension, strict=True) if s == "air"} <= {
+        False
+    }
+    assert {c for c, _ in PASSES} == set(truck.load_cases)
+
+
+def test_a_rough_road_has_the_spectrum_that_it_says() -> None:
+    height = rough_road(replace(LOWBOY, roughness_m3=4e-6), np.random.default_rng(1))
+    s = np.arange(0.0, 2000.0, 0.05)
+    h = np.concatenate([np.asarray(height(part)) for part in np.array_split(s, 40)])
+    # Variance of 0.05 to 3 cycles per metre under Gd (n / 0.1)^-2: Gd 0.1^2 (1 / 0.05 - 1 / 3).
+    assert np.var(h) == pytest.approx(4e-6 * 0.01 * (1 / 0.05 - 1 / 3), rel=0.1)
+
+
+def _record(number: int, physics: str, *, hold: bool, linear: bool = True, laws: tuple[str, ...] = ()) -> dict:
+    entry = [0.98, 1.0, 1.02] if hold else [0.88, 0.9, 0.92]
+    entries = [{"kind": k, "truth": 1.0, "reported": entry} for k in ("stiffness", "damping", "peak")]
+    return {
+        "number": number, "vehicle": "lowboy", "physics": physics, "linear": linear, "failed": None, "laws": list(laws),
+        "trust": "with_care", "entries": entries,
+    }  # fmt: skip
+
+
+def test_tables_count_what_holds(tmp_path: Path) -> None:
+    records = [
+        _record(0, "linear", hold=True, laws=("stops",)),
+        _record(1, "worn", hold=False, linear=False, laws=("friction",)),
+        _record(2, "linear", hold=False, laws=("friction",)),
+        {
+            "number": 3,
+            "vehicle": "lowboy",
+            "physics": "worn",
+            "linear": False,
+            "failed": "no",
+            "code": 4,
+            "entries": [],
+        },
+    ]
+    assert holds(records[0]["entries"][0])
+    assert not holds(records[1]["entries"][0])
+    text = tables(records)
+    assert "| k | 3 | 33 % | 2.2 % | 10.0 % | 10.0 % |" in text
+    assert "| linear | 2 | 1 of 2 | 1 of 2 | 1 of 2 | 10.0, 10.0, 10.0 % | with care: 2 |" in text
+    assert "Laws that are not there: in 1 of 2 campaigns" in text
+    assert "intervals hold in 2 of 3 campaigns. Not converged or refused: 1 of 4." in text
+    page = tmp_path / "page.md"
+    page.write_text("<!-- independent trucks: begin -->\n<!-- independent trucks: end -->\n", encoding="utf-8")
+    write(records, 5, page)
+    assert "4 campaigns of seed 5, 4 of them tractors" in page.read_text(encoding="utf-8")

@@ -1,0 +1,210 @@
+"""The motion of an independent truck over a bump: suspensions, tires of radial springs, Runge-Kutta.
+
+A tire is a fan of radial springs with dampers that push where their spoke is shorter than the wheel's radius; no
+effective road, no footprint map.  Dry friction is that of leaf springs: Dahl's, grown over a slip length, and shared
+by a rocker as the spring is.  A rough road moves a wheel as a whole.  Fourth order with steps of half a millisecond,
+all runs of a campaign side by side.
+"""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from independent_truck import GRAVITY, Elements, Equations, IndependentTruck
+from scipy.optimize import brentq
+
+STEP_S = 0.0005
+INTERVAL_S = 0.005
+SPOKES = np.radians(np.linspace(-60.0, 60.0, 91))
+BUMP_M, LENGTH_M = 0.075, 0.9
+
+
+def height(s):
+    """The bump, a raised cosine about s = 0."""
+    inside = jnp.abs(s) < 0.5 * LENGTH_M
+    return jnp.where(inside, 0.5 * BUMP_M * (1.0 + jnp.cos(2 * jnp.pi * s / LENGTH_M)), 0.0)
+
+
+def slope(s):
+    """Slope of the bump."""
+    inside = jnp.abs(s) < 0.5 * LENGTH_M
+    return jnp.where(inside, -jnp.pi * BUMP_M / LENGTH_M * jnp.sin(2 * jnp.pi * s / LENGTH_M), 0.0)
+
+
+def rough_road(truck: IndependentTruck, rng: np.random.Generator):
+    """Height of a rough road over station, 0.05 to 3 cycles/m, spectrum Gd (n / 0.1)^-2."""
+    n = np.geomspace(0.05, 3.0, 80)
+    amplitude = jnp.asarray(np.sqrt(2.0 * truck.roughness_m3 * (n / 0.1) ** -2 * np.gradient(n)))
+    phase, wave = jnp.asarray(rng.uniform(0.0, 2 * np.pi, n.size)), jnp.asarray(2 * np.pi * n)
+    return lambda s: jnp.sum(amplitude * jnp.sin(wave * s[..., None] + phase), axis=-1)
+
+
+def element_force(truck: IndependentTruck, stiffness):
+    """Forces [N] of springs, and of dampers and stops, over extension and its rate, positive in tension."""
+    each = truck.elements or (Elements(),) * len(truck.x_m)
+    column = {n: jnp.asarray([getattr(e, n) for e in each]) for n in Elements.__dataclass_fields__ if n != "air"}
+    a, b = jnp.asarray([e.air for e in each]).T
+    c = jnp.asarray(truck.damping)
+
+    def spring(x):
+        return stiffness * x * (1.0 - a * x / 2 + b * x**2 / 3)
+
+    def rest(x, rate):
+        ratio = jnp.where(rate < 0.0, column["bump_ratio"], column["rebound_ratio"])
+        damper = c * ratio * rate / (1.0 + jnp.abs(rate) / column["knee_m_per_s"])
+        pushed, pulled = jnp.maximum(-x - column["jounce_m"], 0.0), jnp.maximum(x - column["rebound_m"], 0.0)
+        stop = column["stop_N_per_m"] * (pulled * (1.0 + pulled / 0.015) - pushed * (1.0 + pushed / 0.015))
+        return damper + stop
+
+    return spring, rest, column["friction_share"], column["slip_length_m"]
+
+
+def shortening(s, h, radius):
+    """By how much the road shortens every spoke of a wheel with its centre at station s and height h, (..., spokes)."""
+    sine, cosine = jnp.sin(SPOKES), jnp.cos(SPOKES)
+    rho = h[..., None] / cosine
+    for _ in range(4):  # Newton's method
+        at = s[..., None] + rho * sine
+        rho = rho + (h[..., None] - rho * cosine - height(at)) / (cosine + slope(at) * sine)
+    return radius[..., None] - rho
+
+
+def flat_force(radius: float, sunk: float, exponent: float) -> float:
+    """Vertical force of spokes of unit stiffness per radian, the centre `sunk` below the radius over a flat road."""
+    shorter = np.maximum(radius - (radius - sunk) / np.cos(SPOKES), 0.0)
+    return float(np.trapezoid(np.cos(SPOKES) * shorter**exponent, SPOKES))
+
+
+def spokes(radius: float, load: float, stiffness: float, damping: float, exponent: float) -> tuple[float, float]:
+    """Stiffness and damping per radian of spokes whose tangents on a flat road at `load` are the given ones."""
+
+    def sunk_under(spring: float) -> float:
+        return brentq(lambda d: spring * flat_force(radius, d, exponent) - load, 1e-6, 0.25)
+
+    def excess(log_spring: float) -> float:
+        spring = np.exp(log_spring)
+        sunk = sunk_under(spring)
+        more, less = (flat_force(radius, sunk + d, exponent) for d in (1e-5, -1e-5))
+        return spring * (more - less) / 2e-5 - stiffness
+
+    spring = float(np.exp(brentq(excess, 13.0, 18.0)))
+    touching = radius - (radius - sunk_under(spring)) / np.cos(SPOKES) > 0.0
+    return spring, damping / float(np.trapezoid(np.where(touching, 1.0, 0.0), SPOKES))
+
+
+def rest_height(radius: float, load: float, spring: float, exponent: float) -> float:
+    """Height of a wheel's centre at which a flat road carries `load` [N]."""
+    return radius - brentq(lambda d: spring * flat_force(radius, d, exponent) - load, 1e-6, 0.25)
+
+
+def simulate(
+    truck: IndependentTruck, runs: list[tuple[str, float, float, float]], seconds: float, *, load_shift: bool = False
+) -> np.ndarray:
+    """Readings (T, runs, 4 na): deflections, axle and frame accelerations, vertical tire forces.
+
+    Runs are of (load case, speed and start at axle 1, share by which the speed changes until the last axle passes), at
+    constant acceleration; with `load_shift` its inertia forces lean the truck, which begins in that equilibrium.
+    """
+    each = [Equations(truck, case) for case, *_ in runs]
+    m = {n: jnp.asarray(np.stack([getattr(e, n) for e in each])) for n in vars(each[0])}
+    speed, start, change = (jnp.asarray([r[k] for r in runs])[:, None] for k in (1, 2, 3))
+    acceleration = ((speed * (1.0 + change)) ** 2 - speed**2) / (2.0 * truck.x_m[-1])
+    leaning = float(load_shift) * acceleration * m.pop("shift")
+    first = np.array(next(iter(truck.load_cases.values()))[0]) * GRAVITY
+    power = truck.spoke_exponent
+    of_tires = zip(truck.radius_m, first, truck.tire_N_per_m, truck.tire_N_s_per_m, strict=True)
+    tires = [spokes(*v, power) for v in of_tires]
+    rest = jnp.asarray(
+        [
+            [rest_height(r, f, k, power) for r, f, (k, _) in zip(truck.radius_m, e.static, tires, strict=True)]
+            for e in each
+        ]
+    )
+    spring, damper = jnp.asarray(tires).T
+    radius, x = jnp.asarray(truck.radius_m), jnp.asarray(truck.x_m)
+    sine, cosine, turn = jnp.sin(SPOKES), jnp.cos(SPOKES), float(SPOKES[1] - SPOKES[0])
+    rough = rough_road(truck, np.random.default_rng(truck.road_seed))
+    spring_force, other_force, share, slip = element_force(truck, m["suspension"])
+    breakaway = share * m["carried"]
+
+    def dot(a, v):
+        return jnp.einsum("rij,rj->ri", a, v)
+
+    def forces(t, q, v, rubbing):
+        tau = t - start
+        s = speed * tau + 0.5 * acceleration * tau**2 - x + dot(m["forward"], q)
+        h = rest + dot(m["wheel"], q)
+        s_rate, h_rate = speed + acceleration * tau + dot(m["forward"], v), dot(m["wheel"], v)
+        delta, rate = jax.jvp(lambda s, h: shortening(s, h - rough(s), radius), (s, h), (s_rate, h_rate))
+        touching = delta > 0.0
+        force = jnp.where(touching, spring[:, None] * jnp.where(touching, delta, 1.0) ** power, 0.0)
+        force = jnp.maximum(force + jnp.where(touching, damper[:, None] * rate, 0.0), 0.0)
+        # Spokes of the flat road about the ends count half: both ends are clear of it.
+        vertical, along = (turn * (force * w).sum(axis=-1) for w in (cosine, -sine))
+        length, length_rate = dot(m["extension"], q), dot(m["extension"], v)
+        pull = dot(m["through"], spring_force(length) + rubbing) + other_force(length, length_rate)
+        motion = (
+            -dot(m["stiffness"], q)
+            - dot(m["damping"], v)
+            - dot(m["push"], pull)
+            + dot(m["lift"], vertical - m["static"])
+            + dot(m["drive"], along)
+            + leaning
+        )
+        toward = jnp.where(breakaway > 0.0, rubbing / jnp.where(breakaway > 0.0, breakaway, 1.0), 0.0)
+        rubbing_rate = breakaway / slip * (length_rate - jnp.abs(length_rate) * toward)
+        return motion, rubbing_rate, vertical
+
+    def derivative(t, state):
+        q, v, rubbing = state
+        motion, rubbing_rate, _ = forces(t, q, v, rubbing)
+        return v, motion, rubbing_rate
+
+    def step(state, number):
+        t, h = number * STEP_S, STEP_S
+
+        def after(share, slope):
+            return jax.tree.map(lambda y, k: y + share * h * k, state, slope)
+
+        k1 = derivative(t, state)
+        k2 = derivative(t + h / 2, after(0.5, k1))
+        k3 = derivative(t + h / 2, after(0.5, k2))
+        k4 = derivative(t + h, after(1.0, k3))
+        new = jax.tree.map(lambda y, a, b, c, d: y + h / 6 * (a + 2 * b + 2 * c + d), state, k1, k2, k3, k4)
+        q, v, rubbing = state
+        a1, _, vertical = forces(t, q, v, rubbing)
+        seen = [dot(m["extension"], q), dot(m["wheel"], a1), dot(m["points"], a1), vertical]
+        return new, jnp.concatenate(seen, axis=1)
+
+    substeps = round(INTERVAL_S / STEP_S)
+    still = jnp.zeros((len(runs), m["push"].shape[1]))
+
+    def at_rest(q):
+        # Nothing holds a truck fore and aft: the smallest motion that balances everything else.
+        def left(flat):
+            return forces(0.0, flat.reshape(q.shape), still, breakaway * 0.0)[0].ravel()
+
+        for _ in range(8 if load_shift else 0):  # Newton's method
+            q = q - jnp.linalg.lstsq(jax.jacfwd(left)(q.ravel()), left(q.ravel()))[0].reshape(q.shape)
+        return q
+
+    @jax.jit
+    def all_steps(state):
+        def sample(state, k):
+            first, seen = step(state, k * substeps)
+            rest_of, _ = jax.lax.scan(lambda s, j: (step(s, k * substeps + j)[0], None), first, jnp.arange(1, substeps))
+            return rest_of, seen
+
+        return jax.lax.scan(sample, state, jnp.arange(round(seconds / INTERVAL_S)))[1]
+
+    return np.asarray(all_steps((at_rest(still), still, jnp.zeros_like(breakaway))))
+
+
+def peak_ratios(truck: IndependentTruck, passes: tuple[tuple[str, float], ...]) -> np.ndarray:
+    """Largest vertical tire force over the static one, (passes, na), of passes at (load case, speed [km/h])."""
+    runs = [(case, v / 3.6, 1.0, 0.0) for case, v in passes]
+    seconds = max(1.0 + (truck.x_m[-1] + LENGTH_M) / r[1] for r in runs) + 1.5
+    force = simulate(truck, runs, seconds)[:, :, 3 * len(truck.x_m) :]
+    static = np.array([truck.load_cases[case][0] for case, _ in passes]) * GRAVITY
+    return force.max(axis=0) / static
