@@ -22,7 +22,7 @@ from sysid.estimation.residuals.run_motion import RunMotion, motion_prior
 from sysid.estimation.residuals.run_unknowns import without_runs
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
-from sysid.estimation.uncertainty.residual_columns import with_columns
+from sysid.estimation.uncertainty.residual_columns import channel_columns
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.engines.protocol import Linearisation
 
@@ -111,18 +111,17 @@ def run_information(state: FitState, kinds: Sequence[RunKind], sensors: Sequence
     motion_prior_precision = motion_prior(runs).precision(motion, range(len(runs)))
     by_run: dict[int, RunInformation] = {}
     for position, group in enumerate(model.groups):
-        of_group = linearise_one(model, weights, point.log_parameters, motion, position)
-        for run, lin in zip(group.runs, with_columns(of_group, *(c[position] for c in columns)), strict=True):
-            normal = np.empty((len(sensors), *(lin.residual_jacobian.shape[-1],) * 2))
-            for c, at in enumerate(order):
-                normal[at] = _normal(lin, c)
+        on_device = linearise_one(model, weights, point.log_parameters, motion, position)
+        of_group = Linearisation(*map(np.asarray, on_device))
+        further = [c[position] for c in columns]
+        for r, run in enumerate(group.runs):
+            squares = {at: _normal(*channel_columns(of_group, r, c, *further)) for c, at in enumerate(order)}
+            normal = np.array([squares[at] for at in range(len(sensors))])
             by_run[run] = RunInformation(kinds[run], sensors, normal, motion_prior_precision[run])
     return tuple(by_run[i] for i in range(len(kinds)))
 
 
-def _normal(of_run: Linearisation, channel: int) -> np.ndarray:
-    rows = np.asarray(of_run.residual_jacobian)[:, 0, channel]
-    gain = np.asarray(of_run.gain_jacobian)[0, channel]
+def _normal(rows: np.ndarray, gain: np.ndarray) -> np.ndarray:
     return np.asarray(rows.T @ rows + np.outer(gain, gain))
 
 

@@ -16,7 +16,7 @@ from sysid.estimation.residuals.compressed import run_normals
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, RunMotion
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns, with_columns
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, channel_columns
 from sysid.vehicle_model.engines.protocol import Linearisation
 
 #: Three hundred samples are more than go through one block, and no multiple of them.
@@ -57,16 +57,14 @@ def test_columns_of_several_kinds_stand_before_those_of_the_runs_own_unknowns(li
         ResidualColumns(random.normal(size=(SAMPLES, RUNS, CHANNELS, n)), random.normal(size=(RUNS, CHANNELS, n)))
         for n in (2, 1)
     ]
-    found = list(with_columns(linearisation, *kinds))
-    assert len(found) == RUNS
-    columns = np.concatenate([one.residual_jacobian for one in found], axis=1)
-    gains = np.concatenate([one.gain_jacobian for one in found])
-    np.testing.assert_array_equal(columns[..., [0, 1, 2, 3, 7, 8, 9]], linearisation.residual_jacobian)
-    np.testing.assert_array_equal(gains[..., [0, 1, 2, 3, 7, 8, 9]], linearisation.gain_jacobian)
-    np.testing.assert_array_equal(columns[..., 4:6], kinds[0].residual)
-    np.testing.assert_array_equal(columns[..., 6], kinds[1].residual[..., 0])
-    np.testing.assert_array_equal(gains[..., 4:6], kinds[0].gain)
-    np.testing.assert_array_equal(np.concatenate([one.residual for one in found], axis=1), linearisation.residual)
+    for r, c in np.ndindex(RUNS, CHANNELS):
+        rows, gain = channel_columns(linearisation, r, c, *kinds)
+        np.testing.assert_array_equal(rows[:, [0, 1, 2, 3, 7, 8, 9]], linearisation.residual_jacobian[:, r, c])
+        np.testing.assert_array_equal(gain[[0, 1, 2, 3, 7, 8, 9]], linearisation.gain_jacobian[r, c])
+        np.testing.assert_array_equal(rows[:, 4:6], kinds[0].residual[:, r, c])
+        np.testing.assert_array_equal(rows[:, 6], kinds[1].residual[:, r, c, 0])
+        np.testing.assert_array_equal(gain[4:6], kinds[0].gain[r, c])
+        np.testing.assert_array_equal(gain[6:7], kinds[1].gain[r, c])
 
 
 def test_one_group_is_linearised_as_among_all_and_not_kept(problem: Problem) -> None:

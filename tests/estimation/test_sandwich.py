@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from sysid.estimation.uncertainty.information import BlockInformation, model_error
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns
 from sysid.estimation.uncertainty.sandwich import adjust, block_scores, flattening
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 
 def linear_blocks(blocks: int, samples: int, shared: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -53,12 +55,16 @@ def test_repeats_in_one_block_count_as_one() -> None:
     assert np.allclose(joined.inflation, 2.0 * once.inflation, rtol=0.02)
 
 
+def _linearised(*arrays: np.ndarray) -> Linearisation:
+    return Linearisation(*arrays, np.zeros_like(arrays[0]))
+
+
 def test_a_run_s_own_unknowns_are_eliminated_like_a_schur_complement() -> None:
     random = np.random.default_rng(5)
     residual = random.standard_normal((50, 1, 2))
     jacobian = random.standard_normal((50, 1, 2, 6))
     prior = np.diag([0.3, 0.0, 1.0])[None]
-    scores, information, _ = block_scores(residual, jacobian, np.zeros((1, 2)), np.zeros((1, 2, 6)), prior)
+    scores, information, _ = block_scores(_linearised(residual, jacobian, np.zeros((1, 2)), np.zeros((1, 2, 6))), prior)
     dense = jacobian[:, 0].reshape(-1, 6)
     normal = dense.T @ dense
     normal[3:, 3:] += prior[0]
@@ -67,6 +73,21 @@ def test_a_run_s_own_unknowns_are_eliminated_like_a_schur_complement() -> None:
     total = dense.T @ residual[:, 0].ravel()
     expected = total[:3] - normal[:3, 3:] @ np.linalg.solve(normal[3:, 3:], total[3:])
     assert np.allclose(scores[0].sum(axis=0), expected, rtol=1e-8)
+
+
+def test_further_columns_count_like_those_of_parameters() -> None:
+    random = np.random.default_rng(8)
+    samples, runs, channels = 9, 2, 3
+    residual, jacobian = random.normal(size=(samples, runs, channels)), random.normal(size=(samples, runs, channels, 8))
+    gain, by_gain = random.normal(size=(runs, channels)), random.normal(size=(runs, channels, 8))
+    prior, used = np.array([np.eye(3), 2.0 * np.eye(3)]), np.ones((runs, channels), bool)
+    kinds = [ResidualColumns(jacobian[..., k], by_gain[..., k]) for k in ([2, 3], [4])]
+    own = [0, 1, 5, 6, 7]
+    apart = block_scores(_linearised(residual, jacobian[..., own], gain, by_gain[..., own]), prior, used, kinds)
+    together = block_scores(_linearised(residual, jacobian, gain, by_gain), prior, used)
+    np.testing.assert_allclose(apart.scores, together.scores, rtol=1e-12)
+    np.testing.assert_allclose(apart.information, together.information, rtol=1e-12)
+    np.testing.assert_allclose(apart.parts, together.parts, rtol=1e-12)
 
 
 def test_an_information_that_is_negative_by_rounding_is_taken_as_none() -> None:
@@ -92,8 +113,9 @@ def test_scores_and_information_are_those_of_all_rows_written_out():
     gain, by_gain = random.normal(size=(runs, channels)), random.normal(size=(runs, channels, 7))
     prior = np.array([np.diag(random.uniform(1.0, 3.0, own)) for _ in range(runs)])
     used = np.array([[True, False, True], [True, True, True]])
-    scores, information, parts = block_scores(residual, jacobian, gain, by_gain, prior, used)
-    once = block_scores(residual, jacobian, gain, by_gain, prior)
+    whole = _linearised(residual, jacobian, gain, by_gain)
+    scores, information, parts = block_scores(whole, prior, used)
+    once = block_scores(whole, prior)
     np.testing.assert_allclose(once.information, information, rtol=1e-9)
     assert once.parts == []
     of_channels = iter(parts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from sysid.arrays import Parameters, Residuals, ResidualsByUnknowns
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, MotionPrior, RunMotion
+from sysid.threads import side_by_side
 from sysid.vehicle_model.engines.protocol import Linearisation
 
 #: Samples whose rows are multiplied together: a megabyte or so, which stays in the processor's cache.
@@ -33,26 +34,33 @@ def run_order(model: BumpModel) -> list[int]:
     return [run for group in model.groups for run in group.runs]
 
 
-def run_normals(linearisation: Linearisation) -> Iterator[np.ndarray]:
-    """Per run the normal matrix B'B (p + 4, p + 4) of B = [J r], all its residuals, sensor gains included.
+def run_normals(linearisation: Linearisation) -> tuple[np.ndarray, ...]:
+    """Per run the normal matrix B'B (p + 4, p + 4) of B = [J r], all its residuals, sensor gains included."""
+    residual, jacobian, gain, gain_jacobian, _ = (np.asarray(array) for array in linearisation)
+
+    def normal(r: int) -> np.ndarray:
+        gains = np.concatenate([gain_jacobian[r], gain[r][:, None]], axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.asarray(gains.T @ gains + _normal(jacobian[:, r], residual[:, r]))
+
+    return side_by_side(normal, range(residual.shape[1]))
+
+
+def _normal(jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """B'B (p + 4, p + 4) of the samples of one run, `jacobian` (T, C, p + 3) and `residual` (T, C).
 
     A stretch of samples at a time goes through one small block: copies of whole runs would be as large as J.
     """
-    residual, jacobian = np.asarray(linearisation.residual), np.asarray(linearisation.residual_jacobian)
-    gain, gain_jacobian = np.asarray(linearisation.gain_residual), np.asarray(linearisation.gain_jacobian)
-    samples, runs, channels, width = jacobian.shape
+    samples, channels, width = jacobian.shape
     room = np.empty((min(_STRETCH, samples), channels, width + 1))
-    for r in range(runs):
-        gains = np.concatenate([gain_jacobian[r], gain[r][:, None]], axis=1)
-        with np.errstate(over="ignore", invalid="ignore"):
-            normal = gains.T @ gains
-            for begin in range(0, samples, _STRETCH):
-                stretch = slice(begin, min(begin + _STRETCH, samples))
-                block = room[: stretch.stop - begin]
-                block[..., :-1], block[..., -1] = jacobian[stretch, r], residual[stretch, r]
-                flat = block.reshape(-1, width + 1)
-                normal += flat.T @ flat
-        yield normal
+    normal = np.zeros((width + 1, width + 1))
+    for begin in range(0, samples, _STRETCH):
+        stretch = slice(begin, min(begin + _STRETCH, samples))
+        block = room[: stretch.stop - begin]
+        block[..., :-1], block[..., -1] = jacobian[stretch], residual[stretch]
+        flat = block.reshape(-1, width + 1)
+        normal += flat.T @ flat
+    return normal
 
 
 def square_factor(normal: np.ndarray) -> np.ndarray:

@@ -32,8 +32,9 @@ from sysid.estimation.uncertainty.joint_step import (
 )
 from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_following
 from sysid.estimation.uncertainty.mass_response import MassResponse
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns, with_columns
-from sysid.estimation.uncertainty.sandwich import Adjustment, BlockScores, adjust, block_scores, flattening
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns
+from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, block_scores, flattening
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 #: Rounds in which the factor of model error, and the scales of departures that go with it, are found.
 _FACTOR_ROUNDS = 4
@@ -126,35 +127,23 @@ def information_with(
     blocks: list[Hashable] = []
     shared = problem.count + sum(columns[0].gain.shape[-1] for columns in kinds)
     information = np.zeros((shared, shared))
+    _, motion = problem.unpack(vector)
     for position, group in enumerate(problem.model.groups):
-        found = _run_scores(problem, vector, position, [columns[position] for columns in kinds], with_parts)
-        for run, used, of_run in zip(group.runs, np.asarray(group.measured.any(axis=0)), found, strict=True):
-            information += of_run.information[0]
+        measured = np.asarray(group.measured.any(axis=0))
+        found = block_scores(
+            Linearisation(*map(np.asarray, problem.linearise_one(vector, position))),
+            problem.expected.precision(motion, group.runs),
+            measured if with_parts else None,
+            [columns[position] for columns in kinds],
+        )
+        information += found.information.sum(axis=0)
+        parts += found.parts
+        for run, used, of_run in zip(group.runs, measured, found.scores, strict=True):
             record = campaign.bump_runs[run]
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
-            scores += [of_run.scores[0, c] for c in np.flatnonzero(used)]
+            scores += [of_run[c] for c in np.flatnonzero(used)]
             blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
-            parts += of_run.parts
     return BlockInformation(information, np.array(scores), tuple(blocks), np.array(parts) if with_parts else None)
-
-
-def _run_scores(
-    problem: Problem, vector: UnknownsOfFit, position: int, columns: Sequence[ResidualColumns], with_parts: bool
-) -> list[BlockScores]:
-    """Scores and information of every run of a group, whose derivatives are in memory no longer than that takes."""
-    group, (_, motion) = problem.model.groups[position], problem.unpack(vector)
-    runs = with_columns(problem.linearise_one(vector, position), *columns)
-    return [
-        block_scores(
-            np.asarray(lin.residual),
-            np.asarray(lin.residual_jacobian),
-            np.asarray(lin.gain_residual),
-            np.asarray(lin.gain_jacobian),
-            problem.expected.precision(motion, [run]),
-            used[None] if with_parts else None,
-        )
-        for run, used, lin in zip(group.runs, np.asarray(group.measured.any(axis=0)), runs, strict=True)
-    ]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ everywhere else, so the columns stand beside those of the parameters.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -96,23 +96,17 @@ def _residuals(
     return residual[..., 0], gain[..., 0]
 
 
-def with_columns(linearisation: Linearisation, *kinds: ResidualColumns) -> Iterator[Linearisation]:
-    """The runs of a group with the columns between the derivatives by parameters and those by a run's own unknowns.
+def channel_columns(
+    linearisation: Linearisation, run: int, channel: int, *kinds: ResidualColumns
+) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives (T, p + m + 3) of a channel's residuals, (p + m + 3,) of its gain, m further columns among them.
 
-    One run at a time, as a group of one, and kind after kind: joined columns of all of them fill the memory of a small
-    computer.
+    They stand between the derivatives by the parameters and those by the run's own unknowns.  One channel at a time:
+    joined columns of whole runs fill the memory of a small computer.
     """
-    residual, jacobian, gain, gain_jacobian, simulated = (np.asarray(array) for array in linearisation)
-
-    def widened(old: np.ndarray, *more: np.ndarray) -> np.ndarray:
-        return np.concatenate([old[..., :-RUN_UNKNOWNS], *more, old[..., -RUN_UNKNOWNS:]], axis=-1)
-
-    for r in range(residual.shape[1]):
-        of_run = slice(r, r + 1)
-        yield Linearisation(
-            residual[:, of_run],
-            widened(jacobian[:, of_run], *(columns.residual[:, of_run] for columns in kinds)),
-            gain[of_run],
-            widened(gain_jacobian[of_run], *(columns.gain[of_run] for columns in kinds)),
-            simulated[:, of_run],
-        )
+    rows, gain = linearisation.residual_jacobian[:, run, channel], linearisation.gain_jacobian[run, channel]
+    more, of_gain = [k.residual[:, run, channel] for k in kinds], [k.gain[run, channel] for k in kinds]
+    return (
+        np.concatenate([rows[:, :-RUN_UNKNOWNS], *more, rows[:, -RUN_UNKNOWNS:]], axis=1),
+        np.concatenate([gain[:-RUN_UNKNOWNS], *of_gain, gain[-RUN_UNKNOWNS:]]),
+    )

@@ -20,6 +20,9 @@ import numpy as np
 from sysid.arrays import Parameters, ParametersByParameters
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS
 from sysid.estimation.residuals.run_unknowns import response_of_runs
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, channel_columns
+from sysid.threads import side_by_side
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 #: Smallest eigenvalue of an information with a diagonal of ones.
 _FLOOR = 1e-10
@@ -48,43 +51,53 @@ class BlockScores(NamedTuple):
 
 
 def block_scores(
-    residual: np.ndarray,
-    jacobian: np.ndarray,
-    gain_residual: np.ndarray,
-    gain_jacobian: np.ndarray,
+    linearisation: Linearisation,
     local_prior: np.ndarray,
     parts_of: np.ndarray | None = None,
+    kinds: Sequence[ResidualColumns] = (),
 ) -> BlockScores:
-    """Scores and information of a group of runs with each run's own unknowns eliminated.
+    """Scores and information of a group of runs about p unknowns, with each run's own unknowns eliminated.
 
     Parameters
     ----------
-    residual : (T, R, C); jacobian : (T, R, C, p + 3); gain_residual : (R, C); gain_jacobian : (R, C, p + 3).
+    linearisation : of R runs, with arrays of the host.
     local_prior : (R, 3, 3) prior precision of the run's own unknowns.
     parts_of : (R, C) bool, channels whose information is wanted one by one, run after run; None for none.
+    kinds : derivatives by further unknowns, which come after those of the parameters.
     """
-    runs, width = jacobian.shape[1], jacobian.shape[-1]
-    count = width - RUN_UNKNOWNS
-    scores = gain_jacobian * gain_residual[..., None]
-    normal = np.zeros((runs, width, width))
-    by_channel = np.empty((runs, jacobian.shape[2], width, width)) if parts_of is not None else None
+    runs = range(linearisation.residual.shape[1])
+    each = side_by_side(
+        lambda r: _run_scores(linearisation, r, local_prior[r], None if parts_of is None else parts_of[r], kinds), runs
+    )
+    scores, information, parts = zip(*each, strict=True)
+    return BlockScores(np.array(scores), np.array(information), [part for of_run in parts for part in of_run])
+
+
+def _run_scores(
+    linearisation: Linearisation,
+    r: int,
+    local_prior: np.ndarray,
+    parts_of: np.ndarray | None,
+    kinds: Sequence[ResidualColumns],
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Scores (C, p), information (p, p), and that of the channels `parts_of` (C,), of one run."""
+    scores, by_channel = [], []
+    normal: np.ndarray | float = 0.0
     # Channel by channel: einsum over all of them goes through the columns with strides that cost ten times as much.
-    for r, c in np.ndindex(gain_residual.shape):
-        columns = np.ascontiguousarray(jacobian[:, r, c])
-        scores[r, c] += residual[:, r, c] @ columns
-        squares = columns.T @ columns + np.outer(gain_jacobian[r, c], gain_jacobian[r, c])
-        normal[r] += squares
-        if by_channel is not None:
-            by_channel[r, c] = squares
-    eliminate = response_of_runs(normal, local_prior)
-    information = normal[:, :count, :count] - normal[:, :count, count:] @ eliminate
-    parts: list[np.ndarray] = []
-    if by_channel is not None:
-        assert parts_of is not None
-        for r in range(runs):
-            change = np.concatenate([np.eye(count), -eliminate[r]])
-            parts += [change.T @ by_channel[r, c] @ change for c in np.flatnonzero(parts_of[r])]
-    return BlockScores(scores[..., :count] - scores[..., count:] @ eliminate, information, parts)
+    for c in range(linearisation.residual.shape[2]):
+        columns, gain = channel_columns(linearisation, r, c, *kinds)
+        scores.append(gain * linearisation.gain_residual[r, c] + linearisation.residual[:, r, c] @ columns)
+        squares = columns.T @ columns + np.outer(gain, gain)
+        normal = normal + squares
+        by_channel.append(squares if parts_of is not None and parts_of[c] else None)
+    normal = np.asarray(normal)
+    count = normal.shape[0] - RUN_UNKNOWNS
+    (eliminate,) = response_of_runs(normal[None], local_prior[None])
+    information = normal[:count, :count] - normal[:count, count:] @ eliminate
+    change = np.concatenate([np.eye(count), -eliminate])
+    parts = [change.T @ squares @ change for squares in by_channel if squares is not None]
+    wide = np.array(scores)
+    return wide[:, :count] - wide[:, count:] @ eliminate, information, parts
 
 
 def noise_edge(blocks: int, count: int) -> float:
