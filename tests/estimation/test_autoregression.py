@@ -128,3 +128,30 @@ def test_smooth_errors_of_any_size_inflate(size: float):
         # A swing of 2 Hz over 1.5 s: some tens of readings at 200 Hz are one.
         assert np.all((found > 10.0 if size >= 10.0 else found > 3.0) & (found < 800.0))
         assert np.all((model.innovation > 0.0) & (model.innovation <= 1.0))
+
+
+def test_a_channel_s_factor_is_the_mean_over_parameters_weighted_by_what_it_tells():
+    rho = 0.8
+    lags = rho ** np.arange(60)
+    exact = autoregression(np.repeat(lags[:, None], 2, axis=1), np.full(2, 4000))
+    slow, fast = np.ones(400), np.tile([1.0, -1.0], 200)
+    # Parameter 0 acts slowly and is told by both channels, parameter 1 fast and by the first channel alone.
+    columns = np.stack([np.stack([slow, 2.0 * fast], axis=-1), np.stack([slow, 0.0 * fast], axis=-1)], axis=1)
+    inflated = (1 + rho) / (1 - rho)
+    # The fast one would be deflated, which does not count.  Shares of channel 0: 1 of the first, 2 of the second.
+    found = variance_inflation(exact, columns)
+    np.testing.assert_allclose(found, [(inflated + 2.0) / 3.0, inflated], rtol=1e-6)
+
+
+def test_a_little_more_sensitivity_changes_a_factor_a_little():
+    """Of channels that tell alike, one that tells one per cent more does not take the factor from the others."""
+    lags = 0.9 ** np.arange(60)
+    exact = autoregression(np.repeat(lags[:, None], 3, axis=1), np.full(3, 4000))
+    column = np.cumsum(np.random.default_rng(4).normal(size=(500, 1, 2)), axis=0)
+    columns = np.repeat(column, 3, axis=1)
+    before = variance_inflation(exact, columns)
+    assert np.all(before > 5.0)
+    for channel, parameter in np.ndindex(3, 2):
+        more = columns.copy()
+        more[:, channel, parameter] *= 1.01
+        np.testing.assert_allclose(variance_inflation(exact, more), before, rtol=0.01)

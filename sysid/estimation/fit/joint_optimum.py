@@ -50,7 +50,7 @@ def joint_optimum(
 
     Parameters
     ----------
-    optimum : of the parameters, with masses and contact as declared.
+    optimum : of the parameters, with masses and contact as declared; its steps may be larger than those of `options`.
     profiles, options, report : as :func:`sysid.estimation.fit.least_squares.optimise`.
     """
     rough = replace(options, weight_rounds=0, tolerance=max(options.tolerance, _ROUGH_TOLERANCE))
@@ -59,7 +59,8 @@ def joint_optimum(
         report("masses and tires", 0.9)
         allowances = _allowances(campaign, optimum.problem.model)
         if not allowances.count:
-            break
+            nowhere = JointStep(np.zeros(optimum.problem.count), np.zeros(0), 0.0)
+            return _moved(campaign, optimum, nowhere, profiles, options, report, larger_steps=False)
         step = _step(campaign, optimum, allowances)
         near = number >= REWEIGHTED and step.largest < NEAR_SD
         last = near or number == ROUNDS - 1
@@ -74,8 +75,8 @@ def joint_optimum(
             return _unsettled(moved)
         optimum = moved
         if last:
-            return optimum if step.largest < SETTLED_SD else _unsettled(optimum)
-    return optimum
+            break
+    return optimum if step.largest < SETTLED_SD else _unsettled(optimum)
 
 
 def _unsettled(optimum: Optimum) -> Optimum:

@@ -41,8 +41,8 @@ from sysid.sdof.drop_results import DropSummary
 #: Iterations after which the fit that trials are compared with ends: parameters that the data hardly see creep on for
 #: long, and move the cost by far less than what decides.
 BASE_ITERATIONS = 20
-#: A fit of its own, one to judge residuals by, one that trials are compared with, or one under the weights and maps of
-#: its neighbour.
+#: One that the joint optimum begins from, one to judge residuals by, one that trials are compared with, or one under
+#: the weights and maps of its neighbour.
 How = Literal["final", "rough", "base", "trial", "rough trial"]
 
 
@@ -167,6 +167,9 @@ class _Choice:
         # A trial keeps weights and maps of its neighbour, under which it is compared.
         tolerance = max(options.tolerance, 1e-3 if how == "rough trial" else 1e-6)
         under = replace(options, weight_rounds=0, tolerance=tolerance) if trial else options
+        if how == "final":
+            # The joint optimum begins here: it weighs residuals again, and ends with exact steps.
+            under = replace(options, weight_rounds=min(options.weight_rounds, 1))
         if how == "base":
             rounds, most = min(options.weight_rounds, 1), min(options.max_iterations, BASE_ITERATIONS)
             under = replace(options, weight_rounds=rounds, tolerance=tolerance, max_iterations=most)
@@ -183,7 +186,7 @@ class _Choice:
             near=near,
             keep_maps=trial,
             rough=how == "rough",
-            larger_steps=comparing and how != "final",
+            larger_steps=comparing or how == "final",
         )
 
     def _comparing(self, message: str, fraction: float) -> None:

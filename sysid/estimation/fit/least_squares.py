@@ -35,6 +35,9 @@ _MAPS = 5
 _ROUGH_TOLERANCE = 1e-5
 #: Laws that do not suit a truck are not fitted to the last: what richer ones promise shows long before.
 _FIRST_SIGHT, _FIRST_ITERATIONS = 1e-3, 15
+#: Iterations after which a search from another optimum ends that only finds the tires of the next maps: parameters that
+#: the data hardly see creep on for long.
+_MAP_ITERATIONS = 8
 
 
 def fit_bump_runs(
@@ -89,8 +92,8 @@ def optimise(
     ----------
     near : optimum of other laws on the same campaign to start from: its motions, weights and common parameters.
     keep_maps : keep the footprint maps of `near`.
-    rough : end before the last search, under the weights of one round and maps made again once: enough to judge
-        residuals by.
+    rough : end before the last search, under the weights of one round and maps of `near`, or made again once: enough to
+        judge residuals by.
     larger_steps : integrate with the larger steps that searches before the last one have anyway
         (:mod:`sysid.estimation.residuals.larger_steps`): enough to compare optima by.
     """
@@ -107,6 +110,8 @@ def optimise(
     )
     if rough:
         hasty = replace(hasty, tolerance=_FIRST_SIGHT, max_iterations=min(options.max_iterations, _FIRST_ITERATIONS))
+    elif near is not None:
+        hasty = replace(hasty, max_iterations=min(options.max_iterations, _MAP_ITERATIONS))
     how = hasty if again or rough else options
     larger = larger_steps or again or rough
     if near is None:
@@ -118,7 +123,7 @@ def optimise(
         instrument, (_, motion) = near.instrument, near.problem.unpack(near.vector)
     model = with_larger_steps(model, start, motion) if larger else model
     optimum = optimise_from(campaign, model, motion, instrument, start, how, report, weights=weights)
-    if not again:
+    if not again or (rough and near is not None):
         return optimum
     for _ in range(1 if rough else _MAPS - 1):
         optimum = _with_own_maps(campaign, optimum, prepared, hasty, report, larger_steps=True)
