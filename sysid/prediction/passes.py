@@ -24,7 +24,7 @@ from sysid.prediction.measures import extremes, impulse_ratio, lift_off_time, lo
 from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
-from sysid.prediction.vehicle_draws import VehicleDraws, histories_of_draws
+from sysid.prediction.vehicle_draws import CONTACT_ERROR, VehicleDraws, histories_of_draws
 from sysid.progress import Progress, unwatched
 from sysid.road.named_shapes import named_shape
 from sysid.vehicle_model.device_arrays import ParametersBySets
@@ -290,7 +290,8 @@ def predict(
 ) -> Predictions:
     """Wheel loads of passes, and the load ratio against speed in their load cases.
 
-    Every draw gets its own masses and departures, drawn given its parameters as the fit relates them.
+    Every draw gets its own masses and departures, drawn given its parameters as the fit relates them, and its own error
+    of the forces between tires and road (:data:`sysid.prediction.vehicle_draws.CONTACT_ERROR`).
 
     Parameters
     ----------
@@ -317,7 +318,9 @@ def predict(
     if response is not None:
         amounts = response.amounts[None] if draws is None else response.draws(draws, random)
         drawn = stops if draws is None else assumed_stops(campaign.vehicle, parameters, driven, random, len(amounts))
-        vehicles = VehicleDraws(campaign_allowances(campaign, parameters, roads), amounts, drawn)
+        axles = len(campaign.vehicle.axles)
+        error = None if draws is None else CONTACT_ERROR * random.standard_normal((len(amounts), axles))
+        vehicles = VehicleDraws(campaign_allowances(campaign, parameters, roads), amounts, drawn, error)
     sets = state.point.log_parameters[None] if draws is None else draws
     passes = tuple(
         predict_pass(campaign, parameters, roads, request, sets, vehicles, driven, stops) for request in requests

@@ -21,7 +21,7 @@ from sysid.estimation.uncertainty.departures import Departures
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.prediction.passes import predict, predict_pass
-from sysid.prediction.vehicle_draws import VehicleDraws
+from sysid.prediction.vehicle_draws import VehicleDraws, with_contact_error
 from sysid.vehicle_model.passes import EffectiveRoads
 
 REQUEST = PredictionRequest("empty", 10.0)
@@ -160,3 +160,29 @@ def test_draws_of_another_vehicle_are_refused():
     masses = only_masses(made())
     with pytest.raises(ValueError, match="do not fit"):
         VehicleDraws(masses, np.zeros((2, masses.count + 1)))
+
+
+def test_errors_of_the_contact_scale_what_is_dynamic_and_leave_wheels_in_the_air():
+    tire = np.array([1000.0, 3000.0, 200.0, 0.0])[:, None, None] * np.ones((4, 2, 1))
+    static, error = np.full((2, 1), 1000.0), np.array([[0.1], [-0.1]])
+    found = with_contact_error(tire, static, error)
+    np.testing.assert_allclose(found[:, 0, 0], [1000.0, 3200.0, 120.0, 0.0])
+    np.testing.assert_allclose(found[:, 1, 0], [1000.0, 2800.0, 280.0, 0.0])
+    assert with_contact_error(np.full((1, 1, 1), 10.0), np.full((1, 1), 1000.0), np.full((1, 1), 0.2)).item() == 0.0
+
+
+def test_every_draw_has_its_own_errors_of_the_contact():
+    data = made()
+    parameters = campaign_parameters(data, None)
+    masses = uncertain_masses(data)
+    draws, exact = np.tile(parameters.start, (3, 1)), np.zeros((3, masses.sd.size))
+    error = np.array([[-0.1, 0.0, 0.02], [0.0, 0.0, 0.0], [0.1, 0.0, -0.02]])
+    vehicles = VehicleDraws(only_masses(data), exact, contact_error=error)
+    found = predict_pass(data, parameters, felt(data), REQUEST, draws, vehicles)
+    plain = predict_pass(data, parameters, felt(data), REQUEST, draws, VehicleDraws(only_masses(data), exact))
+    dynamic = plain.peak_ratio_q50 - 1.0
+    np.testing.assert_allclose(found.peak_ratio_q50, plain.peak_ratio_q50, rtol=1e-9)
+    # Of three draws the 5 and 95 % quantiles are nine tenths of the way to the outer ones.
+    np.testing.assert_allclose(found.peak_ratio_q95 - found.peak_ratio_q50, [0.09, 0.0, 0.018] * dynamic, atol=1e-9)
+    np.testing.assert_allclose(found.suspension_force_N.q95, plain.suspension_force_N.q95)
+    assert vehicles.first(2).contact_error.shape == (2, 3)
