@@ -1,0 +1,48 @@
+"""The table of samplers on a page of the documentation, from its JSON file alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from studies.documents import write_between_marks
+
+#: Likelihoods that a gradient would cost by an adjoint of the engine, if there were one.
+ADJOINT = 6.0
+
+
+def write_table(found: dict[str, Any], document: Path) -> None:
+    """Write the table between the marks ``samplers`` of a page."""
+    write_between_marks(document, "samplers", table(found))
+
+
+def table(found: dict[str, Any]) -> str:
+    """Introduction and table."""
+    cost, machine = found["costs"], found["machine"]
+    lines = [
+        f"Log-density of the fit of `{found['campaign']}/` with {found['parameters']} parameters, as the stage `sample`",
+        f"gets it. A likelihood in a batch takes {cost['likelihood_s'] * 1e3:.2f} ms of processor time, a gradient (the",
+        f"exact one, from forward derivatives) {cost['gradient_s'] * 1e3:.0f} ms, that is {cost['ratio']:.0f} likelihoods."
+        " Effective draws and R-hat are",
+        "those of the worst parameter. *Work per effective draw* counts everything, burn-in too, in likelihoods; the",
+        f"column beside it says what it would be if a gradient cost {ADJOINT:.0f} likelihoods. *Later* leaves burn-in and "
+        "adapting out.",
+        f"{machine['cores']} cores, {machine['instruction_set']}, load {machine['load_before']:.1f}.",
+        "",
+        "| sampler | processor (wall) [s] | R-hat | effective draws | per processor second | later | work per effective "
+        f"draw | gradient of {ADJOINT:.0f} | later |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    lines += [_row(one, cost) for one in found["samplers"].values()]
+    lines += ["", *(f"- {one['name']}: {one['remark']}." for one in found["samplers"].values())]
+    return "\n".join(lines)
+
+
+def _row(one: dict[str, Any], cost: dict[str, float]) -> str:
+    effective, kept = one["effective"], one["share_kept"]
+    work = {price: one["likelihoods"] + price * one["gradients"] for price in (cost["ratio"], ADJOINT)}
+    rate, dear, cheap = effective / one["processor_s"], work[cost["ratio"]] / effective, work[ADJOINT] / effective
+    return (
+        f"| {one['name']} | {one['processor_s']:.0f} ({one['wall_s']:.0f}) | {one['rhat']:.3f} | {effective:.0f} | "
+        f"{rate:.2g} | {rate / kept:.2g} | {dear:.0f} | {cheap:.0f} | {cheap * kept:.0f} |"
+    )
