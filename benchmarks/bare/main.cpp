@@ -4,7 +4,8 @@
 //
 // Each FILE is one call of the engine's entry point `misfits`.  A line "FILE-NUMBER REPEATS" on standard input computes
 // it so many times; the answer is a line "wall seconds, processor seconds, sum of the misfits", and, of the build that
-// counts, the operations: additions, multiplications, divisions, roots, others, of parameter sets and of the road.
+// counts, the operations: additions, multiplications, divisions, roots, others, of parameter sets
+// and of the road, and how many sets are in a pack.
 // SYSID_THREADS sets the number of threads.
 
 #include <algorithm>
@@ -102,6 +103,7 @@ int main(int count, char** names) {
       for (const uint64_t of : kind.of) std::printf(" %llu", static_cast<unsigned long long>(of));
       kind = {};
     }
+    std::printf(" %d", sysid::kLanes);
 #endif
     std::printf("\n");
     std::fflush(stdout);

@@ -101,4 +101,30 @@ inline Pack square_root(Pack x) {
   return Pack::each(kRoot, x, x, [](double l, double) { return std::sqrt(l); });
 }
 
+#if defined(__AVX512F__) && defined(__AVX512DQ__)  // the instructions that pack.h calls SYSID_SCALES
+inline Pack one_of(const Pack& x, double (*f)(double)) {
+  Pack::count(kOther);
+  Pack y;
+  for (int k = 0; k < kLanes; ++k) y.lane[k] = f(x.lane[k]);
+  return y;
+}
+inline Pack exponent_of(Pack x) { return one_of(x, [](double l) { return std::logb(l); }); }
+inline Pack mantissa_of(Pack x) {
+  return one_of(x, [](double l) { return l == 0.0 ? 1.0 : std::scalbn(l, -std::ilogb(l)); });
+}
+inline Pack integer_of(Pack x) { return one_of(x, [](double l) { return std::nearbyint(l); }); }
+inline Pack fraction_of(Pack x) {
+  return one_of(x, [](double l) { return std::isinf(l) ? 0.0 : l - std::nearbyint(l); });
+}
+inline Pack scaled(Pack x, Pack k) {
+  Pack::count(kOther);
+  for (int j = 0; j < kLanes; ++j) x.lane[j] *= std::exp2(k.lane[j]);
+  return x;
+}
+inline Pack rough_reciprocal_root(Pack x) {
+  // To as many bits as the instruction.
+  return one_of(x, [](double l) { return 1.0 / std::sqrt(l) * (1.0 + 0x1p-15); });
+}
+#endif
+
 }  // namespace sysid
