@@ -39,7 +39,8 @@ def _introduction(found: dict[str, Any]) -> str:
     return f"""\
 ## Beside other solvers
 
-Written by `python -m benchmarks`. Medians of {found["rounds"]} interleaved rounds (JAX and the peers in every third or sixth), quartiles in brackets.
+Written by `python -m benchmarks`. Medians of {found["rounds"]} interleaved rounds
+(JAX and the peers in every third or sixth), quartiles in brackets.
 
 Machine: {machine["cores"]} cores, {machine["instruction_set"]}, load {machine["load_before"]:.1f} before and \
 {machine["load_after"]:.1f} after; Python {machine["python"]}, {versions}.\

@@ -1,7 +1,7 @@
 """Floating-point operations of a likelihood, counted by the engine's own sources with packs that count.
 
-The time loop is a template of its numbers.  Its sources are copied, the vectors that they compute with are replaced by a
-class that does the same and counts (``bare/count/counted.h``), and the bare kernel is compiled from the copy.
+The time loop is a template of its numbers.  Its sources are copied, the vectors that they compute with are replaced by
+a class that does the same and counts (``bare/count/counted.h``), and the bare kernel is compiled from the copy.
 """
 
 from __future__ import annotations

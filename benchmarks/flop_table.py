@@ -19,8 +19,8 @@ def write_table(found: dict[str, Any], document: Path) -> None:
 
 def _counts(found: dict[str, Any]) -> str:
     lines = [
-        "Operations of one likelihood (one set, four runs), in millions; *others* are comparisons, selections, signs and",
-        "bits, which are not counted as floating-point operations; the road is looked up once for the sets of a pack.",
+        "Operations of one likelihood (one set, four runs), in millions; *others* are comparisons, selections, signs",
+        "and bits, which do not count as floating-point operations; the road is looked up once for the sets of a pack.",
         "",
         "| laws | additions | multiplications | divisions | roots | road | floating-point | others |",
         "|---|---|---|---|---|---|---|---|",
@@ -35,7 +35,7 @@ def _counts(found: dict[str, Any]) -> str:
 def _rates(found: dict[str, Any]) -> str:
     machine = found["machine"]
     peak = ", ".join(
-        f"{lanes} lanes {one['core']:.0f} GF/s of a core ({one['together']:.0f} of all cores together by wall time; one that "
+        f"{lanes} lanes {one['core']:.0f} GF/s of a core ({one['together']:.0f} of all together by wall time; one that "
         f"waits for the one before takes {one['dependent_ns']:.2f} ns)"
         for lanes, one in found["peak"].items()
     )
@@ -50,16 +50,15 @@ def _rates(found: dict[str, Any]) -> str:
     for row in found["seconds"]["as it is"]:
         name = found["laws"][row["call"]]
         rate = _rate(found, row)
-        lines.append(
-            f"| {name} | {row['threads']} | {1e3 * row['processor_s'][1] / SETS:.2f} | {rate:.1f} | {100 * rate / top:.0f} % |"
-        )
+        millis = 1e3 * row["processor_s"][1] / SETS
+        lines.append(f"| {name} | {row['threads']} | {millis:.2f} | {rate:.1f} | {100 * rate / top:.0f} % |")
     return "\n".join(lines)
 
 
 def _limits(found: dict[str, Any]) -> str:
     lines = [
-        "What limits it, by builds that are changed (their results are of no use where something costs nothing), on one",
-        "core; time as a share of that of the build as it is:",
+        "What limits it, by builds that are changed (their results are of no use where something costs nothing), on",
+        "one core; time as a share of that of the build as it is:",
         "",
         "| build | " + " | ".join(found["laws"]) + " |",
         "|---|" + "---|" * len(found["laws"]),

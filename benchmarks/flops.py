@@ -79,7 +79,9 @@ def peaks(folder: Path, repeats: int = 5) -> dict[str, Any]:
     if compiler is None:
         raise build.BuildError("no C++ compiler was found")
     source = str(Path(__file__).parent / "bare" / "peak.cpp")
-    subprocess.run([*compiler, "-std=c++17", "-O3", "-march=native", "-pthread", source, "-o", str(program)], check=True)
+    subprocess.run(
+        [*compiler, "-std=c++17", "-O3", "-march=native", "-pthread", source, "-o", str(program)], check=True
+    )
     best: dict[str, dict[str, float]] = {}
     for threads in (1, os.cpu_count() or 1):
         for _ in range(repeats):

@@ -24,7 +24,7 @@ def three_axles(folder: Path) -> Path:
 def long_records(folder: Path) -> Path:
     """A truck with six axles: 20 runs of 60 s at 1 kHz, and a second accelerometer above every axle: 24 channels."""
     place = folder / "long"
-    options = ["--vehicle", "veqmon2d", "--sample-interval-s", "0.001", "--repeats", "2", "--drops-per-axle", "2"]
+    options = ["--vehicle", "veqmon2d", "--sample-interval-s", "0.001", "--repeats", "4", "--drops-per-axle", "2"]
     options += ["--speeds-km-h", "8", "12", "16", "20", "24", "--start-s", "1", str(START_S)]
     if not (place / "truth.toml").exists() or "second1_accel_g" not in (place / "campaign.toml").read_text("utf-8"):
         _made(place, *options, "--record-s", str(RECORD_S))

@@ -19,19 +19,20 @@ def write_table(found: dict[str, Any], document: Path) -> None:
 def table(found: dict[str, Any]) -> str:
     """Introduction and table."""
     cost, machine = found["costs"], found["machine"]
+    ratio, millis = f"{cost['ratio']:.0f}", 1e3 * cost["gradient_s"]
+    head = ("sampler", "processor (wall) [s]", "R-hat", "effective draws", "per processor second", "later")
+    head += ("work per effective draw", f"gradient of {ADJOINT:.0f}", "later")
     lines = [
-        f"Log-density of the fit of `{found['campaign']}/` with {found['parameters']} parameters, as the stage `sample`",
-        f"gets it. A likelihood in a batch takes {cost['likelihood_s'] * 1e3:.2f} ms of processor time, a gradient (the",
-        f"exact one, from forward derivatives) {cost['gradient_s'] * 1e3:.0f} ms, that is {cost['ratio']:.0f} likelihoods."
-        " Effective draws and R-hat are",
-        "those of the worst parameter. *Work per effective draw* counts everything, burn-in too, in likelihoods; the",
-        f"column beside it says what it would be if a gradient cost {ADJOINT:.0f} likelihoods. *Later* leaves burn-in and "
-        "adapting out.",
-        f"{machine['cores']} cores, {machine['instruction_set']}, load {machine['load_before']:.1f}.",
+        f"Log-density of the fit of `{found['campaign']}/` with {found['parameters']} parameters, as the stage",
+        f"`sample` gets it. A likelihood in a batch takes {cost['likelihood_s'] * 1e3:.2f} ms of processor time, a",
+        f"gradient (exact, from forward derivatives) {millis:.0f} ms, that is {ratio} likelihoods. Effective draws and",
+        "R-hat are those of the worst parameter. *Work per effective draw* counts everything, burn-in too, in",
+        f"likelihoods; the column beside it says what it would be if a gradient cost {ADJOINT:.0f} of them. *Later*",
+        f"leaves burn-in and adapting out. {machine['cores']} cores, {machine['instruction_set']}, load "
+        f"{machine['load_before']:.1f}.",
         "",
-        "| sampler | processor (wall) [s] | R-hat | effective draws | per processor second | later | work per effective "
-        f"draw | gradient of {ADJOINT:.0f} | later |",
-        "|---|---|---|---|---|---|---|---|---|",
+        f"| {' | '.join(head)} |",
+        "|---" * len(head) + "|",
     ]
     lines += [_row(one, cost) for one in found["samplers"].values()]
     lines += ["", *(f"- {one['name']}: {one['remark']}." for one in found["samplers"].values())]
