@@ -93,7 +93,8 @@ def _reasons(found: dict[str, Any]) -> list[str]:
     ]
     if 4 in peaks and widest > 4:
         lines += [
-            f"Half as many lanes reach {shares('four lanes (AVX2)', peaks[4])} % of their own peak: so what all sets of",
+            f"Half as many lanes reach "
+            f"{shares('four lanes (AVX2)', peaks[4])} % of their own peak: so what all sets of",
             "a pack share (the road, the matrices) is not the limit, nor is memory.",
         ]
     return lines
