@@ -44,7 +44,7 @@ bench: $(VENV)/.installed
 	$(BIN)/python -m benchmarks --output build/benchmarks --document docs/benchmarks.md
 	$(BIN)/python -m benchmarks.flops --output build/benchmarks --document docs/benchmarks.md
 
-# Whole jobs, cold and warm, then samplers on the fit of one of them: an hour on a quiet machine.
+# Whole jobs, cold and warm, then samplers on the fit of one of them.
 bench-jobs: $(VENV)/.installed
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[crosscheck]"
 	$(BIN)/python -m benchmarks.jobs --only reference --cold --document docs/benchmarks.md
