@@ -36,12 +36,16 @@ NUTS_CHAINS = 2
 
 @dataclass(frozen=True)
 class Target:
-    """What is sampled: a log-density (n, p) -> (n,) with its gradient, and its Laplace approximation."""
+    """What is sampled: a log-density (n, p) -> (n,) with its gradient, and its Laplace approximation.
+
+    `sd` (p,) are the standard deviations of a converged posterior where there is one.
+    """
 
     density: Any
     names: tuple[str, ...]
     centre: np.ndarray
     covariance: np.ndarray
+    sd: np.ndarray | None = None
 
 
 class Counted:
@@ -65,10 +69,11 @@ class Counted:
 
 @dataclass(frozen=True)
 class Draws:
-    """What a sampler has found: chains (chains, n, p) without burn-in, and which share of its work went into them."""
+    """What a sampler has found without its burn-in, (p,) each, and which share of its work went into that."""
 
     effective: np.ndarray
     rhat: np.ndarray
+    sd: np.ndarray
     share_kept: float
     remark: str
 
@@ -80,6 +85,7 @@ class Outcome:
     name: str
     effective: float
     rhat: float
+    sd_ratio: tuple[float, float] | None
     likelihoods: int
     gradients: int
     share_kept: float
@@ -103,6 +109,7 @@ def ours(target: Target, density: Counted, limit_s: float, seed: int) -> Draws:
     return Draws(
         np.array([s.ess for s in posterior.summaries]),
         np.array([s.rhat for s in posterior.summaries]),
+        np.log(posterior.draws).std(axis=(0, 1, 2)),
         posterior.draws.shape[1] / steps,
         f"{ENSEMBLES} ensembles of {posterior.draws.shape[2]} walkers, {steps} steps",
     )
@@ -128,7 +135,8 @@ def emcee_moves(moves: Callable[[], list[tuple[emcee.moves.Move, float]]]) -> Sa
         found = diagnose(history.draws)
         kept = 1.0 - found.burn_in / history.steps
         remark = f"{ENSEMBLES} ensembles of {walkers} walkers, {history.steps} steps"
-        return Draws(found.ess, found.rhat, kept, remark)
+        sd = history.draws[:, found.burn_in :].std(axis=(0, 1, 2))
+        return Draws(found.ess, found.rhat, sd, kept, remark)
 
     return sample
 
@@ -174,9 +182,11 @@ def zeus(target: Target, density: Counted, limit_s: float, seed: int) -> Draws:
         for k, sampler in enumerate(samplers):
             sampler.run_mcmc(places[k] if steps == 0 else None, STRETCH // 2, progress=False)
         steps += STRETCH // 2
-    found = diagnose(np.stack([sampler.get_chain() for sampler in samplers]))
+    draws = np.stack([sampler.get_chain() for sampler in samplers])
+    found = diagnose(draws)
+    sd = draws[:, found.burn_in :].std(axis=(0, 1, 2))
     remark = f"{ENSEMBLES} ensembles of {walkers} walkers, {steps} steps"
-    return Draws(found.ess, found.rhat, 1.0 - found.burn_in / steps, remark)
+    return Draws(found.ess, found.rhat, sd, 1.0 - found.burn_in / steps, remark)
 
 
 Sampler = Callable[[Target, Counted, float, int], Draws]
@@ -200,7 +210,8 @@ def _of_chains(draws: np.ndarray, share_kept: float, remark: str) -> Draws:
 
     every = range(draws.shape[2])
     rhat = [float(array_stats.rhat(draws[..., i], chain_axis=0, draw_axis=1)) for i in every]
-    return Draws(np.array([effective_draws(draws[..., i]) for i in every]), np.array(rhat), share_kept, remark)
+    effective = np.array([effective_draws(draws[..., i]) for i in every])
+    return Draws(effective, np.array(rhat), draws.std(axis=(0, 1)), share_kept, remark)
 
 
 def _seconds(call: Callable[[], object], repeats: int = 5) -> float:
@@ -224,7 +235,9 @@ def finished_fit(campaign: Path, folder: Path) -> Target:
     fit = calibration.fit()
     state = fit_state(calibration._runner.context(SAMPLE))
     density = LogDensity(state).with_larger_steps()
-    return Target(density, fit.names, np.asarray(state.point.log_parameters, float), np.asarray(fit.covariance))
+    sampled = calibration._runner.known(SAMPLE)
+    sd = None if sampled is None or not sampled.converged else np.log(sampled.draws).std(axis=(0, 1, 2))
+    return Target(density, fit.names, np.asarray(state.point.log_parameters, float), np.asarray(fit.covariance), sd)
 
 
 def measure(target: Target, name: str, limit_s: float, seed: int) -> Outcome:
@@ -234,10 +247,12 @@ def measure(target: Target, name: str, limit_s: float, seed: int) -> Outcome:
     density.likelihoods = 0
     wall, processor = time.perf_counter(), time.process_time()
     found = SAMPLERS[name](target, density, limit_s, seed)
+    ratio = None if target.sd is None else found.sd / target.sd
     return Outcome(
         name,
         float(found.effective.min()),
         float(found.rhat.max()),
+        None if ratio is None else (float(ratio.min()), float(ratio.max())),
         density.likelihoods,
         density.gradients,
         found.share_kept,

@@ -27,7 +27,7 @@ class Gaussian:
 
 
 def target() -> Target:
-    return Target(Gaussian(), ("a", "b", "c"), np.zeros(3), np.diag(SD**2))
+    return Target(Gaussian(), ("a", "b", "c"), np.zeros(3), np.diag(SD**2), SD)
 
 
 def test_sets_and_gradients_are_counted():
@@ -43,6 +43,8 @@ def test_ensembles_on_a_gaussian_converge_and_pay_for_all_walkers(name: str):
     found = measure(target(), name, 1.0, seed=2)
     assert found.rhat < 1.05
     assert found.effective > 200
+    assert found.sd_ratio is not None
+    assert 0.8 < found.sd_ratio[0] <= found.sd_ratio[1] < 1.2
     walkers = int(found.remark.split(" walkers")[0].split()[-1])
     steps = int(found.remark.split(" steps")[0].split()[-1])
     # Every step proposes for every walker; starts and the measurement of one likelihood come on top.
@@ -58,6 +60,7 @@ def test_work_is_counted_in_likelihoods():
         "likelihoods": 1000,
         "gradients": 50,
         "share_kept": 0.5,
+        "sd_ratio": [0.96, 1.31],
         "wall_s": 40.0,
         "processor_s": 20.0,
         "remark": "in words",
@@ -71,7 +74,7 @@ def test_work_is_counted_in_likelihoods():
     }
     row = next(line for line in table(found).splitlines() if line.startswith("| a sampler"))
     # (1000 + 40 50) / 100 = 30 with the gradient as it is, (1000 + 6 50) / 100 = 13 with one of six likelihoods.
-    assert row == "| a sampler | 20 (40) | 1.004 | 100 | 5 | 10 | 30 | 13 | 6 |"
+    assert row == "| a sampler | 20 (40) | 1.004 | 0.96 to 1.31 | 100 | 5 | 10 | 30 | 13 | 6 |"
 
 
 def test_a_job_that_reaches_its_limit_is_ended_and_measured(tmp_path: Path):
