@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long fuzz test-browser docs wheel bench coverage first-look ring-downs faults check-faults damages kills soak fleets independent lint format clean
+.PHONY: run quick test test-long fuzz test-browser docs wheel bench bench-jobs bench-long coverage first-look ring-downs faults check-faults damages kills soak fleets independent lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -42,6 +42,18 @@ wheel: $(VENV)/.installed
 bench: $(VENV)/.installed
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(BIN)/python -m benchmarks --output build/benchmarks --document docs/benchmarks.md
+	$(BIN)/python -m benchmarks.flops --output build/benchmarks --document docs/benchmarks.md
+
+# Whole jobs, cold and warm, then samplers on the fit of one of them.
+bench-jobs: $(VENV)/.installed
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[crosscheck]"
+	$(BIN)/python -m benchmarks.jobs --only reference --cold --document docs/benchmarks.md
+	$(BIN)/python -m benchmarks.jobs --only reference truck "three axles" --document docs/benchmarks.md
+	$(BIN)/python -m benchmarks.samplers --fit build/benchmarks/jobs/out-truck --document docs/benchmarks.md
+
+# Twenty runs of a minute at 1 kHz.
+bench-long: $(VENV)/.installed
+	$(BIN)/python -m benchmarks.jobs --only long --document docs/benchmarks.md
 
 # Hours on one core; can be stopped and goes on with what is missing.
 coverage: $(VENV)/.installed

@@ -27,15 +27,25 @@ def compile_program(folder: Path) -> Path:
     BuildError
         If there is no compiler or it fails.
     """
+    return compile_sources(folder / "bare_kernel", Path(build.__file__).parent)
+
+
+def compile_sources(program: Path, sources: Path, flags: tuple[str, ...] = ()) -> Path:
+    """Compile the program from the engine's sources in a folder, with more flags than those of the engine.
+
+    Raises
+    ------
+    BuildError
+        If there is no compiler or it fails.
+    """
     compiler = build.find_compiler()
     if compiler is None:
         raise build.BuildError("no C++ compiler was found")
-    program = folder / "bare_kernel"
-    flags = [flag for flag in (*build.FLAGS, *build.THIS_PROCESSOR) if flag not in ("-shared", "-fPIC")]
-    header.write(folder)
-    include = ["-I", str(_HERE), "-I", str(folder), "-I", str(Path(build.__file__).parent)]
+    own = [flag for flag in (*build.FLAGS, *build.THIS_PROCESSOR) if flag not in ("-shared", "-fPIC")]
+    header.write(program.parent)
+    include = ["-I", str(_HERE), "-I", str(program.parent), "-I", str(sources)]
     done = subprocess.run(
-        [*compiler, *flags, *include, str(_HERE / "main.cpp"), "-o", str(program)],
+        [*compiler, *own, *flags, *include, str(_HERE / "main.cpp"), "-o", str(program)],
         capture_output=True,
         text=True,
         timeout=build.TIMEOUT_S,
@@ -50,6 +60,8 @@ class BareKernel:
     """A running program that holds the likelihoods of one group of runs for several batches."""
 
     def __init__(self, program: Path, folder: Path, work: Work, density: LogDensity, batches: list[np.ndarray]):
+        if len(density._inputs) != 1:
+            raise ValueError("the bare kernel takes one group of runs; choose runs with records of one length")
         files = [folder / f"call{k}.bin" for k in range(len(batches))]
         for file, sets in zip(files, batches, strict=True):
             write_call(file, work, density, sets)
@@ -71,10 +83,10 @@ class BareKernel:
         self._process.communicate()
 
 
-def write_call(file: Path, work: Work, density: LogDensity, sets: np.ndarray) -> None:
-    """One call of the entry point `misfits` for parameter sets (n, p), in the form that ``main.cpp`` reads."""
-    (inputs,) = density._inputs
-    arrays, shape = inputs.arrays, work.model.shapes[0]
+def write_call(file: Path, work: Work, density: LogDensity, sets: np.ndarray, group: int = 0) -> None:
+    """One group's call of the entry point `misfits` for parameter sets (n, p), in the form that ``main.cpp`` reads."""
+    inputs = density._inputs[group]
+    arrays, shape = inputs.arrays, work.model.shapes[group]
     call = misfit_call(
         arrays.matrices,
         axle_laws(arrays.laws, jnp.asarray(sets.T)),

@@ -1,9 +1,11 @@
-"""The page that tells what was measured, from the JSON file alone."""
+"""The part of the page that compares kernels and solvers, from the JSON file alone."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+
+from studies.documents import write_between_marks
 
 #: Beginning of a ratio's name, and what its median processor time should be.
 GOALS = {
@@ -18,12 +20,16 @@ BUSY = 0.5
 
 
 def write_document(found: dict[str, Any], path: Path) -> None:
-    """Write the page."""
+    """Write the part between the marks ``kernels`` of a page, or the file by itself where there are none."""
     parts = [_introduction(found), _ratios(found), _seconds(found), _accuracy(found), _growth(found), _processes(found)]
     path.parent.mkdir(parents=True, exist_ok=True)
     picture = path.with_suffix(".svg" if path.with_suffix(".svg").exists() else ".png").name
     parts.insert(2, f"![Cost and growth]({picture})")
-    path.write_text("\n\n".join(part for part in parts if part) + "\n", encoding="utf-8")
+    text = "\n\n".join(part for part in parts if part)
+    if path.exists() and "<!-- kernels: begin -->" in path.read_text(encoding="utf-8"):
+        write_between_marks(path, "kernels", text)
+    else:
+        path.write_text(text + "\n", encoding="utf-8")
 
 
 def _introduction(found: dict[str, Any]) -> str:
@@ -31,10 +37,10 @@ def _introduction(found: dict[str, Any]) -> str:
     versions = ", ".join(f"{n} {v}" for n, v in machine["versions"].items() if v)
     missing = found["missing_peers"]
     return f"""\
-# Benchmarks
+## Beside other solvers
 
-Written by `make bench` (`python -m benchmarks`) from its JSON file; not edited by hand. Medians of {found["rounds"]}
-interleaved rounds (JAX and the peers in every third or sixth), quartiles in brackets.
+Written by `python -m benchmarks`. Medians of {found["rounds"]} interleaved rounds
+(JAX and the peers in every third or sixth), quartiles in brackets.
 
 Machine: {machine["cores"]} cores, {machine["instruction_set"]}, load {machine["load_before"]:.1f} before and \
 {machine["load_after"]:.1f} after; Python {machine["python"]}, {versions}.\

@@ -14,7 +14,7 @@ import numpy as np
 from sysid.campaign.quality import check_quality
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
-from sysid.estimation.fit.state import FitState, state_at
+from sysid.estimation.fit.state import FitState, fit_point
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.residual_weights import Weights
@@ -81,11 +81,11 @@ def linear_truck() -> tuple[Campaign, dict[str, RoadProfile]]:
     return campaign, {name: analyse_scan(scan).profile for name, scan in campaign.scans.items()}
 
 
-def nominal_point() -> Point:
-    """Start values of the campaign file, nominal speeds, and the bump met after a second."""
+def nominal_point(laws: Sequence[frozenset[str]] | None = None) -> Point:
+    """Start values of the campaign file or of other laws, nominal speeds, and the bump met after a second."""
     campaign, _ = linear_truck()
     speed = np.array([run.nominal_speed_m_s for run in campaign.bump_runs])
-    parameters = campaign_parameters(campaign, None)
+    parameters = campaign_parameters(campaign, None, laws)
     return Point(np.asarray(parameters.start, float), RunMotion.steady(speed, np.full(speed.size, 1.0)))
 
 
@@ -103,23 +103,20 @@ def fitted_point(folder: Path) -> Point:
     return Point(log_parameters, motion)
 
 
-def make_work(point: Point, runs: Sequence[int]) -> Work:
-    """The work of some runs of the campaign, by their indices."""
+def make_work(point: Point, runs: Sequence[int], laws: Sequence[frozenset[str]] | None = None) -> Work:
+    """The work of some runs of the campaign, by their indices; `laws` are elements of every axle's suspension law."""
     whole, profiles = linear_truck()
     campaign = replace(whole, bump_runs=tuple(whole.bump_runs[i] for i in runs))
     # All load cases keep their parameters, whichever runs are chosen.
-    parameters = campaign_parameters(whole, None)
+    parameters = campaign_parameters(whole, None, laws)
     model = bump_model(campaign, parameters, profiles)
     sd = tuple(noise.instrument_noise(group, QUIET_S) for group in model.groups)
     chosen = list(runs)
-    state = state_at(
-        campaign,
-        model,
-        point.log_parameters,
-        point.motion.of(chosen),
-        Weights(sd, tuple(np.ones_like(s) for s in sd)),
-    )
-    return Work(campaign, model, state)
+    weights = Weights(sd, tuple(np.ones_like(s) for s in sd))
+    # Exact masses and independent noise: nothing flattens the likelihood.
+    flat = np.eye(point.log_parameters.size)
+    end = fit_point(model, point.log_parameters, point.motion.of(chosen), weights, flat)
+    return Work(campaign, model, FitState(campaign, end, model))
 
 
 def density(work: Work, name: str) -> LogDensity:

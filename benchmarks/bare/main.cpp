@@ -3,11 +3,15 @@
 //   bare FILE...
 //
 // Each FILE is one call of the engine's entry point `misfits`.  A line "FILE-NUMBER REPEATS" on standard input computes
-// it so many times; the answer is a line "wall seconds, processor seconds, sum of the misfits".
+// it so many times; the answer is a line "wall seconds, processor seconds, sum of the misfits", and, of the build that
+// counts, the operations: additions, multiplications, divisions, roots, others, of parameter sets
+// and of the road, and how many sets are in a pack.
+// SYSID_THREADS sets the number of threads.
 
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
 #include <ctime>
 #include <fstream>
 #include <iostream>
@@ -69,6 +73,7 @@ double processor_seconds() {
 }  // namespace
 
 int main(int count, char** names) {
+  if (const char* threads = std::getenv("SYSID_THREADS")) sysid_use_threads(std::atoi(threads));
   std::vector<Call> calls;
   for (int k = 1; k < count; ++k) calls.push_back(load(names[k]));
   for (Call& call : calls) {
@@ -92,7 +97,15 @@ int main(int count, char** names) {
     const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     double sum = 0.0;
     for (const double x : call.result[0].values) sum += x;
-    std::printf("%.9e %.9e %.17e\n", wall, processor_seconds() - processor, sum);
+    std::printf("%.9e %.9e %.17e", wall, processor_seconds() - processor, sum);
+#ifdef SYSID_COUNTED
+    for (sysid::Count& kind : sysid::counted) {
+      for (const uint64_t of : kind.of) std::printf(" %llu", static_cast<unsigned long long>(of));
+      kind = {};
+    }
+    std::printf(" %d", sysid::kLanes);
+#endif
+    std::printf("\n");
     std::fflush(stdout);
   }
 }

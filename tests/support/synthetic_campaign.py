@@ -45,7 +45,8 @@ class Physics:
     (of logarithms where they spread a quantity): `unsprung_spread` and `inertia_spread` of masses about the declared
     ones, sums kept; `parameter_spread` of k, c, kt, ct about those of the vehicle file; `element_spread` of the other
     parameters of the law about their priors; `speed_spread`; noise, offset and gain of the sensors.
-    `start_s` is the range of the moment at which axle 1 reaches the bump.
+    `start_s` is the range of the moment at which axle 1 reaches the bump; `record_s` the length of every record of a
+    run, 0 for one that ends when the truck has come to rest.
     """
 
     vehicle: str = "rigid3"
@@ -59,6 +60,7 @@ class Physics:
     speeds_km_h: tuple[float, ...] = (9.0, 16.0, 24.0)
     repeats: int = 1
     start_s: tuple[float, float] = (0.7, 1.7)
+    record_s: float = 0.0
     drops_per_axle: int = 2
     plank_height_m: float = 0.075
     tire_exponent: float = 1.2
@@ -299,7 +301,7 @@ class Made:
 
 def _write_runs(folder: Path, physics: Physics, truth: TrueVehicle, profile: RoadProfile, rng) -> list[Made]:
     last = truth.vehicle.axles[-1].x_m + physics.bump_length_m
-    length = [physics.start_s[1] + last / (v / 3.6) + RINGING_S for v in physics.speeds_km_h]
+    length = [physics.record_s or physics.start_s[1] + last / (v / 3.6) + RINGING_S for v in physics.speeds_km_h]
     interval = physics.sample_interval_s
     simulator = Simulator(truth, physics, profile, int(np.ceil(max(length) / interval)))
     made = []

@@ -146,8 +146,8 @@ inline T tire_force(const T& deflection, const T& rate, const T& inverse_referen
   const T relative = deflection * inverse_reference;
   const T size = absolute(relative);
   const Pack sign = select(value(size) > kNoDeflection, sign_of(value(relative)), Pack{});
-  const T elastic = (reference_load * sign) * exponential(exponent * logarithm(size));
-  const T length = (std::sqrt(1.0 + kSoftDamping) * size) / square_root(size + splat(kSoftDamping));
+  const T elastic = (reference_load * sign) * power(size, exponent);
+  const T length = (std::sqrt(1.0 + kSoftDamping) * size) * reciprocal_root(size + splat(kSoftDamping));
   const T grown = select(value(relative) >= 0.0, rate, -absolute(rate)) * length;
   return elastic + damping * (rate + growth * (grown - rate));
 }

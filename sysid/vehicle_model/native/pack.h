@@ -60,51 +60,101 @@ inline Pack square_root(Pack x) {
 #endif
 }
 
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+#define SYSID_SCALES
+// Instructions that take numbers apart: x = 2^e m with m in [1, 2), x = k + f with the nearest integer k, and x 2^k.
+constexpr __mmask8 kEvery = static_cast<__mmask8>(-1);
+constexpr int kNearest = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
+inline Pack exponent_of(Pack x) { return (Pack)_mm512_maskz_getexp_pd(kEvery, (__m512d)x); }
+inline Pack mantissa_of(Pack x) {
+  return (Pack)_mm512_maskz_getmant_pd(kEvery, (__m512d)x, _MM_MANT_NORM_1_2, _MM_MANT_SIGN_src);
+}
+inline Pack integer_of(Pack x) { return (Pack)_mm512_maskz_roundscale_pd(kEvery, (__m512d)x, kNearest); }
+inline Pack fraction_of(Pack x) { return (Pack)_mm512_maskz_reduce_pd(kEvery, (__m512d)x, kNearest); }
+inline Pack scaled(Pack x, Pack k) { return (Pack)_mm512_maskz_scalef_pd(kEvery, (__m512d)x, (__m512d)k); }
+// 1 / sqrt(x) to 14 bits.
+inline Pack rough_reciprocal_root(Pack x) { return (Pack)_mm512_maskz_rsqrt14_pd(kEvery, (__m512d)x); }
+#endif
+
+// 1 / sqrt(x) for normal x > 0.
+inline Pack reciprocal_root(Pack x) {
+#if defined(SYSID_SCALES)
+  // Each step of Newton's doubles the number of bits: no division, no root.
+  Pack y = rough_reciprocal_root(x);
+  const Pack half = 0.5 * x;
+  y += y * (0.5 - half * y * y);
+  y += y * (0.5 - half * y * y);
+  return y;
+#else
+  return 1.0 / square_root(x);
+#endif
+}
+
 // Largest of x and 0, and smallest of x and 1; a lane that is not a number stays so.
 inline Pack positive(Pack x) { return select(x <= 0.0, Pack{}, x); }
 inline Pack at_most_one(Pack x) { return select(x >= 1.0, splat(1.0), x); }
 
-// ln x for normal x > 0, good to about one unit in the last place: x = 2^e m with m in [sqrt(1/2), sqrt(2)),
-// ln m = 2 artanh s = 2 s + s z P(z), s = (m - 1) / (m + 1), z = s^2 (coefficients of fdlibm's e_log.c).
-inline Pack logarithm(Pack x) {
+// (2 / ln 2) artanh s for |s| <= 0.1716: s P(s^2), P through the Chebyshev points, off by 9e-17.
+inline Pack artanh_series(Pack s) {
+  const Pack z = s * s, z2 = z * z;
+  const Pack p01 = 2.885390081777927 + z * 0.9617966939243245;
+  const Pack p23 = 0.5770780172508729 + z * 0.4121984013068434;
+  const Pack p45 = 0.3206164421244846 + z * 0.26144245557136553;
+  return s * (p01 + z2 * (p23 + z2 * (p45 + z2 * 0.24293824606326322)));
+}
+
+// 2^f for |f| <= 1/2: polynomial through the Chebyshev points, off by 6e-18.
+inline Pack small_power_of_two(Pack f) {
+  const Pack f2 = f * f, f4 = f2 * f2;
+  const Pack p01 = 1.0 + f * 0.6931471805599453;
+  const Pack p23 = 0.24022650695910097 + f * 0.0555041086648216;
+  const Pack p45 = 0.009618129107606888 + f * 0.0013333558146416936;
+  const Pack p67 = 0.0001540353044173605 + f * 1.525273382983612e-05;
+  const Pack p89 = 1.321544258792169e-06 + f * 1.0178062445845774e-07;
+  const Pack pab = 7.072585949269223e-09 + f * 4.4549605981865186e-10;
+  return (p01 + f2 * p23) + f4 * ((p45 + f2 * p67) + f4 * (p89 + f2 * pab));
+}
+
+// log2 x for normal x > 0; 0 gives minus infinity.  With x = 2^e m, m in [sqrt(1/2), sqrt(2)), s = (m - 1) / (m + 1):
+//   log2 x = e + log2 m,   log2 m = (2 / ln 2) artanh s.
+// 2^x = 2^k 2^f with the nearest integer k.
+#if defined(SYSID_SCALES)
+
+inline Pack binary_logarithm(Pack x) {
+  constexpr double kRoot = 1.4142135623730951;
+  const Pack moved = x * kRoot, m = mantissa_of(moved);
+  return exponent_of(moved) + artanh_series((m - kRoot) / (m + kRoot));
+}
+
+inline Pack power_of_two(Pack x) { return scaled(small_power_of_two(fraction_of(x)), integer_of(x)); }
+
+#else
+
+inline Pack binary_logarithm(Pack x) {
   constexpr uint64_t kHalfRoot = 0x3fe6a09e667f3bcdULL;  // sqrt(1/2)
   constexpr uint64_t kBias = uint64_t{1023} << 52;
-  const Bits moved = (Bits)x + (kBias - kHalfRoot);
-  const Bits biased = moved >> 52;
+  const Bits biased = ((Bits)x + (kBias - kHalfRoot)) >> 52;
   const Pack m = (Pack)((Bits)x - ((biased << 52) - kBias));
   // An integer below 2^52 put under the exponent of 2^52 is 2^52 plus that integer.
   const Pack e = (Pack)(biased | 0x4330000000000000ULL) - (4503599627370496.0 + 1023.0);
-  const Pack f = m - 1.0;
-  const Pack s = f / (f + 2.0);
-  const Pack z = s * s, w = z * z;
-  const Pack odd = z * (6.666666666666735130e-01 +
-                        w * (2.857142874366239149e-01 + w * (1.818357216161805012e-01 + w * 1.479819860511658591e-01)));
-  const Pack even = w * (3.999999999940941908e-01 + w * (2.222219843214978396e-01 + w * 1.531383769920937332e-01));
-  const Pack half = 0.5 * f * f;
-  const Pack low = s * (half + (odd + even)) + e * 1.90821492927058770002e-10;
-  const Pack found = e * 6.93147180369123816490e-01 - ((half - low) - f);
-  return select(x <= std::numeric_limits<double>::max(), found, x);
+  return select(x > 0.0, e + artanh_series((m - 1.0) / (m + 1.0)), splat(-std::numeric_limits<double>::infinity()));
 }
 
-// e^x, good to about one unit in the last place: x = k ln 2 + r, |r| <= ln 2 / 2, and the Taylor series of e^r.
-inline Pack exponential(Pack x) {
+inline Pack power_of_two(Pack x) {
   constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: adding it rounds to an integer in the low bits
-  const Pack shifted = x * 1.4426950408889634074 + kShift;
-  const Pack k = shifted - kShift;
-  const Pack r = (x - k * 6.93147180369123816490e-01) - k * 1.90821492927058770002e-10;
-  const Pack r2 = r * r, r4 = r2 * r2;
-  const Pack p01 = 1.0 + r;
-  const Pack p23 = 1.0 / 2 + r * (1.0 / 6);
-  const Pack p45 = 1.0 / 24 + r * (1.0 / 120);
-  const Pack p67 = 1.0 / 720 + r * (1.0 / 5040);
-  const Pack p89 = 1.0 / 40320 + r * (1.0 / 362880);
-  const Pack pab = 1.0 / 3628800 + r * (1.0 / 39916800);
-  const Pack pcd = 1.0 / 479001600 + r * (1.0 / 6227020800.0);
-  const Pack series = (p01 + r2 * p23) + r4 * ((p45 + r2 * p67) + r4 * ((p89 + r2 * pab) + r4 * pcd));
-  const Pack found = (Pack)((Bits)series + ((Bits)shifted << 52));
-  const Pack capped = select(x > 709.0, splat(std::numeric_limits<double>::infinity()), found);
-  return select(x < -708.0, Pack{}, capped);
+  const Pack low = select(x < -1022.0, splat(-1022.0), x);
+  const Pack clamped = select(low > 1024.0, splat(1024.0), low);
+  const Pack shifted = clamped + kShift;
+  return (Pack)((Bits)small_power_of_two(clamped - (shifted - kShift)) + ((Bits)shifted << 52));
 }
+
+#endif
+
+// e^x; its relative error grows with |x|, where it is small.
+inline Pack exponential(Pack x) { return power_of_two(x * 1.4426950408889634); }
+
+// x^n for x >= 0, n > 0, to some units in the last place.
+inline Pack power(Pack x, Pack n) { return power_of_two(n * binary_logarithm(x)); }
 
 // A value and its partial derivatives with respect to N inputs, lane by lane.
 template <int N>
@@ -223,14 +273,20 @@ inline Local<N> square_root(const Local<N>& x) {
 }
 
 template <int N>
-inline Local<N> logarithm(const Local<N>& x) {
-  return chained(x, logarithm(x.v), 1.0 / x.v);
+inline Local<N> reciprocal_root(const Local<N>& x) {
+  const Pack found = reciprocal_root(x.v);
+  return chained(x, found, -0.5 * found * found * found);
 }
 
+// d(x^n) = x^n (n dx / x + ln x dn)
 template <int N>
-inline Local<N> exponential(const Local<N>& x) {
-  const Pack found = exponential(x.v);
-  return chained(x, found, found);
+inline Local<N> power(const Local<N>& x, const Local<N>& n) {
+  const Pack binary = binary_logarithm(x.v), found = power_of_two(n.v * binary);
+  const Pack by_x = found * n.v / x.v, by_n = found * (binary * 0.6931471805599453);
+  Local<N> y;
+  y.v = found;
+  for (int k = 0; k < N; ++k) y.d[k] = by_x * x.d[k] + by_n * n.d[k];
+  return y;
 }
 
 template <int N>

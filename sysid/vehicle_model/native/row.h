@@ -137,6 +137,11 @@ inline Jet<T> square_root(const Jet<T>& x) {
   return chained(x, root, 0.5 / root);
 }
 template <int T>
+inline Jet<T> reciprocal_root(const Jet<T>& x) {
+  const double found = 1.0 / std::sqrt(x.value());
+  return chained(x, found, -0.5 * found * found * found);
+}
+template <int T>
 inline Jet<T> exponential(const Jet<T>& x) {
   const double found = exponential(x.value());
   return chained(x, found, found);

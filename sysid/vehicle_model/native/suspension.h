@@ -28,10 +28,10 @@ template <class V>
 struct SuspensionLaw {
   V stiffness, damping;                // k [N/m], c [N s/m]
   V softening, stiffening;             // 1/l [1/m], 1/d^2 [1/m2]
-  V saturation, rounding, tail;        // v_s [m/s], b, r
-  V stated, curvature;                 // shape at the reference rate; D = c v / stated + curvature v |v| near rest
+  V per_saturation, rounding, tail;    // 1/v_s [s/m], b, r
+  V falling, scaled, curvature;        // 1 - r; c over the shape at the reference rate; D ~ curvature v |v| near rest
   V rebound, compression, corner;      // 2 q / (1 + q), 2 / (1 + q), and their difference
-  V friction, slip;                    // F_c [N], z_s [m]
+  V friction, per_slip;                // F_c [N], 1/z_s [1/m]
   V load_share;                        // s of a rocker between springs
   std::vector<Ramp<V>> ramps, stops, rate_ramps;
 };
@@ -60,20 +60,20 @@ inline V spring_force(const Elements& has, const SuspensionLaw<V>& law, const V&
 // r + (1 - r) / sqrt(1 + 2 b |v| / v_s + (v / v_s)^2)
 template <class V>
 inline V damper_shape(const SuspensionLaw<V>& law, const V& rate) {
-  const V relative = absolute(rate) / law.saturation;
-  return law.tail + (1.0 + -law.tail) / square_root(1.0 + relative * (2.0 * law.rounding + relative));
+  const V relative = absolute(rate) * law.per_saturation;
+  return law.tail + law.falling * reciprocal_root(1.0 + relative * (2.0 * law.rounding + relative));
 }
 
 // c v, or c v times the damper's shape over what that is at the reference rate.
 template <class V>
 inline V symmetric_damper(const Elements& has, const SuspensionLaw<V>& law, const V& rate) {
-  const V force = law.damping * rate;
-  return has.saturating ? force * damper_shape(law, rate) / law.stated : force;
+  return has.saturating ? law.scaled * rate * damper_shape(law, rate) : law.damping * rate;
 }
 
+// D(v) from that of the symmetric damper.
 template <class V>
-inline V damper_force(const Elements& has, const SuspensionLaw<V>& law, const V& rate) {
-  V force = symmetric_damper(has, law, rate);
+inline V damper_force(const Elements& has, const SuspensionLaw<V>& law, const V& rate, const V& symmetric) {
+  V force = symmetric;
   if (has.asymmetric) force = force * select(value(rate) >= 0.0, law.rebound, law.compression);
   if (has.rate_ramps > 0) force += ramp_force(law.rate_ramps, rate);
   return force;
@@ -84,7 +84,7 @@ template <class V>
 inline V slide(const SuspensionLaw<V>& law, const V& phi, const V& change) {
   const Scalar<V> sign = select(value(change) == 0.0, Scalar<V>{}, sign_of(value(change)));
   const V direction = constant_row<V>(sign);
-  return direction + (phi - direction) * exponential(-(absolute(change) / law.slip));
+  return direction + (phi - direction) * exponential(-(absolute(change) * law.per_slip));
 }
 
 // phi at a stage `tau` into the step, from the parabola through the step's start (extension e0, rate v0) and the
@@ -93,6 +93,7 @@ template <class V>
 inline V slip_at_stage(const SuspensionLaw<V>& law, const V& phi, const V& e0, const V& v0, double tau, const V& e) {
   const V reach = tau * v0, bend = e - e0 - reach;
   const auto turns = value(v0) * (value(reach) + 2.0 * value(bend)) < 0.0;
+  if (!any(turns)) return slide(law, phi, e - e0);
   const V one = constant_row<V>(Scalar<V>{} + 1.0);
   const V turned = e0 - select(turns, reach * reach, V{}) / (4.0 * select(turns, bend, one));
   return slide(law, slide(law, phi, turned - e0), e - turned);
@@ -115,6 +116,7 @@ inline V slip_after_step(const SuspensionLaw<V>& law, const V& phi, const V& e0,
                          double h) {
   const auto turns = value(v0) * value(v1) < 0.0;
   const V change = e1 - e0;
+  if (!any(turns)) return slide(law, phi, change);
   const Scalar<V> s = turning_point(value(change), h * value(v0), h * value(v1)), rest = 1.0 - s;
   const V cubic = e0 + s * ((h * rest * rest) * v0 + s * ((3.0 - 2.0 * s) * change - (h * rest) * v1));
   const V turned = select(turns, cubic, e0);
@@ -130,11 +132,12 @@ inline SuspensionLaw<V> suspension_law(const Elements& has, const Coefficients<V
   law.softening = c.softening;
   law.stiffening = c.stiffening;
   if (has.saturating) {
-    law.saturation = c.saturation;
+    law.per_saturation = reciprocal(c.saturation);
     law.rounding = c.rounding;
     law.tail = c.tail;
-    law.stated = damper_shape(law, constant_row<V>(Scalar<V>{} + kReferenceRate));
-    law.curvature = -(1.0 + -law.tail) * law.rounding * law.damping / (law.saturation * law.stated);
+    law.falling = 1.0 + -law.tail;
+    law.scaled = law.damping / damper_shape(law, constant_row<V>(Scalar<V>{} + kReferenceRate));
+    law.curvature = -law.falling * law.rounding * law.scaled * law.per_saturation;
   }
   if (has.asymmetric) {
     law.compression = 2.0 * reciprocal(1.0 + c.asymmetry);
@@ -142,7 +145,7 @@ inline SuspensionLaw<V> suspension_law(const Elements& has, const Coefficients<V
     law.corner = law.rebound - law.compression;
   }
   law.friction = c.friction;
-  law.slip = c.slip;
+  law.per_slip = reciprocal(c.slip);
   law.load_share = c.load_share;
   return law;
 }
@@ -182,10 +185,11 @@ struct MissedForce {
   }
 };
 
-// What the stages miss at the corners of a law beside its spring: stops and damper.
+// What the stages miss at the corners of a law beside its spring: stops and damper, whose symmetric part `damper` has
+// been found by the stages.
 template <class V>
 inline void add_missed(const Elements& has, const SuspensionLaw<V>& law, const V (&extension)[4], const V (&rate)[4],
-                       MissedForce<V>& missed) {
+                       const V (&damper)[4], MissedForce<V>& missed) {
   missed.add(law.stops, extension);
   missed.add(law.rate_ramps, rate);
   if (has.saturating) missed.add_curvature(rate[0], rate[3], law.curvature);
@@ -193,7 +197,7 @@ inline void add_missed(const Elements& has, const SuspensionLaw<V>& law, const V
     // D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): only the second part has a corner.
     V p[4];
     for (int k = 0; k < 4; ++k) {
-      p[k] = symmetric_damper(has, law, rate[k]);
+      p[k] = damper[k];
       // The parabola goes on as d(v) does for v > 0.
       const V below = positive(-rate[k]);
       if (has.saturating) p[k] += 2.0 * law.curvature * below * below;

@@ -85,7 +85,7 @@ template <class V, int NB>
 struct Forces {
   V body[NB];
   V axle[kMaxAxles], unclipped[kMaxAxles], horizontal[kMaxAxles], pull[kMaxAxles], extension[kMaxAxles],
-      rate[kMaxAxles];
+      rate[kMaxAxles], damper[kMaxAxles];  // the last: of the symmetric damper
 };
 
 // Where each wheel is: how far it is ahead of the looked-up road, its forward speed, its rise and rate of rise.
@@ -325,7 +325,8 @@ void forces(const Run& run, const Laws<V>& laws, const RoadPoint* road, double t
     if (linear) {
       pull = law.stiffness * out.extension[i] + law.damping * out.rate[i];
     } else {
-      pull = out.pull[i] + damper_force(run.elements, law, out.rate[i]);
+      out.damper[i] = symmetric_damper(run.elements, law, out.rate[i]);
+      pull = out.pull[i] + damper_force(run.elements, law, out.rate[i], out.damper[i]);
       if (run.elements.stops > 0) pull += ramp_force(law.stops, out.extension[i]);
     }
     if (beams) pull = run.beams.carries[i] * pull;
@@ -373,7 +374,7 @@ void find_missed(const Run& run, const Laws<V>& laws, const std::vector<Forces<V
     const auto at_stages = [&](int i, V(&extension)[4], V(&rate)[4]) {
       for (int k = 0; k < 4; ++k) extension[k] = stage[k].extension[i], rate[k] = stage[k].rate[i];
     };
-    V extension[4], rate[4];
+    V extension[4], rate[4], damper[4];
     for (int i = 0; i < na; ++i) {
       MissedForce<V> missed;
       if (run.elements.ramps > 0) {
@@ -388,7 +389,8 @@ void find_missed(const Run& run, const Laws<V>& laws, const std::vector<Forces<V
     for (int i = 0; i < na; ++i) {
       MissedForce<V> missed;
       at_stages(i, extension, rate);
-      add_missed(run.elements, laws.suspension[i], extension, rate, missed);
+      for (int k = 0; k < 4; ++k) damper[k] = stage[k].damper[i];
+      add_missed(run.elements, laws.suspension[i], extension, rate, damper, missed);
       if (missed.found) {
         out.at_axles = out.at_bodies = true;
         pull[i] += missed.impulse;

@@ -1,0 +1,316 @@
+"""Samplers side by side on the log-density of a finished fit: effective draws per likelihood and per second.
+
+``python -m benchmarks.samplers --fit FOLDER [--campaign data/campaign.toml] [--seconds 300] [--only NAME ...]``
+
+FOLDER is the output folder of `calibrate.py fit` or `run` with that campaign; a fit that is not there is computed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import emcee
+import numpy as np
+
+from benchmarks.machine import describe
+from benchmarks.sampler_table import write_table
+from benchmarks.work import ROOT
+
+#: Effective draws and R-hat from which on a posterior is called converged, as in the product.
+ENOUGH, RHAT = 400.0, 1.01
+ENSEMBLES, WALKERS_PER_PARAMETER = 4, 2.1
+#: Steps between two looks at the clock.
+STRETCH = 20
+#: Evaluations of a NUTS trajectory in whitened coordinates, for the choice of how many draws the time allows.
+PER_TRAJECTORY = 8
+NUTS_CHAINS = 2
+
+
+@dataclass(frozen=True)
+class Target:
+    """What is sampled: a log-density (n, p) -> (n,) with its gradient, and its Laplace approximation.
+
+    `sd` (p,) are the standard deviations of a converged posterior where there is one.
+    """
+
+    density: Any
+    names: tuple[str, ...]
+    centre: np.ndarray
+    covariance: np.ndarray
+    sd: np.ndarray | None = None
+
+
+class Counted:
+    """A log-density that counts its parameter sets and its gradients."""
+
+    def __init__(self, density: Any):
+        self._density = density
+        self.likelihoods = self.gradients = 0
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Log-densities (n,) of points (n, p)."""
+        self.likelihoods += len(points)
+        return np.asarray(self._density(points))
+
+    def gradient(self, point: np.ndarray) -> tuple[float, np.ndarray]:
+        """Log-density of one point (p,) and its gradient (p,)."""
+        self.gradients += 1
+        found: tuple[float, np.ndarray] = self._density.gradient(point)
+        return found
+
+
+@dataclass(frozen=True)
+class Draws:
+    """What a sampler has found without its burn-in, (p,) each, and which share of its work went into that."""
+
+    effective: np.ndarray
+    rhat: np.ndarray
+    sd: np.ndarray
+    share_kept: float
+    remark: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One row of the table."""
+
+    name: str
+    effective: float
+    rhat: float
+    sd_ratio: tuple[float, float] | None
+    likelihoods: int
+    gradients: int
+    share_kept: float
+    wall_s: float
+    processor_s: float
+    remark: str
+
+
+def ours(target: Target, density: Counted, limit_s: float, seed: int) -> Draws:
+    """The product's sampling stage."""
+    from sysid.posterior.sampling import SamplingOptions, sample_posterior
+
+    options = SamplingOptions(seed=seed)
+    # The stage has no limit of time: an ensemble's steps are of known cost.
+    one = _seconds(lambda: density(np.tile(target.centre, (64, 1)))) / 64
+    walkers = ENSEMBLES * WALKERS_PER_PARAMETER * len(target.names)
+    most = max(2 * options.min_steps, int(limit_s / (walkers * one)))
+    options = SamplingOptions(seed=seed, max_steps=most)
+    posterior = sample_posterior(density, target.names, target.centre, target.covariance, "", options)
+    steps = posterior.draws.shape[1] + posterior.burn_in
+    return Draws(
+        np.array([s.ess for s in posterior.summaries]),
+        np.array([s.rhat for s in posterior.summaries]),
+        np.log(posterior.draws).std(axis=(0, 1, 2)),
+        posterior.draws.shape[1] / steps,
+        f"{ENSEMBLES} ensembles of {posterior.draws.shape[2]} walkers, {steps} steps",
+    )
+
+
+def emcee_moves(moves: Callable[[], list[tuple[emcee.moves.Move, float]]]) -> Sampler:
+    """A sampler by other moves of emcee: the same ensembles, the same starts, the same judgement."""
+
+    def sample(target: Target, density: Counted, limit_s: float, seed: int) -> Draws:
+        from sysid.posterior.diagnostics import diagnose
+        from sysid.posterior.ensembles import Ensemble, advance, first
+        from sysid.posterior.history import History
+
+        count = len(target.names)
+        walkers = 2 * int(np.ceil(max(WALKERS_PER_PARAMETER * count, 2 * count + 2) / 2))
+        spread = 2.0 * target.covariance
+        seeds = np.random.SeedSequence(seed).spawn(ENSEMBLES)
+        states = [first(density, target.names, target.centre, spread, walkers, s) for s in seeds]
+        ensembles = [Ensemble(density, moves(), state) for state in states]
+        history, begin = History(), time.process_time()
+        while time.process_time() - begin < limit_s:
+            history.append(advance(ensembles, STRETCH))
+        found = diagnose(history.draws)
+        kept = 1.0 - found.burn_in / history.steps
+        remark = f"{ENSEMBLES} ensembles of {walkers} walkers, {history.steps} steps"
+        sd = history.draws[:, found.burn_in :].std(axis=(0, 1, 2))
+        return Draws(found.ess, found.rhat, sd, kept, remark)
+
+    return sample
+
+
+def nuts(target: Target, density: Counted, limit_s: float, seed: int) -> Draws:
+    """The No-U-Turn sampler of nutpie with the exact gradient."""
+    from sysid.posterior.cross_check import gradient_draws
+
+    density.gradient(target.centre)
+    one = _seconds(lambda: density.gradient(target.centre))
+    calls = max(int(limit_s / one), 20 * NUTS_CHAINS * PER_TRAJECTORY)
+    length = calls // (NUTS_CHAINS * PER_TRAJECTORY)
+    tuning = min(150, length // 3)
+    draws, divergences = gradient_draws(
+        density.gradient,
+        target.centre,
+        target.covariance,
+        chains=NUTS_CHAINS,
+        tuning=tuning,
+        draws=length - tuning,
+        seed=seed,
+    )
+    remark = f"{NUTS_CHAINS} chains, {tuning} draws to adapt and {length - tuning} kept, {divergences} divergences"
+    return _of_chains(draws, (length - tuning) / length, remark)
+
+
+def zeus(target: Target, density: Counted, limit_s: float, seed: int) -> Draws:
+    """Ensemble slice sampling (zeus), its default move."""
+    import zeus as package  # type: ignore[import-not-found]
+
+    from sysid.posterior.diagnostics import diagnose
+    from sysid.posterior.ensembles import first
+
+    count = len(target.names)
+    walkers = 2 * int(np.ceil(max(WALKERS_PER_PARAMETER * count, 2 * count + 2) / 2))
+    seeds = np.random.SeedSequence(seed).spawn(ENSEMBLES)
+    places = [first(density, target.names, target.centre, 2.0 * target.covariance, walkers, s).coords for s in seeds]
+    # It draws from NumPy's global state.
+    np.random.seed(seed)  # noqa: NPY002
+    samplers = [package.EnsembleSampler(walkers, count, density, vectorize=True, verbose=False) for _ in places]
+    begin, steps = time.process_time(), 0
+    while time.process_time() - begin < limit_s:
+        for k, sampler in enumerate(samplers):
+            sampler.run_mcmc(places[k] if steps == 0 else None, STRETCH // 2, progress=False)
+        steps += STRETCH // 2
+    draws = np.stack([sampler.get_chain() for sampler in samplers])
+    found = diagnose(draws)
+    sd = draws[:, found.burn_in :].std(axis=(0, 1, 2))
+    remark = f"{ENSEMBLES} ensembles of {walkers} walkers, {steps} steps"
+    return Draws(found.ess, found.rhat, sd, 1.0 - found.burn_in / steps, remark)
+
+
+Sampler = Callable[[Target, Counted, float, int], Draws]
+
+SAMPLERS: dict[str, Sampler] = {
+    "ours": ours,
+    "emcee, stretch move (its default)": emcee_moves(lambda: [(emcee.moves.StretchMove(), 1.0)]),
+    "emcee, DE and DE snooker (4 to 1)": emcee_moves(
+        lambda: [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
+    ),
+    "nutpie, NUTS": nuts,
+    "zeus, ensemble slices": zeus,
+}
+
+
+def _of_chains(draws: np.ndarray, share_kept: float, remark: str) -> Draws:
+    """Effective draws and R-hat of chains (chains, n, p)."""
+    from arviz_stats.base import array_stats  # type: ignore[attr-defined]
+
+    from sysid.posterior.diagnostics import effective_draws
+
+    every = range(draws.shape[2])
+    rhat = [float(array_stats.rhat(draws[..., i], chain_axis=0, draw_axis=1)) for i in every]
+    effective = np.array([effective_draws(draws[..., i]) for i in every])
+    return Draws(effective, np.array(rhat), draws.std(axis=(0, 1)), share_kept, remark)
+
+
+def _seconds(call: Callable[[], object], repeats: int = 5) -> float:
+    """Processor time of a call, the median of some."""
+    found = []
+    for _ in range(repeats):
+        begin = time.process_time()
+        call()
+        found.append(time.process_time() - begin)
+    return float(np.median(found))
+
+
+def finished_fit(campaign: Path, folder: Path) -> Target:
+    """The log-density that the sampling stage would get from the fit in an output folder."""
+    from sysid.posterior.log_density import LogDensity
+    from sysid.workflow import Calibration
+    from sysid.workflow.stages.fit import fit_state
+    from sysid.workflow.stages.posterior import SAMPLE
+
+    calibration = Calibration(campaign, folder, resume=True)
+    fit = calibration.fit()
+    state = fit_state(calibration._runner.context(SAMPLE))
+    density = LogDensity(state).with_larger_steps()
+    sampled = calibration._runner.known(SAMPLE)
+    sd = None if sampled is None or not sampled.converged else np.log(sampled.draws).std(axis=(0, 1, 2))
+    return Target(density, fit.names, np.asarray(state.point.log_parameters, float), np.asarray(fit.covariance), sd)
+
+
+def measure(target: Target, name: str, limit_s: float, seed: int) -> Outcome:
+    """Run one sampler."""
+    density = Counted(target.density)
+    density(np.tile(target.centre, (2, 1)))
+    density.likelihoods = 0
+    wall, processor = time.perf_counter(), time.process_time()
+    found = SAMPLERS[name](target, density, limit_s, seed)
+    ratio = None if target.sd is None else found.sd / target.sd
+    return Outcome(
+        name,
+        float(found.effective.min()),
+        float(found.rhat.max()),
+        None if ratio is None else (float(ratio.min()), float(ratio.max())),
+        density.likelihoods,
+        density.gradients,
+        found.share_kept,
+        time.perf_counter() - wall,
+        time.process_time() - processor,
+        found.remark,
+    )
+
+
+def costs(target: Target) -> dict[str, float]:
+    """Processor seconds of a likelihood in a batch as the sampler has it, and of a gradient; rounds interleaved."""
+    half = int(np.ceil(WALKERS_PER_PARAMETER * len(target.names) / 2))
+    factor = np.linalg.cholesky(target.covariance)
+    sets = target.centre + np.random.default_rng(5).standard_normal((half, len(target.names))) @ factor.T
+    target.density(sets), target.density.gradient(sets[0])
+    pairs = [
+        (_seconds(lambda: target.density(sets), 1) / half, _seconds(lambda: target.density.gradient(sets[0]), 1))
+        for _ in range(15)
+    ]
+    one, slope = (float(np.median(column)) for column in zip(*pairs, strict=True))
+    return {"likelihood_s": one, "gradient_s": slope, "ratio": float(np.median([b / a for a, b in pairs]))}
+
+
+def main() -> None:
+    """Run the samplers in turn, write ``samplers.json`` after each, and on request the table of the documentation."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.samplers", description=__doc__)
+    parser.add_argument("--fit", type=Path, required=True, help="output folder with the fit")
+    parser.add_argument("--campaign", type=Path, default=ROOT / "data" / "campaign.toml")
+    parser.add_argument("--output", type=Path, default=Path("build/benchmarks"))
+    parser.add_argument("--seconds", type=float, default=300.0, help="processor time of one sampler")
+    parser.add_argument("--only", nargs="+", choices=tuple(SAMPLERS), default=tuple(SAMPLERS))
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--document", type=Path, help="page to write the table to")
+    options = parser.parse_args()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    options.output.mkdir(parents=True, exist_ok=True)
+    path = options.output / "samplers.json"
+    target = finished_fit(options.campaign, options.fit)
+    kept = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    rows: dict[str, Any] = kept.get("samplers", {})
+    for name in options.only:
+        try:
+            rows[name] = asdict(measure(target, name, options.seconds, options.seed))
+        except ImportError as error:
+            sys.stderr.write(f"{name}: left out ({error})\n")
+            continue
+        sys.stderr.write(f"{rows[name]}\n")
+        found = {
+            "machine": describe(),
+            "campaign": options.campaign.parent.name,
+            "parameters": len(target.names),
+            "costs": costs(target),
+            "samplers": rows,
+        }
+        path.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    if options.document is not None:
+        write_table(json.loads(path.read_text(encoding="utf-8")), options.document)
+
+
+if __name__ == "__main__":
+    main()

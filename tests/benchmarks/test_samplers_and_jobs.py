@@ -1,0 +1,114 @@
+"""The benchmarks of samplers and of whole jobs: what they count, and the arithmetic of their tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.job_table import _ending, _stages
+from benchmarks.jobs import ROOT, run
+from benchmarks.made_campaigns import _second_accelerometers
+from benchmarks.sampler_table import table
+from benchmarks.samplers import Counted, Target, measure
+
+SD = np.array([1.0, 0.1, 3.0])
+
+
+class Gaussian:
+    """Independent normal log-density with standard deviations SD."""
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        return -0.5 * ((points / SD) ** 2).sum(axis=1)
+
+    def gradient(self, point: np.ndarray) -> tuple[float, np.ndarray]:
+        return float(self(point[None])[0]), -point / SD**2
+
+
+def target() -> Target:
+    return Target(Gaussian(), ("a", "b", "c"), np.zeros(3), np.diag(SD**2), SD)
+
+
+def test_sets_and_gradients_are_counted():
+    density = Counted(Gaussian())
+    density(np.zeros((7, 3)))
+    density(np.zeros((2, 3)))
+    density.gradient(np.zeros(3))
+    assert (density.likelihoods, density.gradients) == (9, 1)
+
+
+@pytest.mark.parametrize("name", ["ours", "emcee, stretch move (its default)"])
+def test_ensembles_on_a_gaussian_converge_and_pay_for_all_walkers(name: str):
+    found = measure(target(), name, 1.0, seed=2)
+    assert found.rhat < 1.05
+    assert found.effective > 200
+    assert found.sd_ratio is not None
+    assert 0.8 < found.sd_ratio[0] <= found.sd_ratio[1] < 1.2
+    walkers = int(found.remark.split(" walkers")[0].split()[-1])
+    steps = int(found.remark.split(" steps")[0].split()[-1])
+    # Every step proposes for every walker; starts and the measurement of one likelihood come on top.
+    assert 4 * walkers * steps <= found.likelihoods <= 4 * walkers * (steps + 2) + 5 * 64
+    assert found.gradients == 0
+
+
+def test_work_is_counted_in_likelihoods():
+    one = {
+        "name": "a sampler",
+        "effective": 100.0,
+        "rhat": 1.0042,
+        "likelihoods": 1000,
+        "gradients": 50,
+        "share_kept": 0.5,
+        "sd_ratio": [0.96, 1.31],
+        "wall_s": 40.0,
+        "processor_s": 20.0,
+        "remark": "in words",
+    }
+    found = {
+        "machine": {"cores": 2, "instruction_set": "AVX2", "load_before": 0.1},
+        "campaign": "data",
+        "parameters": 45,
+        "costs": {"likelihood_s": 0.001, "gradient_s": 0.04, "ratio": 40.0},
+        "samplers": {"a sampler": one},
+    }
+    row = next(line for line in table(found).splitlines() if line.startswith("| a sampler"))
+    # (1000 + 40 50) / 100 = 30 with the gradient as it is, (1000 + 6 50) / 100 = 13 with one of six likelihoods.
+    assert row == "| a sampler | 20 (40) | 1.004 | 0.96 to 1.31 | 100 | 5 | 10 | 30 | 13 | 6 |"
+
+
+def test_a_job_that_reaches_its_limit_is_ended_and_measured(tmp_path: Path):
+    found = run(ROOT / "examples" / "linear_truck", tmp_path / "out", tmp_path / "cache", False, limit_s=1.0)
+    assert found["exit"] < 0
+    assert found["status"] == "not finished"
+    assert 0.9 < found["wall_s"] < 30.0
+    assert found["peak_bytes"] > 5e6
+
+
+def test_a_job_says_how_it_ended():
+    assert _ending({"exit": 0, "status": "converged", "last_words": []}) == "converged"
+    assert _ending({"exit": -9, "last_words": ["1 of 2 a\r2 of 2 fit "]}) == "ended at the limit, at '2 of 2 fit'"
+    assert _ending({"exit": 3, "last_words": []}) == "exit code 3"
+
+
+def test_parts_of_a_stage_are_not_counted_twice():
+    found = {"truck": {"wall_s": 12.0, "stages_s": {"fit": 7.0, "fit: search": 5.0, "sample": 3.0}}}
+    lines = _stages(found).splitlines()
+    assert lines[-1] == "| outside of the stages | 2.0 |"
+    assert not any("search" in line for line in lines)
+
+
+def test_second_accelerometers_are_logged_and_declared(tmp_path: Path):
+    (tmp_path / "bump_runs").mkdir()
+    log = tmp_path / "bump_runs" / "a.csv"
+    log.write_text("time_s,lvdt1_mm,frame1_accel_g\n0.000,1.0,0.5\n0.001,2.0,0.7\n", encoding="utf-8")
+    sensor = '{ kind = "body_acceleration", x_m = 0 }'
+    (tmp_path / "campaign.toml").write_text(f"frame1_accel_g = {sensor}\n\n[scan]\n", encoding="utf-8")
+    _second_accelerometers(tmp_path)
+    head, *rows = log.read_text("utf-8").splitlines()
+    assert head == "time_s,lvdt1_mm,frame1_accel_g,second1_accel_g"
+    values = np.array([row.split(",") for row in rows], float)
+    assert (values[:, :3] == [[0.0, 1.0, 0.5], [0.001, 2.0, 0.7]]).all()
+    assert (np.abs(values[:, 3] - values[:, 2]) < 0.1).all()
+    text = (tmp_path / "campaign.toml").read_text("utf-8")
+    assert text == f"frame1_accel_g = {sensor}\nsecond1_accel_g = {sensor}\n\n[scan]\n"
