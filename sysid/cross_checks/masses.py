@@ -81,7 +81,9 @@ def _wrong_load_cases(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list
             for free in ("inertia", "moment")
             if (f := _solved([run], vehicle, cases[run.load_case], free))
         ]
-        if others[best].unexplained > HOPELESS:
+        # Masses with which a spring would have to push the wrong way are not those of the run.
+        if others[best].unexplained > HOPELESS or np.any(others[best].stiffness < 0.0):
+            gains[run.file] = (1.0, best)
             continue
         # Freeing an inertia explains a little more in any case; much more than another load case means that it is that.
         ratio = others[best].unexplained / declared.unexplained

@@ -16,6 +16,9 @@ from sysid.wording import shorten
 #: Hop frequencies give (k + kt) / kt of 0.9 to 1.5 with the declared kt, as the median of a vehicle's axles.
 TIRE_LOW, TIRE_HIGH = 0.5, 1.75
 HOP_HZ = (5.0, 22.0)
+#: Power of the hop over that of the same sensor before the first axle arrives, below which noise may be its peak: of
+#: noise of this share the highest peak stays below that of the hop.
+HOP_OVER_NOISE, _REST_S = 4.0, 0.1
 #: The height of the bump follows from the axles' motion within 8 % (median of axles and runs), 25 % in odd campaigns.
 HEIGHT_OFF = 0.4
 #: Fits that leave more than this tell nothing.
@@ -78,25 +81,33 @@ def _hop_frequency(runs: Sequence[BumpRun], passages: Mapping[str, Passage | Non
         channel = _axle_sensor(run, axle)
         if passage is None or channel is None or axle not in passage.arrivals:
             continue
-        good = np.isfinite(channel.value)
         first = passage.arrivals[axle].time_s + 1.6 / abs(passage.speed_m_s)
-        time = np.arange(first, min(first + 1.0, channel.time_s[good][-1]), run.log.sample_interval_s)
-        if time.size * run.log.sample_interval_s < 0.5:
+        after = _power_of_hop(channel, frequency, first, first + 1.0, run.log.sample_interval_s)
+        last = min(a.time_s for a in passage.arrivals.values()) - _REST_S
+        before = _power_of_hop(channel, frequency, last - 1.0, last, run.log.sample_interval_s)
+        # Behind a bump that was left slowly the wheels are at rest again, and noise has any frequency.
+        if after is None or before is None or after.sum() < HOP_OVER_NOISE * before.sum():
             continue
-        value = np.interp(time, channel.time_s[good], channel.value[good])
-        fading = 0.5 + 0.5 * np.cos(np.pi * np.arange(time.size) / time.size)
-        power = (
-            np.abs(
-                np.sqrt(frequency)
-                * (np.exp(-2j * np.pi * frequency[:, None] * time) @ ((value - value.mean()) * fading))
-            )
-            ** 2
-        )
-        total += power / max(float(power.sum()), 1e-30)
+        total += after / max(float(after.sum()), 1e-30)
     if not total.any():
         return None
     k = int(np.argmax(total))
     return float(frequency[k]) if 0 < k < frequency.size - 1 else None
+
+
+def _power_of_hop(
+    channel: Channel, frequency: np.ndarray, first: float, last: float, step: float
+) -> np.ndarray | None:
+    """Power per second (F,) of an axle between two times, times the frequency; None within half a second or less."""
+    good = np.isfinite(channel.value)
+    first, last = max(first, channel.time_s[good][0]), min(last, channel.time_s[good][-1])
+    time = np.arange(first, last, step)
+    if time.size * step < 0.5:
+        return None
+    value = np.interp(time, channel.time_s[good], channel.value[good])
+    fading = 0.5 + 0.5 * np.cos(np.pi * np.arange(time.size) / time.size)
+    waves = np.exp(-2j * np.pi * frequency[:, None] * time) @ ((value - value.mean()) * fading)
+    return np.asarray(frequency * np.abs(waves) ** 2 / time.size)
 
 
 def _axle_sensor(run: BumpRun, axle: int, kind: str = "axle_acceleration") -> Channel | None:

@@ -106,6 +106,43 @@ def test_inertia_in_another_unit_is_named(factor: float) -> None:
     assert "pitch_inertia_kg_m2" in said(with_cases(truck(), wrong))
 
 
+def test_a_wrong_inertia_is_no_other_load_case() -> None:
+    # With the masses of the other one, an axle of the shipped truck would push the wrong way.
+    def tons(case):
+        return replace(case, pitch_inertia_kg_m2=tuple(1e-3 * j for j in case.pitch_inertia_kg_m2))
+
+    text = said(with_cases(truck("data"), tons))
+    assert "pitch_inertia_kg_m2" in text
+    assert "move as with the masses" not in text
+
+
+def test_a_run_that_lost_a_deflection_is_judged_too() -> None:
+    campaign = truck("data")
+    (number,) = [k for k, r in enumerate(campaign.bump_runs) if r.log.file.endswith("unloaded_24kmh_run2.csv")]
+    runs = list(campaign.bump_runs)
+    runs[number] = replace(runs[number], load_case="loaded")
+    text = said(replace(campaign, bump_runs=tuple(runs)))
+    assert f"{runs[number].log.file}: the frames move as with the masses of the load case 'unloaded'" in text
+
+
+@pytest.mark.parametrize("share", [1.0, 0.0])
+def test_wheels_at_rest_behind_the_bump_tell_no_frequency(share: float) -> None:
+    """Where nothing but noise is left, it is no hop: the first second of rest in place of what follows the bump."""
+    campaign = truck()
+    runs = []
+    for run in campaign.bump_runs:
+        channels = []
+        for c in run.log.channels:
+            if c.sensor.kind != "axle_acceleration":
+                channels.append(c)
+                continue
+            rest = np.random.default_rng(4).normal(0.0, 0.25, c.value.size)
+            late = c.time_s > 0.4 * c.time_s[-1]
+            channels.append(replace(c, value=np.where(late, share * c.value + (1.0 - share) * rest, c.value)))
+        runs.append(replace(run, log=replace(run.log, channels=tuple(channels))))
+    assert "The wheels hop" not in said(replace(campaign, bump_runs=tuple(runs)))
+
+
 def test_all_masses_in_pounds_show_in_the_hop_of_the_wheels() -> None:
     def pounds(case):
         names = ("axle_loads_kg", "sprung_mass_kg", "pitch_inertia_kg_m2")
