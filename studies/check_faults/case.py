@@ -81,7 +81,9 @@ def check(folder: Path) -> Said:
 
 
 def _read(code: int, lines: list[str]) -> Said:
-    sentences = {x.strip() for x in lines if x.rstrip().endswith(".") and " " * 3 not in x.strip() and len(x) > 40}
+    sentences = {
+        x.strip() for x in lines if x.rstrip().endswith((".", "?")) and " " * 3 not in x.strip() and len(x) > 40
+    }
     sentences = {x for x in sentences if not re.match(r"\d+ channel records|Every channel with", x)}
     findings = [re.match(r"(\S+\.csv), (\S+): ", x) for x in sentences]
     rows = [re.split(r"\s{2,}", x.strip()) for x in lines if x.rstrip().endswith("rejected")]

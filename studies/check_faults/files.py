@@ -184,7 +184,7 @@ FAULTS: dict[str, Fault] = {
     "undeclared units row": text("a row of units", "unit", _units_row, SAME_READINGS),
     "NUL bytes": text("NUL bytes", "NUL|byte|text|row|line", lambda t: t[:2000] + "\0" * 400 + t[2400:]),
     "one name twice": text("one name twice", "twice|two columns|duplicate|several|missing|not.*column", _twin_head),
-    "file cut in a row": text("cut within a row", "row|line|cut|ends|short", _last_row_cut),
+    "file cut in a row": text("cut within a row", "row|line|cut|ends|short|missing", _last_row_cut),
     "empty file": text("empty", "empty|no ", lambda t: ""),
     "head alone": text("only a head", "empty|no |row|reading|sample", lambda t: t.split("\n", 1)[0] + "\n"),
     "no column of time": text("no time", _STAMPS, lambda t: t.replace("time_s", "speed_v", 1)),
