@@ -18,7 +18,6 @@ from pathlib import Path
 from studies.check_faults.case import cases, faulty, unharmed
 from studies.check_faults.effects import effect, fitted, passed
 from studies.check_faults.table import (
-    effect_table,
     falsely_accused,
     fault_table,
     healthy_table,
