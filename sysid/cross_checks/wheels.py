@@ -17,9 +17,9 @@ from sysid.wording import shorten
 #: Hop frequencies give (k + kt) / kt of 0.9 to 1.5 with the declared kt, as the median of a vehicle's axles.
 TIRE_LOW, TIRE_HIGH = 0.5, 1.75
 HOP_HZ = (5.0, 22.0)
-#: ln of these of two axles of one vehicle are at most 0.7 apart; of two exchanged masses they are more, and near once
-#: they are exchanged back.
-HOPS_APART, HOPS_ALIKE = 0.95, 0.5
+#: ln of these of two axles of one vehicle are at most 0.7 apart; of two exchanged masses they are more, and near each
+#: other and the other axles once they are exchanged back.
+HOPS_APART, HOPS_ALIKE, HOPS_NEAR = 0.95, 0.5, 0.4
 #: Power of the hop over that of the same sensor before the first axle arrives, below which noise may be its peak: of
 #: noise of this share the highest peak stays below that of the hop.
 HOP_OVER_NOISE, _REST_S = 4.0, 0.1
@@ -71,7 +71,10 @@ def _unsprung_exchanged(ratios: Mapping[int, float], vehicle: Vehicle) -> str | 
     for i, j in combinations(sorted(size), 2):
         masses = float(np.log(vehicle.unsprung_mass_kg[i] / vehicle.unsprung_mass_kg[j]))
         apart = size[i] - size[j]
-        if abs(apart) > HOPS_APART and abs(apart - 2.0 * masses) < HOPS_ALIKE:
+        right = {**size, i: size[i] - masses, j: size[j] + masses}
+        middle = float(np.median(list(right.values())))
+        near = max(abs(right[i] - middle), abs(right[j] - middle)) < HOPS_NEAR
+        if near and abs(apart) > HOPS_APART and abs(apart - 2.0 * masses) < HOPS_ALIKE:
             one, two = (shorten(vehicle.axles[k].name) for k in (i, j))
             return (
                 f"The wheels of '{one}' and '{two}' hop as if each axle had the unsprung_mass_kg of the other; "

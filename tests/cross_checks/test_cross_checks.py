@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfilt
 
-from sysid.campaign import read_campaign
+from sysid.campaign import read_campaign, suspects
 from sysid.campaign.quality import check_quality
 from sysid.campaign.records import Campaign, Channel
 from sysid.cross_checks import cross_check
@@ -178,6 +179,46 @@ def test_a_lag_is_named_with_its_size(column: str, samples: int) -> None:
     text = said(with_channel(truck(), column, late))
     (lag,) = re.findall(rf"'{column}' is (\d+) ms late", text)
     assert float(lag) == pytest.approx(5 * samples, abs=1)
+
+
+def _axle_late(campaign: Campaign, axle: int, samples: int) -> Campaign:
+    for column in (f"lvdt{axle}_mm", f"axle{axle}_accel_g", f"frame{axle}_accel_g"):
+        campaign = with_channel(campaign, column, lambda y: np.concatenate([np.full(samples, y[0]), y[:-samples]]))
+    return campaign
+
+
+def test_a_box_that_lags_behind_is_named_with_its_time() -> None:
+    text = said(_axle_late(truck(), 4, 20))
+    (late,) = re.findall(r"axle 'first trailer' show the bump (\d+) ms too late", text)
+    assert float(late) == pytest.approx(100.0, abs=20.0)
+
+
+def test_a_box_so_late_that_its_axle_is_lost_is_named() -> None:
+    assert "the axle 'first trailer' does not meet the bump when its place x_m says" in said(_axle_late(truck(), 4, 60))
+
+
+def test_a_deflection_without_its_low_frequencies_is_named() -> None:
+    sos = butter(1, 1.0, "highpass", fs=200.0, output="sos")
+    text = said(with_channel(truck(), "lvdt2_mm", lambda y: sosfilt(sos, np.nan_to_num(y) - np.median(y[:40]))))
+    assert "'lvdt2_mm' lacks what is slower than about 1 Hz" in text
+
+
+def test_unsprung_masses_exchanged_are_named() -> None:
+    masses = [a.unsprung_mass_kg for a in truck().vehicle.axles]
+    swapped = with_axles(truck(), lambda i, a: replace(a, unsprung_mass_kg=masses[{0: 1, 1: 0}.get(i, i)]))
+    assert "'front steer' and 'forward tandem drive' hop as if each axle had the unsprung_mass_kg of the other" in said(
+        swapped
+    )
+
+
+def test_noise_before_the_bump_turns_no_signs(monkeypatch: pytest.MonkeyPatch) -> None:
+    # At walking speed the way in which an axle begins to move is lost in noise; here all seem to fall.
+    monkeypatch.setattr(suspects, "_lift", lambda *_: -1.0)
+    assert "all signs are flipped" not in said(truck())
+    turned = truck()
+    for column in {c.sensor.column for run in truck().bump_runs for c in run.log.channels}:
+        turned = with_channel(turned, column, np.negative)
+    assert "all signs are flipped" in said(turned)
 
 
 def test_crosstalk_is_named_with_its_source() -> None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic_fit import synthetic_fit
 
+from sysid.campaign.clocks.settings import ClockFinding
 from sysid.estimation.fit.joint_optimum import NEAR_SD
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.uncertainty.clock_loss import clock_loss
 from sysid.estimation.uncertainty.information import (
     AdjustedInformation,
     adjusted_information,
@@ -84,3 +88,38 @@ def test_masses_and_tires_have_settled_where_the_fit_ends(fit):
     at = len(fit.state.allowances.masses.factors) + names.index("footprint_1[empty]")
     change[at] = 0.02
     assert remaining(fit.state, change).amounts[at] == pytest.approx(-0.02, abs=0.006)
+
+
+def clocks_known_to(fit, sd_s: float, logger_of) -> np.ndarray | None:
+    """Information that is lost where some sensors go by another clock, known to `sd_s` in every run."""
+    state = fit.state
+    sensors = tuple(replace(s, logger="b" if logger_of(s) else "") for s in state.model.layout.sensors)
+    model = replace(state.model, layout=replace(state.model.layout, sensors=sensors))
+    clocks = tuple(
+        ClockFinding(run.log.file, "b.csv", "b", "motion", 0.0, sd_s, 1.0, 0.0, 0.0) for run in state.campaign.bump_runs
+    )
+    campaign = replace(state.campaign, clocks=clocks)
+    problem = Problem(model, campaign, state.point.motion, state.problem().weights)
+    return clock_loss(campaign, problem, problem.vector(state.point.log_parameters), [])
+
+
+def test_a_clock_of_all_sensors_is_the_start_of_the_run(fit):
+    # That is free anyway, so nothing is lost; with the clock of one axle much is.
+    everything = clocks_known_to(fit, 1e-3, lambda s: True)
+    one_axle = clocks_known_to(fit, 1e-3, lambda s: s.axle == 1)
+    assert np.trace(everything) < 1e-3 * np.trace(one_axle)
+    assert np.linalg.eigvalsh(one_axle).min() > -1e-9 * np.trace(one_axle)
+
+
+def test_a_clock_of_some_sensors_is_one_of_all_others_the_other_way(fit):
+    some = clocks_known_to(fit, 1e-3, lambda s: s.kind == "suspension_deflection")
+    others = clocks_known_to(fit, 1e-3, lambda s: s.kind != "suspension_deflection")
+    np.testing.assert_allclose(some, others, atol=2e-2 * np.abs(some).max())
+
+
+def test_nothing_is_lost_with_a_clock_that_is_known(fit):
+    assert clock_loss(fit.state.campaign, fit.state.problem(), np.zeros(0), []) is None
+    losses = [np.trace(clocks_known_to(fit, sd, lambda s: s.axle == 1)) for sd in (1e-6, 1e-3, 1e-2)]
+    # By the variance while it is small.
+    assert losses[0] == pytest.approx(1e-6 * losses[1], rel=0.5)
+    assert losses[1] < losses[2]

@@ -1,11 +1,11 @@
-"""Two loggers 200 ms and 100 ppm apart: k and c as with one clock, and what is not known of the clock moves them little."""
+"""Two loggers 200 ms and 100 ppm apart: k and c as with one clock, and the intervals hold what is not known of it."""
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from synthetic_campaign import Physics
 from two_loggers import SecondClock, late_s, loggers_declared, simulate_logs
@@ -19,9 +19,10 @@ from sysid.road.scan import analyse_scan
 CLOCK = SecondClock(0.2, 1e-4)
 PHYSICS = Physics(drops_per_axle=0, speeds_km_h=(9.0, 16.0))
 OPTIONS = FitOptions(weight_rounds=1, cross_check=False, laws="declared")
-#: Parts of a posterior standard deviation.
-UNCHANGED = 0.2
-KINDS = ('clock = "per_log"', 'clock = "continuous"')
+NEAR_S = 2e-3
+#: Parts of a standard deviation: a clock that runs on is found from all runs, one that starts anew in every run by itself.
+UNCHANGED = {'clock = "continuous"': 0.2, 'clock = "per_log"': 1.0}
+KINDS = tuple(UNCHANGED)
 
 
 @pytest.fixture(scope="module")
@@ -61,23 +62,23 @@ def fitted(campaign: Campaign) -> dict[str, tuple[float, float]]:
     return {p.name: (p.value, p.sd) for p in result.parameters if p.name.startswith(("k_", "c_"))}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
-def test_k_and_c_are_those_of_one_clock_and_hardly_feel_its_uncertainty(logs: Path, kind: str) -> None:
+def test_k_and_c_are_those_of_one_clock(logs: Path, kind: str) -> None:
     campaign = campaign_of(logs, kind)
     order = sorted(clock.file for clock in campaign.clocks)
-    truth, beside = [], []
+    truth = []
     for run in campaign.bump_runs:
         (clock,) = [c for c in campaign.clocks if c.file == run.log.file]
         # As the second logger really was: started late, and slow by the rate.
         error = clock.offset_s - late_s(order.index(run.log.file)) - CLOCK.rate * clock.at_s
-        assert abs(error) < 2e-3
+        assert abs(error) < NEAR_S
         truth.append(moved(campaign, run, -error, CLOCK.rate - clock.rate))
-        # All clocks wrong in one direction at once: more than chance does.
-        beside.append(moved(campaign, run, clock.sd_s, clock.rate_sd))
-    found = fitted(campaign)
-    right, off = (fitted(replace(campaign, bump_runs=tuple(runs))) for runs in (truth, beside))
+    found, right = (fitted(c) for c in (campaign, replace(campaign, bump_runs=tuple(truth), clocks=())))
     for name, (value, sd) in found.items():
-        print(kind, name, sd / value, (right[name][0] - value) / sd, (off[name][0] - value) / sd)
-        assert abs(right[name][0] - value) < UNCHANGED * sd
-        assert abs(off[name][0] - value) < 0.5 * sd
-    print([ (c.sd_s, c.rate_sd) for c in campaign.clocks], np.__version__)
+        sys.stderr.write(
+            f"{kind} {name}: {(value - right[name][0]) / sd:+.2f} sd, sd {sd / right[name][1]:.2f} times\n"
+        )
+        assert abs(value - right[name][0]) < UNCHANGED[kind] * sd
+        # What is not known of the clocks is in the intervals.
+        assert sd > 0.98 * right[name][1]

@@ -12,7 +12,7 @@ P the prior precision and C the flattening for model error that no departure sta
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -22,6 +22,7 @@ from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
+from sysid.estimation.uncertainty.clock_loss import clock_loss
 from sysid.estimation.uncertainty.departure_scale import departure_scale
 from sysid.estimation.uncertainty.joint_step import (
     JointStep,
@@ -32,8 +33,9 @@ from sysid.estimation.uncertainty.joint_step import (
 )
 from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_following
 from sysid.estimation.uncertainty.mass_response import MassResponse
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns, with_columns
-from sysid.estimation.uncertainty.sandwich import Adjustment, BlockScores, adjust, block_scores, flattening
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns
+from sysid.estimation.uncertainty.run_scores import run_scores
+from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, flattening
 
 #: Rounds in which the factor of model error, and the scales of departures that go with it, are found.
 _FACTOR_ROUNDS = 4
@@ -74,13 +76,15 @@ class BlockInformation:
 
     `matrix` (p + m, p + m); `scores` (n, p + m) of single runs and channels, and for each the block it belongs to
     (`blocks`: one channel in all repeats of one case); `parts` (n, p + m, p + m) of which the matrix is the sum, None
-    where nobody asked.
+    where nobody asked.  `by_clocks` (p + m, p + m) is lost with what is not known of the loggers' clocks,
+    None for nothing.
     """
 
     matrix: np.ndarray
     scores: np.ndarray
     blocks: tuple[Hashable, ...]
     parts: np.ndarray | None = None
+    by_clocks: np.ndarray | None = None
 
     @property
     def score(self) -> np.ndarray:
@@ -101,11 +105,17 @@ def optimum_information(
     vector: UnknownsOfFit,
     allowances: Allowances,
     amounts: np.ndarray | None,
+    *,
+    with_clocks: bool = False,
 ) -> BlockInformation:
-    """Information of the data about parameters, then masses and departures, where these are `amounts` (q,)."""
+    """Information of the data about parameters, then masses and departures, where these are `amounts` (q,).
+
+    With `with_clocks` also how much of it goes with what is not known of the loggers' clocks.
+    """
     parameters, motion = problem.unpack(vector)
     columns = allowance_columns(problem.model, allowances, problem.weights, parameters, motion, amounts)
-    return information_with(campaign, problem, vector, *columns, with_parts=True)
+    known = information_with(campaign, problem, vector, *columns, with_parts=True)
+    return replace(known, by_clocks=clock_loss(campaign, problem, vector, columns) if with_clocks else None)
 
 
 def information_with(
@@ -127,7 +137,7 @@ def information_with(
     shared = problem.count + sum(columns[0].gain.shape[-1] for columns in kinds)
     information = np.zeros((shared, shared))
     for position, group in enumerate(problem.model.groups):
-        found = _run_scores(problem, vector, position, [columns[position] for columns in kinds], with_parts)
+        found = run_scores(problem, vector, position, [columns[position] for columns in kinds], with_parts)
         for run, used, of_run in zip(group.runs, np.asarray(group.measured.any(axis=0)), found, strict=True):
             information += of_run.information[0]
             record = campaign.bump_runs[run]
@@ -136,25 +146,6 @@ def information_with(
             blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
             parts += of_run.parts
     return BlockInformation(information, np.array(scores), tuple(blocks), np.array(parts) if with_parts else None)
-
-
-def _run_scores(
-    problem: Problem, vector: UnknownsOfFit, position: int, columns: Sequence[ResidualColumns], with_parts: bool
-) -> list[BlockScores]:
-    """Scores and information of every run of a group, whose derivatives are in memory no longer than that takes."""
-    group, (_, motion) = problem.model.groups[position], problem.unpack(vector)
-    runs = with_columns(problem.linearise_one(vector, position), *columns)
-    return [
-        block_scores(
-            np.asarray(lin.residual),
-            np.asarray(lin.residual_jacobian),
-            np.asarray(lin.gain_residual),
-            np.asarray(lin.gain_jacobian),
-            problem.expected.precision(motion, [run]),
-            used[None] if with_parts else None,
-        )
-        for run, used, lin in zip(group.runs, np.asarray(group.measured.any(axis=0)), runs, strict=True)
-    ]
 
 
 @dataclass(frozen=True)
@@ -193,7 +184,7 @@ def adjusted_information(
     rows, targets = problem.model.parameters.prior_rows()
     # At the optimum the data pull as hard as the priors, the other way.
     prior, pull = rows.T @ rows, rows.T @ (rows @ parameters - targets)
-    data = optimum_information(campaign, problem, vector, allowances, amounts)
+    data = optimum_information(campaign, problem, vector, allowances, amounts, with_clocks=True)
     spread = model_error(data, prior, pull, allowances, here, footprints_following(problem, parameters, allowances))
     factor, sd = spread.factor, spread.sd
     matrix = data.matrix / factor
@@ -206,7 +197,9 @@ def adjusted_information(
         loads = _footprints_by_loads(allowances) @ left.response[: masses.sd.size]
         follow = map_following(about, problem.model.parameters, parameters, departures.directions, loads)
     flat = of_blocks.matrix @ follow
-    known = DataInformation(matrix, flat, prior, sd, masses.sd.size, factor)
+    # The optimum takes the clocks as found; how well they are known is in the intervals.
+    left_over = matrix if data.by_clocks is None else matrix - data.by_clocks / factor
+    known = DataInformation(left_over, flat, prior, sd, masses.sd.size, factor)
     adjustment = Adjustment(
         flattening(data.matrix[:count, :count], known.precision()),
         known.precision(),
