@@ -22,7 +22,7 @@ from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
-from sysid.estimation.uncertainty.clock_loss import clock_loss
+from sysid.estimation.uncertainty.clock_response import ClockResponse, clock_response
 from sysid.estimation.uncertainty.departure_scale import departure_scale
 from sysid.estimation.uncertainty.joint_step import (
     JointStep,
@@ -76,15 +76,14 @@ class BlockInformation:
 
     `matrix` (p + m, p + m); `scores` (n, p + m) of single runs and channels, and for each the block it belongs to
     (`blocks`: one channel in all repeats of one case); `parts` (n, p + m, p + m) of which the matrix is the sum, None
-    where nobody asked.  `by_clocks` (p + m, p + m) is lost with what is not known of the loggers' clocks,
-    None for nothing.
+    where nobody asked.  `clocks`: how the optimum follows those of the loggers, where somebody asked.
     """
 
     matrix: np.ndarray
     scores: np.ndarray
     blocks: tuple[Hashable, ...]
     parts: np.ndarray | None = None
-    by_clocks: np.ndarray | None = None
+    clocks: ClockResponse | None = None
 
     @property
     def score(self) -> np.ndarray:
@@ -110,12 +109,12 @@ def optimum_information(
 ) -> BlockInformation:
     """Information of the data about parameters, then masses and departures, where these are `amounts` (q,).
 
-    With `with_clocks` also how much of it goes with what is not known of the loggers' clocks.
+    With `with_clocks` also how they follow the loggers' clocks.
     """
     parameters, motion = problem.unpack(vector)
     columns = allowance_columns(problem.model, allowances, problem.weights, parameters, motion, amounts)
     known = information_with(campaign, problem, vector, *columns, with_parts=True)
-    return replace(known, by_clocks=clock_loss(campaign, problem, vector, columns) if with_clocks else None)
+    return replace(known, clocks=clock_response(campaign, problem, vector, columns) if with_clocks else None)
 
 
 def information_with(
@@ -146,6 +145,23 @@ def information_with(
             blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
             parts += of_run.parts
     return BlockInformation(information, np.array(scores), tuple(blocks), np.array(parts) if with_parts else None)
+
+
+def _with_clocks(
+    matrix: np.ndarray, prior: ParametersByParameters, sd: np.ndarray, clocks: ClockResponse | None, factor: float
+) -> np.ndarray:
+    """Information of the data (p + q, p + q) less what the loggers' clocks take from it."""
+    if clocks is None:
+        return matrix
+    count = prior.shape[0]
+    # What is fixed at zero does not follow anything.
+    free = np.concatenate([np.arange(count), count + np.flatnonzero(sd > 0.0)])
+    whole = matrix[np.ix_(free, free)].copy()
+    whole[:count, :count] += prior
+    whole[count:, count:] += np.diag(sd[sd > 0.0] ** -2)
+    less = matrix.copy()
+    less[np.ix_(free, free)] -= ClockResponse(clocks.across[free], clocks.sd_s).lost(whole, factor)
+    return less
 
 
 @dataclass(frozen=True)
@@ -198,8 +214,9 @@ def adjusted_information(
         follow = map_following(about, problem.model.parameters, parameters, departures.directions, loads)
     flat = of_blocks.matrix @ follow
     # The optimum takes the clocks as found; how well they are known is in the intervals.
-    left_over = matrix if data.by_clocks is None else matrix - data.by_clocks / factor
-    known = DataInformation(left_over, flat, prior, sd, masses.sd.size, factor)
+    known = DataInformation(
+        _with_clocks(matrix, prior, sd, data.clocks, factor), flat, prior, sd, masses.sd.size, factor
+    )
     adjustment = Adjustment(
         flattening(data.matrix[:count, :count], known.precision()),
         known.precision(),
