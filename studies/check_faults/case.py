@@ -13,12 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from studies.check_faults import clocks, lists, sensors
+from studies.check_faults import clocks, figures, files, lists, sensors, wiring
 from studies.check_faults.campaigns import BASES, base, healthy
 from studies.check_faults.made import EVERYWHERE, Copy, Fault, Made
 from studies.faults.campaign_copy import DoesNotApply
 
-FAMILIES: dict[str, dict[str, Fault]] = {"sensors": sensors.FAULTS, "clocks": clocks.FAULTS, **lists.FAULTS}
+FAMILIES: dict[str, dict[str, Fault]] = {
+    "sensors": sensors.FAULTS,
+    "clocks": clocks.FAULTS,
+    **lists.FAULTS,
+    "files": files.FAULTS,
+    "wiring": wiring.FAULTS,
+    "figures": figures.FAULTS,
+}
 FAULTS = [(family, name) for family, faults in FAMILIES.items() for name in faults]
 #: Faults in campaigns whose files keep their names, which say axle, load case and speed.
 TELLING = "named files"
@@ -74,7 +81,9 @@ def check(folder: Path) -> Said:
 
 
 def _read(code: int, lines: list[str]) -> Said:
-    sentences = {x.strip() for x in lines if x.rstrip().endswith(".") and " " * 3 not in x.strip() and len(x) > 40}
+    sentences = {
+        x.strip() for x in lines if x.rstrip().endswith((".", "?")) and " " * 3 not in x.strip() and len(x) > 40
+    }
     sentences = {x for x in sentences if not re.match(r"\d+ channel records|Every channel with", x)}
     findings = [re.match(r"(\S+\.csv), (\S+): ", x) for x in sentences]
     rows = [re.split(r"\s{2,}", x.strip()) for x in lines if x.rstrip().endswith("rejected")]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from studies.check_faults.effects import HARMLESS_C, HARMLESS_K
 from studies.documents import write_between_marks
 
 ENDINGS = ("stopped", "warned", "other", "silent")
@@ -54,6 +55,26 @@ def unnamed(records: Sequence[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
+def effect_table(records: Sequence[dict[str, Any]]) -> str:
+    """Markdown: what the faults that passed do to k and c of the three-axle campaign."""
+    lines = ["| fault that passed, put into the three-axle campaign | k changes by | c changes by |", "|---|---|---|"]
+    for r in sorted(records, key=lambda r: -float(r.get("k", -1.0))):
+        if r["ends"] in ("fitted", "same readings"):
+            exact = r["ends"] == "same readings"
+            shown = ["0 (the same readings)"] * 2 if exact else [f"{100 * r['k']:.2g} %", f"{100 * r['c']:.2g} %"]
+            lines.append(f"| {r['said']} | {shown[0]} | {shown[1]} |")
+        elif r["ends"] == "no fit":
+            lines.append(f"| {r['said']} | stopped there | |")
+    measured = [r for r in records if r["ends"] in ("fitted", "same readings")]
+    small = sum(r["k"] <= HARMLESS_K or r["c"] <= HARMLESS_C for r in measured)
+    both = sum(r["k"] <= HARMLESS_K and r["c"] <= HARMLESS_C for r in measured)
+    said = (
+        f"Of {len(measured)} faults that passed somewhere, {both} change neither a k by more than "
+        f"{100 * HARMLESS_K:.0f} % nor a c by more than {100 * HARMLESS_C:.0f} %, {small} not both:"
+    )
+    return "\n".join([said, "", *lines])
+
+
 def healthy_table(records: Sequence[dict[str, Any]]) -> str:
     """Markdown: what is said of healthy campaigns."""
     accused = [r for r in records if r["accusing"] or r["rejected"]]
@@ -66,7 +87,13 @@ def healthy_table(records: Sequence[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
-def write(faults: Sequence[dict[str, Any]], healthy: Sequence[dict[str, Any]], seed: int, document: Path) -> None:
+def write(
+    faults: Sequence[dict[str, Any]],
+    healthy: Sequence[dict[str, Any]],
+    effects: Sequence[dict[str, Any]],
+    seed: int,
+    document: Path,
+) -> None:
     """Replace what stands between the marks of a document."""
     wrong, channels = falsely_accused(faults)
     applied = [r for r in faults if r["ending"] != "does not apply"]
@@ -78,6 +105,7 @@ def write(faults: Sequence[dict[str, Any]], healthy: Sequence[dict[str, Any]], s
         healthy_table(healthy),
         "Not named:",
         unnamed(faults),
+        effect_table(effects),
     ]
     body = "\n\n".join(parts)
     write_between_marks(document, "check faults", body)

@@ -147,5 +147,9 @@ def _near_input(folder: Path, name: str) -> str:
         nearby += [(Path(root) / f).relative_to(folder).as_posix() for f in sorted(files)]
         if len(nearby) > limits.LISTED_FILES:
             break
-    near = difflib.get_close_matches(relative_name(name), nearby[: limits.LISTED_FILES], n=1, cutoff=0.5)
-    return f"did you mean '{shorten(near[0], 100)}'" if near else "check the name, relative to the campaign file"
+    # Folders and suffixes are alike for all files of a campaign: the name itself tells what is meant.
+    by_stem = {PurePosixPath(n).stem: n for n in reversed(nearby[: limits.LISTED_FILES])}
+    near = difflib.get_close_matches(PurePosixPath(relative_name(name)).stem, list(by_stem), n=1, cutoff=0.7)
+    if near:
+        return f"did you mean '{shorten(by_stem[near[0]], 100)}'"
+    return "check the name, relative to the campaign file"

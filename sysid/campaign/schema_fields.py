@@ -30,6 +30,8 @@ def _log_format(name: str) -> str:
 # Bounds are far outside anything a road vehicle has: they catch slipped decimals and NaN, they do not judge.
 Position = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-200.0, le=200.0)]
 Length = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=200.0)]
+Radius = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=2.5)]
+Travel = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=2.0)]
 Height = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=20.0)]
 Mass = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1e7)]
 OptionalMass = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1e7)]

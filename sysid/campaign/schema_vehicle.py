@@ -18,7 +18,9 @@ from sysid.campaign.schema_fields import (
     OptionalMass,
     Position,
     Positive,
+    Radius,
     Table,
+    Travel,
 )
 from sysid.campaign.schema_priors import PriorsTable
 
@@ -124,7 +126,7 @@ class AxleTable(Table):
     unsprung_mass_kg: OptionalMass
     tire_stiffness_N_per_m: Positive
     tire_damping_N_s_per_m: NotNegative
-    tire_radius_m: Length
+    tire_radius_m: Radius
     suspension: Literal["leaf", "air", "other"]
     suspension_law: Annotated[StrictStr, Field(min_length=1, max_length=200)] | None = None
     spring_table: SpringTable | None = None
@@ -133,8 +135,8 @@ class AxleTable(Table):
     load_dependent: StrictBool | None = None
     inflation_pressure_kPa: Positive | None = None
     tire_stiffness_pressure_kPa: Positive | None = None
-    jounce_travel_m: Length | None = None
-    rebound_travel_m: Length | None = None
+    jounce_travel_m: Travel | None = None
+    rebound_travel_m: Travel | None = None
     leaf: LeafTable | None = None
     priors: PriorsTable | None = None
 

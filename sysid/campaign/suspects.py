@@ -105,7 +105,8 @@ def suspicions(
                 trio, fit, _Evidence(_shared(fit, fits), lifts[groups.index(trio)], float(np.median(lifts))), suspects
             )
     if bump_speed is not None:
-        _all_flipped(groups, fits, lifts, suspects)
+        if not _lifted(channels, vehicle, bump_speed):
+            _all_flipped(groups, fits, lifts, suspects)
         _axles_flipped(groups, fits, falling, vehicle, suspects)
     for channel in channels:
         column = channel.sensor.column
@@ -245,6 +246,12 @@ def _disagreement(trio: Trio, fit: Fit, suspects: dict[str, list[Suspicion]]) ->
             "column holds.",
             rejected=False,
         )
+
+
+def _lifted(channels: Sequence[Channel], vehicle: Vehicle, bump_speed: float) -> bool:
+    """Whether most axles rise where they meet the bump: at walking speed noise hides which way they begin to move."""
+    passage = find_passage(channels, vehicle, bump_speed)
+    return passage is not None and sum(a.upward for a in passage.arrivals.values()) > 0
 
 
 def _all_flipped(

@@ -8,7 +8,7 @@ domain.  Friction, stops and gas springs make it rough, but nothing has to be as
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,8 @@ from sysid.campaign.vehicle_records import LoadCase, Vehicle
 BAND_HZ = (0.8, 6.0)
 #: Rows of the sensors must tell all motions of the frames apart by this singular value, and channels be whole.
 _DISTINCT, _WHOLE = 0.3, 0.9
+#: Deflections that were lost follow from the accelerations of frame and axle, for this share of the axles at most.
+_REPLACED = 0.34
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,7 @@ def run_spectra(run: BumpRun, vehicle: Vehicle) -> RunSpectra | None:
     window[:edge] = 0.5 - 0.5 * np.cos(np.pi * np.arange(edge) / edge)
     window[-edge:] = window[:edge][::-1]
     deflection: dict[int, np.ndarray] = {}
+    axle_motion: dict[int, np.ndarray] = {}
     rows, readings = [], []
     for channel in log.channels:
         spectrum = _spectrum(channel, grid, window, band)
@@ -95,15 +98,35 @@ def run_spectra(run: BumpRun, vehicle: Vehicle) -> RunSpectra | None:
             continue
         if sensor.kind == "suspension_deflection" and sensor.axle is not None:
             deflection[sensor.axle] = spectrum
+        elif sensor.kind == "axle_acceleration" and sensor.axle is not None:
+            axle_motion[sensor.axle] = spectrum
         elif sensor.kind == "body_acceleration" and sensor.body is not None and sensor.x_m is not None:
             rows.append(frame_rise(vehicle, sensor.body, sensor.x_m))
             readings.append(spectrum)
-    count = len(vehicle.bodies) + 1
-    if len(deflection) < len(vehicle.axles) or np.linalg.matrix_rank(np.array(rows), tol=_DISTINCT) < count:
+    if np.linalg.matrix_rank(np.array(rows), tol=_DISTINCT) < len(vehicle.bodies) + 1:
         return None
     motion = np.linalg.lstsq(np.array(rows), np.array(readings), rcond=None)[0]
-    by_axle = np.array([deflection[i] for i in range(len(vehicle.axles))])
-    return RunSpectra(log.file, run.load_case, motion, by_axle, 2.0 * np.pi * frequency[band])
+    omega = 2.0 * np.pi * frequency[band]
+    by_axle = _all_deflections(vehicle, deflection, axle_motion, motion, omega)
+    return None if by_axle is None else RunSpectra(log.file, run.load_case, motion, by_axle, omega)
+
+
+def _all_deflections(
+    vehicle: Vehicle,
+    measured: Mapping[int, np.ndarray],
+    axle_motion: Mapping[int, np.ndarray],
+    motion: np.ndarray,
+    omega: np.ndarray,
+) -> np.ndarray | None:
+    """(axles, F) deflections; those of a lost sensor by q'' = b - a; None where too many are lost."""
+    lost = [i for i in range(len(vehicle.axles)) if i not in measured]
+    if len(lost) > _REPLACED * len(vehicle.axles) or any(i not in axle_motion for i in lost):
+        return None
+    whole = dict(measured)
+    for i in lost:
+        axle = vehicle.axles[i]
+        whole[i] = -(frame_rise(vehicle, axle.body, axle.x_m) @ motion - axle_motion[i]) / omega**2
+    return np.array([whole[i] for i in range(len(vehicle.axles))])
 
 
 def _spectrum(channel: Channel, grid: np.ndarray, window: np.ndarray, band: np.ndarray) -> np.ndarray | None:

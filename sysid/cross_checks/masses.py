@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -81,7 +81,9 @@ def _wrong_load_cases(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list
             for free in ("inertia", "moment")
             if (f := _solved([run], vehicle, cases[run.load_case], free))
         ]
-        if others[best].unexplained > HOPELESS:
+        # Masses with which a spring would have to push the wrong way are not those of the run.
+        if others[best].unexplained > HOPELESS or np.any(others[best].stiffness < 0.0):
+            gains[run.file] = (1.0, best)
             continue
         # Freeing an inertia explains a little more in any case; much more than another load case means that it is that.
         ratio = others[best].unexplained / declared.unexplained
@@ -98,11 +100,32 @@ def _wrong_load_cases(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list
             "Correct load_case in tests.bump_run, or the tables of the load cases."
         ]
     listed = {run.file: run.load_case for run in spectra}
+    # Its axles are as stiff as those of the other runs of its load case, unless it is none of them.
+    stiffness = {(r.file, n): f.stiffness for r in spectra for n in cases if (f := _solved([r], vehicle, cases[n]))}
+    wrong = [
+        file
+        for file in wrong
+        if _unlike(file, gains[file][1], listed, stiffness) < _unlike(file, listed[file], listed, stiffness)
+    ]
     return [
         f"{file}: the frames move as with the masses of the load case '{shorten(gains[file][1])}', not of "
         f"'{shorten(listed[file])}'; correct its load_case in tests.bump_run, or check that this is its log."
         for file in wrong
     ]
+
+
+def _unlike(
+    file: str, load_case: str, listed: Mapping[str, str], stiffness: Mapping[tuple[str, str], np.ndarray]
+) -> float:
+    """Mean departure of the logs of a run's stiffnesses in a load case from those of the runs listed under it."""
+    others = [k for (other, name), k in stiffness.items() if name == load_case == listed[other] and other != file]
+    own = stiffness.get((file, load_case))
+    if own is None or np.any(own <= 0.0):
+        return np.inf
+    if not others or np.any(np.median(others, axis=0) <= 0.0):
+        # Nothing to compare with: either is as good.
+        return 0.0 if load_case != listed[file] else np.inf
+    return float(np.mean(np.abs(np.log(own / np.median(others, axis=0)))))
 
 
 def _makes_sense_instead(declared: Balance, other: Balance) -> bool:

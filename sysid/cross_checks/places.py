@@ -21,6 +21,8 @@ SURE = 3.0
 PLACE_OFF_M = 0.12
 #: A record holds at least this before the first and after the last axle [s].
 _AROUND_S = 0.2
+#: Share of the runs in which an axle is out of place.
+MOST_RUNS = 0.6
 #: Without this axle the others are at their places within this.
 PLACE_RIGHT_M = 0.06
 
@@ -46,7 +48,8 @@ def place_complaints(runs: Sequence[BumpRun], passages: Mapping[str, Passage | N
             "listed from the rear. Give x_m as the distance behind the front axle, with hitch_x_m and the x_m of the "
             "sensors, or drive forward."
         ]
-    moved = _misplaced_axle([p for _, p in seen if p.speed_m_s > 0.0], vehicle)
+    forward = [p for _, p in seen if p.speed_m_s > 0.0]
+    moved = _misplaced_axle(forward, vehicle) or _axle_out_of_time(forward, vehicle)
     return [*short, *([moved] if moved else _all_speeds(seen, vehicle))]
 
 
@@ -87,20 +90,15 @@ def _all_speeds(seen: Sequence[tuple[BumpRun, Passage]], vehicle: Vehicle) -> li
 
 def _misplaced_axle(passages: Sequence[Passage], vehicle: Vehicle) -> str | None:
     """One axle that is not at its place in any run, while the others are at theirs."""
-    axles = sorted({axle for p in passages for axle in p.arrivals})
-    if len(axles) < 3 or not passages:
+    axles, x, along = _ways(passages, vehicle)
+    if len(axles) < 3:
         return None
-    x = np.array([vehicle.axles[a].x_m for a in axles])
-    along = np.full((len(passages), len(axles)), np.nan)
-    for r, p in enumerate(passages):
-        for k, axle in enumerate(axles):
-            if axle in p.arrivals:
-                along[r, k] = p.speed_m_s * p.arrivals[axle].time_s
     explained: list[tuple[float, float, int]] = []
     for k in range(len(axles)):
-        off, rest = _off_line(along, x, k)
-        if off is not None:
-            explained.append((rest, off, k))
+        offs, rest = _off_line(along, x, k)
+        if np.isfinite(offs).any():
+            offs = offs[np.isfinite(offs)]
+            explained.append((max(rest, _scatter(offs)), float(np.median(offs)), k))
     if not explained:
         return None
     before = _rest_of_all(along, x)
@@ -117,23 +115,65 @@ def _misplaced_axle(passages: Sequence[Passage], vehicle: Vehicle) -> str | None
     )
 
 
-def _off_line(along: np.ndarray, x: np.ndarray, left_out: int) -> tuple[float | None, float]:
-    """How far [m] one axle is off the line through the others, median over the runs, and how far those are off it."""
+def _ways(passages: Sequence[Passage], vehicle: Vehicle) -> tuple[list[int], np.ndarray, np.ndarray]:
+    """Axles that are seen, their places (axles,), and ways (runs, axles) [m] until each meets the bump, or NaN."""
+    axles = sorted({axle for p in passages for axle in p.arrivals})
+    along = np.full((len(passages), len(axles)), np.nan)
+    for r, p in enumerate(passages):
+        for k, axle in enumerate(axles):
+            if axle in p.arrivals:
+                along[r, k] = p.speed_m_s * p.arrivals[axle].time_s
+    return axles, np.array([vehicle.axles[a].x_m for a in axles]), along
+
+
+def _off_line(along: np.ndarray, x: np.ndarray, left_out: int) -> tuple[np.ndarray, float]:
+    """How far [m] one axle is off the line through the others in each run that shows it, and how far those are off."""
     keep = np.arange(x.size) != left_out
-    offs, rests = [], []
-    for row in along:
+    offs, rests = np.full(along.shape[0], np.nan), []
+    for r, row in enumerate(along):
         known = keep & np.isfinite(row)
         if known.sum() < 2 or not np.isfinite(row[left_out]) or np.ptp(x[known]) < 1.0:
             continue
         # Place against way: its slope is near 1, whatever the speed is.
         slope, start = _line_through(row[known], x[known])
-        offs.append(slope * row[left_out] + start - x[left_out])
-        rests.append(slope * row[known] + start - x[known] if known.sum() > 2 else np.zeros(1))
-    if not offs:
-        return None, np.inf
-    rest = float(np.median([np.max(np.abs(r)) for r in rests]))
-    scatter = 1.5 * float(np.median(np.abs(np.array(offs) - np.median(offs))))
-    return float(np.median(offs)), max(rest, scatter)
+        offs[r] = slope * row[left_out] + start - x[left_out]
+        rests.append(float(np.max(np.abs(slope * row[known] + start - x[known]))) if known.sum() > 2 else 0.0)
+    return offs, float(np.median(rests)) if rests else np.inf
+
+
+def _scatter(values: np.ndarray) -> float:
+    """Median departure from the median, as a standard deviation."""
+    return 1.5 * float(np.median(np.abs(values - np.median(values))))
+
+
+def _axle_out_of_time(passages: Sequence[Passage], vehicle: Vehicle) -> str | None:
+    """One axle that all runs show too late or too early, by a time or by no one distance, while the others are right.
+
+    What is late by a time goes through a box of its own; a wrong place is off by a distance, at all speeds.
+    """
+    axles, x, along = _ways(passages, vehicle)
+    if len(axles) < 4:
+        return None
+    speed = np.array([p.speed_m_s for p in passages])
+    for k, axle in enumerate(axles):
+        offs, rest = _off_line(along, x, k)
+        seen = np.isfinite(offs)
+        if rest > PLACE_RIGHT_M or seen.sum() < 3 or np.mean(np.abs(offs[seen]) > PLACE_OFF_M) < MOST_RUNS:
+            continue
+        late = offs[seen] / speed[seen]
+        name = shorten(vehicle.axles[axle].name)
+        if _scatter(late) * float(np.median(speed)) < PLACE_RIGHT_M:
+            return (
+                f"All sensors of the axle '{name}' show the bump {1e3 * abs(np.median(late)):.0f} ms too "
+                f"{'late' if np.median(late) > 0 else 'early'} (median of {seen.sum()} runs), at all speeds: another "
+                "logger or amplifier; correct their time, or declare the loggers by [[logger]]."
+            )
+        return (
+            f"In {np.sum(np.abs(offs[seen]) > PLACE_OFF_M)} of {seen.sum()} runs the axle '{name}' does not meet the "
+            "bump when its place x_m says, and no other place explains it: check the clock of its sensors, and which "
+            "axle they sit at."
+        )
+    return None
 
 
 def _line_through(along: np.ndarray, x: np.ndarray) -> tuple[float, float]:

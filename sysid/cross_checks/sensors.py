@@ -23,6 +23,8 @@ BAND_HZ = (1.0, 12.0)
 GAIN_OFF, LAG_S, LEAK = 0.06, 0.0035, 0.1
 #: A fault must explain this share of what the three sensors disagree by, and be clearer than another sensor's.
 EXPLAINED, CLEARER = 0.3, 0.75
+#: Corners of a high-pass filter that a deflection may have gone through (AC coupling) [Hz].
+CORNERS_HZ = (0.1, 0.16, 0.25, 0.4, 0.6, 1.0, 1.6, 2.5)
 LAGS_S, FINE_S = np.arange(-0.15, 0.1501, 0.005), np.arange(-0.005, 0.0051, 0.001)
 #: Frame sensors are found at their place within 0.3 m.
 PLACE_M = 0.6
@@ -110,6 +112,7 @@ class _Explanation:
     lag_s: float
     leak: float = 0.0
     source: str = ""
+    corner_hz: float = 0.0
 
 
 def _fault(
@@ -117,6 +120,7 @@ def _fault(
 ) -> str | None:
     right = sum(_power(e.parts[0] - e.parts[1] - e.parts[2]) for e in equations)
     tried = [_one_wrong(equations, k) for k in range(3)]
+    tried.append(_high_passed(equations))
     tried += [leak for k in range(3) for leak in _leaks(equations, k, sensors[k].kind, others)]
     tried.sort(key=lambda t: t.rest)
     best = tried[0]
@@ -133,6 +137,11 @@ def _fault(
         return (
             f"{name} contains about {100 * best.leak:.0f} % of '{best.source}' (crosstalk){doubt}; check cable, "
             "connector and amplifier, or remove the sensor."
+        )
+    if best.corner_hz:
+        return (
+            f"{name} lacks what is slower than about {best.corner_hz:.1g} Hz, as behind a high-pass filter (AC "
+            f"coupling){doubt}; record it with DC coupling."
         )
     if abs(best.lag_s) > LAG_S:
         word = "late" if best.lag_s > 0.0 else "early"
@@ -175,6 +184,16 @@ def _best_lag(equations: Sequence[Equation], wrong: int, lags_s: np.ndarray) -> 
         if inverse > 0.0 and (best is None or left < best.rest):
             best = _Explanation(wrong, left, 1.0 / inverse, float(lag))
     return best or _Explanation(wrong, np.inf, 1.0, 0.0)
+
+
+def _high_passed(equations: Sequence[Equation]) -> _Explanation:
+    """The deflection behind a high-pass filter of first order, i w / (i w + w_c), turned back."""
+    best = _Explanation(0, np.inf, 1.0, 0.0)
+    for corner in CORNERS_HZ:
+        rest = sum(_power(e.parts[0] * (1.0 - 2j * np.pi * corner / e.omega) - _implied(e, 0)) for e in equations)
+        if rest < best.rest:
+            best = _Explanation(0, rest, 1.0, 0.0, corner_hz=corner)
+    return best
 
 
 def _implied(e: Equation, wrong: int) -> np.ndarray:

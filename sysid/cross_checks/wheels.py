@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -16,8 +17,15 @@ from sysid.wording import shorten
 #: Hop frequencies give (k + kt) / kt of 0.9 to 1.5 with the declared kt, as the median of a vehicle's axles.
 TIRE_LOW, TIRE_HIGH = 0.5, 1.75
 HOP_HZ = (5.0, 22.0)
-#: The height of the bump follows from the axles' motion within 8 % (median of axles and runs), 25 % in odd campaigns.
-HEIGHT_OFF = 0.4
+#: ln of these of two axles of one vehicle are at most 0.7 apart; of two exchanged masses they are more, and near each
+#: other and the other axles once they are exchanged back.
+HOPS_APART, HOPS_ALIKE, HOPS_NEAR = 0.95, 0.5, 0.4
+#: Power of the hop over that of the same sensor before the first axle arrives, below which noise may be its peak: of
+#: noise of this share the highest peak stays below that of the hop.
+HOP_OVER_NOISE, _REST_S = 4.0, 0.1
+#: The height of the bump follows from the axles' motion within 8 % (median of axles and runs), 30 % in odd campaigns,
+#: as with strong one-sided dampers; another unit or another bump is off by more.
+HEIGHT_OFF = 0.5
 #: Fits that leave more than this tell nothing.
 HOPELESS = 0.12
 #: Scans of a bump and of its mirror image differ by more than this [m] where the direction is judged.
@@ -38,23 +46,41 @@ def tire_complaint(runs: Sequence[BumpRun], passages: Mapping[str, Passage | Non
 
     The hop frequency f of each axle after it has left the bump gives k + kt = (2 pi f)^2 m_u.
     """
-    ratios = []
+    ratios = {}
     for axle, record in enumerate(vehicle.axles):
         frequency = _hop_frequency(runs, passages, axle)
         mass = vehicle.unsprung_mass_kg[axle]
         if frequency is not None:
-            ratios.append((2.0 * np.pi * frequency) ** 2 * mass / record.tire_stiffness_N_per_m)
+            ratios[axle] = (2.0 * np.pi * frequency) ** 2 * mass / record.tire_stiffness_N_per_m
     if len(ratios) < 2:
         return None
-    middle = float(np.median(ratios))
+    middle = float(np.median(list(ratios.values())))
     if TIRE_LOW < middle < TIRE_HIGH:
-        return None
+        return _unsprung_exchanged(ratios, vehicle)
     likely = _tire_words(middle / 1.2)
     return (
         f"The wheels hop as if tires and suspension together had {middle:.2g} times the declared tire stiffness: "
         f"tire_stiffness_N_per_m{likely} or unsprung_mass_kg is wrong (both are per axle: all tires together, in N/m "
         "and kg)."
     )
+
+
+def _unsprung_exchanged(ratios: Mapping[int, float], vehicle: Vehicle) -> str | None:
+    """A sentence where two axles hop as if each had the unsprung mass of the other."""
+    size = {axle: float(np.log(ratio)) for axle, ratio in ratios.items()}
+    for i, j in combinations(sorted(size), 2):
+        masses = float(np.log(vehicle.unsprung_mass_kg[i] / vehicle.unsprung_mass_kg[j]))
+        apart = size[i] - size[j]
+        right = {**size, i: size[i] - masses, j: size[j] + masses}
+        middle = float(np.median(list(right.values())))
+        near = max(abs(right[i] - middle), abs(right[j] - middle)) < HOPS_NEAR
+        if near and abs(apart) > HOPS_APART and abs(apart - 2.0 * masses) < HOPS_ALIKE:
+            one, two = (shorten(vehicle.axles[k].name) for k in (i, j))
+            return (
+                f"The wheels of '{one}' and '{two}' hop as if each axle had the unsprung_mass_kg of the other; "
+                "check whether the two are exchanged."
+            )
+    return None
 
 
 def _tire_words(factor: float) -> str:
@@ -78,25 +104,31 @@ def _hop_frequency(runs: Sequence[BumpRun], passages: Mapping[str, Passage | Non
         channel = _axle_sensor(run, axle)
         if passage is None or channel is None or axle not in passage.arrivals:
             continue
-        good = np.isfinite(channel.value)
         first = passage.arrivals[axle].time_s + 1.6 / abs(passage.speed_m_s)
-        time = np.arange(first, min(first + 1.0, channel.time_s[good][-1]), run.log.sample_interval_s)
-        if time.size * run.log.sample_interval_s < 0.5:
+        after = _power_of_hop(channel, frequency, first, first + 1.0, run.log.sample_interval_s)
+        last = min(a.time_s for a in passage.arrivals.values()) - _REST_S
+        before = _power_of_hop(channel, frequency, last - 1.0, last, run.log.sample_interval_s)
+        # Behind a bump that was left slowly the wheels are at rest again, and noise has any frequency.
+        if after is None or before is None or after.sum() < HOP_OVER_NOISE * before.sum():
             continue
-        value = np.interp(time, channel.time_s[good], channel.value[good])
-        fading = 0.5 + 0.5 * np.cos(np.pi * np.arange(time.size) / time.size)
-        power = (
-            np.abs(
-                np.sqrt(frequency)
-                * (np.exp(-2j * np.pi * frequency[:, None] * time) @ ((value - value.mean()) * fading))
-            )
-            ** 2
-        )
-        total += power / max(float(power.sum()), 1e-30)
+        total += after / max(float(after.sum()), 1e-30)
     if not total.any():
         return None
     k = int(np.argmax(total))
     return float(frequency[k]) if 0 < k < frequency.size - 1 else None
+
+
+def _power_of_hop(channel: Channel, frequency: np.ndarray, first: float, last: float, step: float) -> np.ndarray | None:
+    """Power per second (F,) of an axle between two times, times the frequency; None within half a second or less."""
+    good = np.isfinite(channel.value)
+    first, last = max(first, channel.time_s[good][0]), min(last, channel.time_s[good][-1])
+    time = np.arange(first, last, step)
+    if time.size * step < 0.5:
+        return None
+    value = np.interp(time, channel.time_s[good], channel.value[good])
+    fading = 0.5 + 0.5 * np.cos(np.pi * np.arange(time.size) / time.size)
+    waves = np.exp(-2j * np.pi * frequency[:, None] * time) @ ((value - value.mean()) * fading)
+    return np.asarray(frequency * np.abs(waves) ** 2 / time.size)
 
 
 def _axle_sensor(run: BumpRun, axle: int, kind: str = "axle_acceleration") -> Channel | None:
@@ -112,6 +144,12 @@ class _Rise:
     left_mirrored: float
     length: float = 1.0
     left_at_length: float = np.inf
+    height_at_length: float = np.nan
+
+    def enveloped(self, length_m: float) -> bool:
+        """Whether a bump that is longer by no more than tires make it explains the motion better than the scan's."""
+        longer = (self.length - 1.0) * length_m
+        return 0.0 < longer < _LENGTH_OFF_M and self.left_at_length < _LENGTH_BETTER * self.left
 
 
 def bump_complaints(
@@ -140,8 +178,10 @@ def bump_complaints(
 
 def _judged(name: str, profile: RoadProfile, rises: Sequence[_Rise], several: bool) -> list[str]:
     what = f"The scan of '{shorten(name)}'" if several else "The scan"
-    height = float(np.median([r.height for r in rises]))
-    left = float(np.median([r.left for r in rises]))
+    # A tire rolls over a short bump as over a longer one, which is as high.
+    felt = [r.enveloped(profile.length_m) for r in rises]
+    height = float(np.median([r.height_at_length if f else r.height for r, f in zip(rises, felt, strict=True)]))
+    left = float(np.median([r.left_at_length if f else r.left for r, f in zip(rises, felt, strict=True)]))
     if abs(np.log(max(height, 1e-3))) > HEIGHT_OFF:
         return [
             f"{what} does not fit the motion of the axles: its bump of {1e3 * profile.height_m.max():.0f} mm "
@@ -218,8 +258,8 @@ def _rise(run: BumpRun, passage: Passage, axle: int, profile: RoadProfile) -> _R
     mirrored, _ = fitted(*_smoothed(profile, True))
     if left < _LENGTH_LEFT:
         return _Rise(rises, left, mirrored)
-    other, length = min((fitted(station * length, height)[0], length) for length in _LENGTHS)
-    return _Rise(rises, left, mirrored, length, other)
+    (other, rises_then), length = min((fitted(station * length, height), length) for length in _LENGTHS)
+    return _Rise(rises, left, mirrored, length, other, rises_then)
 
 
 def _band(value: np.ndarray, step: float, derivative: int = 0, high_pass: bool = True) -> np.ndarray:

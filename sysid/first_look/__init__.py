@@ -2,12 +2,13 @@
 
 from sysid.first_look.campaign_text import campaign_text
 from sysid.first_look.look import first_look
-from sysid.first_look.records import EntryGuess, FirstLook, SeenLog, SeenScan, SensorGuess
+from sysid.first_look.records import EntryGuess, FirstLook, LoggerGuess, SeenLog, SeenScan, SensorGuess
 from sysid.first_look.templates import Template, template, template_names
 
 __all__ = [
     "EntryGuess",
     "FirstLook",
+    "LoggerGuess",
     "SeenLog",
     "SeenScan",
     "SensorGuess",

@@ -44,6 +44,7 @@ def campaign_text(look: FirstLook, folder: str, output: str, prefix: str = "") -
         vehicle_text(look),
         *(load_case_text(look, name, kind) for name, kind in look.load_cases.items()),
         _acquisition(look),
+        _loggers(look),
         _sensors(look, "bump_run", look.run_sensors),
         _sensors(look, "plank_drop", look.drop_sensors),
         _scans(look, prefix),
@@ -69,6 +70,23 @@ def _acquisition(look: FirstLook) -> str:
     what = "{ type = 'butterworth', order = 4, cutoff_hz = 60 } of the anti-alias filter, or delete this line"
     lines.append((f"filter = {quoted(todo(what))}", ""))
     return banner("data acquisition") + "\n" + section("acquisition", commented(lines))
+
+
+def _loggers(look: FirstLook) -> str:
+    """Tables of several loggers; the names of their logs, stamps and rates told them."""
+    parts = []
+    for k, logger in enumerate(look.loggers):
+        said = "the first one: its clock is the reference" if k == 0 else "by the names of the logs"
+        lines = [(f"name = {quoted(logger.name)}", f"{CONFIRM}: {said}")]
+        if k > 0:
+            kind = "continuous" if logger.runs_on else "per_log"
+            why = "its stamps run on from log to log" if logger.runs_on else "every log begins at the same stamp"
+            lines.append((f"clock = {quoted(kind)}", f'{CONFIRM}: {why}; "shared" with GPS or PTP'))
+        if logger.rate_hz > 0.0:
+            lines.append((f"sample_interval_s = {1.0 / logger.rate_hz:.6g}", "as in the logs"))
+        more = ['# sync = "COLUMN"  where the loggers record one signal, in all tables of loggers'] if k > 0 else []
+        parts.append(section("logger", [*commented(lines), *more], array=True))
+    return "\n".join(parts)
 
 
 def _writing_of_all(look: FirstLook) -> dict[str, Any]:
@@ -98,7 +116,11 @@ def _reason(sure: bool, why: Sequence[str]) -> str:
 
 def _sensor(look: FirstLook, sensor: SensorGuess, test: str) -> dict[str, Any]:
     kinds = "suspension_deflection, axle_acceleration or body_acceleration, or delete this line"
-    result: dict[str, Any] = {"kind": sensor.kind or todo(kinds)}
+    result: dict[str, Any] = {}
+    if test == "bump_run" and sensor.column in look.columns:
+        logger, column = look.columns[sensor.column]
+        result = {"logger": logger} | ({"column": column} if column != sensor.column else {})
+    result["kind"] = sensor.kind or todo(kinds)
     place = sensor.axle
     if test == "plank_drop":
         if place is not None:
@@ -189,12 +211,18 @@ def _drop(look: FirstLook, entry: EntryGuess, prefix: str) -> dict[str, Any]:
     return result | _writing(look, entry.file)
 
 
+def _logs_of(look: FirstLook, file: str, prefix: str) -> str | dict[str, str]:
+    """The log of a run, or those of its loggers by name."""
+    files = look.files.get(file)
+    return prefix + file if files is None else {name: prefix + log for name, log in files.items()}
+
+
 def _run(look: FirstLook, entry: EntryGuess, prefix: str, repeat: int) -> dict[str, Any]:
     speed = entry.speed_km_h
     label = f"{entry.load_case} {speed:g} km/h" if speed is not None else f"{entry.load_case}, {entry.file}"
     result: dict[str, Any] = {
         "case": label,
-        "file": prefix + entry.file,
+        "files" if entry.file in look.files else "file": _logs_of(look, entry.file, prefix),
         "load_case": entry.load_case,
         "nominal_speed_km_h": todo("speed [km/h]") if speed is None else speed,
         "repeat": repeat,

@@ -27,13 +27,16 @@ class Layout:
     threes: tuple[Three, ...]
 
 
-def layouts_of_logs(logs: Sequence[SeenLog], fits: Mapping[str, Threes]) -> list[Layout]:
+def layouts_of_logs(
+    logs: Sequence[SeenLog], fits: Mapping[str, Threes], joined: Mapping[str, Mapping[str, str]] | None = None
+) -> list[Layout]:
     """Columns that the same loggers wrote, one layout for all logs with the same columns.
 
     Parameters
     ----------
     logs : what was seen of each log.
     fits : by file, threes of columns that belong to one axle.
+    joined : by file, the files of all loggers whose columns a log has.
     """
     groups: dict[frozenset[str], list[SeenLog]] = {}
     for log in logs:
@@ -46,7 +49,8 @@ def layouts_of_logs(logs: Sequence[SeenLog], fits: Mapping[str, Threes]) -> list
         sides = paired_sides(sorted(columns))
         said = {c: column_says(c) for c in columns}
         said = {c: replace(s, side=s.side or sides.get(c)) for c, s in said.items()}
-        of_members = [fits[log.file] for log in members if log.file in fits]
+        files = [f for log in members for f in (joined or {}).get(log.file, {"": log.file}).values()]
+        of_members = [fits[f] for f in files if f in fits]
         kinds = {c: s.kind for c, s in said.items()}
         threes = tuple(upright(t, kinds) for t in matched_threes(of_members, hop, told_dimensions(alive, said)))
         result.append(Layout(tuple(members), guess_kinds(alive, said, threes), said, threes))

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from sysid.errors import CampaignError, DataRejectedError, SysidError
 from sysid.first_look.entries import Driven, entries_of, kind_of_test, load_cases_of
@@ -14,6 +17,7 @@ from sysid.first_look.folder import names_in, opened
 from sysid.first_look.kinds import KindGuess
 from sysid.first_look.layouts import Layout, layouts_of_logs, righted
 from sysid.first_look.log_columns import LogColumns, read_columns_of
+from sysid.first_look.loggers import find_loggers, joined_logs
 from sysid.first_look.places import (
     Order,
     Passage,
@@ -60,8 +64,20 @@ def first_look(folder: Path, vehicle: str | None = None, progress: Progress = un
     """
     wanted = None if vehicle is None else template(vehicle)
     logs, fits, scans, messages = _files(folder, progress)
-    layouts = layouts_of_logs(logs, fits)
-    return _first_look(layouts, logs, scans, messages, wanted)
+    seen = find_loggers(logs)
+    if seen is None:
+        return _first_look(layouts_of_logs(logs, fits), logs, scans, messages, wanted)
+    logs, fits, columns = joined_logs(logs, fits, seen)
+    look = _first_look(layouts_of_logs(logs, fits, seen.files), logs, scans, messages, wanted)
+    # What one logger calls axle 1, the other calls axle 1 too: only a person knows which it is.
+    why = "another logger has a column of this name"
+    sensors = tuple(
+        replace(s, axle=None, sure=False, why=(*s.why, why))
+        if s.column in columns and columns[s.column][1] != s.column
+        else s
+        for s in look.run_sensors
+    )
+    return replace(look, run_sensors=sensors, loggers=seen.loggers, files=seen.files, columns=columns)
 
 
 def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, Threes], list[SeenScan], list[str]]:
@@ -106,7 +122,9 @@ def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, T
 def _seen(columns: LogColumns) -> SeenLog:
     said = path_says(columns.file)
     of_columns = looks(columns.channels)
-    return SeenLog(columns.file, columns.title, of_columns, columns.time, columns.units_row, columns.text, said)
+    starts = [float(t[0]) for c in columns.channels if (t := c.clock.time_s[np.isfinite(c.clock.time_s)]).size]
+    start = min(starts, default=0.0)
+    return SeenLog(columns.file, columns.title, of_columns, columns.time, columns.units_row, columns.text, said, start)
 
 
 def _first_look(

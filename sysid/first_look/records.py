@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from sysid.campaign.records import SensorKind
 from sysid.first_look.features import Look
@@ -15,7 +16,8 @@ from sysid.first_look.words import Side
 class SeenLog:
     """One log: its columns with their behaviour, how it is written, and what its path says.
 
-    `time` and `units_row` as :class:`sysid.first_look.log_columns.LogColumns`; `text` are columns without numbers.
+    `time` and `units_row` as :class:`sysid.first_look.log_columns.LogColumns`; `text` are columns without numbers;
+    `start_s` is the first stamp.
     """
 
     file: str
@@ -25,6 +27,7 @@ class SeenLog:
     units_row: bool
     text: tuple[str, ...]
     said: PathSays
+    start_s: float = 0.0
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -89,6 +92,15 @@ class EntryGuess:
 
 
 @dataclass(frozen=True)
+class LoggerGuess:
+    """One of several loggers: its name, its rate, and whether its clock runs on from log to log."""
+
+    name: str
+    rate_hz: float
+    runs_on: bool
+
+
+@dataclass(frozen=True)
 class FirstLook:
     """All that was found in a folder.
 
@@ -96,6 +108,9 @@ class FirstLook:
     that names say.
     `load_cases` maps names in the campaign file to ``empty``, ``laden`` or ``partly``.  `unused` maps columns that are
     no sensors to a reason.  `messages` are sentences about files that were left out.
+
+    With several loggers, `loggers` are they, the first one the reference; `files` maps the first one's log of a run to
+    the logs of all by logger, and `columns` maps columns of the others to their logger and their name there.
     """
 
     logs: tuple[SeenLog, ...]
@@ -111,3 +126,6 @@ class FirstLook:
     load_cases: dict[str, str]
     unused: dict[str, str]
     messages: tuple[str, ...]
+    loggers: tuple[LoggerGuess, ...] = ()
+    files: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    columns: Mapping[str, tuple[str, str]] = field(default_factory=dict)

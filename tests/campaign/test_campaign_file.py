@@ -314,6 +314,8 @@ FAULTS = [
     ("long name", [('"run.csv"', '"' + "a" * 300 + '.csv"')], ["304 characters"]),
     ("control character", [('"run.csv"', '"run\\u0000.csv"')], ["control characters"]),
     ("missing file", [('"run.csv"', '"runn.csv"')], ["'runn.csv'", "did you mean 'run.csv'"]),
+    ("another missing file", [('"run.csv"', '"slope.csv"')], ["'slope.csv'", "check the name, relative to"]),
+    ("tires in inches", [("tire_radius_m = 0.5", "tire_radius_m = 19.7")], ["tire_radius_m", "2.5"]),
     ("emoji file", [('"run.csv"', '"\U0001f69a.csv"')], ["does not exist"]),
     ("directory", [('"run.csv"', '"."')], ["is a folder"]),
     ("number that is too long", [("x_m = 4.0", "x_m = " + "9" * 5000)], ["campaign.toml"]),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,6 +71,24 @@ def test_stiffness_and_damping_come_back_from_newtons_law():
     assert found.stiffness == pytest.approx(k, rel=2e-3)
     assert found.damping == pytest.approx(c, rel=2e-2)
     assert found.unexplained < 1e-4
+
+
+def test_a_lost_deflection_follows_from_the_accelerations_of_frame_and_axle():
+    places, k = (0.0, 4.0, 5.5), (4e5, 3e5, 5e5)
+    case, truck = load_case((4000.0, 5000.0, 6000.0)), vehicle(places)
+    run = made_run(k, (1e4, 8e3, 1.2e4), case, places)
+    q, b = run.log.channels[2:4]
+    kept = tuple(c for c in run.log.channels if c is not q)
+    lost = replace(run, log=replace(run.log, channels=kept))
+    assert run_spectra(lost, truck) is None
+    # Below the frame, the axle moves with a = b - q''.
+    twice = np.gradient(np.gradient(q.value, STEP), STEP)
+    a = Channel(Sensor("a1", "axle_acceleration", "m/s^2", axle=1), b.time_s, b.value - twice, b.censored)
+    spectra = run_spectra(replace(run, log=replace(run.log, channels=(*kept, a))), truck)
+    assert spectra is not None
+    found = balance([spectra], truck, [case])
+    assert found is not None
+    assert found.stiffness == pytest.approx(k, rel=5e-3)
 
 
 @pytest.mark.parametrize("factor", [0.5, 3.0])

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfilt
 
-from sysid.campaign import read_campaign
+from sysid.campaign import read_campaign, suspects
 from sysid.campaign.quality import check_quality
 from sysid.campaign.records import Campaign, Channel
 from sysid.cross_checks import cross_check
@@ -106,6 +107,43 @@ def test_inertia_in_another_unit_is_named(factor: float) -> None:
     assert "pitch_inertia_kg_m2" in said(with_cases(truck(), wrong))
 
 
+def test_a_wrong_inertia_is_no_other_load_case() -> None:
+    # With the masses of the other one, an axle of the shipped truck would push the wrong way.
+    def tons(case):
+        return replace(case, pitch_inertia_kg_m2=tuple(1e-3 * j for j in case.pitch_inertia_kg_m2))
+
+    text = said(with_cases(truck("data"), tons))
+    assert "pitch_inertia_kg_m2" in text
+    assert "move as with the masses" not in text
+
+
+def test_a_run_that_lost_a_deflection_is_judged_too() -> None:
+    campaign = truck("data")
+    (number,) = [k for k, r in enumerate(campaign.bump_runs) if r.log.file.endswith("unloaded_24kmh_run2.csv")]
+    runs = list(campaign.bump_runs)
+    runs[number] = replace(runs[number], load_case="loaded")
+    text = said(replace(campaign, bump_runs=tuple(runs)))
+    assert f"{runs[number].log.file}: the frames move as with the masses of the load case 'unloaded'" in text
+
+
+@pytest.mark.parametrize("share", [1.0, 0.0])
+def test_wheels_at_rest_behind_the_bump_tell_no_frequency(share: float) -> None:
+    """Where nothing but noise is left, it is no hop: the first second of rest in place of what follows the bump."""
+    campaign = truck()
+    runs = []
+    for run in campaign.bump_runs:
+        channels = []
+        for c in run.log.channels:
+            if c.sensor.kind != "axle_acceleration":
+                channels.append(c)
+                continue
+            rest = np.random.default_rng(4).normal(0.0, 0.25, c.value.size)
+            late = c.time_s > 0.4 * c.time_s[-1]
+            channels.append(replace(c, value=np.where(late, share * c.value + (1.0 - share) * rest, c.value)))
+        runs.append(replace(run, log=replace(run.log, channels=tuple(channels))))
+    assert "The wheels hop" not in said(replace(campaign, bump_runs=tuple(runs)))
+
+
 def test_all_masses_in_pounds_show_in_the_hop_of_the_wheels() -> None:
     def pounds(case):
         names = ("axle_loads_kg", "sprung_mass_kg", "pitch_inertia_kg_m2")
@@ -141,6 +179,46 @@ def test_a_lag_is_named_with_its_size(column: str, samples: int) -> None:
     text = said(with_channel(truck(), column, late))
     (lag,) = re.findall(rf"'{column}' is (\d+) ms late", text)
     assert float(lag) == pytest.approx(5 * samples, abs=1)
+
+
+def _axle_late(campaign: Campaign, axle: int, samples: int) -> Campaign:
+    for column in (f"lvdt{axle}_mm", f"axle{axle}_accel_g", f"frame{axle}_accel_g"):
+        campaign = with_channel(campaign, column, lambda y: np.concatenate([np.full(samples, y[0]), y[:-samples]]))
+    return campaign
+
+
+def test_a_box_that_lags_behind_is_named_with_its_time() -> None:
+    text = said(_axle_late(truck(), 4, 20))
+    (late,) = re.findall(r"axle 'first trailer' show the bump (\d+) ms too late", text)
+    assert float(late) == pytest.approx(100.0, abs=20.0)
+
+
+def test_a_box_so_late_that_its_axle_is_lost_is_named() -> None:
+    assert "the axle 'first trailer' does not meet the bump when its place x_m says" in said(_axle_late(truck(), 4, 60))
+
+
+def test_a_deflection_without_its_low_frequencies_is_named() -> None:
+    sos = butter(1, 1.0, "highpass", fs=200.0, output="sos")
+    text = said(with_channel(truck(), "lvdt2_mm", lambda y: sosfilt(sos, np.nan_to_num(y) - np.median(y[:40]))))
+    assert "'lvdt2_mm' lacks what is slower than about 1 Hz" in text
+
+
+def test_unsprung_masses_exchanged_are_named() -> None:
+    masses = [a.unsprung_mass_kg for a in truck().vehicle.axles]
+    swapped = with_axles(truck(), lambda i, a: replace(a, unsprung_mass_kg=masses[{0: 1, 1: 0}.get(i, i)]))
+    assert "'front steer' and 'forward tandem drive' hop as if each axle had the unsprung_mass_kg of the other" in said(
+        swapped
+    )
+
+
+def test_noise_before_the_bump_turns_no_signs(monkeypatch: pytest.MonkeyPatch) -> None:
+    # At walking speed the way in which an axle begins to move is lost in noise; here all seem to fall.
+    monkeypatch.setattr(suspects, "_lift", lambda *_: -1.0)
+    assert "all signs are flipped" not in said(truck())
+    turned = truck()
+    for column in {c.sensor.column for run in truck().bump_runs for c in run.log.channels}:
+        turned = with_channel(turned, column, np.negative)
+    assert "all signs are flipped" in said(turned)
 
 
 def test_crosstalk_is_named_with_its_source() -> None:

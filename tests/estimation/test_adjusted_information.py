@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic_fit import synthetic_fit
 
+from sysid.campaign.clocks.settings import ClockFinding
 from sysid.estimation.fit.joint_optimum import NEAR_SD
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.uncertainty.clock_response import ClockResponse, clock_response
 from sysid.estimation.uncertainty.information import (
     AdjustedInformation,
     adjusted_information,
@@ -84,3 +88,45 @@ def test_masses_and_tires_have_settled_where_the_fit_ends(fit):
     at = len(fit.state.allowances.masses.factors) + names.index("footprint_1[empty]")
     change[at] = 0.02
     assert remaining(fit.state, change).amounts[at] == pytest.approx(-0.02, abs=0.006)
+
+
+def by_clocks(fit, logger_of, sd_s: float = 1e-3) -> ClockResponse:
+    """How the optimum follows a clock by which some sensors go, known to `sd_s` in every run."""
+    state = fit.state
+    sensors = tuple(replace(s, logger="b" if logger_of(s) else "") for s in state.model.layout.sensors)
+    model = replace(state.model, layout=replace(state.model.layout, sensors=sensors))
+    clocks = tuple(
+        ClockFinding(run.log.file, "b.csv", "b", "motion", 0.0, sd_s, 1.0, 0.0, 0.0) for run in state.campaign.bump_runs
+    )
+    campaign = replace(state.campaign, clocks=clocks)
+    problem = Problem(model, campaign, state.point.motion, state.problem().weights)
+    found = clock_response(campaign, problem, problem.vector(state.point.log_parameters), [])
+    assert found is not None
+    return found
+
+
+def test_a_clock_of_all_sensors_is_the_start_of_the_run(fit):
+    # That is free anyway: nothing follows, and what follows some sensors follows all others the other way.
+    everything = by_clocks(fit, lambda s: True).across
+    some = by_clocks(fit, lambda s: s.kind == "suspension_deflection").across
+    others = by_clocks(fit, lambda s: s.kind != "suspension_deflection").across
+    assert some.shape == (len(fit.state.parameters.parameters), len(fit.state.campaign.bump_runs))
+    assert np.linalg.norm(everything) < 0.1 * np.linalg.norm(some)
+    np.testing.assert_allclose(some, -others, atol=0.1 * np.abs(some).max())
+
+
+def test_clocks_widen_the_covariance_by_what_the_optimum_follows():
+    # Three unknowns, two clocks: the covariance of x + K t in closed form.
+    random = np.random.default_rng(2)
+    root = random.normal(size=(3, 3))
+    information, across, sd = root @ root.T + np.eye(3), random.normal(size=(3, 2)), np.array([0.3, 2.0])
+    without = np.linalg.inv(information)
+    moved = without @ across
+    left = information - ClockResponse(2.0 * across, sd).lost(information, 2.0)
+    np.testing.assert_allclose(np.linalg.inv(left), without + moved @ np.diag(sd**2) @ moved.T, rtol=1e-9)
+
+
+def test_one_logger_has_no_clock_to_follow(fit):
+    state = fit.state
+    problem = state.problem()
+    assert clock_response(state.campaign, problem, problem.vector(state.point.log_parameters), []) is None

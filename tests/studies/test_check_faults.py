@@ -70,8 +70,14 @@ def test_shares_are_counted_and_written(tmp_path: Path) -> None:
     assert "| runs | 2 | 0 | 1 | 0 | 1 | 50 % |" in fault_table(made[:3])
     page = tmp_path / "page.md"
     page.write_text("head\n<!-- check faults: begin -->\nold\n<!-- check faults: end -->\ntail\n", encoding="utf-8")
-    write(made[:3], [{"number": 1, "accusing": [], "rejected": [], "records": 5}], 3, page)
+    effects = [
+        {"said": "x", "ends": "fitted", "k": 0.01, "c": 0.2},
+        {"said": "y", "ends": "same readings", "k": 0.0, "c": 0.0},
+    ]
+    write(made[:3], [{"number": 1, "accusing": [], "rejected": [], "records": 5}], effects, 3, page)
     text = page.read_text(encoding="utf-8")
     assert "3 cases with 3 faults, seed 3" in text
+    assert "Of 2 faults that passed somewhere, 1 change neither" in text
+    assert "| x | 1 % | 20 % |" in text
     assert "old" not in text
     assert text.endswith("tail\n")

@@ -12,7 +12,7 @@ P the prior precision and C the flattening for model error that no departure sta
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -22,6 +22,7 @@ from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
+from sysid.estimation.uncertainty.clock_response import ClockResponse, clock_response
 from sysid.estimation.uncertainty.departure_scale import departure_scale
 from sysid.estimation.uncertainty.joint_step import (
     JointStep,
@@ -33,8 +34,8 @@ from sysid.estimation.uncertainty.joint_step import (
 from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_following
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns
-from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, block_scores, flattening
-from sysid.vehicle_model.engines.protocol import Linearisation
+from sysid.estimation.uncertainty.run_scores import run_scores
+from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, flattening
 
 #: Rounds in which the factor of model error, and the scales of departures that go with it, are found.
 _FACTOR_ROUNDS = 4
@@ -75,13 +76,14 @@ class BlockInformation:
 
     `matrix` (p + m, p + m); `scores` (n, p + m) of single runs and channels, and for each the block it belongs to
     (`blocks`: one channel in all repeats of one case); `parts` (n, p + m, p + m) of which the matrix is the sum, None
-    where nobody asked.
+    where nobody asked.  `clocks`: how the optimum follows those of the loggers, where somebody asked.
     """
 
     matrix: np.ndarray
     scores: np.ndarray
     blocks: tuple[Hashable, ...]
     parts: np.ndarray | None = None
+    clocks: ClockResponse | None = None
 
     @property
     def score(self) -> np.ndarray:
@@ -102,11 +104,17 @@ def optimum_information(
     vector: UnknownsOfFit,
     allowances: Allowances,
     amounts: np.ndarray | None,
+    *,
+    with_clocks: bool = False,
 ) -> BlockInformation:
-    """Information of the data about parameters, then masses and departures, where these are `amounts` (q,)."""
+    """Information of the data about parameters, then masses and departures, where these are `amounts` (q,).
+
+    With `with_clocks` also how they follow the loggers' clocks.
+    """
     parameters, motion = problem.unpack(vector)
     columns = allowance_columns(problem.model, allowances, problem.weights, parameters, motion, amounts)
-    return information_with(campaign, problem, vector, *columns, with_parts=True)
+    known = information_with(campaign, problem, vector, *columns, with_parts=True)
+    return replace(known, clocks=clock_response(campaign, problem, vector, columns) if with_clocks else None)
 
 
 def information_with(
@@ -127,23 +135,34 @@ def information_with(
     blocks: list[Hashable] = []
     shared = problem.count + sum(columns[0].gain.shape[-1] for columns in kinds)
     information = np.zeros((shared, shared))
-    _, motion = problem.unpack(vector)
     for position, group in enumerate(problem.model.groups):
-        measured = np.asarray(group.measured.any(axis=0))
-        found = block_scores(
-            Linearisation(*map(np.asarray, problem.linearise_one(vector, position))),
-            problem.expected.precision(motion, group.runs),
-            measured if with_parts else None,
-            [columns[position] for columns in kinds],
-        )
+        found = run_scores(problem, vector, position, [columns[position] for columns in kinds], with_parts)
         information += found.information.sum(axis=0)
         parts += found.parts
+        measured = np.asarray(group.measured.any(axis=0))
         for run, used, of_run in zip(group.runs, measured, found.scores, strict=True):
             record = campaign.bump_runs[run]
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
             scores += [of_run[c] for c in np.flatnonzero(used)]
             blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
     return BlockInformation(information, np.array(scores), tuple(blocks), np.array(parts) if with_parts else None)
+
+
+def _with_clocks(
+    matrix: np.ndarray, prior: ParametersByParameters, sd: np.ndarray, clocks: ClockResponse | None, factor: float
+) -> np.ndarray:
+    """Information of the data (p + q, p + q) less what the loggers' clocks take from it."""
+    if clocks is None:
+        return matrix
+    count = prior.shape[0]
+    # What is fixed at zero does not follow anything.
+    free = np.concatenate([np.arange(count), count + np.flatnonzero(sd > 0.0)])
+    whole = matrix[np.ix_(free, free)].copy()
+    whole[:count, :count] += prior
+    whole[count:, count:] += np.diag(sd[sd > 0.0] ** -2)
+    less = matrix.copy()
+    less[np.ix_(free, free)] -= ClockResponse(clocks.across[free], clocks.sd_s).lost(whole, factor)
+    return less
 
 
 @dataclass(frozen=True)
@@ -182,7 +201,7 @@ def adjusted_information(
     rows, targets = problem.model.parameters.prior_rows()
     # At the optimum the data pull as hard as the priors, the other way.
     prior, pull = rows.T @ rows, rows.T @ (rows @ parameters - targets)
-    data = optimum_information(campaign, problem, vector, allowances, amounts)
+    data = optimum_information(campaign, problem, vector, allowances, amounts, with_clocks=True)
     spread = model_error(data, prior, pull, allowances, here, footprints_following(problem, parameters, allowances))
     factor, sd = spread.factor, spread.sd
     matrix = data.matrix / factor
@@ -195,7 +214,10 @@ def adjusted_information(
         loads = _footprints_by_loads(allowances) @ left.response[: masses.sd.size]
         follow = map_following(about, problem.model.parameters, parameters, departures.directions, loads)
     flat = of_blocks.matrix @ follow
-    known = DataInformation(matrix, flat, prior, sd, masses.sd.size, factor)
+    # The optimum takes the clocks as found; how well they are known is in the intervals.
+    known = DataInformation(
+        _with_clocks(matrix, prior, sd, data.clocks, factor), flat, prior, sd, masses.sd.size, factor
+    )
     adjustment = Adjustment(
         flattening(data.matrix[:count, :count], known.precision()),
         known.precision(),

@@ -52,12 +52,16 @@ def signal_residuals(
     model: BumpModel, weights: Weights, signals: Sequence[np.ndarray]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Weighted residuals (T, R, C) and gain residuals (R, C) of every group for sensor signals (T, R, C) [SI]."""
-    scales = zip(weights.noise_sd, weights.tempering, signals, strict=True)
-    residuals = [
-        _residuals(weights.on(model.arrays, position), noise, temper, jnp.asarray(shown))
-        for position, (noise, temper, shown) in enumerate(scales)
-    ]
-    return [(np.asarray(residual), np.asarray(gain)) for residual, gain in residuals]
+    return [residuals_of_group(model, weights, position, shown) for position, shown in enumerate(signals)]
+
+
+def residuals_of_group(
+    model: BumpModel, weights: Weights, position: int, signals: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted residuals (T, R, C) and gain residuals (R, C) of one group for sensor signals (T, R, C) [SI]."""
+    scales = weights.noise_sd[position], weights.tempering[position]
+    residual, gain = _residuals(weights.on(model.arrays, position), *scales, jnp.asarray(signals))
+    return np.asarray(residual), np.asarray(gain)
 
 
 def difference_columns(
