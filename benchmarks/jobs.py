@@ -37,7 +37,7 @@ JOBS = {
     "reference": Job(lambda _: ROOT / "examples" / "linear_truck", "six axles, 10 runs at 200 Hz, linear suspensions"),
     "truck": Job(lambda _: ROOT / "data", "six axles, 10 runs at 200 Hz, the shipped campaign"),
     "three axles": Job(three_axles, "three axles, 6 runs at 200 Hz, made"),
-    "long": Job(long_records, "six axles, 20 runs of 60 s at 1 kHz, 24 channels, made"),
+    "long": Job(long_records, "eight axles, 20 runs of 60 s at 1 kHz, 24 channels, made"),
 }
 
 

@@ -9,7 +9,6 @@ import pytest
 
 from benchmarks.job_table import _ending, _stages
 from benchmarks.jobs import ROOT, run
-from benchmarks.made_campaigns import _second_accelerometers
 from benchmarks.sampler_table import table
 from benchmarks.samplers import Counted, Target, measure
 
@@ -96,19 +95,3 @@ def test_parts_of_a_stage_are_not_counted_twice():
     lines = _stages(found).splitlines()
     assert lines[-1] == "| outside of the stages | 2.0 |"
     assert not any("search" in line for line in lines)
-
-
-def test_second_accelerometers_are_logged_and_declared(tmp_path: Path):
-    (tmp_path / "bump_runs").mkdir()
-    log = tmp_path / "bump_runs" / "a.csv"
-    log.write_text("time_s,lvdt1_mm,frame1_accel_g\n0.000,1.0,0.5\n0.001,2.0,0.7\n", encoding="utf-8")
-    sensor = '{ kind = "body_acceleration", x_m = 0 }'
-    (tmp_path / "campaign.toml").write_text(f"frame1_accel_g = {sensor}\n\n[scan]\n", encoding="utf-8")
-    _second_accelerometers(tmp_path)
-    head, *rows = log.read_text("utf-8").splitlines()
-    assert head == "time_s,lvdt1_mm,frame1_accel_g,second1_accel_g"
-    values = np.array([row.split(",") for row in rows], float)
-    assert (values[:, :3] == [[0.0, 1.0, 0.5], [0.001, 2.0, 0.7]]).all()
-    assert (np.abs(values[:, 3] - values[:, 2]) < 0.1).all()
-    text = (tmp_path / "campaign.toml").read_text("utf-8")
-    assert text == f"frame1_accel_g = {sensor}\nsecond1_accel_g = {sensor}\n\n[scan]\n"
