@@ -96,7 +96,7 @@ def _same(one: Path, other: Path) -> bool:
         return False
     texts = [(folder / "campaign.toml").read_bytes() for folder in (one, other)]
     scans = [(folder / "bump_scan.csv").read_bytes() for folder in (one, other)]
-    logs = [[t.log for t in (*c.bump_runs, *c.plank_drops)] for c in campaigns]
+    logs = [[r.log for r in c.bump_runs] + [d.log for d in c.plank_drops] for c in campaigns]
     if texts[0] != texts[1] or scans[0] != scans[1] or len(logs[0]) != len(logs[1]):
         return False
     for first, second in zip(*logs, strict=True):

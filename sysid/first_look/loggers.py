@@ -105,7 +105,8 @@ def joined_logs(
     first = seen.loggers[0].name
     taken = {c for files in seen.files.values() for c in by_file[files[first]].columns}
     joined, others = {}, set()
-    fits, places = dict(fits), {}
+    fits = dict(fits)
+    places: dict[str, tuple[str, str]] = {}
     for file, files in seen.files.items():
         looks = list(by_file[file].looks)
         for name, other in files.items():
