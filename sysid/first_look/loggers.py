@@ -104,9 +104,10 @@ def joined_logs(
     by_file = {log.file: log for log in logs}
     first = seen.loggers[0].name
     taken = {c for files in seen.files.values() for c in by_file[files[first]].columns}
-    joined, others = {}, set()
-    fits = dict(fits)
+    joined: dict[str, SeenLog] = {}
+    others: set[str] = set()
     places: dict[str, tuple[str, str]] = {}
+    fits = dict(fits)
     for file, files in seen.files.items():
         looks = list(by_file[file].looks)
         for name, other in files.items():
