@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from independent_motion import element_force, rough_road
 from independent_physics import KINDS, PASSES, declared_truck, true_truck
-from independent_truck import LOWBOY, THREE_AXLES, Elements
+from independent_truck import LOWBOY, THREE_AXLES, Elements, Equations
 
 from studies.independent import case
 from studies.independent.table import holds, tables, write
@@ -115,3 +115,16 @@ def test_tables_count_what_holds(tmp_path: Path) -> None:
     page.write_text("<!-- independent trucks: begin -->\n<!-- independent trucks: end -->\n", encoding="utf-8")
     write(records, 5, page)
     assert "4 campaigns of seed 5, 4 of them tractors" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("kind", ["frame bends at 7 Hz", "frame bends at 12 Hz", "bends and rubs"])
+@pytest.mark.parametrize("vehicle", ["three axles", "lowboy"])
+def test_frames_that_bend_have_a_positive_modal_mass(vehicle: str, kind: str) -> None:
+    for seed in range(5):
+        truck = true_truck(declared_truck(vehicle, KINDS[kind]), KINDS[kind], np.random.default_rng(seed))
+        last = truck.bodies - 1
+        for loads, sprung, inertia, _ in truck.load_cases.values():
+            cg, _ = Equations._statics(truck, np.array(loads), np.array(sprung))
+            shape, modal_mass = Equations._shape(truck, last, sprung[last], inertia[last], cg[last])
+            assert 0.0 < modal_mass < 4.0 * sprung[last]
+            assert shape(0.5 * sum(truck.bending[last].ends_m)) < 0.0  # sags between ends that rise

@@ -199,12 +199,15 @@ class Equations:
 
     @staticmethod
     def _shape(truck: IndependentTruck, b: int, mass: float, inertia: float, cg: float):
-        """Shape and modal mass: bending of a free beam, less heave and pitch of a uniform beam with end masses."""
+        """Shape and modal mass: bending of a free beam, less heave and pitch of a body of given mass, centre and inertia.
+
+        A uniform beam with end masses; where one of these would be negative, a uniform beam of 30 % of the mass and two
+        equal masses on it.
+        """
         low, high = truck.bending[b].ends_m
         length = high - low
         nodes, weights = np.polynomial.legendre.leggauss(60)
         at, ds = 0.5 * (low + high) + 0.5 * length * nodes, 0.5 * length * weights
-        # Uniform mass and two end masses of the given mass, centre and inertia.
         a = np.array(
             [
                 [length, 1.0, 1.0],
@@ -212,8 +215,15 @@ class Equations:
                 [ds @ (at - cg) ** 2, (low - cg) ** 2, (high - cg) ** 2],
             ]
         )
-        density, front, rear = np.linalg.solve(a, [mass, 0.0, inertia])
-        where, lumps = np.append(at, [low, high]), np.append(density * ds, [front, rear])
+        density, *lumps = np.linalg.solve(a, [mass, 0.0, inertia])
+        places = [low, high]
+        if min(lumps) < 0.0:
+            density, lumps = 0.3 * mass / length, [0.35 * mass] * 2
+            centre = cg - density * (ds @ (at - cg)) / (0.7 * mass)
+            rest = inertia - density * (ds @ (at - cg) ** 2)
+            apart = np.sqrt(rest / (0.7 * mass) - (centre - cg) ** 2)
+            places = [centre - apart, centre + apart]
+        where, lumps = np.append(at, places), np.append(density * ds, lumps)
         beam = free_beam_shape((where - low) / length)
         heave, pitch = lumps @ beam / mass, lumps @ (beam * (where - cg)) / inertia
 
