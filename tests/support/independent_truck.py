@@ -199,7 +199,7 @@ class Equations:
 
     @staticmethod
     def _shape(truck: IndependentTruck, b: int, mass: float, inertia: float, cg: float):
-        """Shape and modal mass: bending of a free beam, less heave and pitch of a body of given mass, centre and inertia.
+        """Shape and modal mass: bending of a free beam, less heave and pitch of a body of that mass and inertia.
 
         A uniform beam with end masses; where one of these would be negative, a uniform beam of 30 % of the mass and two
         equal masses on it.
