@@ -27,7 +27,7 @@ from studies.check_faults.table import (
 )
 from studies.coverage.shards import collect, fill
 
-SEED = 2459
+SEED = 7301
 
 
 def main(arguments: list[str] | None = None) -> None:
