@@ -22,7 +22,7 @@ def content(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize(("family", "name"), FAULTS)
-def test_every_fault_changes_a_truck(family: str, name: str, tmp_path: Path) -> None:
+def test_every_fault_changes_a_campaign(family: str, name: str, tmp_path: Path) -> None:
     # The linear truck declares no travels.
     source = without_telling_names(SHIPPED if name == "travels in mm" else DATA, tmp_path / "plain")
     copy = Copy(tmp_path / "campaign", np.random.default_rng(11))
