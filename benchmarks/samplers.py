@@ -163,32 +163,6 @@ def nuts(target: Target, density: Counted, limit_s: float, seed: int) -> Draws:
     return _of_chains(draws, (length - tuning) / length, remark)
 
 
-def zeus(target: Target, density: Counted, limit_s: float, seed: int) -> Draws:
-    """Ensemble slice sampling (zeus), its default move."""
-    import zeus as package  # type: ignore[import-not-found]
-
-    from sysid.posterior.diagnostics import diagnose
-    from sysid.posterior.ensembles import first
-
-    count = len(target.names)
-    walkers = 2 * int(np.ceil(max(WALKERS_PER_PARAMETER * count, 2 * count + 2) / 2))
-    seeds = np.random.SeedSequence(seed).spawn(ENSEMBLES)
-    places = [first(density, target.names, target.centre, 2.0 * target.covariance, walkers, s).coords for s in seeds]
-    # It draws from NumPy's global state.
-    np.random.seed(seed)  # noqa: NPY002
-    samplers = [package.EnsembleSampler(walkers, count, density, vectorize=True, verbose=False) for _ in places]
-    begin, steps = time.process_time(), 0
-    while time.process_time() - begin < limit_s:
-        for k, sampler in enumerate(samplers):
-            sampler.run_mcmc(places[k] if steps == 0 else None, STRETCH // 2, progress=False)
-        steps += STRETCH // 2
-    draws = np.stack([sampler.get_chain() for sampler in samplers])
-    found = diagnose(draws)
-    sd = draws[:, found.burn_in :].std(axis=(0, 1, 2))
-    remark = f"{ENSEMBLES} ensembles of {walkers} walkers, {steps} steps"
-    return Draws(found.ess, found.rhat, sd, 1.0 - found.burn_in / steps, remark)
-
-
 Sampler = Callable[[Target, Counted, float, int], Draws]
 
 SAMPLERS: dict[str, Sampler] = {
@@ -198,7 +172,6 @@ SAMPLERS: dict[str, Sampler] = {
         lambda: [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
     ),
     "nutpie, NUTS": nuts,
-    "zeus, ensemble slices": zeus,
 }
 
 
