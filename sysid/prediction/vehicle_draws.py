@@ -26,9 +26,8 @@ from sysid.vehicle_model.suspension import SuspensionLaw
 #: Passes that are simulated side by side.
 TOGETHER = 20
 #: Standard deviation of a wheel's dynamic force over what the model makes of it, with parameters, masses and departures
-#: known.  Trucks of other equations, with radial springs for tires, have peaks that are 0.3 to 0.9 % off for no reason
-#: that a parameter stands for (`python -m studies.independent --seed 7`, campaigns of development); real tires are not
-#: radial springs either.
+#: known, an assumption: of four trucks of other equations, with radial springs for tires, peaks were up to 0.9 % (RMS
+#: of a campaign) further off than parameters say (`python -m studies.independent --seed 7`, development).
 CONTACT_ERROR = 0.006
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fit_states import state_at
 from rigid_truck import EMPTY, LADEN, VEHICLE, bump, campaign, empty_run
+from scipy.stats import norm
 
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.campaign.vehicle_records import AxleGroup, Equaliser, FrameBending, MassTolerances
@@ -21,7 +22,7 @@ from sysid.estimation.uncertainty.departures import Departures
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.prediction.passes import predict, predict_pass
-from sysid.prediction.vehicle_draws import VehicleDraws, with_contact_error
+from sysid.prediction.vehicle_draws import CONTACT_ERROR, VehicleDraws, with_contact_error
 from sysid.vehicle_model.passes import EffectiveRoads
 
 REQUEST = PredictionRequest("empty", 10.0)
@@ -125,7 +126,7 @@ def test_vehicles_with_a_rocker_and_a_bending_frame():
 HALF = replace(LADEN, name="half")
 
 
-def asked_of_fit(*requests: PredictionRequest, drawn: bool = True):
+def asked_of_fit(*requests: PredictionRequest, drawn: bool = True, draws: int = 1):
     """Passes predicted by a fit of runs in two load cases, with draws of masses and departures."""
     runs = [empty_run("a.csv", 9.0), empty_run("b.csv", 9.0, load_case="laden")]
     vehicle = replace(VEHICLE, tolerances=MassTolerances())
@@ -139,7 +140,7 @@ def asked_of_fit(*requests: PredictionRequest, drawn: bool = True):
     # Vehicles that all draws share: exact numbers instead of statistics.
     response = MassResponse(x, np.zeros((count, x.size)), np.zeros((count, 1)), np.zeros(count))
     state = replace(state, point=replace(state.point, mass_response=response))
-    return predict(state, x[None] if drawn else None, requests or data.predictions, sweep_km_h=())
+    return predict(state, np.tile(x, (draws, 1)) if drawn else None, requests or data.predictions, sweep_km_h=())
 
 
 def test_other_passes_than_those_of_the_file_are_predicted_by_the_same_draws():
@@ -186,3 +187,13 @@ def test_every_draw_has_its_own_errors_of_the_contact():
     np.testing.assert_allclose(found.peak_ratio_q95 - found.peak_ratio_q50, [0.09, 0.0, 0.018] * dynamic, atol=1e-9)
     np.testing.assert_allclose(found.suspension_force_N.q95, plain.suspension_force_N.q95)
     assert vehicles.first(2).contact_error.shape == (2, 3)
+
+
+def test_predicted_loads_of_draws_that_are_all_alike_differ_by_the_errors_of_the_contact():
+    found = asked_of_fit(draws=200).passes[0]
+    plain = asked_of_fit(drawn=False).passes[0]
+    dynamic = plain.peak_ratio_q50 - 1.0
+    wide = (found.peak_ratio_q95 - found.peak_ratio_q05) / (2.0 * norm.ppf(0.95) * CONTACT_ERROR * dynamic)
+    # Of 200 draws the width is known within 8 % (one standard deviation).
+    np.testing.assert_allclose(wide, 1.0, atol=0.2)
+    np.testing.assert_allclose(found.peak_ratio_q50, plain.peak_ratio_q50, rtol=2e-3)

@@ -58,9 +58,6 @@ def joint_optimum(
     for number in range(ROUNDS):
         report("masses and tires", 0.9)
         allowances = _allowances(campaign, optimum.problem.model)
-        if not allowances.count:
-            nowhere = JointStep(np.zeros(optimum.problem.count), np.zeros(0), 0.0)
-            return _moved(campaign, optimum, nowhere, profiles, options, report, larger_steps=False)
         step = _step(campaign, optimum, allowances)
         near = number >= REWEIGHTED and step.largest < NEAR_SD
         last = near or number == ROUNDS - 1
