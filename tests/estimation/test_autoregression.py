@@ -154,4 +154,4 @@ def test_a_little_more_sensitivity_changes_a_factor_a_little():
     for channel, parameter in np.ndindex(3, 2):
         more = columns.copy()
         more[:, channel, parameter] *= 1.01
-        np.testing.assert_allclose(variance_inflation(exact, more), before, rtol=0.01)
+        np.testing.assert_allclose(variance_inflation(exact, more), before, rtol=2e-4)

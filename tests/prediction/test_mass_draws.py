@@ -194,6 +194,6 @@ def test_predicted_loads_of_draws_that_are_all_alike_differ_by_the_errors_of_the
     plain = asked_of_fit(drawn=False).passes[0]
     dynamic = plain.peak_ratio_q50 - 1.0
     wide = (found.peak_ratio_q95 - found.peak_ratio_q05) / (2.0 * norm.ppf(0.95) * CONTACT_ERROR * dynamic)
-    # Of 200 draws the width is known within 8 % (one standard deviation).
-    np.testing.assert_allclose(wide, 1.0, atol=0.2)
-    np.testing.assert_allclose(found.peak_ratio_q50, plain.peak_ratio_q50, rtol=2e-3)
+    # The draws are those of one seed: of another the width would be some 8 % off.
+    np.testing.assert_allclose(wide, 1.0, atol=0.03)
+    np.testing.assert_allclose(found.peak_ratio_q50, plain.peak_ratio_q50, rtol=1e-3)

@@ -75,7 +75,7 @@ def test_a_rough_road_has_the_spectrum_that_it_says() -> None:
     s = np.arange(0.0, 2000.0, 0.05)
     h = np.concatenate([np.asarray(height(part)) for part in np.array_split(s, 40)])
     # Variance of 0.05 to 3 cycles per metre under Gd (n / 0.1)^-2: Gd 0.1^2 (1 / 0.05 - 1 / 3).
-    assert np.var(h) == pytest.approx(4e-6 * 0.01 * (1 / 0.05 - 1 / 3), rel=0.1)
+    assert np.var(h) == pytest.approx(4e-6 * 0.01 * (1 / 0.05 - 1 / 3), rel=0.03)
 
 
 def _record(number: int, physics: str, *, hold: bool, linear: bool = True, laws: tuple[str, ...] = ()) -> dict:
