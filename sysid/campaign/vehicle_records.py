@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from sysid.campaign.priors import PriorOverride
 
@@ -71,7 +71,8 @@ class FrameBending:
 
     `x_m` and `rise` are points of its shape, front to rear; none for that of a uniform beam.  `frequency_sd` is the
     standard deviation of the frequency's logarithm, 0.1 for a frame that somebody has hit with a hammer or computed
-    (an assumption); a search begins at `start_hz`, None for `frequency_hz`.
+    (an assumption); a search begins at `start_hz`, None for `frequency_hz`.  A uniform beam reaches beyond the first
+    and the last support by the share `overhang` of the length between them.
     """
 
     frequency_hz: float
@@ -80,6 +81,7 @@ class FrameBending:
     rise: tuple[float, ...] = ()
     frequency_sd: float = 0.1
     start_hz: float | None = None
+    overhang: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -180,12 +182,25 @@ class Vehicle:
         return tuple(axle.unsprung_mass_kg + beam.get(i, 0.0) for i, axle in enumerate(self.axles))
 
 
+class FrameMass(NamedTuple):
+    """How the mass along a bending frame differs from the one that is taken from its centre of gravity and inertia.
+
+    `heave` and `pitch` are added to what is taken out of the shape, pitch per half of the frame's length;
+    `log_modal_mass` is the logarithm of the modal mass over that of the mass assumed.
+    """
+
+    heave: float = 0.0
+    pitch: float = 0.0
+    log_modal_mass: float = 0.0
+
+
 @dataclass(frozen=True)
 class LoadCase:
     """Scale readings and mass properties of one load case.
 
     `axle_loads_kg` (axles,) include the unsprung mass; `sprung_mass_kg`, `pitch_inertia_kg_m2` (about the body's own
-    centre of gravity) and `cg_height_m` (above ground) are (bodies,).
+    centre of gravity) and `cg_height_m` (above ground) are (bodies,); so are `frame_masses`, empty where mass lies as
+    is assumed.
     """
 
     name: str
@@ -194,3 +209,4 @@ class LoadCase:
     pitch_inertia_kg_m2: tuple[float, ...]
     cg_height_m: tuple[float, ...]
     cargo_mass_kg: float | None = None
+    frame_masses: tuple[FrameMass, ...] = ()

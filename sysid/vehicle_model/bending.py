@@ -94,6 +94,8 @@ def _shape(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[Callable[[float
     declared = vehicle.bodies[body].bending
     assert declared is not None
     low, high = (declared.x_m[0], declared.x_m[-1]) if declared.x_m else frame_ends(vehicle, body)
+    beyond = 0.0 if declared.x_m else declared.overhang * (high - low)
+    low, high = low - beyond, high + beyond
     mass, inertia = case.sprung_mass_kg[body], case.pitch_inertia_kg_m2[body]
     cg_x = float(static_equilibrium(vehicle, case).cg_x_m[body])
     half, middle = 0.5 * (high - low), 0.5 * (high + low)
@@ -112,11 +114,16 @@ def _shape(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[Callable[[float
 
     beam = plain(x)
     heave, pitch = float(lumps @ beam) / mass, float(lumps @ (beam * (x - cg_x))) / inertia
+    modal_mass = float(lumps @ (beam - heave - pitch * (x - cg_x)) ** 2)
+    if case.frame_masses:
+        other = case.frame_masses[body]
+        heave, pitch = heave + other.heave, pitch + other.pitch / half
+        modal_mass *= float(np.exp(other.log_modal_mass))
 
     def rise(at: float) -> float:
         return float(plain(np.array(at)) - heave - pitch * (at - cg_x))
 
-    return rise, float(lumps @ (beam - heave - pitch * (x - cg_x)) ** 2)
+    return rise, modal_mass
 
 
 def _what(vehicle: Vehicle, body: int, case: LoadCase) -> str:

@@ -38,7 +38,7 @@ from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, I
 from sysid.estimation.uncertainty.information import AdjustedInformation, adjusted_information
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.sandwich import Adjustment
-from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
+from sysid.estimation.uncertainty.uncertain_masses import FRAME_SD, UncertainMasses
 from sysid.estimation.weights.residual_evidence import ResidualEvidence, residual_evidence
 from sysid.estimation.weights.reweighting import residual_inflation
 from sysid.progress import Progress
@@ -147,6 +147,7 @@ def _mass_checks(
     return tuple(
         MassCheck(f.name, f.quantity, f.words, f.sd, float(np.exp(estimate)), float(after))
         for f, estimate, after in zip(masses.factors, response.amounts, sd, strict=False)
+        if f.quantity not in FRAME_SD
     )
 
 

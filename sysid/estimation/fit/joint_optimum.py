@@ -21,7 +21,7 @@ from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
 from sysid.estimation.uncertainty.information import footprints_following, model_error, optimum_information
-from sysid.estimation.uncertainty.joint_step import JointStep
+from sysid.estimation.uncertainty.joint_step import JointStep, joint_step
 from sysid.progress import Progress
 from sysid.road.road_profile import RoadProfile
 
@@ -55,6 +55,7 @@ def joint_optimum(
     """
     rough = replace(options, weight_rounds=0, tolerance=max(options.tolerance, _ROUGH_TOLERANCE))
     reweighted, final = replace(rough, weight_rounds=min(options.weight_rounds, 1)), replace(options, weight_rounds=0)
+    optimum = _with_frame_shapes(campaign, optimum, profiles, reweighted, report)
     for number in range(ROUNDS):
         report("masses and tires", 0.9)
         allowances = _allowances(campaign, optimum.problem.model)
@@ -76,6 +77,36 @@ def joint_optimum(
     return optimum if step.largest < SETTLED_SD else _unsettled(optimum)
 
 
+def _with_frame_shapes(
+    campaign: Campaign,
+    optimum: Optimum,
+    profiles: Mapping[str, RoadProfile],
+    options: FitOptions,
+    report: Progress,
+) -> Optimum:
+    """The optimum of the parameters and of the shapes of frames that bend, all other masses as they are.
+
+    Shapes may be far from the assumed ones: other masses would take the blame before they are known.
+    """
+    for _ in range(ROUNDS):
+        allowances = _allowances(campaign, optimum.problem.model)
+        shapes = allowances.masses.frame_shapes
+        if not shapes.any():
+            break
+        report("shapes of frames that bend", 0.9)
+        step = _step(campaign, optimum, allowances, np.append(shapes, np.zeros(allowances.count - shapes.size, bool)))
+        for share in SHARES:
+            moved = _moved(campaign, optimum, step.times(share), profiles, options, report, larger_steps=True)
+            if moved.misfit <= optimum.misfit:
+                break
+        else:
+            break
+        optimum = moved
+        if step.largest < NEAR_SD:
+            break
+    return optimum
+
+
 def _unsettled(optimum: Optimum) -> Optimum:
     minimum = optimum.minimum
     message = f"{minimum.message.removesuffix('.')}; {_UNSETTLED}."
@@ -86,13 +117,19 @@ def _allowances(campaign: Campaign, model: BumpModel) -> Allowances:
     return campaign_allowances(campaign, model.parameters, model.felt)
 
 
-def _step(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> JointStep:
+def _step(
+    campaign: Campaign, optimum: Optimum, allowances: Allowances, alone: np.ndarray | None = None
+) -> JointStep:
+    """The next step; only of the masses and departures that are `alone`, if given."""
     problem = optimum.problem
     amounts = np.zeros(allowances.count) if optimum.amounts is None else optimum.amounts
     data = optimum_information(campaign, problem, optimum.vector, allowances, optimum.amounts)
     rows, targets = problem.model.parameters.prior_rows()
     prior, pull = rows.T @ rows, rows.T @ (rows @ optimum.vector[: problem.count] - targets)
     following = footprints_following(problem, optimum.vector[: problem.count], allowances)
+    if alone is not None:
+        sd = np.append(allowances.masses.sd, np.zeros(alone.size - allowances.masses.sd.size)) * alone
+        return joint_step(data.matrix, data.score, prior, pull, sd, amounts, following)
     return model_error(data, prior, pull, allowances, amounts, following).step
 
 

@@ -25,7 +25,7 @@ from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE
 from sysid.estimation.uncertainty.departures import departures
-from sysid.estimation.uncertainty.information import information_with
+from sysid.estimation.uncertainty.information import BlockInformation, apart_by_load_case, information_with
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 
@@ -83,12 +83,25 @@ class LawEvidence:
         ----------
         more : derivatives of every group's residuals by the candidates.
         """
-        problem = optimum.problem
-        data = information_with(self._campaign, problem, optimum.vector, *self._columns(optimum), more)
-        rows, targets = problem.model.parameters.prior_rows()
-        score = data.score
-        score[: problem.count] += rows.T @ (rows @ optimum.vector[: problem.count] - targets)
-        return eliminated(data.matrix, score, rows.T @ rows, self.sd)
+        data = self._information(optimum, more)
+        return self._eliminated(optimum, data.matrix, data.score)
+
+    def by_load_case(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> tuple[Unknowns, UnknownsByUnknowns]:
+        """The same (q L,) and (q L, q L) with one amplitude of every candidate in each of L load cases with runs."""
+        data = self._information(optimum, more)
+        return self._eliminated(optimum, *apart_by_load_case(data, optimum.problem.count + self.count))
+
+    def _information(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> BlockInformation:
+        return information_with(self._campaign, optimum.problem, optimum.vector, *self._columns(optimum), more)
+
+    def _eliminated(
+        self, optimum: Optimum, matrix: UnknownsByUnknowns, score: Unknowns
+    ) -> tuple[Unknowns, UnknownsByUnknowns]:
+        count = optimum.problem.count
+        rows, targets = optimum.problem.model.parameters.prior_rows()
+        score = score.copy()
+        score[:count] += rows.T @ (rows @ optimum.vector[:count] - targets)
+        return eliminated(matrix, score, rows.T @ rows, self.sd)
 
     def _columns(self, optimum: Optimum) -> tuple[Sequence[ResidualColumns], ...]:
         """Derivatives of every group's residuals at an optimum by masses and departures."""

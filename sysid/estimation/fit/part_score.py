@@ -13,8 +13,9 @@ of statistical hypotheses concerning several parameters, Mathematical Proceeding
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -22,15 +23,20 @@ from sysid.campaign.records import Campaign
 from sysid.errors import CampaignError
 from sysid.estimation.fit.law_evidence import LawEvidence
 from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.undeclared_parts import UndeclaredParts
 from sysid.estimation.uncertainty.residual_columns import difference_columns
+
+#: Values that differ by load case are tried for at most so many load cases: combinations are their power.
+_MOST_LOAD_CASES = 3
 
 
 @dataclass(frozen=True)
 class PartCandidate:
     """A part that may be there: `words` for it, itself at amplitude `step` (`tried`) and with free values (`unknown`).
 
-    Below `least` amplitude it is not fitted; `plausible` says of a fit with it whether its values are.
+    Below `least` amplitude it is not fitted; `plausible` says of a fit with it whether its values are.  Candidates of
+    one `family` may have other values in every load case: `joined` makes a part of one of them for each load case.
     """
 
     words: str
@@ -39,6 +45,8 @@ class PartCandidate:
     step: float
     least: float
     plausible: Callable[[Optimum], bool]
+    family: str = ""
+    joined: Callable[[Mapping[str, UndeclaredParts]], UndeclaredParts] | None = None
 
 
 @dataclass(frozen=True)
@@ -58,7 +66,8 @@ def part_scores(campaign: Campaign, optimum: Optimum, candidates: Sequence[PartC
     problem, trials, possible = optimum.problem, [], []
     for candidate in candidates:
         try:
-            model = problem.model.with_vehicle(candidate.tried.on(campaign.vehicle), campaign.load_cases)
+            tried = candidate.tried.in_campaign(campaign)
+            model = problem.model.with_vehicle(tried.vehicle, tried.load_cases)
         except CampaignError:
             continue
         trials.append((model, candidate.step))
@@ -66,7 +75,38 @@ def part_scores(campaign: Campaign, optimum: Optimum, candidates: Sequence[PartC
     if not possible:
         return ()
     columns = difference_columns(problem.model, problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
-    pull, information = LawEvidence(campaign, optimum).without_known(optimum, columns)
-    v = np.diag(information)
-    scores = [PartScore(c, float(pull[k] ** 2 / v[k]), float(-pull[k] / v[k])) for k, c in enumerate(possible)]
+    pull, information = LawEvidence(campaign, optimum).by_load_case(optimum, columns)
+    cases = tuple(dict.fromkeys(campaign.bump_runs[r].load_case for g in problem.model.groups for r in g.runs))
+    scores = [_alike(c, k, pull, information, len(cases)) for k, c in enumerate(possible)]
+    if 1 < len(cases) <= _MOST_LOAD_CASES:
+        # Values are declared for the first load case.
+        scores += _by_load_case(possible, pull, information, {c: cases.index(c) for c in campaign.load_cases if c in cases})
     return tuple(sorted(scores, key=lambda s: -s.gain))
+
+
+def _alike(candidate: PartCandidate, k: int, pull: np.ndarray, information: np.ndarray, cases: int) -> PartScore:
+    """Score of candidate number `k` with one amplitude in all load cases."""
+    own = slice(k * cases, (k + 1) * cases)
+    u, v = float(pull[own].sum()), float(information[own, own].sum())
+    return PartScore(candidate, u**2 / v, -u / v)
+
+
+def _by_load_case(
+    candidates: Sequence[PartCandidate], pull: np.ndarray, information: np.ndarray, cases: Mapping[str, int]
+) -> list[PartScore]:
+    """The best score in every family of candidates that differ by load case; `cases` with their place in the matrix."""
+    best: dict[str, PartScore] = {}
+    families = {f: [k for k, c in enumerate(candidates) if c.family == f] for f in {c.family for c in candidates} - {""}}
+    for family, members in families.items():
+        for chosen in product(members, repeat=len(cases)):
+            of = [k * len(cases) + place for k, place in zip(chosen, cases.values(), strict=True)]
+            amplitudes = -np.linalg.solve(information[np.ix_(of, of)], pull[of])
+            # Every further value has to be worth it.
+            gain = float(-pull[of] @ amplitudes) - DECISIVE * (len(set(chosen)) - 1)
+            first = candidates[chosen[0]]
+            known = family in best and best[family].gain >= gain
+            if known or amplitudes.min() <= first.least or len(set(chosen)) == 1 or first.joined is None:
+                continue
+            unknown = first.joined({case: candidates[k].tried for case, k in zip(cases, chosen, strict=True)})
+            best[family] = PartScore(replace(first, unknown=unknown), gain, float(amplitudes.min()))
+    return list(best.values())

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.fit.frame_search import frame_candidates
+from sysid.estimation.fit.frame_search import frame_candidates, modal_mass_candidates
 from sysid.estimation.fit.law_families import Laws
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
@@ -23,7 +23,7 @@ from sysid.road.road_profile import RoadProfile
 from sysid.sdof.drop_results import DropSummary
 
 #: At most so many parts are added.
-_MOST = 3
+_MOST = 4
 
 
 def undeclared_parts(
@@ -86,4 +86,5 @@ def _fitted(
 
 def candidates_of(campaign: Campaign) -> tuple[PartCandidate, ...]:
     """Everything that is looked for."""
-    return (*rocker_candidates(campaign.vehicle), *frame_candidates(campaign.vehicle))
+    vehicle = campaign.vehicle
+    return (*rocker_candidates(vehicle), *frame_candidates(vehicle), *modal_mass_candidates(campaign))

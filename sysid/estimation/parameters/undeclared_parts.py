@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.campaign.vehicle_records import Equaliser, FrameBending, Vehicle
+from sysid.campaign.vehicle_records import Equaliser, FrameBending, FrameMass, Vehicle
 from sysid.display import Z90
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.parameters.parameter_set import bending_names
@@ -23,17 +23,32 @@ class BendingFrame:
 
 
 @dataclass(frozen=True)
+class ModalMass:
+    """Logarithm of the modal mass of the frame of body number `body` in a load case, over that of the mass assumed."""
+
+    body: int
+    load_case: str
+    log_factor: float
+
+
+@dataclass(frozen=True)
 class UndeclaredParts:
-    """`rockers` between springs, and `frames` that bend; true where there is any, sums hold the parts of both."""
+    """`rockers` between springs, `frames` that bend and their `modal_masses` where these are not as assumed.
+
+    True where there is any; sums hold the parts of both.
+    """
 
     rockers: tuple[Equaliser, ...] = ()
     frames: tuple[BendingFrame, ...] = ()
+    modal_masses: tuple[ModalMass, ...] = ()
 
     def __bool__(self) -> bool:
-        return bool(self.rockers or self.frames)
+        return bool(self.rockers or self.frames or self.modal_masses)
 
     def __add__(self, other: UndeclaredParts) -> UndeclaredParts:
-        return UndeclaredParts(self.rockers + other.rockers, self.frames + other.frames)
+        return UndeclaredParts(
+            self.rockers + other.rockers, self.frames + other.frames, self.modal_masses + other.modal_masses
+        )
 
     def on(self, vehicle: Vehicle) -> Vehicle:
         """A vehicle with these parts."""
@@ -44,7 +59,16 @@ class UndeclaredParts:
 
     def in_campaign(self, campaign: Campaign) -> Campaign:
         """A campaign of the vehicle with these parts."""
-        return replace(campaign, vehicle=self.on(campaign.vehicle)) if self else campaign
+        if not self:
+            return campaign
+        cases = dict(campaign.load_cases)
+        for part in self.modal_masses:
+            case = cases[part.load_case]
+            masses = list(case.frame_masses or (FrameMass(),) * len(campaign.vehicle.bodies))
+            of_body = masses[part.body]
+            masses[part.body] = of_body._replace(log_modal_mass=of_body.log_modal_mass + part.log_factor)
+            cases[part.load_case] = replace(case, frame_masses=tuple(masses))
+        return replace(campaign, vehicle=self.on(campaign.vehicle), load_cases=cases)
 
 
 NO_PARTS = UndeclaredParts()

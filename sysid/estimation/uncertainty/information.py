@@ -11,8 +11,8 @@ P the prior precision and C the flattening for model error that no departure sta
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -76,7 +76,8 @@ class BlockInformation:
 
     `matrix` (p + m, p + m); `scores` (n, p + m) of single runs and channels, and for each the block it belongs to
     (`blocks`: one channel in all repeats of one case); `parts` (n, p + m, p + m) of which the matrix is the sum, None
-    where nobody asked.  `clocks`: how the optimum follows those of the loggers, where somebody asked.
+    where nobody asked; `of_load_cases` the share of the matrix that comes from the runs in each load case.
+    `clocks`: how the optimum follows those of the loggers, where somebody asked.
     """
 
     matrix: np.ndarray
@@ -84,6 +85,7 @@ class BlockInformation:
     blocks: tuple[Hashable, ...]
     parts: np.ndarray | None = None
     clocks: ClockResponse | None = None
+    of_load_cases: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def score(self) -> np.ndarray:
@@ -96,6 +98,25 @@ class BlockInformation:
         sums = np.zeros((len(order), *values.shape[1:]))
         np.add.at(sums, [order[k] for k in self.blocks], values)
         return sums
+
+
+def apart_by_load_case(data: BlockInformation, known: int) -> tuple[np.ndarray, np.ndarray]:
+    """Information and score with an unknown of its own in every load case for each unknown beyond the first `known`.
+
+    They are (known + q L,) square and (known + q L,), the load cases of an unknown next to each other.
+    """
+    cases = list(data.of_load_cases)
+    candidates = data.matrix.shape[0] - known
+    matrix = np.zeros((known + candidates * len(cases),) * 2)
+    score = np.zeros(matrix.shape[0])
+    matrix[:known, :known], score[:known] = data.matrix[:known, :known], data.score[:known]
+    load_case_of = np.array([block[1] for block in data.blocks])
+    for number, (case, information) in enumerate(data.of_load_cases.items()):
+        at = known + number + len(cases) * np.arange(candidates)
+        matrix[:known, at], matrix[at, :known] = information[:known, known:], information[known:, :known]
+        matrix[np.ix_(at, at)] = information[known:, known:]
+        score[at] = data.scores[load_case_of == case].sum(axis=0)[known:]
+    return matrix, score
 
 
 def optimum_information(
@@ -133,19 +154,20 @@ def information_with(
     scores: list[np.ndarray] = []
     parts: list[np.ndarray] = []
     blocks: list[Hashable] = []
-    shared = problem.count + sum(columns[0].gain.shape[-1] for columns in kinds)
-    information = np.zeros((shared, shared))
+    of_cases: dict[str, np.ndarray] = {}
     for position, group in enumerate(problem.model.groups):
         found = run_scores(problem, vector, position, [columns[position] for columns in kinds], with_parts)
-        information += found.information.sum(axis=0)
         parts += found.parts
         measured = np.asarray(group.measured.any(axis=0))
-        for run, used, of_run in zip(group.runs, measured, found.scores, strict=True):
+        for run, used, of_run, information in zip(group.runs, measured, found.scores, found.information, strict=True):
             record = campaign.bump_runs[run]
+            of_cases[record.load_case] = of_cases.get(record.load_case, 0.0) + information
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
             scores += [of_run[c] for c in np.flatnonzero(used)]
             blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
-    return BlockInformation(information, np.array(scores), tuple(blocks), np.array(parts) if with_parts else None)
+    whole = np.sum(list(of_cases.values()), axis=0)
+    separate = np.array(parts) if with_parts else None
+    return BlockInformation(whole, np.array(scores), tuple(blocks), separate, of_load_cases=of_cases)
 
 
 def _with_clocks(
