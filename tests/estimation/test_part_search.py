@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from rigid_truck import AXLES, DAMPING, EMPTY, LADEN, STIFFNESS, VEHICLE, bump, campaign, empty_run, with_values
 
-from sysid.campaign.vehicle_records import AxleGroup, Equaliser, FrameBending
+from sysid.campaign.vehicle_records import AxleGroup, Equaliser, FrameBending, FrameMass
 from sysid.estimation.fit import law_choice
 from sysid.estimation.fit.fit_result import LawComparison
-from sysid.estimation.fit.frame_search import LEAST_AMPLITUDE, TRIED_HZ, frame_candidates
+from sysid.estimation.fit.frame_search import LEAST_AMPLITUDE, TRIED_HZ, frame_candidates, modal_mass_candidates
 from sysid.estimation.fit.law_choice import fit_with_laws
+from sysid.estimation.fit.law_evidence import LawEvidence
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.part_score import part_scores
@@ -27,6 +28,7 @@ from sysid.estimation.parameters.undeclared_parts import NO_PARTS, UndeclaredPar
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
+from sysid.estimation.uncertainty.residual_columns import difference_columns
 from sysid.progress import unwatched
 
 SPEED_M_S, START_S = np.array([6.07, 8.39, 6.02]), np.array([0.44, 0.61, 0.5])
@@ -34,8 +36,11 @@ PROFILES = {"bump": bump()}
 TANDEM = (Equaliser("tandem", (1, 2)),)
 
 
-def measured(share: float, friction: float, bending_hz: float = 0.0):
-    """A campaign of linear laws on a rigid frame without a rocker; its readings from a truck with one of these."""
+def measured(share: float, friction: float, bending_hz: float = 0.0, laden: FrameMass | None = None):
+    """A campaign of linear laws on a rigid frame without a rocker; its readings from a truck with one of these.
+
+    `laden` says where the mass of its frame lies in the second load case.
+    """
     linear = tuple(replace(a, suspension_law="linear", load_dependent=False) for a in AXLES)
     rubbing = tuple(replace(a, suspension_law="friction" if friction else "linear") for a in linear)
     runs = [empty_run("slow.csv", 6.0, samples=340), empty_run("fast.csv", 8.5, samples=340),
@@ -44,7 +49,8 @@ def measured(share: float, friction: float, bending_hz: float = 0.0):
     true = replace(VEHICLE, axles=rubbing, equalisers=TANDEM if share else ())
     if bending_hz:
         true = replace(true, bodies=(replace(true.bodies[0], bending=FrameBending(bending_hz, 0.025)),))
-    behind = campaign(runs, load_cases=cases, vehicle=true)
+    true_cases = cases if laden is None else (EMPTY, replace(LADEN, frame_masses=(laden,)))
+    behind = campaign(runs, load_cases=true_cases, vehicle=true)
     parameters = campaign_parameters(behind, None)
     truth = {"share_odds[tandem]": share / (1.0 - share) if share else 1.0}
     for i in range(3):
@@ -109,9 +115,63 @@ def test_a_frame_that_nobody_declared_to_bend_is_part_of_the_fit():
     # What is kept of the fit brings the frame back.
     again = restored(data, PROFILES, state.point)
     assert again.campaign.vehicle == state.campaign.vehicle
+    assert again.campaign.load_cases == state.campaign.load_cases
     problems = state.problem(), again.problem()
     signals = [simulate_runs(p.model, state.point.log_parameters, state.point.motion)[0] for p in problems]
     np.testing.assert_array_equal(*signals)
+
+
+#: Mass of a loaded frame that lies where the shape moves most: its frequency falls to half of the one assumed.
+HEAVY = FrameMass(0.1, -0.15, 1.2)
+
+
+def test_a_frame_is_found_whose_mass_under_load_lies_elsewhere():
+    fit, state = fit_with_laws(measured(0.0, 0.0, 9.0, HEAVY), None, PROFILES, replace(OPTIONS, weight_rounds=2))
+    (found,) = fit.undeclared_frames
+    assert found.frequency_hz == pytest.approx(9.0, rel=0.01)
+    assert [p.value for p in fit.parameters if p.quantity == "stiffness"] == pytest.approx(STIFFNESS, rel=0.015)
+    (mass,) = state.point.parts.modal_masses
+    assert mass.load_case == "laden"
+    assert mass.log_factor == pytest.approx(HEAVY.log_modal_mass, abs=0.5)
+
+
+def test_load_cases_may_show_different_frequencies():
+    """By load case the score is larger, and the pair is near the truth: 9 Hz, and exp(-1.2 / 2) times that."""
+    data = measured(0.0, 0.0, 9.0, HEAVY)
+    optimum = optimise(data, campaign_parameters(data, None), PROFILES, OPTIONS, unwatched)
+    scores = part_scores(data, optimum, frame_candidates(data.vehicle))
+    best = scores[0].candidate.unknown
+    assert best.frames[0].bending.start_hz in (8.0, 9.0, 10.0)
+    assert best.modal_masses[0].log_factor == pytest.approx(HEAVY.log_modal_mass, abs=0.5)
+    alike = [s for s in scores if not s.candidate.unknown.modal_masses]
+    assert scores[0].gain > 1.5 * alike[0].gain
+    assert len(alike) == len(TRIED_HZ)
+
+
+def test_other_frequencies_of_a_declared_frame_are_tried_in_further_load_cases():
+    data = measured(0.0, 0.0, 9.0, HEAVY)
+    bent = replace(data.vehicle, bodies=(replace(data.vehicle.bodies[0], bending=FrameBending(9.0, 0.025)),))
+    declared = replace(data, vehicle=bent)
+    optimum = optimise(declared, campaign_parameters(declared, None), PROFILES, OPTIONS, unwatched)
+    best = part_scores(declared, optimum, modal_mass_candidates(declared))[0].candidate.unknown
+    assert {c.unknown.modal_masses[0].load_case for c in modal_mass_candidates(declared)} == {"laden"}
+    assert best.modal_masses[0].log_factor == pytest.approx(HEAVY.log_modal_mass, abs=0.5)
+    assert modal_mass_candidates(data) == ()
+
+
+def test_amplitudes_by_load_case_add_up_to_those_of_all_runs():
+    data = measured(0.0, 0.0, 9.0)
+    optimum = optimise(data, campaign_parameters(data, None), PROFILES, OPTIONS, unwatched)
+    problem, trials = optimum.problem, []
+    for candidate in frame_candidates(data.vehicle)[2:5]:
+        tried = candidate.tried.in_campaign(data)
+        trials.append((problem.model.with_vehicle(tried.vehicle, tried.load_cases), 1.0))
+    columns = difference_columns(problem.model, problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
+    evidence = LawEvidence(data, optimum)
+    pull, information = evidence.without_known(optimum, columns)
+    apart_pull, apart = evidence.by_load_case(optimum, columns)
+    np.testing.assert_allclose(apart_pull.reshape(3, 2).sum(axis=1), pull, rtol=1e-9)
+    np.testing.assert_allclose(apart.reshape(3, 2, 3, 2).sum(axis=(1, 3)), information, rtol=1e-9)
 
 
 def test_scores_of_frames_on_rigid_trucks_are_small_and_of_bending_ones_are_largest_near_their_frequency():

@@ -10,7 +10,7 @@ import rigid_truck
 from rigid_truck import EMPTY, LADEN, VEHICLE, campaign, empty_run
 from synthetic_fit import synthetic_campaign
 
-from sysid.campaign.vehicle_records import AxleGroup, MassTolerances
+from sysid.campaign.vehicle_records import AxleGroup, FrameBending, FrameMass, MassTolerances
 from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.minimiser import minimise
 from sysid.estimation.fit.options import FitOptions
@@ -244,3 +244,39 @@ def test_a_truck_with_all_masses_loads_and_stiffnesses_a_little_larger_moves_in_
     # Footprints follow to first order.
     assert off.max() < 7e-4
     assert control.max() > 5e-3
+
+
+def bending_truck():
+    bent = replace(TOLERANT, bodies=(replace(TOLERANT.bodies[0], bending=FrameBending(8.0, 0.025)),))
+    runs = [empty_run("empty.csv", 6.0), empty_run("laden.csv", 6.0, load_case="laden")]
+    return campaign(runs, load_cases=(EMPTY, LADEN), vehicle=bent)
+
+
+def test_where_the_mass_of_a_bending_frame_lies_is_unknown_in_every_load_case():
+    masses = uncertain_masses(bending_truck())
+    of_frames = [f.name for f, frame in zip(masses.factors, masses.frame_shapes, strict=True) if frame]
+    body = VEHICLE.bodies[0].name
+    quantities = ("frame_heave", "frame_pitch", "frame_modal_mass_factor")
+    # Three supports: how far the frame reaches beyond them nothing could tell.
+    assert of_frames == [f"{q}[{body}, {case}]" for case in ("empty", "laden") for q in quantities]
+    assert not uncertain_masses(campaign([empty_run("a.csv", 6.0)], vehicle=TOLERANT)).frame_shapes.any()
+
+
+def test_a_frame_on_four_points_may_reach_beyond_them():
+    at_hand = bending_truck()
+    axles = (*at_hand.vehicle.axles, replace(at_hand.vehicle.axles[-1], name="fourth", x_m=7.0))
+    longer = uncertain_masses(replace(at_hand, vehicle=replace(at_hand.vehicle, axles=axles)))
+    assert "frame_overhang" in [f.quantity for f in longer.factors]
+
+
+def test_amounts_of_a_frame_are_added_to_those_of_its_load_case():
+    at_hand = bending_truck()
+    laden = replace(at_hand.load_cases["laden"], frame_masses=(FrameMass(0.1, 0.0, -0.7),))
+    masses = uncertain_masses(replace(at_hand, load_cases={**at_hand.load_cases, "laden": laden}))
+    amounts = np.zeros(masses.sd.size)
+    for number, factor in enumerate(masses.factors):
+        if factor.load_case == "laden" and factor.quantity in ("frame_pitch", "frame_modal_mass_factor"):
+            amounts[number] = 0.2
+    _, cases = masses.applied(amounts)
+    np.testing.assert_allclose(cases["laden"].frame_masses[0], (0.1, 0.2, -0.5))
+    assert not np.any(cases["empty"].frame_masses)

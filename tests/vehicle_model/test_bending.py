@@ -15,7 +15,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq, fsolve
 from simulated_truck import per_axle, simulated_truck, truck_model
 
-from sysid.campaign.vehicle_records import Axle, Body, FrameBending, LoadCase, Vehicle
+from sysid.campaign.vehicle_records import Axle, Body, FrameBending, FrameMass, LoadCase, Vehicle
 from sysid.errors import CampaignError
 from sysid.vehicle_model.bending import frame_modes, free_beam
 from sysid.vehicle_model.suspension import FrameLaw, SuspensionLaw
@@ -129,6 +129,34 @@ def test_a_declared_shape_keeps_its_bending_alone():
         (mode,) = frame_modes(replace(VEHICLE, bodies=(body,)), EMPTY)
         assert mode.modal_mass == pytest.approx(beam_mode.modal_mass, rel=2e-3)
         assert mode.rise(2.0) == pytest.approx(beam_mode.rise(2.0), abs=5e-3)
+
+
+def test_mass_that_lies_elsewhere_changes_what_is_taken_out_of_the_shape():
+    """Three point masses with the mass, centre and inertia of a uniform beam: sums over them instead of integrals."""
+    mass, length = 9000.0, 6.0
+    vehicle, case = beam(mass, mass * length**2 / 12.0, length)
+    lumps, at = mass * np.array([0.2, 0.5, 0.3]), np.array([0.1, 0.45, 0.9])
+    arm = length * (at - 0.5)
+    psi = np.array([float(free_beam(t)) for t in at])
+    heave, slope = lumps @ psi / mass, lumps @ (psi * arm) / (mass * length**2 / 12.0)
+    modal = lumps @ (psi - heave - slope * arm) ** 2
+    # A uniform beam has heave and slope 0 and the modal mass m.
+    (mode,) = frame_modes(vehicle, replace(case, frame_masses=(FrameMass(heave, slope * 3.0, np.log(modal / mass)),)))
+    assert mode.modal_mass == pytest.approx(modal, rel=1e-9)
+    for t in (0.0, 0.2, 0.5, 1.0):
+        exact = float(free_beam(np.array(t))) - heave - slope * length * (t - 0.5)
+        assert mode.rise(length * t) == pytest.approx(exact, abs=1e-9)
+
+
+def test_a_beam_that_reaches_beyond_its_axles_has_the_shape_of_a_longer_one():
+    """Axles a twelfth from each end of a beam of 1.2 wheelbases L: I = m (1.2 L)^2 / 12, psi of the longer one."""
+    mass, length = 9000.0, 6.0
+    vehicle, case = beam(mass, mass * (1.2 * length) ** 2 / 12.0, length)
+    bending = replace(vehicle.bodies[0].bending, overhang=0.1)
+    (mode,) = frame_modes(replace(vehicle, bodies=(replace(vehicle.bodies[0], bending=bending),)), case)
+    assert mode.modal_mass == pytest.approx(mass, rel=1e-9)
+    for x in (0.0, 3.0, 6.0):
+        assert mode.rise(x) == pytest.approx(float(free_beam(np.array((x + 0.6) / 7.2))), abs=1e-9)
 
 
 def test_mass_that_cannot_lie_between_the_ends_is_a_sentence():

@@ -34,11 +34,12 @@ from sysid.estimation.residuals.run_motion import (
 )
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
+from sysid.estimation.uncertainty.frame_shapes import FRAME_SD
 from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, Identifiability, assess
 from sysid.estimation.uncertainty.information import AdjustedInformation, adjusted_information
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.sandwich import Adjustment
-from sysid.estimation.uncertainty.uncertain_masses import FRAME_SD, UncertainMasses
+from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
 from sysid.estimation.weights.residual_evidence import ResidualEvidence, residual_evidence
 from sysid.estimation.weights.reweighting import residual_inflation
 from sysid.progress import Progress

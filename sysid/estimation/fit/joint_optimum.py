@@ -84,9 +84,9 @@ def _with_frame_shapes(
     options: FitOptions,
     report: Progress,
 ) -> Optimum:
-    """The optimum of the parameters and of the shapes of frames that bend, all other masses as they are.
+    """The optimum of the parameters and of the shapes of frames that bend, all other masses as declared.
 
-    Shapes may be far from the assumed ones: other masses would take the blame before they are known.
+    Shapes may be far from the assumed ones: before they are known other masses would take up what is due to them.
     """
     for _ in range(ROUNDS):
         allowances = _allowances(campaign, optimum.problem.model)
@@ -117,9 +117,7 @@ def _allowances(campaign: Campaign, model: BumpModel) -> Allowances:
     return campaign_allowances(campaign, model.parameters, model.felt)
 
 
-def _step(
-    campaign: Campaign, optimum: Optimum, allowances: Allowances, alone: np.ndarray | None = None
-) -> JointStep:
+def _step(campaign: Campaign, optimum: Optimum, allowances: Allowances, alone: np.ndarray | None = None) -> JointStep:
     """The next step; only of the masses and departures that are `alone`, if given."""
     problem = optimum.problem
     amounts = np.zeros(allowances.count) if optimum.amounts is None else optimum.amounts

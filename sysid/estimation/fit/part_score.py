@@ -80,7 +80,8 @@ def part_scores(campaign: Campaign, optimum: Optimum, candidates: Sequence[PartC
     scores = [_alike(c, k, pull, information, len(cases)) for k, c in enumerate(possible)]
     if 1 < len(cases) <= _MOST_LOAD_CASES:
         # Values are declared for the first load case.
-        scores += _by_load_case(possible, pull, information, {c: cases.index(c) for c in campaign.load_cases if c in cases})
+        places = {case: cases.index(case) for case in campaign.load_cases if case in cases}
+        scores += _by_load_case(possible, pull, information, places)
     return tuple(sorted(scores, key=lambda s: -s.gain))
 
 
@@ -94,9 +95,12 @@ def _alike(candidate: PartCandidate, k: int, pull: np.ndarray, information: np.n
 def _by_load_case(
     candidates: Sequence[PartCandidate], pull: np.ndarray, information: np.ndarray, cases: Mapping[str, int]
 ) -> list[PartScore]:
-    """The best score in every family of candidates that differ by load case; `cases` with their place in the matrix."""
+    """The best score of every family whose candidates differ by load case; `cases` with their places in the matrix."""
     best: dict[str, PartScore] = {}
-    families = {f: [k for k, c in enumerate(candidates) if c.family == f] for f in {c.family for c in candidates} - {""}}
+    families: dict[str, list[int]] = {}
+    for k, candidate in enumerate(candidates):
+        if candidate.joined is not None:
+            families.setdefault(candidate.family, []).append(k)
     for family, members in families.items():
         for chosen in product(members, repeat=len(cases)):
             of = [k * len(cases) + place for k, place in zip(chosen, cases.values(), strict=True)]

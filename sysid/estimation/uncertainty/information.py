@@ -82,7 +82,7 @@ class BlockInformation:
 
     matrix: np.ndarray
     scores: np.ndarray
-    blocks: tuple[Hashable, ...]
+    blocks: tuple[tuple[Hashable, ...], ...]
     parts: np.ndarray | None = None
     clocks: ClockResponse | None = None
     of_load_cases: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -153,7 +153,7 @@ def information_with(
     """
     scores: list[np.ndarray] = []
     parts: list[np.ndarray] = []
-    blocks: list[Hashable] = []
+    blocks: list[tuple[Hashable, ...]] = []
     of_cases: dict[str, np.ndarray] = {}
     for position, group in enumerate(problem.model.groups):
         found = run_scores(problem, vector, position, [columns[position] for columns in kinds], with_parts)

@@ -15,7 +15,9 @@ from typing import TypeVar
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.campaign.vehicle_records import FrameMass, LoadCase, Vehicle
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
+from sysid.estimation.uncertainty.frame_shapes import FRAME_SD, frame_factors, with_frame_shape
+from sysid.estimation.uncertainty.mass_factor import MassFactor
 
 T = TypeVar("T")
 
@@ -27,39 +29,9 @@ UNSPRUNG, INERTIA, CG_HEIGHT, HITCH_HEIGHT, AXLE_LOAD, SCALE = (
     "axle_load_factor",
     "axle_load_scale_factor",
 )
-FRAME_HEAVE, FRAME_PITCH, FRAME_MODAL_MASS, FRAME_OVERHANG = (
-    "frame_heave",
-    "frame_pitch",
-    "frame_modal_mass_factor",
-    "frame_overhang",
-)
-#: Prior standard deviations of what the shape of a frame depends on beside what is declared.  Two thirds of the mass in
-#: two lumps instead of along the frame change heave and pitch by up to 0.5 and the modal mass by up to a factor of 3.6:
-#: see docs/model.md.  Frames reach beyond their axles by a tenth of their length (an assumption).
-FRAME_SD = {FRAME_HEAVE: 0.3, FRAME_PITCH: 0.3, FRAME_MODAL_MASS: 0.5, FRAME_OVERHANG: 0.1}
 #: The simulation sees no factor further from one than this many tolerances: 99.99 % of normal draws stay inside, so
 #: that one comes near only where the data ask for it.
 REACH_SD = 4.0
-
-
-@dataclass(frozen=True)
-class MassFactor:
-    """One factor: `quantity` of the axle, axle group or body with index `place`, in the named load cases.
-
-    The factor on the scale belongs to no place: `place` is 0.
-
-    `sd` standard deviation of its logarithm; `words` what it belongs to, for people; `load_case` None where it is
-    shared by all load cases in use.
-    """
-
-    name: str
-    quantity: str
-    words: str
-    place: int
-    sd: float
-    load_cases: tuple[str, ...]
-    axle: int | None = None
-    load_case: str | None = None
 
 
 @dataclass(frozen=True)
@@ -106,7 +78,7 @@ class UncertainMasses:
         vehicle, cases = self.vehicle, dict(self.load_cases)
         for factor, amount in zip(self.factors, np.clip(log_factors, -limit, limit), strict=True):
             if factor.quantity in FRAME_SD:
-                vehicle, cases = _bent(vehicle, cases, factor, float(amount))
+                vehicle, cases = with_frame_shape(vehicle, cases, factor, float(amount))
             else:
                 vehicle, cases = _apply(vehicle, cases, factor, float(np.exp(amount)))
         lost = _unsprung_by_body(vehicle) - _unsprung_by_body(self.vehicle)
@@ -149,7 +121,7 @@ def uncertain_masses(campaign: Campaign) -> UncertainMasses:
         if body.hitch_height_m:
             words, name = f"hitch height of '{body.name}'", f"hitch_height[{body.name}]"
             factors.append(MassFactor(name, HITCH_HEIGHT, words, b, tolerances.hitch_height, tuple(used)))
-    factors += [f for b in range(len(vehicle.bodies)) for f in _frame_factors(vehicle, b, used)]
+    factors += [f for b in range(len(vehicle.bodies)) for f in frame_factors(vehicle, b, used)]
     factors += _axle_load_factors(vehicle, used)
     return UncertainMasses(vehicle, dict(campaign.load_cases), tuple(f for f in factors if f.sd > 0.0))
 
@@ -173,46 +145,6 @@ def _axle_load_factors(vehicle: Vehicle, used: Sequence[str]) -> list[MassFactor
     ]
     words = "scale that weighed all axles"
     return [*factors, MassFactor("axle_load_scale", SCALE, words, 0, tolerances.axle_load_scale, tuple(used))]
-
-
-def _frame_factors(vehicle: Vehicle, body: int, used: Sequence[str]) -> list[MassFactor]:
-    """What is not known of the shape of a body's frame, if it bends."""
-    bending, of = vehicle.bodies[body].bending, vehicle.bodies[body].name
-    if bending is None:
-        return []
-    factors = [
-        MassFactor(f"{quantity}[{of}, {case}]", quantity, f"mass along the frame of '{of}' in load case '{case}'",
-                   body, FRAME_SD[quantity], (case,), load_case=case)
-        for case in used
-        for quantity in (FRAME_HEAVE, FRAME_PITCH, FRAME_MODAL_MASS)
-    ]  # fmt: skip
-    # Three points of a shape are told by heave, pitch and modal mass already.
-    points = {x for x, a in zip(vehicle.suspension_x_m, vehicle.axles, strict=True) if a.body == body}
-    points |= {b.hitch_x_m for b in vehicle.bodies[body : body + 2] if b.hitch_x_m is not None}
-    if not bending.x_m and len(points) > 3:
-        words = f"length of the frame of '{of}'"
-        factors.append(MassFactor(f"frame_overhang[{of}]", FRAME_OVERHANG, words, body, FRAME_SD[FRAME_OVERHANG], tuple(used)))
-    return factors
-
-
-def _bent(
-    vehicle: Vehicle, cases: dict[str, LoadCase], factor: MassFactor, amount: float
-) -> tuple[Vehicle, dict[str, LoadCase]]:
-    """Vehicle and load cases with another shape of a frame."""
-    at = factor.place
-    if factor.quantity == FRAME_OVERHANG:
-        bending = vehicle.bodies[at].bending
-        assert bending is not None
-        body = replace(vehicle.bodies[at], bending=replace(bending, overhang=bending.overhang + amount))
-        return replace(vehicle, bodies=_with(vehicle.bodies, at, body)), cases
-    changed = dict(cases)
-    for name in factor.load_cases:
-        case = changed[name]
-        masses = case.frame_masses or (FrameMass(),) * len(vehicle.bodies)
-        more = FrameMass(*(amount * (factor.quantity == q) for q in (FRAME_HEAVE, FRAME_PITCH, FRAME_MODAL_MASS)))
-        of_body = FrameMass(*(a + b for a, b in zip(masses[at], more, strict=True)))
-        changed[name] = replace(case, frame_masses=_with(masses, at, of_body))
-    return vehicle, changed
 
 
 def _declared(case: LoadCase, quantity: str) -> tuple[float, ...]:

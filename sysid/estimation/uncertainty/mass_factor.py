@@ -1,0 +1,25 @@
+"""One unknown factor on a declared mass property."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class MassFactor:
+    """One factor: `quantity` of the axle, axle group or body with index `place`, in the named load cases.
+
+    The factor on the scale belongs to no place: `place` is 0.
+
+    `sd` standard deviation of its logarithm; `words` what it belongs to, for people; `load_case` None where it is
+    shared by all load cases in use.
+    """
+
+    name: str
+    quantity: str
+    words: str
+    place: int
+    sd: float
+    load_cases: tuple[str, ...]
+    axle: int | None = None
+    load_case: str | None = None
