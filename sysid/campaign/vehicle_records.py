@@ -71,8 +71,7 @@ class FrameBending:
 
     `x_m` and `rise` are points of its shape, front to rear; none for that of a uniform beam.  `frequency_sd` is the
     standard deviation of the frequency's logarithm, 0.1 for a frame that somebody has hit with a hammer or computed
-    (an assumption); a search begins at `start_hz`, None for `frequency_hz`.  A uniform beam reaches beyond the first
-    and the last support by the share `overhang` of the length between them.
+    (an assumption); a search begins at `start_hz`, None for `frequency_hz`.
     """
 
     frequency_hz: float
@@ -81,7 +80,6 @@ class FrameBending:
     rise: tuple[float, ...] = ()
     frequency_sd: float = 0.1
     start_hz: float | None = None
-    overhang: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -94,8 +94,6 @@ def _shape(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[Callable[[float
     declared = vehicle.bodies[body].bending
     assert declared is not None
     low, high = (declared.x_m[0], declared.x_m[-1]) if declared.x_m else frame_ends(vehicle, body)
-    beyond = 0.0 if declared.x_m else declared.overhang * (high - low)
-    low, high = low - beyond, high + beyond
     mass, inertia = case.sprung_mass_kg[body], case.pitch_inertia_kg_m2[body]
     cg_x = float(static_equilibrium(vehicle, case).cg_x_m[body])
     half, middle = 0.5 * (high - low), 0.5 * (high + low)

@@ -257,16 +257,8 @@ def test_where_the_mass_of_a_bending_frame_lies_is_unknown_in_every_load_case():
     of_frames = [f.name for f, frame in zip(masses.factors, masses.frame_shapes, strict=True) if frame]
     body = VEHICLE.bodies[0].name
     quantities = ("frame_heave", "frame_pitch", "frame_modal_mass_factor")
-    # Three supports: how far the frame reaches beyond them nothing could tell.
     assert of_frames == [f"{q}[{body}, {case}]" for case in ("empty", "laden") for q in quantities]
     assert not uncertain_masses(campaign([empty_run("a.csv", 6.0)], vehicle=TOLERANT)).frame_shapes.any()
-
-
-def test_a_frame_on_four_points_may_reach_beyond_them():
-    at_hand = bending_truck()
-    axles = (*at_hand.vehicle.axles, replace(at_hand.vehicle.axles[-1], name="fourth", x_m=7.0))
-    longer = uncertain_masses(replace(at_hand, vehicle=replace(at_hand.vehicle, axles=axles)))
-    assert "frame_overhang" in [f.quantity for f in longer.factors]
 
 
 def test_amounts_of_a_frame_are_added_to_those_of_its_load_case():

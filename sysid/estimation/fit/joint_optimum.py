@@ -56,10 +56,14 @@ def joint_optimum(
     rough = replace(options, weight_rounds=0, tolerance=max(options.tolerance, _ROUGH_TOLERANCE))
     reweighted, final = replace(rough, weight_rounds=min(options.weight_rounds, 1)), replace(options, weight_rounds=0)
     optimum = _with_frame_shapes(campaign, optimum, profiles, reweighted, report)
+    before: JointStep | None = None
     for number in range(ROUNDS):
         report("masses and tires", 0.9)
         allowances = _allowances(campaign, optimum.problem.model)
         step = _step(campaign, optimum, allowances)
+        if before is not None and step.takes_back(before):
+            step = step.times(0.5)
+        before = step
         near = number >= REWEIGHTED and step.largest < NEAR_SD
         last = near or number == ROUNDS - 1
         how = final if last else (reweighted if number < REWEIGHTED else rough)

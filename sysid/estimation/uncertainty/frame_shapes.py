@@ -1,4 +1,4 @@
-"""What is not known of the shape of a frame that bends: where the mass lies along it, and how far it reaches.
+"""What is not known of the shape of a frame that bends: where the mass lies along it.
 
 Mass, centre of gravity and pitch inertia of a body leave open where its mass lies.  Its bending mode depends on that in
 each load case through the mean rise and mean slope that are taken out of the shape, and through the modal mass:
@@ -17,11 +17,11 @@ from dataclasses import replace
 from sysid.campaign.vehicle_records import FrameMass, LoadCase, Vehicle
 from sysid.estimation.uncertainty.mass_factor import MassFactor
 
-HEAVE, PITCH, MODAL_MASS, OVERHANG = "frame_heave", "frame_pitch", "frame_modal_mass_factor", "frame_overhang"
-#: Prior standard deviations of a, b, c and of the overhang.  On two simulated trucks, 30 % of whose mass lay along the
-#: frame and the rest in two lumps instead of as assumed, a and b were up to 0.14 and c down to -1.3; frames reach
-#: beyond their axles by a tenth of the wheelbase (assumptions).
-FRAME_SD = {HEAVE: 0.3, PITCH: 0.3, MODAL_MASS: 0.5, OVERHANG: 0.1}
+HEAVE, PITCH, MODAL_MASS = "frame_heave", "frame_pitch", "frame_modal_mass_factor"
+#: Prior standard deviations of a, b and c (assumptions).  On two simulated trucks, whose frames reached beyond their
+#: axles by a tenth of the wheelbase and carried 30 % of the mass along them and the rest in two lumps, a and b were up
+#: to 0.14 and c down to -1.3.
+FRAME_SD = {HEAVE: 0.3, PITCH: 0.3, MODAL_MASS: 0.5}
 _WORDS = {
     HEAVE: "mean rise of the bent frame",
     PITCH: "mean slope of the bent frame",
@@ -34,7 +34,7 @@ def frame_factors(vehicle: Vehicle, body: int, used: Sequence[str]) -> list[Mass
     bending, name = vehicle.bodies[body].bending, vehicle.bodies[body].name
     if bending is None:
         return []
-    factors = [
+    return [
         MassFactor(
             f"{quantity}[{name}, {case}]",
             quantity,
@@ -47,34 +47,15 @@ def frame_factors(vehicle: Vehicle, body: int, used: Sequence[str]) -> list[Mass
         for case in used
         for quantity in (HEAVE, PITCH, MODAL_MASS)
     ]
-    # Rise, slope and modal mass tell any shape at three points already.
-    if not bending.x_m and len(_points(vehicle, body)) > 3:
-        words = f"length of the frame of '{name}'"
-        factors.append(MassFactor(f"{OVERHANG}[{name}]", OVERHANG, words, body, FRAME_SD[OVERHANG], tuple(used)))
-    return factors
 
 
-def _points(vehicle: Vehicle, body: int) -> set[float]:
-    """Where springs and hinges act on a body [m]."""
-    springs = {x for x, a in zip(vehicle.suspension_x_m, vehicle.axles, strict=True) if a.body == body}
-    return springs | {b.hitch_x_m for b in vehicle.bodies[body : body + 2] if b.hitch_x_m is not None}
-
-
-def with_frame_shape(
-    vehicle: Vehicle, cases: dict[str, LoadCase], factor: MassFactor, amount: float
-) -> tuple[Vehicle, dict[str, LoadCase]]:
-    """Vehicle and load cases with the shape of a frame moved by `amount` of one factor."""
-    at = factor.place
-    if factor.quantity == OVERHANG:
-        bodies = list(vehicle.bodies)
-        bending = bodies[at].bending
-        assert bending is not None
-        bodies[at] = replace(bodies[at], bending=replace(bending, overhang=bending.overhang + amount))
-        return replace(vehicle, bodies=tuple(bodies)), cases
+def with_frame_mass(cases: dict[str, LoadCase], bodies: int, factor: MassFactor, amount: float) -> dict[str, LoadCase]:
+    """Load cases of a vehicle of so many bodies with the shape of a frame moved by `amount` of one factor."""
     changed = dict(cases)
     for name in factor.load_cases:
-        masses = list(changed[name].frame_masses or (FrameMass(),) * len(vehicle.bodies))
+        masses = list(changed[name].frame_masses or (FrameMass(),) * bodies)
         more = (amount if factor.quantity == q else 0.0 for q in (HEAVE, PITCH, MODAL_MASS))
-        masses[at] = FrameMass(*(here + other for here, other in zip(masses[at], more, strict=True)))
+        here = masses[factor.place]
+        masses[factor.place] = FrameMass(*(a + b for a, b in zip(here, more, strict=True)))
         changed[name] = replace(changed[name], frame_masses=tuple(masses))
-    return vehicle, changed
+    return changed

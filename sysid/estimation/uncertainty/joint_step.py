@@ -23,15 +23,26 @@ from sysid.arrays import Parameters, ParametersByParameters
 
 @dataclass(frozen=True)
 class JointStep:
-    """Changes of p parameters and q masses and departures, and the largest of the latter in standard deviations."""
+    """Changes of p parameters and q masses and departures, these also `over_sd`, in standard deviations."""
 
     parameters: Parameters
     amounts: np.ndarray
-    largest: float
+    over_sd: np.ndarray
+
+    @property
+    def largest(self) -> float:
+        """The largest change of a mass or departure in standard deviations."""
+        return float(np.max(np.abs(self.over_sd), initial=0.0))
 
     def times(self, share: float) -> JointStep:
         """A share of the step."""
-        return JointStep(share * self.parameters, share * self.amounts, share * self.largest)
+        return JointStep(share * self.parameters, share * self.amounts, share * self.over_sd)
+
+    def takes_back(self, before: JointStep) -> bool:
+        """Whether the step undoes most of the one before: such steps go back and forth without end."""
+        return bool(
+            -self.over_sd @ before.over_sd > 0.5 * np.linalg.norm(self.over_sd) * np.linalg.norm(before.over_sd)
+        )
 
 
 def joint_scale(information: np.ndarray, prior: ParametersByParameters, sd: np.ndarray) -> np.ndarray:
@@ -82,8 +93,7 @@ def joint_step(
         whole += (information @ following) * np.outer(scale, scale)
     step = -np.linalg.solve(whole, gradient)
     spread = np.sqrt(np.diag(inverse)[count:])
-    largest = float(np.max(np.abs(step[count:]) / spread, initial=0.0))
-    return JointStep(step[:count] * scale[:count], step[count:] * sd, largest)
+    return JointStep(step[:count] * scale[:count], step[count:] * sd, step[count:] / spread)
 
 
 @dataclass(frozen=True)

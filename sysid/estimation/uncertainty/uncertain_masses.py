@@ -16,7 +16,7 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
-from sysid.estimation.uncertainty.frame_shapes import FRAME_SD, frame_factors, with_frame_shape
+from sysid.estimation.uncertainty.frame_shapes import FRAME_SD, frame_factors, with_frame_mass
 from sysid.estimation.uncertainty.mass_factor import MassFactor
 
 T = TypeVar("T")
@@ -78,7 +78,7 @@ class UncertainMasses:
         vehicle, cases = self.vehicle, dict(self.load_cases)
         for factor, amount in zip(self.factors, np.clip(log_factors, -limit, limit), strict=True):
             if factor.quantity in FRAME_SD:
-                vehicle, cases = with_frame_shape(vehicle, cases, factor, float(amount))
+                cases = with_frame_mass(cases, len(vehicle.bodies), factor, float(amount))
             else:
                 vehicle, cases = _apply(vehicle, cases, factor, float(np.exp(amount)))
         lost = _unsprung_by_body(vehicle) - _unsprung_by_body(self.vehicle)
