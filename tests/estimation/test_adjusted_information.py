@@ -166,7 +166,8 @@ def test_clocks_follow_as_in_one_dense_least_squares_problem(fit):
     _, motion = problem.unpack(vector)
     blocks, values = [], []
     for position, group in enumerate(problem.model.groups):
-        here, own = problem.linearise_one(vector, position), clock_columns(problem, vector, position, clocks)
+        here = problem.linearise_one(vector, position)
+        own = clock_columns(problem, position, here, clocks)
         prior, by_motion = problem.expected.rows(motion, group.runs)
         for r, run in enumerate(group.runs):
             of_run = slice(count + 5 * run, count + 5 * run + 5)

@@ -41,7 +41,13 @@ def without_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknow
 def response_of_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> np.ndarray:
     """How the runs' own unknowns follow the common ones at their best: N^-1 J_run' J, (R, l, p); as `without_runs`."""
     count = normal.shape[-1] - prior.shape[-1]
+    return np.asarray(np.linalg.solve(own_normal(normal, prior), normal[:, count:, :count]))
+
+
+def own_normal(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> RunsByUnknownsByUnknowns:
+    """N (R, l, l) of the runs' own unknowns with their priors; as `without_runs`."""
+    count = normal.shape[-1] - prior.shape[-1]
     of_runs = normal[:, count:, count:] + prior
     # A run whose data say nothing about its own unknowns must not divide by zero.
     of_runs += 1e-12 * np.trace(of_runs, axis1=1, axis2=2)[:, None, None] * np.eye(prior.shape[-1])
-    return np.asarray(np.linalg.solve(of_runs, normal[:, count:, :count]))
+    return np.asarray(of_runs)

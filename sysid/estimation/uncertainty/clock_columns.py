@@ -5,19 +5,23 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from sysid.arrays import UnknownsOfFit
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.run_clocks import RunClocks
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, residuals_of_group
+from sysid.vehicle_model.engines.protocol import Linearisation
 
 #: Step of the derivative by a clock [s].
 _STEP_S = 1e-4
 
 
-def clock_columns(problem: Problem, vector: UnknownsOfFit, position: int, clocks: RunClocks) -> ResidualColumns:
-    """Derivatives of a group's residuals by offset and rate of each logger's clock, per standard deviation of those."""
+def clock_columns(problem: Problem, position: int, here: Linearisation, clocks: RunClocks) -> ResidualColumns:
+    """Derivatives of a group's residuals by offset and rate of each logger's clock, per standard deviation of those.
+
+    Parameters
+    ----------
+    here : linearisation of the group, at which they are taken.
+    """
     model, group = problem.model, problem.model.groups[position]
-    here = problem.linearise_one(vector, position)
     shown = np.asarray(here.simulated)
     time, runs = group.interval_s * np.arange(shown.shape[0]), list(group.runs)
     # Differences of samples would miss a tenth of the slope at 25 Hz.

@@ -73,16 +73,16 @@ def _scores(
     clocks: RunClocks | None,
 ) -> BlockScores:
     group, (_, motion) = problem.model.groups[position], problem.unpack(vector)
-    prior = problem.expected.precision(motion, group.runs)
-    own = None
+    here = Linearisation(*map(np.asarray, problem.linearise_one(vector, position)))
+    prior, own = problem.expected.precision(motion, group.runs), None
     if clocks is not None:
-        own = clock_columns(problem, vector, position, clocks)
+        own = clock_columns(problem, position, here, clocks)
         whole = np.zeros((len(group.runs), *(RUN_UNKNOWNS + clocks.count,) * 2))
         whole[:, :RUN_UNKNOWNS, :RUN_UNKNOWNS] = prior
         whole[:, RUN_UNKNOWNS:, RUN_UNKNOWNS:] = np.eye(clocks.count)
         prior = whole
     return block_scores(
-        Linearisation(*map(np.asarray, problem.linearise_one(vector, position))),
+        here,
         prior,
         np.asarray(group.measured.any(axis=0)) if with_parts else None,
         columns,

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
-from sysid.estimation.residuals.run_unknowns import response_of_runs
+from sysid.estimation.residuals.run_unknowns import own_normal, response_of_runs
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, channel_columns
 from sysid.threads import side_by_side
 from sysid.vehicle_model.engines.protocol import Linearisation
@@ -108,8 +108,8 @@ def _run_scores(
     change = np.concatenate([np.eye(count), -eliminate])
     parts = [change.T @ squares @ change for squares in by_channel if squares is not None]
     wide = np.array(scores)
-    own_score, own_normal = wide[:, count:].sum(axis=0), normal[count:, count:] + local_prior
-    return wide[:, :count] - wide[:, count:] @ eliminate, information, parts, own_score, own_normal, eliminate
+    of_own = wide[:, count:].sum(axis=0), own_normal(normal[None], local_prior[None])[0], eliminate
+    return wide[:, :count] - wide[:, count:] @ eliminate, information, parts, *of_own
 
 
 def noise_edge(blocks: int, count: int) -> float:
