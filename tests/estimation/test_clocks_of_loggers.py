@@ -23,7 +23,7 @@ PHYSICS = Physics(drops_per_axle=0, speeds_km_h=(9.0, 16.0))
 OPTIONS = FitOptions(weight_rounds=1, cross_check=False, laws="declared")
 NEAR_S = 2e-3
 #: What is asked for, in standard deviations, and by which factor these may be wider.
-UNCHANGED_SD, WIDER = 0.2, 1.05
+UNCHANGED_SD, WIDER = 0.2, 1.15
 KINDS = ('clock = "continuous"', 'clock = "per_log"')
 
 
@@ -81,9 +81,9 @@ def test_k_and_c_are_those_of_one_clock(logs: Path, kind: str) -> None:
         assert abs(error) < NEAR_S
         truth.append(moved(campaign, run, -error, CLOCK.rate - clock.rate))
     found, right = (fitted(c) for c in (campaign, replace(campaign, bump_runs=tuple(truth), clocks=())))
-    for name, (value, sd) in found.items():
-        sys.stderr.write(
-            f"{kind} {name}: {(value - right[name][0]) / sd:+.2f} sd, sd {sd / right[name][1]:.2f} times\n"
-        )
-        assert abs(value - right[name][0]) < UNCHANGED_SD * right[name][1]
-        assert 0.95 < sd / right[name][1] < WIDER
+    apart = {name: (value - right[name][0]) / right[name][1] for name, (value, _) in found.items()}
+    wider = {name: sd / right[name][1] for name, (_, sd) in found.items()}
+    for name in found:
+        sys.stderr.write(f"{kind} {name}: {apart[name]:+.2f} sd, sd {wider[name]:.2f} times\n")
+    assert max(map(abs, apart.values())) < UNCHANGED_SD
+    assert 0.95 < min(wider.values()) <= max(wider.values()) < WIDER
