@@ -3,9 +3,9 @@
     python -m studies.check_faults [--output DIR] [--seed SEED] [--healthy N] [--effects] [--document FILE]
 
 puts every fault into every base campaign, one after the other, runs `calibrate.py check` on it in this process, does
-the same with healthy campaigns, prints tables and, if asked, writes them into FILE.  With --effects the three-axle
-campaign is fitted with every fault that passed, and without.  A study that was stopped goes on
-where it was.
+the same with healthy campaigns, prints tables and, if asked, writes them into FILE: with --count 0 those of healthy
+campaigns alone.  With --effects the three-axle campaign is fitted with every fault that passed, and without.  A study
+that was stopped goes on where it was.
 """
 
 from __future__ import annotations

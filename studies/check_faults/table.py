@@ -94,7 +94,14 @@ def write(
     seed: int,
     document: Path,
 ) -> None:
-    """Replace what stands between the marks of a document."""
+    """Replace what stands between the marks of a document: of faults, and of healthy campaigns, where there are any.
+
+    Each has marks of its own, so that healthy campaigns can be drawn again by themselves.
+    """
+    if healthy:
+        write_between_marks(document, "healthy campaigns", f"Seed {seed}. {healthy_table(healthy)}")
+    if not faults:
+        return
     wrong, channels = falsely_accused(faults)
     applied = [r for r in faults if r["ending"] != "does not apply"]
     parts = [
@@ -102,7 +109,6 @@ def write(
         fault_table(faults),
         f"Healthy channel records accused beside the faults: {wrong} of {channels} "
         f"({100 * wrong / max(1, channels):.2f} %).",
-        healthy_table(healthy),
         "Not named:",
         unnamed(faults),
         effect_table(effects),

@@ -14,6 +14,12 @@ LOST_S = 0.1  # a cycle of wheel hop at 10 Hz: shorter gaps are left to the miss
 HELD_SAMPLES = 8  # equal readings in a row that count as a channel that hangs
 SHIFT_M, SHIFT_M_S2 = 0.006, 0.8  # beyond what friction and a slope leave (an assumption)
 SPIKE_SIGMA = 15.0  # typical departures: no motion of a truck does so in one sample (an assumption)
+# Typical departures around a spike: an axle that chatters above the filter's cut-off departs by three of them again and
+# again, a lost contact on a moving truck by more than ten.
+SPIKE_AROUND = 6.0
+# Readings in a row that count as clipped: with a noise of 15 steps three of them are equal by chance once in 3,000
+# peaks, and a campaign has a few hundred peaks; four, once in 150,000.
+CLIPPED_ROW = 4
 MOVING_SHARE = 0.08  # of the largest departure: smooth motion of that size at the start is no rest
 QUIET_S = 0.2  # shortest quiet start from which a rest level is read
 
@@ -54,9 +60,9 @@ def quantum(value: np.ndarray) -> float:
 def clip_levels(value: np.ndarray) -> tuple[float | None, float | None]:
     """Levels (upper, lower) at which a channel clips without having declared it, None where it does not.
 
-    A clipped channel piles up at its extreme: three readings or more stand there, and more than in the next 2 % of its
-    range, which a signal that merely reaches a peak, smooth or noisy, passes more often.  A resolution coarser than
-    0.5 % of the range piles up by itself and is not judged.
+    A clipped channel piles up at its extreme: four readings or more stand there in a row, or some at several peaks,
+    and more than in the next 2 % of its range, which a signal that merely reaches a peak, smooth or noisy, passes more
+    often.  A resolution coarser than 0.5 % of the range piles up by itself and is not judged.
 
     Parameters
     ----------
@@ -84,7 +90,7 @@ def _clip_side(value: np.ndarray, q: float) -> float | None:
     just_below = (value > top - 0.02 * np.ptp(value[np.isfinite(value)])) & ~at_top
     # A resolution of a hundredth of the range meets its top more than once by chance, but not twice in a row.
     lengths = [stop - start for start, stop in runs_of(at_top)]
-    in_a_row = max(lengths) >= 3 or sum(n >= 2 for n in lengths) >= 2 or at_top.sum() >= 8
+    in_a_row = max(lengths) >= CLIPPED_ROW or sum(n >= 2 for n in lengths) >= 2 or at_top.sum() >= 8
     return top if at_top.sum() >= 3 and in_a_row and at_top.sum() > just_below.sum() else None
 
 
@@ -153,7 +159,7 @@ def spikes(value: np.ndarray) -> np.ndarray:
     """Indices of isolated readings that no band-limited motion can have.
 
     e_i = x_i - (-x_{i-2} + 4 x_{i-1} + 4 x_{i+1} - x_{i+2})/6 is the departure from the cubic through the neighbours; a
-    spike departs by far more than its surroundings do and stands out of the range of its four neighbours.
+    spike departs by far more than the record and its surroundings do and stands out of the range of four neighbours.
 
     Parameters
     ----------
@@ -176,8 +182,19 @@ def spikes(value: np.ndarray) -> np.ndarray:
     size = float(np.nanpercentile(value, 99.0) - np.nanpercentile(value, 1.0))
     with np.errstate(invalid="ignore"):
         candidate = usable & (departure > SPIKE_SIGMA * typical) & (beyond > 3.0 * (high - low) + 0.1 * size)
-    found = [i for i in np.flatnonzero(candidate) + 2 if _stands_alone(value, int(i), 0.1 * size)]
+    found = [
+        i
+        for i in np.flatnonzero(candidate) + 2
+        if _stands_alone(value, int(i), 0.1 * size) and _departs_alone(departure, int(i) - 2)
+    ]
     return np.array(found, int)
+
+
+def _departs_alone(departure: np.ndarray, i: int) -> bool:
+    """Whether a departure is far above those around it that lack the same reading; one other spike is no harm."""
+    around = np.concatenate([departure[max(0, i - 8) : max(0, i - 2)], departure[i + 3 : i + 9]])
+    around = around[np.isfinite(around)]
+    return around.size < 4 or bool(departure[i] > SPIKE_AROUND * np.median(around))
 
 
 def _stands_alone(value: np.ndarray, i: int, margin: float) -> bool:

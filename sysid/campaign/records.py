@@ -89,6 +89,7 @@ class Log:
 
     `messages` are sentences about what was missing or repaired while reading.  `more_files` are logs of other loggers
     whose channels are here, or could not be used; `sync` holds stamps and readings of a signal that loggers share.
+    `span_s` is the duration that counts where stamps were moved after reading: so the grid of a run stays.
     """
 
     file: str
@@ -98,11 +99,12 @@ class Log:
     messages: tuple[str, ...] = ()
     more_files: tuple[str, ...] = ()
     sync: tuple[np.ndarray, np.ndarray] | None = None
+    span_s: float | None = None
 
     @property
     def duration_s(self) -> float:
         """Time from the first to the last stamp of any channel [s]."""
-        return max(float(c.time_s[-1]) for c in self.channels)
+        return self.span_s if self.span_s is not None else max(float(c.time_s[-1]) for c in self.channels)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sysid.campaign import Campaign, Channel, Log, check_quality, quality_table, read_campaign
-from sysid.campaign.defects import clip_levels
+from sysid.campaign.defects import clip_levels, spikes
 from sysid.wording import say_once
 
 RUN = "bump_runs/case1_unloaded_16kmh_run1.csv"
@@ -392,3 +392,51 @@ def test_what_many_logs_share_is_said_once():
         "r2.csv: 3 rows are missing.",
     ]
     assert say_once([]) == []
+
+
+def test_three_equal_readings_at_a_noisy_peak_are_chance_and_four_are_not():
+    random = np.random.default_rng(3)
+    time = np.arange(0.0, 4.4, 0.005)
+    # A noise of 15 steps of the resolution, as of an accelerometer that writes mg.
+    peak = np.round(0.45 * np.exp(-((time - 1.02) ** 2) / 0.002) + 0.015 * random.normal(size=time.size), 3)
+    peak = np.minimum(peak, 0.44)
+    k = int(np.argmax(peak))
+    for row, expected in ((3, None), (4, 0.462)):
+        value = peak.copy()
+        value[k : k + row] = 0.462
+        assert clip_levels(value) == (expected, None)
+
+
+#: Readings [g] of a simulated axle after its wheels fell off the plank, 5 ms apart.
+CHATTER = [0.204, 0.189, 0.164, 0.105, 0.152, 0.151, 0.014, 0.143, -0.056, -0.191, -0.034, -0.198, -0.322, -0.162]
+CHATTER += [
+    -0.171,
+    -0.537,
+    -0.19,
+    -0.17,
+    -0.428,
+    0.009,
+    -0.203,
+    -0.206,
+    0.045,
+    -0.136,
+    -0.117,
+    -0.044,
+    -0.066,
+    -0.08,
+    -0.136,
+]
+
+
+def test_an_axle_that_chatters_has_no_spikes():
+    random = np.random.default_rng(4)
+    rest = 0.022 * random.normal(size=880)
+    rest[170:190] += np.linspace(-1.2, 1.2, 20)
+    chatter = rest.copy()
+    chatter[210 : 210 + len(CHATTER)] = CHATTER
+    assert spikes(chatter).size == 0
+    # The same departure where nothing else departs, once and twice, is one.
+    for at in ([225], [225, 231]):
+        lost = rest.copy()
+        lost[at] -= 0.4
+        assert spikes(lost).tolist() == at

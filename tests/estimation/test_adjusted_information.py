@@ -11,13 +11,18 @@ from synthetic_fit import synthetic_fit
 from sysid.campaign.clocks.settings import ClockFinding
 from sysid.estimation.fit.joint_optimum import NEAR_SD
 from sysid.estimation.fit.state import FitState
+from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
-from sysid.estimation.uncertainty.clock_response import ClockResponse, clock_response
+from sysid.estimation.residuals.run_clocks import run_clocks
+from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS
+from sysid.estimation.uncertainty.clock_columns import clock_columns
 from sysid.estimation.uncertainty.information import (
     AdjustedInformation,
+    BlockInformation,
     adjusted_information,
     footprints_following,
+    information_with,
     model_error,
     optimum_information,
 )
@@ -90,43 +95,107 @@ def test_masses_and_tires_have_settled_where_the_fit_ends(fit):
     assert remaining(fit.state, change).amounts[at] == pytest.approx(-0.02, abs=0.006)
 
 
-def by_clocks(fit, logger_of, sd_s: float = 1e-3) -> ClockResponse:
-    """How the optimum follows a clock by which some sensors go, known to `sd_s` in every run."""
-    state = fit.state
-    sensors = tuple(replace(s, logger="b" if logger_of(s) else "") for s in state.model.layout.sensors)
-    model = replace(state.model, layout=replace(state.model.layout, sensors=sensors))
+SD_S, SD_RATE, MOVED_S, MOVED_RATE = 5e-4, 1.5e-4, 2e-4, -5e-5
+
+
+def deflections(sensor) -> bool:
+    return sensor.kind == "suspension_deflection"
+
+
+def of_two_loggers(fit, of_second, moved_s: float = 0.0, late_s: float = 0.0, late_rate: float = 0.0):
+    """Problem and campaign of the fit with a second logger of late stamps, whose clock a fit has moved by `moved_s`."""
+    state, about_s = fit.state, 1.0
+    runs = []
+    for run in state.campaign.bump_runs:
+        channels = []
+        for c in run.log.channels:
+            if of_second(c.sensor):
+                time_s = c.time_s + late_s + late_rate * (c.time_s - about_s)
+                c = replace(c, sensor=replace(c.sensor, logger="b"), time_s=time_s)
+            channels.append(c)
+        runs.append(replace(run, log=replace(run.log, channels=tuple(channels), span_s=run.log.duration_s)))
     clocks = tuple(
-        ClockFinding(run.log.file, "b.csv", "b", "motion", 0.0, sd_s, 1.0, 0.0, 0.0) for run in state.campaign.bump_runs
+        ClockFinding(r.log.file, "b.csv", "b", "motion", 0.0, SD_S, about_s, 0.0, SD_RATE, moved_s=moved_s)
+        for r in runs
     )
-    campaign = replace(state.campaign, clocks=clocks)
-    problem = Problem(model, campaign, state.point.motion, state.problem().weights)
-    found = clock_response(campaign, problem, problem.vector(state.point.log_parameters), [])
-    assert found is not None
-    return found
+    campaign = replace(state.campaign, bump_runs=tuple(runs), clocks=clocks)
+    model = bump_model(campaign, state.parameters, state.profiles, tires=state.model.tires)
+    model = state.allowances.moved(model, state.point.amounts)
+    return Problem(model, campaign, state.point.motion, state.point.weights), campaign
+
+
+def with_clocks(fit, *arguments, **choices) -> BlockInformation:
+    problem, campaign = of_two_loggers(fit, *arguments, **choices)
+    vector = problem.vector(fit.state.point.log_parameters)
+    return information_with(campaign, problem, vector, clocks=run_clocks(campaign), with_parts=True)
+
+
+def test_late_stamps_are_found(fit):
+    # Offset and rate by which the stamps were made late; the readings know 0.05 ms and some 50 ppm here.
+    before = with_clocks(fit, deflections).clocks
+    after = with_clocks(fit, deflections, late_s=MOVED_S, late_rate=MOVED_RATE).clocks
+    assert np.max(before.sd[:, 0]) < 0.1
+    found = after.alone - before.alone
+    np.testing.assert_allclose(found[:, 0] * SD_S, -MOVED_S, rtol=0.05)
+    np.testing.assert_allclose(found[:, 1] * SD_RATE, -MOVED_RATE, atol=0.3 * abs(MOVED_RATE))
 
 
 def test_a_clock_of_all_sensors_is_the_start_of_the_run(fit):
-    # That is free anyway: nothing follows, and what follows some sensors follows all others the other way.
-    everything = by_clocks(fit, lambda s: True).across
-    some = by_clocks(fit, lambda s: s.kind == "suspension_deflection").across
-    others = by_clocks(fit, lambda s: s.kind != "suspension_deflection").across
-    assert some.shape == (len(fit.state.parameters.parameters), len(fit.state.campaign.bump_runs))
-    assert np.linalg.norm(everything) < 0.1 * np.linalg.norm(some)
-    np.testing.assert_allclose(some, -others, atol=0.1 * np.abs(some).max())
+    # That is free anyway, and what follows some sensors follows all others the other way.  Clocks known to less than
+    # readings tell, so that what they take is the square of how they are followed.
+    state = fit.state
+    problem, campaign = of_two_loggers(fit, deflections)
+    vector = problem.vector(state.point.log_parameters)
+    known = run_clocks(campaign)
+    offsets = replace(known, sd=known.sd * np.array([1e-3, 0.0]))
+    free = information_with(campaign, problem, vector).matrix
+    lost = {}
+    for name, of_second in (("all", lambda s: True), ("some", deflections), ("others", lambda s: not deflections(s))):
+        problem, campaign = of_two_loggers(fit, of_second)
+        lost[name] = free - information_with(campaign, problem, vector, clocks=offsets).matrix
+    largest = np.abs(lost["some"]).max()
+    assert np.abs(lost["all"]).max() < 0.05 * largest
+    np.testing.assert_allclose(lost["some"], lost["others"], atol=0.1 * largest)
 
 
-def test_clocks_widen_the_covariance_by_what_the_optimum_follows():
-    # Three unknowns, two clocks: the covariance of x + K t in closed form.
-    random = np.random.default_rng(2)
-    root = random.normal(size=(3, 3))
-    information, across, sd = root @ root.T + np.eye(3), random.normal(size=(3, 2)), np.array([0.3, 2.0])
-    without = np.linalg.inv(information)
-    moved = without @ across
-    left = information - ClockResponse(2.0 * across, sd).lost(information, 2.0)
-    np.testing.assert_allclose(np.linalg.inv(left), without + moved @ np.diag(sd**2) @ moved.T, rtol=1e-9)
+def test_clocks_follow_as_in_one_dense_least_squares_problem(fit):
+    problem, campaign = of_two_loggers(fit, deflections, moved_s=MOVED_S)
+    vector, clocks = problem.vector(fit.state.point.log_parameters), run_clocks(campaign)
+    found = information_with(campaign, problem, vector, clocks=clocks, with_parts=True)
+    count, runs = problem.count, len(campaign.bump_runs)
+    _, motion = problem.unpack(vector)
+    blocks, values = [], []
+    for position, group in enumerate(problem.model.groups):
+        here = problem.linearise_one(vector, position)
+        own = clock_columns(problem, position, here, clocks)
+        prior, by_motion = problem.expected.rows(motion, group.runs)
+        for r, run in enumerate(group.runs):
+            of_run = slice(count + 5 * run, count + 5 * run + 5)
+            rows = np.concatenate(
+                [np.asarray(here.residual_jacobian)[:, r].reshape(-1, count + 3), np.asarray(here.gain_jacobian)[r]]
+            )
+            more = np.concatenate([own.residual[:, r].reshape(-1, 2), own.gain[r]])
+            block = np.zeros((rows.shape[0] + 4, count + 5 * runs))
+            block[: rows.shape[0], :count], block[: rows.shape[0], of_run] = (
+                rows[:, :count],
+                np.hstack([rows[:, count:], more]),
+            )
+            block[-4:-2, count + 5 * run : count + 5 * run + RUN_UNKNOWNS] = by_motion[r]
+            block[-2:, count + 5 * run + RUN_UNKNOWNS : count + 5 * run + 5] = np.eye(2)
+            blocks.append(block)
+            residual = [np.asarray(here.residual)[:, r].ravel(), np.asarray(here.gain_residual)[r]]
+            # The fit has moved the clock by this many standard deviations.
+            values.append(np.concatenate([*residual, prior[r], [MOVED_S / SD_S, 0.0]]))
+    dense, value = np.vstack(blocks), np.concatenate(values)
+    step = -np.linalg.solve(dense.T @ dense, dense.T @ value)
+    of_clocks = step[count:].reshape(runs, 5)[:, RUN_UNKNOWNS:]
+    np.testing.assert_allclose(found.clocks.step(step[:count]), of_clocks, rtol=1e-6, atol=1e-9)
+    covariance = np.linalg.inv(dense.T @ dense)[:count, :count]
+    np.testing.assert_allclose(np.linalg.inv(found.matrix), covariance, rtol=1e-5, atol=1e-12)
+    assert found.blocks[-1] == "clocks"
+    assert len(found.blocks) == len(found.scores) == len(found.parts)
 
 
 def test_one_logger_has_no_clock_to_follow(fit):
-    state = fit.state
-    problem = state.problem()
-    assert clock_response(state.campaign, problem, problem.vector(state.point.log_parameters), []) is None
+    assert run_clocks(fit.state.campaign) is None
+    assert fit.state.point.clocks == ()

@@ -1,4 +1,4 @@
-"""Two loggers 200 ms and 100 ppm apart: k and c as with one clock, and the intervals hold what is not known of it."""
+"""Two loggers 200 ms and 100 ppm apart: k, c and their intervals are those of one clock."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from synthetic_campaign import Physics
 from two_loggers import SecondClock, late_s, loggers_declared, simulate_logs
@@ -13,6 +14,7 @@ from two_loggers import SecondClock, late_s, loggers_declared, simulate_logs
 from sysid.campaign import check_quality, read_campaign
 from sysid.campaign.records import BumpRun, Campaign
 from sysid.estimation import FitOptions, campaign_parameters, fit_bump_runs
+from sysid.estimation.fit.state import restored
 from sysid.road.point_cloud import read_point_cloud
 from sysid.road.scan import analyse_scan
 
@@ -20,9 +22,9 @@ CLOCK = SecondClock(0.2, 1e-4)
 PHYSICS = Physics(drops_per_axle=0, speeds_km_h=(9.0, 16.0))
 OPTIONS = FitOptions(weight_rounds=1, cross_check=False, laws="declared")
 NEAR_S = 2e-3
-#: Parts of a standard deviation, that holds what is not known of the clocks.
-UNCHANGED = {'clock = "continuous"': 0.8, 'clock = "per_log"': 0.8}
-KINDS = tuple(UNCHANGED)
+#: What is asked for, in standard deviations, and by which factor these may be wider.
+UNCHANGED_SD, WIDER = 0.2, 1.15
+KINDS = ('clock = "continuous"', 'clock = "per_log"')
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +60,11 @@ def moved(campaign: Campaign, run: BumpRun, by_s: float, by_rate: float) -> Bump
 def fitted(campaign: Campaign) -> dict[str, tuple[float, float]]:
     """k and c with their standard deviations, by name."""
     profiles = {name: analyse_scan(scan).profile for name, scan in campaign.scans.items()}
-    result, _ = fit_bump_runs(campaign, campaign_parameters(campaign, None), profiles, OPTIONS)
+    result, state = fit_bump_runs(campaign, campaign_parameters(campaign, None), profiles, OPTIONS)
+    # Later stages begin with the same records.
+    again = restored(campaign, profiles, state.point).model.groups
+    for old, new in zip(state.model.groups, again, strict=True):
+        np.testing.assert_array_equal(old.value, new.value)
     return {p.name: (p.value, p.sd) for p in result.parameters if p.name.startswith(("k_", "c_"))}
 
 
@@ -75,11 +81,9 @@ def test_k_and_c_are_those_of_one_clock(logs: Path, kind: str) -> None:
         assert abs(error) < NEAR_S
         truth.append(moved(campaign, run, -error, CLOCK.rate - clock.rate))
     found, right = (fitted(c) for c in (campaign, replace(campaign, bump_runs=tuple(truth), clocks=())))
-    for name, (value, sd) in found.items():
-        sys.stderr.write(
-            f"{kind} {name}: {(value - right[name][0]) / sd:+.2f} sd, sd {sd / right[name][1]:.2f} times\n"
-        )
-        assert abs(value - right[name][0]) < UNCHANGED[kind] * sd
-        # What is not known of the clocks is in the intervals.
-        assert sd > 0.98 * right[name][1]
-    assert max(found[name][1] / right[name][1] for name in found) > 1.05
+    apart = {name: (value - right[name][0]) / right[name][1] for name, (value, _) in found.items()}
+    wider = {name: sd / right[name][1] for name, (_, sd) in found.items()}
+    for name in found:
+        sys.stderr.write(f"{kind} {name}: {apart[name]:+.2f} sd, sd {wider[name]:.2f} times\n")
+    assert max(map(abs, apart.values())) < UNCHANGED_SD
+    assert 0.95 < min(wider.values()) <= max(wider.values()) < WIDER

@@ -172,3 +172,23 @@ def test_a_clock_of_another_phase_is_not_moved_onto_the_grid():
     value, measured, _ = on_grid(second, 400, 0.005, alone)
     assert measured.all()
     assert np.array_equal(value, second.value)
+
+
+def test_a_clock_that_a_fit_has_found_is_not_rounded_to_the_grid():
+    # 1.5 % of an interval late: readings of the first logger count as if on the grid, those of a second one do not.
+    run = empty_run("two.csv", 8.0, samples=60)
+    late = 0.015 * run.log.sample_interval_s
+    ramp = [
+        replace(c, time_s=c.time_s + late * (k == 1), value=c.time_s + late * (k == 1))
+        for k, c in enumerate(run.log.channels)
+    ]
+    for logger, expected in (("", late), ("b", 0.0)):
+        ramp[1] = replace(ramp[1], sensor=replace(ramp[1].sensor, logger=logger))
+        data = campaign([replace(run, log=replace(run.log, channels=tuple(ramp)))])
+        layout = channel_layout(data.bump_runs)
+        (group,) = group_runs(data, layout)
+        c = [s.column for s in layout.sensors].index(ramp[1].sensor.column)
+        grid = run.log.sample_interval_s * np.arange(group.samples)
+        inside = group.measured[:, 0, c]
+        assert inside[1:59].all()
+        np.testing.assert_allclose(group.value[inside, 0, c] - grid[inside], expected, atol=1e-12)

@@ -64,7 +64,8 @@ def test_a_run_s_own_unknowns_are_eliminated_like_a_schur_complement() -> None:
     residual = random.standard_normal((50, 1, 2))
     jacobian = random.standard_normal((50, 1, 2, 6))
     prior = np.diag([0.3, 0.0, 1.0])[None]
-    scores, information, _ = block_scores(_linearised(residual, jacobian, np.zeros((1, 2)), np.zeros((1, 2, 6))), prior)
+    lin = _linearised(residual, jacobian, np.zeros((1, 2)), np.zeros((1, 2, 6)))
+    scores, information, *_ = block_scores(lin, prior)
     dense = jacobian[:, 0].reshape(-1, 6)
     normal = dense.T @ dense
     normal[3:, 3:] += prior[0]
@@ -114,7 +115,7 @@ def test_scores_and_information_are_those_of_all_rows_written_out():
     prior = np.array([np.diag(random.uniform(1.0, 3.0, own)) for _ in range(runs)])
     used = np.array([[True, False, True], [True, True, True]])
     whole = _linearised(residual, jacobian, gain, by_gain)
-    scores, information, parts = block_scores(whole, prior, used)
+    scores, information, parts, *_ = block_scores(whole, prior, used)
     once = block_scores(whole, prior)
     np.testing.assert_allclose(once.information, information, rtol=1e-9)
     assert once.parts == []

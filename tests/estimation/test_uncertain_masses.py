@@ -21,7 +21,7 @@ from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
-from sysid.estimation.uncertainty.joint_step import integrated, joint_step
+from sysid.estimation.uncertainty.joint_step import JointStep, integrated, joint_step
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.uncertain_masses import AXLE_LOAD, SCALE, uncertain_masses
 from sysid.vehicle_model.assembly import assemble
@@ -272,3 +272,12 @@ def test_amounts_of_a_frame_are_added_to_those_of_its_load_case():
     _, cases = masses.applied(amounts)
     np.testing.assert_allclose(cases["laden"].frame_masses[0], (0.1, 0.2, -0.5))
     assert not np.any(cases["empty"].frame_masses)
+
+
+def test_a_step_takes_back_the_one_before_where_it_points_the_other_way():
+    there = JointStep(np.array([1.0]), np.array([0.3, 0.0]), np.array([3.0, 0.0]))
+    assert there.times(-0.8).takes_back(there)
+    assert not there.takes_back(there)
+    sideways = replace(there, over_sd=np.array([-1.0, 3.0]))
+    assert not sideways.takes_back(there)
+    assert there.times(-0.5).largest == 1.5

@@ -71,7 +71,9 @@ def test_shares_are_counted_and_written(tmp_path: Path) -> None:
     assert falsely_accused(made) == (1, 30)
     assert "| runs | 2 | 0 | 1 | 0 | 1 | 50 % |" in fault_table(made[:3])
     page = tmp_path / "page.md"
-    page.write_text("head\n<!-- check faults: begin -->\nold\n<!-- check faults: end -->\ntail\n", encoding="utf-8")
+    marks = "<!-- check faults: begin -->\nold\n<!-- check faults: end -->\n"
+    of_healthy = "<!-- healthy campaigns: begin -->\nolder\n<!-- healthy campaigns: end -->\n"
+    page.write_text(f"head\n{marks}{of_healthy}tail\n", encoding="utf-8")
     effects = [
         {"said": "x", "ends": "fitted", "k": 0.01, "c": 0.2},
         {"said": "y", "ends": "same readings", "k": 0.0, "c": 0.0},
@@ -83,3 +85,8 @@ def test_shares_are_counted_and_written(tmp_path: Path) -> None:
     assert "| x | 1 % | 20 % |" in text
     assert "old" not in text
     assert text.endswith("tail\n")
+    # Healthy campaigns that are drawn again leave the faults as they are.
+    write([], [{"number": 2, "accusing": ["a is wrong."], "rejected": [], "records": 7}], [], 4, page)
+    again = page.read_text(encoding="utf-8")
+    assert "Seed 4. 1 healthy campaigns, 7 channel records: 0 records rejected, 1 campaigns with a" in again
+    assert "3 cases with 3 faults, seed 3" in again

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf, isfinite
 from typing import Literal
 
 #: A clock that starts anew with every log, one that runs on from log to log, or one shared with the first logger.
@@ -35,6 +36,7 @@ class ClockFinding:
 
     Standard deviations `sd_s` and `rate_sd`; `offset_s` is NaN where nothing was found.  `complaint` is a sentence
     where the channels of the logger cannot be used in this run, `caution` one where they are used in spite of it.
+    `moved_s` and `moved_rate` are by what a fit has moved offset and rate beyond these.
     """
 
     file: str
@@ -48,3 +50,15 @@ class ClockFinding:
     rate_sd: float
     complaint: str = ""
     caution: str = ""
+    moved_s: float = 0.0
+    moved_rate: float = 0.0
+
+    @property
+    def is_unknown(self) -> bool:
+        """Whether the logger is used and its clock is an estimate."""
+        return not self.complaint and isfinite(self.offset_s) and 0.0 < self.sd_s < inf
+
+    @property
+    def about_s(self) -> float:
+        """Time of the run, on the reference, about which a rate turns."""
+        return self.at_s + self.offset_s

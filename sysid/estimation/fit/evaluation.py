@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares as scipy_least_squares
 
 from sysid.arrays import Parameters, ParametersByParameters, UnknownsOfFit
+from sysid.campaign.clocks.moved import on_moved_clocks
 from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit.fit_result import FitResult, MassCheck
@@ -55,6 +56,7 @@ def evaluate_optimum(
     campaign: Campaign, optimum: Optimum, options: FitOptions, report: Progress
 ) -> tuple[FitResult, FitState]:
     """Covariance, checks and histories at an optimum; with ``options.cross_check`` SciPy's solver searches as well."""
+    campaign = on_moved_clocks(campaign, optimum.clocks)
     problem, vector, minimum = optimum.problem, optimum.vector, optimum.minimum
     model, weights = problem.model, problem.weights
     report("covariance and checks", 0.9)
@@ -84,7 +86,7 @@ def evaluate_optimum(
     determined = assess(estimates, shared, adjusted.data)
     warnings = fit_warnings(minimum, (optimum.misfit, optimum.over_instruments), halving, difference, determined)
     checks = _mass_checks(allowances.masses, adjusted.response, shared)
-    point = _fit_point(problem, vector, adjusted)
+    point = replace(_fit_point(problem, vector, adjusted), clocks=optimum.clocks)
     fit = FitResult(
         parameters=estimates,
         run_parameters=runs,

@@ -1,17 +1,18 @@
-"""The joint optimum of parameters, masses and departures from the model, from the optimum of the parameters alone.
+"""The joint optimum of parameters, masses, departures and clocks, from the optimum of the parameters alone.
 
-Masses and departures y have priors, and the data inform them.  Every round has three parts: a Gauss-Newton step of all
-together (:mod:`sysid.estimation.uncertainty.joint_step`); vehicle and footprint maps made anew there; a search for the
-parameters with this vehicle.
+Masses and departures y have priors, and the data inform them; so have the clocks of further loggers.  Every round has
+three parts: a Gauss-Newton step of all together (:mod:`sysid.estimation.uncertainty.joint_step`); vehicle and footprint
+maps made anew there, and records put on the moved clocks; a search for the parameters with these.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.campaign.clocks.moved import on_moved_clocks
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
@@ -19,13 +20,15 @@ from sysid.estimation.fit.reweighted_search import optimise_from
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.larger_steps import with_larger_steps
+from sysid.estimation.residuals.run_clocks import moved_clocks
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
 from sysid.estimation.uncertainty.information import footprints_following, model_error, optimum_information
 from sysid.estimation.uncertainty.joint_step import JointStep, joint_step
 from sysid.progress import Progress
 from sysid.road.road_profile import RoadProfile
 
-#: Rounds end where no mass or departure moves further than this many of its standard deviations, or after so many.
+#: Rounds end where no mass, departure or clock moves further than this many of its standard deviations, or after so
+#: many.
 NEAR_SD = 0.3
 ROUNDS = 8
 #: Beyond this many standard deviations the last of them has not settled.
@@ -39,6 +42,23 @@ _ROUGH_TOLERANCE = 1e-5
 _UNSETTLED = "masses and tires did not settle: another model may be needed"
 
 
+@dataclass(frozen=True)
+class _Step:
+    """A step of parameters, masses and departures, and that of the clocks (n, l, 2) [prior sd], None without any.
+
+    `largest` of all but the parameters, in standard deviations.
+    """
+
+    joint: JointStep
+    clocks: np.ndarray | None
+    largest: float
+
+    def times(self, share: float) -> _Step:
+        """A share of the step."""
+        clocks = None if self.clocks is None else share * self.clocks
+        return _Step(self.joint.times(share), clocks, share * self.largest)
+
+
 def joint_optimum(
     campaign: Campaign,
     optimum: Optimum,
@@ -50,6 +70,7 @@ def joint_optimum(
 
     Parameters
     ----------
+    campaign : screened, its clocks as read.
     optimum : of the parameters, with masses and contact as declared; its steps may be larger than those of `options`.
     profiles, options, report : as :func:`sysid.estimation.fit.least_squares.optimise`.
     """
@@ -61,9 +82,9 @@ def joint_optimum(
         report("masses and tires", 0.9)
         allowances = _allowances(campaign, optimum.problem.model)
         step = _step(campaign, optimum, allowances)
-        if before is not None and step.takes_back(before):
+        if before is not None and step.joint.takes_back(before):
             step = step.times(0.5)
-        before = step
+        before = step.joint
         near = number >= REWEIGHTED and step.largest < NEAR_SD
         last = near or number == ROUNDS - 1
         how = final if last else (reweighted if number < REWEIGHTED else rough)
@@ -94,11 +115,10 @@ def _with_frame_shapes(
     """
     for _ in range(ROUNDS):
         allowances = _allowances(campaign, optimum.problem.model)
-        shapes = allowances.masses.frame_shapes
-        if not shapes.any():
+        if not allowances.masses.frame_shapes.any():
             break
         report("shapes of frames that bend", 0.9)
-        step = _step(campaign, optimum, allowances, np.append(shapes, np.zeros(allowances.count - shapes.size, bool)))
+        step = _shape_step(campaign, optimum, allowances)
         for share in SHARES:
             moved = _moved(campaign, optimum, step.times(share), profiles, options, report, larger_steps=True)
             if moved.misfit <= optimum.misfit:
@@ -121,45 +141,66 @@ def _allowances(campaign: Campaign, model: BumpModel) -> Allowances:
     return campaign_allowances(campaign, model.parameters, model.felt)
 
 
-def _step(campaign: Campaign, optimum: Optimum, allowances: Allowances, alone: np.ndarray | None = None) -> JointStep:
-    """The next step; only of the masses and departures that are `alone`, if given."""
-    problem = optimum.problem
+def _step(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> _Step:
+    problem, campaign = optimum.problem, on_moved_clocks(campaign, optimum.clocks)
     amounts = np.zeros(allowances.count) if optimum.amounts is None else optimum.amounts
     data = optimum_information(campaign, problem, optimum.vector, allowances, optimum.amounts)
     rows, targets = problem.model.parameters.prior_rows()
     prior, pull = rows.T @ rows, rows.T @ (rows @ optimum.vector[: problem.count] - targets)
     following = footprints_following(problem, optimum.vector[: problem.count], allowances)
-    if alone is not None:
-        sd = np.append(allowances.masses.sd, np.zeros(alone.size - allowances.masses.sd.size)) * alone
-        return joint_step(data.matrix, data.score, prior, pull, sd, amounts, following)
-    return model_error(data, prior, pull, allowances, amounts, following).step
+    step = model_error(data, prior, pull, allowances, amounts, following).step
+    if data.clocks is None:
+        return _Step(step, None, step.largest)
+    change = np.concatenate([step.parameters, step.amounts])
+    clocks = data.clocks.step(change if following is None else change + following @ change)
+    largest = max(step.largest, float(np.max(np.abs(clocks) / data.clocks.sd)))
+    return _Step(step, clocks.reshape(len(clocks), -1, 2), largest)
+
+
+def _shape_step(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> _Step:
+    """The next step of parameters and shapes of frames alone."""
+    problem, masses = optimum.problem, allowances.masses
+    amounts = np.zeros(allowances.count) if optimum.amounts is None else optimum.amounts
+    campaign = on_moved_clocks(campaign, optimum.clocks)
+    data = optimum_information(campaign, problem, optimum.vector, allowances, optimum.amounts)
+    rows, targets = problem.model.parameters.prior_rows()
+    pull = rows.T @ (rows @ optimum.vector[: problem.count] - targets)
+    sd = np.zeros(allowances.count)
+    sd[: masses.sd.size] = np.where(masses.frame_shapes, masses.sd, 0.0)
+    following = footprints_following(problem, optimum.vector[: problem.count], allowances)
+    step = joint_step(data.matrix, data.score, rows.T @ rows, pull, sd, amounts, following)
+    return _Step(step, None, step.largest)
 
 
 def _moved(
     campaign: Campaign,
     before: Optimum,
-    step: JointStep,
+    step: _Step,
     profiles: Mapping[str, RoadProfile],
     options: FitOptions,
     report: Progress,
     *,
     larger_steps: bool,
 ) -> Optimum:
-    """The optimum of the parameters after a step, with masses, departures and footprint maps of there."""
-    problem = before.problem
+    """The optimum of the parameters after a step, with masses, departures, clocks and footprint maps of there."""
+    problem, clocks = before.problem, before.clocks
+    if step.clocks is not None:
+        clocks = moved_clocks(on_moved_clocks(campaign, clocks), step.clocks)
+        campaign = on_moved_clocks(campaign, clocks)
     old, (values, motion) = problem.model, problem.unpack(before.vector)
-    values = values + step.parameters
+    values = values + step.joint.parameters
     tires = map_tires(old.parameters, values) if old.felt.contact == "footprint" else old.tires
     model = bump_model(
         campaign, old.parameters, profiles, target_step_s=options.target_step_s, contact=old.felt.contact, tires=tires
     )
     allowances = _allowances(campaign, model)
     here = np.zeros(allowances.count) if before.amounts is None else before.amounts
-    amounts = allowances.within_reach(here + step.amounts)
+    amounts = allowances.within_reach(here + step.joint.amounts)
     model = allowances.moved(model, amounts)
     model = with_larger_steps(model, values, motion) if larger_steps else model
     after = optimise_from(campaign, model, motion, before.instrument, values, options, report, weights=problem.weights)
     # The cross-check starts from where the search for all began.
     first = after.problem.vector(before.first[: problem.count])
     iterations = before.minimum.iterations + after.minimum.iterations
-    return replace(after, first=first, minimum=replace(after.minimum, iterations=iterations), amounts=amounts)
+    minimum = replace(after.minimum, iterations=iterations)
+    return replace(after, first=first, minimum=minimum, amounts=amounts, clocks=clocks)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.arrays import RunsByChannels, UnknownsOfFit
+from sysid.campaign.clocks.settings import ClockFinding
 from sysid.estimation.fit.minimiser import Minimum
 from sysid.estimation.residuals.problem import Problem
 
@@ -18,7 +19,8 @@ class Optimum:
     `vector` the optimum and `first` where the last search began from, in the unknowns of `problem`; `minimum` how it
     ended; `instrument` (R, C) noise of the instruments per group [SI], `rolling` (R, C) what the channels show while
     the truck rolls towards the bump, 0 where nothing tells it; `amounts` (q,) log factors on masses and amplitudes of
-    departures by which the model of `problem` is moved, None for the declared vehicle.
+    departures by which the model of `problem` is moved, None for the declared vehicle; `clocks` of further loggers as
+    its records have them, none for clocks as read.
     """
 
     problem: Problem
@@ -28,6 +30,7 @@ class Optimum:
     instrument: tuple[RunsByChannels, ...]
     rolling: tuple[RunsByChannels, ...]
     amounts: np.ndarray | None = None
+    clocks: tuple[ClockFinding, ...] = ()
 
     @property
     def misfit(self) -> float:

@@ -9,6 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
+from sysid.campaign.clocks.moved import on_moved_clocks
+from sysid.campaign.clocks.settings import ClockFinding
 from sysid.campaign.records import Campaign
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.parameters.undeclared_parts import NO_PARTS, UndeclaredParts
@@ -32,7 +34,8 @@ class FitPoint:
     `weights` of its residuals; `adjustment` (p, p) flattens the likelihood, and `slope` (p,) is the gradient of its
     logarithm at the optimum (:mod:`sysid.estimation.uncertainty.information`), None for the gradient of the flattened
     likelihood; `amounts` (q,) masses and departures at the optimum, and `mass_response` how they depend on the
-    parameters, both None for a vehicle as declared; `parts` were added to the declared vehicle.
+    parameters, both None for a vehicle as declared; `parts` were added to the declared vehicle; `clocks` of further
+    loggers as the fit has them, none where it has not moved any.
     """
 
     parameters: ParameterSet
@@ -47,12 +50,17 @@ class FitPoint:
     amounts: np.ndarray | None = None
     mass_response: MassResponse | None = None
     parts: UndeclaredParts = NO_PARTS
+    clocks: tuple[ClockFinding, ...] = ()
+
+    def in_campaign(self, campaign: Campaign) -> Campaign:
+        """A campaign, as its file declares it, with what the fit has added and moved."""
+        return on_moved_clocks(self.parts.in_campaign(campaign), self.clocks)
 
 
 @dataclass(frozen=True)
 class FitState:
-    """A finished fit: the screened `campaign` with the parts that the fit added, what is kept of it (`point`), and the
-    `model` of its runs.
+    """A finished fit: the screened `campaign` with the parts that the fit added and the clocks that it found, what is
+    kept of it (`point`), and the `model` of its runs.
     """
 
     campaign: Campaign
@@ -107,7 +115,7 @@ def restored(campaign: Campaign, profiles: Mapping[str, RoadProfile], point: Fit
     campaign : screened, the one that was fitted.
     profiles : road profile of each bump, those of the fit.
     """
-    campaign = point.parts.in_campaign(campaign)
+    campaign = point.in_campaign(campaign)
     return FitState(campaign, point, model_of(campaign, profiles, point))
 
 

@@ -12,8 +12,9 @@ from sysid.arrays import SamplesByRunsByChannels
 from sysid.campaign.records import BumpRun, Campaign, Channel, Sensor
 from sysid.errors import DataRejectedError
 
-#: Share of the interval by which stamps may depart from an even grid and count as even.
-_EVEN = 0.02
+#: Share of the interval by which stamps may depart from an even grid and count as even; those of further loggers are
+#: known to microseconds where a fit has found their clocks.
+_EVEN, _EVEN_OF_CLOCK = 0.02, 0.001
 #: Runs of one group differ in length by less than this share.
 _WASTE = 0.15
 
@@ -80,20 +81,20 @@ def grid_phase(channels: Sequence[Channel], interval_s: float) -> float | None:
     return next((phase for c in channels if (phase := _even_phase(c.time_s / interval_s)) is not None), None)
 
 
-def _even_phase(position: np.ndarray) -> float | None:
-    """Offset (-1/2 to 1/2) that stamps share, in intervals; None where some are not within 2 % of an even grid."""
+def _even_phase(position: np.ndarray, near: float = _EVEN) -> float | None:
+    """Offset (-1/2 to 1/2) that stamps share, in intervals; None where some are not `near` an even grid."""
     phase = float(np.angle(np.mean(np.exp(2j * np.pi * position))) / (2.0 * np.pi))
     # All stamps are judged, so that every channel of one clock goes the same way.
     even = position - phase
-    return phase if bool(np.all(np.abs(even - np.rint(even)) < _EVEN)) else None
+    return phase if bool(np.all(np.abs(even - np.rint(even)) < near)) else None
 
 
 def on_grid(
-    channel: Channel, samples: int, interval_s: float, phase: float | None = None
+    channel: Channel, samples: int, interval_s: float, phase: float | None = None, near: float = _EVEN
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Value, measured mask and censoring (samples,) of one channel on the uniform grid (k + phase) * interval.
 
-    Stamps that all lie within 2 % of the interval of grid times are taken to be there; without a `phase` (of the run)
+    Stamps that all lie `near` grid times (in intervals) are taken to be there; without a `phase` (of the run)
     but for an offset that they share, which shifts a run as a whole.  Other readings are interpolated by a cubic
     spline inside stretches without gaps; clipped ones stand at the nearest grid time.
     """
@@ -101,10 +102,10 @@ def on_grid(
     measured = np.zeros(samples, bool)
     censored = np.zeros(samples, np.int8)
     position = channel.time_s / interval_s
-    sampled_phase = _even_phase(position)
+    sampled_phase = _even_phase(position, near)
     begin = (sampled_phase or 0.0) if phase is None else phase
     apart = 0.0 if sampled_phase is None else sampled_phase - begin
-    regular = sampled_phase is not None and abs(apart - np.rint(apart)) < _EVEN
+    regular = sampled_phase is not None and abs(apart - np.rint(apart)) < near
     index = np.rint(position - begin).astype(int)
     inside = (index >= 0) & (index < samples) & np.isfinite(channel.value)
     if regular:
@@ -166,5 +167,6 @@ def _group(campaign: Campaign, layout: ChannelLayout, members: tuple[int, ...], 
         phase = grid_phase(channels, interval)
         for channel in channels:
             c = column[channel.sensor.column]
-            value[:, r, c], measured[:, r, c], censored[:, r, c] = on_grid(channel, samples, interval, phase)
+            near = _EVEN_OF_CLOCK if channel.sensor.logger else _EVEN
+            value[:, r, c], measured[:, r, c], censored[:, r, c] = on_grid(channel, samples, interval, phase, near)
     return RunGroup(members, interval, value, measured, censored)

@@ -1,11 +1,13 @@
-"""Elimination of what belongs to one run only: its motion, the last three unknowns of its residuals."""
+"""Elimination of what belongs to one run only: the last unknowns of its residuals.
+
+These are the three of its motion, in some campaigns followed by the clocks of further loggers.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from sysid.arrays import RunsByChannelsByUnknowns, RunsByUnknownsByUnknowns, SamplesByRunsByChannelsByUnknowns
-from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS
 
 
 def run_normal(
@@ -26,20 +28,26 @@ def run_normal(
 
 
 def without_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> RunsByUnknownsByUnknowns:
-    """Information (R, p, p) about p common unknowns, from normal matrices (R, p + 3, p + 3) of runs.
+    """Information (R, p, p) about p common unknowns, from normal matrices (R, p + l, p + l) of runs.
 
     Parameters
     ----------
-    prior : (R, 3, 3) prior precision of the runs' own unknowns.
+    prior : (R, l, l) prior precision of the runs' own unknowns.
     """
-    count = normal.shape[-1] - RUN_UNKNOWNS
+    count = normal.shape[-1] - prior.shape[-1]
     return np.asarray(normal[:, :count, :count] - normal[:, :count, count:] @ response_of_runs(normal, prior))
 
 
 def response_of_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> np.ndarray:
-    """How the runs' own unknowns follow the common ones at their best: N^-1 J_run' J, (R, 3, p); as `without_runs`."""
-    count = normal.shape[-1] - RUN_UNKNOWNS
+    """How the runs' own unknowns follow the common ones at their best: N^-1 J_run' J, (R, l, p); as `without_runs`."""
+    count = normal.shape[-1] - prior.shape[-1]
+    return np.asarray(np.linalg.solve(own_normal(normal, prior), normal[:, count:, :count]))
+
+
+def own_normal(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> RunsByUnknownsByUnknowns:
+    """N (R, l, l) of the runs' own unknowns with their priors; as `without_runs`."""
+    count = normal.shape[-1] - prior.shape[-1]
     of_runs = normal[:, count:, count:] + prior
     # A run whose data say nothing about its own unknowns must not divide by zero.
-    of_runs += 1e-12 * np.trace(of_runs, axis1=1, axis2=2)[:, None, None] * np.eye(RUN_UNKNOWNS)
-    return np.asarray(np.linalg.solve(of_runs, normal[:, count:, :count]))
+    of_runs += 1e-12 * np.trace(of_runs, axis1=1, axis2=2)[:, None, None] * np.eye(prior.shape[-1])
+    return np.asarray(of_runs)

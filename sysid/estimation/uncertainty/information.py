@@ -12,7 +12,7 @@ P the prior precision and C the flattening for model error that no departure sta
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -20,9 +20,9 @@ import numpy as np
 from sysid.arrays import Parameters, ParametersByParameters, UnknownsOfFit
 from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.problem import Problem
+from sysid.estimation.residuals.run_clocks import RunClocks, run_clocks
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
-from sysid.estimation.uncertainty.clock_response import ClockResponse, clock_response
 from sysid.estimation.uncertainty.departure_scale import departure_scale
 from sysid.estimation.uncertainty.joint_step import (
     JointStep,
@@ -34,7 +34,7 @@ from sysid.estimation.uncertainty.joint_step import (
 from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_following
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns
-from sysid.estimation.uncertainty.run_scores import run_scores
+from sysid.estimation.uncertainty.run_scores import ClockScores, run_scores, run_scores_with_clocks
 from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, flattening
 
 #: Rounds in which the factor of model error, and the scales of departures that go with it, are found.
@@ -71,20 +71,37 @@ class DataInformation:
 
 
 @dataclass(frozen=True)
+class ClockFollowing:
+    """How the unknown clocks (n, e) of n runs follow p + m other unknowns, all in prior standard deviations.
+
+    `alone` (n, e) their step while the others stay, `response` (n, e, p + m) how they follow them, with the other sign;
+    `sd` (n, e) what is left of their standard deviations.
+    """
+
+    alone: np.ndarray
+    response: np.ndarray
+    sd: np.ndarray
+
+    def step(self, change: np.ndarray) -> np.ndarray:
+        """The step (n, e) with a change (p + m,) of the others."""
+        return np.asarray(self.alone - self.response @ change)
+
+
+@dataclass(frozen=True)
 class BlockInformation:
     """Scores and information of p parameters and m further unknowns, runs' own motions eliminated.
 
     `matrix` (p + m, p + m); `scores` (n, p + m) of single runs and channels, and for each the block it belongs to
     (`blocks`: one channel in all repeats of one case); `parts` (n, p + m, p + m) of which the matrix is the sum, None
-    where nobody asked; `of_load_cases` the share of the matrix that comes from the runs in each load case.
-    `clocks`: how the optimum follows those of the loggers, where somebody asked.
+    where nobody asked; `of_load_cases` the share of the matrix that comes from the runs in each load case.  `clocks`: how
+    those of further loggers follow, where they were eliminated as well; their priors are one more block.
     """
 
     matrix: np.ndarray
     scores: np.ndarray
     blocks: tuple[tuple[Hashable, ...], ...]
     parts: np.ndarray | None = None
-    clocks: ClockResponse | None = None
+    clocks: ClockFollowing | None = None
     of_load_cases: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
@@ -125,17 +142,14 @@ def optimum_information(
     vector: UnknownsOfFit,
     allowances: Allowances,
     amounts: np.ndarray | None,
-    *,
-    with_clocks: bool = False,
 ) -> BlockInformation:
     """Information of the data about parameters, then masses and departures, where these are `amounts` (q,).
 
-    With `with_clocks` also how they follow the loggers' clocks.
+    The clocks of further loggers are free within what is known of them.
     """
     parameters, motion = problem.unpack(vector)
     columns = allowance_columns(problem.model, allowances, problem.weights, parameters, motion, amounts)
-    known = information_with(campaign, problem, vector, *columns, with_parts=True)
-    return replace(known, clocks=clock_response(campaign, problem, vector, columns) if with_clocks else None)
+    return information_with(campaign, problem, vector, *columns, with_parts=True, clocks=run_clocks(campaign))
 
 
 def information_with(
@@ -144,19 +158,28 @@ def information_with(
     vector: UnknownsOfFit,
     *kinds: Sequence[ResidualColumns],
     with_parts: bool = False,
+    clocks: RunClocks | None = None,
 ) -> BlockInformation:
     """Information of the data about parameters, then the unknowns of further columns; of single channels on request.
 
     Parameters
     ----------
     kinds : columns of every group by unknowns of some kind, kind after kind.
+    clocks : those of further loggers, eliminated with the motions; None for clocks that stay.
     """
     scores: list[np.ndarray] = []
     parts: list[np.ndarray] = []
     blocks: list[tuple[Hashable, ...]] = []
     of_cases: dict[str, np.ndarray] = {}
+    shared = problem.count + sum(columns[0].gain.shape[-1] for columns in kinds)
+    following: list[tuple[tuple[int, ...], ClockScores]] = []
     for position, group in enumerate(problem.model.groups):
-        found = run_scores(problem, vector, position, [columns[position] for columns in kinds], with_parts)
+        of_group = [columns[position] for columns in kinds]
+        if clocks is None:
+            found = run_scores(problem, vector, position, of_group, with_parts)
+        else:
+            found, by_clocks = run_scores_with_clocks(problem, vector, position, of_group, with_parts, clocks)
+            following.append((group.runs, by_clocks))
         parts += found.parts
         measured = np.asarray(group.measured.any(axis=0))
         for run, used, of_run, information in zip(group.runs, measured, found.scores, found.information, strict=True):
@@ -165,26 +188,27 @@ def information_with(
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
             scores += [of_run[c] for c in np.flatnonzero(used)]
             blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
-    whole = np.sum(list(of_cases.values()), axis=0)
-    separate = np.array(parts) if with_parts else None
-    return BlockInformation(whole, np.array(scores), tuple(blocks), separate, of_load_cases=of_cases)
+    for _, by_clocks in following:
+        scores.append(by_clocks.score.sum(axis=0))
+        parts += [by_clocks.information.sum(axis=0)] if with_parts else []
+        blocks.append(("clocks", ""))
+    return BlockInformation(
+        np.sum(list(of_cases.values()), axis=0),
+        np.array(scores),
+        tuple(blocks),
+        np.array(parts) if with_parts else None,
+        None if clocks is None else _in_order(clocks, following, shared),
+        of_cases,
+    )
 
 
-def _with_clocks(
-    matrix: np.ndarray, prior: ParametersByParameters, sd: np.ndarray, clocks: ClockResponse | None, factor: float
-) -> np.ndarray:
-    """Information of the data (p + q, p + q) less what the loggers' clocks take from it."""
-    if clocks is None:
-        return matrix
-    count = prior.shape[0]
-    # What is fixed at zero does not follow anything.
-    free = np.concatenate([np.arange(count), count + np.flatnonzero(sd > 0.0)])
-    whole = matrix[np.ix_(free, free)].copy()
-    whole[:count, :count] += prior
-    whole[count:, count:] += np.diag(sd[sd > 0.0] ** -2)
-    less = matrix.copy()
-    less[np.ix_(free, free)] -= ClockResponse(clocks.across[free], clocks.sd_s).lost(whole, factor)
-    return less
+def _in_order(clocks: RunClocks, following: Sequence[tuple[Sequence[int], ClockScores]], shared: int) -> ClockFollowing:
+    """How clocks follow, in the order of the campaign's runs; those of runs left out do not."""
+    size = len(clocks.sd), clocks.count
+    alone, response, sd = np.zeros(size), np.zeros((*size, shared)), np.ones(size)
+    for runs, found in following:
+        alone[list(runs)], response[list(runs)], sd[list(runs)] = found.alone, found.response, found.sd
+    return ClockFollowing(alone, response, sd)
 
 
 @dataclass(frozen=True)
@@ -223,7 +247,7 @@ def adjusted_information(
     rows, targets = problem.model.parameters.prior_rows()
     # At the optimum the data pull as hard as the priors, the other way.
     prior, pull = rows.T @ rows, rows.T @ (rows @ parameters - targets)
-    data = optimum_information(campaign, problem, vector, allowances, amounts, with_clocks=True)
+    data = optimum_information(campaign, problem, vector, allowances, amounts)
     spread = model_error(data, prior, pull, allowances, here, footprints_following(problem, parameters, allowances))
     factor, sd = spread.factor, spread.sd
     matrix = data.matrix / factor
@@ -236,12 +260,11 @@ def adjusted_information(
         loads = _footprints_by_loads(allowances) @ left.response[: masses.sd.size]
         follow = map_following(about, problem.model.parameters, parameters, departures.directions, loads)
     flat = of_blocks.matrix @ follow
-    # The optimum takes the clocks as found; how well they are known is in the intervals.
-    known = DataInformation(
-        _with_clocks(matrix, prior, sd, data.clocks, factor), flat, prior, sd, masses.sd.size, factor
-    )
+    known = DataInformation(matrix, flat, prior, sd, masses.sd.size, factor)
+    # The likelihood that is flattened leaves the clocks where they are.
+    as_clocked = data.matrix if data.clocks is None else information_with(campaign, problem, vector).matrix
     adjustment = Adjustment(
-        flattening(data.matrix[:count, :count], known.precision()),
+        flattening(as_clocked[:count, :count], known.precision()),
         known.precision(),
         factor * of_blocks.inflation,
         of_blocks.blocks,

@@ -40,9 +40,8 @@ class JointStep:
 
     def takes_back(self, before: JointStep) -> bool:
         """Whether the step undoes most of the one before: such steps go back and forth without end."""
-        return bool(
-            -self.over_sd @ before.over_sd > 0.5 * np.linalg.norm(self.over_sd) * np.linalg.norm(before.over_sd)
-        )
+        lengths = np.linalg.norm(self.over_sd) * np.linalg.norm(before.over_sd)
+        return bool(-self.over_sd @ before.over_sd > 0.5 * lengths)
 
 
 def joint_scale(information: np.ndarray, prior: ParametersByParameters, sd: np.ndarray) -> np.ndarray:

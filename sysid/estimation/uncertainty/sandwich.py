@@ -18,8 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
-from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS
-from sysid.estimation.residuals.run_unknowns import response_of_runs
+from sysid.estimation.residuals.run_unknowns import own_normal, response_of_runs
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, channel_columns
 from sysid.threads import side_by_side
 from sysid.vehicle_model.engines.protocol import Linearisation
@@ -43,11 +42,18 @@ class Adjustment:
 
 
 class BlockScores(NamedTuple):
-    """Scores (R, C, p) of single runs and channels, information (R, p, p) of runs, and `parts`, (p, p) of channels."""
+    """Scores (R, C, p) of single runs and channels, information (R, p, p) of runs, and `parts`, (p, p) of channels.
+
+    Of the runs' own unknowns `own_score` (R, l) of the data, `own_normal` (R, l, l) with their prior precision, and
+    `own_response` (R, l, p): how they follow the p unknowns, with the other sign.
+    """
 
     scores: np.ndarray
     information: np.ndarray
     parts: list[np.ndarray]
+    own_score: np.ndarray
+    own_normal: np.ndarray
+    own_response: np.ndarray
 
 
 def block_scores(
@@ -55,22 +61,26 @@ def block_scores(
     local_prior: np.ndarray,
     parts_of: np.ndarray | None = None,
     kinds: Sequence[ResidualColumns] = (),
+    own: ResidualColumns | None = None,
 ) -> BlockScores:
     """Scores and information of a group of runs about p unknowns, with each run's own unknowns eliminated.
 
     Parameters
     ----------
     linearisation : of R runs, with arrays of the host.
-    local_prior : (R, 3, 3) prior precision of the run's own unknowns.
+    local_prior : (R, l, l) prior precision of the run's own unknowns.
     parts_of : (R, C) bool, channels whose information is wanted one by one, run after run; None for none.
     kinds : derivatives by further unknowns, which come after those of the parameters.
+    own : derivatives by unknowns that every run has of its own beside its motion.
     """
     runs = range(linearisation.residual.shape[1])
     each = side_by_side(
-        lambda r: _run_scores(linearisation, r, local_prior[r], None if parts_of is None else parts_of[r], kinds), runs
+        lambda r: _run_scores(linearisation, r, local_prior[r], None if parts_of is None else parts_of[r], kinds, own),
+        runs,
     )
-    scores, information, parts = zip(*each, strict=True)
-    return BlockScores(np.array(scores), np.array(information), [part for of_run in parts for part in of_run])
+    scores, information, parts, *of_own = zip(*each, strict=True)
+    flat = [part for of_run in parts for part in of_run]
+    return BlockScores(np.array(scores), np.array(information), flat, *map(np.array, of_own))
 
 
 def _run_scores(
@@ -79,25 +89,27 @@ def _run_scores(
     local_prior: np.ndarray,
     parts_of: np.ndarray | None,
     kinds: Sequence[ResidualColumns],
-) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-    """Scores (C, p), information (p, p), and that of the channels `parts_of` (C,), of one run."""
+    own: ResidualColumns | None,
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
+    """What :class:`BlockScores` has of one run, information of the channels `parts_of` (C,)."""
     scores, by_channel = [], []
     normal: np.ndarray | float = 0.0
     # Channel by channel: einsum over all of them goes through the columns with strides that cost ten times as much.
     for c in range(linearisation.residual.shape[2]):
-        columns, gain = channel_columns(linearisation, r, c, *kinds)
+        columns, gain = channel_columns(linearisation, r, c, *kinds, own=own)
         scores.append(gain * linearisation.gain_residual[r, c] + linearisation.residual[:, r, c] @ columns)
         squares = columns.T @ columns + np.outer(gain, gain)
         normal = normal + squares
         by_channel.append(squares if parts_of is not None and parts_of[c] else None)
     normal = np.asarray(normal)
-    count = normal.shape[0] - RUN_UNKNOWNS
+    count = normal.shape[0] - local_prior.shape[0]
     (eliminate,) = response_of_runs(normal[None], local_prior[None])
     information = normal[:count, :count] - normal[:count, count:] @ eliminate
     change = np.concatenate([np.eye(count), -eliminate])
     parts = [change.T @ squares @ change for squares in by_channel if squares is not None]
     wide = np.array(scores)
-    return wide[:, :count] - wide[:, count:] @ eliminate, information, parts
+    of_own = wide[:, count:].sum(axis=0), own_normal(normal[None], local_prior[None])[0], eliminate
+    return wide[:, :count] - wide[:, count:] @ eliminate, information, parts, *of_own
 
 
 def noise_edge(blocks: int, count: int) -> float:

@@ -19,7 +19,7 @@ def _estimates(context: Context) -> Estimates:
 
     scans, kept = context.known(SCAN), context.known(FIT)
     return derive_estimates(
-        context.campaign if kept is None else kept.point.parts.in_campaign(context.campaign),
+        context.campaign if kept is None else kept.point.in_campaign(context.campaign),
         context[DROPS],
         {} if scans is None else scans,
         None if kept is None else kept.fit,

@@ -13,6 +13,7 @@ from sysid.workflow.stages.cells import finite_cell, value_cell
 from sysid.workflow.stages.data import CHECK, DROPS, SCAN
 
 if TYPE_CHECKING:
+    from sysid.campaign.clocks.settings import ClockFinding
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.fit.profiles import ProfileLikelihood
     from sysid.estimation.fit.state import FitPoint, FitState
@@ -67,6 +68,7 @@ def _fit_fault(kept: KeptFit) -> type[SysidError] | None:
 def show_fit(kept: KeptFit, results: Results) -> Blocks:
     """Least-squares values of all parameters beside their priors, and what the data determine."""
     yield from shown_fit(kept.fit)
+    yield from _clocks(kept.point.clocks)
 
 
 def shown_fit(fit: FitResult) -> Blocks:
@@ -92,6 +94,17 @@ def shown_fit(fit: FitResult) -> Blocks:
     for warning in fit.warnings:
         if fit.identifiability is None or warning not in fit.identifiability.statements:
             yield warning
+
+
+def _clocks(clocks: Sequence[ClockFinding]) -> Blocks:
+    if not clocks:
+        return
+    table = TextTable("Clocks as the fit has them", ("log", "logger", "offset s", "moved ms", "rate ppm"))
+    for c in clocks:
+        if c.is_unknown:
+            offset, rate = c.offset_s + c.moved_s, c.rate + c.moved_rate
+            table.add_row(c.other_file, c.logger, f"{offset:+.5f}", f"{1e3 * c.moved_s:+.2f}", f"{1e6 * rate:+.1f}")
+    yield table
 
 
 def _laws(fit: FitResult) -> Blocks:
@@ -122,8 +135,8 @@ FIT = Whole(
     needs=(CHECK, DROPS, SCAN),
     settings=("fit",),
     code=("estimation",),
-    # What follows shows the vehicle with the parts that the fit added.
-    put=lambda results, kept: replace(results, fit=kept.fit, campaign=kept.point.parts.in_campaign(results.campaign)),
+    # What follows shows the vehicle with the parts that the fit added, and records on the clocks that it found.
+    put=lambda results, kept: replace(results, fit=kept.fit, campaign=kept.point.in_campaign(results.campaign)),
     in_run="always",
     effort=60.0,
     command=Command(
