@@ -17,6 +17,9 @@ from sysid.private_files import NotPrivateError, check_owner_of_all, private_fol
 #: hundreds of megabytes.  The number of that setting of `mallopt`, and the environment variable that goes before it.
 _HEAPS, _HEAPS_SETTING, _HEAPS_VARIABLE = 2, -8, "MALLOC_ARENA_MAX"
 
+#: Memory [bytes] from which on a process lets go of compiled functions between stages.
+_GROWN = 700e6
+
 
 class CacheWarning(UserWarning):
     """Why compiled code is not kept where it was asked for."""
@@ -119,15 +122,26 @@ def own_process() -> None:
 
 
 def forget_compiled() -> None:
-    """Let go of all functions that JAX has compiled in this process: they take more than a megabyte each.
+    """Let go of all functions that JAX has compiled in this process, if it has grown: they take a megabyte each.
 
-    Another stage, or another suspension law, needs hardly any of them; what is asked for again comes from the cache
-    folder.  In a process that may run other code, as a notebook, they stay, and only free memory is given back.
+    Another stage, or another suspension law, needs few of them; what is asked for again comes from the cache folder,
+    at a fifth of a second each.  In a process that may run other code, as a notebook, they stay, and only free memory
+    is given back.
     """
-    jax = sys.modules.get("jax")
-    if jax is not None and _Process.ours:
-        jax.clear_caches()
     return_memory()
+    jax = sys.modules.get("jax")
+    if jax is not None and _Process.ours and _resident() > _GROWN:
+        jax.clear_caches()
+        return_memory()
+
+
+def _resident() -> float:
+    """Memory of this process [bytes], infinite where the system does not say it as Linux does."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return float("inf")
+    return float(pages * os.sysconf("SC_PAGE_SIZE"))
 
 
 def _use_few_heaps() -> None:

@@ -30,12 +30,16 @@ def test_free_memory_behind_a_block_in_use_goes_back() -> None:
     assert last.sum() == 8000.0
 
 
-def test_compiled_functions_are_let_go_in_a_process_of_our_own_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_compiled_functions_are_let_go_in_a_grown_process_of_our_own_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     double = jax.jit(lambda x: 2.0 * x)
     assert double(3.0) == 6.0
     forget_compiled()
     assert double._cache_size() == 1
     monkeypatch.setattr("sysid.runtime._Process.ours", True)
+    monkeypatch.setattr("sysid.runtime._GROWN", 1e15)
+    forget_compiled()
+    assert double._cache_size() == 1
+    monkeypatch.setattr("sysid.runtime._GROWN", 1e6)
     forget_compiled()
     assert double._cache_size() == 0
     assert double(3.0) == 6.0

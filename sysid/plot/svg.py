@@ -5,8 +5,10 @@ from __future__ import annotations
 import io
 import re
 import xml.etree.ElementTree as ET
+from typing import IO, Any
 
 import matplotlib as mpl
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from sysid.plot.style import SETTINGS
@@ -27,8 +29,7 @@ def svg_element(figure: Figure, prefix: str, description: str) -> str:
     """
     # The figure's text is written as text, so an XML parser of the standard library reads our own output only.
     stream = io.BytesIO()
-    with mpl.rc_context(SETTINGS):
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    _save(figure, stream, {"Date": None, "Creator": None, "Format": None, "Type": None})
     root = ET.fromstring(stream.getvalue())
     for parent in list(root.iter()):
         for child in list(parent):
@@ -53,9 +54,23 @@ def svg_element(figure: Figure, prefix: str, description: str) -> str:
 def svg_file(figure: Figure) -> str:
     """The figure as the text of an SVG file of its own, the same each time."""
     stream = io.StringIO()
-    with mpl.rc_context(SETTINGS):
-        figure.savefig(stream, format="svg", metadata={"Date": None})
+    _save(figure, stream, {"Date": None})
     return stream.getvalue()
+
+
+def _save(figure: Figure, stream: IO[Any], metadata: dict[str, None]) -> None:
+    layout = figure.get_layout_engine()
+    with mpl.rc_context(SETTINGS):
+        if layout is not None:
+            # The axes are placed here as for a vector drawing: for that alone matplotlib would draw all twice.
+            dpi, canvas = figure.dpi, figure.canvas
+            FigureCanvasSVG(figure)
+            layout.execute(figure)
+            figure.set_dpi(dpi)
+            figure.set_canvas(canvas)
+        figure.set_layout_engine(None)
+        figure.savefig(stream, format="svg", metadata=metadata)
+    figure.set_layout_engine(layout)
 
 
 def _linked(root: ET.Element) -> set[str]:

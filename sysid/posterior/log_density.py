@@ -22,7 +22,6 @@ from functools import partial
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import Parameters, RunsByChannels
@@ -134,7 +133,7 @@ class LogDensity:
         """Log-density (n,) of parameter sets (n, p)."""
         points = np.atleast_2d(np.asarray(log_parameters, float))
         # The likelihood is flattened around the optimum; the priors are not.
-        sets = jnp.asarray((self.centre + (points - self.centre) @ self._adjustment.T).T)
+        sets = (self.centre + (points - self.centre) @ self._adjustment.T).T
         misfit = np.zeros(points.shape[0])
         for inputs, shape in zip(self._inputs, self._model.shapes, strict=True):
             misfit = misfit + np.asarray(_group_misfit(inputs, sets, shape=shape))

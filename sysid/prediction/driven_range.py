@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from sysid.estimation.fit.state import FitState
@@ -53,7 +52,7 @@ def driven_range(state: FitState) -> DrivenRange:
         timing = Timing(shape.samples * shape.substeps, step_s, 1)
         motion = point.motion.of(runs).along_road(arrays.axle_x)
         wheels = wheel_road(arrays.matrices, road, arrays.axle_x, motion, timing)
-        histories = _histories(arrays.matrices, arrays.laws, wheels, jnp.asarray(point.log_parameters), timing=timing)
+        histories = _histories(arrays.matrices, arrays.laws, wheels, point.log_parameters, timing=timing)
         force, sunk, extension = (np.asarray(h) for h in histories)
         reached = extremes(sunk, extension, force, step_s)
         most = {name: np.maximum(most[name], values.max(axis=0)) for name, values in reached.items()}

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -57,6 +58,9 @@ class SuspensionLoops(Tabular):
         return pd.DataFrame({"extension_m": self.extension_m, "rate_m_s": self.rate_m_s, **forces})
 
 
+_laws = jax.jit(axle_laws)
+
+
 def calibrated_laws(
     campaign: Campaign, drops: DropSummary | None, fit: FitResult, load_case: str, values: Mapping[str, float]
 ) -> tuple[SuspensionLaw, TireLaw, np.ndarray]:
@@ -80,8 +84,8 @@ def calibrated_laws(
     station = np.arange(-20.0, 20.0) * 0.1
     flat = effective_road(station, np.zeros((1, len(vehicle.axles), station.size)))
     batch = PassBatch(matrices, flat, np.array([a.x_m for a in vehicle.axles])[:, None], reference)
-    logs = jnp.log(jnp.array([values.get(p.name, p.value) for p in fit.parameters]))[:, None]
-    law, tire = axle_laws(law_inputs(vehicle, parameters, batch, [load_case]), logs)
+    logs = np.log([values.get(p.name, p.value) for p in fit.parameters])[:, None]
+    law, tire = _laws(law_inputs(vehicle, parameters, batch, [load_case]), logs)
     return law, tire, np.asarray(matrices.carried_load[0, :, 0])
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import Axles, DrawsByParameters, Samples, SamplesByAxlesBySets
@@ -24,7 +23,13 @@ from sysid.prediction.measures import extremes, impulse_ratio, lift_off_time, lo
 from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
-from sysid.prediction.vehicle_draws import CONTACT_ERROR, VehicleDraws, histories_of_draws
+from sysid.prediction.vehicle_draws import (
+    CONTACT_ERROR,
+    DrawnVehicles,
+    VehicleDraws,
+    drawn_vehicles,
+    histories_of_draws,
+)
 from sysid.progress import Progress, unwatched
 from sysid.road.named_shapes import named_shape
 from sysid.vehicle_model.device_arrays import ParametersBySets
@@ -40,10 +45,10 @@ AFTER_S = 1.5
 #: Number of posterior draws behind the bands, and behind those of the ratio against speed.
 DRAWS = 200
 SWEEP_DRAWS = 40
-#: Output interval of the ratio against speed [s], and by how many samples its records grow at a time: load cases whose
-#: passages last nearly as long share what is compiled.
+#: Output interval of the ratio against speed [s], and the numbers of samples that its records have up to some minutes:
+#: few lengths are compiled, and a record is at most 1.4 times as long as it need be.
 SWEEP_INTERVAL_S = 0.002
-SWEEP_GRAIN = 100
+SWEEP_LENGTHS = tuple(round(500 * 2.0 ** (n / 2)) for n in range(16))
 #: Speeds [km/h] of the ratio against speed.
 SWEEP_KM_H = (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0, 32.0, 36.0, 42.0, 48.0, 54.0, 60.0)
 
@@ -95,13 +100,15 @@ def _simulate(
     sets: np.ndarray,
     vehicles: VehicleDraws | None = None,
     stops: AssumedStops | None = None,
+    drawn: Iterable[DrawnVehicles] | None = None,
     *,
     interval_s: float = INTERVAL_S,
-    grain: int = 1,
+    lengths: Sequence[int] = (),
 ) -> _Pass:
     """`sets` (p, S) log parameters; `vehicles` of the S draws, None for the declared one with assumed `stops`.
 
-    Histories every `interval_s`, their number a multiple of `grain`.
+    `drawn` are the vehicles in this pass, None to make them.  Histories every `interval_s`, their number the next of
+    `lengths`.
     """
     wanted = Pass(request.load_case, request.bump)
     batch = make_pass_batch(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
@@ -111,19 +118,22 @@ def _simulate(
     lead = np.ceil((BEFORE_S - road.first_station_m / speed) / interval_s) * interval_s
     duration = lead + (last + float(np.max(batch.axle_x))) / speed + AFTER_S
     check_duration(request, duration)
-    samples = grain * int(np.ceil(duration / interval_s / grain))
-    timing, motion = Timing(samples, interval_s, 1), Motion(jnp.full((1, 1), speed), jnp.full((1, 1), float(lead)))
+    samples = int(np.ceil(duration / interval_s))
+    samples = next((length for length in lengths if length >= samples), samples)
+    timing, motion = Timing(samples, interval_s, 1), Motion(np.full((1, 1), speed), np.full((1, 1), float(lead)))
     if vehicles is None:
         laws = law_inputs(campaign.vehicle, parameters, batch, [request.load_case])
         laws = laws if stops is None else stops.on(laws, 0)
         wheels = wheel_road(batch.matrices, road, batch.axle_x, motion, timing)
-        histories = _histories(batch.matrices, laws, wheels, jnp.asarray(sets), timing=timing)
+        histories = _histories(batch.matrices, laws, wheels, sets, timing=timing)
         tire, suspension, deflection, sunk = (np.asarray(h) for h in histories)
         suspension = suspension + batch.matrices.carried_load[0]
         drawn_static = batch.matrices.static_load[0]
     else:
-        drawn = histories_of_draws(batch, parameters, vehicles, wanted, sets.T, motion, timing)
-        tire, suspension, deflection, sunk, drawn_static = drawn
+        drawn = drawn or drawn_vehicles(batch, parameters, vehicles, wanted)
+        tire, suspension, deflection, sunk, drawn_static = histories_of_draws(
+            drawn, batch.axle_x, sets.T, motion, timing, vehicles.contact_error
+        )
     static = batch.matrices.static_load[0, :, 0]
     check_finite(request, parameters, sets, np.asarray(static), tire, suspension, deflection)
     time = np.round(np.arange(samples) * interval_s - lead, 6)
@@ -239,7 +249,12 @@ def speed_sweep(
     driven : what the driven runs reached; without it nothing but the speed is compared with them.
     stops : those of the declared vehicle that are assumed; drawn ones have their own.
     """
-    peaks, coefficients, beyond = [], [], []
+    peaks, coefficients, beyond, drawn = [], [], [], None
+    if vehicles is not None:
+        # A vehicle is the same at every speed.
+        wanted = Pass(load_case, bump)
+        batch = make_pass_batch(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
+        drawn = tuple(drawn_vehicles(batch, parameters, vehicles, wanted))
     for i, speed in enumerate(speeds_m_s):
         progress(f"ratio against speed, {load_case}", i / len(speeds_m_s))
         request = PredictionRequest(load_case, speed, bump)
@@ -251,8 +266,9 @@ def speed_sweep(
             sets,
             vehicles,
             stops,
+            drawn,
             interval_s=SWEEP_INTERVAL_S,
-            grain=SWEEP_GRAIN,
+            lengths=SWEEP_LENGTHS,
         )
         peaks.append(p.tire_N.max(axis=0) / p.static_N[:, None])
         coefficients.append(load_coefficient(p.tire_N, p.drawn_static_N, p.passing))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -56,30 +58,21 @@ class VehicleDraws:
         return replace(self, amounts=self.amounts[:count], stops=stops, contact_error=error)
 
 
-def histories_of_draws(
-    batch: PassBatch,
-    parameters: ParameterSet,
-    vehicles: VehicleDraws,
-    driven: Pass,
-    log_parameters: DrawsByParameters,
-    motion: Motion,
-    timing: Timing,
-) -> tuple[np.ndarray, ...]:
-    """Tire forces and suspension forces, static load included, [N], suspension and tire deflections [m] of n draws.
+class DrawnVehicles(NamedTuple):
+    """Some draws in one pass, :data:`TOGETHER` of them: `chosen` (t,) by number, the last one repeated at the end."""
 
-    Each is an array (T, na, n); static loads (na, n) [N] come last.
+    chosen: np.ndarray
+    matrices: StackedMatrices
+    laws: LawInputs
+    road: EffectiveRoad
 
-    Parameters
-    ----------
-    batch : the pass `driven` alone, with declared masses.
-    vehicles : of every draw; log_parameters : (n, p).
-    motion : speed [m/s] and start [s] (1, 1).
-    """
-    count = log_parameters.shape[0]
+
+def drawn_vehicles(
+    batch: PassBatch, parameters: ParameterSet, vehicles: VehicleDraws, driven: Pass
+) -> Iterator[DrawnVehicles]:
+    """The vehicles of all draws in the pass `driven`, of which `batch` is the one with declared masses."""
     masses, departures = vehicles.allowances.masses, vehicles.allowances.departures
-    # Filled chunk by chunk: chunks that are joined in the end take twice the memory.
-    histories = np.empty((4, timing.samples, count, len(batch.axle_x)))
-    static = []
+    count = len(vehicles.amounts)
     for first in range(0, count, TOGETHER):
         # The last chunk repeats its last draw: one size is compiled once.
         chosen = np.minimum(np.arange(first, first + TOGETHER), count - 1)
@@ -94,18 +87,43 @@ def histories_of_draws(
             laws.append(inputs if vehicles.stops is None else vehicles.stops.on(inputs, int(draw)))
             roads.append(vehicles.allowances.road([driven], vehicles.amounts[draw]))
         stacked = jax.tree.map(lambda *parts: np.concatenate(parts), *matrices)
-        inputs = jax.tree.map(lambda *parts: np.stack(parts), *laws)
-        speed, start_s = (jnp.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s))
-        road = wheel_road(stacked, _joined(roads), batch.axle_x, Motion(speed, start_s), timing)
-        sets = jnp.asarray(log_parameters[chosen, :, None])
-        tire, suspension, *deflections = _histories(stacked, inputs, road, sets, timing=timing)
-        static.append(np.asarray(stacked.static_load)[..., 0])
-        end = min(first + TOGETHER, count)
-        for whole, part in zip(histories, (tire, suspension + stacked.carried_load, *deflections), strict=True):
-            whole[:, first:end] = np.asarray(part)[:, : end - first, :, 0]
-    at_rest = np.concatenate(static)[:count]
-    if vehicles.contact_error is not None:
-        histories[0] = with_contact_error(histories[0], at_rest, vehicles.contact_error)
+        yield DrawnVehicles(chosen, stacked, jax.tree.map(lambda *parts: np.stack(parts), *laws), _joined(roads))
+
+
+def histories_of_draws(
+    drawn: Iterable[DrawnVehicles],
+    axle_x: np.ndarray,
+    log_parameters: DrawsByParameters,
+    motion: Motion,
+    timing: Timing,
+    contact_error: np.ndarray | None,
+) -> tuple[np.ndarray, ...]:
+    """Tire forces and suspension forces, static load included, [N], suspension and tire deflections [m] of n draws.
+
+    Each is an array (T, na, n); static loads (na, n) [N] come last.
+
+    Parameters
+    ----------
+    drawn : the vehicles of all draws; axle_x : (na, 1) [m]; log_parameters : (n, p).
+    motion : speed [m/s] and start [s] (1, 1).
+    contact_error : (n, na), see :class:`VehicleDraws`.
+    """
+    count = log_parameters.shape[0]
+    # Filled chunk by chunk: chunks that are joined in the end take twice the memory.
+    histories = np.empty((4, timing.samples, count, len(axle_x)))
+    at_rest = np.empty((count, len(axle_x)))
+    for some in drawn:
+        speed, start_s = (np.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s))
+        road = wheel_road(some.matrices, some.road, axle_x, Motion(speed, start_s), timing)
+        sets = log_parameters[some.chosen, :, None]
+        found = _histories(some.matrices, some.laws, road, sets, timing=timing)
+        tire, suspension, *deflections = map(np.asarray, found)
+        first, end = some.chosen[0], some.chosen[-1] + 1
+        at_rest[first:end] = some.matrices.static_load[: end - first, :, 0]
+        for whole, part in zip(histories, (tire, suspension + some.matrices.carried_load, *deflections), strict=True):
+            whole[:, first:end] = part[:, : end - first, :, 0]
+    if contact_error is not None:
+        histories[0] = with_contact_error(histories[0], at_rest, contact_error)
     return (*(np.moveaxis(history, 1, 2) for history in histories), at_rest.T)
 
 

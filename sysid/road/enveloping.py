@@ -34,6 +34,8 @@ _DEEPEST_PER_RADIUS = 0.24
 #: Loads for which the footprint map is fitted: so many, up to so many times the static load.
 _MAP_LEVELS, _MAP_LOAD_RATIO = 24, 6.0
 _STATION_STEP_M = 0.01
+#: Steps by which the road is found along a spoke, in all to 1e-7 m.
+_OUTWARDS, _HALVINGS, _STEPS = 11, 8, 11
 #: Profiles up to so many stations have their spoke geometry kept.
 _KEPT_STATIONS = 1000
 
@@ -119,21 +121,30 @@ def _compression(
     station: np.ndarray, height: np.ndarray, radius: float, road_s: np.ndarray, road_z: np.ndarray
 ) -> np.ndarray:
     """Compression (spokes, stations, levels) of all spokes for given centre heights (stations, levels)."""
-    compressions = np.empty((_SPOKES, *height.shape))
-    for i, phi in enumerate(_ANGLE_RAD):
+    compressions = np.zeros((_SPOKES, *height.shape))
+    # A spoke begins above the road at the hub.  Where along it, outwards, it may be found below.
+    along = radius * np.append(1.0 - 0.5 ** np.arange(_OUTWARDS), 1.0)
+    for compression, phi in zip(compressions, _ANGLE_RAD, strict=True):
         sin, cos = np.sin(phi), np.cos(phi)
-        # Bisection along the spoke: above the road at the hub, possibly below it at the undeformed tread.
-        low = np.zeros_like(height)
-        high = np.full_like(height, radius)
-        for _ in range(22):
-            middle = 0.5 * (low + high)
-            road = np.interp(station[:, None] + middle * sin, road_s, road_z, left=0.0, right=0.0)
-            below = height - middle * cos < road
-            high = np.where(below, middle, high)
-            low = np.where(below, low, middle)
-        compression = np.maximum(radius - 0.5 * (low + high), 0.0)
-        compression[compression < 1e-6 * radius] = 0.0
-        compressions[i] = compression
+        road = np.interp(station[:, None] + along * sin, road_s, road_z, left=0.0, right=0.0) + along * cos
+        first = np.zeros(height.shape, int)
+        for k in range(_OUTWARDS, 0, -1):
+            first[height < road[:, k, None]] = k
+        touching = first > 0
+        rows, outer = touching.nonzero()[0], first[touching]
+        centre, above = station[rows], height[touching]
+        low, clear = along[outer - 1], above - road[rows, outer - 1]
+        high, below = along[outer], above - road[rows, outer]
+        for step in range(_STEPS):
+            # Halves until hardly a knot is left in between, then chords among them: exact on a straight piece of road.
+            share = 0.5 if step < _HALVINGS or step % 2 else clear / (clear - below)
+            middle = low + share * (high - low)
+            gap = above - middle * cos - np.interp(centre + middle * sin, road_s, road_z, left=0.0, right=0.0)
+            inside = gap < 0.0
+            high, below = np.where(inside, middle, high), np.where(inside, gap, below)
+            low, clear = np.where(inside, low, middle), np.where(inside, clear, gap)
+        shorter = radius - (low + clear / (clear - below) * (high - low))
+        compression[touching] = np.where(shorter < 1e-6 * radius, 0.0, shorter)
     return compressions
 
 
@@ -233,7 +244,8 @@ class FootprintMap:
         after = last - first + 1 - before - self.station_m.size
 
         def padded(values: np.ndarray) -> np.ndarray:
-            return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(before, after)])
+            rows = values.shape[:-1]
+            return np.concatenate([np.zeros((*rows, before)), values, np.zeros((*rows, after))], axis=-1)
 
         return replace(
             self,

@@ -33,11 +33,11 @@ class Readings(NamedTuple):
 class SensorFit(NamedTuple):
     """Eliminated sensor constants (R, C, S): `offset` in SI and `gain`."""
 
-    offset: RunsByChannelsBySets
-    gain: RunsByChannelsBySets
+    offset: HostOrDevice
+    gain: HostOrDevice
 
 
-def eliminate_sensors(readings: Readings, simulated: ChannelHistories) -> SensorFit:
+def eliminate_sensors(readings: Readings, simulated: HostOrDevice) -> SensorFit:
     """Offset and gain of every channel and run that minimise its weighted squares plus the gain's prior.
 
     gain = (S_yd / sigma^2 + 1 / s_g^2) / (S_yy / sigma^2 + 1 / s_g^2), offset = mean(d) - gain mean(y), with S the
@@ -48,9 +48,10 @@ def eliminate_sensors(readings: Readings, simulated: ChannelHistories) -> Sensor
     readings : data and weights.
     simulated : (T, R, C, S) sensor signals.
     """
+    # Operators only: on the host this runs in NumPy.
     share = (readings.measured**2)[..., None]
     count = share.sum(axis=0)
-    count = jnp.where(count > 0.0, count, 1.0)
+    count = count + (count == 0.0)
     mean_y = (share * simulated).sum(axis=0) / count
     mean_d = (share * readings.value[..., None]).sum(axis=0) / count
     centred_y = simulated - mean_y

@@ -3,10 +3,10 @@
 The version of this package alone would do for releases.  Between them, in a checkout that is edited or pulled, numbers
 change while the version stays; so the sources are hashed too, of the packages that a stage's record names in `code` and
 of all packages that these import.  Comments, docstrings and layout do not count: a Python file is hashed by its syntax
-tree without them.  The hash is sound as far as imports show what is used, and errs on the safe side: any change of code
-in a package makes all stages stale that reach it.  What the version covers alone is the workflow's own code, whose
-compute functions only hand settings and results on.  Without sources on disk (a frozen program) the hash says nothing
-and the version decides.
+tree without them, and that hash kept beside compiled code.  The hash is sound as far as imports show what is used, and
+errs on the safe side: any change of code in a package makes all stages stale that reach it.  What the version covers
+alone is the workflow's own code, whose compute functions only hand settings and results on.  Without sources on disk (a
+frozen program) the hash says nothing and the version decides.
 """
 
 from __future__ import annotations
@@ -14,9 +14,14 @@ from __future__ import annotations
 import ast
 import hashlib
 import re
+import sys
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
+
+from sysid.private_files import NotPrivateError, check_private, write_private
+from sysid.runtime import private_cache
 
 ROOT = Path(__file__).resolve().parents[1]
 _IMPORT = re.compile(rb"^\s*(?:from|import)\s+sysid\.(\w+)", re.MULTILINE)
@@ -25,9 +30,11 @@ _FROM_ROOT = re.compile(rb"^\s*from\s+sysid\s+import\s+([\w, ]+)", re.MULTILINE)
 
 def code_digest(packages: Iterable[str]) -> str:
     """Hash of the sources of packages (or single modules) of `sysid` and of all that they import."""
-    digest = hashlib.sha256()
+    digest, before = hashlib.sha256(), len(_known())
     for name in sorted(imported_by(packages)):
         digest.update(name.encode() + _hash_and_imports(name)[0])
+    if len(_known()) > before:
+        _keep()
     return digest.hexdigest()
 
 
@@ -42,6 +49,30 @@ def imported_by(packages: Iterable[str]) -> set[str]:
     return imported
 
 
+def _kept() -> Path:
+    """The file of hashes: pairs of 32 bytes, of a text and of what it means to this version of Python."""
+    return private_cache("sources") / f"{sys.implementation.cache_tag}.hashes"
+
+
+@cache
+def _known() -> dict[bytes, bytes]:
+    """Hashes of what is meant, by those of texts: reading all files anew takes a second or two."""
+    try:
+        check_private(_kept())
+        content = _kept().read_bytes()
+    except (NotPrivateError, OSError):
+        return {}
+    return {content[i : i + 32]: content[i + 32 : i + 64] for i in range(0, len(content), 64)}
+
+
+def _keep() -> None:
+    # Two processes that write at once leave files that do not fit each other, which are not read.
+    with suppress(NotPrivateError, OSError):
+        for file in (_kept(), _kept().with_name(f"{_kept().name}.sha256")):
+            file.unlink(missing_ok=True)
+        write_private(_kept(), b"".join(text + meaning for text, meaning in _known().items()))
+
+
 @cache
 def _hash_and_imports(name: str) -> tuple[bytes, frozenset[str]]:
     """Hash of the sources of one package or module, and which others it imports."""
@@ -53,7 +84,7 @@ def _hash_and_imports(name: str) -> tuple[bytes, frozenset[str]]:
         if not path.is_file():
             continue
         text = path.read_bytes()
-        digest.update(path.relative_to(ROOT).as_posix().encode() + hashlib.sha256(_meaning(path, text)).digest())
+        digest.update(path.relative_to(ROOT).as_posix().encode() + _meaning(path, text))
         imported |= {match.decode() for match in _IMPORT.findall(text)}
         for names in _FROM_ROOT.findall(text):
             imported |= {part.split()[0] for part in names.decode().split(",") if part.split()}
@@ -62,9 +93,17 @@ def _hash_and_imports(name: str) -> tuple[bytes, frozenset[str]]:
 
 
 def _meaning(path: Path, text: bytes) -> bytes:
-    """What of a source file decides what it does."""
+    """Hash of what in a source file decides what it does; of Python as kept for the same text and version."""
+    of_text = hashlib.sha256(text).digest()
     if path.suffix != ".py":
-        return text
+        return of_text
+    known = _known()
+    if of_text not in known:
+        known[of_text] = hashlib.sha256(_without_words(text)).digest()
+    return known[of_text]
+
+
+def _without_words(text: bytes) -> bytes:
     tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:

@@ -278,7 +278,7 @@ def test_ratio_against_speed_is_that_of_single_passes(data, parameters, truth, s
     np.testing.assert_allclose(usual.peak_ratio.q50[0], single.peak_ratio_q50, rtol=2e-3)
     np.testing.assert_allclose(usual.load_coefficient.q50[0], single.load_coefficient.q50, rtol=5e-3)
     monkeypatch.setattr(passes, "SWEEP_INTERVAL_S", passes.INTERVAL_S)
-    monkeypatch.setattr(passes, "SWEEP_GRAIN", 1)
+    monkeypatch.setattr(passes, "SWEEP_LENGTHS", ())
     found = speed_sweep(data, parameters, "empty", "bump", roads, truth[:, None], [SPEED_M_S])
     np.testing.assert_allclose(found.peak_ratio.q50[0], single.peak_ratio_q50, rtol=1e-12)
     np.testing.assert_allclose(found.load_coefficient.q50[0], single.load_coefficient.q50, rtol=1e-12)

@@ -53,6 +53,10 @@ _FIT_S = 2.5
 FOOT_M = 0.15
 SLACK_S = 0.3
 
+#: Roads begin at a multiple of this before the end of the plank: at usual speeds all are of one length, and what is
+#: compiled for one serves all.
+_WHOLE_M = 13.0
+
 #: Iterations of the first search of the drops, and how many times :data:`DOUBT` its residuals have to be to end there
 #: when it has not converged.
 _FIRST_ITERATIONS, _CLEARLY = 15, 2.0
@@ -95,7 +99,10 @@ class PlankRoads(EffectiveRoads):
     def maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
         """Footprint map of every axle in a load case for one drop."""
         lift = self._lifts[bump]
-        under = lifted_onto_plank(self._end(load_case, lift.axle, round(lift.height_m, 6)), lift.raised_m)
+        end = self._end(load_case, lift.axle, round(lift.height_m, 6))
+        under = lifted_onto_plank(end, lift.raised_m)
+        length = np.ceil(-under.station_m[0] / _WHOLE_M) * _WHOLE_M
+        under = under.widened(round(-length / under.step_m), round(under.station_m[-1] / under.step_m))
         flat = replace(
             under,
             rise_m=np.zeros_like(under.rise_m),

@@ -20,6 +20,7 @@ from sysid.arrays import Residuals, ResidualsByUnknowns, UnknownsOfFit
 from sysid.errors import DataRejectedError
 from sysid.runtime import require_64_bit
 from sysid.threads import one_blas_thread
+from sysid.vehicle_model.device_arrays import HostOrDevice
 
 #: Consecutive rejected trials after which the damping is so strong that nothing smaller will be found.
 _PATIENCE = 20
@@ -36,9 +37,9 @@ Evaluation = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 class _Affine(NamedTuple):
-    point: jax.Array
-    residual: jax.Array
-    jacobian: jax.Array
+    point: HostOrDevice
+    residual: HostOrDevice
+    jacobian: HostOrDevice
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def promised_fall(residual: Residuals, jacobian: ResidualsByUnknowns) -> float:
     return 0.5 * float(shift @ shift)
 
 
-def _affine(y: jax.Array, args: _Affine) -> tuple[jax.Array, None]:
+def _affine(y: jax.Array, args: _Affine) -> tuple[HostOrDevice, None]:
     return args.residual + args.jacobian @ (y - args.point), None
 
 
@@ -159,10 +160,10 @@ def _search(
     solver: _Solver = optx.LevenbergMarquardt(rtol=relative_tolerance, atol=relative_tolerance)
     solver = eqx.tree_at(lambda s: s.search, solver, optx.ClassicalTrustRegion(high_cutoff=_GOOD_STEP))
     point = jnp.asarray(start / scale)
-    args = _Affine(point, jnp.asarray(residual), jnp.asarray(jacobian * scale))
+    args = _Affine(point, residual, jacobian * scale)
     state = _init(solver, point, args)
     # The first step is no longer than the start vector: a leap into a flat region is accepted, but never comes back.
-    reach, pull = float(jnp.linalg.norm(point)), float(np.linalg.norm((jacobian * scale).T @ residual))
+    reach, pull = float(np.linalg.norm(start / scale)), float(np.linalg.norm((jacobian * scale).T @ residual))
     if 0.0 < reach < pull:
         state = eqx.tree_at(lambda s: s.search_state.step_size, state, jnp.asarray(reach / pull))
 
@@ -185,7 +186,7 @@ def _search(
             finite = np.isfinite(residual).all() and np.isfinite(jacobian).all()
             residual = residual if finite else np.full_like(residual, 1e150 / np.sqrt(residual.size))
             jacobian = jacobian if finite else np.zeros_like(jacobian)
-            args = _Affine(state.y_eval, jnp.asarray(residual), jnp.asarray(jacobian * scale))
+            args = _Affine(state.y_eval, residual, jacobian * scale)
         cost = 0.5 * float(residual @ residual)
         point, state, _ = _step(solver, point, args, state)
         if np.array_equal(np.asarray(point), np.asarray(args.point)):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import Parameters, RunsByChannels, SamplesByRunsByChannels
@@ -46,7 +45,7 @@ def shown_signals(
 
 
 def _shown(arrays: GroupArrays, scale: np.ndarray, simulated: np.ndarray) -> ShownSignals:
-    fit = eliminate_sensors(arrays, jnp.asarray(scale), jnp.asarray(simulated)[..., None])
+    fit = eliminate_sensors(arrays, scale, simulated[..., None])
     offset, gain = np.asarray(fit.offset)[..., 0], np.asarray(fit.gain)[..., 0]
     return ShownSignals(offset + gain * simulated, offset, gain)
 

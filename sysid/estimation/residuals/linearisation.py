@@ -30,7 +30,7 @@ def linearise_group(
     road: EffectiveRoad,
     noise_sd: HostOrDevice,
     tempering: HostOrDevice,
-    log_parameters: jax.Array,
+    log_parameters: HostOrDevice,
     motion: RunMotion,
     *,
     shape: GroupShape,
@@ -94,7 +94,7 @@ def linearise_one(
             model.roads[position],
             weights.noise_sd[position],
             weights.tempering[position],
-            jnp.asarray(log_parameters),
+            log_parameters,
             motion.of(list(model.groups[position].runs)),
             shape=model.shapes[position],
         )

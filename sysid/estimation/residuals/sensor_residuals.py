@@ -11,7 +11,7 @@ simulation stays inside the range, missing ones not at all.
 
 from __future__ import annotations
 
-import jax.numpy as jnp
+import numpy as np
 
 from sysid.estimation.residuals.bump_model import GroupArrays
 from sysid.vehicle_model import readings
@@ -19,7 +19,7 @@ from sysid.vehicle_model.device_arrays import ChannelHistories, HostOrDevice, Ru
 from sysid.vehicle_model.readings import SensorFit
 
 
-def eliminate_sensors(arrays: GroupArrays, noise_sd: HostOrDevice, simulated: ChannelHistories) -> SensorFit:
+def eliminate_sensors(arrays: GroupArrays, noise_sd: HostOrDevice, simulated: HostOrDevice) -> SensorFit:
     """Offset and gain of every channel and run, see :func:`sysid.vehicle_model.readings.eliminate_sensors`.
 
     Parameters
@@ -27,7 +27,7 @@ def eliminate_sensors(arrays: GroupArrays, noise_sd: HostOrDevice, simulated: Ch
     noise_sd : (R, C) residual scale sigma over tempering, infinite where a channel has no reading.
     simulated : (T, R, C, S).
     """
-    return readings.eliminate_sensors(arrays.readings(noise_sd, jnp.ones_like(noise_sd)), simulated)
+    return readings.eliminate_sensors(arrays.readings(noise_sd, np.ones(noise_sd.shape)), simulated)
 
 
 def group_residuals(

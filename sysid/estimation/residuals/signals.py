@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import Parameters
@@ -44,7 +43,7 @@ def simulate_runs(model: BumpModel, log_parameters: Parameters, motion: RunMotio
         runs = list(model.groups[position].runs)
         arrays, shape = model.arrays[position], model.shapes[position]
         road = wheel_road(arrays, model.roads[position], motion.of(runs), shape)
-        signals = _group_signals(arrays, road, jnp.asarray(log_parameters), shape=shape)
+        signals = _group_signals(arrays, road, log_parameters, shape=shape)
         return np.asarray(jax.block_until_ready(signals))
 
     return side_by_side(one, range(len(model.groups)))

@@ -131,9 +131,11 @@ def departure_scale(
     own = np.linalg.solve(information[:count, :count] + prior, score[:count])
     # The parameters at their best for it, a parabola about `here` has this gradient at 0.
     right = score[count:] - cross.T @ own - remaining @ here
-    names = np.array([d.group for d in directions])
+    groups = np.array([d.group for d in directions])
+    of_group = (groups[:, None] == groups).astype(float)
+    mean_of_group = of_group / of_group.sum(axis=1, keepdims=True)
     largest = np.array([PLAUSIBLE[d.kind] for d in directions])
-    tau = largest.copy()
+    tau = largest
     estimate, tolerance, mass_sd = np.zeros(here.size), mass_sd, mass_sd.copy()
     for _ in range(_ROUNDS):
         sd = np.concatenate([mass_sd, tau])
@@ -141,15 +143,13 @@ def departure_scale(
         left = np.linalg.inv(sd[:, None] * remaining * sd + np.eye(sd.size))
         estimate = -(left @ (sd * right)) * sd
         variance = (np.diag(left) * sd**2)[masses:]
-        before = tau.copy()
+        before = tau
         if readings is not None and readings.any():
             square = np.mean(estimate[:masses][readings] ** 2 + (np.diag(left) * sd**2)[:masses][readings])
             mass_sd[readings] = np.clip(np.sqrt(square), tolerance[readings], MOST_GROWN * tolerance[readings])
             if scales is not None:
                 mass_sd[scales] = tolerance[scales] * float(np.max(mass_sd[readings] / tolerance[readings]))
-        for group in dict.fromkeys(names):
-            of = names == group
-            tau[of] = np.minimum(np.sqrt(np.mean(estimate[masses:][of] ** 2 + variance[of])), largest[of])
-        if np.allclose(tau, before, rtol=1e-3):
+        tau = np.minimum(np.sqrt(mean_of_group @ (estimate[masses:] ** 2 + variance)), largest)
+        if np.all(np.abs(tau - before) <= 1e-8 + 1e-3 * before):
             break
     return DepartureScale(tau, estimate, mass_sd)

@@ -42,7 +42,7 @@ _SOFTER, _STIFFENING = 0.1, 0.1
 #: Slip length of friction that the model has not: as that of the friction law, an assumption.
 _SLIP_M = 1e-3
 #: Padded maps end at multiples of this.
-_WHOLE_M = 0.5
+_WHOLE_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Departures:
         for direction, value in of:
             if direction.axle is not None:
                 affected = [direction.load_case in (None, case) for case in load_cases]
-                by_pass[affected, direction.axle] = np.clip(common + value, -REACH[kind], REACH[kind])
+                by_pass[affected, direction.axle] = min(max(common + value, -REACH[kind]), REACH[kind])
         return by_pass
 
     def laws(self, inputs: LawInputs, amplitudes: np.ndarray, load_cases: Sequence[str]) -> LawInputs:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import Parameters, RunsByChannels
@@ -60,7 +59,7 @@ def residuals_of_group(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Weighted residuals (T, R, C) and gain residuals (R, C) of one group for sensor signals (T, R, C) [SI]."""
     scales = weights.noise_sd[position], weights.tempering[position]
-    residual, gain = _residuals(weights.on(model.arrays, position), *scales, jnp.asarray(signals))
+    residual, gain = _residuals(weights.on(model.arrays, position), *scales, signals)
     return np.asarray(residual), np.asarray(gain)
 
 

@@ -68,8 +68,8 @@ class UncertainMasses:
         limit = REACH_SD * self.sd
         for factor, value in zip(self.factors, np.clip(log_factors, -limit, limit), strict=True):
             if factor.quantity in (AXLE_LOAD, SCALE):
-                rows = [case in factor.load_cases for case in load_cases]
-                change[rows] += value if factor.quantity == SCALE else value * np.eye(change.shape[1])[factor.place]
+                rows = np.array([case in factor.load_cases for case in load_cases])
+                change[rows, slice(None) if factor.quantity == SCALE else factor.place] += value
         return change
 
     def applied(self, log_factors: np.ndarray) -> tuple[Vehicle, dict[str, LoadCase]]:
