@@ -93,8 +93,8 @@ class BlockInformation:
 
     `matrix` (p + m, p + m); `scores` (n, p + m) of single runs and channels, and for each the block it belongs to
     (`blocks`: one channel in all repeats of one case); `parts` (n, p + m, p + m) of which the matrix is the sum, None
-    where nobody asked; `of_load_cases` the share of the matrix that comes from the runs in each load case.  `clocks`: how
-    those of further loggers follow, where they were eliminated as well; their priors are one more block.
+    where nobody asked; `of_load_cases` the share of the matrix that comes from the runs in each load case.  `clocks`:
+    how those of further loggers follow, where they were eliminated as well; their priors are one more block.
     """
 
     matrix: np.ndarray
