@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from sysid.campaign.priors import PriorOverride
 
@@ -180,7 +180,8 @@ class Vehicle:
         return tuple(axle.unsprung_mass_kg + beam.get(i, 0.0) for i, axle in enumerate(self.axles))
 
 
-class FrameMass(NamedTuple):
+@dataclass(frozen=True)
+class FrameMass:
     """How the mass along a bending frame differs from the one that is taken from its centre of gravity and inertia.
 
     `heave` and `pitch` are added to what is taken out of the shape, pitch per half of the frame's length;

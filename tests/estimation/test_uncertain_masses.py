@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -270,8 +270,8 @@ def test_amounts_of_a_frame_are_added_to_those_of_its_load_case():
         if factor.load_case == "laden" and factor.quantity in ("frame_pitch", "frame_modal_mass_factor"):
             amounts[number] = 0.2
     _, cases = masses.applied(amounts)
-    np.testing.assert_allclose(cases["laden"].frame_masses[0], (0.1, 0.2, -0.5))
-    assert not np.any(cases["empty"].frame_masses)
+    assert astuple(cases["laden"].frame_masses[0]) == pytest.approx((0.1, 0.2, -0.5))
+    assert cases["empty"].frame_masses in ((), (FrameMass(),))
 
 
 def test_a_step_takes_back_the_one_before_where_it_points_the_other_way():

@@ -66,7 +66,7 @@ class UndeclaredParts:
             case = cases[part.load_case]
             masses = list(case.frame_masses or (FrameMass(),) * len(campaign.vehicle.bodies))
             of_body = masses[part.body]
-            masses[part.body] = of_body._replace(log_modal_mass=of_body.log_modal_mass + part.log_factor)
+            masses[part.body] = replace(of_body, log_modal_mass=of_body.log_modal_mass + part.log_factor)
             cases[part.load_case] = replace(case, frame_masses=tuple(masses))
         return replace(campaign, vehicle=self.on(campaign.vehicle), load_cases=cases)
 

@@ -54,8 +54,11 @@ def with_frame_mass(cases: dict[str, LoadCase], bodies: int, factor: MassFactor,
     changed = dict(cases)
     for name in factor.load_cases:
         masses = list(changed[name].frame_masses or (FrameMass(),) * bodies)
-        more = (amount if factor.quantity == q else 0.0 for q in (HEAVE, PITCH, MODAL_MASS))
-        here = masses[factor.place]
-        masses[factor.place] = FrameMass(*(a + b for a, b in zip(here, more, strict=True)))
+        here, kind = masses[factor.place], factor.quantity
+        masses[factor.place] = FrameMass(
+            here.heave + amount * (kind == HEAVE),
+            here.pitch + amount * (kind == PITCH),
+            here.log_modal_mass + amount * (kind == MODAL_MASS),
+        )
         changed[name] = replace(changed[name], frame_masses=tuple(masses))
     return changed
