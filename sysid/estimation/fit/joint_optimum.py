@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.campaign.clocks.moved import on_moved_clocks
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.optimum import Optimum
@@ -22,7 +24,12 @@ from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.run_clocks import moved_clocks
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
-from sysid.estimation.uncertainty.information import footprints_following, model_error, optimum_information
+from sysid.estimation.uncertainty.information import (
+    BlockInformation,
+    footprints_following,
+    model_error,
+    optimum_information,
+)
 from sysid.estimation.uncertainty.joint_step import JointStep, joint_step
 from sysid.progress import Progress
 from sysid.road.road_profile import RoadProfile
@@ -88,11 +95,8 @@ def joint_optimum(
         near = number >= REWEIGHTED and step.largest < NEAR_SD
         last = near or number == ROUNDS - 1
         how = final if last else (reweighted if number < REWEIGHTED else rough)
-        for share in SHARES:
-            moved = _moved(campaign, optimum, step.times(share), profiles, how, report, larger_steps=not last)
-            if moved.misfit <= WORSE * optimum.misfit:
-                break
-        else:
+        moved = _improved(campaign, optimum, step, profiles, how, report, larger_steps=not last, worse=WORSE)
+        if moved is None:
             # No step is an improvement: the search ends where it is, by exact steps.
             moved = _moved(campaign, optimum, step.times(0.0), profiles, final, report, larger_steps=False)
             return _unsettled(moved)
@@ -119,16 +123,32 @@ def _with_frame_shapes(
             break
         report("shapes of frames that bend", 0.9)
         step = _shape_step(campaign, optimum, allowances)
-        for share in SHARES:
-            moved = _moved(campaign, optimum, step.times(share), profiles, options, report, larger_steps=True)
-            if moved.misfit <= optimum.misfit:
-                break
-        else:
+        moved = _improved(campaign, optimum, step, profiles, options, report, larger_steps=True, worse=1.0)
+        if moved is None:
             break
         optimum = moved
         if step.largest < NEAR_SD:
             break
     return optimum
+
+
+def _improved(
+    campaign: Campaign,
+    optimum: Optimum,
+    step: _Step,
+    profiles: Mapping[str, RoadProfile],
+    options: FitOptions,
+    report: Progress,
+    *,
+    larger_steps: bool,
+    worse: float,
+) -> Optimum | None:
+    """The optimum after the largest share of a step that leaves residuals below `worse` times theirs; None for none."""
+    for share in SHARES:
+        moved = _moved(campaign, optimum, step.times(share), profiles, options, report, larger_steps=larger_steps)
+        if moved.misfit <= worse * optimum.misfit:
+            return moved
+    return None
 
 
 def _unsettled(optimum: Optimum) -> Optimum:
@@ -141,13 +161,30 @@ def _allowances(campaign: Campaign, model: BumpModel) -> Allowances:
     return campaign_allowances(campaign, model.parameters, model.felt)
 
 
-def _step(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> _Step:
+class _Here(NamedTuple):
+    """Information of the data, prior precision of the parameters and its gradient, amounts, footprints that follow."""
+
+    data: BlockInformation
+    prior: ParametersByParameters
+    pull: Parameters
+    amounts: np.ndarray
+    following: np.ndarray | None
+
+
+def _here(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> _Here:
     problem, campaign = optimum.problem, on_moved_clocks(campaign, optimum.clocks)
-    amounts = np.zeros(allowances.count) if optimum.amounts is None else optimum.amounts
-    data = optimum_information(campaign, problem, optimum.vector, allowances, optimum.amounts)
     rows, targets = problem.model.parameters.prior_rows()
-    prior, pull = rows.T @ rows, rows.T @ (rows @ optimum.vector[: problem.count] - targets)
-    following = footprints_following(problem, optimum.vector[: problem.count], allowances)
+    return _Here(
+        optimum_information(campaign, problem, optimum.vector, allowances, optimum.amounts),
+        rows.T @ rows,
+        rows.T @ (rows @ optimum.vector[: problem.count] - targets),
+        np.zeros(allowances.count) if optimum.amounts is None else optimum.amounts,
+        footprints_following(problem, optimum.vector[: problem.count], allowances),
+    )
+
+
+def _step(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> _Step:
+    data, prior, pull, amounts, following = _here(campaign, optimum, allowances)
     step = model_error(data, prior, pull, allowances, amounts, following).step
     if data.clocks is None:
         return _Step(step, None, step.largest)
@@ -159,16 +196,10 @@ def _step(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> _Step
 
 def _shape_step(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> _Step:
     """The next step of parameters and shapes of frames alone."""
-    problem, masses = optimum.problem, allowances.masses
-    amounts = np.zeros(allowances.count) if optimum.amounts is None else optimum.amounts
-    campaign = on_moved_clocks(campaign, optimum.clocks)
-    data = optimum_information(campaign, problem, optimum.vector, allowances, optimum.amounts)
-    rows, targets = problem.model.parameters.prior_rows()
-    pull = rows.T @ (rows @ optimum.vector[: problem.count] - targets)
+    data, prior, pull, amounts, following = _here(campaign, optimum, allowances)
     sd = np.zeros(allowances.count)
-    sd[: masses.sd.size] = np.where(masses.frame_shapes, masses.sd, 0.0)
-    following = footprints_following(problem, optimum.vector[: problem.count], allowances)
-    step = joint_step(data.matrix, data.score, rows.T @ rows, pull, sd, amounts, following)
+    sd[: allowances.masses.sd.size] = np.where(allowances.masses.frame_shapes, allowances.masses.sd, 0.0)
+    step = joint_step(data.matrix, data.score, prior, pull, sd, amounts, following)
     return _Step(step, None, step.largest)
 
 
