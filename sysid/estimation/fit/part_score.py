@@ -6,9 +6,9 @@ their tolerances, speeds and starts of the runs), one linear step from there gai
 
     2 (cost(0) - cost(s)) = u^2 / v,    u = g_s - H_sz (H_zz + P)^-1 g_z,    v = H_ss - H_sz (H_zz + P)^-1 H_zs,
 
-at s = -u / v, or u' V^-1 u at -V^-1 u with one amplitude per load case; g is the gradient, H the information of the data and P that of the priors (C. R. Rao, Large sample tests
-of statistical hypotheses concerning several parameters, Mathematical Proceedings of the Cambridge Philosophical Society
-44 (1948), doi:10.1017/S0305004100023987).
+at s = -u / v, or u' V^-1 u at -V^-1 u with one amplitude per load case; g is the gradient, H the information of the
+data and P that of the priors (C. R. Rao, Large sample tests of statistical hypotheses concerning several parameters,
+Mathematical Proceedings of the Cambridge Philosophical Society 44 (1948), doi:10.1017/S0305004100023987).
 """
 
 from __future__ import annotations
