@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import correlate1d, label, maximum_filter1d, median_filter, uniform_filter1d
-from scipy.special import gammaln, stdtrit
+from scipy.stats import norm, t
 
 from sysid.arrays import Channels, Samples, SamplesByRunsByChannels
 
@@ -112,14 +112,10 @@ def best_distribution(standing: np.ndarray) -> tuple[float, float]:
     best = np.inf, sd
     if middle <= 0.0:
         return best
-    count = standing.size
-    least = float(np.sum((standing / sd) ** 2)) + 2.0 * count * (np.log(sd) + 0.5 * np.log(2.0 * np.pi)) - DECISIVE
+    least = -2.0 * float(norm.logpdf(standing, scale=sd).sum()) - DECISIVE
     for nu in DEGREES_OF_FREEDOM:
-        scale = middle / float(stdtrit(nu, 0.75))
-        # Of the density Gamma((nu + 1) / 2) / (Gamma(nu / 2) sqrt(nu pi) s) (1 + (x / s)^2 / nu)^(-(nu + 1) / 2).
-        constant = gammaln(0.5 * nu) - gammaln(0.5 * (nu + 1.0)) + 0.5 * np.log(nu * np.pi) + np.log(scale)
-        tails = 0.5 * (nu + 1.0) * float(np.log1p((standing / scale) ** 2 / nu).sum())
-        criterion = 2.0 * (count * constant + tails) + np.log(count)
+        scale = middle / float(t.ppf(0.75, nu))
+        criterion = -2.0 * float(t.logpdf(standing, nu, scale=scale).sum()) + np.log(standing.size)
         if criterion < least:
             best, least = (nu, scale), criterion
     return best
