@@ -10,13 +10,13 @@ from small_results import small_fit, small_profile, small_results
 
 from sysid.cli.tables import render
 from sysid.estimation.uncertainty.identifiability import UndeterminedGroup
-from sysid.workflow.stages.fit import KeptFit, show_fit, show_profile
+from sysid.workflow.stages.fit import show_profile, shown_fit
 from sysid.workflow.stages.loads import show_advise
 
 
-def shown(show, result, results=None) -> str:
+def shown(show, *results) -> str:
     console = Console(width=200, record=True, file=io.StringIO())
-    render(console, show(result, results))
+    render(console, show(*results))
     return console.export_text()
 
 
@@ -29,14 +29,14 @@ def open_fit():
 
 
 def test_a_parameter_that_is_not_determined_is_no_number():
-    text = shown(show_fit, KeptFit(open_fit(), None))
+    text = shown(shown_fit, open_fit())
     (line,) = [line for line in text.splitlines() if line.startswith("k_1")]
     assert "not determined" in line
     assert "420" not in line
     assert "504 ± 40 %" in line
     assert "Of k_1 and c_1 only one combination." in text
     assert "calibrate.py advise" in text
-    assert "calibrate.py advise" not in shown(show_fit, KeptFit(small_fit(), None))
+    assert "calibrate.py advise" not in shown(shown_fit, small_fit())
 
 
 def test_advice_is_a_row_per_run_and_sentences():
@@ -48,7 +48,7 @@ def test_advice_is_a_row_per_run_and_sentences():
 
 
 def test_a_profile_shows_both_intervals():
-    text = shown(show_profile, {"k_1": small_profile()})
+    text = shown(show_profile, {"k_1": small_profile()}, None)
     # 400 exp(+-0.1 x 1.645) kN/m.
     assert text.count("339.33 to 471.51 kN/m") == 2
     assert "is a parabola" in text

@@ -192,7 +192,7 @@ def test_clocks_follow_as_in_one_dense_least_squares_problem(fit):
     np.testing.assert_allclose(found.clocks.step(step[:count]), of_clocks, rtol=1e-6, atol=1e-9)
     covariance = np.linalg.inv(dense.T @ dense)[:count, :count]
     np.testing.assert_allclose(np.linalg.inv(found.matrix), covariance, rtol=1e-5, atol=1e-12)
-    assert found.blocks[-1] == "clocks"
+    assert found.blocks[-1] == ("clocks", "")
     assert len(found.blocks) == len(found.scores) == len(found.parts)
 
 
