@@ -30,8 +30,12 @@ _CHOICES = ("auto", "native", "reference", "jax")
 __all__ = ["Timing", "WheelRoad", "engine_name", "engine_of_process", "engine_versions", "wheel_road"]
 
 
-def engine_of_process() -> Engine:
+def engine_of_process(coordinates: int | None = None) -> Engine:
     """The engine of this process, for vehicles that it takes.
+
+    Parameters
+    ----------
+    coordinates : number of body coordinates that it has to be there for; None: any.
 
     Raises
     ------
@@ -43,7 +47,7 @@ def engine_of_process() -> Engine:
         raise SysidError(f"SYSID_ENGINE is '{choice}'; set it to auto, native or reference.")
     if choice in ("reference", "jax"):
         return REFERENCE
-    problem = _problem()
+    problem = _problem(coordinates)
     if problem is None:
         return NATIVE
     if choice == "native":
@@ -77,12 +81,12 @@ def _say_once(problem: str) -> None:
 
 
 @cache
-def _problem() -> str | None:
+def _problem(coordinates: int | None) -> str | None:
     """Why the native engine cannot be used here, None if it can."""
     if jax.default_backend() != "cpu":
         return f"JAX computes on {jax.default_backend()} here"
     try:
-        kernel.prepare()
+        kernel.prepare(coordinates)
     except BuildError as error:
         return str(error)
     return None
@@ -99,6 +103,6 @@ def wheel_road(
 
     Vehicles that this engine does not take get the reference engine.
     """
-    engine = engine_of_process()
-    chosen = engine if engine.takes(matrices) else REFERENCE
-    return chosen.prepare(road, axle_x, motion, timing)
+    taken = NATIVE.takes(matrices)
+    engine = engine_of_process(matrices.body_rows.shape[2] if taken else None)
+    return (engine if taken else REFERENCE).prepare(road, axle_x, motion, timing)

@@ -1,10 +1,15 @@
 """Derivatives through every suspension law: forward = reverse = central differences, in runs with lift-off.
 
+Reverse mode takes a minute to compile for each law set: `make test` has it for the richest, `make test-long` for all.
+
 Speed and step put every wheel exactly on the stations of the road table; the record begins at rest, where friction and
 asymmetric dampers have their corner; a table ends inside the travel.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
 
 import jax
 import jax.numpy as jnp
@@ -32,9 +37,10 @@ for _, one in LAWS.values():
     EVERYTHING = EVERYTHING._replace(
         **{f: v for f, v in one._asdict().items() if v is not None and f not in ("stiffness", "damping")}
     )
+RICHEST = "friction, gas spring, saturating and asymmetric damper, stops"
 CASES = {
     "linear": LINEAR,
-    "friction, gas spring, saturating and asymmetric damper, stops": EVERYTHING,
+    RICHEST: EVERYTHING,
     "tables": LINEAR._replace(ramps=TABLE, rate_ramps=VALVE),
 }
 
@@ -50,9 +56,8 @@ def scaled(law, logs: jax.Array):
     return jax.tree.unflatten(tree, [leaf * jnp.exp(logs[k]) for k, leaf in enumerate(leaves)])
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_forward_reverse_and_differences_agree(model, name: str):
-    law = CASES[name]
+def outcome_of(model, law) -> tuple[Callable[[jax.Array], jax.Array], np.ndarray]:
+    """One number of a run, of logarithms of the law's arrays and the speed, and which of them are quantities."""
     count = len(jax.tree.leaves(law))
     weight = np.random.default_rng(1).normal(size=(2, 3, 1))
 
@@ -67,17 +72,37 @@ def test_forward_reverse_and_differences_agree(model, name: str):
     free = np.ones(count + 1)
     if sides:
         free[count - len(sides) : count] = ~np.array(sides)
-    at = jnp.zeros(count + 1)
-    reverse = np.asarray(jax.jit(jax.grad(outcome))(at)) * free
-    assert np.isfinite(reverse).all()
-    forward = np.asarray(jax.jit(jax.jacfwd(outcome))(at)) * free
-    np.testing.assert_allclose(forward, reverse, rtol=0, atol=1e-10 * np.abs(reverse).max())
-    run = jax.jit(outcome)
+    return outcome, free
+
+
+@pytest.fixture(scope="module")
+def forward(model) -> Callable[[str], np.ndarray]:
+    """Derivatives of the outcome of a case by forward mode."""
+
+    @cache
+    def of(name: str) -> np.ndarray:
+        outcome, free = outcome_of(model, CASES[name])
+        return np.asarray(jax.jit(jax.jacfwd(outcome))(jnp.zeros(free.size))) * free
+
+    return of
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_forward_mode_and_differences_agree(model, forward, name: str):
+    outcome, free = outcome_of(model, CASES[name])
+    slope, run, at = forward(name), jax.jit(outcome), jnp.zeros(free.size)
+    assert np.isfinite(slope).all()
     rng = np.random.default_rng(2)
     for _ in range(3):
-        direction = rng.normal(size=count + 1) * free
+        direction = rng.normal(size=free.size) * free
         step = 1e-6
         difference = (run(at + step * direction) - run(at - step * direction)) / (2.0 * step)
-        assert float(reverse @ direction) == pytest.approx(
-            float(difference), rel=1e-6, abs=1e-6 * np.abs(reverse).max()
-        )
+        assert float(slope @ direction) == pytest.approx(float(difference), rel=1e-6, abs=1e-6 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("name", [n if n == RICHEST else pytest.param(n, marks=pytest.mark.long) for n in CASES])
+def test_forward_and_reverse_mode_agree(model, forward, name: str):
+    outcome, free = outcome_of(model, CASES[name])
+    reverse = np.asarray(jax.jit(jax.grad(outcome))(jnp.zeros(free.size))) * free
+    assert np.isfinite(reverse).all()
+    np.testing.assert_allclose(forward(name), reverse, rtol=0, atol=1e-10 * np.abs(reverse).max())

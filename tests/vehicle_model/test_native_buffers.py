@@ -13,7 +13,7 @@ from test_native_engine import truck
 from sysid.vehicle_model.engines import native
 from sysid.vehicle_model.filters import discretise
 from sysid.vehicle_model.motion import Motion
-from sysid.vehicle_model.native import buffers, header, kernel
+from sysid.vehicle_model.native import buffers, build, header, kernel
 from sysid.vehicle_model.native.kernel import Call
 from sysid.vehicle_model.simulation import Histories
 
@@ -105,6 +105,18 @@ def test_the_library_counts_its_arrays(call, monkeypatch):
     kernel.prepare()
     monkeypatch.setattr(Call, "ordered", lambda self: list(self.arrays.values())[:-1])
     with pytest.raises(jax.errors.JaxRuntimeError, match="another number of arrays"):
+        jax.block_until_ready(kernel.run(call))
+
+
+@needs_compiler
+def test_a_library_refuses_vehicles_that_it_is_not_compiled_for(call, tmp_path, monkeypatch):
+    compiler = build.find_compiler()
+    assert compiler is not None
+    # Without optimisation: nothing is computed.
+    build.compile_engine(compiler, tmp_path / "engine.so", "-O0", "-DSYSID_COORDINATES=8")
+    other = kernel.load(tmp_path / "engine.so", "eight", "eight coordinates")
+    monkeypatch.setattr(kernel, "_loaded", lambda coordinates: other)
+    with pytest.raises(jax.errors.JaxRuntimeError, match="not compiled for so many body coordinates"):
         jax.block_until_ready(kernel.run(call))
 
 

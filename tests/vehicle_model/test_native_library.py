@@ -26,7 +26,7 @@ def builds(monkeypatch, unregistered) -> list[build.Compiler]:
     """What was compiled since; a file of a few bytes stands for the library, any program for the compiler."""
     made: list[build.Compiler] = []
 
-    def write(compiler: build.Compiler, file: Path) -> None:
+    def write(compiler: build.Compiler, file: Path, *flags: str) -> None:
         made.append(compiler)
         file.write_bytes(b"library")
 
@@ -52,6 +52,19 @@ def test_the_library_is_built_once_and_only_its_user_can_write_it(builds, unregi
     for path in (first, first.parent, first.parents[1], unregistered / "cache"):
         assert stat.S_IMODE(path.stat().st_mode) == 0o700
     assert [p.name for p in first.parents[1].iterdir()] == [first.parent.name]
+
+
+@on_posix
+def test_each_number_of_coordinates_has_a_library_and_any_does_where_none_is_named(builds):
+    long_truck = build.library(8)
+    assert build.library() == long_truck
+    assert len(builds) == 1
+    rigid_truck = build.library(3)
+    assert rigid_truck != long_truck
+    assert len(builds) == 2
+    assert build.library() in (rigid_truck, long_truck)
+    assert (build.library(8), build.library(3)) == (long_truck, rigid_truck)
+    assert len(builds) == 2
 
 
 @on_posix
@@ -185,10 +198,10 @@ def test_two_builders_at_once_end_with_one_library(builds, monkeypatch):
     """The other one is done while this one compiles."""
     plain = build.compile_engine
 
-    def overtaken(compiler: build.Compiler, file: Path) -> None:
+    def overtaken(compiler: build.Compiler, file: Path, *flags: str) -> None:
         monkeypatch.setattr(build, "compile_engine", plain)
         build.library()
-        plain(compiler, file)
+        plain(compiler, file, *flags)
 
     monkeypatch.setattr(build, "compile_engine", overtaken)
     found = build.library()

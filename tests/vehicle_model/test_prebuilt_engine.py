@@ -221,7 +221,7 @@ def test_without_a_compiler_the_prebuilt_engine_computes(
     assert caplog.messages == []
     assert [name.rpartition("x86-64-v3_")[2] for name in registered] == list(kernel.ENTRIES)
     again(monkeypatch)
-    monkeypatch.setattr(build, "compile_engine", lambda compiler, made: made.write_bytes(whole))
+    monkeypatch.setattr(build, "compile_engine", lambda compiler, made, *flags: made.write_bytes(whole))
     assert engine.engine_versions() == {"engine": "native", "engine_build": "compiled on this machine"}
 
 
@@ -232,7 +232,7 @@ def test_where_compiling_fails_the_prebuilt_engine_computes(
 ):
     """A broken compiler, or a cache folder from which the system runs nothing."""
 
-    def compile_engine(compiler: build.Compiler, made: Path) -> None:
+    def compile_engine(compiler: build.Compiler, made: Path, *flags: str) -> None:
         if how == "compiler fails":
             raise build.BuildError("out of order")
         made.write_bytes(b"no library")
@@ -258,7 +258,7 @@ def test_where_there_is_nothing_both_reasons_and_the_remedy_are_said(packed, cor
 @needs_compiler
 def test_what_a_compiler_has_made_is_used_when_it_is_gone(whole, packed, unregistered, registered, monkeypatch):
     packed({"x86-64-v3": whole})
-    monkeypatch.setattr(build, "compile_engine", lambda compiler, made: made.write_bytes(whole))
+    monkeypatch.setattr(build, "compile_engine", lambda compiler, made, *flags: made.write_bytes(whole))
     made = build.library()
     monkeypatch.setenv("CXX", "no-such-compiler")
     assert build.library() == made
@@ -310,7 +310,7 @@ XLA_FFI_DEFINE_HANDLER_SYMBOL(sysid_linearise, nothing, ffi::Ffi::Bind());
 def again(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same machine with a compiler, seen by a new process."""
     monkeypatch.delenv("CXX")
-    for known in (engine._problem, kernel._loaded):
+    for known in (engine._problem, kernel._loaded, kernel.load):
         known.cache_clear()
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from sysid.private_files import PRIVATE_MODE, NotPrivateError, check_private, write_private
 from sysid.runtime import private_cache
 from sysid.vehicle_model.native import header
+from sysid.vehicle_model.native.buffers import COORDINATES
 from sysid.vehicle_model.native.processor import description
 
 #: The words with which the command of a compiler begins.
@@ -47,13 +48,18 @@ def find_compiler() -> Compiler | None:
     return None if named or find_spec("ziglang") is None else (sys.executable, "-m", "ziglang", "c++")
 
 
-def library() -> Path:
-    """The compiled engine, from the cache or built now (about half a minute, once per machine and version).
+def library(coordinates: int | None = None) -> Path:
+    """The engine for vehicles with so many body coordinates, from the cache or compiled now.
 
-    Its folder is named by a hash of the sources, the headers' version and the processor, and one of the compiler; where
-    there is none any more, what another one has compiled is used.  A library that is there already is used only if it
-    is what this user has put there (:mod:`sysid.private_files`).  The folder is filled under another name and renamed,
-    so that processes which build at the same time do not meet half a file.
+    Compiling takes some ten seconds, once per machine, version and number of coordinates.  The library's folder is
+    named by a hash of the sources, the headers' version and the processor, one of the compiler, and the number; where
+    there is no compiler any more, what another one has compiled is used.  A library that is there already is used only
+    if it is what this user has put there (:mod:`sysid.private_files`).  The folder is filled under another name and
+    renamed, so that processes which build at the same time do not meet half a file.
+
+    Parameters
+    ----------
+    coordinates : None for a library of whatever number; one is compiled only where there is none.
 
     Raises
     ------
@@ -64,10 +70,16 @@ def library() -> Path:
     try:
         folder = private_cache("engine")
         if compiler is None:
-            return _kept(folder)
-        home = folder / f"{_key()}-{_key_of(compiler)}"
+            return _kept(folder, "*", coordinates)
+        key = _key_of(compiler)
+        if coordinates is None:
+            try:
+                return _kept(folder, key, None)
+            except BuildError:
+                coordinates = COORDINATES[0]
+        home = folder / f"{_key()}-{key}-{coordinates}"
         if not _sound(home):
-            _fill(compiler, home)
+            _fill(compiler, home, coordinates)
     except NotPrivateError as error:
         raise BuildError(NO_COMPILER if compiler is None else str(error)) from error
     except OSError as error:
@@ -77,9 +89,10 @@ def library() -> Path:
     return home / _NAME
 
 
-def _kept(folder: Path) -> Path:
-    """What a compiler that is gone has made for this machine."""
-    for home in sorted(folder.glob(f"{_key()}-*")):
+def _kept(folder: Path, compiler: str, coordinates: int | None) -> Path:
+    """What a compiler has made for this machine; `compiler` its hash, or "*" for any."""
+    number = "*" if coordinates is None else coordinates
+    for home in sorted(folder.glob(f"{_key()}-{compiler}-{number}")):
         if _sound(home):
             return home / _NAME
     raise BuildError(NO_COMPILER)
@@ -93,11 +106,11 @@ def _sound(home: Path) -> bool:
     return True
 
 
-def _fill(compiler: Compiler, home: Path) -> None:
+def _fill(compiler: Compiler, home: Path, coordinates: int) -> None:
     with tempfile.TemporaryDirectory(dir=home.parent, prefix="build-") as scratch:
         folder = Path(scratch)
         compiled = folder / _NAME
-        compile_engine(compiler, compiled)
+        compile_engine(compiler, compiled, f"-DSYSID_COORDINATES={coordinates}")
         made = folder / "made"
         made.mkdir(mode=PRIVATE_MODE)
         write_private(made / _NAME, compiled.read_bytes())
@@ -116,7 +129,7 @@ def compile_engine(
     processor: tuple[str, ...] = THIS_PROCESSOR,
     headers: Path | None = None,
 ) -> None:
-    """Compile the library to the file `made`, its header beside it.
+    """Compile the library to the file `made`, its header beside it; for all numbers of coordinates unless `flags` say.
 
     `processor` are the flags that choose a processor, `headers` the folder of XLA's headers: those of the installed
     jaxlib unless given.

@@ -44,27 +44,28 @@ _lock = threading.Lock()
 
 
 @cache
-def _loaded() -> _Loaded:
-    """Compiled for exactly this processor where that can be done, else prebuilt."""
+def _loaded(coordinates: int | None) -> _Loaded:
+    """Compiled for this processor and so many body coordinates where that can be done, else prebuilt."""
     problems = []
     for find in (_compiled, _prebuilt):
         try:
-            return find()
+            return find(coordinates)
         except BuildError as error:
             problems.append(str(error))
     raise BuildError(", and ".join(problems))
 
 
-def _compiled() -> _Loaded:
-    path = build.library()
+def _compiled(coordinates: int | None) -> _Loaded:
+    path = build.library(coordinates)
     return load(path, path.parent.name, "compiled on this machine")
 
 
-def _prebuilt() -> _Loaded:
-    name, path = prebuilt.library()
+def _prebuilt(coordinates: int | None) -> _Loaded:
+    name, path = prebuilt.library()  # for every number of coordinates
     return load(path, f"{build.source_digest()[:16]}-{name}", f"prebuilt for {name}")
 
 
+@cache
 def load(path: Path, key: str, origin: str) -> _Loaded:
     """Load a library and make its entry points known to JAX, under names with a key of their own.
 
@@ -109,8 +110,12 @@ def check_fingerprint(loaded: ctypes.CDLL) -> None:
         raise BuildError("the compiled engine takes other arrays than this version passes")
 
 
-def prepare() -> str:
-    """Load the engine if that has not been done, building it if need be; where it comes from, in words.
+def prepare(coordinates: int | None = None) -> str:
+    """Load the engine if that has not been done, compiling it if need be; where it comes from, in words.
+
+    Parameters
+    ----------
+    coordinates : body coordinates of the vehicles that it is for; None: one is as good as another.
 
     Raises
     ------
@@ -118,7 +123,7 @@ def prepare() -> str:
         If there is none to be had on this machine.
     """
     with _lock:
-        return _loaded().origin
+        return _loaded(coordinates).origin
 
 
 def run(call: Call) -> list[jax.Array]:
@@ -130,5 +135,5 @@ def run(call: Call) -> list[jax.Array]:
         If an array is missing, is not known, or has another shape or type than described.
     """
     results = [jax.ShapeDtypeStruct(shape(b, call.sizes), np.float64) for b in ENTRIES[call.entry].results]
-    entry = jax.ffi.ffi_call(f"{_loaded().prefix}_{call.entry}", results)
+    entry = jax.ffi.ffi_call(f"{_loaded(call.sizes['nb']).prefix}_{call.entry}", results)
     return list(entry(*map(jnp.asarray, call.ordered()), **call.settings))
