@@ -75,7 +75,7 @@ def evaluate_optimum(
     adjusted = adjusted_information(campaign, problem, vector, allowances, optimum.amounts)
     adjustment = adjusted.adjustment
     covariance = _covariance(problem, compressed, adjustment)
-    singular = np.linalg.svd(compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0), compute_uv=False)
+    condition = np.linalg.cond(compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0))
 
     report("step-halving check", 0.96)
     halving = _step_halving_error(problem, vector, at_optimum.simulated)
@@ -100,7 +100,7 @@ def evaluate_optimum(
         cost=minimum.cost,
         residuals=int(sum(g.measured.sum() for g in model.groups)),
         weight_rounds=options.weight_rounds,
-        condition_number=float(singular[0] / singular[-1]),
+        condition_number=float(condition),
         step_halving_error=halving,
         scipy_max_difference_sd=difference,
         variance_inflation=float(np.median(np.concatenate(inflation))),
