@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,18 +11,25 @@ import pytest
 from rigid_truck import AXLES, DAMPING, EMPTY, LADEN, STIFFNESS, VEHICLE, bump, campaign, empty_run, with_values
 
 from sysid.campaign.vehicle_records import AxleGroup, Equaliser, FrameBending, FrameMass
-from sysid.estimation.fit import law_choice
+from sysid.estimation.fit import joint_optimum, law_choice
 from sysid.estimation.fit.fit_result import LawComparison
-from sysid.estimation.fit.frame_search import LEAST_AMPLITUDE, TRIED_HZ, frame_candidates, modal_mass_candidates
+from sysid.estimation.fit.frame_search import (
+    LEAST_AMPLITUDE,
+    TRIED_HZ,
+    TRIED_RATIOS,
+    frame_candidates,
+    modal_mass_candidates,
+)
+from sysid.estimation.fit.joint_optimum import NEAR_SD
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.law_evidence import LawEvidence
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.options import FitOptions
-from sysid.estimation.fit.part_score import part_scores
+from sysid.estimation.fit.part_score import _by_load_case, part_scores
 from sysid.estimation.fit.part_search import undeclared_parts
 from sysid.estimation.fit.rocker_search import joined_axles
 from sysid.estimation.fit.state import restored
-from sysid.estimation.fit.thresholds import MISFIT
+from sysid.estimation.fit.thresholds import DECISIVE, MISFIT
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.rockers import LoadShare, load_shares, share_from_fit
 from sysid.estimation.parameters.undeclared_parts import NO_PARTS, UndeclaredParts
@@ -30,6 +38,7 @@ from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.residual_columns import difference_columns
 from sysid.progress import unwatched
+from sysid.vehicle_model.bending import frame_modes
 
 SPEED_M_S, START_S = np.array([6.07, 8.39, 6.02]), np.array([0.44, 0.61, 0.5])
 PROFILES = {"bump": bump()}
@@ -263,3 +272,52 @@ def test_shares_from_odds():
     assert (found.low, found.share, found.high) == pytest.approx((2 / 3, 0.8, 8 / 9), rel=1e-7)
     vehicle = replace(VEHICLE, equalisers=(Equaliser("a", (1, 2), 0.25),))
     assert load_shares(vehicle, ()) == (LoadShare("a", (1, 2), 0.25, 0.25, 0.25, declared=True),)
+
+
+def test_frequencies_that_differ_by_load_case_have_to_be_worth_a_value_more():
+    """Where runs and readings are independent of each other a gain is the sum of squares, less what a value costs."""
+    low, high = frame_candidates(VEHICLE)[:2]
+    pull = np.array([-3.0, -1.0, -1.0, -4.0])
+    (found,) = _by_load_case([low, high], pull, np.eye(4), {"empty": 0, "laden": 1})
+    assert found.gain == pytest.approx(3.0**2 + 4.0**2 - DECISIVE)
+    assert found.amplitude == 3.0
+    assert found.candidate.unknown.frames[0].bending.start_hz == TRIED_HZ[0]
+    (mass,) = found.candidate.unknown.modal_masses
+    assert mass.log_factor == pytest.approx(-2.0 * np.log(TRIED_HZ[1] / TRIED_HZ[0]))
+
+
+def test_tried_modal_masses_move_the_frequency_under_load_to_the_share_that_they_stand_for():
+    bent = replace(VEHICLE, bodies=(replace(VEHICLE.bodies[0], bending=FrameBending(9.0, 0.025)),))
+    declared = replace(measured(0.0, 0.0, 9.0), vehicle=bent)
+
+    def frequency_hz(of) -> float:
+        cases = of.load_cases
+        (mode,) = frame_modes(of.vehicle, cases["laden"], cases["empty"])
+        return 9.0 * np.sqrt(mode.stiffness_mass / mode.modal_mass)
+
+    found = [frequency_hz(c.unknown.in_campaign(declared)) for c in modal_mass_candidates(declared)]
+    assert found == pytest.approx(np.array(TRIED_RATIOS) * frequency_hz(declared))
+
+
+def test_shapes_of_frames_settle_before_other_masses_move(monkeypatch):
+    """They may be far off: beside them a mass would take up what is due to the shape."""
+    done, near = [], NEAR_SD / 2.0
+    shapes = SimpleNamespace(masses=SimpleNamespace(frame_shapes=np.array([True])))
+    steps = iter([("shapes", 5.0), ("shapes", near), ("all", 1.0), ("all", near), ("all", near)])
+
+    def step(*unused, kind: str):
+        name, largest = next(steps)
+        assert name == kind
+        return SimpleNamespace(joint=SimpleNamespace(takes_back=lambda before: False), largest=largest, kind=kind)
+
+    def improved(campaign, optimum, taken, *rest, **how):
+        done.append(taken.kind)
+        return optimum
+
+    monkeypatch.setattr(joint_optimum, "_allowances", lambda *unused: shapes)
+    monkeypatch.setattr(joint_optimum, "_shape_step", partial(step, kind="shapes"))
+    monkeypatch.setattr(joint_optimum, "_step", partial(step, kind="all"))
+    monkeypatch.setattr(joint_optimum, "_improved", improved)
+    start = SimpleNamespace(problem=SimpleNamespace(model=None))
+    assert joint_optimum.joint_optimum(None, start, PROFILES, OPTIONS, unwatched) is start
+    assert done == ["shapes", "shapes", "all", "all", "all"]
