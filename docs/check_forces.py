@@ -26,7 +26,7 @@ from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.parameters.axle_laws import axle_laws, law_inputs
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
-from sysid.prediction.passes import predict
+from sysid.prediction.predict_passes import predict
 from sysid.road import analyse_scan, read_point_cloud
 from sysid.runtime import configure
 from sysid.vehicle_model.engine import Timing, wheel_road

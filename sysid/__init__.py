@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sysid import plot
     from sysid.campaign import Campaign, check_quality, read_campaign
     from sysid.errors import CampaignError, DataRejectedError, NotConvergedError, SysidError
-    from sysid.prediction import calibrated_modes
+    from sysid.estimates.calibrated_truck_modes import calibrated_modes
     from sysid.road import analyse_scan, effective_profiles, read_point_cloud
     from sysid.sdof import analyse_drops
     from sysid.vehicle_model import natural_modes
@@ -36,7 +36,7 @@ _HOMES = {
     "SysidError": "sysid.errors",
     "analyse_drops": "sysid.sdof",
     "analyse_scan": "sysid.road",
-    "calibrated_modes": "sysid.prediction",
+    "calibrated_modes": "sysid.estimates.calibrated_truck_modes",
     "check_quality": "sysid.campaign",
     "effective_profiles": "sysid.road",
     "make_settings": "sysid.workflow",

@@ -23,7 +23,17 @@ ROOT = Path(sysid.__file__).resolve().parent
 LEVELS = (
     {"limits"},
     {"arrays", "errors", "files", "lazy_names", "private_files", "progress", "read_worker", "wording"},
-    {"array_file", "bounded_reader", "display", "folder_lock", "output_folder", "runtime", "tabular", "threads"},
+    {
+        "array_file",
+        "bounded_reader",
+        "csv_cells",
+        "display",
+        "folder_lock",
+        "output_folder",
+        "runtime",
+        "tabular",
+        "threads",
+    },
     {"logs"},
     {"campaign"},
     {"sdof", "road"},
@@ -33,7 +43,7 @@ LEVELS = (
     {"posterior"},
     {"prediction", "selftest", "validation"},
     {"planning", "estimates"},
-    {"plot"},
+    {"plot", "results"},
     {"export"},
     {"report"},
     {"workflow"},
@@ -45,7 +55,7 @@ LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}
 #: The rooms of the largest package, from the bottom up.
 ROOMS = {"estimation": ("parameters", "residuals", "weights", "uncertainty", "fit")}
 
-JAX_PACKAGES = {"runtime", "vehicle_model", "estimation", "posterior", "prediction", "planning"}
+JAX_PACKAGES = {"runtime", "vehicle_model", "estimation", "posterior", "prediction", "planning", "estimates"}
 
 
 def imported_modules(source: str, package: str) -> set[str]:
@@ -143,6 +153,7 @@ SHOWN = {
     "estimates.suspension_values",
     "estimation.fit.thresholds",
     "files",
+    "results.contents",
     "sdof.drop_results",
     "validation.channel_agreement",
     "wording",
@@ -181,9 +192,9 @@ def test_figures_and_report_compute_nothing(path: Path):
 
 
 def test_a_figure_that_computes_is_seen():
-    source = "from sysid.prediction.passes import predict\nif TYPE_CHECKING:\n    from sysid.road import scan\n"
+    source = "from sysid.prediction.predict_passes import predict\nif TYPE_CHECKING:\n    from sysid.road import scan\n"
     tree = ast.parse(source)
-    assert runtime_imports(tree, "sysid.plot") == {"prediction.passes"}
+    assert runtime_imports(tree, "sysid.plot") == {"prediction.predict_passes"}
     assert checked_names(tree) == [("sysid.road", "scan")]
 
 

@@ -21,7 +21,7 @@ from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.state import FitState
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
-from sysid.prediction.passes import predict, predict_pass
+from sysid.prediction.predict_passes import predict, predict_pass
 from sysid.prediction.predicted_passes import Predictions
 from sysid.selftest.readings import ordinary_instruments, simulated_campaign
 from sysid.selftest.world import World

@@ -30,7 +30,7 @@ LIMIT_S = 7200.0
 _LINES, _PAUSE_S = 7, 1.0
 _LOADED = ("sysid.cli.stages", "sysid.workflow.calibration", "sysid.workflow.stages.fit", "sysid.report",
            "sysid.export.models", "sysid.export.tables", "sysid.export.inference_data", "sysid.posterior.sampling",
-           "sysid.posterior.log_density", "sysid.prediction.passes", "sysid.prediction.driven",
+           "sysid.posterior.log_density", "sysid.prediction.predict_passes", "sysid.prediction.run_bands",
            "sysid.planning.advise", "sysid.validation.channel_agreement", "filelock", "matplotlib.figure")  # fmt: skip
 _STAGE = re.compile(r"\d+ of \d+ ([a-z_]+)")
 

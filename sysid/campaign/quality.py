@@ -12,7 +12,7 @@ from sysid.campaign import defects
 from sysid.campaign.copies import copied_columns, copied_logs
 from sysid.campaign.exchanges import Suspicion
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
-from sysid.campaign.passage import speed_complaint
+from sysid.campaign.passage_speed import speed_complaint
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop
 from sysid.campaign.suspects import axles_shown_falling, suspicions
 from sysid.campaign.units import si_factor

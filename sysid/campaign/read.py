@@ -102,7 +102,7 @@ def read_campaign(
     except CampaignError as error:
         raise CampaignError(f"{file.name}: {error}") from None
     files = NamedFiles(file, tables.acquisition.sample_interval_s, {file.name: content.sha256}, planned)
-    reader = _Inputs(file, tables, vehicle, files)
+    reader = _TestReader(file, tables, vehicle, files)
     scans = reader.scans(point_cloud_reader)
     drops, (runs, clocks) = reader.plank_drops(), reader.bump_runs(scans)
     acquisition = tables.acquisition
@@ -130,7 +130,7 @@ def read_campaign(
 
 
 @dataclass(frozen=True)
-class _Inputs:
+class _TestReader:
     file: Path
     tables: s.CampaignFile
     vehicle: VehicleReader

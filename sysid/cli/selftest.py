@@ -33,7 +33,7 @@ def run_selftest(campaign: Path, count: int, seed: int) -> int:
 
 def _simulated(campaign: Path, count: int, seed: int, errors: Console, say: Callable[[str], None]) -> SelfTest:
     from sysid.campaign.read import read_campaign
-    from sysid.estimation.fit.law_choice import check_priors
+    from sysid.estimation.parameters.checked_priors import check_priors
     from sysid.road.point_cloud import read_point_cloud
     from sysid.road.profile_files import bump_from_file
     from sysid.road.scan import analyse_scan

@@ -16,7 +16,7 @@ from sysid.workflow.stages.loads import show_predict
 from sysid.workflow.stages.posterior import show_sample
 
 if TYPE_CHECKING:
-    from sysid.export.contents import Results
+    from sysid.results.contents import Results
     from sysid.workflow import Calibration
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.campaign.arrivals import find_passage
 from sysid.campaign.findings import QualityReport, RunSpeed, ScanFinding
-from sysid.campaign.passage import believed_speed
+from sysid.campaign.passage_speed import believed_speed
 from sysid.campaign.records import Campaign, Scan
 from sysid.cross_checks.drops import drop_complaints
 from sysid.cross_checks.force_balance import run_spectra

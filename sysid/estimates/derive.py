@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.estimates.calibrated import calibrated_vehicles
+from sysid.estimates.calibrated_truck_modes import calibrated_modes
+from sysid.estimates.loops import SuspensionLoops, suspension_loops
 from sysid.estimates.records import Estimates
 from sysid.estimates.suspension_values import suspension_estimates
 from sysid.estimation.parameters.suspension_elements import LINEAR
-from sysid.prediction.calibrated import calibrated_vehicles
-from sysid.prediction.calibrated_truck_modes import calibrated_modes
-from sysid.prediction.loops import SuspensionLoops, suspension_loops
 from sysid.road.effective import AxleRoad, effective_profiles
 
 if TYPE_CHECKING:

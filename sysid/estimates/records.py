@@ -11,9 +11,9 @@ from sysid.tabular import Tabular
 if TYPE_CHECKING:
     import pandas as pd
 
+    from sysid.estimates.calibrated_elements import CalibratedVehicle
+    from sysid.estimates.loops import SuspensionLoops
     from sysid.estimates.suspension_values import AxleEstimates, Quantity
-    from sysid.prediction.calibrated_elements import CalibratedVehicle
-    from sysid.prediction.loops import SuspensionLoops
     from sysid.road.effective import AxleRoad
     from sysid.vehicle_model.vibration_modes import NaturalModes
 

@@ -1,8 +1,7 @@
 """Files for other programs: result.json, parameters.csv, validation.csv, predictions/*.csv, posterior.nc; models."""
 
+from sysid.csv_cells import escape_cell
 from sysid.export.chrono import chrono_merged, read_chrono
-from sysid.export.contents import Results
-from sysid.export.csv_cells import escape_cell
 from sysid.export.inference_data import posterior_tree, write_posterior
 from sysid.export.models import model_texts, moving_force_texts, write_models
 from sysid.export.naming import prediction_files
@@ -15,6 +14,7 @@ from sysid.export.tables import (
     write_predictions,
     write_validation,
 )
+from sysid.results.contents import Results
 
 __all__ = [
     "Results",

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from sysid.campaign.statics import static_equilibrium
-from sysid.export.csv_cells import escape_cell
+from sysid.csv_cells import escape_cell, number_cell
 from sysid.export.tables import bet_column, beyond_columns
 
 if TYPE_CHECKING:
     from sysid.campaign.records import Campaign
-    from sysid.export.contents import Judgement
-    from sysid.prediction.calibrated_elements import CalibratedVehicle
+    from sysid.estimates.calibrated_elements import CalibratedVehicle
     from sysid.prediction.predicted_passes import PassPrediction
+    from sysid.results.contents import Judgement
 
 VEHICLE_COLUMNS = (
     "kind",
@@ -62,9 +61,9 @@ def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle) -> str:
     grouped = {i for group in truck.groups for i in group.axles}
     bends = {
         f.body: {
-            "bending_frequency_hz": _number(f.frequency_hz),
-            "bending_damping_ratio": _number(f.damping_ratio),
-            "bending_modal_mass_kg": _number(f.modal_mass_kg),
+            "bending_frequency_hz": number_cell(f.frequency_hz),
+            "bending_damping_ratio": number_cell(f.damping_ratio),
+            "bending_modal_mass_kg": number_cell(f.modal_mass_kg),
         }
         for f in vehicle.frames
     }
@@ -72,40 +71,41 @@ def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle) -> str:
     for b, body in enumerate(truck.bodies):
         rows.append(
             {"kind": "body", "number": b + 1, "name": escape_cell(body.name), "body": b + 1,
-             "x_m": _number(statics.cg_x_m[b]), "hitch_x_m": _number(body.hitch_x_m),
-             "mass_kg": _number(case.sprung_mass_kg[b]), "pitch_inertia_kg_m2": _number(case.pitch_inertia_kg_m2[b]),
-             "cg_height_m": _number(case.cg_height_m[b]), **bends.get(b, {})}
+             "x_m": number_cell(statics.cg_x_m[b]), "hitch_x_m": number_cell(body.hitch_x_m),
+             "mass_kg": number_cell(case.sprung_mass_kg[b]),
+             "pitch_inertia_kg_m2": number_cell(case.pitch_inertia_kg_m2[b]),
+             "cg_height_m": number_cell(case.cg_height_m[b]), **bends.get(b, {})}
         )  # fmt: skip
 
     def spring_cells(axle: int) -> dict[str, object]:
         s = suspension[axle]
         return {
-            "suspension_stiffness_N_per_m": _number(s.stiffness_N_per_m),
-            "suspension_damping_N_s_per_m": _number(s.damping_N_s_per_m),
-            "suspension_friction_N": _number(s.friction_N),
+            "suspension_stiffness_N_per_m": number_cell(s.stiffness_N_per_m),
+            "suspension_damping_N_s_per_m": number_cell(s.damping_N_s_per_m),
+            "suspension_friction_N": number_cell(s.friction_N),
         }
 
     for g, group in enumerate(truck.groups):
         first = group.axles[0]
         rows.append(
             {"kind": "group", "number": g + 1, "name": escape_cell(group.name), "body": truck.axles[first].body + 1,
-             "x_m": _number(truck.suspension_x_m[first]), "mass_kg": _number(group.mass_kg),
-             "pitch_inertia_kg_m2": _number(group.pitch_inertia_kg_m2), **spring_cells(first)}
+             "x_m": number_cell(truck.suspension_x_m[first]), "mass_kg": number_cell(group.mass_kg),
+             "pitch_inertia_kg_m2": number_cell(group.pitch_inertia_kg_m2), **spring_cells(first)}
         )  # fmt: skip
     for g, rocker in enumerate(vehicle.rockers):
         axles = " ".join(str(i + 1) for i in rocker.axles)
         rows.append(
             {"kind": "equaliser", "number": len(truck.groups) + g + 1, "name": escape_cell(f"{rocker.name} ({axles})"),
-             "body": truck.axles[rocker.axles[0]].body + 1, "load_share": _number(rocker.share),
-             "x_m": _number(sum(truck.axles[i].x_m for i in rocker.axles) / len(rocker.axles))}
+             "body": truck.axles[rocker.axles[0]].body + 1, "load_share": number_cell(rocker.share),
+             "x_m": number_cell(sum(truck.axles[i].x_m for i in rocker.axles) / len(rocker.axles))}
         )  # fmt: skip
     for i, axle in enumerate(truck.axles):
         rows.append(
             {"kind": "axle", "number": i + 1, "name": escape_cell(axle.name), "body": axle.body + 1,
-             "x_m": _number(axle.x_m), "static_load_N": _number(case.axle_loads_kg[i] * truck.gravity_m_s2),
-             "mass_kg": _number(axle.unsprung_mass_kg), **({} if i in grouped else spring_cells(i)),
-             "tire_stiffness_N_per_m": _number(vehicle.tire_stiffness_N_per_m[i]),
-             "tire_damping_N_s_per_m": _number(vehicle.tire_damping_N_s_per_m[i])}
+             "x_m": number_cell(axle.x_m), "static_load_N": number_cell(case.axle_loads_kg[i] * truck.gravity_m_s2),
+             "mass_kg": number_cell(axle.unsprung_mass_kg), **({} if i in grouped else spring_cells(i)),
+             "tire_stiffness_N_per_m": number_cell(vehicle.tire_stiffness_N_per_m[i]),
+             "tire_damping_N_s_per_m": number_cell(vehicle.tire_damping_N_s_per_m[i])}
         )  # fmt: skip
     stream = io.StringIO()
     writer = csv.DictWriter(stream, VEHICLE_COLUMNS, restval="", lineterminator="\n")
@@ -133,7 +133,3 @@ def moving_forces_csv(campaign: Campaign, prediction: PassPrediction, judgement:
             )
     columns |= beyond_columns(p) | bet_column(p, judgement)
     return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None or not math.isfinite(value) else repr(float(value))

@@ -14,7 +14,7 @@ import numpy as np
 from sysid.errors import CampaignError
 
 if TYPE_CHECKING:
-    from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
+    from sysid.estimates.calibrated_elements import CalibratedSuspension, CalibratedVehicle
 
 _COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*|/\*.*?\*/', re.DOTALL)
 #: Where springs end in the templates of Chrono that have one apart.

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.errors import CampaignError
-from sysid.export.contents import Results
 from sysid.files import write_atomically
+from sysid.results.contents import Results
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
+    from sysid.estimates.calibrated_elements import CalibratedSuspension, CalibratedVehicle
 
 #: Identifiers of axle i (from 1) are _FIRST + 10 i and the following ones; _FIRST itself is the section.
 _FIRST = 9000

@@ -15,9 +15,9 @@ from sysid.tabular import distinct
 
 if TYPE_CHECKING:
     from sysid.campaign.records import Campaign
-    from sysid.export.contents import Judgement
-    from sysid.prediction.calibrated_elements import CalibratedVehicle
+    from sysid.estimates.calibrated_elements import CalibratedVehicle
     from sysid.prediction.predicted_passes import Predictions
+    from sysid.results.contents import Judgement
 
 
 def model_texts(campaign: Campaign, vehicles: Iterable[CalibratedVehicle]) -> dict[str, str]:

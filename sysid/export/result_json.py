@@ -8,14 +8,14 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sysid.export.contents import Results
 from sysid.export.naming import prediction_files, speed_km_h
 from sysid.files import write_text
+from sysid.results.contents import Results
 from sysid.sdof.drop_results import DropEstimate
 
 if TYPE_CHECKING:
     from sysid.estimation.parameters.estimate import ParameterEstimate
-    from sysid.planning.advice import Prospect
+    from sysid.planning.advice_records import Prospect
     from sysid.posterior.sampled_posterior import PosteriorSummary
     from sysid.prediction.predicted_passes import PassPrediction
     from sysid.validation.channel_agreement import ChannelAgreement, LeftOutRun

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from sysid.export.contents import Judgement, Results
-from sysid.export.csv_cells import csv_text, escape_cell, number_cell
+from sysid.csv_cells import csv_text, escape_cell, number_cell
 from sysid.export.naming import file_stem, prediction_files, speed_km_h
-from sysid.export.parameter_table import parameter_table
 from sysid.files import write_text
+from sysid.results.contents import Judgement, Results
+from sysid.results.parameter_table import parameter_table
 from sysid.tabular import distinct
 from sysid.validation.channel_agreement import ChannelAgreement
 

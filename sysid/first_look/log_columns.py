@@ -37,7 +37,7 @@ def read_columns_of(file: FolderFile) -> LogColumns:
     DataRejectedError
         If it cannot be read, or has no column of time.
     """
-    return _text(file) if file.head is not None else _by_library(file)
+    return _text(file) if file.head is not None else _other_format(file)
 
 
 def _text(file: FolderFile) -> LogColumns:
@@ -55,7 +55,7 @@ def _text(file: FolderFile) -> LogColumns:
     return LogColumns(file.name, file.title, content.channels, head.guessed_time, head.units_row, text)
 
 
-def _by_library(file: FolderFile) -> LogColumns:
+def _other_format(file: FolderFile) -> LogColumns:
     label, known = shorten(file.name, 100), format_of(file.content)
     try:
         content = known.read(file.content, label, LogRequest((), everything=True))

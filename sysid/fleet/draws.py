@@ -11,7 +11,7 @@ import numpy as np
 from sysid import array_file
 
 if TYPE_CHECKING:
-    from sysid.export.contents import Results
+    from sysid.results.contents import Results
     from sysid.workflow import Calibration
 
 RECORD_FILE = "fleet_draws.npz"

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from sysid.export.csv_cells import csv_text, escape_cell
+from sysid.csv_cells import csv_text, escape_cell
 from sysid.files import read_json, write_text
 from sysid.fleet.outcome import kept
 from sysid.fleet.records import Fleet

@@ -17,7 +17,7 @@ from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.uncertainty.identifiability import ROUGH, Identifiability, is_tire, listed
 from sysid.estimation.uncertainty.information import DataInformation
-from sysid.planning.advice import Advice, PeakTarget, Prospect
+from sysid.planning.advice_records import Advice, PeakTarget, Prospect
 from sysid.planning.candidate_runs import (
     RunInformation,
     RunKind,
@@ -25,7 +25,7 @@ from sysid.planning.candidate_runs import (
     recording_sensors,
     run_information,
 )
-from sysid.prediction.passes import effective_roads, peak_ratios
+from sysid.prediction.predict_passes import effective_roads, peak_ratios
 from sysid.progress import Progress, unwatched
 
 #: Speeds of candidate runs [km/h].

@@ -15,7 +15,7 @@ from sysid.plot.style import FAINT, INK, MUTED, axes_or_new, axle_color, display
 if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.fit.profiles import ProfileLikelihood
-    from sysid.planning.advice import Advice, Prospect
+    from sysid.planning.advice_records import Advice, Prospect
     from sysid.posterior.sampled_posterior import Posterior
 
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from sysid.plot.style import axes_grid, axes_or_new, axle_color, styled
 
 if TYPE_CHECKING:
-    from sysid.prediction.loops import SuspensionLoops
+    from sysid.estimates.loops import SuspensionLoops
 
 
 @styled

@@ -10,7 +10,7 @@ from sysid.errors import CampaignError
 from sysid.files import remove_unfinished
 from sysid.folder_lock import FolderLock, cannot_write
 from sysid.posterior.segments import (
-    Ending,
+    ChainEnd,
     Segment,
     StoredChain,
     read_segments,
@@ -28,7 +28,7 @@ class Resumed:
     """What a run starts with: segments so far, where they end (None: nowhere yet), what the user should know."""
 
     segments: list[Segment]
-    ending: Ending | None
+    ending: ChainEnd | None
     note: str
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
 from sysid.errors import DataRejectedError
-from sysid.posterior.segments import Ending, Segment
+from sysid.posterior.segments import ChainEnd, Segment
 from sysid.threads import side_by_side
 
 Density = Callable[[np.ndarray], np.ndarray]
@@ -69,7 +69,7 @@ def advance(ensembles: Sequence[Ensemble], steps: int) -> Segment:
     return Segment(*(np.stack(members) for members in zip(*results, strict=True)))
 
 
-def restored(ending: Ending, ensemble: int) -> emcee.State:
+def restored(ending: ChainEnd, ensemble: int) -> emcee.State:
     """State of an ensemble at the end of a stretch."""
     place, has_gauss, cached = ending.random_places[ensemble]
     random = ("MT19937", np.array(ending.random_keys[ensemble]), int(place), int(has_gauss), float(cached))

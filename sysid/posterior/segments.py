@@ -22,7 +22,7 @@ from sysid.arrays import EnsemblesByWalkers, WalkerDraws
 
 
 @dataclass(frozen=True)
-class Ending:
+class ChainEnd:
     """Where the ensembles are: what a chain needs to go on.
 
     `positions` (E, W, p), `log_probability` (E, W); `random_keys` (E, 624) and `random_places` (E, 3) are the state of
@@ -50,9 +50,9 @@ class Segment:
     random_places: np.ndarray
 
     @property
-    def ending(self) -> Ending:
+    def ending(self) -> ChainEnd:
         """The state that the segment ends in."""
-        return Ending(self.draws[:, -1], self.log_probability[:, -1], self.random_keys, self.random_places)
+        return ChainEnd(self.draws[:, -1], self.log_probability[:, -1], self.random_keys, self.random_places)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from sysid.report.numbers import MISSING, decimals, fixed, interval, number, per
 
 if TYPE_CHECKING:
     from sysid.estimation.parameters.estimate import ParameterEstimate
-    from sysid.planning.advice import Prospect
+    from sysid.planning.advice_records import Prospect
 
 
 def shrinkage_table(results: Results) -> Table | None:

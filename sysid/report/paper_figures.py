@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 
 from sysid import plot
+from sysid.csv_cells import escape_cell
 from sysid.export import Results
-from sysid.export.csv_cells import escape_cell
 from sysid.files import write_text
 from sysid.plot.style import styled
 from sysid.report.answer import axle_load_table

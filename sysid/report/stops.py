@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sysid.export.contents import Results
 from sysid.report.numbers import listing, speed
+from sysid.results.contents import Results
 
 if TYPE_CHECKING:
     from sysid.prediction.predicted_passes import PassPrediction

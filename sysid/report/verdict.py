@@ -9,10 +9,10 @@ from typing import Literal
 
 from sysid.estimates.suspension_values import AxleEstimates, Estimate, Quantity
 from sysid.estimation.fit.thresholds import MISFIT
-from sysid.export.contents import Judgement, Results, Trust
 from sysid.report import stops
 from sysid.report.cells import suspension_values
 from sysid.report.numbers import count, interval, listing, number, percent, speed
+from sysid.results.contents import Judgement, Results, Trust
 
 Tone = Literal["good", "caution", "stop"]
 

@@ -8,21 +8,21 @@ from typing import Any, TypeVar
 
 from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.estimates.calibrated_elements import CalibratedVehicle
 from sysid.estimates.records import Estimates
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.profiles import ProfileLikelihood
 from sysid.estimation.residuals.run_history import RunHistory
-from sysid.export.contents import Results
 from sysid.files import write_text
 from sysid.output_folder import output_folder
-from sysid.planning.advice import Advice
+from sysid.planning.advice_records import Advice
 from sysid.planning.advise import CANDIDATE_KM_H
 from sysid.posterior.cross_check import CrossCheck
 from sysid.posterior.sampled_posterior import Posterior
-from sysid.prediction.calibrated_elements import CalibratedVehicle
-from sysid.prediction.driven import with_bands
 from sysid.prediction.predicted_passes import Predictions
+from sysid.prediction.run_bands import with_bands
 from sysid.progress import Progress, unwatched
+from sysid.results.contents import Results
 from sysid.road.road_profile import ScanAnalysis
 from sysid.runtime import configure
 from sysid.sdof.drop_results import DropSummary

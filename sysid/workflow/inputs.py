@@ -10,7 +10,7 @@ from sysid.campaign.findings import QualityReport
 from sysid.campaign.quality import check_quality
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
-from sysid.estimation.fit.law_choice import check_priors
+from sysid.estimation.parameters.checked_priors import check_priors
 from sysid.road.point_cloud import read_point_cloud
 from sysid.road.profile_files import bump_from_file
 

@@ -18,7 +18,7 @@ from sysid.progress import Progress
 
 if TYPE_CHECKING:
     from sysid.campaign.records import Campaign
-    from sysid.export.contents import Results
+    from sysid.results.contents import Results
     from sysid.workflow.inputs import Inputs
     from sysid.workflow.settings import Settings
 

@@ -10,7 +10,7 @@ import pytest
 
 from sysid.campaign import read_campaign
 from sysid.campaign.arrivals import find_passage
-from sysid.campaign.passage import passage_speed, speed_complaint
+from sysid.campaign.passage_speed import passage_speed, speed_complaint
 from sysid.campaign.quality import check_quality
 from sysid.campaign.records import BumpRun, Channel, Log, Sensor
 from sysid.campaign.vehicle_records import Axle, Body, Vehicle

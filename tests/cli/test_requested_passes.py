@@ -9,7 +9,7 @@ from small_results import small_campaign
 
 from sysid.cli.main import cli
 from sysid.errors import CampaignError, DataRejectedError
-from sysid.workflow.passes import OPTIONS, requested_passes
+from sysid.workflow.requested_passes import OPTIONS, requested_passes
 
 CAMPAIGN = replace(small_campaign(), scans={"one": None, "two": None})
 

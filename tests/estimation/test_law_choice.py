@@ -14,12 +14,12 @@ from sysid.campaign import check_quality, read_campaign
 from sysid.estimation.fit import law_comparison
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.law_evidence import Evidence, Judged, LawEvidence
-from sysid.estimation.fit.law_families import richest_laws
 from sysid.estimation.fit.law_screen import promising
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters, declared_laws
+from sysid.estimation.parameters.law_families import richest_laws
 from sysid.progress import unwatched
 from sysid.road import analyse_scan, read_point_cloud
 from sysid.sdof.summary import analyse_drops

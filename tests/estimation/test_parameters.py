@@ -12,9 +12,10 @@ from sysid.campaign.priors import NamedPrior, PriorOverride
 from sysid.campaign.records import PredictionRequest
 from sysid.campaign.vehicle_records import AxleGroup, LeafDimensions
 from sysid.errors import CampaignError
-from sysid.estimation.fit.law_choice import check_priors, laws_of_axles
+from sysid.estimation.fit.law_choice import laws_from_names
 from sysid.estimation.parameters.axle_laws import axle_laws, stiffness_positions
 from sysid.estimation.parameters.campaign_parameters import best_drop_estimates, campaign_parameters
+from sysid.estimation.parameters.checked_priors import check_priors
 from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet, PriorLink
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.sdof.drop_results import DropEstimate, DropSummary
@@ -224,7 +225,7 @@ def test_an_axle_group_has_one_suspension_named_after_its_first_axle():
     # The laws that a fit reports, one per suspension, are those of all axles again.
     laws = (frozenset({"friction"}), frozenset({"gas_spring"}), frozenset({"gas_spring"}))
     names = [p.law for p in campaign_parameters(data, drops, laws).parameters if p.quantity == "damping"]
-    assert laws_of_axles(grouped, names) == laws
+    assert laws_from_names(grouped, names) == laws
     # Every axle of the group finds the group's suspension, and its own tire.
     np.testing.assert_array_equal(stiffness_positions(found, 3, ["empty", "laden"]), [[0, 1, 1], [0, 2, 2]])
     assert [found.index("damping", i) for i in range(3)] == [3, 4, 4]

@@ -247,7 +247,7 @@ def test_a_part_that_only_shows_beside_the_laws_lets_their_comparison_begin_agai
         raise Ended
 
     for name, stub in (("undeclared_parts", found), ("optimise", fitted), ("compare_laws", compared),
-                       ("joint_optimum", ended), ("laws_of", lambda vehicle, optimum: ())):  # fmt: skip
+                       ("joint_optimum", ended), ("laws_at_optimum", lambda vehicle, optimum: ())):  # fmt: skip
         monkeypatch.setattr(law_choice, name, stub)
     with pytest.raises(Ended):
         fit_with_laws(data, None, PROFILES, FitOptions(cross_check=False))

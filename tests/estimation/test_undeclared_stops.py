@@ -12,9 +12,9 @@ from rigid_truck import AXLES, SENSORS, STIFFNESS, VEHICLE, bump, campaign, empt
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit import law_comparison
 from sysid.estimation.fit.law_choice import fit_with_laws
-from sysid.estimation.fit.law_families import STOPS, Laws
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.law_families import STOPS, Laws
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet
 from sysid.estimation.residuals.bump_model import bump_model

@@ -11,9 +11,9 @@ import pytest
 from chrono_reader import REQUIRED, element, fiala_vertical, suspension
 
 from sysid.errors import CampaignError
+from sysid.estimates.calibrated_elements import CalibratedSuspension, CalibratedVehicle
 from sysid.export import chrono_merged, read_chrono
 from sysid.export.chrono import chrono_suspension, chrono_text, chrono_tire
-from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "chrono"
 #: Files with a spring whose stops leave it alone at rest, and what kinds of elements they come with.

@@ -17,12 +17,12 @@ from keyword_reader import read_deck
 from small_results import Words, small_campaign, small_results
 
 from sysid.errors import CampaignError
+from sysid.estimates.calibrated_elements import CalibratedFrame, CalibratedSuspension, CalibratedVehicle
 from sysid.estimation.parameters.rockers import LoadShare
 from sysid.export import chrono_merged, write_models
 from sysid.export.bridge import vehicle_csv
 from sysid.export.chrono import chrono_suspension, chrono_tire
 from sysid.export.lsdyna import _field, lsdyna_text
-from sysid.prediction.calibrated_elements import CalibratedFrame, CalibratedSuspension, CalibratedVehicle
 
 EXTENSION = np.linspace(-0.2, 0.2, 81)
 RATE = np.linspace(-3.0, 3.0, 121)

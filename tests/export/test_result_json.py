@@ -10,7 +10,7 @@ import pytest
 from small_results import Words, before_sampling, campaign_only, small_fit, small_results
 
 from sysid.export import Results, result_document, result_schema, write_result
-from sysid.export.contents import Judgement
+from sysid.results.contents import Judgement
 from sysid.validation.channel_agreement import LeftOut, LeftOutRun
 
 

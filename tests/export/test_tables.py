@@ -19,10 +19,10 @@ from sysid.export import (
     write_predictions,
     write_validation,
 )
-from sysid.export.contents import Judgement
 from sysid.export.models import moving_force_texts
 from sysid.export.tables import write_profiles
 from sysid.files import write_atomically, write_text
+from sysid.results.contents import Judgement
 
 
 def test_parameters_come_back_with_pandas(tmp_path):

@@ -31,10 +31,10 @@ from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.identifiability import Identifiability, assess
 from sysid.estimation.uncertainty.information import DataInformation
-from sysid.planning.advice import Advice
+from sysid.planning.advice_records import Advice
 from sysid.planning.advise import advise, candidate_runs, peak_gradient
 from sysid.planning.candidate_runs import RunKind, missing_sensors, recording_sensors, run_information
-from sysid.prediction.passes import effective_roads, predict_pass
+from sysid.prediction.predict_passes import effective_roads, predict_pass
 
 PROFILES = {"bump": bump()}
 

@@ -21,7 +21,7 @@ from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departures import Departures
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.prediction.assumed_stops import AssumedStops, assumed_stops, axles_without_stops
-from sysid.prediction.passes import predict_pass
+from sysid.prediction.predict_passes import predict_pass
 from sysid.prediction.trust import DrivenRange
 from sysid.prediction.vehicle_draws import VehicleDraws
 from sysid.vehicle_model.passes import EffectiveRoads

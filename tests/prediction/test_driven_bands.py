@@ -23,7 +23,7 @@ from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
-from sysid.prediction.driven import DRAWS, run_bands, with_bands
+from sysid.prediction.run_bands import DRAWS, run_bands, with_bands
 from sysid.road.road_profile import RoadProfile
 
 
@@ -158,7 +158,7 @@ def test_histories_get_the_bands_of_their_own_length(fit):
 
 def test_long_chains_are_thinned(fit, monkeypatch):
     seen = []
-    monkeypatch.setattr("sysid.prediction.driven.DRAWS", 3)
+    monkeypatch.setattr("sysid.prediction.run_bands.DRAWS", 3)
     run_bands(fit.state, np.tile(fit.truth, (10, 1)), progress=lambda message, share: seen.append(share))
     assert len(seen) == 3
     assert DRAWS >= 64

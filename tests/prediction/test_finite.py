@@ -9,9 +9,9 @@ from rigid_truck import VEHICLE, bump, campaign, empty_run, true_log_parameters
 from sysid.campaign.records import PredictionRequest
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
-from sysid.prediction import passes
+from sysid.prediction import predict_passes
 from sysid.prediction.finite import check_finite
-from sysid.prediction.passes import peak_ratios, predict_pass, speed_sweep
+from sysid.prediction.predict_passes import peak_ratios, predict_pass, speed_sweep
 from sysid.vehicle_model.passes import EffectiveRoads
 
 REQUEST = PredictionRequest("empty", 10.0)
@@ -62,6 +62,6 @@ def test_finite_loads_pass_and_an_axle_without_load_does_not() -> None:
 
 @pytest.mark.parametrize("speed", [1e-9, 1e-3])
 def test_a_pass_without_end_is_refused_before_memory_is_taken(speed: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(passes, "Timing", None)  # nothing is simulated
+    monkeypatch.setattr(predict_passes, "Timing", None)  # nothing is simulated
     with pytest.raises(CampaignError, match=r"at most 300 s are predicted; choose a higher speed"):
         predict_pass(DATA, PARAMETERS, ROADS, PredictionRequest("empty", speed / 3.6), TRUTH[None])

@@ -21,7 +21,7 @@ from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departures import Departures
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
-from sysid.prediction.passes import predict, predict_pass
+from sysid.prediction.predict_passes import predict, predict_pass
 from sysid.prediction.vehicle_draws import CONTACT_ERROR, VehicleDraws, with_contact_error
 from sysid.vehicle_model.passes import EffectiveRoads
 

@@ -16,9 +16,9 @@ from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
-from sysid.prediction import passes
+from sysid.prediction import predict_passes
 from sysid.prediction.measures import load_coefficient
-from sysid.prediction.passes import effective_roads, predict, predict_pass, speed_sweep
+from sysid.prediction.predict_passes import effective_roads, predict, predict_pass, speed_sweep
 from sysid.prediction.predicted_passes import PassPrediction
 from sysid.prediction.remarks import remarks
 from sysid.prediction.trust import Extrapolation
@@ -166,7 +166,7 @@ def recorded(monkeypatch) -> list[np.ndarray]:
         seen.append(sets)
         return request
 
-    monkeypatch.setattr(passes, "predict_pass", stand_in)
+    monkeypatch.setattr(predict_passes, "predict_pass", stand_in)
     return seen
 
 
@@ -177,9 +177,9 @@ def test_all_requests_are_predicted_from_a_seeded_selection_of_draws(data, param
     found = predict(state, many, two.predictions, seed=4, sweep_km_h=())
     assert found.source == "posterior"
     assert found.passes == two.predictions
-    assert recorded[0].shape == (passes.DRAWS, truth.size)
+    assert recorded[0].shape == (predict_passes.DRAWS, truth.size)
     np.testing.assert_array_equal(recorded[0], recorded[1])
-    assert len({float(d[0]) for d in recorded[0]}) == passes.DRAWS
+    assert len({float(d[0]) for d in recorded[0]}) == predict_passes.DRAWS
     predict(state, many, two.predictions, seed=4, sweep_km_h=())
     np.testing.assert_array_equal(recorded[0], recorded[2])
     predict(state, many, two.predictions, seed=5, sweep_km_h=())
@@ -277,8 +277,8 @@ def test_ratio_against_speed_is_that_of_single_passes(data, parameters, truth, s
     usual = speed_sweep(data, parameters, "empty", "bump", roads, truth[:, None], [SPEED_M_S])
     np.testing.assert_allclose(usual.peak_ratio.q50[0], single.peak_ratio_q50, rtol=2e-3)
     np.testing.assert_allclose(usual.load_coefficient.q50[0], single.load_coefficient.q50, rtol=5e-3)
-    monkeypatch.setattr(passes, "SWEEP_INTERVAL_S", passes.INTERVAL_S)
-    monkeypatch.setattr(passes, "SWEEP_LENGTHS", ())
+    monkeypatch.setattr(predict_passes, "SWEEP_INTERVAL_S", predict_passes.INTERVAL_S)
+    monkeypatch.setattr(predict_passes, "SWEEP_LENGTHS", ())
     found = speed_sweep(data, parameters, "empty", "bump", roads, truth[:, None], [SPEED_M_S])
     np.testing.assert_allclose(found.peak_ratio.q50[0], single.peak_ratio_q50, rtol=1e-12)
     np.testing.assert_allclose(found.load_coefficient.q50[0], single.load_coefficient.q50, rtol=1e-12)

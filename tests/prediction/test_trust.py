@@ -17,7 +17,7 @@ from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.prediction.driven_range import driven_range, spring_deflection
-from sysid.prediction.passes import effective_roads, predict, predict_pass, speed_sweep
+from sysid.prediction.predict_passes import effective_roads, predict, predict_pass, speed_sweep
 from sysid.prediction.predicted_passes import PassPrediction
 from sysid.prediction.trust import DrivenRange, Extrapolation, Reached, beyond_driven, extrapolations
 from sysid.vehicle_model.contact import tire_law

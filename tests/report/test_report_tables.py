@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from small_results import DECREMENT, PERIOD, decaying_drop, small_campaign, small_results
 
-from sysid.prediction.calibrated_truck_modes import calibrated_modes
+from sysid.estimates.calibrated_truck_modes import calibrated_modes
 from sysid.report import agreement, answer, drop_tables, knowledge, load_tables, tables
 from sysid.report.figures import Gallery, drop_pictures
 from sysid.validation import ChannelAgreement, Validation

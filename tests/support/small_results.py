@@ -20,7 +20,7 @@ from sysid.estimation.uncertainty.identifiability import assess
 from sysid.estimation.uncertainty.information import DataInformation
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
 from sysid.export import Results
-from sysid.planning.advice import Advice, PeakTarget, Prospect
+from sysid.planning.advice_records import Advice, PeakTarget, Prospect
 from sysid.posterior.sampled_posterior import Posterior, PosteriorSummary
 from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.trust import DrivenRange, Extrapolation

@@ -94,7 +94,7 @@ def test_the_header_follows_the_description(monkeypatch):
     monkeypatch.setitem(buffers.CONSTANTS, "kMaxAxles", 25)
     found.add(header.fingerprint())
     monkeypatch.undo()
-    monkeypatch.setitem(buffers.ELEMENTS, "hook", ("hook_stiffness",))
+    monkeypatch.setitem(buffers.ELEMENT_FIELDS, "hook", ("hook_stiffness",))
     found.add(header.fingerprint())
     assert len(found) == 6
 

@@ -76,7 +76,7 @@ def stubbed(tmp_path: Path, monkeypatch) -> Callable[..., Calibration]:
         ),
     )
     monkeypatch.setattr(
-        "sysid.prediction.driven.run_bands",
+        "sysid.prediction.run_bands.run_bands",
         lambda state, draws, **more: (HistoryBand(np.zeros((4, 400)), np.full((4, 400), float(len(draws)))),) * 2,
     )
 
@@ -149,7 +149,7 @@ def test_other_passes_are_predicted_for_the_campaign_that_was_fitted(stubbed, mo
     given = {}
     monkeypatch.setattr("sysid.workflow.stages.loads.fit_state", lambda context: context)
     monkeypatch.setattr(
-        "sysid.prediction.passes.predict",
+        "sysid.prediction.predict_passes.predict",
         lambda state, draws, requests, **more: given.update(more, campaign=state.campaign, requests=requests),
     )
     calibration = stubbed()

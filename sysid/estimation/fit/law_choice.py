@@ -19,7 +19,6 @@ from sysid.estimation.fit.evaluation import evaluate_optimum
 from sysid.estimation.fit.fit_result import FitResult, LawComparison
 from sysid.estimation.fit.joint_optimum import joint_optimum
 from sysid.estimation.fit.law_comparison import compare_laws
-from sysid.estimation.fit.law_families import Laws, richest_laws
 from sysid.estimation.fit.law_screen import largest_gain
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.likely_mistake import likely_mistake
@@ -29,7 +28,7 @@ from sysid.estimation.fit.part_search import undeclared_parts
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters, declared_laws
-from sysid.estimation.parameters.named_priors import check_named_priors
+from sysid.estimation.parameters.law_families import Laws, richest_laws
 from sysid.estimation.parameters.rockers import load_shares
 from sysid.estimation.parameters.suspension_elements import law_elements
 from sysid.estimation.parameters.undeclared_parts import NO_PARTS, UndeclaredParts, undeclared_frames
@@ -78,7 +77,7 @@ def fit_with_laws(
     choice, linear = choice.with_parts(choice.declared, choice.by_declared_laws(None))
     chosen, comparison = choice.chosen(linear)
     if chosen is not linear:
-        later, again = choice.with_parts(laws_of(campaign.vehicle, chosen), chosen)
+        later, again = choice.with_parts(laws_at_optimum(campaign.vehicle, chosen), chosen)
         if later is not choice:
             choice = later
             chosen, comparison = choice.chosen(again)
@@ -193,31 +192,15 @@ class _Choice:
         self.report(f"comparing suspension laws, {message}", fraction)
 
 
-def laws_of(vehicle: Vehicle, optimum: Optimum) -> Laws:
+def laws_at_optimum(vehicle: Vehicle, optimum: Optimum) -> Laws:
     """Elements of every axle's suspension law at an optimum."""
     parameters = optimum.problem.model.parameters
     places = [parameters.index("damping", i) for i in range(len(vehicle.axles))]
     return tuple(law_elements(parameters.parameters[place].law) for place in places)
 
 
-def laws_of_axles(vehicle: Vehicle, laws: Sequence[str]) -> Laws:
+def laws_from_names(vehicle: Vehicle, laws: Sequence[str]) -> Laws:
     """Law of every axle from the laws of a fit's suspensions, front to rear; a group of axles has one suspension."""
     owner = vehicle.suspension_axle
     law_of = dict(zip(sorted(set(owner)), laws, strict=True))
     return tuple(law_elements(law_of[i]) for i in owner)
-
-
-def check_priors(campaign: Campaign) -> None:
-    """Refuse priors of parameters that neither the declared laws nor the richest candidates have.
-
-    Raises
-    ------
-    CampaignError
-        As :func:`sysid.estimation.parameters.named_priors.check_named_priors`.
-    """
-    if not campaign.priors:
-        return
-    declared = declared_laws(campaign)
-    rich = richest_laws(campaign.vehicle.axles, declared)
-    sets = [campaign_parameters(campaign, None, laws) for laws in (declared, rich)]
-    check_named_priors(campaign, [p for parameters in sets for p in parameters.parameters])

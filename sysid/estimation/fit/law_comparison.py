@@ -22,10 +22,10 @@ from sysid.campaign.records import Campaign
 from sysid.estimation.fit.evaluation import parameter_sd
 from sysid.estimation.fit.fit_result import LawComparison, LawTrial
 from sysid.estimation.fit.law_evidence import Judged, LawEvidence
-from sysid.estimation.fit.law_families import FAMILIES, STOPS, Laws, without_family
 from sysid.estimation.fit.law_screen import promising
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
+from sysid.estimation.parameters.law_families import FAMILIES, STOPS, Laws, without_family
 from sysid.estimation.parameters.suspension_elements import law_name, quantities
 from sysid.estimation.weights.reweighting import reweighted
 

@@ -21,10 +21,10 @@ import numpy as np
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import Axle, Vehicle
 from sysid.estimation.fit.law_evidence import LawEvidence
-from sysid.estimation.fit.law_families import FAMILIES, Laws
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.axle_laws import ElementIndex, LawInputs
+from sysid.estimation.parameters.law_families import FAMILIES, Laws
 from sysid.estimation.parameters.suspension_elements import ElementQuantity, quantities
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, difference_columns

@@ -9,7 +9,6 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.frame_search import frame_candidates, modal_mass_candidates
-from sysid.estimation.fit.law_families import Laws
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.options import FitOptions
@@ -17,6 +16,7 @@ from sysid.estimation.fit.part_score import PartCandidate, part_scores
 from sysid.estimation.fit.rocker_search import rocker_candidates
 from sysid.estimation.fit.thresholds import DECISIVE, MISFIT
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.law_families import Laws
 from sysid.estimation.parameters.undeclared_parts import UndeclaredParts
 from sysid.progress import Progress
 from sysid.road.road_profile import RoadProfile

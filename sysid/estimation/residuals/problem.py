@@ -20,7 +20,7 @@ class Problem:
     """Campaign residuals as a function of one vector: global log parameters, then scaled changes of the run motions."""
 
     def __init__(self, model: BumpModel, campaign: Campaign, motion: RunMotion, weights: Weights):
-        self.model, self.reference, self.weights = model, motion, weights
+        self.model, self.reference_motion, self.weights = model, motion, weights
         self.expected = motion_prior(campaign.bump_runs)
         self.order = run_order(model)
         self.count = len(model.parameters.parameters)
@@ -33,9 +33,9 @@ class Problem:
 
     def unpack(self, vector: UnknownsOfFit) -> tuple[np.ndarray, RunMotion]:
         """Log parameters and run motions of a vector."""
-        moved = np.zeros((self.reference.speed_m_s.size, RUN_UNKNOWNS))
+        moved = np.zeros((self.reference_motion.speed_m_s.size, RUN_UNKNOWNS))
         moved[self.order] = vector[self.count :].reshape(-1, RUN_UNKNOWNS)
-        return vector[: self.count], self.reference.moved(moved, self.expected.change_sd)
+        return vector[: self.count], self.reference_motion.moved(moved, self.expected.change_sd)
 
     def with_weights(self, weights: Weights) -> Problem:
         """The same residuals under other weights."""
@@ -78,7 +78,7 @@ class Problem:
         problem = compress(self.model, self.linearise(vector), parameters, motion, self.expected)
         # The tangents are taken in units of the current speed, the vector counts in units of the reference speed.
         jacobian = problem.jacobian.copy()
-        here, reference = motion.of(self.order), self.reference.of(self.order)
+        here, reference = motion.of(self.order), self.reference_motion.of(self.order)
         jacobian[:, self.count + SPEED :: RUN_UNKNOWNS] /= here.mean_speed_m_s / reference.mean_speed_m_s
         jacobian[:, self.count + SHIFT :: RUN_UNKNOWNS] *= here.speed_m_s / reference.speed_m_s
         return Compressed(problem.residual, jacobian)

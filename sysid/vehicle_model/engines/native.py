@@ -22,12 +22,12 @@ from sysid.vehicle_model.engines.protocol import (
 from sysid.vehicle_model.filters import FilterRecursion
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.native import kernel
-from sysid.vehicle_model.native.buffers import COORDINATES, ELEMENTS, MAX_AXLES, POLE_NUMBERS, law_rows
+from sysid.vehicle_model.native.buffers import COORDINATES, MAX_AXLES, POLE_NUMBERS, law_rows
 from sysid.vehicle_model.native.kernel import Call
 from sysid.vehicle_model.readings import Readings
 from sysid.vehicle_model.simulation import Histories, SensorLayout
 from sysid.vehicle_model.stacked_matrices import StackedMatrices
-from sysid.vehicle_model.suspension import Ramps, SuspensionLaw
+from sysid.vehicle_model.suspension import ELEMENT_FIELDS, Ramps, SuspensionLaw
 
 _NOTHING = np.zeros(0)
 
@@ -166,7 +166,7 @@ def _call(
         "substeps": np.int64(timing.substeps),
         "interval": np.float64(timing.interval_s),
         "growth": np.float64(tire.growth),
-        "elements": np.int64(sum(1 << bit for bit, name in enumerate(ELEMENTS) if name in present)),
+        "elements": np.int64(sum(1 << bit for bit, name in enumerate(ELEMENT_FIELDS) if name in present)),
         "ramps": np.int64(ramps[0]),
         "stops": np.int64(ramps[1]),
         "rate_ramps": np.int64(ramps[2]),
@@ -210,7 +210,7 @@ def _filter_arrays(recursion: FilterRecursion | None) -> dict[str, Any]:
 
 def _elements(law: SuspensionLaw) -> tuple[str, ...]:
     """Elements that some axle has."""
-    return tuple(n for n, fields in ELEMENTS.items() if all(getattr(law, field) is not None for field in fields))
+    return tuple(n for n, fields in ELEMENT_FIELDS.items() if all(getattr(law, field) is not None for field in fields))
 
 
 def _differentiated(suspension: SuspensionLaw, tire: TireLaw) -> dict[str, jax.Array]:

@@ -48,7 +48,6 @@ CONSTANTS: dict[str, int | float] = {
 #: First rows of all laws, of suspension and tire; those of the elements that some axle has follow, then place and slope
 #: of every ramp.
 LAW_ROWS = ("stiffness", "damping", "static_deflection", "reference_deflection", "exponent", "tire_damping")
-ELEMENTS = ELEMENT_FIELDS
 
 
 class Buffer(NamedTuple):
@@ -87,7 +86,7 @@ BLOCKS: dict[str, tuple[Buffer, ...]] = {
         Buffer("frame_push", ("R", "nb", "nf"), "`push` of StackedFrames, empty where no frame bends", True),
         Buffer("frames", (2, "R", "nf", "S"), "of FrameLaw, empty where no frame bends", True),
         Buffer("sides", ("J", "R", "na", "S"), "sides of all ramps: of springs, of stops, of dampers"),
-        Buffer("laws", ("L", "R", "na", "S"), "LAW_ROWS, ELEMENTS, place and slope of ramps"),
+        Buffer("laws", ("L", "R", "na", "S"), "LAW_ROWS, ELEMENT_FIELDS, place and slope of ramps"),
     ),
     "tangents": (
         Buffer("law_tangents", ("L", "R", "na", "P"), "derivatives of `laws`"),
@@ -158,7 +157,7 @@ ENTRIES: dict[str, Entry] = {
 
 def law_rows(present: Sequence[str]) -> tuple[str, ...]:
     """Names of the rows of the laws without ramps, with the elements that are present."""
-    return (*LAW_ROWS, *(field for name, fields in ELEMENTS.items() if name in present for field in fields))
+    return (*LAW_ROWS, *(field for name, fields in ELEMENT_FIELDS.items() if name in present for field in fields))
 
 
 def size(dimension: str | int, sizes: Mapping[str, int]) -> int:

@@ -6,7 +6,8 @@ import hashlib
 from collections.abc import Iterable
 from pathlib import Path
 
-from sysid.vehicle_model.native.buffers import BLOCKS, CONSTANTS, ELEMENTS, ENTRIES, LAW_ROWS, Buffer, law_rows
+from sysid.vehicle_model.native.buffers import BLOCKS, CONSTANTS, ENTRIES, LAW_ROWS, Buffer, law_rows
+from sysid.vehicle_model.suspension import ELEMENT_FIELDS
 
 NAME = "buffers.h"
 
@@ -72,19 +73,19 @@ def _places() -> list[str]:
 
 
 def _elements() -> str:
-    members = "\n".join(f"  bool {name} = false;" for name in ELEMENTS)
-    bits = "\n".join(f"    {name} = (bits & {1 << bit}) != 0;" for bit, name in enumerate(ELEMENTS))
+    members = "\n".join(f"  bool {name} = false;" for name in ELEMENT_FIELDS)
+    bits = "\n".join(f"    {name} = (bits & {1 << bit}) != 0;" for bit, name in enumerate(ELEMENT_FIELDS))
     return (
         "// Elements of suspension laws that some axle has.\n"
         f"struct SmoothElements {{\n{members}\n  void set(int64_t bits) {{\n{bits}\n  }}\n"
-        f"  bool any() const {{ return {' || '.join(ELEMENTS)}; }}\n}};\n"
+        f"  bool any() const {{ return {' || '.join(ELEMENT_FIELDS)}; }}\n}};\n"
     )
 
 
 def _coefficients() -> str:
-    members = "\n".join(f"  V {name}{{}};" for name in law_rows(tuple(ELEMENTS)))
+    members = "\n".join(f"  V {name}{{}};" for name in law_rows(tuple(ELEMENT_FIELDS)))
     lines = [f"  c.{name} = next();" for name in LAW_ROWS]
-    for name, fields in ELEMENTS.items():
+    for name, fields in ELEMENT_FIELDS.items():
         lines += [f"  if (has.{name}) {{", *(f"    c.{field} = next();" for field in fields), "  }"]
     return (
         "// Coefficients of one axle's laws, and how they are read from the rows of `laws`.\n"

@@ -16,7 +16,7 @@ from sysid.workflow.stages.cells import finite_cell, value_cell
 if TYPE_CHECKING:
     from sysid.campaign.findings import ChannelFinding, QualityReport
     from sysid.campaign.records import Campaign
-    from sysid.export.contents import Results
+    from sysid.results.contents import Results
     from sysid.road.road_profile import ScanAnalysis
     from sysid.sdof.drop_results import DropSummary
 

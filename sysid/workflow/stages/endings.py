@@ -10,7 +10,7 @@ from sysid.progress import Progress
 from sysid.workflow.stage import Blocks, Command, Ending
 
 if TYPE_CHECKING:
-    from sysid.export.contents import Results
+    from sysid.results.contents import Results
 
 
 # ---------------------------------------------------------------------- report

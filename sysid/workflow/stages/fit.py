@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sysid.estimation.fit.profiles import ProfileLikelihood
     from sysid.estimation.fit.state import FitPoint, FitState
     from sysid.estimation.uncertainty.identifiability import Identifiability
-    from sysid.export.contents import Results
+    from sysid.results.contents import Results
     from sysid.road.road_profile import RoadProfile
     from sysid.validation.channel_agreement import ChannelAgreement, LeftOutRun, Validation
 

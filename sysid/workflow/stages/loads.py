@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.display import TextTable
-from sysid.workflow.passes import BUMP_SHAPES, requested_passes
+from sysid.workflow.requested_passes import BUMP_SHAPES, requested_passes
 from sysid.workflow.stage import Aside, Blocks, Command, Context, Option, Whole
 from sysid.workflow.stages.cells import finite_cell
 from sysid.workflow.stages.data import SCAN
@@ -17,10 +17,10 @@ from sysid.workflow.stages.posterior import SAMPLE, log_draws
 
 if TYPE_CHECKING:
     from sysid.campaign.records import PredictionRequest
-    from sysid.export.contents import Results
-    from sysid.planning.advice import Advice
+    from sysid.planning.advice_records import Advice
     from sysid.prediction.predicted_passes import Predictions
     from sysid.prediction.trust import DrivenRange
+    from sysid.results.contents import Results
 
 
 # ---------------------------------------------------------------------- driven
@@ -48,7 +48,7 @@ DRIVEN = Whole(
 
 
 def _predict(context: Context) -> Predictions:
-    from sysid.prediction.passes import SWEEP_KM_H
+    from sysid.prediction.predict_passes import SWEEP_KM_H
 
     return _predicted(context, context.campaign.predictions, () if context.settings.quick else SWEEP_KM_H)
 
@@ -60,7 +60,7 @@ def _requested(context: Context) -> Predictions:
 
 
 def _predicted(context: Context, requests: Sequence[PredictionRequest], sweep_km_h: Sequence[float]) -> Predictions:
-    from sysid.prediction.passes import predict
+    from sysid.prediction.predict_passes import predict
 
     context.progress("passes", 0.0)
     posterior = context.known(SAMPLE)

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     import numpy as np
 
     from sysid.estimation.residuals.run_history import HistoryBand
-    from sysid.export.contents import Results
     from sysid.posterior.cross_check import CrossCheck
     from sysid.posterior.sampled_posterior import Posterior
+    from sysid.results.contents import Results
     from sysid.workflow.settings import Settings
 
 CHAIN = "chain"
@@ -143,14 +143,14 @@ def log_draws(posterior: Posterior) -> np.ndarray:
 
 
 def _bands(context: Context) -> tuple[HistoryBand, ...]:
-    from sysid.prediction.driven import run_bands
+    from sysid.prediction.run_bands import run_bands
 
     draws = log_draws(context[SAMPLE])
     return run_bands(fit_state(context), draws, seed=context.settings.seed, progress=context.progress)
 
 
 def _with_bands(results: Results, bands: tuple[HistoryBand, ...]) -> Results:
-    from sysid.prediction.driven import with_bands
+    from sysid.prediction.run_bands import with_bands
 
     if results.fit is None:
         return results

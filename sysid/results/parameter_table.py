@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sysid.campaign.vehicle_records import Axle
-from sysid.export.csv_cells import csv_text, escape_cell, number_cell
+from sysid.csv_cells import csv_text, escape_cell, number_cell
 
 if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from small_results import small_fit, small_results
 
-from sysid.prediction.calibrated_truck_modes import calibrated_modes
+from sysid.estimates.calibrated_truck_modes import calibrated_modes
 from sysid.vehicle_model.contact import RoadInput, contact_force, tire_law
 from sysid.vehicle_model.vibration_modes import natural_modes
 

@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from sysid.campaign.records import Campaign
+from sysid.estimates.calibrated_elements import CalibratedFrame, CalibratedSuspension, CalibratedVehicle
+from sysid.estimates.loops import calibrated_laws
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.parameters.parameter_set import bending_names
 from sysid.estimation.parameters.rockers import load_shares
 from sysid.posterior.sampled_posterior import Posterior
-from sysid.prediction.calibrated_elements import CalibratedFrame, CalibratedSuspension, CalibratedVehicle
-from sysid.prediction.loops import calibrated_laws
 from sysid.sdof.drop_results import DropSummary
 from sysid.vehicle_model.bending import frame_modes
 from sysid.vehicle_model.contact import TireLaw, tangents

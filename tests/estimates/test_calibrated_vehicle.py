@@ -9,10 +9,10 @@ import pytest
 from rigid_truck import AXLES, DAMPING, EMPTY, EXPONENT, LADEN, STIFFNESS, VEHICLE, campaign, empty_run
 from small_results import small_fit
 
+from sysid.estimates.calibrated import calibrated_vehicle
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.posterior.sampled_posterior import Posterior, PosteriorSummary
-from sysid.prediction import calibrated_vehicle
 from sysid.vehicle_model.contact import RoadInput, contact_force, tire_law
 
 G = 9.81

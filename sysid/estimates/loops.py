@@ -12,7 +12,7 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.fit_result import FitResult
-from sysid.estimation.fit.law_choice import laws_of_axles
+from sysid.estimation.fit.law_choice import laws_from_names
 from sysid.estimation.parameters.axle_laws import axle_laws, law_inputs
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.sdof.drop_results import DropSummary
@@ -76,7 +76,7 @@ def calibrated_laws(
     KeyError
         If the load case has no stiffness of its own because nobody drove in it.
     """
-    parameters = campaign_parameters(campaign, drops, laws_of_axles(campaign.vehicle, fit.laws))
+    parameters = campaign_parameters(campaign, drops, laws_from_names(campaign.vehicle, fit.laws))
     vehicle = campaign.vehicle
     first = next(iter(campaign.load_cases.values()))
     reference = np.array(first.axle_loads_kg)[None, :, None] * vehicle.gravity_m_s2

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import Campaign
-from sysid.export.parameter_table import parameter_table
+from sysid.results.parameter_table import parameter_table
 from sysid.road.road_profile import ScanAnalysis
 from sysid.sdof.drop_results import DropSummary
 from sysid.tabular import Tabular
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.fit.profiles import ProfileLikelihood
     from sysid.estimation.parameters.rockers import LoadShare
-    from sysid.planning.advice import Advice
+    from sysid.planning.advice_records import Advice
     from sysid.posterior.cross_check import CrossCheck
     from sysid.posterior.sampled_posterior import Posterior
     from sysid.prediction.predicted_passes import Predictions
