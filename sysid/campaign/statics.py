@@ -17,10 +17,12 @@ OVERHANG_M = 5.0  # a centre of gravity further than this outside the wheels and
 class StaticEquilibrium:
     """Forces and positions of the vehicle standing on level ground.
 
-    `cg_x_m` (bodies,) centre of gravity of each sprung body behind axle 1; `hitch_load_N` (bodies,) load at the hinge
-    of each body, positive = pressing down on the body in front, zero where uncoupled; `tributary_mass_kg` (axles,)
-    bodywork mass carried by each axle (axle load - unsprung mass); `suspension_preload_N` (axles,) its weight;
-    `tire_load_N` (axles,) vertical road force.
+    - `cg_x_m` (bodies,): centre of gravity of each sprung body behind axle 1;
+    - `hitch_load_N` (bodies,): load at the hinge of each body, positive = pressing down on the body in front, zero
+      where uncoupled;
+    - `tributary_mass_kg` (axles,): bodywork mass carried by each axle (axle load - unsprung mass);
+    - `suspension_preload_N` (axles,): its weight;
+    - `tire_load_N` (axles,): vertical road force.
     """
 
     cg_x_m: np.ndarray

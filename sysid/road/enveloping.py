@@ -44,9 +44,11 @@ _KEPT_STATIONS = 1000
 class SpokeTable:
     """Force of a unit-stiffness radial-spring wheel over one profile.
 
-    `station_m` (n,) of the wheel centre from the start of the bump; `contact_height_m` (n,) centre height at first
-    contact; `deflection_m` (m,) below first contact; `force`, `forward_force` (n, m) vertical and forward force for
-    unit spoke stiffness; `flat_force` (m,) the vertical one on a flat road.
+    - `station_m` (n,) of the wheel centre from the start of the bump;
+    - `contact_height_m` (n,): centre height at first contact;
+    - `deflection_m` (m,): below first contact;
+    - `force`, `forward_force` (n, m): vertical and forward force for unit spoke stiffness;
+    - `flat_force` (m,): the vertical one on a flat road.
     """
 
     radius_m: float

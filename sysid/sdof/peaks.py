@@ -24,8 +24,10 @@ _NOISE_SAMPLES = 400  # enough for a scatter known to 4 %
 class Extrema:
     """Extrema of one decay, alternating in sign.
 
-    `time_s`, `value` (m,); `index` (m,) half-cycle number counted from the first (gaps leave numbers out); `value_sd`,
-    `time_sd` (m,) from the noise of the readings; `used` (m,) bool marks the run that is a free decay.
+    - `time_s`, `value` (m,);
+    - `index` (m,): half-cycle number counted from the first (gaps leave numbers out);
+    - `value_sd`, `time_sd` (m,) from the noise of the readings;
+    - `used` (m,) bool marks the run that is a free decay.
     """
 
     time_s: np.ndarray

@@ -17,9 +17,10 @@ _REST_SHARE = 0.01  # of the range: readings this close to the level are at rest
 class Release:
     """Start of the motion in a record.
 
-    `time_s` last reading at rest (the first of the record if it never rests); `rest_level` and `rest_sd` before it, NaN
-    without a rest; `first_turn_s` first turning point after the release; `noise_sd` of the readings at rest or, without
-    rest, from fourth differences.
+    - `time_s` last reading at rest (the first of the record if it never rests);
+    - `rest_level` and `rest_sd` before it, NaN without a rest;
+    - `first_turn_s` first turning point after the release;
+    - `noise_sd` of the readings at rest or, without rest, from fourth differences.
     """
 
     time_s: float

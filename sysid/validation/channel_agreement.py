@@ -75,9 +75,11 @@ class ValidationLimits:
 class LeftOutRun:
     """A run predicted by a fit of all other runs.
 
-    `values` (p,) of the global parameters without it; `shift_sd` (p,) by how many standard deviations of the fit of all
-    runs they moved; `converged` whether that fit ended at a minimum; `speed_m_s`, `start_s` of the run itself, found
-    from its record; `channels` their agreement, out of sample.
+    - `values` (p,) of the global parameters without it;
+    - `shift_sd` (p,) by how many standard deviations of the fit of all runs they moved;
+    - `converged` whether that fit ended at a minimum;
+    - `speed_m_s`, `start_s` of the run itself, found from its record;
+    - `channels` their agreement, out of sample.
     """
 
     run: str

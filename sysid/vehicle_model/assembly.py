@@ -40,16 +40,21 @@ from sysid.vehicle_model.bending import FrameMode, frame_modes
 class PlanarMatrices:
     """Arrays of one vehicle in one load case; nb body coordinates, na axles.
 
-    `mass` (nb, nb) body block [kg, kg m, kg m2]; `tilt` (nb, nb) stiffness of the static loads [N m/rad];
-    `unsprung_mass` (na,) with the share of a common beam [kg]; `attachment` (na, nb) vertical motion of the body above
-    each suspension (of an axle group the first row; its second row is the pitch of the body, further ones are zero, as
-    the unsprung coordinates of :class:`Beams`); `travel` (na, nb) forward motion of each wheel centre; `drive` (chains,
-    nb) forward motion of the point where each chain is driven (its first body's centre of gravity) and `chain_mass`
-    (chains,) what is driven [kg]; `static_load` (na,) vertical road force at rest [N]; `carried_load` (na,) static
-    force on its suspension [N]; `heave_rows`, `travel_rows`, `pitch_rows` (bodies, nb) motion of each centre of
-    gravity; `cg_x` (bodies,) [m]; `beams` where axles are grouped, else None; `sharing` (na, na) means over the axles
-    that every rocker joins, None without rockers; `frames` the bending modes and `frame_columns` (modes,) their places
-    among the body coordinates.
+    - `mass` (nb, nb): body block [kg, kg m, kg m2];
+    - `tilt` (nb, nb): stiffness of the static loads [N m/rad];
+    - `unsprung_mass` (na,) with the share of a common beam [kg];
+    - `attachment` (na, nb): vertical motion of the body above each suspension (of an axle group the first row; its
+      second row is the pitch of the body, further ones are zero, as the unsprung coordinates of :class:`Beams`);
+    - `travel` (na, nb): forward motion of each wheel centre;
+    - `drive` (chains, nb): forward motion of the point where each chain is driven (its first body's centre of gravity)
+      and `chain_mass` (chains,) what is driven [kg];
+    - `static_load` (na,): vertical road force at rest [N];
+    - `carried_load` (na,): static force on its suspension [N];
+    - `heave_rows`, `travel_rows`, `pitch_rows` (bodies, nb): motion of each centre of gravity;
+    - `cg_x` (bodies,): [m];
+    - `beams` where axles are grouped, else None;
+    - `sharing` (na, na) means over the axles that every rocker joins, None without rockers;
+    - `frames` the bending modes and `frame_columns` (modes,) their places among the body coordinates.
     """
 
     mass: np.ndarray

@@ -41,9 +41,10 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(80)
 class FrameMode:
     """Bending mode of one body in one load case.
 
-    `body` index; `rise` gives phi at positions x [m]; `modal_mass` [kg] in this load case and `stiffness_mass` [kg] in
-    the one that the frequency is declared for: the force that straightens the frame is -`stiffness_mass` (omega^2 eta +
-    2 zeta omega eta').
+    - `body` index;
+    - `rise` gives phi at positions x [m];
+    - `modal_mass` [kg] in this load case and `stiffness_mass` [kg] in the one that the frequency is declared for: the
+      force that straightens the frame is -`stiffness_mass` (omega^2 eta + 2 zeta omega eta').
     """
 
     body: int

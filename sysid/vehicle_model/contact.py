@@ -58,9 +58,10 @@ class TireLaw(NamedTuple):
 class RoadInput(NamedTuple):
     """Road under each wheel at one instant or many, (..., R, na, S).
 
-    `rise` W [m] and its first four derivatives along the road; `stretch` (alpha_1, alpha_2, alpha_3 and the lift of
-    first contact) and `drag` (beta_0, beta_1, beta_2) of the footprint map with their first three derivatives: tuples
-    of four (..., 4 or 3, R, na, S) arrays, or None for a point follower with a purely vertical force.
+    - `rise` W [m] and its first four derivatives along the road;
+    - `stretch` (alpha_1, alpha_2, alpha_3 and the lift of first contact) and `drag` (beta_0, beta_1, beta_2) of the
+      footprint map with their first three derivatives: tuples of four (..., 4 or 3, R, na, S) arrays, or None for a
+      point follower with a purely vertical force.
     """
 
     rise: jax.Array

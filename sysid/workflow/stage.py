@@ -31,11 +31,16 @@ Blocks = Iterable[TextTable | CommandHint | str]
 class Context:
     """What the compute function of a stage is given, and nothing more.
 
-    `inputs` the campaign and the hashes of its files; `settings`; `options` of the stage's command by name;
-    `folder` the output folder; `progress` (message, fraction of the stage), `notice` what the user should know;
-    `resume` whether to continue an interrupted run; `version` of everything that decides the numbers, by name.
-    ``context[FIT]`` is the result of a stage that this one needs, ``context.known(SAMPLE)`` that of one that it
-    uses, None where that has not run.
+    - `inputs` the campaign and the hashes of its files;
+    - `settings`;
+    - `options` of the stage's command by name;
+    - `folder` the output folder;
+    - `progress` (message, fraction of the stage): `notice` what the user should know;
+    - `resume` whether to continue an interrupted run;
+    - `version` of everything that decides the numbers, by name.
+
+    ``context[FIT]`` is the result of a stage that this one needs, ``context.known(SAMPLE)`` that of one that it uses,
+    None where that has not run.
     """
 
     inputs: Inputs
@@ -101,9 +106,9 @@ class Aside(Generic[T]):
 class Command(Generic[T]):
     """The command of a stage: its help, its options, and how its result is shown.
 
-    `show` makes tables and sentences; `recalls`: without options the command takes those of the run that filled the
-    folder; `fault` is the error whose exit code the command ends with although the result is shown, None where all is
-    well.
+    - `show` makes tables and sentences;
+    - `recalls`: without options the command takes those of the run that filled the folder;
+    - `fault` is the error whose exit code the command ends with although the result is shown, None where all is well.
     """
 
     help: str

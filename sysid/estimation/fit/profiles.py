@@ -40,8 +40,11 @@ _MOST_ITERATIONS = 30
 class ProfileLikelihood(Tabular):
     """Deviance of one parameter over its value, the others optimised anew.
 
-    `value` (n,) in `unit`, rising, the optimum among them; `deviance` (n,) of independent noise and `adjusted` (n,)
-    after the division by `inflation`, the ratio of the fit's variance to that of the curvature; `converged` (n,).
+    - `value` (n,) in `unit`, rising, the optimum among them;
+    - `deviance` (n,) of independent noise and `adjusted` (n,) after the division by `inflation`, the ratio of the fit's
+      variance to that of the curvature;
+    - `converged` (n,).
+
     `interval` is the 90 % interval of the adjusted deviance, an end NaN where it lies beyond the values tried, and
     `covariance_interval` that of the fit's covariance; `message` in words.
     """

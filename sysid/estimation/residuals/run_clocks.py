@@ -22,9 +22,9 @@ from sysid.campaign.records import Campaign
 class RunClocks:
     """Unknown clocks of n runs in the order of the campaign, by `loggers` (l,).
 
-    `sd` (n, l, 2) standard deviations of offset [s] and rate, 0 where a clock is known or its logger absent; `about_s`
-    (n, l) times of the runs about which rates turn; `moved` (n, l, 2) where a fit has the clocks, in standard
-    deviations from where the alignment had them.
+    - `sd` (n, l, 2): standard deviations of offset [s] and rate, 0 where a clock is known or its logger absent;
+    - `about_s` (n, l): times of the runs about which rates turn;
+    - `moved` (n, l, 2) where a fit has the clocks, in standard deviations from where the alignment had them.
     """
 
     loggers: tuple[str, ...]

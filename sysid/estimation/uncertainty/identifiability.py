@@ -63,9 +63,11 @@ class UndeterminedGroup:
 class Identifiability(Tabular):
     """What the data determine of p parameters.
 
-    `prior_sd`, `sd` (p,) standard deviations of the logarithms before and after the data; `singular_values` (p,) of the
-    Jacobian in units of prior standard deviations, largest first; `groups` that the data leave open, `pairs` that are
-    correlated; `statements` the same in words; `information` for what more data would add.
+    - `prior_sd`, `sd` (p,): standard deviations of the logarithms before and after the data;
+    - `singular_values` (p,) of the Jacobian in units of prior standard deviations, largest first;
+    - `groups` that the data leave open, `pairs` that are correlated;
+    - `statements` the same in words;
+    - `information` for what more data would add.
     """
 
     names: tuple[str, ...]

@@ -45,10 +45,12 @@ _FACTOR_ROUNDS = 4
 class DataInformation:
     """Information of the data of a fit about p log parameters, then q masses and departures.
 
-    `matrix` H (p + q, p + q); `flattening` C (p, p), with what footprint maps that follow their tires do
-    (:mod:`sysid.estimation.uncertainty.map_following`); `prior` P (p, p) prior precision of the parameters; `sd` (q,)
-    prior standard deviations of masses and departures, the first `masses` of them masses; `factor` by which model error
-    widens all variances, in the matrix already.
+    - `matrix` H (p + q, p + q);
+    - `flattening` C (p, p), with what footprint maps that follow their tires do
+      (:mod:`sysid.estimation.uncertainty.map_following`);
+    - `prior` P (p, p) prior precision of the parameters;
+    - `sd` (q,): prior standard deviations of masses and departures, the first `masses` of them masses;
+    - `factor` by which model error widens all variances, in the matrix already.
     """
 
     matrix: np.ndarray
@@ -91,10 +93,13 @@ class ClockFollowing:
 class BlockInformation:
     """Scores and information of p parameters and m further unknowns, runs' own motions eliminated.
 
-    `matrix` (p + m, p + m); `scores` (n, p + m) of single runs and channels, and for each the block it belongs to
-    (`blocks`: one channel in all repeats of one case); `parts` (n, p + m, p + m) of which the matrix is the sum, None
-    where nobody asked; `of_load_cases` the share of the matrix that comes from the runs in each load case.  `clocks`:
-    how those of further loggers follow, where they were eliminated as well; their priors are one more block.
+    - `matrix` (p + m, p + m);
+    - `scores` (n, p + m) of single runs and channels, and for each the block it belongs to (`blocks`: one channel in
+      all repeats of one case);
+    - `parts` (n, p + m, p + m) of which the matrix is the sum, None where nobody asked;
+    - `of_load_cases` the share of the matrix that comes from the runs in each load case.
+
+    `clocks`: how those of further loggers follow, where they were eliminated as well; their priors are one more block.
     """
 
     matrix: np.ndarray
@@ -215,9 +220,11 @@ def _in_order(clocks: RunClocks, following: Sequence[tuple[Sequence[int], ClockS
 class AdjustedInformation:
     """What the data say at a joint optimum of p parameters and q masses and departures.
 
-    `adjustment` by which the likelihood at these masses and departures is flattened, so that it stands for the one with
-    them integrated out; `slope` (p,) gradient of that log-likelihood at the optimum; `data` for what more data would
-    add; `response` of masses and departures to the parameters.
+    - `adjustment` by which the likelihood at these masses and departures is flattened, so that it stands for the one
+      with them integrated out;
+    - `slope` (p,): gradient of that log-likelihood at the optimum;
+    - `data` for what more data would add;
+    - `response` of masses and departures to the parameters.
     """
 
     adjustment: Adjustment
