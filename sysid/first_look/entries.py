@@ -38,7 +38,7 @@ class Driven:
     - `timed` maps files of runs to the arrival [s] of every axle;
     - `positions_m` of the axles;
     - `named` and `axle_of` map columns to axles, by name and by arrival;
-    - `trusted` where positions do not come from a guessed template.
+    - `trusted`: whether positions do not come from a guessed template.
     """
 
     timed: Mapping[str, Mapping[int, float]]

@@ -43,7 +43,7 @@ class TypeData:
     - `campaigns`;
     - `precision` (C, d, d) and `shift` (C, d) of the likelihoods;
     - `moved` (C, d, S) and `shared_sd` (S,) of shared errors;
-    - `mean` (d,) about which the prior of the type's mean stands.
+    - `mean` (d,): centre of the prior of the type's mean.
     """
 
     names: tuple[str, ...]

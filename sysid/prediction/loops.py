@@ -38,7 +38,7 @@ class SuspensionLoops(Tabular):
 
     - `extension_m`, `rate_m_s` (n,) from static rest;
     - `force_N` (suspensions, n): on the body less its static part, positive when it pulls axle and body together;
-    - `axles` their axle indices and `laws` their laws;
+    - `axles`: their axle indices and `laws` their laws;
     - `amplitude_m`, `frequency_hz` of the motion.
     """
 

@@ -55,7 +55,7 @@ class ScanAnalysis(Tabular):
     - `grade` and `camber` are slopes along and across the direction of travel;
     - `strip_station_m`, `strip_height_m` (m,) are the points of the wheel track used for the profile (thinned for
       figures);
-    - `cloud_*` a thinned picture of the whole scan in road coordinates (along, across, height above the plane).
+    - `cloud_*`: a thinned picture of the whole scan in road coordinates (along, across, height above the plane).
     """
 
     profile: RoadProfile

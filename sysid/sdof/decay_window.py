@@ -22,8 +22,8 @@ class DecayWindow:
 
     - `direction` of the motion at the first reading;
     - `start` (8,): parameters of `ring_down` without damping;
-    - `loss` the amplitude lost per swing at the middle amplitude `middle` [m];
-    - `swings` the half ranges of successive extrema [m].
+    - `loss`: the amplitude lost per swing at the middle amplitude `middle` [m];
+    - `swings`: the half ranges of successive extrema [m].
     """
 
     begin_s: float

@@ -116,11 +116,11 @@ class DropEstimate:
     """Stiffness [N/m] and damping [N s/m] of one axle by one method, from one file or pooled (`file` None).
 
     `stiffness_sd` and `damping_sd` are standard deviations (of the file's own estimate, or the scatter-based one of the
-    pooled mean); NaN numbers with `usable` False mean that the record yields none, and `note` says why.
-    `damping_kind` says which damping the record shows: ``viscous``, ``friction`` (dry), ``quadratic``, mixtures joined
-    by " + ", or ``unknown``.  Where it shows more than viscous damping, `damping`, `damped_period` and `log_decrement`
-    are those of the viscous part alone, `friction_force` [N] is the dry friction and `quadratic_damping` [N s^2/m^2]
-    the force over the squared velocity, each with its standard deviation; NaN where the record shows none.
+    pooled mean); NaN numbers with `usable` False mean that the record yields none, and `note` says why. `damping_kind`
+    says which damping the record shows: ``viscous``, ``friction`` (dry), ``quadratic``, mixtures joined by " + ", or
+    ``unknown``. If it shows more than viscous damping, `damping`, `damped_period` and `log_decrement` are those of the
+    viscous part alone. Then `friction_force` [N] is the dry friction, and `quadratic_damping` [N s^2/m^2] the force
+    over the squared velocity, each with its standard deviation. They are NaN if the record shows none.
     """
 
     axle: int

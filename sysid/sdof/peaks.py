@@ -46,10 +46,10 @@ def smoothing_half_width(period_s: float) -> float:
 def find_extrema(time_s: Samples, value: Samples, period_s: float, start_s: float, noise_sd: float) -> Extrema:
     """Find the extrema of the smoothed readings after the release and choose those of the free decay.
 
-    An extremum is where the slope of the local cubic (`smoothing_half_width`) vanishes.  Used are the extrema from the
-    first one that is followed by two half-periods within 20 % of the expected one and by falling swings, down to the
-    noise floor: amplitude above 3 standard deviations of the smoothed noise and above 1 % of the first used one.
-    Extrema in a gap of the readings longer than a sixth of a period are left out.
+    An extremum is where the slope of the local cubic (`smoothing_half_width`) vanishes. The first extremum used is the
+    first one that is followed by two half-periods within 20 % of the expected one and by falling swings. All following
+    extrema are used down to the noise floor: an amplitude above 3 standard deviations of the smoothed noise and above 1
+    % of that of the first one used. Extrema in a gap of the readings longer than a sixth of a period are left out.
 
     Parameters
     ----------

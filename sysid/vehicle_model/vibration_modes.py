@@ -41,7 +41,7 @@ class NaturalModes(Tabular):
 
     - `frequency_hz` (n,) without damping;
     - `damping_ratio` (n,): zeta = -Re(s)/|s| of the damped pole s, above 1 where the mode does not oscillate;
-    - `damped_frequency_hz` (n,): |Im(s)|/2 pi, then zero;
+    - `damped_frequency_hz` (n,): |Im(s)|/2 pi, zero for a mode that does not oscillate;
     - `pole` (n,): the damped pole s [1/s] (of an overdamped pair the slower one).
 
     `coordinates` (c,) names the rows of `shape` (c, n): undamped mode shapes, real, without fore-aft momentum, scaled

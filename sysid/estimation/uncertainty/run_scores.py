@@ -32,8 +32,8 @@ class ClockScores:
     `information` (R, p, p) of them: the clocks follow these.
 
     - `alone` (R, e) is the step of the clocks, in prior standard deviations, while the others stay;
-    - `response` (R, e, p) how they follow them, with the other sign;
-    - `sd` (R, e) what is left of their standard deviations.
+    - `response` (R, e, p): how the clocks follow the p unknowns, with opposite sign;
+    - `sd` (R, e): their remaining standard deviations.
     """
 
     score: np.ndarray
