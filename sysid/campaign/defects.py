@@ -60,9 +60,9 @@ def quantum(value: np.ndarray) -> float:
 def clip_levels(value: np.ndarray) -> tuple[float | None, float | None]:
     """Levels (upper, lower) at which a channel clips without having declared it, None where it does not.
 
-    A clipped channel piles up at its extreme: four readings or more stand there in a row, or some at several peaks,
-    and more than in the next 2 % of its range, which a signal that merely reaches a peak, smooth or noisy, passes more
-    often.  A resolution coarser than 0.5 % of the range piles up by itself and is not judged.
+    A clipped channel has many readings at its extreme: four or more in a row, or some at several peaks. They are more
+    than the readings in the next 2 % of its range. A signal that only reaches a peak, smooth or noisy, has more
+    readings in that range. A resolution coarser than 0.5 % of the range piles up by itself and is not judged.
 
     Parameters
     ----------
@@ -254,9 +254,9 @@ def rest_of(
 ) -> tuple[float | None, float | None]:
     """Mean and standard deviation of the quiet start, which ends 0.05 s before the motion begins.
 
-    The motion begins at `start_s` for the truck, or at `channel_s` for this channel if that is earlier and leaves
-    enough of the quiet start: where only axles have sensors, the first one moves before the second shows that the
-    truck does.
+    The motion begins at `start_s` for the truck. It begins at `channel_s` for this channel, if that is earlier and
+    leaves enough of the quiet start: where only axles have sensors, the first axle moves before the second one shows
+    that the truck moves.
     """
     if start_s is None:
         return None, None

@@ -49,9 +49,9 @@ class _Work:
 def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
     """Check every channel of every log.
 
-    Clipped samples are marked as censored, dead spans and spikes become NaN; channels that cannot be used (dead, noise
-    only, wrong unit, flipped sign, exchanged columns) are left out of the returned campaign, and so are logs of which
-    nothing remains.
+    Clipped samples are marked as censored; dead spans and spikes become NaN. Channels that cannot be used (dead, noise
+    only, wrong unit, wrong sign, exchanged columns) are left out of the returned campaign. So are logs of which nothing
+    remains.
 
     Parameters
     ----------

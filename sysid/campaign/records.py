@@ -73,8 +73,10 @@ class Sensor:
 class Channel:
     """Readings of one sensor in one log.
 
-    `time_s` (n,) starts near zero (the first stamp of the log is subtracted); `value` (n,) in SI, NaN where missing;
-    `censored` (n,) int8: 0 measured, +1 the true value is at or above the reading (upper clip), -1 at or below.
+    - `time_s` (n,) starts near zero (the first stamp of the log is subtracted);
+    - `value` (n,) in SI, NaN where missing;
+    - `censored` (n,) int8: 0 for a measured value, +1 if the true value is at or above the reading (upper clip), -1 if
+      it is at or below.
     """
 
     sensor: Sensor
@@ -131,9 +133,9 @@ class PlankDrop:
 class BumpRun:
     """One pass over a bump at a nominal speed [m/s]; `bump` names the scan it belongs to.
 
-    `speed_sd` is the relative standard deviation of the true speed at axle 1 about the nominal one, `speed_change_sd`
-    that of its relative change until the last axle passes (0: none); `speed_held` says what keeps the speed over the
-    bump.
+    - `speed_sd` is the relative standard deviation of the true speed at axle 1 about the nominal one, `speed_change_sd`
+      that of its relative change until the last axle passes (0: none);
+    - `speed_held` says how the speed is held over the bump.
     """
 
     case: str
@@ -198,9 +200,11 @@ class PredictionRequest:
 class Campaign:
     """Everything the test engineer brings home, read and converted once.
 
-    `load_cases` keeps the order of the file (the first is the reference of drops and tire stiffness);
-    `input_sha256` maps every input file, relative to `folder`, to its hash; `messages` are sentences about the campaign
-    as a whole; `priors` are the user's own by the name of the parameter; `clocks` those of further loggers by run.
+    - `load_cases` keeps the order of the file (the first is the reference of drops and tire stiffness);
+    - `input_sha256` maps every input file, relative to `folder`, to its hash;
+    - `messages` are sentences about the campaign as a whole;
+    - `priors` are the user's own by the name of the parameter;
+    - `clocks` are those of further loggers, by run.
     """
 
     title: str

@@ -17,10 +17,12 @@ OVERHANG_M = 5.0  # a centre of gravity further than this outside the wheels and
 class StaticEquilibrium:
     """Forces and positions of the vehicle standing on level ground.
 
-    `cg_x_m` (bodies,) centre of gravity of each sprung body behind axle 1; `hitch_load_N` (bodies,) load at the hinge
-    of each body, positive = pressing down on the body in front, zero where uncoupled; `tributary_mass_kg` (axles,)
-    bodywork mass carried by each axle (axle load - unsprung mass); `suspension_preload_N` (axles,) its weight;
-    `tire_load_N` (axles,) vertical road force.
+    - `cg_x_m` (bodies,): centre of gravity of each sprung body behind axle 1;
+    - `hitch_load_N` (bodies,): load at the hinge of each body, positive = pressing down on the body in front, zero
+      where uncoupled;
+    - `tributary_mass_kg` (axles,): bodywork mass carried by each axle (axle load - unsprung mass);
+    - `suspension_preload_N` (axles,): weight of the tributary mass;
+    - `tire_load_N` (axles,): vertical road force.
     """
 
     cg_x_m: np.ndarray
@@ -109,10 +111,10 @@ def static_equilibrium(vehicle: Vehicle, load_case: LoadCase) -> StaticEquilibri
     The support of an axle group acts on the body at the middle of the group; what the axle loads of one group differ
     by stays within its beam.
 
-    For body b with hinge at x_h, suspension forces S_i at x_i and the load R of the next body at its hinge x_r:
-    vertical balance m_b g + R = sum S_i + H gives the hinge load H, moments about the hinge
-    m_b g (x_cg - x_h) + R (x_r - x_h) = sum S_i (x_i - x_h) give x_cg.  For the first body of a chain everything it
-    carries stands on its wheels, so that a remainder within the tolerance of the scales moves no axle load.
+    For body b with hinge at x_h, suspension forces S_i at x_i and the load R of the next body at its hinge x_r: the
+    vertical balance m_b g + R = sum S_i + H gives the hinge load H. The moments about the hinge, m_b g (x_cg - x_h) + R
+    (x_r - x_h) = sum S_i (x_i - x_h), give x_cg. For the first body of a chain everything it carries stands on its
+    wheels, so that a remainder within the tolerance of the scales moves no axle load.
 
     Parameters
     ----------

@@ -184,8 +184,9 @@ class Vehicle:
 class FrameMass:
     """How the mass along a bending frame differs from the one that is taken from its centre of gravity and inertia.
 
-    `heave` and `pitch` are added to what is taken out of the shape, pitch per half of the frame's length;
-    `log_modal_mass` is the logarithm of the modal mass over that of the mass assumed.
+    - `heave` and `pitch` are added to the heave and pitch that are removed from the shape, pitch per half of the
+      frame's length;
+    - `log_modal_mass` is the logarithm of the modal mass over that of the mass assumed.
     """
 
     heave: float = 0.0

@@ -1,9 +1,9 @@
 """Forces of suspensions from the motion of the frames: k, c, inertia and centre of gravity without any simulation.
 
-With the generalised accelerations g of the rigid frames (heave of the first, pitch of each, hinges kept) and the
-deflections q_i of all axles, M g = -sum_i phi_i (k_i q_i + c_i q_i'), where phi_i is how the frame above axle i moves.
+g are the generalised accelerations of the rigid frames (heave of the first, pitch of each, with hinges), and q_i the
+deflections of all axles. Then M g = -sum_i phi_i (k_i q_i + c_i q_i'), where phi_i is how the frame above axle i moves.
 All of it is measured, so k_i and c_i, and what is doubtful in M, follow by linear least squares in the frequency
-domain.  Friction, stops and gas springs make it rough, but nothing has to be assumed about tires or road.
+domain. Friction, stops and gas springs make it rough, but nothing has to be assumed about tires or road.
 """
 
 from __future__ import annotations

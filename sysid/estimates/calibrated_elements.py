@@ -22,10 +22,14 @@ SLIDING_M_S = 0.01
 class CalibratedSuspension:
     """One suspension, both sides together, in one load case.
 
-    `axle` index of its axle (of an axle group the first); `law` in words; `static_load_N` carried at rest;
-    `stiffness_N_per_m` tangent at rest; `damping_N_s_per_m` secant at 0.5 m/s, mean of both directions;
-    `spring_force_N` over `extension_m` and `damper_force_N` over `rate_m_s`, each (n,), positive when they pull axle
-    and body together, static load not included; `friction_N` Coulomb force, zero without.
+    - `axle`: index of its axle (of an axle group the first);
+    - `law` in words;
+    - `static_load_N`: load carried at rest;
+    - `stiffness_N_per_m`: tangent at rest;
+    - `damping_N_s_per_m`: secant at 0.5 m/s, mean of both directions;
+    - `spring_force_N` over `extension_m` and `damper_force_N` over `rate_m_s`, each (n,), positive when they pull axle
+      and body together, static load not included;
+    - `friction_N`: Coulomb force, zero without.
     """
 
     axle: int
@@ -89,9 +93,11 @@ class CalibratedFrame:
 class CalibratedVehicle(Tabular):
     """All suspensions and tires in one load case.
 
-    `source` is ``posterior median`` or ``least squares``; `tire_stiffness_N_per_m`, `tire_damping_N_s_per_m` (axles,)
-    of all tires of an axle, tangents at its static load in this load case; `rockers` between springs with their load
-    shares: the suspensions are stated as they are without them; `frames` that bend.
+    - `source` is ``posterior median`` or ``least squares``;
+    - `tire_stiffness_N_per_m`, `tire_damping_N_s_per_m` (axles,) of all tires of an axle, tangents at its static load
+      in this load case;
+    - `rockers`: between springs, with their load shares; the suspensions are given as they are without rockers;
+    - `frames`: those that bend.
     """
 
     load_case: str

@@ -36,9 +36,10 @@ _STEPS = 400
 class SuspensionLoops(Tabular):
     """One cycle of harmonic motion of every suspension in one load case.
 
-    `extension_m`, `rate_m_s` (n,) from static rest; `force_N` (suspensions, n) on the body less its static part,
-    positive when it pulls axle and body together; `axles` their axle indices and `laws` their laws; `amplitude_m`,
-    `frequency_hz` of the motion.
+    - `extension_m`, `rate_m_s` (n,) from static rest;
+    - `force_N` (suspensions, n): on the body less its static part, positive when it pulls axle and body together;
+    - `axles`: their axle indices and `laws` their laws;
+    - `amplitude_m`, `frequency_hz` of the motion.
     """
 
     load_case: str

@@ -22,10 +22,12 @@ if TYPE_CHECKING:
 class Estimates(Tabular):
     """Estimates of a campaign from the stages that have run: posterior medians, else least squares, else drops.
 
-    `stiffness`, `damping` of every axle from all methods; per load case that the data speak of: `vehicles` suspensions
-    and tires, `modes` natural modes; `loops` force over one cycle of each suspension in every driven load case, at the
-    least-squares values, empty where all laws are linear; `roads` by name of the bump what every axle feels of it in
-    the first load case, without bumps that have no height.
+    - `stiffness`, `damping` of every axle from all methods;
+    - `vehicles`, `modes`: suspensions and tires, and natural modes, for each load case for which there are data;
+    - `loops`: force over one cycle of each suspension in every driven load case, at the least-squares values; empty if
+      all laws are linear;
+    - `roads`: effective profile of every axle in the first load case, by name of the bump, without bumps that have no
+      height.
     """
 
     stiffness: tuple[AxleEstimates, ...] = ()

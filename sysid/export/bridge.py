@@ -118,8 +118,8 @@ def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle) -> str:
 def moving_forces_csv(campaign: Campaign, prediction: PassPrediction, judgement: Judgement | None = None) -> str:
     """Moving forces of a pass: time [s], per axle its station [m] and vertical force on the road [N] with bands.
 
-    Axle i stands at v t - x_i from the start of the bump in the direction of travel; the force is that of all its
-    tires, downward, static load included; quantiles are pointwise, those of 5 % and 95 % empty before sampling.
+    Axle i is at v t - x_i from the start of the bump in the direction of travel. The force is that of all its tires,
+    downward, static load included. Quantiles are pointwise; those of 5 % and 95 % are empty before sampling.
     ``beyond_driven1`` ... are 1 where the axle is beyond what the driven runs reached; ``do_not_bet`` as in
     :func:`sysid.export.tables.prediction_csv`.
     """

@@ -81,9 +81,9 @@ def write_validation(results: Results, path: Path) -> None:
 def prediction_csv(prediction: PassPrediction, judgement: Judgement | None = None) -> str:
     """The text of one `predictions/*.csv`: time [s], quantiles of each axle's vertical tire and suspension force [N].
 
-    Before sampling the columns of the 5 % and 95 % quantiles are empty.  ``beyond_driven1`` ... are 1 at instants at
-    which the axle is beyond what the driven runs reached, 0 at others; ``do_not_bet`` is 1 where nobody should rely on
-    the forces and their intervals (`verdict` of `result.json`), 0 where somebody may; absent without a judgement.
+    Before sampling the columns of the 5 % and 95 % quantiles are empty. ``beyond_driven1`` ... are 1 at instants at
+    which the axle is beyond what the driven runs reached, and 0 at others. ``do_not_bet`` is 1 if the forces and their
+    intervals should not be used (`verdict` of `result.json`), else 0; the column is absent without a judgement.
     """
     # Rounded to 1 us and 0.01 N: far below what the model knows, and a file half the size.
     columns = {"time_s": np.round(prediction.time_s, 6)}

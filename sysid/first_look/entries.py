@@ -35,8 +35,10 @@ class KindOfTest:
 class Driven:
     """What is known of the truck where it was driven.
 
-    `timed` maps files of runs to the arrival [s] of every axle; `positions_m` of the axles; `named` and `axle_of` map
-    columns to axles, by name and by arrival; `trusted` where positions do not come from a guessed template.
+    - `timed` maps files of runs to the arrival [s] of every axle;
+    - `positions_m` of the axles;
+    - `named` and `axle_of` map columns to axles, by name and by arrival;
+    - `trusted`: whether positions do not come from a guessed template.
     """
 
     timed: Mapping[str, Mapping[int, float]]

@@ -109,8 +109,8 @@ class FirstLook:
     `load_cases` maps names in the campaign file to ``empty``, ``laden`` or ``partly``.  `unused` maps columns that are
     no sensors to a reason.  `messages` are sentences about files that were left out.
 
-    With several loggers, `loggers` are they, the first one the reference; `files` maps the first one's log of a run to
-    the logs of all by logger, and `columns` maps columns of the others to their logger and their name there.
+    With several loggers, `loggers` are their names, the reference first. `files` maps the reference logger's log of a
+    run to the logs of all, by logger. `columns` maps columns of the others to their logger and their name there.
     """
 
     logs: tuple[SeenLog, ...]

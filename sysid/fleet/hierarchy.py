@@ -37,9 +37,13 @@ class HyperPriors:
 class TypeData:
     """All campaigns of one type.
 
-    `names`, `quantities` of the d parameters; `trucks`; `truck_of` (C,) index of every campaign's truck, ascending;
-    `campaigns`; `precision` (C, d, d) and `shift` (C, d) of the likelihoods; `moved` (C, d, S) and `shared_sd` (S,) of
-    shared errors; `mean` (d,) about which the prior of the type's mean stands.
+    - `names`, `quantities` of the d parameters;
+    - `trucks`;
+    - `truck_of` (C,): index of every campaign's truck, ascending;
+    - `campaigns`;
+    - `precision` (C, d, d) and `shift` (C, d) of the likelihoods;
+    - `moved` (C, d, S) and `shared_sd` (S,) of shared errors;
+    - `mean` (d,): centre of the prior of the type's mean.
     """
 
     names: tuple[str, ...]

@@ -52,12 +52,18 @@ class Outlier:
 class TypePopulation:
     """What the campaigns of one type say.
 
-    `alone` (trucks, d) each truck from its own campaigns, NaN where they do not determine it; `trucks` (trucks, d)
-    drawn towards the population; `mean` (d,) of the type; `new` (d,) a truck nobody has measured; `spread` (d,)
-    relative standard deviation between trucks, `scatter` (d,) of repeats of one truck (NaN if none was repeated);
-    `correlation` (d, d) between parameters; `further` (d,) trucks until the interval of the mean is half as wide, inf
-    where a shared error forbids it.  `pareto_k` per campaign; `correction_k` of the weights by which all draws were
-    corrected for campaigns that are not Gaussian, `corrected` whether they were.  `shared`: mean and sd of each.
+    - `alone` (trucks, d): each truck from its own campaigns, NaN where they do not determine it;
+    - `trucks` (trucks, d): each truck drawn towards the population;
+    - `mean` (d,) of the type;
+    - `new` (d,): a truck nobody has measured;
+    - `spread` (d,): relative standard deviation between trucks, and `scatter` (d,): that of repeats of one truck (NaN
+      if none was repeated);
+    - `correlation` (d, d): between parameters;
+    - `further` (d,): number of further trucks for half the interval of the mean, inf if a shared error makes this
+      impossible.
+
+    `pareto_k` per campaign; `correction_k` of the weights by which all draws were corrected for campaigns that are not
+    Gaussian, `corrected` whether they were. `shared`: mean and sd of each.
     """
 
     type: str

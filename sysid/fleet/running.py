@@ -51,9 +51,12 @@ class Row:
 class RunOptions:
     """How a fleet is run.
 
-    `workers` processes at a time, None for as many as cores and memory allow; `scheduler` address of a Dask scheduler;
-    `retry` names from :data:`RETRIES`; `only` names of campaigns, none for all; `choices` the options of the stages;
-    `command` that calibrates, None for ours.
+    - `workers`: processes at a time, None for as many as cores and memory allow;
+    - `scheduler`: address of a Dask scheduler;
+    - `retry` names from :data:`RETRIES`;
+    - `only` names of campaigns, none for all;
+    - `choices`: the options of the stages;
+    - `command`: the command that calibrates, None for the program's own.
     """
 
     workers: int | None = None

@@ -40,10 +40,13 @@ class RawChannel:
 class LogRequest:
     """What is wanted of a log, and what the campaign says about the way it is written.
 
-    `wanted` are names of channels; `time` is the name of the column of time (None: a usual one); with `units_row` the
-    row below the names holds units; `format` is the name of a format (None: found from content and suffix).  With
-    `everything` all channels of numbers that have a time are given (300 at most), by name, or by group and name where
-    several have the same, instead of the wanted ones.  `database` is the text of a DBC file for logs of a CAN bus.
+    - `wanted` are names of channels;
+    - `time` is the name of the column of time (None: a usual one); with `units_row` the row below the names holds
+      units;
+    - `format` is the name of a format (None: found from content and suffix).
+
+    With `everything` all channels of numbers that have a time are given (300 at most), by name, or by group and name
+    where several have the same, instead of the wanted ones. `database` is the text of a DBC file for logs of a CAN bus.
     """
 
     wanted: tuple[str, ...]

@@ -50,8 +50,10 @@ class CellError(ValueError):
 class NumberTable:
     """How the numbers of a text file are written.
 
-    `label` begins every sentence about it; `skip_lines` stand before the first row, whose cells belong to `names`; with
-    `blank_rows` a blank line is a row without readings, else it is skipped; `strict` refuses bytes that are no text.
+    - `label` begins every message about the file;
+    - `skip_lines` stand before the first row, whose cells belong to `names`; with `blank_rows` a blank line is a row
+      without readings, else it is skipped;
+    - `strict` refuses bytes that are no text.
     """
 
     data: bytes

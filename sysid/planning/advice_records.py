@@ -58,10 +58,14 @@ class PeakTarget:
 class Advice(Tabular):
     """What the next run and the next sensor would bring.
 
-    `names` (p,) of the parameters; `targets` names of those that count, every k and c; `now` what is known; `runs`
-    after one further run each with the sensors at hand; `sensors` after one further run with one more sensor, each with
-    the run that suits it best; `peak` the predicted peak, None without a prediction; `statements` in words; `masses`
-    with no further run but one declared mass property measured exactly, those first that bring most.
+    - `names` (p,) of the parameters;
+    - `targets`: names of the parameters of interest, every k and c;
+    - `now`: present knowledge;
+    - `runs`: after one further run each, with the present sensors;
+    - `sensors`: after one further run with one more sensor, each with the run that suits it best;
+    - `peak`: the predicted peak, None without a prediction;
+    - `statements` in words;
+    - `masses`: without a further run, but with one declared mass property measured exactly; the most useful ones first.
     """
 
     names: tuple[str, ...]

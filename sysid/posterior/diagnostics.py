@@ -34,11 +34,10 @@ def diagnose(draws: WalkerDraws, least_burn_in: int = 0) -> Diagnosis:
     """Judge draws (E, steps, W, p).
 
     tau is averaged over the ensembles, burn-in is five times the largest tau of the steps behind `least_burn_in`, but
-    at least these steps and at most half of the run. Effective
-    draws (bulk) and R-hat are those of A. Vehtari et al., Rank-normalization, folding, and localization, Bayesian
-    Analysis 16 (2021), doi:10.1214/20-BA1221, with ensembles as chains, never the dependent walkers of one, in the
-    order of ``posterior.nc``: tau of a short run, whose walkers are each taken about their own mean, comes out too
-    small to count draws with.
+    at least these steps and at most half of the run. Effective draws (bulk) and R-hat are those of A. Vehtari et al.,
+    Rank-normalization, folding, and localization, Bayesian Analysis 16 (2021), doi:10.1214/20-BA1221, with ensembles as
+    chains, never the dependent walkers of one ensemble, in the order of ``posterior.nc``. tau of a short run is not
+    used to count draws: there the walkers are each taken about their own mean, and tau is too small.
     """
     ensembles, steps, walkers, count = draws.shape
     least = min(least_burn_in, steps // 2)

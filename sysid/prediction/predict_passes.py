@@ -164,8 +164,8 @@ def predict_pass(
     """Wheel loads of one pass, for a point estimate or for posterior draws.
 
     The peak dynamic load ratio of a draw is the maximum over the pass of the unfiltered vertical tire force over the
-    static axle load as it was weighed, so that their product is the peak force; quantiles are taken over draws,
-    pointwise in time for the bands.
+    static axle load as weighed. So the product of ratio and weighed load is the peak force. Quantiles are taken over
+    draws; for the bands they are pointwise in time.
 
     Parameters
     ----------

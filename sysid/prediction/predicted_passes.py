@@ -29,20 +29,26 @@ class Quantiles:
 class PassPrediction(Tabular):
     """Wheel loads of one pass with posterior bands.
 
-    `time_s` (n,) zero when the centre of axle 1 passes the start of the bump; `tire_force_*_N` (axles, n) total
-    vertical force, pointwise quantiles (q05/q95 None before sampling); `static_load_N` (axles,); `peak_ratio_*`
-    (axles,) quantiles of the peak dynamic load ratio per draw (q05/q95 None before sampling); `lift_off` (axles,) bool,
-    True where the wheels leave the road in at least half of the draws.
+    - `time_s` (n,): zero when the centre of axle 1 passes the start of the bump;
+    - `tire_force_*_N` (axles, n): total vertical force, pointwise quantiles (q05/q95 None before sampling);
+    - `static_load_N` (axles,);
+    - `peak_ratio_*` (axles,): quantiles of the peak dynamic load ratio per draw (q05/q95 None before sampling);
+    - `lift_off` (axles,) bool: True where the wheels leave the road in at least half of the draws.
 
-    `suspension_force_N` (axles, n) of spring, damper and friction together on the body, positive in compression, with
-    the static load (of an axle group at its first axle); (axles,): `load_coefficient` RMS of force less static load
-    over static load, from the axle's first contact to the end of its ringing; `lift_off_s` time off the ground;
-    `jounce_m`, `rebound_m` largest compression and extension from rest; `impulse_ratio` mean force over the pass over
-    static load.  `shape` names a bump that no run crossed, empty for a scanned one.
+    - `suspension_force_N` (axles, n): force of spring, damper and friction together on the body, positive in
+      compression, static load included (of an axle group at its first axle);
+    - `load_coefficient` (axles,): RMS of force less static load, over static load, from the axle's first contact to the
+      end of its ringing;
+    - `lift_off_s` (axles,): time off the ground;
+    - `jounce_m`, `rebound_m` (axles,): largest compression and extension from rest;
+    - `impulse_ratio` (axles,): mean force during the pass over static load.
 
-    `trust` lists what goes beyond the driven runs, empty where nothing does; `beyond` (axles, n) bool, instants at
-    which tire deflection, travel or damper speed do so in at least half of the draws, or a wheel is off the ground that
-    never was, None where the driven runs are not known.
+    `shape` names a bump that no run crossed, empty for a scanned one.
+
+    - `trust` lists what goes beyond the driven runs, empty if nothing does;
+    - `beyond` (axles, n) bool: instants at which tire deflection, travel or damper speed go beyond them in at least
+      half of the draws, or at which a wheel is off the ground that never was in the runs. None if the driven runs are
+      not known.
     """
 
     load_case: str
@@ -115,9 +121,9 @@ class PassPrediction(Tabular):
 class SpeedSweep(Tabular):
     """Peak dynamic load ratio and dynamic load coefficient of one load case against speed, (speeds, axles).
 
-    `driven_m_s` are the lowest and the highest nominal speed of the runs in this load case, None without any; `beyond`
-    (speeds, axles) bool whether tire deflection, travel or damper speed goes beyond the driven runs, or a wheel lifts
-    off that never did, None where the driven runs are not known.
+    - `driven_m_s` are the lowest and the highest nominal speed of the runs in this load case, None without any;
+    - `beyond` (speeds, axles) bool: whether tire deflection, travel or damper speed goes beyond the driven runs, or a
+      wheel lifts off that never did. None if the driven runs are not known.
     """
 
     load_case: str

@@ -26,8 +26,8 @@ def run_bands(
 ) -> tuple[HistoryBand, ...]:
     """Pointwise 90 % bands of all sensor signals of every run, in the order of the campaign.
 
-    Every draw gets masses and departures from the model of its own, as predicted passes do, drives at each run's own
-    speed and start, and has the offset and gain of its sensors eliminated against the record, as in the fit.
+    Every draw gets its own masses and departures from the model, as in predicted passes. It uses the speed and start of
+    each run. Offset and gain of its sensors are eliminated against the record, as in the fit.
 
     Parameters
     ----------

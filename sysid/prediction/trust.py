@@ -23,9 +23,12 @@ MARGIN = 1.05
 class DrivenRange(Tabular):
     """What the driven runs reached, simulated at the least-squares optimum: the largest value of all runs.
 
-    `speed_m_s` highest nominal speed by load case; (axles,): `tire_deflection_m` from the free tire, as far as the
-    spring of the tire alone carries the force; `jounce_m`, `rebound_m` compression and extension of the suspension from
-    rest; `damper_speed_m_s` rate of its extension, either sign; `lift_off_s` longest time off the ground in one run.
+    - `speed_m_s`: highest nominal speed by load case;
+    - `tire_deflection_m` (axles,): from the free tire, the deflection at which the spring of the tire alone carries the
+      force;
+    - `jounce_m`, `rebound_m` (axles,): compression and extension of the suspension from rest;
+    - `damper_speed_m_s` (axles,): rate of its extension, either sign;
+    - `lift_off_s` (axles,): longest time off the ground in one run.
     """
 
     speed_m_s: Mapping[str, float]

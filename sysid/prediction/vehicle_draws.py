@@ -37,8 +37,9 @@ CONTACT_ERROR = 0.006
 class VehicleDraws:
     """One vehicle for each of n draws of the parameters.
 
-    `amounts` (n, m + d): log factors on the m uncertain masses, then amplitudes of the d departures; `stops` that are
-    assumed, None without any; `contact_error` (n, na) of the dynamic force of every wheel over it, None for none.
+    - `amounts` (n, m + d): log factors on the m uncertain masses, then amplitudes of the d departures;
+    - `stops`: the assumed ones, None without any;
+    - `contact_error` (n, na): relative error of the dynamic force of every wheel, None for none.
     """
 
     allowances: Allowances

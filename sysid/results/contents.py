@@ -51,12 +51,14 @@ class Judgement:
 class Results(Tabular):
     """Results of all stages that have run; a stage that has not run yet is None (no scans: an empty mapping).
 
-    `scans` maps the name of a bump to its analysis; `estimates` holds what drops, fit and posterior say of the truck,
-    `driven` what the driven runs reached; `further` holds results of stages without a field here, by name;
-    `unfinished` names stages that are still running or were stopped, and whose result is what they have got so far;
-    `judgement` says whether the numbers may be used, None where nobody has judged them.
-    `provenance` may hold ``input_sha256`` (file -> hash),
-    ``versions`` (package -> version), ``seed``, ``settings`` (nested mapping) and ``timings`` (stage -> seconds).
+    - `scans` maps the name of a bump to its analysis;
+    - `estimates` holds what drops, fit and posterior say of the truck, `driven` what the driven runs reached;
+    - `further` holds results of stages without a field here, by name;
+    - `unfinished` names stages that are still running or were stopped, and whose result is what they have got so far;
+    - `judgement` says whether the numbers may be used, None where nobody has judged them.
+
+    `provenance` may hold ``input_sha256`` (file -> hash), ``versions`` (package -> version), ``seed``, ``settings``
+    (nested mapping) and ``timings`` (stage -> seconds).
 
     Raises ValueError if `status` is none of ``converged``, ``not_converged``, ``preview``.
     """

@@ -44,9 +44,11 @@ _KEPT_STATIONS = 1000
 class SpokeTable:
     """Force of a unit-stiffness radial-spring wheel over one profile.
 
-    `station_m` (n,) of the wheel centre from the start of the bump; `contact_height_m` (n,) centre height at first
-    contact; `deflection_m` (m,) below first contact; `force`, `forward_force` (n, m) vertical and forward force for
-    unit spoke stiffness; `flat_force` (m,) the vertical one on a flat road.
+    - `station_m` (n,): of the wheel centre, from the start of the bump;
+    - `contact_height_m` (n,): centre height at first contact;
+    - `deflection_m` (m,): below first contact;
+    - `force`, `forward_force` (n, m): vertical and forward force for unit spoke stiffness;
+    - `flat_force` (m,): vertical force on a flat road.
     """
 
     radius_m: float
@@ -220,10 +222,13 @@ class FootprintMap:
 
         e = u_0 + v + stretch_1 v + stretch_2 v^2 + stretch_3 v^3
 
-    and its forward force is V (drag_0 + drag_1 v + drag_2 v^2), with the vertical force V.  `station_m` (n,) from the
-    start of the bump; `rise_m` (n,) effective profile; `stretch`, `drag` (3, n) [1, 1/m, 1/m2]; `lift_m` (n,) how much
-    deeper than on a flat road (v = -u_0) the wheel centre stands at first contact, v = lift - u_0; `misfit_m` the
-    largest error of e over the fitted range.
+    and its forward force is V (drag_0 + drag_1 v + drag_2 v^2), with the vertical force V. - `station_m` (n,): from the
+    start of the bump;
+    - `rise_m` (n,): effective profile;
+    - `stretch`, `drag` (3, n): [1, 1/m, 1/m2];
+    - `lift_m` (n,): how much deeper than on a flat road (v = -u_0) the wheel centre is at first contact, v = lift -
+      u_0;
+    - `misfit_m`: largest error of e over the fitted range.
     """
 
     station_m: np.ndarray

@@ -24,11 +24,14 @@ MAX_POINTS = limits.CLOUD_POINTS
 def read_point_cloud(path: Path | InputFile, unit: str = "m") -> np.ndarray:
     """Read a point cloud and return its points (n, 3) float64 in metres.
 
-    Text files (CSV, XYZ, TXT, PTS: comma, semicolon, tab or space, decimal point or comma, with a header naming x, y
-    and z in any order or without one), PLY (ASCII and binary) and LAS (LAZ where a decompressor is installed) are told
-    apart by their content.  Further columns are ignored; rows without three finite numbers below 1e8 m are dropped (see
-    :func:`read_point_cloud_counted`).  `unit` is the unit of the file: m, dm, cm, mm, um, in, ft.
-    Raises DataRejectedError (one sentence: file, row, remedy) for anything that cannot be read.
+    The format is found from the content of the file:
+
+    - text (CSV, XYZ, TXT, PTS): comma, semicolon, tab or space, decimal point or comma, with or without a header that
+      names x, y and z in any order;
+    - PLY (ASCII and binary);
+    - LAS (LAZ if a decompressor is installed). Further columns are ignored; rows without three finite numbers below 1e8
+      m are dropped (see :func:`read_point_cloud_counted`). `unit` is the unit of the file: m, dm, cm, mm, um, in, ft.
+      Raises DataRejectedError (one sentence: file, row, remedy) for anything that cannot be read.
     """
     return read_point_cloud_counted(path, unit)[0]
 

@@ -31,10 +31,10 @@ _STATION, _HEIGHT = "station_m", "height_m"
 def bump_from_file(path: Path | InputFile, lateral_m: float = 0.0, name: str | None = None) -> BumpShape:
     """Bump along the direction of travel in a file, as heights above the road at stations [m].
 
-    Text has the columns ``station_m`` and ``height_m``.  Of an OpenCRG surface the heights along the reference line, or
-    `lateral_m` [m] to its left, are taken in the direction of increasing u, less the straight line through the first
-    and the last of them: the model drives on level road.  `name` of the file for people, by default without folder.
-    `path` may be a file that has been read already.
+    Text has the columns ``station_m`` and ``height_m``. From an OpenCRG surface, the heights along the reference line,
+    or `lateral_m` [m] to its left, are taken in the direction of increasing u. The straight line through the first and
+    the last of them is subtracted, because the model drives on level road. `name` of the file for people, by default
+    without folder. `path` may be a file that has been read already.
 
     Raises
     ------

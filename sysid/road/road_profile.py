@@ -52,9 +52,10 @@ class RoadProfile(Tabular):
 class ScanAnalysis(Tabular):
     """How a point cloud became a profile: plane, outliers, the wheel-track strip and the profile itself.
 
-    `grade` and `camber` are slopes along and across the direction of travel; `strip_station_m`, `strip_height_m` (m,)
-    are the points of the wheel track used for the profile (thinned for figures); `cloud_*` a thinned picture of the
-    whole scan in road coordinates (along, across, height above the plane).
+    - `grade` and `camber` are slopes along and across the direction of travel;
+    - `strip_station_m`, `strip_height_m` (m,) are the points of the wheel track used for the profile (thinned for
+      figures);
+    - `cloud_*`: a thinned picture of the whole scan in road coordinates (along, across, height above the plane).
     """
 
     profile: RoadProfile

@@ -84,13 +84,12 @@ def analyse_scan(scan: Scan, *, options: ScanOptions | None = None) -> ScanAnaly
     """Find road plane, bump and smooth profile along the direction of travel in a laser point cloud.
 
     The plane is found by a search that disfavours planes with points below them and refined on the flat road around the
-    bump; heights are measured perpendicular to it.  The heading is squared to the bump's crest line where the two
-    differ by less than the tolerance of the declared heading; beyond it the profile is the mean over the tracks of the
-    strip.  The profile is the penalised spline of :mod:`sysid.road.penalised_spline`, exactly zero outside the bump;
-    its standard error holds the noise of the points, the plane's own error, the waviness of the flat road, the
-    uncertain ends of the bump and differences between bands.
-    `scan.points_m` (n, 3) [m]; the result is in metres and radians.  Raises DataRejectedError (one sentence) where the
-    cloud holds no usable bump.
+    bump; heights are measured perpendicular to it. The heading is squared to the bump's crest line where the two differ
+    by less than the tolerance of the declared heading; beyond it the profile is the mean over the tracks of the strip.
+    The profile is the penalised spline of :mod:`sysid.road.penalised_spline`, exactly zero outside the bump. Its
+    standard error includes the noise of the points, the error of the plane, the waviness of the flat road, the
+    uncertain ends of the bump and differences between bands. `scan.points_m` (n, 3) [m]; the result is in metres and
+    radians. Raises DataRejectedError (one sentence) where the cloud holds no usable bump.
     """
     try:
         analysis = _analysis(scan, options or ScanOptions())

@@ -30,11 +30,15 @@ _END_REACH_M = 0.15
 class StripFit:
     """Smooth mean of a strip before its ends are settled, and what the strip says about its own uniformity.
 
-    `data` are the weighted points between `low_m` and `high_m` (bump and road next to it), `wide` the spline over all
-    of that, `start_m` and `end_m` where the bump was seen; `noise_m` the scatter of one point.
-    `inflation` (>= 1) is the variance of patch means over what independent noise predicts; `waviness_sd_m` how far the
-    strip's mean leaves the plane on the flat road, noise taken out: the profile under the bump is not known better;
-    `lateral_sd_m` how much the bump's height differs between bands, beyond what the flat road does, over `bands` bands.
+    - `data` are the weighted points between `low_m` and `high_m` (bump and road next to it), `wide` the spline over all
+      of that, `start_m` and `end_m` where the bump was seen;
+    - `noise_m`: the scatter of one point.
+
+    - `inflation` (>= 1) is the variance of patch means over what independent noise predicts;
+    - `waviness_sd_m`: departure of the strip's mean from the plane on the flat road, without noise; the profile under
+      the bump is not known better than this;
+    - `lateral_sd_m`: how much the bump's height differs between `bands` bands, beyond the differences on the flat road.
+
     `crest_turn_rad` is the turn of the heading that squares it to the crest line; `outliers` counts rejected points.
     """
 

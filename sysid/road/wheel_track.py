@@ -103,9 +103,9 @@ def mean_over_tracks(
 ) -> tuple[float, Stations, Stations]:
     """Return first station, mean heights and their variance along the travel over all tracks of the strip.
 
-    A wheel meets a bump that lies at `skew_rad` to its travel earlier or later the further it runs to one side (by
-    y tan of the skew) and takes longer over it (by 1 / cos); a planar vehicle feels the mean of its tracks.  `profile`
-    is square to the crest line; stations every `step_m` [m].
+    If a bump lies at `skew_rad` to the direction of travel, a wheel at lateral position y meets it earlier or later (by
+    y tan of the skew) and takes longer to cross it (by 1 / cos). A planar vehicle follows the mean of its tracks.
+    `profile` is square to the crest line; stations every `step_m` [m].
     """
     low, high = track_range(strip, profile, skew_rad)
     edges = np.linspace(low, high, 101)

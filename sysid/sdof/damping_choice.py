@@ -20,9 +20,10 @@ _MODES_COEFFICIENTS = 9  # of two modes: rate, frequency, two amplitudes each, a
 def more_than_viscous(law: DampingLaw, record: PreparedRecord, modes: FreeDecayFit) -> DampingLaw | None:
     """The damping law where the record shows dry friction or quadratic damping beyond doubt, else None.
 
-    Body mode and wheel hop of a linear vehicle can look like either over a few swings, so the law must explain the
-    common readings better than they do, by a Bayesian information criterion of 10, lose a tenth of the amplitude
-    otherwise than viscously, and rest on swings that are a quarter of the motion.
+    Body mode and wheel hop of a linear vehicle can look like either over a few swings, so the law must meet three
+    conditions. It explains the common readings better than these modes, by a Bayesian information criterion of 10. It
+    loses a tenth of the amplitude in another way than viscously. Its evidence is in swings that are a quarter of the
+    motion.
     """
     if not _speaks_for(law, record) or law.terms == ("viscous",) or law.shares[1:].sum() < _SMALLEST_SHARE:
         return None

@@ -36,12 +36,12 @@ _NOT_ONE_MASS = "the motion is not that of one mass with viscous, dry or quadrat
 def fit_damping_law(record: PreparedRecord, *, from_release: bool = False) -> DampingLaw:
     """Fit one mass with viscous, dry and quadratic damping to the free motion and choose the terms that it shows.
 
-    The mixtures of the three terms are fitted by least squares from the first extremum used to a quarter period after
-    the last one, so a mass that sticks counts only briefly; those that a Wald test of the fullest rules out are not.
-    They are compared by the Bayesian information criterion of residuals whitened by an autoregression of second order,
-    taken from the fullest mixture.  A term that explains less than 3 % of the amplitude lost is not considered.
-    Standard deviations allow for what correlation is left.  A spring that stiffens with the amplitude is added where
-    the criterion demands it.
+    The mixtures of the three terms are fitted by least squares, from the first extremum used to a quarter period after
+    the last one. So the time in which the mass sticks has little weight. Mixtures that a Wald test of the full mixture
+    excludes are not fitted. They are compared by the Bayesian information criterion of residuals whitened by an
+    autoregression of second order, taken from the fullest mixture. A term that explains less than 3 % of the amplitude
+    lost is not considered. Standard deviations allow for what correlation is left. A spring that stiffens with the
+    amplitude is added where the criterion demands it.
 
     Parameters
     ----------

@@ -31,9 +31,9 @@ _DRIFT_CYCLES, _DRIFT_SIGNIFICANCE = 3.0, 5.0
 class PreparedRecord:
     """A record made ready for reading: spikes and missing readings out, release and single-mode fit found.
 
-    `time_s`, `value` (n,) usable readings in the window; `release`, `mode` (of the motion after the first turn) and
-    `extrema` are None where `note` says why; `period_s` is the body-mode period [s] that the smoothing uses, sought in
-    `frequency_range_hz`.
+    - `time_s`, `value` (n,): usable readings in the window;
+    - `release`, `mode` (of the motion after the first turn) and `extrema` are None where `note` says why;
+    - `period_s` is the body-mode period [s] that the smoothing uses, sought in `frequency_range_hz`.
     """
 
     time_s: np.ndarray
@@ -60,8 +60,8 @@ def prepare_record(
 ) -> PreparedRecord:
     """Clean a record and find release, body mode and extrema; arguments as `read_decay`.
 
-    `period_s` replaces the period found here as the scale of the smoothing and of the search for extrema;
-    `ripple` (times [s], values) is a fitted wheel hop to take out of the readings before the extrema are sought.
+    - `period_s` replaces the period found here as the scale of the smoothing and of the search for extrema;
+    - `ripple` (times [s], values) is a fitted wheel hop to take out of the readings before the extrema are sought.
     """
     time, y = _usable_readings(time_s, value, window_s)
 

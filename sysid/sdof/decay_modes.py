@@ -18,12 +18,13 @@ _MOST_GRID_SAMPLES = 20_000
 class ModeFit:
     """Least-squares fit of decaying modes on a constant (and optionally a linear drift).
 
-    Mode q: exp(-sigma_q t) (a_q cos omega_q t + b_q sin omega_q t), with t from `start_s`.  `decay_rate` sigma [1/s]
-    and `angular_frequency` omega [rad/s] are (modes,); `amplitude` (modes,) sqrt(a^2 + b^2) at the start; `baseline`
-    and `drift_per_s` of the constant and the drift, both at the middle of the window; `curvature` kappa [1/s^2] of the
-    log envelope exp(-sigma t + kappa t^2 / 2) of the first mode (0 unless fitted).  `parameters` (p,) in the order
-    sigma, omega per mode, kappa if fitted, then linear coefficients; `covariance` (p, p) allows for the autocorrelation
-    of the `residual` (n,).
+    Mode q: exp(-sigma_q t) (a_q cos omega_q t + b_q sin omega_q t), with t from `start_s`. - `decay_rate` (modes,):
+    sigma [1/s], and `angular_frequency` (modes,): omega [rad/s];
+    - `amplitude` (modes,): sqrt(a^2 + b^2) at the start;
+    - `baseline`, `drift_per_s`: constant and drift, both at the middle of the window;
+    - `curvature`: kappa [1/s^2] of the log envelope exp(-sigma t + kappa t^2 / 2) of the first mode (0 unless fitted).
+      `parameters` (p,) in the order sigma, omega per mode, kappa if fitted, then linear coefficients; `covariance` (p,
+      p) allows for the autocorrelation of the `residual` (n,).
     """
 
     start_s: float

@@ -20,8 +20,10 @@ _GAP_STEPS = 1.8  # of the median step: a longer one is a gap
 class DecayWindow:
     """Readings of the free motion: times [s] from the start, readings, amplitude [m], angular frequency [rad/s].
 
-    `direction` of the motion at the first reading; `start` (8,) parameters of `ring_down` without damping; `loss` the
-    amplitude lost per swing at the middle amplitude `middle` [m]; `swings` the half ranges of successive extrema [m].
+    - `direction` of the motion at the first reading;
+    - `start` (8,): parameters of `ring_down` without damping;
+    - `loss`: the amplitude lost per swing at the middle amplitude `middle` [m];
+    - `swings`: the half ranges of successive extrema [m].
     """
 
     begin_s: float

@@ -84,11 +84,13 @@ class DecayReading:
     """What peak-picking reads off one decay record (SI units, times from the start of the record).
 
     `settled_level` [m]; `extremum_time_s` and `extremum_value_m` (m,) alternating extrema refined below the sample
-    step, relative to the record's own zero; `used` (m,) bool marks those that entered the averages.
-    `damped_period` [s] and `log_decrement` [-] per full cycle, each with a standard error.
-    `damping_kind` tells how the decrement changes with amplitude: ``viscous`` (constant), ``friction`` (rises as the
-    amplitude falls), ``quadratic`` (falls with the amplitude), ``unknown`` (too few peaks or too noisy to say);
-    `decrement_trend` is the slope of the decrement against relative amplitude, with its standard error.
+    step, relative to the record's own zero; `used` (m,) bool marks those that entered the averages. `damped_period` [s]
+    and `log_decrement` [-] per full cycle, each with a standard error.
+
+    - `damping_kind` tells how the decrement changes with amplitude: ``viscous`` (constant), ``friction`` (rises as the
+      amplitude falls), ``quadratic`` (falls with the amplitude), ``unknown`` (too few peaks or too noisy to say);
+    - `decrement_trend` is the slope of the decrement against relative amplitude, with its standard error.
+
     `usable` is False where there are not two usable peaks: then period, decrement and their errors are NaN and `note`
     says why.
     """
@@ -114,11 +116,11 @@ class DropEstimate:
     """Stiffness [N/m] and damping [N s/m] of one axle by one method, from one file or pooled (`file` None).
 
     `stiffness_sd` and `damping_sd` are standard deviations (of the file's own estimate, or the scatter-based one of the
-    pooled mean); NaN numbers with `usable` False mean that the record yields none, and `note` says why.
-    `damping_kind` says which damping the record shows: ``viscous``, ``friction`` (dry), ``quadratic``, mixtures joined
-    by " + ", or ``unknown``.  Where it shows more than viscous damping, `damping`, `damped_period` and `log_decrement`
-    are those of the viscous part alone, `friction_force` [N] is the dry friction and `quadratic_damping` [N s^2/m^2]
-    the force over the squared velocity, each with its standard deviation; NaN where the record shows none.
+    pooled mean); NaN numbers with `usable` False mean that the record yields none, and `note` says why. `damping_kind`
+    says which damping the record shows: ``viscous``, ``friction`` (dry), ``quadratic``, mixtures joined by " + ", or
+    ``unknown``. If it shows more than viscous damping, `damping`, `damped_period` and `log_decrement` are those of the
+    viscous part alone. Then `friction_force` [N] is the dry friction, and `quadratic_damping` [N s^2/m^2] the force
+    over the squared velocity, each with its standard deviation. They are NaN if the record shows none.
     """
 
     axle: int
@@ -151,12 +153,16 @@ class DropEstimate:
 class DropAnalysis(Tabular):
     """Everything about one plank-drop file: the trace, the picked peaks, the free-decay model and the estimates.
 
-    `time_s`, `deflection_m` (n,) as measured; `filtered_m` (n,) with wheel hop kept out, as used for picking;
-    `release_time_s` is when the axle leaves the plank; `free_decay_m` (n,) the fitted decay model, NaN outside its
-    window.
+    - `time_s`, `deflection_m` (n,) as measured;
+    - `filtered_m` (n,) with wheel hop kept out, as used for picking;
+    - `release_time_s` is when the axle leaves the plank;
+    - `free_decay_m` (n,): the fitted decay model, NaN outside its window.
+
     `frequency_hz` and `damping_ratio_directive` (D = ln(A1/A2)/2pi) are the EU 96/53/EC Annex II / VSB 11 indicator.
-    `law` is the mixture of viscous, dry and quadratic damping that explains the record better than viscous damping of
-    body and wheel hop does, None where none does; `damping_kind` what the record shows, as in `DropEstimate`.
+
+    - `law` is the mixture of viscous, dry and quadratic damping that explains the record better than viscous damping of
+      body and wheel hop does, None where none does;
+    - `damping_kind` what the record shows, as in `DropEstimate`.
     """
 
     axle: int

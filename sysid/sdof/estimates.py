@@ -137,9 +137,9 @@ def estimate_by_law(
 ) -> DropEstimate:
     """The viscous part of a damping law through the equations of `method`, dry friction and quadratic damping apart.
 
-    F = f k (1 + k/kt) and Q = q m (1 + k/kt) from f [m] and q [1/m] of the law, k/kt = 0 for the paper's method: by the
-    energy at two successive turning points a swing loses 2 F / (k (1 + k/kt)) of its amplitude where the tire gives way
-    while the suspension sticks.  A viscous part that the tire's own damping explains is zero.
+    F = f k (1 + k/kt) and Q = q m (1 + k/kt), with f [m] and q [1/m] of the law, and k/kt = 0 for the paper's method.
+    The reason: while the suspension sticks, the tire deforms. By the energy at two successive turning points, the
+    amplitude then falls by 2 F / (k (1 + k/kt)) per swing. A viscous part that the tire's own damping explains is zero.
     """
     notes = [note] if note else []
     covariance = law.covariance[:2, :2]

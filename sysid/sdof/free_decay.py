@@ -29,10 +29,14 @@ _CURVATURE_RELEVANCE = 0.3  # relative change of the decay rate over two time co
 class FreeDecayFit:
     """Fit of y(t) = offset + body mode + wheel-hop mode after the release.
 
-    `decay_rate` sigma [1/s] and `angular_frequency` omega [rad/s] of the body mode with their `covariance` (2, 2);
-    `hop` (decay rate, angular frequency) or None where the record shows none; `window_s` the part fitted; `time_s`,
-    `model`, `hop_model` (n,) the fitted curve and its hop part; `noise_ratio` residual over noise at rest (NaN where
-    unknown).  `usable` False (NaN numbers) where no body mode could be fitted.
+    - `decay_rate`: sigma [1/s], and `angular_frequency`: omega [rad/s], of the body mode with their `covariance` (2,
+      2);
+    - `hop` (decay rate, angular frequency): or None where the record shows none;
+    - `window_s`: the part fitted;
+    - `time_s`, `model`, `hop_model` (n,): the fitted curve and its hop part;
+    - `noise_ratio`: residual over noise at rest (NaN where unknown).
+
+    `usable` False (NaN numbers) where no body mode could be fitted.
     """
 
     decay_rate: float

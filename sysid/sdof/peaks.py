@@ -24,8 +24,10 @@ _NOISE_SAMPLES = 400  # enough for a scatter known to 4 %
 class Extrema:
     """Extrema of one decay, alternating in sign.
 
-    `time_s`, `value` (m,); `index` (m,) half-cycle number counted from the first (gaps leave numbers out); `value_sd`,
-    `time_sd` (m,) from the noise of the readings; `used` (m,) bool marks the run that is a free decay.
+    - `time_s`, `value` (m,);
+    - `index` (m,): half-cycle number counted from the first (gaps leave numbers out);
+    - `value_sd`, `time_sd` (m,) from the noise of the readings;
+    - `used` (m,) bool marks the run that is a free decay.
     """
 
     time_s: np.ndarray
@@ -44,10 +46,10 @@ def smoothing_half_width(period_s: float) -> float:
 def find_extrema(time_s: Samples, value: Samples, period_s: float, start_s: float, noise_sd: float) -> Extrema:
     """Find the extrema of the smoothed readings after the release and choose those of the free decay.
 
-    An extremum is where the slope of the local cubic (`smoothing_half_width`) vanishes.  Used are the extrema from the
-    first one that is followed by two half-periods within 20 % of the expected one and by falling swings, down to the
-    noise floor: amplitude above 3 standard deviations of the smoothed noise and above 1 % of the first used one.
-    Extrema in a gap of the readings longer than a sixth of a period are left out.
+    An extremum is where the slope of the local cubic (`smoothing_half_width`) vanishes. The first extremum used is the
+    first one that is followed by two half-periods within 20 % of the expected one and by falling swings. All following
+    extrema are used down to the noise floor: an amplitude above 3 standard deviations of the smoothed noise and above 1
+    % of that of the first one used. Extrema in a gap of the readings longer than a sixth of a period are left out.
 
     Parameters
     ----------

@@ -17,9 +17,10 @@ _REST_SHARE = 0.01  # of the range: readings this close to the level are at rest
 class Release:
     """Start of the motion in a record.
 
-    `time_s` last reading at rest (the first of the record if it never rests); `rest_level` and `rest_sd` before it, NaN
-    without a rest; `first_turn_s` first turning point after the release; `noise_sd` of the readings at rest or, without
-    rest, from fourth differences.
+    - `time_s`: last reading at rest (the first of the record if it never rests);
+    - `rest_level` and `rest_sd` before it, NaN without a rest;
+    - `first_turn_s`: first turning point after the release;
+    - `noise_sd` of the readings at rest or, without rest, from fourth differences.
     """
 
     time_s: float
@@ -32,8 +33,8 @@ class Release:
 def find_release(time_s: Samples, value: Samples) -> Release | None:
     """Find the last reading at rest and the first turning point after it.
 
-    Scale-free: the release is sought backwards from the first move of 15 % of the range to the level held before it, so
-    a plateau of any length, an offset, a slow drift, either sign and any time origin are equal to it.
+    The release is searched for backwards, from the first move of 15 % of the range to the level held before it. So the
+    result does not depend on the length of the plateau, an offset, a slow drift, the sign or the time origin.
 
     Parameters
     ----------

@@ -15,8 +15,9 @@ _REACH = 1.3  # half periods that are integrated of each swing; its turning poin
 class RingDown:
     """A computed ring-down, one row per parameter set.
 
-    `value` (p, n) [m] at the times asked for; `turn_s`, `turn_m` (p, swings) time and place of the turning points, NaN
-    after the last; `stick_s` (p,) when the mass sticks, infinite where it does not within the record.
+    - `value` (p, n) [m] at the times asked for;
+    - `turn_s`, `turn_m` (p, swings): time and place of the turning points, NaN after the last;
+    - `stick_s` (p,) when the mass sticks, infinite where it does not within the record.
     """
 
     value: np.ndarray

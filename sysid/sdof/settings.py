@@ -9,10 +9,10 @@ from dataclasses import dataclass
 class DropSettings:
     """What the plank-drop analysis assumes.
 
-    `frequency_range_hz` is where the body mode of a heavy vehicle is sought.  The tolerances are relative standard
-    deviations of what the campaign file declares, not measures, and enter the standard deviations of the estimates:
-    tire data books scatter by some 5 % in stiffness and 30 % in damping, masses of an axle and of the bodywork above it
-    are known to a few per cent (engineering judgement, no standard behind it).
+    `frequency_range_hz` is where the body mode of a heavy vehicle is sought. The tolerances are relative standard
+    deviations of values that the campaign file declares and that are not measured. They enter the standard deviations
+    of the estimates. Tire data books scatter by some 5 % in stiffness and 30 % in damping; masses of an axle and of the
+    bodywork above it are known to a few per cent (engineering judgement, not from a standard).
     """
 
     frequency_range_hz: tuple[float, float] = (0.6, 6.0)

@@ -29,9 +29,9 @@ def high_frequency_noise(value: Samples) -> float:
 def spike_mask(time_s: Samples, value: Samples) -> Samples:
     """Mark isolated readings, up to three in a row, that do not fit their neighbours.
 
-    A reading is a spike when it leaves the running median (over 40 ms, three to seven readings) by more than 15 % of
-    the range and the usual noise, or the cubic through its four neighbours by more than 3 % of the range and ten times
-    the usual misfit.  Readings beside a gap are not judged.
+    A reading is a spike if it differs from the running median (over 40 ms, three to seven readings) by more than 15 %
+    of the range and the usual noise. It is also a spike if it differs from the cubic through its four neighbours by
+    more than 3 % of the range and ten times the usual misfit. Readings beside a gap are not judged.
 
     Parameters
     ----------

@@ -30,10 +30,10 @@ METHODS: tuple[DropMethod, ...] = ("paper", "corrected", "free_decay")
 def analyse_drops(campaign: Campaign, settings: DropSettings | None = None) -> DropSummary:
     """Analyse every plank drop of a campaign and pool the repeats.
 
-    The pooled value is the mean weighted by the reading's variance plus the scatter between the repeats
-    (`random_effects`), so its standard deviation carries that scatter; the tolerances of declared quantities, common to
-    all repeats, are added once and do not average out.  Drops with the dampers removed are analysed but not pooled;
-    drops without a usable deflection are left out.
+    The pooled value is a weighted mean. The weights are from the variance of the reading plus the scatter between the
+    repeats (`random_effects`), so its standard deviation includes that scatter. The tolerances of declared quantities
+    are common to all repeats; they are added once and do not average out. Drops with the dampers removed are analysed
+    but not pooled; drops without a usable deflection are left out.
 
     Parameters
     ----------

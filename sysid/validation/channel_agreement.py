@@ -53,9 +53,9 @@ class ChannelAgreement:
 class ValidationLimits:
     """Limits that an acceptable channel keeps.
 
-    The rating's default is where ISO/TS 18571 begins to call an agreement good, those of Sprague and Geers are the
-    ones of the RSVVP procedure (NCHRP Web-Only Document 179), the peak's is what the literature on wheel loads calls
-    good, the NRMSE's is our choice.
+    The default for the rating is where ISO/TS 18571 begins to call an agreement good. Those of Sprague and Geers are
+    from the RSVVP procedure (NCHRP Web-Only Document 179). That of the peak is what the literature on wheel loads calls
+    good. That of the NRMSE is our choice.
     """
 
     nrmse: float = 0.10
@@ -75,9 +75,11 @@ class ValidationLimits:
 class LeftOutRun:
     """A run predicted by a fit of all other runs.
 
-    `values` (p,) of the global parameters without it; `shift_sd` (p,) by how many standard deviations of the fit of all
-    runs they moved; `converged` whether that fit ended at a minimum; `speed_m_s`, `start_s` of the run itself, found
-    from its record; `channels` their agreement, out of sample.
+    - `values` (p,): global parameters of the fit without the run;
+    - `shift_sd` (p,): their change, in standard deviations of the fit of all runs;
+    - `converged`: whether that fit ended at a minimum;
+    - `speed_m_s`, `start_s`: of the run itself, found from its record;
+    - `channels`: their agreement, out of sample.
     """
 
     run: str

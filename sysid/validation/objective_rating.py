@@ -124,10 +124,10 @@ def _averaged_slope(values: np.ndarray) -> np.ndarray:
 def _warped_errors(pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """Sum |s - m| over sum |m| along the cheapest warping path of every pair (measured, simulated).
 
-    The path minimises the sum of (s - m)^2 from first to last samples within the window.  Cells (i simulated, j
-    measured) are visited by diagonals i + j = d, all pairs at once, and every cell carries both sums of its own path,
-    so no path is traced back; at equal costs the simulated history advances alone before the measured one, and that
-    before both.
+    The path minimises the sum of (s - m)^2 from first to last samples within the window. Cells (i simulated, j
+    measured) are visited by diagonals i + j = d, all pairs at once. Every cell stores both sums of its own path, so no
+    path has to be traced back. At equal costs the order of preference is: only the simulated history advances, only the
+    measured one, both.
     """
     if not pairs:
         return np.zeros(0)

@@ -7,11 +7,11 @@ heave.  All angles are small.  A point of body b at x (rearward) and height h mo
     up       z_b  - theta_b (x - x_b)
     forward  xi_b - theta_b (h - h_b)
 
-with (x_b, h_b) the body's centre of gravity; a hinge at (x_h, h_h) makes both equal for the bodies it joins.  Axles
-slide along the body's vertical (a beam that joins several axles carries them at wheel height), so an unsprung mass
-below the centre of gravity adds to the pitch inertia, and a horizontal force at the wheel centre turns the body.
-Static loads that act off the height of the centre of gravity tilt with the body; the second-order terms of their
-potential give each body the (negative) pitch stiffness
+with (x_b, h_b) the body's centre of gravity; a hinge at (x_h, h_h) makes both equal for the bodies it joins. Axles move
+along the vertical axis of the body; a beam that joins several axles carries them at wheel height. So an unsprung mass
+below the centre of gravity adds to the pitch inertia, and a horizontal force at the wheel centre turns the body. Static
+loads that act off the height of the centre of gravity tilt with the body; the second-order terms of their potential
+give each body the (negative) pitch stiffness
 
     sum_i S_i (h_i - h_b) + H_b (h_hitch - h_b) - H_(b+1) (h_next hitch - h_b)
 
@@ -40,16 +40,21 @@ from sysid.vehicle_model.bending import FrameMode, frame_modes
 class PlanarMatrices:
     """Arrays of one vehicle in one load case; nb body coordinates, na axles.
 
-    `mass` (nb, nb) body block [kg, kg m, kg m2]; `tilt` (nb, nb) stiffness of the static loads [N m/rad];
-    `unsprung_mass` (na,) with the share of a common beam [kg]; `attachment` (na, nb) vertical motion of the body above
-    each suspension (of an axle group the first row; its second row is the pitch of the body, further ones are zero, as
-    the unsprung coordinates of :class:`Beams`); `travel` (na, nb) forward motion of each wheel centre; `drive` (chains,
-    nb) forward motion of the point where each chain is driven (its first body's centre of gravity) and `chain_mass`
-    (chains,) what is driven [kg]; `static_load` (na,) vertical road force at rest [N]; `carried_load` (na,) static
-    force on its suspension [N]; `heave_rows`, `travel_rows`, `pitch_rows` (bodies, nb) motion of each centre of
-    gravity; `cg_x` (bodies,) [m]; `beams` where axles are grouped, else None; `sharing` (na, na) means over the axles
-    that every rocker joins, None without rockers; `frames` the bending modes and `frame_columns` (modes,) their places
-    among the body coordinates.
+    - `mass` (nb, nb): body block [kg, kg m, kg m2];
+    - `tilt` (nb, nb): stiffness of the static loads [N m/rad];
+    - `unsprung_mass` (na,): with the share of a common beam [kg];
+    - `attachment` (na, nb): vertical motion of the body above each suspension (of an axle group the first row; its
+      second row is the pitch of the body, further ones are zero, as the unsprung coordinates of :class:`Beams`);
+    - `travel` (na, nb): forward motion of each wheel centre;
+    - `drive` (chains, nb): forward motion of the point where each chain is driven (its first body's centre of gravity);
+    - `chain_mass` (chains,): mass that is driven [kg];
+    - `static_load` (na,): vertical road force at rest [N];
+    - `carried_load` (na,): static force on its suspension [N];
+    - `heave_rows`, `travel_rows`, `pitch_rows` (bodies, nb): motion of each centre of gravity;
+    - `cg_x` (bodies,): [m];
+    - `beams`: if axles are grouped, else None;
+    - `sharing` (na, na) means over the axles that every rocker joins, None without rockers;
+    - `frames`: the bending modes, and `frame_columns` (modes,): their places among the body coordinates.
     """
 
     mass: np.ndarray
@@ -95,8 +100,9 @@ def coordinate_names(vehicle: Vehicle) -> tuple[str, ...]:
 def assemble(vehicle: Vehicle, load_case: LoadCase, first: LoadCase | None = None) -> PlanarMatrices:
     """Assemble the planar model of a vehicle in one load case; `first` is the one that frames' frequencies belong to.
 
-    M = sum_b m_b (z_b z_b' + xi_b xi_b') + I_b theta_b theta_b' + sum_i m_ui x_i x_i', with z_b, xi_b, theta_b and x_i
-    the rows that give each motion from the body coordinates, and the modal mass at the amplitude of every bending mode.
+    M = sum_b m_b (z_b z_b' + xi_b xi_b') + I_b theta_b theta_b' + sum_i m_ui x_i x_i', where z_b, xi_b, theta_b and x_i
+    are the rows that give each motion from the body coordinates. The modal mass is added at the amplitude of every
+    bending mode.
 
     Raises
     ------

@@ -6,17 +6,17 @@ shape begins as that of a free uniform beam between the body's first and last su
     psi(t) = cosh b t + cos b t - r (sinh b t + sin b t),  t = (x - x_first) / L,  cos b cosh b = 1,  b = 4.7300,
     r = (cosh b - cos b) / (sinh b - sin b),  mean square 1, 2 at both ends
 
-(R. D. Blevins, Formulas for natural frequency and mode shape, 1979, table 8-1), or as the declared one.  The body's
-mass along the same length has to have its mass m, centre of gravity and pitch inertia I.  It is taken to be that of a
-uniform beam with a point mass at each end; where one of these would be negative, because the mass lies nearer to the
-middle, the density of largest entropy mu(x) = exp(a + b x + c x^2) (E. T. Jaynes, Information theory and statistical
-mechanics, Physical Review 106 (1957), doi:10.1103/PhysRev.106.620).  Heave and pitch are taken out of the shape, so
-that the mode has no momentum and is orthogonal to both,
+(R. D. Blevins, Formulas for natural frequency and mode shape, 1979, table 8-1), or as the declared one. The
+distribution of the body's mass along the same length must have its mass m, centre of gravity and pitch inertia I. It is
+assumed to be that of a uniform beam with a point mass at each end. If one of these would be negative, because the mass
+lies nearer to the middle, it is the density of largest entropy mu(x) = exp(a + b x + c x^2) (E. T. Jaynes, Information
+theory and statistical mechanics, Physical Review 106 (1957), doi:10.1103/PhysRev.106.620). Heave and pitch are removed
+from the shape, so that the mode has no momentum and is orthogonal to both,
 
     phi = psi - int mu psi / m - (x - x_cg) int mu psi (x - x_cg) / I,    modal mass int mu phi^2.
 
-What bends is the frame: its modal stiffness is the same in all load cases, (2 pi f)^2 times the modal mass in the first
-one, to which the declared frequency f belongs.  The slope of the bent frame moves no wheel fore and aft.
+Only the frame bends, so its modal stiffness is the same in all load cases: (2 pi f)^2 times the modal mass in the first
+one, to which the declared frequency f belongs. The slope of the bent frame does not move wheels fore and aft.
 """
 
 from __future__ import annotations
@@ -41,9 +41,10 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(80)
 class FrameMode:
     """Bending mode of one body in one load case.
 
-    `body` index; `rise` gives phi at positions x [m]; `modal_mass` [kg] in this load case and `stiffness_mass` [kg] in
-    the one that the frequency is declared for: the force that straightens the frame is -`stiffness_mass` (omega^2 eta +
-    2 zeta omega eta').
+    - `body`: index;
+    - `rise` gives phi at positions x [m];
+    - `modal_mass` [kg] in this load case and `stiffness_mass` [kg] in the one that the frequency is declared for: the
+      force that straightens the frame is -`stiffness_mass` (omega^2 eta + 2 zeta omega eta').
     """
 
     body: int

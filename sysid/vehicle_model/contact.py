@@ -11,10 +11,11 @@ and gives the vertical and the forward force
     V = max(0, F_ref |e / u_ref|^n sign(e) + c g(e / u_ref) de/dt),   g(r) = r ((1 + s) / (r + s))^(1/2),
     H = V (beta_0(s) + beta_1(s) w + beta_2(s) w^2).
 
-Below v = lift - u_0 the undeformed wheel is clear of the road.  The exponent n is the same for all tires and estimated
-with the other parameters; u_ref = n F_ref / k_t makes k_t the tangent stiffness at the static load F_ref of the first
-load case, so other load cases get stiffer by themselves.  The damping grows with the contact length, the square root of
-the deflection, but falls in proportion to the deflection far below s u_ref (:data:`SOFT_DAMPING`).
+Below v = lift - u_0 the undeformed wheel is clear of the road. The exponent n is the same for all tires and is
+estimated with the other parameters. With u_ref = n F_ref / k_t, k_t is the tangent stiffness at the static load F_ref
+of the first load case. So tires are stiffer in heavier load cases without a further parameter. The damping grows with
+the contact length, the square root of the deflection, but falls in proportion to the deflection far below s u_ref
+(:data:`SOFT_DAMPING`).
 """
 
 from __future__ import annotations
@@ -58,9 +59,10 @@ class TireLaw(NamedTuple):
 class RoadInput(NamedTuple):
     """Road under each wheel at one instant or many, (..., R, na, S).
 
-    `rise` W [m] and its first four derivatives along the road; `stretch` (alpha_1, alpha_2, alpha_3 and the lift of
-    first contact) and `drag` (beta_0, beta_1, beta_2) of the footprint map with their first three derivatives: tuples
-    of four (..., 4 or 3, R, na, S) arrays, or None for a point follower with a purely vertical force.
+    - `rise`: W [m] and its first four derivatives along the road;
+    - `stretch` (alpha_1, alpha_2, alpha_3 and the lift of first contact) and `drag` (beta_0, beta_1, beta_2) of the
+      footprint map, with their first three derivatives: tuples of four (..., 4 or 3, R, na, S) arrays. They are None
+      for a point follower, whose force is purely vertical.
     """
 
     rise: jax.Array

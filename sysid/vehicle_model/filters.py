@@ -1,8 +1,8 @@
 """The acquisition's analogue anti-alias filter as a recursion on the integration grid.
 
 The filter's partial fractions H(s) = sum_k r_k / (s - p_k) are integrated exactly for an input that is quadratic over
-each step (values at its start, middle and end), so that the recursion reproduces magnitude and phase of the analogue
-filter up to the Nyquist frequency of the half step.
+each step (values at its start, middle and end). So the recursion has the magnitude and phase of the analogue filter up
+to the Nyquist frequency of the half step.
 """
 
 from __future__ import annotations

@@ -16,10 +16,12 @@ from sysid.vehicle_model.device_arrays import ChannelHistories, HostOrDevice, Ru
 class Readings(NamedTuple):
     """Data and weights of R runs with C channels and T samples.
 
-    `value`, `measured`, `censored` (T, R, C): readings [SI], square root of the weight of every plain reading (0 where
-    there is none), and side of the range (+1, -1) where a reading is clipped; `noise_sd` (R, C) residual scale [SI],
-    infinite where a channel has no reading; `tempering` (R, C) factor on the residuals; `gain_sd` (C,) standard
-    deviation of the sensors' gains.
+    - `value` (T, R, C): readings [SI];
+    - `measured` (T, R, C): square root of the weight of every plain reading (0 where there is none);
+    - `censored` (T, R, C): side of the range (+1, -1) where a reading is clipped;
+    - `noise_sd` (R, C): residual scale [SI], infinite where a channel has no reading;
+    - `tempering` (R, C): factor on the residuals;
+    - `gain_sd` (C,): standard deviation of the sensors' gains.
     """
 
     value: HostOrDevice

@@ -44,10 +44,12 @@ class SensorLayout(NamedTuple):
 class Histories(NamedTuple):
     """Unfiltered histories at the output times.
 
-    `deflection`, `axle_acceleration`, `tire_force`, `horizontal_force`, `suspension_force` (T, R, na, S): suspension
-    extension above the axle [m], axle acceleration [m/s2], total vertical and forward tire force [N], and suspension
-    force on the body less its preload [N] (of an axle group at its first axle); `body_acceleration` (T, R, nr, S)
-    [m/s2]; `body` (T, R, nb, S) body coordinates.
+    - `deflection` (T, R, na, S): suspension extension above the axle [m];
+    - `axle_acceleration` (T, R, na, S): [m/s2];
+    - `tire_force`, `horizontal_force` (T, R, na, S): total vertical and forward tire force [N];
+    - `suspension_force` (T, R, na, S): on the body, less its preload [N] (of an axle group at its first axle);
+    - `body_acceleration` (T, R, nr, S): [m/s2];
+    - `body` (T, R, nb, S): body coordinates.
     """
 
     deflection: AxleHistories

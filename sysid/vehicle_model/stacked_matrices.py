@@ -16,9 +16,10 @@ SPEED_HOLD_S = 0.05
 class StackedBeams(NamedTuple):
     """Unsprung coordinates of R runs of a vehicle with axle groups, see :class:`sysid.vehicle_model.beams.Beams`.
 
-    `wheel` (R, na, na) turns coordinates into the rise of the wheels, and extensions at the coordinates into those
-    above the wheels; `tire`, `pull` (R, na, na) give the coordinates' accelerations from vertical tire forces and from
-    suspension pull; `carries` (R, na, 1) is 0 where no suspension stands.
+    - `wheel` (R, na, na) turns coordinates into the rise of the wheels, and extensions at the coordinates into those
+      above the wheels;
+    - `tire`, `pull` (R, na, na) give the coordinates' accelerations from vertical tire forces and from suspension pull;
+    - `carries` (R, na, 1) is 0 where no suspension stands.
     """
 
     wheel: np.ndarray
@@ -41,13 +42,15 @@ class StackedFrames(NamedTuple):
 class StackedMatrices(NamedTuple):
     """Matrices of R runs for the integrator; nb body coordinates, na axles, nr body sensors.
 
-    `position` (R, 2 na + nb, nb) turns body coordinates into attachment heights, wheel travel and the body acceleration
-    from static loads that tilt with the body; `rate` (R, 2 na + nb, nb) does the same for body rates, with the
-    acceleration from the driving force; `acceleration` (R, nb, 2 na) gives body accelerations from suspension pull and
-    horizontal tire force; `inverse_unsprung`, `static_load`, `carried_load` (R, na, 1), the last what each suspension
-    carries at rest; `body_rows` (R, nr, nb) vertical motion at the body accelerometers; `beams` for vehicles with axle
-    groups, else None; `sharing` (R, na, na) means over the axles that every rocker joins, None without rockers;
-    `frames` where frames bend, else None.
+    - `position` (R, 2 na + nb, nb) turns body coordinates into attachment heights, wheel travel and the body
+      acceleration from static loads that tilt with the body;
+    - `rate` (R, 2 na + nb, nb) does the same for body rates, with the acceleration from the driving force;
+    - `acceleration` (R, nb, 2 na) gives body accelerations from suspension pull and horizontal tire force;
+    - `inverse_unsprung`, `static_load`, `carried_load` (R, na, 1): the last what each suspension carries at rest;
+    - `body_rows` (R, nr, nb): vertical motion at the body accelerometers;
+    - `beams` for vehicles with axle groups, else None;
+    - `sharing` (R, na, na) means over the axles that every rocker joins, None without rockers;
+    - `frames` where frames bend, else None.
     """
 
     position: np.ndarray

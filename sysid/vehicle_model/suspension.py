@@ -52,12 +52,13 @@ class SuspensionLaw(NamedTuple):
     """Suspension per run, axle and set, arrays (R, na, S); elements that are None act on no axle.
 
     - `stiffness` k [N/m], `damping` c [N s/m].
-    - `softening` 1/l [1/m] and `stiffening` 1/d^2 [1/m2]: air spring S = k e (1 / (1 + e / l) + (e / d)^2), the
+    - `softening` 1/l [1/m] and `stiffening` 1/d^2 [1/m2]: air spring S = k e (1 / (1 + e / l) + (e / d)^2). It is the
       isothermal law P = P_0 l / (l + e) for k = P_0 / l, and a bellows whose area grows towards both ends of its
-      stroke; zeros are a linear spring.
-    - `saturation` v_s [m/s], `rounding` b and `tail` r: damper D = c g s(v) V / s(V), V = 0.5 m/s,
-      s(v) = r v + (1 - r) v / sqrt(1 + 2 b |v| / v_s + (v / v_s)^2); r = 1 is a linear damper, b = 0 a knee at v_s,
-      b = 1 the hyperbola v / (1 + |v| / v_s), small v_s with r > 0 a regularised Coulomb force beside a viscous one.
+      stroke. Zeros give a linear spring.
+    - `saturation` v_s [m/s], `rounding` b and `tail` r: damper D = c g s(v) V / s(V), V = 0.5 m/s, s(v) = r v + (1 - r)
+      v / sqrt(1 + 2 b |v| / v_s + (v / v_s)^2). r = 1 gives a linear damper, b = 0 a knee at v_s, and b = 1 the
+      hyperbola v / (1 + |v| / v_s). A small v_s with r > 0 gives a regularised Coulomb force in addition to a viscous
+      one.
     - `asymmetry` q: g = 2 q / (1 + q) in rebound (v > 0) and 2 / (1 + q) in compression; 1 is symmetric.
     - `friction` F_c [N] and `slip` z_s [m]: Dahl's element d phi / d e = (1 - phi sgn v) / z_s (P. R. Dahl, "A solid
       friction model", 1968).

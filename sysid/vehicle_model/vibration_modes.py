@@ -39,14 +39,17 @@ _ROUNDING = 1e-12
 class NaturalModes(Tabular):
     """Modes of a vehicle in one load case, n modes in the order of their undamped frequency.
 
-    `frequency_hz` (n,) without damping; `damping_ratio` (n,) zeta = -Re(s)/|s| of the damped pole s, above 1 where the
-    mode does not oscillate; `damped_frequency_hz` (n,) |Im(s)|/2 pi, then zero; `pole` (n,) the damped pole s [1/s] (of
-    an overdamped pair the slower one).  `coordinates` (c,) names the rows of `shape` (c, n): undamped mode shapes,
-    real, without fore-aft momentum, scaled so that the largest of shape * `scale_m` is 1.  `scale_m` (c,) makes
-    coordinates comparable: 1 for travel and heave, half the distance between the outermost supports for a pitch [m].
-    `body_motion` (bodies, 3, n): fore-aft travel [m], heave [m] and pitch [rad] of each centre of gravity; `wheel_rise`
-    (axles, n) [m]; `cg_x_m` (bodies,).  `frame_x_m` (bodies, 25) stations along every body, and `frame_rise`
-    (bodies, 25, n) what bending adds to their rise [m], zero for rigid bodies.
+    - `frequency_hz` (n,) without damping;
+    - `damping_ratio` (n,): zeta = -Re(s)/|s| of the damped pole s, above 1 where the mode does not oscillate;
+    - `damped_frequency_hz` (n,): |Im(s)|/2 pi, zero for a mode that does not oscillate;
+    - `pole` (n,): the damped pole s [1/s] (of an overdamped pair the slower one).
+
+    `coordinates` (c,) names the rows of `shape` (c, n): undamped mode shapes, real, without fore-aft momentum, scaled
+    so that the largest of shape * `scale_m` is 1. `scale_m` (c,) makes coordinates comparable: 1 for travel and heave,
+    half the distance between the outermost supports for a pitch [m]. `body_motion` (bodies, 3, n): fore-aft travel [m],
+    heave [m] and pitch [rad] of each centre of gravity; `wheel_rise` (axles, n) [m]; `cg_x_m` (bodies,). `frame_x_m`
+    (bodies, 25) stations along every body, and `frame_rise` (bodies, 25, n) what bending adds to their rise [m], zero
+    for rigid bodies.
     """
 
     vehicle: Vehicle
@@ -89,9 +92,10 @@ class NaturalModes(Tabular):
 class SmallMotion:
     """M x'' + C x' + K x = 0 in r coordinates x without fore-aft momentum, about static equilibrium.
 
-    `mass`, `damping`, `stiffness` (r, r); rows (axles, r) of the `extension` of each suspension, the rise of each
-    `wheel`, and of the body `above` each suspension; `tire_stiffness` (axles,) [N/m]; `back` (c, r) to all coordinates
-    of `matrices`.
+    - `mass`, `damping`, `stiffness` (r, r); rows (axles, r) of the `extension` of each suspension, the rise of each
+      `wheel`, and of the body `above` each suspension;
+    - `tire_stiffness` (axles,): [N/m];
+    - `back` (c, r) to all coordinates of `matrices`.
     """
 
     matrices: PlanarMatrices

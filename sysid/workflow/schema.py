@@ -1,8 +1,8 @@
 """Schema of a stage's result: read off the type hints of its frozen dataclasses.
 
-It serves twice.  A text of all classes, fields and types, hashed, tells whether a file was written for a result of the
-same content (:func:`schema_digest`); and a stage file is decoded along the hints, so that nothing but the declared
-classes is ever built, from members of the declared names and types (:mod:`sysid.workflow.store`).
+It serves twice. The hash of a text of all classes, fields and types shows whether a file was written for a result of
+the same content (:func:`schema_digest`). A stage file is decoded by the hints, so that only the declared classes are
+ever built, from members of the declared names and types (:mod:`sysid.workflow.store`).
 """
 
 from __future__ import annotations

@@ -31,11 +31,16 @@ Blocks = Iterable[TextTable | CommandHint | str]
 class Context:
     """What the compute function of a stage is given, and nothing more.
 
-    `inputs` the campaign and the hashes of its files; `settings`; `options` of the stage's command by name;
-    `folder` the output folder; `progress` (message, fraction of the stage), `notice` what the user should know;
-    `resume` whether to continue an interrupted run; `version` of everything that decides the numbers, by name.
-    ``context[FIT]`` is the result of a stage that this one needs, ``context.known(SAMPLE)`` that of one that it
-    uses, None where that has not run.
+    - `inputs`: the campaign and the hashes of its files;
+    - `settings`;
+    - `options` of the stage's command by name;
+    - `folder`: the output folder;
+    - `progress` (message, fraction of the stage), and `notice`: what the user should know;
+    - `resume`: whether to continue an interrupted run;
+    - `version`: of everything that determines the numbers, by name.
+
+    ``context[FIT]`` is the result of a stage that this one needs, ``context.known(SAMPLE)`` that of one that it uses,
+    None where that has not run.
     """
 
     inputs: Inputs
@@ -101,9 +106,9 @@ class Aside(Generic[T]):
 class Command(Generic[T]):
     """The command of a stage: its help, its options, and how its result is shown.
 
-    `show` makes tables and sentences; `recalls`: without options the command takes those of the run that filled the
-    folder; `fault` is the error whose exit code the command ends with although the result is shown, None where all is
-    well.
+    - `show` makes tables and sentences;
+    - `recalls`: without options the command takes those of the run that filled the folder;
+    - `fault` is the error whose exit code the command ends with although the result is shown, None where all is well.
     """
 
     help: str
@@ -122,9 +127,9 @@ def _no_warnings(result: object, quick: bool) -> Sequence[str]:
 class Stage(Generic[T]):
     """Base of :class:`Whole` and :class:`Itemwise`.
 
-    - What makes it stale: `needs` are the stages that it rests on, which run first, and `uses` those whose result it
-      takes where there is one; `settings` names of settings, ``fit`` or ``fit.laws``; `inputs` the files that it reads,
-      None for all; `code` the packages whose functions it calls.
+    - What makes it stale. `needs` are the stages that it depends on, which run first. `uses` are the stages whose
+      result it takes if there is one. `settings` are names of settings, ``fit`` or ``fit.laws``. `inputs` are the files
+      that it reads, None for all. `code` are the packages whose functions it calls.
     - When it runs: `in_run` whether ``run`` computes it, ``full`` not in previews; `along_with` the stage in whose
       company it always runs; `effort` its typical seconds.
     - How it is kept: `in_file` False for what every process computes anew; `unfinished` whether a kept result goes on

@@ -1,9 +1,9 @@
 """Results of the stages under ``stages/`` of an output folder: what is known, what is stale, how long it took.
 
-A result is kept with a fingerprint and is read back as long as the fingerprint is the same.  It covers the contents of
-the input files that the stage reads, the settings that its record names, the schema of its result, the version and the
-sources of the code behind it, and the fingerprints of the stages that it rests on.  So a stage is stale with those
-below it, and there is no number to raise by hand when a result or an equation changes.
+A result is kept with a fingerprint and is read back as long as the fingerprint is the same. It covers the contents of
+the input files that the stage reads, the settings that its record names, and the schema of its result. It also covers
+the version and the sources of the code behind it, and the fingerprints of the stages that it depends on. So a stage is
+stale with those below it, and there is no number to raise by hand when a result or an equation changes.
 """
 
 from __future__ import annotations

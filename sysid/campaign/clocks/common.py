@@ -46,9 +46,9 @@ def on_common_clock(
 ) -> tuple[tuple[BumpRun, ...], tuple[ClockFinding, ...]]:
     """Runs with the channels of all loggers on the clock of the first one.
 
-    Stamps are moved, readings stay as they are.  The offset of a clock is found in every run from a common signal, else
-    from the motion that both loggers see, else from the arrivals of the axles; of a clock that runs on, offset and rate
-    are those of the straight line through all runs.
+    Stamps are moved, readings stay as they are. The offset of a clock is found in every run from a common signal, else
+    from the motion that both loggers record, else from the arrivals of the axles. For a clock that runs on from log to
+    log, offset and rate are those of the straight line through all runs.
 
     Parameters
     ----------

@@ -43,10 +43,11 @@ class _Coupling:
 def with_cautions(campaign: Campaign, drops: DropSummary) -> DropSummary:
     """The drop analysis with every single-axle estimate that must not be used alone marked, its error widened.
 
-    Marked are estimates whose record shows several modes of the vehicle (strength above a fifth of the strongest), or
-    that depart by more than a tenth (k) or a quarter (c): from the full model's estimate beyond two standard deviations
-    or, by the modes of the vehicle, from the values that these are computed with.  The standard deviations take the
-    departure along where the estimate is marked or the departure is beyond two of them.
+    An estimate is marked if its record shows several modes of the vehicle (strength above a fifth of the strongest). It
+    is also marked if it departs from the full model's estimate by more than a tenth (k) or a quarter (c), beyond two
+    standard deviations. And it is marked if the modes of the vehicle alone lead to such a departure from the values
+    with which they are computed. The standard deviations include the departure if the estimate is marked or if the
+    departure is beyond two of them.
     """
     if len(campaign.vehicle.axles) == 1 and len(campaign.vehicle.bodies) == 1:
         return drops

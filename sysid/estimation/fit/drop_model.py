@@ -164,9 +164,9 @@ def fit_drops(
 
     Returns
     -------
-    Estimates with method ``model``, one per axle (of a group at its first axle) and load case of its stiffness;
-    standard deviations include what the model does not explain (residual over instrument noise) and, where that is
-    much, the spread that linear laws leave on vehicles with dry friction.
+    Estimates with method ``model``, one per axle (of a group at its first axle) and load case of its stiffness.
+    Standard deviations include what the model does not explain (residual over instrument noise). If that is large, they
+    also include the spread that linear laws leave on vehicles with dry friction.
 
     Raises
     ------

@@ -90,20 +90,24 @@ class MassCheck:
 class FitResult(Tabular):
     """The least-squares optimum: global parameters, covariance, residual statistics and diagnostics.
 
-    `covariance` (p, p) of the global parameters in the estimation space (logarithms where `transform` says so),
-    run-local parameters marginalised, inflated for residual autocorrelation, for the tolerances of declared masses
-    and for model error (a sandwich over blocks of residuals, :mod:`sysid.estimation.uncertainty.sandwich`;
-    `model_error_inflation` is its root mean square factor on standard deviations); `residual_evidence` what the
-    residuals are like; `step_halving_error` the largest relative RMS change of any channel when the integration step
-    is halved at the optimum; `scipy_max_difference_sd` the largest difference between the optimum found by SciPy's
-    trust-region solver and this one, in standard deviations; `law_comparison` what was tried where linear laws did not
-    fit, or None; `contact_trials` the fits with every contact law if requested, that of the result first;
-    `masses` what the data say about declared masses, whose tolerances `covariance` holds; `identifiability` what the
-    data determine (:mod:`sysid.estimation.uncertainty.identifiability`); `load_shares` of the declared rockers between
-    springs; `undeclared_rockers` and `undeclared_frames` are rockers and bending frames that the campaign file does not
-    declare but the residuals show (:mod:`sysid.estimation.fit.part_search`): they are part of the model; `misfit` is
-    the median over channels and runs of residual over noise, that of the instruments or what the channels show before
-    the bump.
+    - `covariance` (p, p): of the global parameters in the estimation space (logarithms where `transform` says so), with
+      run-local parameters marginalised. It is inflated for residual autocorrelation, for the tolerances of declared
+      masses and for model error (a sandwich over blocks of residuals, :mod:`sysid.estimation.uncertainty.sandwich`);
+    - `model_error_inflation`: root mean square factor of the allowance for model error on standard deviations;
+    - `residual_evidence`: correlation, spectra and tails of the residuals;
+    - `step_halving_error`: the largest relative RMS change of any channel when the integration step is halved at the
+      optimum;
+    - `scipy_max_difference_sd`: the largest difference between the optimum found by SciPy's trust-region solver and
+      this one, in standard deviations;
+    - `law_comparison`: the laws that were tried if linear laws did not fit, or None;
+    - `contact_trials`: the fits with every contact law, if requested, beginning with that of the result;
+    - `masses`: what the data say about declared masses; `covariance` includes their tolerances;
+    - `identifiability`: what the data determine (:mod:`sysid.estimation.uncertainty.identifiability`);
+    - `load_shares` of the declared rockers between springs;
+    - `undeclared_rockers` and `undeclared_frames` are rockers and bending frames that the campaign file does not
+      declare but the residuals show (:mod:`sysid.estimation.fit.part_search`): they are part of the model;
+    - `misfit` is the median over channels and runs of residual over noise. The noise is that of the instruments, or
+      what the channels show before the bump.
     """
 
     parameters: tuple[ParameterEstimate, ...]

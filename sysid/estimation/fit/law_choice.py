@@ -54,12 +54,12 @@ def fit_with_laws(
 ) -> tuple[FitResult, FitState]:
     """Least-squares calibration with declared suspension laws and parts, or with those that the data support.
 
-    Linear laws come first.  Where they leave residuals of :data:`MISFIT` times the instrument noise or more (or on
-    request), axles without a declared law get the elements that promise a decisive gain by a test on the fit at hand
-    (:mod:`sysid.estimation.fit.law_screen`); elements that the criterion does not miss are taken away again, one
-    element of one kind of suspension at a time.  Where a test leaves no doubt that an element is needed, no fit without
-    it is made.  Rockers and bending frames that explain the residuals better than any law are added before the laws
-    are compared; one that only shows beside the laws lets the comparison begin again with it.
+    Linear laws come first. If they leave residuals of :data:`MISFIT` times the instrument noise or more (or on
+    request), axles without a declared law get further elements: those with a decisive expected gain, by a test on the
+    present fit (:mod:`sysid.estimation.fit.law_screen`). Elements without which the criterion does not become worse are
+    removed again, one element of one kind of suspension at a time. Where a test leaves no doubt that an element is
+    needed, no fit without it is made. Rockers and bending frames that explain the residuals better than any law are
+    added before the laws are compared; one that only shows beside the laws lets the comparison begin again with it.
 
     Parameters
     ----------

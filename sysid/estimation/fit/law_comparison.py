@@ -150,9 +150,10 @@ def _sure(judged: Judged, laws: Laws, without: Laws, size: float) -> bool:
     """Whether elements are needed beyond doubt, so that no fit without them has to be made.
 
     By Wald's test (A. Wald, Tests of statistical hypotheses concerning several parameters, Transactions of the American
-    Mathematical Society 54 (1943), doi:10.1090/S0002-9947-1943-0012401-3) the sum of squares would rise by
-    (v - n)' C^-1 (v - n), with the values v of their parameters, the values n that take them out, and the covariance C
-    of v.  Far from the optimum the cost is no parabola: only :data:`SURE` times what decides is beyond doubt.
+    Mathematical Society 54 (1943), doi:10.1090/S0002-9947-1943-0012401-3) the sum of squares would rise by (v - n)'
+    C^-1 (v - n). v are the values of their parameters with covariance C, and n the neutral values, with which the
+    elements have no effect. Far from the optimum the cost is no parabola: only :data:`SURE` times what decides is
+    beyond doubt.
     """
     gone = [more - less for more, less in zip(laws, without, strict=True)]
     optimum = judged.optimum

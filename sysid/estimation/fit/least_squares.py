@@ -50,8 +50,8 @@ def fit_bump_runs(
     """Calibrate the vehicle against all bump runs by least squares.
 
     minimise sum ((simulated - measured) / sigma)^2 + priors over the global log parameters and every run's speed and
-    start; sigma per run and channel is re-estimated from the residuals after each round, and residuals that are
-    correlated in time are down-weighted by their variance inflation.
+    start. After each round, sigma of every run and channel is estimated again from the residuals. Residuals that are
+    correlated in time get less weight, by their variance inflation.
 
     Parameters
     ----------

@@ -16,11 +16,13 @@ from sysid.estimation.residuals.problem import Problem
 class Optimum:
     """Where least squares ended for one set of suspension laws.
 
-    `vector` the optimum and `first` where the last search began from, in the unknowns of `problem`; `minimum` how it
-    ended; `instrument` (R, C) noise of the instruments per group [SI], `rolling` (R, C) what the channels show while
-    the truck rolls towards the bump, 0 where nothing tells it; `amounts` (q,) log factors on masses and amplitudes of
-    departures by which the model of `problem` is moved, None for the declared vehicle; `clocks` of further loggers as
-    its records have them, none for clocks as read.
+    - `vector`: the optimum, and `first`: the start of the last search, both in the unknowns of `problem`;
+    - `minimum`: how the search ended;
+    - `instrument` (R, C): noise of the instruments per group [SI];
+    - `rolling` (R, C): what the channels show while the truck rolls towards the bump, 0 where unknown;
+    - `amounts` (q,): log factors on masses, and amplitudes of departures, of the model of `problem`; None for the
+      declared vehicle;
+    - `clocks`: those of further loggers as in its records; none if the clocks are as read.
     """
 
     problem: Problem

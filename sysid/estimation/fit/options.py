@@ -12,12 +12,15 @@ from sysid.road.contact_laws import ContactLaw
 class FitOptions:
     """Settings of the least-squares stage.
 
-    `weight_rounds` re-estimations of the residual scales; `max_iterations` per round; `cross_check` repeats the last
-    round with SciPy's trust-region solver from the start values; `tolerance` relative change of the cost that ends it;
-    `target_step_s` the largest integration step [s]; `laws` says how the suspension laws of axles without a declared
-    one are found: ``auto`` compares richer laws where linear ones leave residuals, ``compare`` always, ``declared``
-    never (:mod:`sysid.estimation.fit.law_choice`); `contact` is the tires' contact law
-    (:mod:`sysid.road.contact_laws`); `contact_spread` repeats the fit with the other contact laws.
+    - `weight_rounds`: number of re-estimations of the residual scales;
+    - `max_iterations`: limit per round;
+    - `cross_check` repeats the last round with SciPy's trust-region solver from the start values;
+    - `tolerance`: relative change of the cost that ends a round;
+    - `target_step_s`: the largest integration step [s];
+    - `laws` says how the suspension laws of axles without a declared one are found: ``auto`` compares richer laws where
+      linear ones leave residuals, ``compare`` always, ``declared`` never (:mod:`sysid.estimation.fit.law_choice`);
+    - `contact` is the tires' contact law (:mod:`sysid.road.contact_laws`);
+    - `contact_spread` repeats the fit with the other contact laws.
     """
 
     weight_rounds: int = 3

@@ -1,8 +1,8 @@
 """What a part that nobody declared promises: a score test, which needs no fit with the part.
 
-With the amplitude s of a part (the share of a rocker; the motion of a frame that bends at a given frequency, 1 where it
-does), 0 at the optimum at hand, and everything that would move with it, z (parameters, declared masses and tires within
-their tolerances, speeds and starts of the runs), one linear step from there gains
+s is the amplitude of a part: the share of a rocker, or the bending motion of a frame at a given frequency (1 for a
+frame that bends). It is 0 at the present optimum. z are all unknowns that would move with it: parameters, declared
+masses and tires within their tolerances, speeds and starts of the runs. One linear step from the present optimum gains
 
     2 (cost(0) - cost(s)) = u^2 / v,    u = g_s - H_sz (H_zz + P)^-1 g_z,    v = H_ss - H_sz (H_zz + P)^-1 H_zs,
 

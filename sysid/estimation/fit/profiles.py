@@ -1,8 +1,8 @@
 """Profile of the deviance of one parameter: all others optimised anew at fixed values of it.
 
-With the cost S(x) (half the sum of squares, priors included) the profile of parameter x_k is D(v) = 2 (min over x with
-x_k = v of S - S(x_hat)), which for a quadratic cost is ((v - x_hat_k) / sd)^2 with the standard deviation of the
-curvature.  The covariance of the fit is wider: it allows for model error and wrong masses.  The deviance is therefore
+S(x) is the cost (half the sum of squares, priors included). The profile of parameter x_k is D(v) = 2 (min over x with
+x_k = v of S - S(x_hat)). For a quadratic cost it is ((v - x_hat_k) / sd)^2, with the standard deviation sd from the
+curvature. The covariance of the fit is wider: it allows for model error and wrong masses. The deviance is therefore
 divided by the ratio of the two variances, so that both agree near the optimum (A. Rotnitzky and N. P. Jewell,
 Hypothesis testing of regression parameters in semiparametric generalized linear models for cluster correlated data,
 Biometrika 77 (1990), doi:10.1093/biomet/77.3.485); how it bends away from a parabola shows where the covariance
@@ -40,8 +40,11 @@ _MOST_ITERATIONS = 30
 class ProfileLikelihood(Tabular):
     """Deviance of one parameter over its value, the others optimised anew.
 
-    `value` (n,) in `unit`, rising, the optimum among them; `deviance` (n,) of independent noise and `adjusted` (n,)
-    after the division by `inflation`, the ratio of the fit's variance to that of the curvature; `converged` (n,).
+    - `value` (n,) in `unit`: rising values, one of them the optimum;
+    - `deviance` (n,): for independent noise;
+    - `adjusted` (n,): the deviance divided by `inflation`, the ratio of the fit's variance to that of the curvature;
+    - `converged` (n,).
+
     `interval` is the 90 % interval of the adjusted deviance, an end NaN where it lies beyond the values tried, and
     `covariance_interval` that of the fit's covariance; `message` in words.
     """

@@ -37,8 +37,8 @@ def search_motion(
     """Speed, taken as constant, and start of every run that make simulated histories fit best at given parameters.
 
     For every run and speed candidate v the start t_0 minimises sum_c sum_n (d_c(n) - g_c y_c(n; v, t_0))^2 / s_c^2,
-    with s_c the noise plus a tenth of the channel's own RMS, so that no single axle or sensor decides, and g_c the best
-    factor between 0.4 and 2.5.
+    where s_c is the noise plus a tenth of the channel's own RMS, and g_c the best factor between 0.4 and 2.5. With this
+    s_c no single axle or sensor decides alone.
 
     Parameters
     ----------

@@ -29,13 +29,17 @@ from sysid.vehicle_model.passes import MapTires
 class FitPoint:
     """Where a fit ended and how it got there: all that is kept for later stages, beside the results for people.
 
-    `parameters` with their priors and laws; `contact`, `tires` of the footprint maps (None for the declared ones) and
-    `target_step_s` of the integration say what was simulated; `log_parameters` (p,) and `motion` the optimum;
-    `weights` of its residuals; `adjustment` (p, p) flattens the likelihood, and `slope` (p,) is the gradient of its
-    logarithm at the optimum (:mod:`sysid.estimation.uncertainty.information`), None for the gradient of the flattened
-    likelihood; `amounts` (q,) masses and departures at the optimum, and `mass_response` how they depend on the
-    parameters, both None for a vehicle as declared; `parts` were added to the declared vehicle; `clocks` of further
-    loggers as the fit has them, none where it has not moved any.
+    - `parameters` with their priors and laws;
+    - `contact`, `tires` of the footprint maps (None for the declared ones) and `target_step_s` of the integration
+      describe the simulation;
+    - `log_parameters` (p,) and `motion`: the optimum;
+    - `weights`: of the residuals at the optimum;
+    - `adjustment` (p, p) flattens the likelihood, and `slope` (p,) is the gradient of its logarithm at the optimum
+      (:mod:`sysid.estimation.uncertainty.information`), None to use the gradient of the flattened likelihood;
+    - `amounts` (q,): masses and departures at the optimum, and `mass_response`: how they depend on the parameters; both
+      None for the vehicle as declared;
+    - `parts` were added to the declared vehicle;
+    - `clocks`: those of further loggers after the fit; none if the fit has not moved any.
     """
 
     parameters: ParameterSet

@@ -64,11 +64,16 @@ class FramePositions(NamedTuple):
 class LawInputs(NamedTuple):
     """What turns parameters into laws; positions in the parameter vector and constants of R passes.
 
-    `stiffness` (R, na); `damping`, `tire_stiffness`, `tire_damping` (na,); `exponent` (); `elements` by quantity;
-    `curves` declared by the campaign file; `static_load`, `reference_load`, `carried_load` (R, na, 1) [N]: road load in
-    its pass and in the first load case, load on the suspension; `load_growth` (R, na, 1) the latter over that in the
-    first load case; `tire_factor` (R, na, 1) on a pass's tire stiffness; `shares` of rockers and positions of
-    bending `frames`, None without any.
+    - `stiffness` (R, na);
+    - `damping`, `tire_stiffness`, `tire_damping` (na,);
+    - `exponent` ();
+    - `elements` by quantity;
+    - `curves` declared by the campaign file;
+    - `static_load`, `reference_load`, `carried_load` (R, na, 1) [N]: road load in its pass and in the first load case,
+      load on the suspension;
+    - `load_growth` (R, na, 1): load on the suspension over that in the first load case;
+    - `tire_factor` (R, na, 1): factor on the tire stiffness of a pass;
+    - `shares` of rockers and positions of bending `frames`, None without any.
     """
 
     stiffness: RunsByAxles

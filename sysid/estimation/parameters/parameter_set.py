@@ -27,12 +27,13 @@ def bending_names(body: str) -> tuple[str, str]:
 class Parameter:
     """One global parameter: value and description are kept apart.
 
-    `quantity` is ``stiffness``, ``damping``, ``tire_stiffness``, ``tire_damping``, ``tire_exponent``,
-    ``load_share_odds`` of a rocker (at its first axle), ``bending_frequency`` or ``bending_damping_ratio`` of a frame,
-    or one of the quantities of
-    :mod:`sysid.estimation.parameters.suspension_elements`; `axle` its axle index, None for a property of all axles;
-    `load_case` None means shared by all load cases.  `start` and `prior_median` in `unit`; `prior_sd` is the standard
-    deviation of the logarithm.
+    - `quantity` is ``stiffness``, ``damping``, ``tire_stiffness``, ``tire_damping``, ``tire_exponent``,
+      ``load_share_odds`` of a rocker (at its first axle), ``bending_frequency`` or ``bending_damping_ratio`` of a
+      frame, or one of the quantities of :mod:`sysid.estimation.parameters.suspension_elements`;
+    - `axle`: its axle index, None for a property of all axles;
+    - `load_case`: None means shared by all load cases.
+
+    `start` and `prior_median` in `unit`; `prior_sd` is the standard deviation of the logarithm.
     """
 
     name: str

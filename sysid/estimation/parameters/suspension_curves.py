@@ -42,8 +42,9 @@ class TableCorners(NamedTuple):
 class SuspensionCurves(NamedTuple):
     """Declared curves of all axles in R passes; None where no axle has one.
 
-    `spring`, `damper` tables; `stops` (2, R, na, 1) extension at the rebound and at the jounce stop [m]; `lash`
-    (R, na, 1) free travel of the hanger [m], zero where an axle has none.
+    - `spring`, `damper`: tables;
+    - `stops` (2, R, na, 1): extension at the rebound and at the jounce stop [m];
+    - `lash` (R, na, 1): free travel of the hanger [m], zero where an axle has none.
     """
 
     spring: TableCorners | None = None

@@ -21,13 +21,16 @@ LINEAR = "linear"
 class ElementQuantity:
     """One parameter of an element.
 
-    `shared` makes it one parameter for all axles that have the element; `median` gives the prior median from an axle
-    and the static load its suspension carries [N], `sd` is the prior's standard deviation of the logarithm; `neutral`
-    is the value that takes the element out of an axle.  `field` is the coefficient of
-    :class:`sysid.vehicle_model.suspension.SuspensionLaw` that it gives, None where it enters by corners of a curve
-    (:mod:`sysid.estimation.parameters.suspension_curves`); `coefficient` turns its value, the stiffness [N/m], the load
-    that the suspension carries [N] and that load over the one in the first load case into that coefficient, None for
-    the value itself; `decides` whether the element acts only where this value is not the neutral one.
+    - `shared`: whether it is one parameter for all axles that have the element;
+    - `median` gives the prior median from an axle and the static load its suspension carries [N], `sd` is the prior's
+      standard deviation of the logarithm;
+    - `neutral` is the value with which the element has no effect on an axle.
+
+    - `field` is the coefficient of :class:`sysid.vehicle_model.suspension.SuspensionLaw` that it sets, None if it sets
+      corners of a curve (:mod:`sysid.estimation.parameters.suspension_curves`);
+    - `coefficient` computes that coefficient from four numbers: its value, the stiffness [N/m], the load that the
+      suspension carries [N], and that load over the one in the first load case. None means the value itself;
+    - `decides`: whether the element acts only if this value is not the neutral one.
     """
 
     quantity: str

@@ -84,8 +84,10 @@ class GroupShape(NamedTuple):
 class BumpModel:
     """All bump runs of a campaign as compiled-ready groups, with the parameters that drive them.
 
-    `passes` of every group; `felt` what the wheels feel of every bump, by which contact law; `tires` are those that
-    footprint maps were made for, None for the declared ones; `target_step_s` the largest integration step [s].
+    - `passes` of every group;
+    - `felt`: effective road of the wheels at every bump, by the contact law;
+    - `tires` are those that footprint maps were made for, None for the declared ones;
+    - `target_step_s`: the largest integration step [s].
     """
 
     parameters: ParameterSet

@@ -1,9 +1,9 @@
 """Clocks of further loggers: unknowns of every run beside its motion.
 
-A stamp t of a logger is off by d + e (t - t_c) about a time t_c of the run.  Offset d and rate e are known from the
-alignment of the logs with standard deviations, which are the priors here; unknowns are counted in them.  A clock that
-runs on from log to log is off alike in all n runs: there every run gets an unknown of its own with n times the
-variance, which holds the common one and adds no less.
+A stamp t of a logger is off by d + e (t - t_c), where t_c is a time of the run. The alignment of the logs gives offset
+d and rate e with standard deviations. These are the priors here, and unknowns are in units of them. A clock that runs
+on from log to log has the same error in all n runs. There every run gets an unknown of its own with n times the
+variance. This includes the common error and makes no interval too narrow.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from sysid.campaign.records import Campaign
 class RunClocks:
     """Unknown clocks of n runs in the order of the campaign, by `loggers` (l,).
 
-    `sd` (n, l, 2) standard deviations of offset [s] and rate, 0 where a clock is known or its logger absent; `about_s`
-    (n, l) times of the runs about which rates turn; `moved` (n, l, 2) where a fit has the clocks, in standard
-    deviations from where the alignment had them.
+    - `sd` (n, l, 2): standard deviations of offset [s] and rate, 0 if a clock is known or its logger absent;
+    - `about_s` (n, l): times t_c of the runs;
+    - `moved` (n, l, 2): change of the clocks by the fit, in standard deviations from the alignment.
     """
 
     loggers: tuple[str, ...]

@@ -41,12 +41,16 @@ class HistoryBand:
 class RunHistory(Tabular):
     """Measured against simulated histories of one run at the least-squares optimum.
 
-    `speed_m_s` at axle 1, `speed_change` the share by which it changes until the last axle passes; `time_s` (n,); per
-    channel rows: `measured` and `simulated` (channels, n) in SI with the estimated sensor offset and gain applied to
-    the simulation; NaN where missing; `censored` as in the records; `noise_sd` (channels,) residual scale;
-    `instrument_noise_sd`, `rolling_noise_sd` (channels,) what the channels show before the bump, from reading to
-    reading and in all (0 where unknown); `offset`, `gain` (channels,); `band` of the same signals over posterior draws,
-    None before sampling.
+    - `speed_m_s`: speed at axle 1, and `speed_change`: its relative change until the last axle passes;
+    - `time_s` (n,);
+    - `measured`, `simulated` (channels, n): in SI, with the estimated sensor offset and gain applied to the simulation;
+      NaN where missing;
+    - `censored` as in the records;
+    - `noise_sd` (channels,): residual scale;
+    - `instrument_noise_sd`, `rolling_noise_sd` (channels,): what the channels show before the bump, from reading to
+      reading and in total (0 where unknown);
+    - `offset`, `gain` (channels,);
+    - `band`: of the same signals over posterior draws, None before sampling.
     """
 
     file: str

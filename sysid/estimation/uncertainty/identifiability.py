@@ -1,8 +1,8 @@
 """What the data determine, in words: singular values of the scaled Jacobian, open combinations, correlated pairs.
 
-Columns of the Jacobian are in units of prior standard deviations, the runs' own unknowns eliminated, so that with A the
-data's precision and P that of the priors the squares of the singular values solve A v = s^2 P v.  A combination with
-s = 1 is known from the data as well as from the priors; the data shrink its prior by 1 / sqrt(1 + s^2).  Combinations
+Columns of the Jacobian are in units of prior standard deviations, with the runs' own unknowns eliminated. So the
+singular values s solve A v = s^2 P v, where A is the precision of the data and P that of the priors. A combination with
+s = 1 is known from the data as well as from the priors; the data shrink its prior by 1 / sqrt(1 + s^2). Combinations
 that they shrink to no less than :data:`IDENTIFIED_SHRINKAGE` are undetermined (D. A. Belsley, E. Kuh and R. E. Welsch,
 Regression diagnostics, Wiley, 1980, chapter 3, doi:10.1002/0471725153, look for them in the same way).
 """
@@ -63,9 +63,11 @@ class UndeterminedGroup:
 class Identifiability(Tabular):
     """What the data determine of p parameters.
 
-    `prior_sd`, `sd` (p,) standard deviations of the logarithms before and after the data; `singular_values` (p,) of the
-    Jacobian in units of prior standard deviations, largest first; `groups` that the data leave open, `pairs` that are
-    correlated; `statements` the same in words; `information` for what more data would add.
+    - `prior_sd`, `sd` (p,): standard deviations of the logarithms before and after the data;
+    - `singular_values` (p,): of the Jacobian in units of prior standard deviations, largest first;
+    - `groups`: parameters that the data do not determine singly, and `pairs`: correlated ones;
+    - `statements`: the same in words;
+    - `information`: for computing what more data would add.
     """
 
     names: tuple[str, ...]

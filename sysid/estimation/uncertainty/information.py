@@ -45,10 +45,12 @@ _FACTOR_ROUNDS = 4
 class DataInformation:
     """Information of the data of a fit about p log parameters, then q masses and departures.
 
-    `matrix` H (p + q, p + q); `flattening` C (p, p), with what footprint maps that follow their tires do
-    (:mod:`sysid.estimation.uncertainty.map_following`); `prior` P (p, p) prior precision of the parameters; `sd` (q,)
-    prior standard deviations of masses and departures, the first `masses` of them masses; `factor` by which model error
-    widens all variances, in the matrix already.
+    - `matrix`: H (p + q, p + q);
+    - `flattening`: C (p, p), including the effect of footprint maps that follow their tires
+      (:mod:`sysid.estimation.uncertainty.map_following`);
+    - `prior`: P (p, p), prior precision of the parameters;
+    - `sd` (q,): prior standard deviations of masses and departures; the first `masses` of them are masses;
+    - `factor`: by how much model error widens all variances; the matrix already includes it.
     """
 
     matrix: np.ndarray
@@ -91,10 +93,14 @@ class ClockFollowing:
 class BlockInformation:
     """Scores and information of p parameters and m further unknowns, runs' own motions eliminated.
 
-    `matrix` (p + m, p + m); `scores` (n, p + m) of single runs and channels, and for each the block it belongs to
-    (`blocks`: one channel in all repeats of one case); `parts` (n, p + m, p + m) of which the matrix is the sum, None
-    where nobody asked; `of_load_cases` the share of the matrix that comes from the runs in each load case.  `clocks`:
-    how those of further loggers follow, where they were eliminated as well; their priors are one more block.
+    - `matrix` (p + m, p + m);
+    - `scores` (n, p + m): of single runs and channels, and `blocks`: the block of each (one channel in all repeats of
+      one case);
+    - `parts` (n, p + m, p + m): the terms whose sum is the matrix, None unless requested;
+    - `of_load_cases`: the share of the matrix that comes from the runs in each load case.
+
+    `clocks`: how the clocks of further loggers follow, if they were eliminated as well; their priors are one more
+    block.
     """
 
     matrix: np.ndarray
@@ -215,9 +221,11 @@ def _in_order(clocks: RunClocks, following: Sequence[tuple[Sequence[int], ClockS
 class AdjustedInformation:
     """What the data say at a joint optimum of p parameters and q masses and departures.
 
-    `adjustment` by which the likelihood at these masses and departures is flattened, so that it stands for the one with
-    them integrated out; `slope` (p,) gradient of that log-likelihood at the optimum; `data` for what more data would
-    add; `response` of masses and departures to the parameters.
+    - `adjustment`: flattens the likelihood at these masses and departures, so that it represents the likelihood with
+      them integrated out;
+    - `slope` (p,): gradient of that log-likelihood at the optimum;
+    - `data`: for computing what more data would add;
+    - `response`: of masses and departures to the parameters.
     """
 
     adjustment: Adjustment
@@ -298,8 +306,8 @@ def model_error(
 ) -> ModelError:
     """By how much model error widens all variances.
 
-    With the scores g_b of blocks at the joint optimum, the information H_b that they carry, and Z the joint covariance,
-    the scores would scatter by H_b - H_b Z H_b if the model were right, what the unknowns take up taken off:
+    g_b are the scores of blocks at the joint optimum, H_b the information in them, and Z the joint covariance. If the
+    model were right, the scores would scatter by H_b - H_b Z H_b; the second term is what the unknowns absorb:
 
         factor = sum g_b' Z g_b / sum (tr Z H_b - tr Z H_b Z H_b)
 

@@ -29,9 +29,11 @@ class ClockScores:
     """What the priors of the clocks of R runs add, e clocks each, and where these go.
 
     `score` (R, p) gradient of half the sum of squares of the priors by the p unknowns that all runs share, and
-    `information` (R, p, p) of them: the clocks follow these.  `alone` (R, e) is the step of the clocks, in prior
-    standard deviations, while the others stay; `response` (R, e, p) how they follow them, with the other sign;
-    `sd` (R, e) what is left of their standard deviations.
+    `information` (R, p, p) of them: the clocks follow these.
+
+    - `alone` (R, e) is the step of the clocks, in prior standard deviations, while the others stay;
+    - `response` (R, e, p): how the clocks follow the p unknowns, with opposite sign;
+    - `sd` (R, e): their remaining standard deviations.
     """
 
     score: np.ndarray

@@ -121,12 +121,13 @@ def autoregression(correlation: np.ndarray, count: np.ndarray, max_order: int = 
 def variance_inflation(models: Autoregression, sensitivity: np.ndarray) -> np.ndarray:
     """Factor (...) by which correlation inflates the variance of what residuals say about parameters; at least 1.
 
-    The score J' r of a column J has the variance J' R J against J' J for white residuals, R their correlation.  In the
+    The score J' r of a column J has the variance J' R J against J' J for white residuals, R their correlation. In the
     frequency domain that is the mean of the residuals' spectrum f weighted by the power |J(w)|^2 of the column: slow
-    residuals do not spoil what fast motion tells.  A channel has one factor, the mean over the parameters of theirs,
-    each weighted by what the channel tells about it over what channels do on average.  The largest of them would
-    follow whatever parameter a channel begins to tell about: on a truck with dampers that are not linear, weights of
-    two searches that ended in the same place differed by factors of 30, and the optima by standard deviations.
+    residuals do not spoil what fast motion tells. A channel has one factor, the mean over the parameters of theirs,
+    each weighted by what the channel tells about it over what channels do on average. The largest of them would change
+    with every parameter about which a channel begins to have information. On a truck with nonlinear dampers, the
+    weights of two searches that ended in the same place differed by factors of 30, and the optima by standard
+    deviations.
 
     Parameters
     ----------

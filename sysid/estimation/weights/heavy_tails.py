@@ -1,11 +1,11 @@
 """Heavy tails: readings that stand out of their neighbours count less, where residuals have such readings.
 
-Residuals are compared with their surroundings, u_t = d_t / s_t with the distance d_t of r_t from the cubic through its
-four neighbours and s_t the usual size of such distances around t, so that a model that is wrong for a while is not
-taken for bad readings.  If a Student t distribution of nu degrees of freedom explains u clearly better than a normal
-one, by the criterion of Schwarz, readings get the weights of its maximum likelihood (K. L. Lange, R. J. A. Little and
-J. M. G. Taylor, Robust statistical modeling using the t distribution, Journal of the American Statistical Association
-84 (1989), doi:10.2307/2290063),
+Residuals are compared with their surroundings: u_t = d_t / s_t, where d_t is the distance of r_t from the cubic through
+its four neighbours, and s_t the usual size of such distances around t. So readings are not treated as bad where the
+model is wrong for some time. If a Student t distribution of nu degrees of freedom explains u clearly better than a
+normal one, by the criterion of Schwarz, readings get the weights of its maximum likelihood (K. L. Lange, R. J. A.
+Little and J. M. G. Taylor, Robust statistical modeling using the t distribution, Journal of the American Statistical
+Association 84 (1989), doi:10.2307/2290063),
 
     w_t = (nu + 1) / (nu + u_t^2),    information (nu + 1) / (nu + 3) of that of the weighted squares.
 """

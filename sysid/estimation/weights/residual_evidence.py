@@ -23,10 +23,11 @@ _SEGMENT = 128
 class ResidualEvidence:
     """Residuals before and after the noise model (:mod:`sysid.estimation.weights.autoregression`).
 
-    Power spectra `before` and `after` (K, F) of the residuals and of their innovations, means over the channels and
-    runs of each of K `kinds` of sensors over the `frequency_hz` (F,), 1 everywhere for white ones; `order` (n,) of the
-    autoregressive model of every channel in every run, `autocorrelation_before` and `autocorrelation_after` (n, L) at
-    lags `lag_s` (L,); `degrees_of_freedom` (C,) of the tails of every channel in `columns`, infinite for normal ones.
+    - `before`, `after` (K, F): power spectra of the residuals and of their innovations over `frequency_hz` (F,), means
+    over the channels and runs of each of K `kinds` of sensors; 1 everywhere if white;
+    - `order` (n,): of the autoregressive model of every channel in every run;
+    - `autocorrelation_before`, `autocorrelation_after` (n, L): at lags `lag_s` (L,);
+    - `degrees_of_freedom` (C,): of the tails of every channel in `columns`, infinite for normal ones.
     """
 
     kinds: tuple[str, ...]

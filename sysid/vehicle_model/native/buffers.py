@@ -3,9 +3,9 @@
 The C++ side is compiled with a header made from this description (:mod:`sysid.vehicle_model.native.header`), the Python
 side checks every call against it.
 
-Shapes are in R runs, S parameter sets, T samples, C channels, na axles, nb body coordinates, nr body sensors, n
-stations of the road, nf bending frames, L rows of the laws, J ramps, P unknowns and `poles` of the filter; all arrays
-hold 64-bit floats.
+Symbols of shapes: R runs, S parameter sets, T samples, C channels, na axles, nb body coordinates, nr body sensors, n
+stations of the road, nf bending frames, L rows of the laws, J ramps, P unknowns, `poles` of the filter. All arrays hold
+64-bit floats.
 """
 
 from __future__ import annotations
