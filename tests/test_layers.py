@@ -149,6 +149,7 @@ def test_a_circle_is_seen():
 #: What figures and report may use when they run, besides each other and the exports: records, constants and words.
 SHOWN = {
     "campaign.findings",
+    "csv_cells",
     "display",
     "estimates.suspension_values",
     "estimation.fit.thresholds",

@@ -46,7 +46,7 @@ class AxleEstimates:
 
     @property
     def best(self) -> Estimate | None:
-        """The most informed usable estimate: posterior, else fitted, else corrected, else paper."""
+        """The most informed usable estimate: posterior, fit, drops by full model, corrected, free decay, paper."""
         for source in ("posterior", "fitted", "model", "corrected", "free_decay", "paper"):
             estimate = self.estimates.get(source)
             if estimate is not None and estimate.usable and math.isfinite(estimate.value):

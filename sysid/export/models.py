@@ -58,7 +58,7 @@ def write_models(
 
     Parameters
     ----------
-    vehicles : calibrated vehicle of every load case (:func:`sysid.prediction.calibrated_vehicle`).
+    vehicles : calibrated vehicle of every load case (:func:`sysid.estimates.calibrated.calibrated_vehicle`).
     predictions : predicted passes, None for none; judgement : whether they may be used.
     """
     texts = model_texts(campaign, vehicles)

@@ -88,6 +88,11 @@ class ContactKind:
     other: ContactLaw
     geometric_map: Callable[[RoadProfile, float, float], FootprintMap] | None = None
 
+    @property
+    def follows_tires(self) -> bool:
+        """Whether its maps depend on the stiffness of the tires."""
+        return self.geometric_map is None
+
 
 CONTACT_LAWS: dict[ContactLaw, ContactKind] = {
     "footprint": ContactKind("footprint map of radial springs, power-law stiffening, forward force", "cams"),

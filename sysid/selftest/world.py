@@ -11,7 +11,7 @@ from sysid.campaign.records import Campaign
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
-from sysid.road.contact_laws import ContactLaw
+from sysid.road.contact_laws import CONTACT_LAWS, ContactLaw
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.passes import EffectiveRoads
 
@@ -55,5 +55,5 @@ def draw_world(
     vehicle, load_cases = masses.applied(masses.sd * random.standard_normal(masses.sd.size))
     true = replace(campaign, vehicle=vehicle, load_cases=load_cases)
     values = draw_parameters(parameters, random)
-    tires = map_tires(parameters, values) if contact == "footprint" else None
+    tires = map_tires(parameters, values) if CONTACT_LAWS[contact].follows_tires else None
     return World(true, parameters, values, EffectiveRoads(vehicle, load_cases, profiles, contact, tires))

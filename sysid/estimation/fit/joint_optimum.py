@@ -32,6 +32,7 @@ from sysid.estimation.uncertainty.information import (
 )
 from sysid.estimation.uncertainty.joint_step import JointStep, joint_step
 from sysid.progress import Progress
+from sysid.road.contact_laws import CONTACT_LAWS
 from sysid.road.road_profile import RoadProfile
 
 #: Rounds end where no mass, departure or clock moves further than this many of its standard deviations, or after so
@@ -220,7 +221,7 @@ def _moved(
         campaign = on_moved_clocks(campaign, clocks)
     old, (values, motion) = problem.model, problem.unpack(before.vector)
     values = values + step.joint.parameters
-    tires = map_tires(old.parameters, values) if old.felt.contact == "footprint" else old.tires
+    tires = map_tires(old.parameters, values) if CONTACT_LAWS[old.felt.contact].follows_tires else old.tires
     model = bump_model(
         campaign, old.parameters, profiles, target_step_s=options.target_step_s, contact=old.felt.contact, tires=tires
     )

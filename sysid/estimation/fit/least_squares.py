@@ -26,6 +26,7 @@ from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise as noise_model
 from sysid.progress import Progress, unwatched
+from sysid.road.contact_laws import CONTACT_LAWS
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.passes import MapTires
 
@@ -103,7 +104,7 @@ def optimise(
         step, contact = options.target_step_s, options.contact
         return bump_model(of, parameters, profiles, target_step_s=step, contact=contact, tires=tires)
 
-    again = options.contact == "footprint" and not keep_maps
+    again = CONTACT_LAWS[options.contact].follows_tires and not keep_maps
     # For the tires of the maps residuals need not be weighted, nor minimised, to the last.
     hasty = replace(
         options, weight_rounds=min(options.weight_rounds, 1), tolerance=max(options.tolerance, _ROUGH_TOLERANCE)

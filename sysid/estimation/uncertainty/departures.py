@@ -112,7 +112,7 @@ class Departures:
     @property
     def per_load(self) -> float:
         """Footprint amplitude per logarithm of the load: deflections go with load^(1/n) over stiffness."""
-        return -1.0 / (self.roads.tires.spoke_exponent + 0.5 if self.roads.contact == "footprint" else 1.0)
+        return -1.0 / (self.roads.tires.spoke_exponent + 0.5 if CONTACT_LAWS[self.roads.contact].follows_tires else 1.0)
 
     def footprints_by_loads(self, load_changes: LoadChanges) -> np.ndarray:
         """Amplitudes (n,) of all directions by which loads other than the declared ones move the footprints."""
@@ -206,7 +206,7 @@ def departures(roads: EffectiveRoads, used_cases: Sequence[str], rubbing: Sequen
     directions = [Departure(kind, i, case) for kind in (ENVELOPE, FOOTPRINT) for case in used_cases for i in axles]
     directions += [Departure(TIRE_LOAD, i, case) for case in used_cases if case != first for i in axles]
     # Other contact laws have no spokes.
-    directions += [Departure(SPOKES, i) for i in axles if roads.contact == "footprint"]
+    directions += [Departure(SPOKES, i) for i in axles if CONTACT_LAWS[roads.contact].follows_tires]
     suspended = sorted(set(roads.vehicle.suspension_axle))
     directions += [Departure(FRICTION, i) for i in suspended if not rubbing[i]]
     common = [Departure(kind, None) for kind in dict.fromkeys(d.kind for d in directions)]

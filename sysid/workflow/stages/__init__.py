@@ -1,6 +1,6 @@
 """All stages of a calibration, in the order in which they run and in which the command line lists them.
 
-To add a stage, write its record beside its functions and name it here.
+To add a stage, write its record in a module of this package and name it here.
 """
 
 from __future__ import annotations
