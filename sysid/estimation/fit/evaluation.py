@@ -63,10 +63,7 @@ def evaluate_optimum(
     parameters, motion = problem.unpack(vector)
     at_optimum = _AtOptimum.of(problem, vector)
 
-    difference = float("nan")
-    if options.cross_check:
-        report("cross-check by SciPy's trust-region solver", 0.92)
-        difference = _scipy_difference(problem, vector, optimum.first)
+    difference = _scipy_difference(problem, vector, optimum.first, report) if options.cross_check else float("nan")
     compressed = problem.compressed(vector)
     _check_runs_are_seen(campaign, problem, compressed)
     problem.forget()
@@ -215,11 +212,12 @@ def _with_speed_sd(
     return tuple(replace(h, speed_sd=sd[h.file]) for h in histories)
 
 
-def _scipy_difference(problem: Problem, optimum: np.ndarray, start: np.ndarray) -> float:
+def _scipy_difference(problem: Problem, optimum: np.ndarray, start: np.ndarray, report: Progress) -> float:
     """Largest distance, in standard deviations, between the optimum and the one SciPy's solver finds.
 
     The search starts a tenth of the way back to the start values, so it has to find the optimum by itself.
     """
+    report("cross-check by SciPy's trust-region solver", 0.92)
     cache: dict[bytes, Compressed] = {}
 
     def at(vector: np.ndarray) -> Compressed:
