@@ -34,8 +34,7 @@ FAR = (0.10, 0.25)
 
 @dataclass(frozen=True)
 class _Coupling:
-    """For the drops of one axle: number of modes that they show, and ratio of each method's value to the true one (k,
-    c)."""
+    """For the drops of one axle: number of modes, and ratio of each method's value to the true one (k, c)."""
 
     modes: int
     expected: Mapping[DropMethod, tuple[float, float]]

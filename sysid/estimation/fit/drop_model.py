@@ -116,8 +116,7 @@ class PlankRoads(EffectiveRoads):
 def with_model_estimates(
     campaign: Campaign, drops: DropSummary, options: FitOptions, progress: Progress | None = None
 ) -> DropSummary:
-    """The drop analysis with the full model's estimates in addition to the single-axle ones; a failure becomes a
-    message.
+    """The drop analysis with the full model's estimates added to the single-axle ones; a failure becomes a message.
 
     If the fit fails numerically, only its own estimates are missing; the other results of the drops are kept.
     """

@@ -174,8 +174,7 @@ def parameter_sd(optimum: Optimum) -> np.ndarray:
 
 
 def _check_runs_are_seen(campaign: Campaign, problem: Problem, compressed: Compressed) -> None:
-    """Refuse a fit in which a run's simulated passage has left its record, because then nothing determines the run's
-    start.
+    """Refuse a fit in which a run's simulated passage has left its record: nothing determines its start.
 
     Raises
     ------

@@ -1,5 +1,4 @@
-"""Bending of frames that the campaign file does not declare: the frequencies that are tried, and when bending is
-accepted."""
+"""Undeclared bending of frames: the frequencies that are tried, and when bending is accepted."""
 
 from __future__ import annotations
 

@@ -167,8 +167,7 @@ def _allowances(campaign: Campaign, model: BumpModel) -> Allowances:
 
 
 class _Here(NamedTuple):
-    """Information of the data, prior precision of the parameters and its gradient, amounts, change of the
-    footprints."""
+    """Information of the data, prior precision and its gradient, amounts, change of the footprints."""
 
     data: BlockInformation
     prior: ParametersByParameters
@@ -219,8 +218,7 @@ def _moved(
     *,
     larger_steps: bool,
 ) -> Optimum:
-    """The optimum of the parameters after a step, with the masses, departures, clocks and footprint maps after that
-    step."""
+    """The optimum of the parameters after a step, with the new masses, departures, clocks and footprint maps."""
     problem, clocks = before.problem, before.clocks
     if step.clocks is not None:
         clocks = moved_clocks(on_moved_clocks(campaign, clocks), step.clocks)

@@ -142,9 +142,9 @@ class _Choice:
         return self.fitted(self.declared, near, how="rough" if self.is_open else "final")
 
     def with_parts(self, laws: Laws, optimum: Optimum) -> tuple[_Choice, Optimum]:
-        """Fits with the parts that an optimum asks for and nobody declared, and the one by declared laws among them.
+        """Fits with the undeclared parts that the residuals of an optimum require, with the one by declared laws.
 
-        The same ones, and the optimum itself, where it asks for none.
+        If no part is required, the same fits and the optimum itself.
         """
         parts, with_them = undeclared_parts(
             self.campaign,

@@ -95,8 +95,7 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
 
 
 def _best_sizes(scores: Sequence[MistakeScore]) -> tuple[MistakeScore, ...]:
-    """For every mistake, the size that explains most in one full step, else the size that explains most; the largest
-    share first."""
+    """The best size of every mistake, the largest share first; a size reached by one full step is preferred."""
     best: dict[Candidate, MistakeScore] = {}
     for score in sorted(scores, key=lambda s: (s.whole, s.share)):
         best[replace(score.candidate, size=0.0)] = score

@@ -31,7 +31,8 @@ _TRIED: dict[MistakeKind, tuple[float, ...]] = {
     "frame place": (0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 4.5, 7.0),
     "axle place": (0.1, 0.2, 0.4),
 }
-#: Share of such a direction by one linear step that counts as the full mistake: it is either there or not.
+#: Range of the linear step, as a fraction of such a direction, that counts as the full mistake: it is either there or
+#: not.
 WHOLE = (0.5, 1.5)
 #: Step of the derivative of frame readings by place [m].
 _PLACE_STEP_M = 0.1
@@ -110,8 +111,7 @@ class Directions:
     motion: RunMotion
 
     def __iter__(self) -> Iterator[tuple[Candidate, tuple[ResidualColumns, ...]]]:
-        """Every candidate with one column per group: the residuals with the mistake corrected, less the present
-        ones."""
+        """Every candidate and a column per group: residuals with the mistake corrected, less the present ones."""
         base = simulate_runs(self.model, self.log_parameters, self.motion)
         here = signal_residuals(self.model, self.weights, base)
         yield from self._of_sensors(base, here)

@@ -27,8 +27,7 @@ from sysid.vehicle_model.passes import MapTires
 
 @dataclass(frozen=True)
 class FitPoint:
-    """The end of a fit and its settings: everything that is stored for later stages, in addition to the results for
-    users.
+    """The end of a fit and its settings: what is stored for later stages, in addition to the results for users.
 
     - `parameters` with their priors and laws;
     - `contact`, `tires` of the footprint maps (None for the declared ones) and `target_step_s` of the integration
