@@ -1,4 +1,4 @@
-"""Wheel loads of passes nobody drove, and natural modes of the calibrated truck."""
+"""Wheel loads of passes that nobody drove, and natural modes of the calibrated truck."""
 
 from sysid.prediction.calibrated import calibrated_vehicle
 from sysid.prediction.calibrated_elements import CalibratedSuspension, CalibratedVehicle
