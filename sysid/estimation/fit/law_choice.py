@@ -55,12 +55,13 @@ def fit_with_laws(
 ) -> tuple[FitResult, FitState]:
     """Least-squares calibration with declared suspension laws and parts, or with those that the data support.
 
-    Linear laws come first. If they leave residuals of :data:`MISFIT` times the instrument noise or more (or on
-    request), axles without a declared law get further elements: those with a decisive expected gain, by a test on the
-    present fit (:mod:`sysid.estimation.fit.law_screen`). Elements without which the criterion does not become worse are
-    removed again, one element of one kind of suspension at a time. If a test shows clearly that an element is needed,
-    no fit without it is made. Rockers and bending frames that explain the residuals better than any law are added
-    before the laws are compared. If one is found only together with the laws, the comparison begins again with it.
+    Linear laws come first. If they leave residuals of :data:`MISFIT` times the noise or more (of the instruments, or of
+    the records before the bump if that is larger; or on request), axles without a declared law get further elements:
+    those with a decisive expected gain, by a test on the present fit (:mod:`sysid.estimation.fit.law_screen`). Elements
+    without which the criterion does not become worse are removed again, one element of one kind of suspension at a
+    time. If a test shows clearly that an element is needed, no fit without it is made. Rockers and bending frames that
+    explain the residuals better than any law are added before the laws are compared. If one is found only together with
+    the laws, the comparison begins again with it.
 
     Parameters
     ----------
