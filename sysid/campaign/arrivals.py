@@ -16,8 +16,8 @@ HIGH_PASS_HZ = 0.4
 #: Speeds that are tried: listed speed times exp(-1.6) to exp(1.6), so that m/s and mph are among them.
 _REACH, _SPEEDS = 1.6, 121
 _COARSE_S = 0.02
-#: Where the edge of the bump is looked for around the time at which an axle is highest [m of travel], and then around
-#: the line through all axles.
+#: Range in which the edge of the bump is searched for, around the time at which an axle is highest [m of travel], and
+#: then around the line through all axles.
 _BEFORE_M, _BEHIND_M, _NEAR_M = 1.3, 0.5, 0.45
 _JUST_BEFORE, _JUST_BEHIND = 0.15, 0.25
 #: An axle that is lifted has reached this share of its largest speed.
@@ -31,7 +31,7 @@ _QUIET = 0.5
 
 @dataclass(frozen=True)
 class Arrival:
-    """Time [s] at which an axle is lifted, `upward` 1 or -1 as its sensor shows it, `rise_m_s` its speed then."""
+    """Time [s] at which an axle is lifted; `upward` 1 or -1 as its sensor shows it, `rise_m_s` its speed then."""
 
     time_s: float
     upward: int
@@ -42,7 +42,7 @@ class Arrival:
 class Passage:
     """The axles of one run at the bump: arrivals by axle; `speed_m_s` is negative where the last axle comes first.
 
-    `sensors` axles have a sensor, some of which may show no arrival.
+    `sensors` are the axles that have a sensor; some of them may show no arrival.
     """
 
     speed_m_s: float
@@ -61,9 +61,9 @@ class Passage:
 def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: float) -> Passage | None:
     """Find the speed and the arrivals of the axles, from their accelerations.
 
-    Displacements d_i of the axles, integrated twice, are added up as d_i(t + x_i / v); the speed v of the run is that
-    at which they coincide best.  An axle has met the bump when its velocity reaches half of the velocity with which
-    it is lifted.
+    Displacements d_i of the axles, integrated twice, are added up as d_i(t + x_i / v); the speed v of the run is the
+    one at which they agree best. An axle has met the bump when its velocity reaches half of the velocity with which it
+    is lifted.
 
     Parameters
     ----------
@@ -87,7 +87,8 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
     if max(x.values()) - min(x.values()) < 0.5:
         return None
     speed, start = _stacked(moved, x, listed_m_s)
-    # A speed far above the listed one may as well be one of places that are too large: the bump is no longer for that.
+    # A speed far above the listed one may also come from axle positions that are too large, because the bump does not
+    # become longer by them.
     pace = abs(speed) if abs(speed) < _FAR * listed_m_s else listed_m_s
     rising = {axle: integrated(sensors[axle], 1) for axle in moved}
     first = {}
@@ -107,7 +108,7 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
         assert found is not None
         at = start + x[axle] / speed
         arrival = _lifted(*found, (at - _NEAR_M / pace, at + _NEAR_M / pace), at)
-        # An axle that does not move there meets the bump elsewhere, which its first arrival tells.
+        # An axle that does not move there meets the bump elsewhere; its first arrival shows where.
         if arrival is None or (axle in first and arrival.rise_m_s < _STILL * first[axle].rise_m_s):
             arrival = first.get(axle)
         if arrival is not None:
@@ -119,13 +120,13 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
 
 
 def first_arrival(channel: Channel) -> Arrival | None:
-    """The first motion of an axle acceleration that counts, where no other axle tells when to expect it."""
+    """The first relevant motion of an axle acceleration, if no other axle shows when to expect it."""
     found = integrated(channel, 1)
     return None if found is None else _lifted(*found, (float(found[0][0]), float(found[0][-1])))
 
 
 def _quiet_before(motion: tuple[np.ndarray, np.ndarray] | None, arrival_s: float, speed: float) -> bool:
-    """Whether an axle moved little until a metre in front of the bump: a record of noise alone does not."""
+    """Whether an axle moved little until a metre in front of the bump; false for a record of noise only."""
     assert motion is not None
     grid, velocity = motion
     before = np.abs(velocity[grid < arrival_s - 1.0 / speed])
@@ -173,7 +174,7 @@ def _stacked(
 def _added_up(
     speed: float, time: np.ndarray, size: Mapping[int, np.ndarray], x: Mapping[int, float]
 ) -> tuple[float, float, float]:
-    """How well the motions fall upon each other at a speed, the speed, and the time of a point at x = 0."""
+    """How well the motions agree at a speed, the speed, and the time of a point at x = 0."""
     first = min(place / speed for place in x.values())
     step = float(time[1] - time[0])
     total = np.zeros(time.size)
@@ -183,14 +184,14 @@ def _added_up(
         if late < time.size:
             total[: time.size - late] += moved[late:]
     k = int(np.argmax(total))
-    # Both directions are the same for axles at even distances: the listed one is then meant.
+    # For axles at equal distances both directions are the same; the listed one is then used.
     return float(total[k]) * (1.0 if speed > 0.0 else 0.97), speed, float(time[k] - first)
 
 
 def _lifted(
     grid: np.ndarray, velocity: np.ndarray, window: tuple[float, float], expected: float | None = None
 ) -> Arrival | None:
-    """The edge of the first motion in a window that counts; with an expected time, of the motion just after it."""
+    """The edge of the first relevant motion in a window; with an expected time, of the motion just after it."""
     inside = np.flatnonzero((grid >= window[0]) & (grid <= window[1]))
     if inside.size < 5:
         return None
@@ -229,7 +230,7 @@ def _line(points: Mapping[int, tuple[float, float]]) -> tuple[float, float] | No
     pairs = [(a, b) for i, a in enumerate(values) for b in values[i + 1 :] if b[0] - a[0] > 0.1]
     if not pairs:
         return None
-    # Long pairs tell more: each counts with its length.
+    # Pairs far apart give more information: the weight of each is its length.
     slopes = np.array([(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairs])
     length = np.array([b[0] - a[0] for a, b in pairs])
     order = np.argsort(slopes)

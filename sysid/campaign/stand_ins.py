@@ -1,4 +1,4 @@
-"""An unfinished campaign file made readable: stand-ins for what its logs can be checked without."""
+"""An unfinished campaign file made readable: stand-ins for values that the check of its logs does not need."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from sysid.campaign.todo import find_todos, is_todo
 
-#: Numbers that the check of the logs does not use, but the reader wants.
+#: Numbers that the check of the logs does not use, but the reader needs.
 _UNUSED: dict[str, Any] = {
     "title": "unfinished",
     "name": "unnamed",
@@ -30,8 +30,8 @@ _STEP_M = 0.01
 def with_stand_ins(tables: dict[str, Any], label: str) -> tuple[dict[str, Any], frozenset[str]]:
     """Tables without any value that is still to be filled in, and the load cases whose masses are not known.
 
-    Sensors, drops, runs and predictions that lack a value that counts for their check are left out, as are optional
-    keys; other values get a stand-in.
+    Sensors, drops, runs and predictions are left out if a value that their check needs is missing. Optional keys are
+    left out too. Other values get a stand-in.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Static equilibrium of the vehicle: what the axle loads say about centres of gravity and hinge loads."""
+"""Static equilibrium of the vehicle: centres of gravity and hinge loads from the axle loads."""
 
 from __future__ import annotations
 
@@ -108,8 +108,8 @@ def check_statics(vehicle: Vehicle, load_case: LoadCase) -> None:
 def static_equilibrium(vehicle: Vehicle, load_case: LoadCase) -> StaticEquilibrium:
     """Find centres of gravity and hinge loads from axle loads, masses and positions, last body first.
 
-    The support of an axle group acts on the body at the middle of the group; what the axle loads of one group differ
-    by stays within its beam.
+    The support of an axle group acts on the body at the middle of the group; differences between the axle loads of one
+    group are balanced within its beam.
 
     For body b with hinge at x_h, suspension forces S_i at x_i and the load R of the next body at its hinge x_r: the
     vertical balance m_b g + R = sum S_i + H gives the hinge load H. The moments about the hinge, m_b g (x_cg - x_h) + R

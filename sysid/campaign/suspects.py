@@ -1,4 +1,4 @@
-"""Which sensor of a log has a wrong unit, a flipped sign or another sensor's column, and what to do about it."""
+"""Which sensor of a log has a wrong unit, a wrong sign or another sensor's column, and the remedy."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def _lift(channel: Channel, rests: Mapping[str, float]) -> float:
 
 @dataclass(frozen=True)
 class _Evidence:
-    """What the other axles say: whether they show the same factors, and how clearly axles rise first (1) or fall."""
+    """Evidence from the other axles: whether factors are the same, and how clearly axles rise first (1) or fall."""
 
     shared: bool
     lift: float
@@ -131,7 +131,7 @@ class _Evidence:
 
 
 def _shared(fit: Fit, fits: Mapping[int, Fit | None]) -> bool:
-    """Whether most axles of the log show these factors: then a convention is wrong rather than one sensor."""
+    """Whether most axles of the log show these factors: then a convention is wrong, not one sensor."""
     known = [f for f in fits.values() if f is not None]
     alike = [f for f in known if _near(f.alpha, fit.alpha) and _near(f.beta, fit.beta)]
     return len(alike) > 0.65 * len(known)
@@ -168,7 +168,7 @@ def _causes(sensor: Sensor) -> list[_Cause]:
 
 
 def _cost(trio: Trio, fit: Fit, causes: Sequence[_Cause], evidence: _Evidence) -> float | None:
-    """How far-fetched an explanation is: the number of faults, implausible sizes, a wrong first motion."""
+    """How improbable an explanation is: the number of faults, implausible sizes, a wrong first motion."""
     q, a = causes[0].factor, causes[1].factor
     b = causes[2].factor if len(causes) > 2 else None
     if not _near(fit.alpha, q / a) or (b is not None and not _near(fit.beta, q / b)):
@@ -218,7 +218,7 @@ def _accusation(sensor: Sensor, cause: _Cause, alternatives: bool) -> str:
 
 
 def _disagreement(trio: Trio, fit: Fit, suspects: dict[str, list[Suspicion]]) -> None:
-    """A gain that no unit explains, or a deflection that follows neither sensor: worth a sentence, not a verdict."""
+    """A gain that no unit explains, or a deflection that follows neither sensor: reported, but without a verdict."""
     if any(c.censored.any() for c in trio.channels):
         return
     q, a, b = trio.deflection, trio.axle_acceleration, trio.body_acceleration

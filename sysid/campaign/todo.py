@@ -1,4 +1,4 @@
-"""Values of a campaign file that somebody has still to fill in: ``"TODO: what"`` in place of a value."""
+"""Values of a campaign file that are still missing: ``"TODO: what"`` in place of a value."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from sysid.errors import CampaignError
 from sysid.wording import shorten
 
-#: How such a value begins, and how a comment on a guess does that somebody has to look at.
+#: How such a value begins, and how a comment on a guess to be confirmed begins.
 MARK = "TODO"
 CONFIRM = "TODO confirm"
 _CONFIRM_LINE = re.compile(rf"^(?P<entry>[^#]*)#\s*{CONFIRM}:?\s*(?P<what>.*)$")
@@ -22,7 +22,7 @@ _SHOWN = 5
 
 @dataclass(frozen=True)
 class Todo:
-    """One value to fill in: its place as a path of keys (lists from 0), the path in words, and what is wanted."""
+    """One missing value: its place as a path of keys (lists from 0), the path in words, and what is required."""
 
     path: tuple[str | int, ...]
     where: str

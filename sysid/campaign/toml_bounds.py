@@ -1,4 +1,4 @@
-"""Bounds on the text of a campaign file, looked at before the parser: long keys and deep tables cost it gigabytes."""
+"""Bounds on the text of a campaign file, checked before parsing: long keys and deep tables need gigabytes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from sysid import limits
 from sysid.errors import CampaignError
 
-# Possessive and from the start of a key only: nothing is looked at twice, whatever the file holds.
+# Possessive and from the start of a key only: nothing is read twice, for any content of the file.
 _LONG_KEY = re.compile(rf"(?<![\w-])[\w-]{{{limits.KEY_LENGTH + 1}}}")
 _MANY_PARTS = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{limits.KEY_PARTS}}}")
 _OPENING = re.compile(r"[\"'#]")

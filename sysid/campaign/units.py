@@ -1,4 +1,4 @@
-"""The one place that converts units: what a file or key says into SI."""
+"""The only place that converts units, from those of a file or key to SI."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def si_factor(unit: str, dimension: Dimension) -> float:
     return float(_registry()(spelling).to(_SI[dimension]).magnitude)
 
 
-#: What files call quantities that no sensor of a campaign measures, in small letters.
+#: Names in files of quantities that no sensor of a campaign measures, in small letters.
 _OTHER = frozenset(
     """v volt volts mv millivolt uv mv/v a ma ampere ohm n kn newton newtons nm kg pa kpa mpa bar psi
     degc °c c k degf °f rpm 1/min hz deg degree degrees rad rad/s deg/s °/s m/s km/h kmh mph
@@ -103,7 +103,7 @@ _DECORATION = {"²": "^2", "**": "^", "·": "", " ": "", "µ": "u", "μ": "u", "
 def contradiction(written: str | None, declared: str) -> str | None:
     """The unit that a file writes, where it cannot be the declared one of a length or an acceleration; else None.
 
-    A unit that is not known says nothing.
+    An unknown unit is no contradiction.
     """
     if written is None:
         return None

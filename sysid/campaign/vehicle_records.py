@@ -69,9 +69,9 @@ class Axle:
 class FrameBending:
     """First bending mode of a free frame: `frequency_hz` and `damping_ratio`, its body carried by nothing.
 
-    `x_m` and `rise` are points of its shape, front to rear; none for that of a uniform beam.  `frequency_sd` is the
-    standard deviation of the frequency's logarithm, 0.1 for a frame that somebody has hit with a hammer or computed
-    (an assumption); a search begins at `start_hz`, None for `frequency_hz`.
+    `x_m` and `rise` are points of its shape, front to rear; none for that of a uniform beam. `frequency_sd` is the
+    standard deviation of the frequency's logarithm, 0.1 for a frame with a hammer test or a computation (an
+    assumption); a search begins at `start_hz`, None for `frequency_hz`.
     """
 
     frequency_hz: float
@@ -113,9 +113,9 @@ class AxleGroup:
 class Equaliser:
     """A massless rocker between the springs of neighbouring axles of one body.
 
-    `axles` are axle indices, front to rear; each keeps its own spring and damper.  With the spring forces S_i the axle
-    and the frame above it feel S_i + s (mean_j S_j - S_i).  `load_share` is s, from 0 (no rocker) to 1 (each spring
-    carries the mean), None where the calibration has to find it.
+    `axles` are axle indices, front to rear; each keeps its own spring and damper. With the spring forces S_i, the force
+    on the axle and on the frame above it is S_i + s (mean_j S_j - S_i). `load_share` is s, from 0 (no rocker) to 1
+    (each spring carries the mean), None if the calibration has to find it.
     """
 
     name: str
@@ -175,7 +175,7 @@ class Vehicle:
 
     @property
     def unsprung_mass_kg(self) -> tuple[float, ...]:
-        """Per axle what it carries besides the body: its own unsprung mass and an equal share of its beam."""
+        """Per axle, its mass without the body: its own unsprung mass and an equal share of its beam."""
         beam = {i: group.mass_kg / len(group.axles) for group in self.groups for i in group.axles}
         return tuple(axle.unsprung_mass_kg + beam.get(i, 0.0) for i, axle in enumerate(self.axles))
 
@@ -199,8 +199,8 @@ class LoadCase:
     """Scale readings and mass properties of one load case.
 
     `axle_loads_kg` (axles,) include the unsprung mass; `sprung_mass_kg`, `pitch_inertia_kg_m2` (about the body's own
-    centre of gravity) and `cg_height_m` (above ground) are (bodies,); so are `frame_masses`, empty where mass lies as
-    is assumed.
+    centre of gravity) and `cg_height_m` (above ground) are (bodies,); so are `frame_masses`, empty if the mass is
+    distributed as assumed.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What a calibration says about the truck: stiffness and damping per axle, modes, suspension curves, felt roads."""
+"""Results of a calibration for the truck: stiffness and damping per axle, modes, suspension curves, effective roads."""
 
 from sysid.estimates.records import Estimates
 from sysid.estimates.suspension_values import AxleEstimates, Estimate, suspension_estimates

@@ -1,4 +1,4 @@
-"""What the calibration says about every suspension and tire in one load case."""
+"""Calibrated values of every suspension and tire in one load case."""
 
 from __future__ import annotations
 
@@ -74,9 +74,9 @@ def _frames(campaign: Campaign, load_case: str, values: Mapping[str, float]) -> 
 def calibrated_vehicles(
     campaign: Campaign, drops: DropSummary | None, fit: FitResult, posterior: Posterior | None
 ) -> tuple[CalibratedVehicle, ...]:
-    """:func:`calibrated_vehicle` of every load case that the data speak of.
+    """:func:`calibrated_vehicle` of every load case for which there are data.
 
-    A load case that nobody drove has none where stiffness belongs to a load case.
+    If a load case has a stiffness of its own and nobody drove it, it has no vehicle.
     """
     vehicles = []
     for name in campaign.load_cases:

@@ -81,7 +81,7 @@ class CalibratedFrame:
 
     @property
     def of_other_programs(self) -> str:
-        """What a program has to be told that knows rigid bodies only."""
+        """Note for a program that has rigid bodies only."""
         return (
             f"The frame of body {self.body + 1} ({self.name}) bends: first free mode {self.frequency_hz:.3f} Hz, "
             f"damping ratio {self.damping_ratio:.4f}, modal mass {self.modal_mass_kg:.0f} kg in this load case. This "
@@ -115,7 +115,7 @@ class CalibratedVehicle(Tabular):
         return tuple(words for axles, words in (*rockers, *frames) if axle is None or axle in axles)
 
     def summary(self) -> pd.DataFrame:
-        """One row per axle, in SI units; in an axle group the suspension stands with the first axle."""
+        """One row per axle, in SI units; in an axle group the suspension is listed at the first axle."""
         import pandas as pd
 
         of_axle = {s.axle: s for s in self.suspensions}

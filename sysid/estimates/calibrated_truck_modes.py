@@ -39,7 +39,8 @@ def calibrated_modes(campaign: Campaign, fit: FitResult, posterior: Posterior | 
         try:
             modes.append(_modes(campaign, case, values, shares, bending))
         except (KeyError, SysidError):
-            # A load case nobody drove has no stiffness of its own; values far off may not even stand.
+            # A load case that nobody drove has no stiffness of its own; with values far off the vehicle may be
+            # unstable.
             continue
     return tuple(modes)
 

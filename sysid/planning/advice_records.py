@@ -56,7 +56,7 @@ class PeakTarget:
 
 @dataclass(frozen=True)
 class Advice(Tabular):
-    """What the next run and the next sensor would bring.
+    """The benefit of the next run and the next sensor.
 
     - `names` (p,) of the parameters;
     - `targets`: names of the parameters of interest, every k and c;

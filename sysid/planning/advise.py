@@ -47,7 +47,7 @@ def advise(
     speeds_km_h: Sequence[float] = CANDIDATE_KM_H,
     progress: Progress = unwatched,
 ) -> Advice:
-    """What one further run, with or without one further sensor, would bring.
+    """The benefit of one further run, with or without one further sensor.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def _sensor_statements(advice: Advice, prospects: Sequence[Prospect]) -> list[st
 
 
 def _remedies(advice: Advice, determined: Identifiability, sensors: Sequence[Prospect]) -> list[str]:
-    """The sensor and the run that tell most about suspension parameters that are open or known only roughly."""
+    """The sensor and the run with most information about suspension parameters that are not well determined."""
     sentences = []
     weak = [g.names for g in determined.groups if not all(is_tire(name) for name in g.names)]
     said = {name for names in weak for name in names}

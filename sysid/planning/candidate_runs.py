@@ -1,4 +1,4 @@
-"""What runs that nobody has driven yet would say about the parameters: their information at the optimum.
+"""Information at the optimum about the parameters from runs that nobody has driven yet.
 
 A candidate run is simulated by the calibrated model.  Its channels get the residual scales and variance inflations that
 the same channels had on average in the runs that were driven; a sensor that was not there gets those of its kind.

@@ -1,4 +1,4 @@
-"""Checkpoints of a sampling run: a chain that was stopped at any moment goes on as if it had never stopped."""
+"""Checkpoints of a sampling run: a chain that was stopped at any moment continues as if it had never stopped."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SAFE = "; everything up to the last checkpoint is safe and --resume goes on fro
 
 @dataclass(frozen=True)
 class Resumed:
-    """What a run starts with: segments so far, where they end (None: nowhere yet), what the user should know."""
+    """The start of a run: segments so far, where they end (None: no segment yet), what the user should know."""
 
     segments: list[Segment]
     ending: ChainEnd | None
@@ -57,12 +57,12 @@ class Checkpoint:
         self._lock.__exit__(kind, error, trace)
 
     def open(self, *, resume: bool) -> Resumed:
-        """What to continue from; an earlier run of other data or settings is refused, or removed if not resuming.
+        """The start of a continued run; an earlier run of other data is refused, or removed if not resuming.
 
         Raises
         ------
         CampaignError
-            If `resume` is asked for and the stored run has other data or settings, naming what changed.
+            If `resume` is true and the stored run has other data or settings; the message names the change.
         OutputError
             If the folder cannot be written.
         """

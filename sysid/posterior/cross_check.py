@@ -118,7 +118,7 @@ def compared(posterior: Posterior, draws: np.ndarray, divergences: int = 0) -> C
         pair = draws[..., i], ours[..., i]
         means, sds = [float(x.mean()) for x in pair], [float(x.std(ddof=1)) for x in pair]
         effective = [effective_draws(x) for x in pair]
-        # Draws that alternate tell the mean better than the spread, so squares are counted by themselves.
+        # Draws that alternate determine the mean better than the spread, so squares are counted separately.
         squares = [effective_draws((x - m) ** 2) for x, m in zip(pair, means, strict=True)]
         ratio = sds[0] / sds[1]
         compared_parameters.append(

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Summary(Protocol):
-    """What is known of a parameter's draws: its name, effective draws and R-hat."""
+    """Summary of a parameter's draws: its name, effective draws and R-hat."""
 
     @property
     def name(self) -> str:
@@ -48,7 +48,7 @@ class Draws(Protocol):
 
     @property
     def summaries(self) -> Sequence[Summary]:
-        """What is known of every parameter."""
+        """Summary of every parameter."""
 
 
 @contextmanager
@@ -106,7 +106,7 @@ def sample_stats(posterior: Draws) -> xr.Dataset:
 
 
 def arviz_data(posterior: Draws) -> Any:
-    """What the installed ArviZ works with; without ArviZ the tree that its versions from 1 on work with."""
+    """The data type of the installed ArviZ; without ArviZ the tree that its versions from 1 on use."""
     import xarray as xr
 
     groups = {"posterior": posterior_dataset(posterior), "sample_stats": sample_stats(posterior)}
@@ -115,7 +115,7 @@ def arviz_data(posterior: Draws) -> Any:
             import arviz
     except ImportError:
         return xr.DataTree.from_dict(groups)
-    # From version 1 on the name stands for xarray's tree.
+    # From version 1 on the name means xarray's tree.
     container: Any = getattr(arviz, "InferenceData", xr.DataTree)
     return xr.DataTree.from_dict(groups) if container is xr.DataTree else container(**groups)
 

@@ -36,7 +36,7 @@ from sysid.estimation.residuals.signals import wheel_road
 from sysid.vehicle_model.engine import WheelRoad
 from sysid.vehicle_model.engines.protocol import LocalColumns
 
-#: What the likelihood is, for people.
+#: Description of the likelihood, for the user.
 LIKELIHOOD = (
     "Gaussian residuals, heavy tails by weights of single readings; scale per run and channel from the least-squares "
     "residuals; residuals correlated in time are tempered by their variance inflation; the likelihood is flattened for "

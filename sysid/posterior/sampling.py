@@ -119,7 +119,7 @@ def sample_posterior(
 def posterior_so_far(
     folder: Path, identity: dict[str, str], names: tuple[str, ...], likelihood: str, options: SamplingOptions
 ) -> Posterior | None:
-    """What a chain that is still written, or was stopped, holds; None if there is none of these data and settings.
+    """Draws of a chain that is still being written, or was stopped; None if there is none of these data and settings.
 
     It is never called converged: the sampling stage alone decides that.
     """
@@ -149,7 +149,7 @@ def _states(
     options: SamplingOptions,
     resumed: Resumed,
 ) -> list[emcee.State]:
-    """Where the walkers of every ensemble are when the chain begins or goes on."""
+    """Positions of the walkers of every ensemble when the chain begins or continues."""
     if resumed.ending is not None:
         return [restored(resumed.ending, e) for e in range(options.ensembles)]
     count = len(names)

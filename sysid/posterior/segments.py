@@ -57,7 +57,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class StoredChain:
-    """What a folder holds: the `identity` of the run, None where no file can be read, its segments and their digests.
+    """Content of a folder: the `identity` of the run (None if no file can be read), its segments and their digests.
 
     `damaged` is the name of the first file that cannot be used although it is there, empty where there is none.
     """
@@ -111,7 +111,7 @@ def read_segments(folder: Path) -> StoredChain:
 
 
 def start(identity: dict[str, str]) -> str:
-    """What the first segment names as the one before it: no other run can own it."""
+    """The name that the first segment gives for the one before it; no other run can have it."""
     return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""Wheel loads of passes nobody drove."""
+"""Wheel loads of passes that nobody drove."""
 
 from sysid.prediction.predict_passes import predict, predict_pass, speed_sweep
 from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep

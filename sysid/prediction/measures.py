@@ -66,7 +66,7 @@ def impulse_ratio(force_N: SamplesByAxlesBySets, static_N: AxlesBySets) -> Axles
 
     `static_N` as for :func:`load_coefficient`.
 
-    A truck that is at rest before and after has received its weight times the time.  Single wheels of a statically
-    indeterminate truck depart from 1 while one of them stands higher than its neighbours.
+    A truck that is at rest before and after has received the impulse weight times duration. Single wheels of a
+    statically indeterminate truck depart from 1 while one of them stands higher than its neighbours.
     """
     return np.asarray(force_N.mean(axis=0) / static_N)

@@ -1,4 +1,4 @@
-"""Dynamic wheel loads of passes nobody drove, with bands from the posterior."""
+"""Dynamic wheel loads of passes that nobody drove, with bands from the posterior."""
 
 from __future__ import annotations
 
@@ -287,7 +287,7 @@ def speed_sweep(
 
 
 def effective_roads(state: FitState, requests: Sequence[PredictionRequest]) -> EffectiveRoads:
-    """What the wheels feel, as in the fit, of the scanned bumps and of those that the requests name."""
+    """Effective roads of the wheels, as in the fit, for the scanned bumps and for those that the requests name."""
     shapes = {r.bump: named_shape(r.shape) for r in requests if r.shape is not None}
     campaign, point = state.campaign, state.point
     profiles = {**state.profiles, **shapes}

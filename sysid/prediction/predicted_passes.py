@@ -1,4 +1,4 @@
-"""Predicted passes nobody drove."""
+"""Predicted passes that nobody drove."""
 
 from __future__ import annotations
 

@@ -33,9 +33,8 @@ def remarks(
 
     Parameters
     ----------
-    trust : what of the pass goes beyond the driven runs.
-    impulse : mean of all wheel loads over the pass over the weight.
-    acting : bump stops that act and that nobody declared, by axle (index): direction and travel [m].
+    trust : what of the pass goes beyond the driven runs. impulse : mean of all wheel loads during the pass over the
+    weight. acting : undeclared bump stops that act, by axle (index): direction and travel [m].
     """
     name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
     if request.shape is not None:

@@ -63,7 +63,7 @@ class Reached:
 class Extrapolation:
     """One quantity of one axle (index) that goes beyond the driven runs; `reached` and `driven` in m/s, m or s.
 
-    `assumed` is the travel [m] of a bump stop that acts there and that nobody declared, None without one.
+    `assumed` is the travel [m] of an undeclared bump stop that acts there, None without one.
     """
 
     what: What

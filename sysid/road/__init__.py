@@ -1,4 +1,4 @@
-"""Road side of the toolkit: point cloud, road plane, smooth bump profile, analytic bump shapes, what a tire feels."""
+"""Road side of the toolkit: point cloud, road plane, smooth bump profile, analytic bump shapes, effective profile."""
 
 from sysid.road.effective import AxleRoad, effective_profiles
 from sysid.road.enveloping import SPOKE_EXPONENT, SpokeTable, effective_profile, spoke_table, static_deflection

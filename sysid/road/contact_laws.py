@@ -1,4 +1,4 @@
-"""Simpler contact laws beside radial springs: what the wheel centre feels follows from the road's geometry alone.
+"""Contact laws simpler than radial springs: the effective road follows from the road's geometry alone.
 
 Both give a :class:`sysid.road.enveloping.FootprintMap` without stretch: the tire carries what a flat road at the
 effective height would make it carry, and its force stands at right angles to the effective slope.
@@ -78,7 +78,7 @@ def cam_map(profile: RoadProfile, radius_m: float, deflection_m: float) -> Footp
 
 @dataclass(frozen=True)
 class ContactKind:
-    """A contact law: its `meaning` for people, and the `other` law that stands for what it may leave out.
+    """A contact law: its `meaning` for the user, and the `other` law that represents what it may leave out.
 
     `geometric_map` makes the map of a tire from the bump's profile, the wheel's radius and the static deflection [m];
     None for radial springs, whose map follows the tires' stiffness (:mod:`sysid.road.enveloping`).

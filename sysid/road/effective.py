@@ -1,4 +1,4 @@
-"""What every axle's tires feel of a bump: its height with the road smoothed by the tire's own footprint."""
+"""Effective profile of a bump for the tires of every axle: its height smoothed by the tire's own footprint."""
 
 from __future__ import annotations
 

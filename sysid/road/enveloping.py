@@ -1,4 +1,4 @@
-"""What a rolling tire feels of a road profile: radial springs and the effective profile at constant load.
+"""Effect of a road profile on a rolling tire: radial springs and the effective profile at constant load.
 
 A wheel of radius R rolls with its centre at station s and height h.  Each spoke of the lower half, at the angle phi
 from the vertical, meets the road at the distance rho(phi); its spring is shorter by R - rho and pushes along the spoke
@@ -188,7 +188,7 @@ def _flat_exponent(table: SpokeTable) -> np.ndarray:
 def effective_profile(
     table: SpokeTable, load_N: float, reference_load_N: float, stiffness_N_per_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rise of the wheel centre that keeps the vertical force constant: the road as the wheel centre feels it.
+    """Rise of the wheel centre that keeps the vertical force constant: the effective road profile.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ def ply_points(data: bytes, label: str, most_points: int) -> np.ndarray:
     Raises
     ------
     DataRejectedError
-        If the header is damaged or promises more than the file holds, or there are no vertices with x, y and z or more
+        If the header is damaged or announces more than the file holds, or there are no vertices with x, y and z or more
         than `most_points`.
     """
     kind, elements, body = _header(data, label)

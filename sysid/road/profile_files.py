@@ -140,7 +140,7 @@ def _installed(package: str) -> bool:
 
 
 def _reason(text: str) -> str:
-    """What the C library says, without the names of its functions and of the copy that it was given."""
+    """The message of the C library, without the names of its functions and of the copy that it read."""
     text = text.partition("(")[2].rpartition(")")[0] or text
     text = text.rpartition("; ")[2].partition(": ")[2] or text
     text = re.sub(r"( in )?<?[^\s<>]*surface\.crg>?", "", text)

@@ -72,7 +72,7 @@ class ScanOptions:
 
 @dataclass(frozen=True)
 class _Work:
-    """What the steps hand to each other: the levelled frame, the strip in it, bumps and lesser rises along it."""
+    """Data passed between the steps: the levelled frame, the strip in it, bumps and lesser rises along it."""
 
     frame: RoadFrame
     strip: Strip
@@ -183,7 +183,7 @@ def _strip_of(points: np.ndarray, frame: RoadFrame, scan: Scan, options: ScanOpt
 
 
 def _trimmed(strip: Strip, bumps: tuple[Stretch, ...], options: ScanOptions) -> Strip:
-    # A strip that was asked for is taken as it is.
+    # A requested strip is used as it is.
     chosen = options.strip_half_width_m is not None or options.track_width_m is not None
     return strip if chosen else without_bare_bands(strip, bumps)
 

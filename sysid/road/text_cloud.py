@@ -86,7 +86,7 @@ def read_text_cloud(data: bytes, label: str, unit: str, max_points: int) -> np.n
         )
     points = np.full((count, 3), np.nan)
     for axis, place in enumerate(layout.columns):
-        # A column is let go as soon as it is copied: a large cloud must not stand in memory twice.
+        # A column is deleted as soon as it is copied: a large cloud must not be in memory twice.
         if (values := columns.pop(str(place), None)) is not None:
             points[:, axis] = values
     return points

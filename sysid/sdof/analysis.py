@@ -139,7 +139,7 @@ def _deflection(drop: PlankDrop, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarr
     if max(spans) - min(spans) > _SIDE_DISAGREEMENT * max(spans):
         names = " and ".join(channel.sensor.column for channel in channels)
         remarks.append(f"{names} move by {' and '.join(f'{1e3 * s:.0f}' for s in spans)} mm, their mean is used")
-    # Where one side is missing the other stands in, at the same level.
+    # If one side is missing, the other replaces it, at the same level.
     stack = np.stack(values)
     both = np.all(np.isfinite(stack), axis=0)
     if not both.any():
@@ -165,7 +165,8 @@ def _read(
     """Prepared record and free-decay fit, the peaks sought only where the motion is free.
 
     That is after the first turn (the axle is falling until then), after the tire has left the plank's edge if the speed
-    is declared, and from where the free-decay model fits, if it does.  A body that is let go is free at once.
+    is declared, and from where the free-decay model fits, if it does. A lifted body is free immediately after its
+    release.
     """
     search, falling = settings.frequency_range_hz, drop.release == "plank"
     record = prepare_record(time, deflection, frequency_range_hz=search, skip_first_turn=falling)

@@ -81,7 +81,7 @@ class DampingLaw:
 
 @dataclass(frozen=True)
 class DecayReading:
-    """What peak-picking reads off one decay record (SI units, times from the start of the record).
+    """Result of peak-picking for one decay record (SI units, times from the start of the record).
 
     `settled_level` [m]; `extremum_time_s` and `extremum_value_m` (m,) alternating extrema refined below the sample
     step, relative to the record's own zero; `used` (m,) bool marks those that entered the averages. `damped_period` [s]
@@ -143,7 +143,7 @@ class DropEstimate:
 
     @property
     def caution(self) -> str:
-        """What forbids to use the numbers as they stand: the note of an unusable one, or why it is not usable alone."""
+        """Why the numbers must not be used as they are: the note of an unusable one, or why it is not usable alone."""
         if not self.usable:
             return self.note
         return next((part for part in self.note.split("; ") if part.startswith(NOT_ALONE)), "")

@@ -54,7 +54,7 @@ def invert(
     Parameters
     ----------
     method
-        ``paper`` leaves the tire out; ``corrected`` and ``free_decay`` take it out.
+        ``paper`` neglects the tire; ``corrected`` and ``free_decay`` remove its effect.
     axle, settings
         Declared quantities and their tolerances.
     damped_period, decrement, covariance

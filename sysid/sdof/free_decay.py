@@ -144,7 +144,7 @@ def _window_starts(record: PreparedRecord, earliest_s: float) -> list[float]:
     times, heights = record.extrema.time_s, record.extrema.value
     swings = np.abs(np.diff(heights, append=heights[-1:]))
     later = (times > first) & (times <= record.time_s[-1] - 2.0 * record.period_s)
-    # What is left of the motion must be worth a fit: a record at rest fits best of all.
+    # The remaining motion must be large enough for a fit: a record at rest fits best of all.
     later &= swings > _WINDOW_SHARE * float(np.ptp(record.value[record.time_s >= first]))
     starts = [first, *times[later].tolist()]
     return starts[: _WINDOW_CANDIDATES + 1]

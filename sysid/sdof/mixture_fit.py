@@ -72,7 +72,7 @@ class _Problem:
         return base
 
     def whiten(self, value: np.ndarray) -> np.ndarray:
-        """Rows of (m,) or (m, p) values without what the readings before tell of them."""
+        """Rows of (m,) or (m, p) values without the part that the readings before predict."""
         return whiten(value, self.whitener, self.window.first_of_run)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class DropSettings:
-    """What the plank-drop analysis assumes.
+    """Assumptions of the plank-drop analysis.
 
     `frequency_range_hz` is where the body mode of a heavy vehicle is sought. The tolerances are relative standard
     deviations of values that the campaign file declares and that are not measured. They enter the standard deviations

@@ -139,7 +139,7 @@ def _mean(group: list[DropEstimate], name: str, declared_variance: np.ndarray) -
 
 
 def _alike(usable: list[DropEstimate]) -> tuple[list[DropEstimate], list[str]]:
-    """Repeats whose damping means the same, viscous alone or viscous beside other damping, and a note on the others."""
+    """Repeats whose damping means the same (only viscous, or viscous with other damping), and a note on the others."""
     mixed = [e for e in usable if _more_than_viscous(e.damping_kind)]
     if not mixed or len(mixed) == len(usable):
         return usable, []

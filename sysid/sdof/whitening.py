@@ -10,8 +10,8 @@ _AR_ORDER = 2  # a damped oscillation, such as the wheel hop, is one of order 2
 def autoregression(residual: np.ndarray, first_of_run: np.ndarray) -> np.ndarray:
     """Coefficients (2,) of an autoregression of the residual (m,) by least squares, none where it shows none.
 
-    What is left of white noise after a fit is correlated negatively over long times; whitened by that, the fit would
-    seem surer than it is.
+    After a fit, the remaining white noise has a negative correlation over long times. Whitening by that would make the
+    fit seem more certain than it is.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def _history(first_of_run: np.ndarray) -> np.ndarray:
 
 
 def whiten(value: np.ndarray, coefficients: np.ndarray, first_of_run: np.ndarray) -> np.ndarray:
-    """What the autoregression does not tell from the readings before: rows of (m,) or (m, p) values."""
+    """The part that the autoregression does not predict from the readings before: rows of (m,) or (m, p) values."""
     if coefficients.size == 0:
         return value
     rows = _history(first_of_run)

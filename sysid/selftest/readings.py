@@ -18,9 +18,9 @@ from sysid.selftest.world import World
 
 #: Integration step behind simulated readings [s], finer than that of a fit.
 STEP_S = 0.000625
-#: What a record holds before axle 1 meets the bump, and after the last axle has left it [s].
+#: Length of a record before axle 1 meets the bump, and after the last axle has left it [s].
 BEFORE_S, AFTER_S = 1.2, 2.5
-#: What a short record holds after that at least, where it is long enough for the passage [s].
+#: Smallest length of a short record after that, if it is long enough for the passage [s].
 LEAST_AFTER_S = 0.3
 #: Noise of ordinary instruments [SI] where nothing better is known.
 NOISE = {"suspension_deflection": 2.5e-4, "axle_acceleration": 0.25, "body_acceleration": 0.15}

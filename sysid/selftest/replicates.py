@@ -1,4 +1,4 @@
-"""What a campaign would teach: readings simulated from known parameters, calibrated, and compared with the truth."""
+"""Expected result of a campaign: readings simulated from known parameters, calibrated, compared with the truth."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from sysid.selftest.readings import (
 )
 from sysid.selftest.world import World, draw_world
 
-#: Share of truths that an interval promises to hold.
+#: Nominal share of true values inside an interval.
 SHARE = 0.90
 #: Share of campaigns within the range that is given for the number of intervals that hold.
 RANGE = 0.95
@@ -168,7 +168,7 @@ def self_test(
 
 
 def compared(fit: FitResult, world: World) -> Replicate:
-    """Every k and c of a fit beside the truth."""
+    """Every k and c of a fit compared with the truth."""
     chosen = [i for i, p in enumerate(fit.parameters) if p.quantity in SHOWN]
     truth = world.values
     checks = []

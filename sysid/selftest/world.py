@@ -1,4 +1,4 @@
-"""What stands behind simulated readings: a vehicle drawn from the priors, its masses, and the roads it feels."""
+"""The source of simulated readings: a vehicle drawn from the priors, its masses, and its effective roads."""
 
 from __future__ import annotations
 

@@ -132,9 +132,9 @@ def channel_median(rows: Sequence[ChannelAgreement], name: str) -> float:
 
 @dataclass(frozen=True)
 class Validation(Tabular):
-    """Agreement of every channel of every fitted run, and the limits it is held against.
+    """Agreement of every channel of every fitted run, and the limits for it.
 
-    `left_out` holds runs that were predicted by a fit without them, None where that was not asked for.
+    `left_out` holds runs that were predicted by a fit without them, None if that was not requested.
     """
 
     channels: tuple[ChannelAgreement, ...]

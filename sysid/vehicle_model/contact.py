@@ -1,8 +1,8 @@
 """Tire contact over a bump: a footprint of radial springs, unilateral, with vertical and forward force.
 
-The wheel centre feels the effective road W(s) of its static load, and around it the footprint map of
-:mod:`sysid.road.enveloping`.  With v = W(s) - z (z the rise of the wheel centre above its static position) the tire
-acts like a flat road at the equivalent deflection
+The wheel centre follows the effective road W(s) of its static load, and around it the footprint map of
+:mod:`sysid.road.enveloping`. With v = W(s) - z (z the rise of the wheel centre above its static position) the tire acts
+like a flat road at the equivalent deflection
 
     e = u_0 + v + alpha_1(s) w + alpha_2(s) w^2 + alpha_3(s) w^3,   w = max(v, lift(s) - u_0)
 
@@ -32,7 +32,7 @@ from scipy.ndimage import spline_filter1d
 
 from sysid.vehicle_model.device_arrays import HostOrDevice, RunsByAxlesBySets
 
-#: Flat stations added at both ends: the filter's response has died out over them.
+#: Flat stations added at both ends: over this length the filter's response decays to zero.
 _PADDING = 24
 
 
@@ -114,8 +114,8 @@ def tire_law(
     return TireLaw(static, reference, reference_load, exponent, damping)
 
 
-#: Deflection, as a fraction of the reference, below which the damping falls off linearly instead of as a square root:
-#: a vertical tangent at lift-off would ask for much smaller time steps.
+#: Deflection, as a fraction of the reference, below which the damping decreases linearly instead of as a square root: a
+#: vertical tangent at lift-off would need much smaller time steps.
 SOFT_DAMPING = 0.1
 #: Relative deflection below which the elastic force counts as zero, with a zero derivative.
 NO_DEFLECTION = 1e-12
@@ -174,7 +174,8 @@ def contact_force(
         rate, drag = below_rate, jnp.zeros_like(slope)
     else:
         (a, b, c, lift), (da, db, dc, lift_slope) = _advanced(road.stretch, advance)
-        # Above its first contact the wheel feels no footprint: the cubic must not bend back to the road up there.
+        # Above its first contact the footprint has no effect on the wheel: the cubic must not bend back to the road
+        # there.
         lowest = lift - law.static_deflection
         touching = below > lowest
         v, v_rate = jnp.where(touching, below, lowest), jnp.where(touching, below_rate, speed * lift_slope)
@@ -187,7 +188,7 @@ def contact_force(
     elastic = law.reference_load * _odd_power(relative, law.exponent)
     size = jnp.abs(relative)
     length = size * jnp.sqrt((1.0 + SOFT_DAMPING) / (size + SOFT_DAMPING))
-    # Off the ground the force goes on falling, so that it crosses zero with one slope when a wheel lands.
+    # Off the ground the force continues to fall, so that it crosses zero with one slope when a wheel lands.
     grown = jnp.where(relative >= 0.0, rate, -jnp.abs(rate)) * length
     return jnp.asarray(elastic + law.damping * (rate + law.growth * (grown - rate))), drag
 

@@ -1,7 +1,7 @@
 """Names for arrays inside compiled functions; each with its shape.
 
-R runs, S parameter sets, na axles, C channels, T samples; every run is simulated with every set.  Predicted passes
-stand along R too: the model knows no difference.
+R runs, S parameter sets, na axles, C channels, T samples; every run is simulated with every set. Predicted passes are
+along R too: they are the same to the model.
 """
 
 from __future__ import annotations

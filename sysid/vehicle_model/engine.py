@@ -1,8 +1,8 @@
 """Which engine integrates the vehicle: C++, compiled for this machine or prebuilt in the wheel, else JAX.
 
-Both keep one protocol (:mod:`sysid.vehicle_model.engines.protocol`) with the same results to rounding.
-``SYSID_ENGINE`` chooses: `auto` (the default) takes the native engine where it can be had, `native` insists on it,
-`reference` (or `jax`) does without.  The choice is made here, where a road is prepared, and nowhere else.
+Both keep one protocol (:mod:`sysid.vehicle_model.engines.protocol`) with the same results to rounding. ``SYSID_ENGINE``
+chooses: `auto` (the default) takes the native engine if it is available, `native` requires it, and `reference` (or
+`jax`) takes the other one. The choice is made here, where a road is prepared, and nowhere else.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def engine_of_process(coordinates: int | None = None) -> Engine:
     Raises
     ------
     SysidError
-        If SYSID_ENGINE names no engine, or insists on the native one where it cannot be had.
+        If SYSID_ENGINE names no engine, or requires the native one and it is not available.
     """
     choice = os.environ.get("SYSID_ENGINE", "auto")
     if choice not in _CHOICES:

@@ -1,4 +1,4 @@
-"""Modes of a vehicle in the deflection of one suspension after a wheel has dropped or a body has been let go."""
+"""Modes of a vehicle in the deflection of one suspension after a drop of a wheel or the release of a body."""
 
 from __future__ import annotations
 

@@ -32,7 +32,8 @@ class StackedFrames(NamedTuple):
     """Bending modes of the frames of R runs, nf of them.
 
     `select` (R, nf, nb) picks their amplitudes from the body coordinates, `push` (R, nb, nf) gives body accelerations
-    from what straightens them, in units of their amplitude [m/s2]: -M^-1 times the modal mass of their stiffness.
+    from the restoring forces of the frames, in units of their amplitude [m/s2]: -M^-1 times the modal mass of their
+    stiffness.
     """
 
     select: np.ndarray

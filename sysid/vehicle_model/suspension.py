@@ -1,7 +1,7 @@
 """Suspension laws: the force that a suspension puts on axle and body as a function of its extension and rate.
 
-One law per axle is a sum of elements; every element has neutral values, so that axles with different laws stand in the
-same arrays, and an element that no axle needs is None and costs nothing.
+One law per axle is a sum of elements; every element has neutral values, so that axles with different laws can be in the
+same arrays. An element that no axle needs is None and takes no time.
 
     pull = S(e) + D(v) + F_c phi + sum_j ramp_j
 
@@ -39,7 +39,7 @@ class Ramps(NamedTuple):
 
 
 class FrameLaw(NamedTuple):
-    """What straightens bending frames, per run, mode and set, over the modal mass: arrays (R, nf, S).
+    """Restoring forces of bending frames, per run, mode and set, over the modal mass: arrays (R, nf, S).
 
     `stiffness` (2 pi f)^2 [1/s2] of the amplitude, `damping` 2 zeta (2 pi f) [1/s] of its rate.
     """
@@ -154,10 +154,9 @@ def suspension_force(
 
     Parameters
     ----------
-    law : coefficients.
-    extension, rate : (R, na, S) extension from static rest [m] and its rate [m/s].
-    slip : (R, na, S) state phi of the friction elements, None where no axle has one.
-    sharing : (R, na, na) means over the axles of every rocker; None: what each suspension does by itself.
+    law : coefficients. extension, rate : (R, na, S) extension from static rest [m] and its rate [m/s]. slip : (R, na,
+    S) state phi of the friction elements, None where no axle has one. sharing : (R, na, na) means over the axles of
+    every rocker; None for suspensions without rockers.
     """
     force = _of_spring(law, extension)
     if law.friction is not None and slip is not None:
@@ -167,7 +166,7 @@ def suspension_force(
 
 
 def shared(law: SuspensionLaw, sharing: HostOrDevice | None, force: RunsByAxlesBySets) -> jax.Array:
-    """What axles and frame feel of the springs' forces: each passes on its share of the difference to the mean."""
+    """Spring forces on axles and frame with rockers: each spring passes on its share of the difference to the mean."""
     if sharing is None or law.load_share is None:
         return force
     return force + law.load_share * (jnp.matmul(sharing, force) - force)
@@ -251,7 +250,7 @@ def kink_corrections(
     rate: tuple[jax.Array, ...],
     sharing: HostOrDevice | None = None,
 ) -> tuple[jax.Array, jax.Array]:
-    """What Runge-Kutta misses at the corners of the law: corrections of the mean force and of its first moment [N].
+    """Errors of Runge-Kutta at the corners of the law: corrections of the mean force and its first moment [N].
 
     With q the quadratic through the stage values of a corner's argument, the exact integrals of its positive part
     replace the quadrature of the stages (:mod:`sysid.vehicle_model.kink`); both corrections vanish in a step that does
@@ -279,8 +278,8 @@ def kink_corrections(
         curvature = (law.tail - 1.0) * law.rounding * law.damping / (law.saturation * stated)
         impulse, moment = impulse + curvature * mean, moment + curvature * first
     if law.asymmetry is not None:
-        # D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): only the second part has a corner.
-        # The parabola goes on as d(v) does for v > 0.
+        # D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): only the second part has a corner. The parabola continues as
+        # d(v) does for v > 0.
         ahead = (_symmetric_damper(law, v) + 2.0 * curvature * jnp.minimum(v, 0.0) ** 2 for v in rate)
         mean, first = _missed(*ahead)
         share = 2.0 * (law.asymmetry - 1.0) / (law.asymmetry + 1.0)

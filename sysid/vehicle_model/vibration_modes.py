@@ -122,10 +122,10 @@ def natural_modes(
 ) -> NaturalModes:
     """Natural frequencies, damping ratios and mode shapes of a vehicle on its tires.
 
-    Undamped: K phi = omega^2 M phi.  Damped: s v = [0 1; -M^-1 K, -M^-1 C] v, each pole paired
-    with the undamped mode whose shape it is nearest to.  Nothing holds a vehicle fore and aft, so the rigid fore-aft
-    motion of each chain, with frequency zero, is no mode: it is taken out exactly, and the modes carry no fore-aft
-    momentum.  The force that holds the speed of a simulated vehicle is not part of them.
+    Undamped: K phi = omega^2 M phi. Damped: s v = [0 1; -M^-1 K, -M^-1 C] v, each pole paired with the undamped mode
+    whose shape it is nearest to. Nothing holds a vehicle fore and aft, so the rigid fore-aft motion of each chain, with
+    frequency zero, is not a mode: it is removed exactly, and the modes have no fore-aft momentum. The force that holds
+    the speed of a simulated vehicle is not part of them.
 
     Parameters
     ----------
@@ -282,7 +282,7 @@ def _damped(omega: np.ndarray, modal_damping: np.ndarray) -> tuple[np.ndarray, n
     modes, columns = linear_sum_assignment(-share[:, oscillating])
     ratio[modes] = -poles.real[oscillating[columns]] / size[oscillating[columns]]
     pole[modes] = poles[oscillating[columns]]
-    # What does not oscillate comes as two real poles per mode: the slow half and the fast half, paired by shape.
+    # Modes that do not oscillate have two real poles each: the slow half and the fast half, paired by shape.
     rest = np.setdiff1d(np.arange(n), modes)
     creeping = creeping[np.argsort(size[creeping])]
     slow, fast = np.split(creeping, [rest.size])

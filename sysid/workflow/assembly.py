@@ -1,4 +1,4 @@
-"""Puts the results of all stages that have run together."""
+"""Combines the results of all stages that have run."""
 
 from __future__ import annotations
 

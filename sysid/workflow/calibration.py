@@ -1,4 +1,4 @@
-"""A whole calibration: from a campaign file to results, each stage kept in the output folder for the next."""
+"""A whole calibration: from a campaign file to results, with the result of each stage stored for later ones."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ T = TypeVar("T")
 class Calibration:
     """One campaign and one output folder.
 
-    Every stage method returns its frozen result and keeps it under ``stages/`` of the output folder; a stage that has
-    already run on the same inputs is read back instead of run again when a later one needs it.
+    Every stage method returns its frozen result and stores it under ``stages/`` of the output folder. If a stage has
+    already run on the same inputs, its result is read back when a later stage needs it.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class Calibration:
         return frozenset(self._folder.read_back)
 
     def result(self, stage: Stage[T], options: Mapping[str, Any] = NOTHING) -> T:
-        """The result of any stage; of one whose results come one by one, those that are asked for.
+        """The result of any stage; for a stage with several results, the requested ones.
 
         Parameters
         ----------
@@ -105,19 +105,19 @@ class Calibration:
         return self._runner.result(stage, options)
 
     def aside(self, stage: Stage[T], options: Mapping[str, Any]) -> T:
-        """What a stage's command computes instead of its result when its options say so; nothing is kept."""
+        """What a stage's command computes instead of its result if its options say so; nothing is stored."""
         assert stage.command is not None
         other: Aside[T] | None = stage.command.aside
         assert other is not None
         missing = self._runner.missing(stage.needs)
         with self._steps.planned({s.name: s.effort for s in missing} | {stage.name: stage.effort}):
-            # What cannot be asked for is said before anything is computed for it.
+            # A request that is not possible is reported before anything is computed for it.
             context = self._runner.context(stage, options, at_once=False)
             with self._steps.step(stage.name):
                 return other.compute(context)
 
     def redo(self, stage: Stage[Any] | str) -> None:
-        """Forget a stage and all that rest on it, so that it runs again."""
+        """Delete the results of a stage and of all that depend on it, so that it runs again."""
         record = next(s for s in stages.STAGES if s.name == stage) if isinstance(stage, str) else stage
         self._runner.redo(record)
 
@@ -147,11 +147,11 @@ class Calibration:
         return self.result(stages.FIT).fit
 
     def advise(self, speeds_km_h: Sequence[float] = CANDIDATE_KM_H) -> Advice:
-        """What one further run at each speed, or one with one more sensor, would bring for k, c and a wheel load."""
+        """Benefit for k, c and a wheel load of one further run at each speed, or of one with one more sensor."""
         return self.result(stages.ADVISE, {"candidate_speeds": tuple(speeds_km_h)})
 
     def profile(self, names: Sequence[str]) -> tuple[ProfileLikelihood, ...]:
-        """Profiles of the deviance of named parameters, ``k_3`` in every load case; those of earlier calls are kept.
+        """Profiles of the deviance of named parameters, ``k_3`` in every load case; profiles of earlier calls are kept.
 
         Raises
         ------
@@ -163,7 +163,8 @@ class Calibration:
     def sample(self) -> Posterior:
         """Posterior of the parameters, and with it the bands of :meth:`histories`.
 
-        When an interrupted chain is to be continued, so is one that has not converged and is shorter than the limit.
+        If an interrupted chain is to be continued, a chain that has not converged and is shorter than the limit is
+        continued too.
         """
         return self.result(stages.SAMPLE)
 
@@ -183,7 +184,7 @@ class Calibration:
         return histories if bands is None else with_bands(histories, bands)
 
     def predict(self) -> Predictions:
-        """Wheel loads of the passes that the campaign asks for, from the posterior if there is one."""
+        """Wheel loads of the passes that the campaign requests, from the posterior if there is one."""
         return self.result(stages.PREDICT)
 
     def predict_passes(self, requests: Sequence[PredictionRequest]) -> Predictions:
@@ -198,14 +199,14 @@ class Calibration:
         return self.result(stages.VALIDATE)
 
     def leave_out(self, runs: Sequence[str] = ()) -> Validation:
-        """Predict `runs` (all for none named), each by a fit of all other runs; what is done already is kept.
+        """Predict `runs` (all if none is named), each by a fit of all other runs; earlier results are kept.
 
         The fits take the suspension laws and the drops of the fit of all runs.
         """
         return self.result(stages.VALIDATE, {"left_out": tuple(runs), "leave_one_out": not runs})
 
     def vehicles(self) -> tuple[CalibratedVehicle, ...]:
-        """The calibrated vehicle of every load case that the data speak of, at the posterior medians if there are any.
+        """The calibrated vehicle of every load case with data, at the posterior medians if there are any.
 
         A load case that nobody drove has none where stiffness belongs to a load case.
         """
@@ -213,7 +214,7 @@ class Calibration:
         return self.estimates().vehicles
 
     def estimates(self) -> Estimates:
-        """What the stages that have run say about the truck: k and c per axle, modes, suspension curves, felt roads."""
+        """Results for the truck from the stages so far: k and c per axle, modes, suspension curves, effective roads."""
         return self.result(stages.ESTIMATES)
 
     def report(self) -> Path:

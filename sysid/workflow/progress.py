@@ -32,7 +32,7 @@ class Steps:
 
     @contextmanager
     def planned(self, efforts: Mapping[str, float]) -> Iterator[None]:
-        """Say which steps will run and how much of the time each takes; within another plan that one goes on."""
+        """Say which steps will run and how much of the time each takes; within another plan, that plan continues."""
         if self._plan:
             yield
             return

@@ -1,4 +1,4 @@
-"""Runs a stage after the stages that it needs, each once, and only those whose result is not known yet."""
+"""Runs a stage after the stages that it needs, each once, and only those whose result is not yet known."""
 
 from __future__ import annotations
 
@@ -25,10 +25,8 @@ class Runner:
 
     Parameters
     ----------
-    inputs, settings, folder : what is computed from, and where it is kept.
-    steps : told of all progress.
-    notice : callback for what the user should know about a stored chain.
-    resume : whether unfinished results go on.
+    inputs, settings, folder : what is computed from, and where it is stored. steps : receives all progress. notice :
+    callback for what the user should know about a stored chain. resume : whether unfinished results go on.
     """
 
     def __init__(
@@ -42,7 +40,7 @@ class Runner:
         missing = self.missing((stage,), options)
         with self.steps.planned({s.name: s.effort for s in missing}):
             if isinstance(stage, Itemwise):
-                # A name that there is not is said before anything is computed that it does not take.
+                # An unknown name is reported before anything is computed, if this needs no computation.
                 stage.chosen(self.context(stage, options, at_once=False))
             for other in missing:
                 self._result(other, options if other is stage else NOTHING)
@@ -56,7 +54,7 @@ class Runner:
         return result
 
     def so_far(self, stage: Stage[T]) -> T | None:
-        """What a stage that has not finished has got; None if nothing."""
+        """Results so far of a stage that has not finished; None if there are none."""
         if stage.so_far is None or any(self.known(before) is None for before in stage.needs):
             return None
         return stage.so_far(self.context(stage))
@@ -105,7 +103,7 @@ class Runner:
         )
 
     def _again(self, stage: Stage[Any], options: Mapping[str, Any]) -> bool:
-        """Whether a stage has to be computed (an itemwise one: whether anything at all is asked for)."""
+        """Whether a stage has to be computed (for an itemwise one: whether anything is requested)."""
         if isinstance(stage, Itemwise):
             return bool(options)
         known = self.folder.known(stage)
@@ -132,7 +130,7 @@ class Runner:
         return known
 
     def _items(self, stage: Itemwise[Any], options: Mapping[str, Any]) -> Any:
-        """The items that are asked for; those of earlier calls are kept, and each is as soon as it is there."""
+        """The requested items; those of earlier calls are kept, and each new one is stored as soon as it exists."""
         context = self.context(stage, options)
         chosen = stage.chosen(context)
         kept: dict[str, Any] | None = self.folder.known(stage)
@@ -177,7 +175,7 @@ def _breakdown_said(name: str) -> Iterator[None]:
 
 
 class _OnDemand(dict[Stage[Any], Any]):
-    """Results of the stages that another needs, of no others, each computed when it is asked for."""
+    """Results of the stages that another stage needs, of no others, each computed when it is requested."""
 
     def __init__(self, compute: Callable[[Stage[Any]], Any], needs: Sequence[Stage[Any]]):
         super().__init__()

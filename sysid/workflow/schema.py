@@ -25,12 +25,12 @@ import numpy as np
 
 from sysid.workflow.stage import Itemwise, Stage, Whole
 
-#: What a value without parts may be.
+#: Possible types of a value without parts.
 PLAIN = (bool, int, float, str, type(None))
 
 
 def result_hint(stage: Stage[Any]) -> Any:
-    """The type of a stage's result: what its compute function says that it returns."""
+    """The type of a stage's result: the return annotation of its compute function."""
     if isinstance(stage, Whole):
         return function_hints(stage.compute)["return"]
     assert isinstance(stage, Itemwise)

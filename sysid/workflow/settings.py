@@ -45,13 +45,13 @@ KEPT_CHOICES = {"quick": bool, "seed": int, "laws": str, "contact": str, "contac
 
 
 def remember(folder: Path, settings: Settings) -> None:
-    """Keep what the command line chose, so that a later report of the same folder need not be told again."""
+    """Store the choices of the command line, so that a later report of the same folder uses them."""
     known = {**asdict(settings.fit), "quick": settings.quick, "seed": settings.seed}
     write_text(folder / "stages" / "settings.json", json.dumps({name: known[name] for name in KEPT_CHOICES}))
 
 
 def recall(folder: Path) -> dict[str, Any]:
-    """What :func:`remember` kept in an output folder; empty if nothing was kept or it cannot be read."""
+    """What :func:`remember` stored in an output folder; empty if nothing was stored or it cannot be read."""
     try:
         kept = read_json(folder / "stages" / "settings.json")
         choices = {name: kept[name] for name, kind in KEPT_CHOICES.items() if type(kept[name]) is kind}
@@ -70,7 +70,7 @@ def make_settings(
     contact: str | None = None,
     contact_spread: bool = False,
 ) -> Settings:
-    """Settings from what the command line offers."""
+    """Settings from the options of the command line."""
     seed = SamplingOptions.seed if seed is None else seed
     settings = Settings(sampling=replace(SamplingOptions(), seed=seed))
     if quick:

@@ -1,12 +1,12 @@
-"""Which code a stage's numbers come from: a hash of the sources of the packages that it uses.
+"""The code behind a stage's numbers: a hash of the sources of the packages that it uses.
 
-The version of this package alone would do for releases.  Between them, in a checkout that is edited or pulled, numbers
-change while the version stays; so the sources are hashed too, of the packages that a stage's record names in `code` and
-of all packages that these import.  Comments, docstrings and layout do not count: a Python file is hashed by its syntax
-tree without them, and that hash kept beside compiled code.  The hash is sound as far as imports show what is used, and
-errs on the safe side: any change of code in a package makes all stages stale that reach it.  What the version covers
-alone is the workflow's own code, whose compute functions only hand settings and results on.  Without sources on disk (a
-frozen program) the hash says nothing and the version decides.
+For releases the version of this package would be enough. Between releases, in a checkout that is edited or pulled,
+numbers change while the version stays. So the sources are hashed too: those of the packages that a stage's record names
+in `code`, and of all packages that these import. Comments, docstrings and layout do not count: a Python file is hashed
+by its syntax tree without them, and that hash kept beside compiled code. The hash is sound as far as imports show what
+is used, and errs on the safe side: any change of code in a package makes all stages stale that reach it. What the
+version covers alone is the workflow's own code, whose compute functions only hand settings and results on. Without
+sources on disk (a frozen program) the hash says nothing and the version decides.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def imported_by(packages: Iterable[str]) -> set[str]:
 
 
 def _kept() -> Path:
-    """The file of hashes: pairs of 32 bytes, of a text and of what it means to this version of Python."""
+    """The file of hashes: pairs of 32 bytes, of a text and of its meaning in this version of Python."""
     return private_cache("sources") / f"{sys.implementation.cache_tag}.hashes"
 
 
@@ -93,7 +93,7 @@ def _hash_and_imports(name: str) -> tuple[bytes, frozenset[str]]:
 
 
 def _meaning(path: Path, text: bytes) -> bytes:
-    """Hash of what in a source file decides what it does; of Python as kept for the same text and version."""
+    """Hash of the parts of a source file that determine its effect; for Python, as stored for this text and version."""
     of_text = hashlib.sha256(text).digest()
     if path.suffix != ".py":
         return of_text

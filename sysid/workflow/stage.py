@@ -1,8 +1,8 @@
-"""What a stage of the workflow is: one record that says how it is computed, kept, shown and put into the results.
+"""A stage of the workflow: one record that says how its result is computed, stored, shown and put into the results.
 
 Everything else follows from the records in :mod:`sysid.workflow.stages`: what is stale, the files of an output folder,
-the commands, and the contents of the results.  The records are light: what they need of NumPy or JAX their functions
-import when they run, so that the command line shows its help at once.
+the commands, and the contents of the results. The records load quickly: their functions import NumPy or JAX only when
+they run, so that the command line shows its help at once.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Blocks = Iterable[TextTable | CommandHint | str]
 
 @dataclass(frozen=True)
 class Context:
-    """What the compute function of a stage is given, and nothing more.
+    """The input of the compute function of a stage.
 
     - `inputs`: the campaign and the hashes of its files;
     - `settings`;

@@ -79,7 +79,7 @@ class StageFolder:
         return result
 
     def keep(self, stage: Stage[T], result: T) -> None:
-        """Keep a result, and the settings for commands that show what is there; what rests on it is forgotten."""
+        """Store a result, and the settings for commands that show results; results that depend on it are deleted."""
         self.forget(dependents(stage))
         if stage.in_run == "always":
             self.no_success()
@@ -90,18 +90,18 @@ class StageFolder:
             try:
                 self.write(lambda: store.save(self._path(stage), result, self.fingerprint(stage), result_hint(stage)))
             except TypeError as error:
-                # A fault of this program; better than to lose a result of minutes.
+                # An error of this program; reporting it is better than losing a result of minutes.
                 warnings.warn(f"The result of '{stage.name}' is not kept: {error}.", stacklevel=2)
 
     def forget(self, stages: Iterable[Stage[Any]]) -> None:
-        """Forget the results of some stages."""
+        """Delete the results of some stages."""
         for stage in stages:
             self._results.pop(stage, None)
             if stage.in_file:
                 self.write(partial(self._path(stage).unlink, missing_ok=True))
 
     def no_success(self) -> None:
-        """Take the marker of a finished run away."""
+        """Remove the marker of a finished run."""
         self.write(lambda: (self.path / SUCCESS_MARKER).unlink(missing_ok=True))
 
     def tidy(self) -> None:
@@ -165,7 +165,7 @@ class StageFolder:
 
 
 def dependents(stage: Stage[Any]) -> tuple[Stage[Any], ...]:
-    """Stages that rest on one, directly or not, itself not among them."""
+    """Stages that depend on one, directly or not, without itself."""
     after: list[Stage[Any]] = []
     for other in STAGES:
         if any(before is stage or before in after for before in (*other.needs, *other.uses)):

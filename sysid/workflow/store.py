@@ -1,8 +1,8 @@
 """Results of the stages on disk: one file per stage, frozen dataclasses in and out, no pickle.
 
 The file is that of :mod:`sysid.array_file`; its fields hold the fingerprint and the result as nested JSON, in which
-arrays stand by their name.  A file is decoded along the type of the stage's result: what has another class, another
-member, a member of another type, or any damage is not there.
+arrays stand by their name. A file is decoded by the type of the stage's result. A file with another class, another
+member, a member of another type, or any damage counts as missing.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def save(path: Path, result: Any, fingerprint: str, hint: Any) -> None:
     Raises
     ------
     TypeError
-        If the result is not of its type or too large, so that nobody would read it back.
+        If the result is not of its type or too large to be read back.
     OSError
         If the folder cannot be written.
     """

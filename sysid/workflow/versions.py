@@ -1,4 +1,4 @@
-"""Versions of what decides the numbers."""
+"""Versions of everything that determines the numbers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import platform
 
 
 def versions() -> dict[str, str]:
-    """Versions of this package, Python and the libraries that decide the numbers."""
+    """Versions of this package, Python and the libraries that determine the numbers."""
     names = ("sysid", "numpy", "scipy", "jax", "jaxlib", "optimistix", "emcee", "pandas")
     by_name = {"python": platform.python_version()}
     for name in names:

@@ -1,1 +1,1 @@
-"""Logs of one run by several loggers: how the clock of each runs against that of the first one."""
+"""Logs of one run by several loggers: the clock of each relative to that of the first one."""

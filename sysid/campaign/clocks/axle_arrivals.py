@@ -1,8 +1,8 @@
-"""How far the clocks of two loggers are apart, from when each sees its axles meet the bump.
+"""Difference between the clocks of two loggers, from the times at which their axles meet the bump.
 
 Axle i at x_i arrives at t_i = t_0 + x_i s + c L s (x_i / L - (x_i / L)^2) / 2 on the reference, where s = 1 / v is the
 slowness and c the change of the speed over the wheelbase L. Axles of the second logger appear earlier by the lag. Least
-squares with the priors of speed and change give the lag. It leans on the speed, and is coarse: use other means where
+squares with the priors of speed and change give the lag. It depends on the speed, and is coarse: use other means where
 there are any.
 """
 

@@ -18,18 +18,18 @@ from sysid.campaign.vehicle_records import Vehicle
 from sysid.errors import DataRejectedError
 from sysid.wording import shorten
 
-#: From here on [s] a standard deviation is said, and the channels are left out: at 30 km/h these are 2 and 8 cm of way,
-#: and half and two samples at 200 Hz.
+#: Above these limits [s] a standard deviation is reported, and the channels are left out. At 30 km/h they are 2 and 8
+#: cm of travel, and half a sample and two samples at 200 Hz.
 DOUBTFUL_S, USELESS_S = 0.0025, 0.01
-#: Departures from a clock that runs on, or from a shared one, that are no chance [sd, and s].
+#: Departures from a clock that runs on, or from a shared one, that are larger than chance [sd, and s].
 SURE, APART_S = 5.0, 0.004
-#: How far beyond the declared bounds an offset is looked for, so that it can be named [s].
+#: How far beyond the declared bounds an offset is searched for, so that it can be reported [s].
 _BEYOND_S = 60.0
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """What one run says of one logger: difference of the first stamps [s] of both logs, and the lag between them."""
+    """Result of one run for one logger: difference of the first stamps [s] of both logs, and the lag between them."""
 
     run: int
     log: Log
@@ -106,7 +106,7 @@ def _look(r: int, run: BumpRun, log: Log, logger: Logger, vehicle: Vehicle) -> _
 
 
 def _one_by_one(seen: Sequence[_Seen], logger: Logger, runs: Sequence[BumpRun]) -> list[ClockFinding]:
-    """Clocks that start anew with every log, or are shared."""
+    """Clocks that start again with every log, or are shared."""
     result = []
     for one in seen:
         run, lag = runs[one.run], one.lag
@@ -171,7 +171,7 @@ def _unknown(one: _Seen, logger: Logger, run: BumpRun) -> ClockFinding:
 
 
 def _judged(finding: ClockFinding) -> ClockFinding:
-    """The finding with a sentence where it is too uncertain."""
+    """The finding, with a sentence if it is too uncertain."""
     if finding.sd_s <= DOUBTFUL_S:
         return finding
     what = (
@@ -273,7 +273,7 @@ def _joined(run: BumpRun, other: Log, finding: ClockFinding) -> BumpRun:
     moved = []
     for channel in other.channels:
         time = channel.time_s + finding.offset_s + finding.rate * (channel.time_s - finding.at_s)
-        # Readings from before the reference was started have no counterpart.
+        # Readings from the time before the reference was started have no counterpart.
         kept = time >= log.channels[0].time_s[0] - 0.5 * log.sample_interval_s
         if kept.sum() > 1 or time.size == 1:
             moved.append(Channel(channel.sensor, time[kept], channel.value[kept], channel.censored[kept]))

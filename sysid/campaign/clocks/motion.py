@@ -1,4 +1,4 @@
-"""How far the clocks of two loggers are apart, from the motion of the bodies that both of them see.
+"""Difference between the clocks of two loggers, from the motion of the bodies that both record.
 
 Every frame sensor, and every axle acceleration with the deflection above it (a + q''), shows the vertical acceleration
 of a body at one place.  With rigid bodies and hinges these are y(w) = D u(w): D of the places, u the heave and pitch of
@@ -28,18 +28,18 @@ _NOISE: dict[SensorKind, float] = {
     "axle_acceleration": 0.25,
     "body_acceleration": 0.15,
 }
-#: What bending frames, gains and unlike filters add to the standard deviation of the lag [s]: lags of simulated trucks,
-#: also of those of another model, were off by this beside what the jackknife says.
+#: Contribution of bending frames, gains and different filters to the standard deviation of the lag [s]. Lags of
+#: simulated trucks, also of those of another model, were off by this in addition to the jackknife's value.
 MODEL_SD_S = 5e-4
 #: Share of the motion that the lag must bring into agreement.
 LEAST_SHARE = 0.5
-#: Another lag explains at most this share of what the best one does, else the motion is periodic.
+#: If another lag explains more than this share of what the best one explains, the motion is periodic.
 RIVAL = 0.93
 _APART_S = 0.15
 _BLOCKS = 8
 _TAPER_S = 0.2
 _MOST_LEFT_OUT = 3
-#: A sensor is left out when without it so much less is unexplained.
+#: A sensor is left out if this much less remains unexplained without it.
 _BETTER = 0.6
 _SLOWEST_S = 0.02
 #: Longest records together: ten minutes at 200 Hz.
@@ -49,7 +49,7 @@ _NEAR_S = 0.06
 
 @dataclass(frozen=True)
 class Lag:
-    """What is to be added to the stamps of the second log [s], with its standard deviation, at `at_s` of its stamps."""
+    """Time to add to the stamps of the second log [s], with its standard deviation, at `at_s` of its stamps."""
 
     lag_s: float
     sd_s: float
@@ -94,7 +94,7 @@ def motion_lag(
     vehicle: Vehicle,
     within_s: tuple[float, float] | None = None,
 ) -> Lag | None:
-    """Lag of the second logger's stamps from the motion that both loggers see.
+    """Lag of the second logger's stamps from the motion that both loggers record.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def motion_lag(
     vehicle
         For the places of axles and hinges.
     within_s
-        Where the lag is expected (a guess by other means), taken where it explains most of what the best lag does.
+        Expected lag (a guess by other means); it is used if it explains most of what the best lag explains.
 
     Returns
     -------
@@ -242,7 +242,7 @@ def _whole_search(
     step: float,
     within_s: tuple[float, float] | None,
 ) -> tuple[float, float, float]:
-    """Best lag [s], share of the motion that it explains, and that of the best other lag against it."""
+    """Best lag [s], share of the motion that it explains, and that of the best other lag relative to it."""
     counts = [int((end - begin) / step) + 1 for begin, end in windows]
     n = sum(counts)
     spectra = _spectra(observations, windows, step, n)
@@ -272,7 +272,7 @@ def _whole_search(
 def _fine(
     observations: Sequence[_Observation], lag: float, logs: tuple[Sequence[Channel], Sequence[Channel]], step: float
 ) -> Lag | None:
-    """The lag from what both records have in common, with its standard deviation."""
+    """The lag from the common part of both records, with its standard deviation."""
     a, b = _span(logs[0]), _span(logs[1])
     begin, end = max(a[0], b[0] + lag), min(a[1], b[1] + lag)
     count = int((end - begin) / step) + 1
@@ -296,7 +296,7 @@ def _fine(
 
 
 def _lowest(spectra: _Spectra, used: np.ndarray) -> float:
-    """Lag [s] near zero at which least is left, to 0.01 ms."""
+    """Lag [s] near zero with the smallest remainder, to 0.01 ms."""
     omega, product = spectra.omega[used], spectra.product[used]
     lag, reach = 0.0, _NEAR_S
     for _ in range(4):

@@ -10,7 +10,7 @@ from sysid.campaign.records import BumpRun, Campaign
 
 
 def on_moved_clocks(campaign: Campaign, clocks: Sequence[ClockFinding]) -> Campaign:
-    """The campaign with the stamps of further loggers moved to where `clocks` has them, readings as they are.
+    """The campaign with the stamps of further loggers moved as `clocks` says, and readings unchanged.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Literal
 
-#: A clock that starts anew with every log, one that runs on from log to log, or one shared with the first logger.
+#: A clock that starts again with every log, one that runs on from log to log, or one shared with the first logger.
 ClockKind = Literal["per_log", "continuous", "shared"]
 #: How the offset of a clock in one run was found.
 ClockMethod = Literal["sync", "motion", "arrivals", "all runs", "declared"]
@@ -16,9 +16,9 @@ ClockMethod = Literal["sync", "motion", "arrivals", "all runs", "declared"]
 class Logger:
     """One logger of a campaign; the clock of the first one is the reference.
 
-    A stamp t of this logger is t_ref = t + offset + rate (t - t_c) on the reference, t_c a time amid the run.  The
-    offset is searched within `offset_s` +- `offset_within_s`, the rate is declared as `rate` +- `rate_within`
-    (both relative).  `sync` is the column of a signal that all loggers record.
+    A stamp t of this logger is t_ref = t + offset + rate (t - t_c) on the reference, t_c a time in the middle of the
+    run. The offset is searched within `offset_s` +- `offset_within_s`, the rate is declared as `rate` +- `rate_within`
+    (both relative). `sync` is the column of a signal that all loggers record.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""How far the clocks of two loggers are apart, from a signal that both of them record.
+"""Difference between the clocks of two loggers, from a signal that both record.
 
 With the signal v_a(t) of the first logger and v_b(t) of the second, gain g and level o eliminated, the lag is where
 
@@ -15,9 +15,10 @@ from sysid.campaign.clocks.motion import Lag
 
 #: Longest records together [samples of the common grid].
 _MOST_STEPS = 4_000_000
-#: Below this correlation the signals are not the same; another lag that comes as near as this to the best is as good.
+#: Below this correlation the signals are not the same. Another lag that comes this close to the best one is equally
+#: good.
 LEAST_CORRELATION, RIVAL = 0.5, 0.95
-#: Lags at which less of both signals' power is common to both do not count.
+#: Lags at which a smaller share of both signals' power is common are not used.
 _LEAST_COMMON = 0.2
 _FEWEST = 50
 
@@ -37,7 +38,7 @@ def sync_lag(first: Signal, second: Signal, within_s: tuple[float, float]) -> La
     Returns
     -------
     Lag or None
-        None where the signals are not the same, or several lags are as good, as with a long row of even pulses.
+        None if the signals are not the same, or if several lags are equally good, as with a long row of even pulses.
     """
     signals = [(time[np.isfinite(value)], value[np.isfinite(value)]) for time, value in (first, second)]
     if min(time.size for time, _ in signals) < _FEWEST or min(float(np.ptp(v)) for _, v in signals) <= 0.0:
@@ -72,7 +73,7 @@ def _coarse(signals: list[Signal], step: float, within_s: tuple[float, float]) -
     at = int(np.flatnonzero(order == k)[0])
     if heights[at] < LEAST_CORRELATION:
         return None
-    # Down from the highest point on both sides: what rises again there is another lag.
+    # Down from the highest point on both sides: a second rise there is another lag.
     falls = heights < (1.0 - (1.0 - RIVAL) / 2.0) * heights[at]
     left = int(np.max(np.flatnonzero(falls[:at]), initial=-1))
     right = at + int(np.argmax(falls[at:])) if falls[at:].any() else heights.size

@@ -31,8 +31,8 @@ def contact_trials(
 
     Parameters
     ----------
-    optimum : of the contact law in `options`, whose suspension laws and parameters are kept; it stands first.
-    profiles, options, progress : as :func:`sysid.estimation.fit.law_choice.fit_with_laws`.
+    optimum : of the contact law in `options`, whose suspension laws and parameters are kept; it comes first. profiles,
+    options, progress : as :func:`sysid.estimation.fit.law_choice.fit_with_laws`.
     """
     report = progress or unwatched
     parameters = optimum.problem.model.parameters

@@ -1,7 +1,7 @@
-"""What neighbouring axles and pitch do to single-axle readings of drops, and which of these cannot be used alone.
+"""Effect of neighbouring axles and pitch on single-axle estimates of drops, and which estimates cannot be used alone.
 
-A single-axle method reads the strongest mode of the whole vehicle in the record as if the axle stood alone under its
-share of the body.  What that is off by follows from the modes of the vehicle, and from the full model's estimates.
+A single-axle method treats the strongest mode of the whole vehicle in the record as if the axle were alone under its
+share of the body. The size of this error follows from the modes of the vehicle, and from the full model's estimates.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from sysid.vehicle_model.vibration_modes import SmallMotion, small_motion
 
 #: A mode counts from this strength on, relative to the strongest in the record.
 SEEN = 0.2
-#: Departures of stiffness and damping from which on a reading is not to be used alone.
+#: Departures of stiffness and damping from which on an estimate must not be used alone.
 FAR = (0.10, 0.25)
 
 
 @dataclass(frozen=True)
 class _Coupling:
-    """Of one axle's drops: how many modes they show, and what each method reads over what is there (k, c)."""
+    """For the drops of one axle: number of modes, and ratio of each method's value to the true one (k, c)."""
 
     modes: int
     expected: Mapping[DropMethod, tuple[float, float]]
@@ -78,7 +78,8 @@ def _couplings(campaign: Campaign, drops: DropSummary) -> dict[tuple[int, str], 
                 by_case[drop.load_case] = _small_motion(campaign, drops, drop.load_case)
             couplings[key] = _coupling(campaign, drop, *by_case[drop.load_case])
         except (SysidError, np.linalg.LinAlgError):
-            # A vehicle that does not stand by these estimates has no modes to speak of: its readings stay as they are.
+            # With these estimates the vehicle is unstable and has no useful modes: the single-axle estimates stay as
+            # they are.
             continue
     return couplings
 
@@ -137,7 +138,7 @@ def _coupling(
 
 
 def _marked(e: DropEstimate, coupling: _Coupling, model: DropEstimate | None) -> DropEstimate:
-    """The estimate with honest standard deviations, and a note where it is not to be used alone."""
+    """The estimate with standard deviations that include the departure, and a note if it must not be used alone."""
     value, sd = np.array([e.stiffness, e.damping]), np.array([e.stiffness_sd, e.damping_sd])
     expected = np.array(coupling.expected.get(e.method, (1.0, 1.0)))
     expected = np.where(np.isfinite(expected), expected, 1.0)
@@ -162,7 +163,7 @@ def _marked(e: DropEstimate, coupling: _Coupling, model: DropEstimate | None) ->
 def _said(
     campaign: Campaign, pooled: tuple[DropEstimate, ...], model: Mapping[tuple[int, str], DropEstimate]
 ) -> tuple[str, ...]:
-    """What to read first, and the axles whose single-axle rows are not to be used alone."""
+    """The rows to read first, and the axles whose single-axle rows must not be used alone."""
     axles = campaign.vehicle.axles
     marked = dict.fromkeys((e.axle, e.load_case) for e in pooled if e.caution.startswith(NOT_ALONE))
     if not marked:

@@ -47,14 +47,14 @@ _SPEEDS = np.geomspace(0.5, 3.5, 10)
 _FINER = np.array([0.86, 0.93, 1.07, 1.15])
 #: Residual over instrument noise from which on the estimates carry a note.
 DOUBT = 1.6
-#: How long after its largest deflection a record is fitted [s]: a truck that has come to rest says nothing more.
+#: How long after its largest deflection a record is fitted [s]: a truck at rest gives no more information.
 _FIT_S = 2.5
-#: Where a wheel begins to feel the end of the plank [m], and how far the moment may be off [s].
+#: Distance at which the end of the plank begins to affect a wheel [m], and possible error of the instant [s].
 FOOT_M = 0.15
 SLACK_S = 0.3
 
-#: Roads begin at a multiple of this before the end of the plank: at usual speeds all are of one length, and what is
-#: compiled for one serves all.
+#: Roads begin at a multiple of this before the end of the plank. So at usual speeds all have one length, and code that
+#: is compiled for one can be used for all.
 _WHOLE_M = 13.0
 
 #: Iterations of the first search of the drops, and how many times :data:`DOUBT` its residuals have to be to end there
@@ -116,9 +116,9 @@ class PlankRoads(EffectiveRoads):
 def with_model_estimates(
     campaign: Campaign, drops: DropSummary, options: FitOptions, progress: Progress | None = None
 ) -> DropSummary:
-    """The drop analysis with the full model's estimates beside the single-axle ones; a failure becomes a message.
+    """The drop analysis with the full model's estimates added to the single-axle ones; a failure becomes a message.
 
-    Whatever goes wrong numerically in the fit costs its estimates only: what the drops gave by then is kept.
+    If the fit fails numerically, only its own estimates are missing; the other results of the drops are kept.
     """
     if not any(e.usable for e in drops.pooled):
         return drops
@@ -154,7 +154,7 @@ def fit_drops(
     """Stiffness and damping of every axle that was dropped, by least squares of the full model on all drops at once.
 
     Each drop's speed (declared, else 0.5 to 3 m/s) and the moment at which its wheel passes the end of the plank are
-    estimated with the parameters.  Drops with the dampers removed, and bodies that are let go, are left out.
+    estimated with the parameters. Drops with the dampers removed, and drops of lifted bodies, are left out.
 
     Parameters
     ----------
@@ -207,15 +207,15 @@ def fit_drops(
 
 
 def _says_little(optimum: Optimum) -> bool:
-    """Whether linear laws leave so much that the estimates say little, however long one searches for them.
+    """Whether linear laws leave such large residuals that the estimates have little value, even after a long search.
 
-    A search that has not converged has to leave clearly too much.
+    For a search that has not converged, the residuals must be clearly too large.
     """
     return optimum.misfit >= (DOUBT if optimum.minimum.converged else _CLEARLY * DOUBT)
 
 
 def _hasty(options: FitOptions) -> FitOptions:
-    """Settings of a search that shows whether linear laws suit the drops."""
+    """Settings of a short search that shows whether linear laws suit the drops."""
     rounds, most = min(options.weight_rounds, 1), min(options.max_iterations, _FIRST_ITERATIONS)
     return replace(options, weight_rounds=rounds, tolerance=max(options.tolerance, 1e-3), max_iterations=most)
 
@@ -316,7 +316,7 @@ def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEsti
         "not linear: its standard deviations allow for that"
     )
     estimates = []
-    # Drops of a group's axles say the same about its one suspension.
+    # Drops of a group's axles give estimates of the same suspension.
     owner = parameters.suspension_axle
     dropped = {(owner[d.axle] if owner else d.axle, d.load_case) for d in records}
     for axle, load_case in sorted(dropped, key=lambda key: (key[1], key[0])):
@@ -334,7 +334,7 @@ def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEsti
                 damping_sd=float(damping * np.hypot(sd[c], form[1])),
                 damped_period=float("nan"),
                 log_decrement=float("nan"),
-                # A search that creeps where linear laws do not suit is allowed for as well.
+                # A slow search because linear laws do not suit is accepted as well.
                 usable=bool(optimum.minimum.converged or doubtful),
                 note=note if doubtful else "",
             )

@@ -47,8 +47,8 @@ from sysid.progress import Progress
 from sysid.road.contact_laws import CONTACT_LAWS
 from sysid.runtime import return_memory
 
-#: Where the data ask for a mass this many tolerances off, somebody should look at it: a healthy vehicle has some 25
-#: masses, of which one would be beyond two by chance.
+#: If the data require a mass this many tolerances off, the user should check it. A healthy vehicle has some 25 masses,
+#: of which one would be beyond two by chance.
 DOUBTFUL_MASS_SD = 3.0
 
 
@@ -115,7 +115,7 @@ def evaluate_optimum(
 
 @dataclass(frozen=True)
 class _AtOptimum:
-    """What is wanted of the residuals at an optimum, without their derivatives.
+    """Properties of the residuals at an optimum, without their derivatives.
 
     Per group `simulated` sensor signals (T, R, C) [SI] and variance `inflation` (R, C).
     """
@@ -132,7 +132,7 @@ class _AtOptimum:
 
 
 def _fit_point(problem: Problem, vector: np.ndarray, adjusted: AdjustedInformation) -> FitPoint:
-    """All that is kept of where the fit ended, at the unknowns `vector`."""
+    """Everything that is stored of the end of the fit, at the unknowns `vector`."""
     parameters, motion = problem.unpack(vector)
     point = fit_point(problem.model, parameters, motion, problem.weights, adjusted.adjustment.matrix)
     if not adjusted.response.amounts.size:
@@ -171,7 +171,7 @@ def parameter_sd(optimum: Optimum) -> np.ndarray:
 
 
 def _check_runs_are_seen(campaign: Campaign, problem: Problem, compressed: Compressed) -> None:
-    """Refuse a fit in which a run's simulated passage has left its record: then nothing determines the run's start.
+    """Refuse a fit in which a run's simulated passage has left its record: nothing determines its start.
 
     Raises
     ------
@@ -346,7 +346,7 @@ def _of_run(
 def fit_warnings(
     minimum: Minimum, misfits: tuple[float, float], halving: float, cross_check: float, determined: Identifiability
 ) -> tuple[str, ...]:
-    """Sentences about a fit that somebody should read before using it.
+    """Warnings about a fit, to be read before it is used.
 
     Parameters
     ----------

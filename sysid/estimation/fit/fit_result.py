@@ -35,11 +35,12 @@ _PARAMETER_COLUMNS = (
 
 @dataclass(frozen=True)
 class LawTrial:
-    """One set of suspension laws that was fitted: `laws` by axle, number of `parameters`, `cost`, `misfit` (residual
-    over instrument noise) and `gain` in the information criterion over the first trial.
+    """One set of suspension laws that was fitted: `laws` by axle, number of `parameters`, `cost`, `misfit` and `gain`
+    in the information criterion over the first trial.
 
-    The cost is half the weighted sum of squares with priors; where several laws were fitted, under the same weights and
-    with masses and tires free within their tolerances.
+    The cost is half the weighted sum of squares with priors; if several laws were fitted, under the same weights and
+    with masses and tires free within their tolerances. The misfit is residual over noise: of the instruments, or of the
+    records before the bump if that is larger.
     """
 
     laws: tuple[str, ...]
@@ -63,8 +64,8 @@ class LawComparison(Tabular):
 
 @dataclass(frozen=True)
 class ContactTrial:
-    """The fit repeated with another contact law: `misfit` residual over instrument noise, `values` in the order of the
-    result's parameters.
+    """The fit repeated with another contact law: `misfit` residual over noise (as in :class:`LawTrial`), `values` in
+    the order of the result's parameters.
     """
 
     contact: str

@@ -1,4 +1,4 @@
-"""Frames that nobody declared to bend: at which frequencies one is tried, and when it is believed."""
+"""Undeclared bending of frames: the frequencies that are tried, and when bending is accepted."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from sysid.estimation.fit.part_score import PartCandidate
 from sysid.estimation.parameters.parameter_set import bending_names
 from sysid.estimation.parameters.undeclared_parts import BendingFrame, ModalMass, UndeclaredParts
 
-#: Frequencies [Hz] at which bending is tried: those that the runs excite and a stiff frame lies above.  Steps of an
-#: eighth: a step of a quarter beside the true frequency shows half of what it explains.
+#: Frequencies [Hz] at which bending is tried: the runs excite them, and a stiff frame has a higher one. They differ by
+#: an eighth: with an error of a quarter of the true frequency, only half of the gain is seen.
 TRIED_HZ = (5.0, 5.6, 6.3, 7.1, 8.0, 9.0, 10.0, 11.2, 12.5, 14.0, 16.0, 18.0, 20.0)
-#: Frequencies of a loaded frame that are tried, over the one that the mass assumed would give.
+#: Frequencies of a loaded frame that are tried, relative to the one that follows from the assumed mass.
 TRIED_RATIOS = (0.45, 0.5, 0.56, 0.63, 0.71, 0.8, 0.9, 1.12, 1.25, 1.4, 1.6, 1.8)
-#: Prior of the frequency of a frame of which nobody has said anything: median [Hz] and spread of the logarithm, 95 % of
+#: Prior of the frequency of a frame about which nothing is declared: median [Hz] and spread of the logarithm, 95 % of
 #: it from 4 to 20 Hz (an assumption).
 FREQUENCY_HZ, FREQUENCY_SD = 9.0, 0.4
 DAMPING_RATIO = 0.025
-#: Least share of the motion of a tried frame that the readings have to show, for a search to begin from there.  On
-#: simulated trucks whose frames bend it was 0.13 to 0.84 at the best frequency of a coarser choice; on rigid ones of
-#: three axles that rub, have a rocker or roll on other tires it was at most 0.23.  On a rigid realistic truck it was up
-#: to 0.6, but suspension laws promised more: what is promised and what the fit gains decide.
+#: Smallest share of the motion of a tried frame that the readings must show for a search to begin there. On simulated
+#: trucks whose frames bend it was 0.13 to 0.84 at the best frequency of a coarser choice. On rigid three-axle trucks
+#: with friction, a rocker or other tires it was at most 0.23. On a rigid realistic truck it was up to 0.6, but there
+#: the expected gain of suspension laws was larger. So this share alone does not decide: the expected gain and the gain
+#: of the fit do.
 LEAST_AMPLITUDE = 0.1
 #: Standard deviation of the frequency over that of its prior below which the data determine it.
 _KNOWN = 0.5
@@ -41,7 +42,7 @@ def frame_candidates(vehicle: Vehicle) -> tuple[PartCandidate, ...]:
 def modal_mass_candidates(campaign: Campaign) -> tuple[PartCandidate, ...]:
     """Other frequencies of frames that bend, in all load cases but the first, for which frequencies are declared.
 
-    Where mass lies along the frame is not known: a load may lower a frequency by much more than assumed.
+    The distribution of mass along the frame is not known: a load may lower a frequency by much more than assumed.
     """
     bending = [b for b, body in enumerate(campaign.vehicle.bodies) if body.bending is not None]
     return tuple(

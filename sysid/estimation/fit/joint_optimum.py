@@ -1,8 +1,11 @@
 """The joint optimum of parameters, masses, departures and clocks, from the optimum of the parameters alone.
 
-Masses and departures y have priors, and the data inform them; so have the clocks of further loggers.  Every round has
-three parts: a Gauss-Newton step of all together (:mod:`sysid.estimation.uncertainty.joint_step`); vehicle and footprint
-maps made anew there, and records put on the moved clocks; a search for the parameters with these.
+Masses and departures y have priors, and the data inform them. The same is true of the clocks of further loggers. Every
+round has three parts:
+
+1. a Gauss-Newton step of all unknowns together (:mod:`sysid.estimation.uncertainty.joint_step`);
+2. vehicle and footprint maps made again at the new values, and records put on the moved clocks;
+3. a search for the parameters with these.
 """
 
 from __future__ import annotations
@@ -35,15 +38,17 @@ from sysid.progress import Progress
 from sysid.road.contact_laws import CONTACT_LAWS
 from sysid.road.road_profile import RoadProfile
 
-#: Rounds end where no mass, departure or clock moves further than this many of its standard deviations, or after so
-#: many.
+#: Rounds end when no mass, departure or clock moves further than this many of its standard deviations, or after this
+#: number of rounds.
 NEAR_SD = 0.3
 ROUNDS = 8
-#: Beyond this many standard deviations the last of them has not settled.
+#: Beyond this many standard deviations, the last round has not settled.
 SETTLED_SD = 1.0
-#: Rounds in which residuals are weighted anew.  Later the weights stay: they can go back and forth with the optimum.
+#: Rounds in which residuals get new weights. Later the weights stay, because they can go back and forth with the
+#: optimum.
 REWEIGHTED = 2
-#: Shares of a step that are tried until one does not make the residuals larger than so many times what they were.
+#: Fractions of a step that are tried until one does not make the residuals larger than this many times their size
+#: before.
 SHARES, WORSE = (1.0, 0.5, 0.25), 1.05
 #: Before the last round searches need not be exact.
 _ROUGH_TOLERANCE = 1e-5
@@ -116,7 +121,7 @@ def _with_frame_shapes(
 ) -> Optimum:
     """The optimum of the parameters and of the shapes of frames that bend, all other masses as declared.
 
-    Shapes may be far from the assumed ones: before they are known other masses would take up what is due to them.
+    Shapes may differ much from the assumed ones. Before they are known, other masses would absorb their effect.
     """
     for _ in range(ROUNDS):
         allowances = _allowances(campaign, optimum.problem.model)
@@ -163,7 +168,7 @@ def _allowances(campaign: Campaign, model: BumpModel) -> Allowances:
 
 
 class _Here(NamedTuple):
-    """Information of the data, prior precision of the parameters and its gradient, amounts, footprints that follow."""
+    """Information of the data, prior precision and its gradient, amounts, change of the footprints."""
 
     data: BlockInformation
     prior: ParametersByParameters
@@ -214,7 +219,7 @@ def _moved(
     *,
     larger_steps: bool,
 ) -> Optimum:
-    """The optimum of the parameters after a step, with masses, departures, clocks and footprint maps of there."""
+    """The optimum of the parameters after a step, with the new masses, departures, clocks and footprint maps."""
     problem, clocks = before.problem, before.clocks
     if step.clocks is not None:
         clocks = moved_clocks(on_moved_clocks(campaign, clocks), step.clocks)

@@ -1,7 +1,7 @@
 """The fit as users ask for it: suspension laws and undeclared parts that the data support.
 
-Linear laws come first.  Where they leave residuals well above the noise, rockers and bending frames that nobody
-declared are looked for (:mod:`sysid.estimation.fit.part_search`), and richer laws are compared
+Linear laws come first. If they leave residuals well above the noise, undeclared rockers and bending frames are searched
+for (:mod:`sysid.estimation.fit.part_search`), and richer laws are compared
 (:mod:`sysid.estimation.fit.law_comparison`).
 """
 
@@ -37,8 +37,8 @@ from sysid.road.road_profile import RoadProfile
 from sysid.runtime import forget_compiled
 from sysid.sdof.drop_results import DropSummary
 
-#: Iterations after which the fit that trials are compared with ends: parameters that the data hardly see creep on for
-#: long, and move the cost by far less than what decides.
+#: Iterations after which the fit ends with which trials are compared. Parameters about which the data say little move
+#: slowly for a long time, and change the cost by far less than a deciding gain.
 BASE_ITERATIONS = 20
 #: One that the joint optimum begins from, one to judge residuals by, one that trials are compared with, or one under
 #: the weights and maps of its neighbour.
@@ -54,12 +54,13 @@ def fit_with_laws(
 ) -> tuple[FitResult, FitState]:
     """Least-squares calibration with declared suspension laws and parts, or with those that the data support.
 
-    Linear laws come first. If they leave residuals of :data:`MISFIT` times the instrument noise or more (or on
-    request), axles without a declared law get further elements: those with a decisive expected gain, by a test on the
-    present fit (:mod:`sysid.estimation.fit.law_screen`). Elements without which the criterion does not become worse are
-    removed again, one element of one kind of suspension at a time. Where a test leaves no doubt that an element is
-    needed, no fit without it is made. Rockers and bending frames that explain the residuals better than any law are
-    added before the laws are compared; one that only shows beside the laws lets the comparison begin again with it.
+    Linear laws come first. If they leave residuals of :data:`MISFIT` times the noise or more (of the instruments, or of
+    the records before the bump if that is larger; or on request), axles without a declared law get further elements:
+    those with a decisive expected gain, by a test on the present fit (:mod:`sysid.estimation.fit.law_screen`). Elements
+    without which the criterion does not become worse are removed again, one element of one kind of suspension at a
+    time. If a test shows clearly that an element is needed, no fit without it is made. Rockers and bending frames that
+    explain the residuals better than any law are added before the laws are compared. If one is found only together with
+    the laws, the comparison begins again with it.
 
     Parameters
     ----------
@@ -141,9 +142,9 @@ class _Choice:
         return self.fitted(self.declared, near, how="rough" if self.is_open else "final")
 
     def with_parts(self, laws: Laws, optimum: Optimum) -> tuple[_Choice, Optimum]:
-        """Fits with the parts that an optimum asks for and nobody declared, and the one by declared laws among them.
+        """Fits with the undeclared parts that the residuals of an optimum require, with the one by declared laws.
 
-        The same ones, and the optimum itself, where it asks for none.
+        If no part is required, the same fits and the optimum itself.
         """
         parts, with_them = undeclared_parts(
             self.campaign,

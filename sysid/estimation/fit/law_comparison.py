@@ -4,8 +4,8 @@ Two sets of laws are compared under the same weights and footprint maps, those o
 
     gain = 2 (cost_poor - cost_rich) - (p_rich - p_poor) ln n
 
-with cost half the sum of squares with priors, masses and tires allowed to be a little wrong
-(:mod:`sysid.estimation.fit.law_evidence`), and n the number of residuals over their variance inflation.  This is the
+where cost is half the sum of squares with priors, masses and tires may be slightly wrong
+(:mod:`sysid.estimation.fit.law_evidence`), and n is the number of residuals over their variance inflation. This is the
 difference of the Bayesian information criterion (G. Schwarz, Estimating the dimension of a model, Annals of Statistics
 6 (1978), doi:10.1214/aos/1176344136) with an effective sample size; a gain above 10 counts as decisive (R. E. Kass and
 A. E. Raftery, Bayes factors, JASA 90 (1995), doi:10.1080/01621459.1995.10476572).
@@ -54,7 +54,7 @@ def compare_laws(
     data = LawEvidence(campaign, rich)
     # Under the weights and maps of the rich laws, as all trials.
     best_laws, best, size = rich_laws, data.judge(rich), effective_residuals(rich)
-    # Where nobody doubts the result, what the poor laws cost need not be known to the last.
+    # If the result is clear, the cost of the poor laws need not be known exactly.
     sure = _sure(best, rich_laws, poor_laws, size)
     base = data.judge(fitted(poor_laws, rich, how="rough trial" if sure else "trial"))
 
@@ -86,10 +86,10 @@ def compare_laws(
 
 
 def with_stops_that_act(laws: Laws, optimum: Optimum) -> Laws:
-    """The laws without stops, whose travels nobody declared, of axles that do not show them.
+    """The laws without those undeclared stops that the axles do not show.
 
-    An axle shows them where the data know their stiffness better than its prior does, and it is no softer than the
-    spring: else a parameter is left open that slows every search, or the stop stands for something else.
+    An axle shows them if the data determine their stiffness better than its prior, and if it is not softer than the
+    spring. Otherwise a parameter is not determined and slows every search, or the stop imitates something else.
     """
     if not any(STOPS in law for law in laws):
         return laws
@@ -108,9 +108,10 @@ def with_stops_that_act(laws: Laws, optimum: Optimum) -> Laws:
 
 
 def _with_nearer_stops(laws: Laws, optimum: Optimum, fitted: Callable[..., Optimum]) -> Optimum:
-    """The better of an optimum and of a search that begins with the travels which it did not reach made shorter.
+    """The better of an optimum and of a search that begins with shorter values of the travels that were not reached.
 
-    A stop beyond what the runs reach has no effect, so that no search moves it; one inside is pushed out if it is none.
+    A stop beyond what the runs reach has no effect, so no search moves it. A stop inside is pushed out if there is
+    none.
     """
     parameters, sd = optimum.problem.model.parameters, parameter_sd(optimum)
     unreached = [
@@ -127,9 +128,9 @@ def _with_nearer_stops(laws: Laws, optimum: Optimum, fitted: Callable[..., Optim
 def _enriched(
     campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum, fitted: Callable[..., Optimum]
 ) -> tuple[Laws, Optimum | None]:
-    """Laws with all elements that promise a decisive gain, and their optimum; None where none does.
+    """Laws with all elements that have a decisive expected gain, and their optimum; None if there is no such element.
 
-    What is promised is judged anew at the optimum of the laws that promised most.
+    Expected gains are computed again at the optimum of the laws with the largest expected gain.
     """
     start = laws
     while True:
@@ -147,13 +148,13 @@ def _enriched(
 
 
 def _sure(judged: Judged, laws: Laws, without: Laws, size: float) -> bool:
-    """Whether elements are needed beyond doubt, so that no fit without them has to be made.
+    """Whether elements are clearly needed, so that no fit without them has to be made.
 
     By Wald's test (A. Wald, Tests of statistical hypotheses concerning several parameters, Transactions of the American
     Mathematical Society 54 (1943), doi:10.1090/S0002-9947-1943-0012401-3) the sum of squares would rise by (v - n)'
     C^-1 (v - n). v are the values of their parameters with covariance C, and n the neutral values, with which the
-    elements have no effect. Far from the optimum the cost is no parabola: only :data:`SURE` times what decides is
-    beyond doubt.
+    elements have no effect. Far from the optimum the cost is not a parabola, so only :data:`SURE` times the deciding
+    value is clear.
     """
     gone = [more - less for more, less in zip(laws, without, strict=True)]
     optimum = judged.optimum

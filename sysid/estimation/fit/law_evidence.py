@@ -1,13 +1,13 @@
-"""What the data say for suspension laws when declared masses, and tires unlike the model's, may be a little wrong too.
+"""Evidence of the data for suspension laws when declared masses and the tire model may be slightly wrong too.
 
-A law that is not there can take up the error of a declared mass.  Laws are therefore compared by the cost that is left
-when masses and departures of the tires y are free within their tolerances L^-1.  With the gradient g and the
+A law that the truck does not have can compensate the error of a declared mass. Laws are therefore compared by the
+remaining cost with masses and departures of the tires y free within their tolerances L^-1. With the gradient g and the
 information H of the data at the optimum of the parameters x, and their prior precision P,
 
     left = cost - 1/2 g_y' (S + L)^-1 g_y,    S = H_yy - H_yx (H_xx + P)^-1 H_xy,
     covariance of x = (H_xx + P - H_xy (H_yy + L)^-1 H_yx)^-1.
 
-Friction is no departure here: it is one of the laws that are compared.
+Friction is not a departure here, because it is one of the laws that are compared.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 
 @dataclass(frozen=True)
 class Evidence:
-    """What an optimum is worth: `cost` that is left with masses and tires allowed for, `covariance` (p, p) of the log
-    parameters with both unknown.
+    """Evidence for an optimum: remaining `cost` with masses and tires free, `covariance` (p, p) of the log parameters
+    with both unknown.
     """
 
     cost: float
@@ -141,7 +141,7 @@ def eliminated(
 def evidence(
     cost: float, information: UnknownsByUnknowns, score: Unknowns, prior: ParametersByParameters, sd: Unknowns
 ) -> Evidence:
-    """Cost that is left with m further unknowns free, and the covariance of p parameters with them.
+    """Remaining cost with m further unknowns free, and the covariance of p parameters with them.
 
     Parameters
     ----------

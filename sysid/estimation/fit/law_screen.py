@@ -1,12 +1,12 @@
-"""What richer suspension laws promise, from the fit of poorer ones alone: a score test, without a fit of the richer.
+"""Expected gain of richer suspension laws, by a score test at the fit of poorer ones, without a fit of the richer ones.
 
 Near the optimum of the poorer laws x the residuals are differentiated by the parameters z of the elements that the
-richer laws add, each taken a little way off the value that takes it out.  With masses and tires y free within their
-tolerances (:mod:`sysid.estimation.fit.law_evidence`), gradient g and information H of the data,
+richer laws add, each moved slightly from its neutral value. With masses and tires y free within their tolerances
+(:mod:`sysid.estimation.fit.law_evidence`), gradient g and information H of the data,
 
     promised gain = g_z' (S_zz + I)^-1 g_z - p ln n,
 
-S the information about z that is left when x and y are eliminated, z in units of its prior scale (C. R. Rao, Large
+where S is the information about z after x and y are eliminated, with z in units of its prior scale (C. R. Rao, Large
 sample tests of statistical hypotheses concerning several parameters, Mathematical Proceedings of the Cambridge
 Philosophical Society 44 (1948), doi:10.1017/S0305004100023987).
 """
@@ -29,9 +29,9 @@ from sysid.estimation.parameters.suspension_elements import ElementQuantity, qua
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, difference_columns
 
-#: Share of its prior scale by which a parameter is moved off the value that takes its element out.
+#: Share of its prior scale by which a parameter is moved from its neutral value.
 STEP = 0.1
-#: Share of the largest promised gain that further elements must promise to be fitted together with it.
+#: Share of the largest expected gain that further elements must have to be fitted together with it.
 WORTH = 0.05
 
 
@@ -45,10 +45,10 @@ class Candidate:
 
 
 def promising(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum) -> Laws:
-    """Elements to add to every axle: families that promise a decisive gain beside those that promise more.
+    """Elements to add to every axle: families with a decisive expected gain in addition to those with a larger one.
 
-    A promise is that of a parabola: what comes after the largest has to promise :data:`WORTH` of its gain to be taken
-    in before it is judged again.
+    The expected gain assumes a parabola. So elements after the one with the largest gain must have :data:`WORTH` of
+    that gain to be added before they are judged again.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def promising(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum)
 
     Returns
     -------
-    Elements by axle, nothing at all where no family promises enough.
+    Elements by axle, none at all if no family has enough expected gain.
     """
     axles = campaign.vehicle.axles
     families = _families(campaign.vehicle, laws, rich_laws)
@@ -84,7 +84,7 @@ def promising(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum)
 
 
 def largest_gain(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum) -> float:
-    """Largest gain that one family of elements promises, 0 where there is none; arguments as :func:`promising`."""
+    """Largest expected gain of one family of elements, 0 if there is none; arguments as :func:`promising`."""
     families = _families(campaign.vehicle, laws, rich_laws)
     if not families:
         return 0.0
@@ -107,7 +107,7 @@ def _screen(campaign: Campaign, optimum: Optimum, families: Mapping[tuple[str, s
 def candidates(vehicle: Vehicle, poor: Laws, rich: Laws) -> list[Candidate]:
     """The parameters that decide whether an element of the richer laws acts; axles of a group have one suspension.
 
-    A shared parameter counts for every kind of suspension apart: that is how laws are compared.
+    A shared parameter counts separately for every kind of suspension, because laws are compared in this way.
     """
     owner, listed = vehicle.suspension_axle, []
     for element in sorted(frozenset().union(*rich)):
@@ -124,14 +124,14 @@ def candidates(vehicle: Vehicle, poor: Laws, rich: Laws) -> list[Candidate]:
 
 
 class Screen:
-    """The promises of candidates at one optimum of poorer laws."""
+    """Expected gains of candidates at one optimum of poorer laws."""
 
     def __init__(self, campaign: Campaign, evidence: LawEvidence, optimum: Optimum, listed: Sequence[Candidate]):
         self._listed = list(listed)
         self._pull, self._information = evidence.without_known(optimum, candidate_columns(campaign, optimum, listed))
 
     def gain(self, members: Sequence[Candidate], size: float) -> float:
-        """Promised gain of adding some of the candidates; `size` is the effective number of residuals n."""
+        """Expected gain of adding some of the candidates; `size` is the effective number of residuals n."""
         index = [self._listed.index(c) for c in members]
         pull = self._pull[index]
         left = self._information[np.ix_(index, index)] + np.eye(len(index))
@@ -146,7 +146,7 @@ def candidate_columns(campaign: Campaign, optimum: Optimum, listed: Sequence[Can
 
 
 def _with_candidate(campaign: Campaign, model: BumpModel, candidate: Candidate) -> BumpModel:
-    """The model with one parameter moved off the value that takes its element out."""
+    """The model with one parameter moved from its neutral value."""
     return replace(
         model,
         arrays=tuple(

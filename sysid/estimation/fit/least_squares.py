@@ -34,7 +34,7 @@ from sysid.vehicle_model.passes import MapTires
 #: optimum under them.
 _MAPS = 5
 _ROUGH_TOLERANCE = 1e-5
-#: Laws that do not suit a truck are not fitted to the last: what richer ones promise shows long before.
+#: Laws that do not suit a truck are not fitted to the end: the expected gain of richer ones is known long before.
 _FIRST_SIGHT, _FIRST_ITERATIONS = 1e-3, 15
 #: Iterations after which a search from another optimum ends that only finds the tires of the next maps: parameters that
 #: the data hardly see creep on for long.
@@ -105,7 +105,7 @@ def optimise(
         return bump_model(of, parameters, profiles, target_step_s=step, contact=contact, tires=tires)
 
     again = CONTACT_LAWS[options.contact].follows_tires and not keep_maps
-    # For the tires of the maps residuals need not be weighted, nor minimised, to the last.
+    # For the tires of the maps, weights and minimum need not be exact.
     hasty = replace(
         options, weight_rounds=min(options.weight_rounds, 1), tolerance=max(options.tolerance, _ROUGH_TOLERANCE)
     )

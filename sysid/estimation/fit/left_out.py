@@ -36,10 +36,10 @@ def fit_without(
     options: FitOptions,
     progress: Progress | None = None,
 ) -> LeftOutFit:
-    """Fit all runs but one, beginning at the optimum of all, and simulate that one with what they say.
+    """Fit all runs but one, beginning at the optimum of all, and simulate that one with the resulting parameters.
 
-    The run's own motion, and offset and gain of its sensors, are found from its record, because nothing else knows
-    them; they are 3 numbers per run and 2 per channel.
+    The run's own motion, and offset and gain of its sensors, are found from its record, because no other data determine
+    them. They are 3 numbers per run and 2 per channel.
 
     Parameters
     ----------

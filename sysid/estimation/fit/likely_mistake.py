@@ -1,15 +1,14 @@
 """The likely mistake in a campaign whose residuals do not fit: one wrong sign, lag, scale, place or load case.
 
-A score test, as in :mod:`sysid.estimation.fit.part_score`, needs no further fit.  Residuals are counted in units
-of the noise of the instruments (or of what the channels show before the bump), all alike, so that a sensor that
-contradicts the others keeps its weight.  With a mistake of amplitude a and everything that would move with it, z
-(parameters, masses and tires within their tolerances, speeds and starts of the runs), one linear step from the fit at
-hand explains
+A score test, as in :mod:`sysid.estimation.fit.part_score`, needs no further fit. All residuals are in units of the
+noise of the instruments (or of what the channels show before the bump), so that a sensor that contradicts the others
+keeps its weight. a is the amplitude of a mistake, and z are all unknowns that would move with it: parameters, masses
+and tires within their tolerances, speeds and starts of the runs. One linear step from the present fit explains
 
     u^2 / v,    u = g_a - H_az (H_zz + P)^-1 g_z,    v = H_aa - H_az (H_zz + P)^-1 H_za,    a = -u / v,
 
-of the sum of squares; g is the gradient, H the information of the data and P that of the priors.  It is compared with
-what a step of z alone leaves beyond the noise.
+of the sum of squares; g is the gradient, H the information of the data and P that of the priors. It is compared with
+the residuals beyond the noise that remain after a step of z alone.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 
 #: Share of the squares beyond the noise that one mistake must explain to be named.
 NAMED_SHARE = 0.4
-#: Another mistake that explains this part of what the best one does is named with it.
+#: Another mistake that explains this fraction of the share of the best one is named with it.
 AS_GOOD = 0.8
 #: Candidates that are looked at together: what their columns take in memory.
 _AT_ONCE = 12
@@ -45,7 +44,7 @@ _AT_ONCE = 12
 class MistakeScore:
     """A possible mistake: the `share` of the squares beyond the noise that it explains, and its `amplitude`.
 
-    The amplitude is 1 where one linear step takes the whole mistake, and nothing more.
+    The amplitude is 1 if one linear step goes exactly as far as the full mistake.
     """
 
     candidate: Candidate
@@ -54,7 +53,7 @@ class MistakeScore:
 
     @property
     def whole(self) -> bool:
-        """Whether one linear step takes about the whole mistake."""
+        """Whether one linear step goes about as far as the full mistake."""
         return WHOLE[0] <= self.amplitude <= WHOLE[1]
 
 
@@ -96,7 +95,7 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
 
 
 def _best_sizes(scores: Sequence[MistakeScore]) -> tuple[MistakeScore, ...]:
-    """Of every mistake the size that explains most in one whole step, else most at all; the largest share first."""
+    """The best size of every mistake, the largest share first; a size reached by one full step is preferred."""
     best: dict[Candidate, MistakeScore] = {}
     for score in sorted(scores, key=lambda s: (s.whole, s.share)):
         best[replace(score.candidate, size=0.0)] = score
@@ -104,7 +103,7 @@ def _best_sizes(scores: Sequence[MistakeScore]) -> tuple[MistakeScore, ...]:
 
 
 def _taken(information: np.ndarray, score: np.ndarray, prior: np.ndarray, sd: np.ndarray) -> float:
-    """What one step of parameters, masses and departures takes of the sum of squares."""
+    """Decrease of the sum of squares by one step of parameters, masses and departures."""
     count, known = prior.shape[0], prior.shape[0] + sd.size
     precision = information[:known, :known].copy()
     precision[:count, :count] += prior
@@ -113,7 +112,7 @@ def _taken(information: np.ndarray, score: np.ndarray, prior: np.ndarray, sd: np
 
 
 def _plain_weights(optimum: Optimum) -> Weights:
-    """Noise of the instruments, or of the rolling truck where that is more, for all readings alike."""
+    """Noise of the instruments, or of the rolling truck if that is larger, for all readings."""
     noise = tuple(np.maximum(i, r) for i, r in zip(optimum.instrument, optimum.rolling, strict=True))
     known = tuple(
         np.where(np.isfinite(n) & (n > 0.0) & np.isfinite(used), n, np.inf)

@@ -15,8 +15,8 @@ from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 
-#: The list is doubted where the runs of every load case leave less than this share of their misfit under another one
-#: (geometric mean), and no run contradicts.  With exchanged cases 0.7 to 0.85 was seen, with right lists 1.1 and more
+#: The list is refused if the runs of every load case have less than this share of their misfit under another one
+#: (geometric mean), and no run contradicts. With exchanged cases 0.7 to 0.85 was seen; with right lists 1.1 and more
 #: for at least one case.
 CLEARLY = 0.9
 _SLACK_S = 0.3
@@ -30,7 +30,7 @@ def check_load_cases(
     noise_sd: tuple[RunsByChannels, ...],
     prepared: Callable[[Campaign], BumpModel],
 ) -> None:
-    """Refuse a list of runs all of which another load case explains better, before anything is fitted.
+    """Refuse a list of runs if another load case explains all of them better, before anything is fitted.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def check_load_cases(
     Raises
     ------
     DataRejectedError
-        If the runs of every load case leave clearly less of their misfit under another one.
+        If the runs of every load case have a clearly smaller misfit under another one.
     """
     of_run = [r.load_case for r in campaign.bump_runs]
     used = list(dict.fromkeys(of_run))

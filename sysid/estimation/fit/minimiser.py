@@ -26,8 +26,8 @@ from sysid.vehicle_model.device_arrays import HostOrDevice
 _PATIENCE = 20
 #: Share of the predicted fall of the cost above which the damping is relaxed.
 _GOOD_STEP = 0.75
-#: A point is a minimum where the linear model promises no larger fall than this fraction of the cost, or than so many
-#: times the fall that ends the search.
+#: A point is a minimum if the expected decrease by the linear model is not larger than this fraction of the cost, or
+#: than this many times the decrease that ends the search.
 _NEGLIGIBLE_FALL, _TOLERANCES = 1e-5, 10.0
 
 #: What optimistix keeps between two steps has no public type.
@@ -54,9 +54,9 @@ class Minimum:
 
 
 def promised_fall(residual: Residuals, jacobian: ResidualsByUnknowns) -> float:
-    """Fall of the cost r'r / 2 that a full Gauss-Newton step promises: half the square of r projected on J's columns.
+    """Expected decrease of the cost r'r / 2 by a full Gauss-Newton step: half the square of r projected on J's columns.
 
-    It vanishes with the gradient J'r and, unlike it, has the unit of the cost whatever the scales of the unknowns.
+    It vanishes with the gradient J'r. Unlike the gradient, it has the unit of the cost for any scales of the unknowns.
 
     Parameters
     ----------
@@ -98,8 +98,9 @@ def minimise(
 ) -> Minimum:
     """Minimise r(y)'r(y) / 2 by Levenberg-Marquardt.
 
-    However the search ends, it has converged only where the Gauss-Newton step at its last point promises a negligible
-    further fall of the cost (:func:`promised_fall`): trials may also fail because derivatives and residuals disagree.
+    The search has converged only if the Gauss-Newton step at its last point has a negligible expected decrease of the
+    cost (:func:`promised_fall`). How it ended does not matter: trials may also fail because derivatives and residuals
+    disagree.
 
     Parameters
     ----------
@@ -162,14 +163,15 @@ def _search(
     point = jnp.asarray(start / scale)
     args = _Affine(point, residual, jacobian * scale)
     state = _init(solver, point, args)
-    # The first step is no longer than the start vector: a leap into a flat region is accepted, but never comes back.
+    # The first step is not longer than the start vector: a jump into a flat region would be accepted, and never come
+    # back.
     reach, pull = float(np.linalg.norm(start / scale)), float(np.linalg.norm((jacobian * scale).T @ residual))
     if 0.0 < reach < pull:
         state = eqx.tree_at(lambda s: s.search_state.step_size, state, jnp.asarray(reach / pull))
 
     def ended(iteration: int, why: str) -> Minimum:
         fall = promised_fall(*here)
-        # Below the rounding of the first cost a perfect fit promises falls of the size of its own cost.
+        # Below the rounding of the first cost, the expected decrease of a perfect fit is as large as its own cost.
         negligible = max(_NEGLIGIBLE_FALL, _TOLERANCES * relative_tolerance)
         converged = fall <= negligible * max(best, relative_tolerance**2 * first)
         if not converged:

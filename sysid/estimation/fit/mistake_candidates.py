@@ -22,16 +22,17 @@ from sysid.estimation.uncertainty.residual_columns import ResidualColumns, signa
 from sysid.wording import shorten
 
 MistakeKind = Literal["sign", "lag", "clock", "scale", "frame place", "axle place", "load case"]
-#: Sizes that are tried, in the unit of the kind (s, 1, m): the best of them is the direction of the test, as far as it
-#: goes, since a step of 20 ms or 0.3 m bends the residuals.  Smaller sizes are how sensors are mounted, or departures
-#: of the model.
+#: Sizes that are tried, in the unit of the kind (s, 1, m). The best of them is the direction of the test, with its full
+#: size, because a step of 20 ms or 0.3 m is not linear in the residuals. Smaller sizes are usual mounting errors of
+#: sensors, or departures of the model.
 _TRIED: dict[MistakeKind, tuple[float, ...]] = {
     "lag": tuple(1e-3 * k for k in (3, 4, 5, 7, 10, 14, 20, 28, 40, 60)),
     "scale": (0.08, 0.12, 0.18, 0.27, 0.4, 0.6, 0.9, 1.5, 2.5),
     "frame place": (0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 4.5, 7.0),
     "axle place": (0.1, 0.2, 0.4),
 }
-#: Share of such a direction that one linear step takes: it is either there or not.
+#: Range of the linear step, as a fraction of such a direction, that counts as the full mistake: it is either there or
+#: not.
 WHOLE = (0.5, 1.5)
 #: Step of the derivative of frame readings by place [m].
 _PLACE_STEP_M = 0.1
@@ -54,7 +55,7 @@ class Candidate:
     logger: str = ""
 
     def sentence(self, campaign: Campaign) -> str:
-        """What is probably wrong by how much, and the remedy; the sentence goes on behind "probably"."""
+        """What is probably wrong and by how much, and the remedy: the part of the sentence after "probably"."""
         if self.kind == "axle place":
             assert self.axle is not None
             axle = campaign.vehicle.axles[self.axle]
@@ -110,7 +111,7 @@ class Directions:
     motion: RunMotion
 
     def __iter__(self) -> Iterator[tuple[Candidate, tuple[ResidualColumns, ...]]]:
-        """Every candidate with one column per group: the residuals with the mistake put right, less those at hand."""
+        """Every candidate and a column per group: residuals with the mistake corrected, less the present ones."""
         base = simulate_runs(self.model, self.log_parameters, self.motion)
         here = signal_residuals(self.model, self.weights, base)
         yield from self._of_sensors(base, here)

@@ -39,7 +39,7 @@ class Optimum:
         """Median over channels and runs of residual scale over noise, where both are known.
 
         Noise is the larger of the instruments' and of what the channels show before the bump: roughness of the road and
-        the engine are no faults of the model.
+        the engine are not errors of the model.
         """
         both = zip(self.instrument, self.rolling, strict=True)
         return self._median_over(tuple(np.maximum(i, r) for i, r in both))

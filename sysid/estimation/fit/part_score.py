@@ -1,4 +1,4 @@
-"""What a part that nobody declared promises: a score test, which needs no fit with the part.
+"""Expected gain of an undeclared part: a score test, which needs no fit with the part.
 
 s is the amplitude of a part: the share of a rocker, or the bending motion of a frame at a given frequency (1 for a
 frame that bends). It is 0 at the present optimum. z are all unknowns that would move with it: parameters, declared
@@ -35,8 +35,8 @@ _MOST_LOAD_CASES = 3
 class PartCandidate:
     """A part that may be there: `words` for it, itself at amplitude `step` (`tried`) and with free values (`unknown`).
 
-    Below `least` amplitude it is not fitted; `plausible` says of a fit with it whether its values are.  Candidates of
-    one `family` may have other values in every load case: `joined` makes a part of one of them for each load case.
+    Below `least` amplitude it is not fitted; `plausible` says whether its values after a fit are plausible. Candidates
+    of one `family` may have other values in every load case: `joined` makes a part of one of them for each load case.
     """
 
     words: str
@@ -105,7 +105,7 @@ def _by_load_case(
         for chosen in product(members, repeat=len(cases)):
             of = [k * len(cases) + place for k, place in zip(chosen, cases.values(), strict=True)]
             amplitudes = -np.linalg.solve(information[np.ix_(of, of)], pull[of])
-            # Every further value has to be worth it.
+            # Every further value must give enough gain.
             gain = float(-pull[of] @ amplitudes) - DECISIVE * (len(set(chosen)) - 1)
             first = candidates[chosen[0]]
             known = family in best and best[family].gain >= gain

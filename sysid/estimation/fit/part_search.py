@@ -1,4 +1,4 @@
-"""Parts that nobody declared and the residuals ask for: rockers between springs, and frames that bend."""
+"""Undeclared parts that the residuals require: rockers between springs, and frames that bend."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from sysid.progress import Progress
 from sysid.road.road_profile import RoadProfile
 from sysid.sdof.drop_results import DropSummary
 
-#: At most so many parts are added.
+#: Largest number of parts that are added.
 _MOST = 4
 
 
@@ -37,16 +37,16 @@ def undeclared_parts(
     *,
     law_gain: Callable[[Campaign, Optimum], float],
 ) -> tuple[UndeclaredParts, Optimum]:
-    """Parts that the residuals of a fit ask for, and an optimum with them under the same weights and maps.
+    """Parts that the residuals of a fit require, and an optimum with them under the same weights and maps.
 
-    A part is fitted where its score test promises a decisive gain, and more than any richer suspension law does; what
-    the fit gains decides.  Nothing is looked for where the residuals are hardly larger than the noise.
+    A part is fitted if its expected gain by a score test is decisive, and larger than that of any richer suspension
+    law. The gain of this fit decides. If the residuals are hardly larger than the noise, no part is searched for.
 
     Parameters
     ----------
-    laws : of every axle, those of `optimum`.
-    drops, profiles, options, report : as :func:`sysid.estimation.fit.law_choice.fit_with_laws`.
-    law_gain : largest gain that richer suspension laws promise at an optimum.
+    laws : of every axle, those of `optimum`. drops, profiles, options, report : as
+    :func:`sysid.estimation.fit.law_choice.fit_with_laws`. law_gain : largest expected gain of richer suspension laws at
+    an optimum.
     """
     parts = UndeclaredParts()
     for _ in range(_MOST):
@@ -85,6 +85,6 @@ def _fitted(
 
 
 def candidates_of(campaign: Campaign) -> tuple[PartCandidate, ...]:
-    """Everything that is looked for."""
+    """All parts that are searched for."""
     vehicle = campaign.vehicle
     return (*rocker_candidates(vehicle), *frame_candidates(vehicle), *modal_mass_candidates(campaign))

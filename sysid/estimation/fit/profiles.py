@@ -5,8 +5,8 @@ x_k = v of S - S(x_hat)). For a quadratic cost it is ((v - x_hat_k) / sd)^2, wit
 curvature. The covariance of the fit is wider: it allows for model error and wrong masses. The deviance is therefore
 divided by the ratio of the two variances, so that both agree near the optimum (A. Rotnitzky and N. P. Jewell,
 Hypothesis testing of regression parameters in semiparametric generalized linear models for cluster correlated data,
-Biometrika 77 (1990), doi:10.1093/biomet/77.3.485); how it bends away from a parabola shows where the covariance
-misleads.
+Biometrika 77 (1990), doi:10.1093/biomet/77.3.485); its departure from a parabola shows where the covariance is
+misleading.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class ProfileLikelihood(Tabular):
     - `adjusted` (n,): the deviance divided by `inflation`, the ratio of the fit's variance to that of the curvature;
     - `converged` (n,).
 
-    `interval` is the 90 % interval of the adjusted deviance, an end NaN where it lies beyond the values tried, and
-    `covariance_interval` that of the fit's covariance; `message` in words.
+    `interval` is the 90 % interval of the adjusted deviance, with NaN for an end beyond the values tried.
+    `covariance_interval` is that of the fit's covariance, and `message` the result in words.
     """
 
     name: str
@@ -78,7 +78,7 @@ def profile_deviance(
     relative_tolerance: float = 1e-7,
     on_value: Callable[[int], None] = lambda done: None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Deviance (n,) at `values` (n,) of unknown `index`, all others at their best, and whether each search converged.
+    """Deviance (n,) at `values` (n,) of unknown `index`, with all others optimised, and whether each search converged.
 
     From the optimum outwards, every search starts where the one before ended, moved as the Jacobian there says.
 

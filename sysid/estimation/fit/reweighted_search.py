@@ -39,10 +39,8 @@ def optimise_from(
 
     Parameters
     ----------
-    motion : of every run.
-    instrument : (R, C) instrument noise per group [SI].
-    start : (p,) log parameters.
-    weights : those of the first round; None for weights that suit parameters which are still far off.
+    motion : of every run. instrument : (R, C) instrument noise per group [SI]. start : (p,) log parameters. weights :
+    those of the first round; None for weights that suit parameters far from the optimum.
     """
     first_weights = Weights(_first_scale(model, instrument), tuple(np.ones_like(n) for n in instrument))
     problem = Problem(model, campaign, motion, weights or first_weights)

@@ -1,4 +1,4 @@
-"""Where a rocker that nobody declared may be: between neighbouring axles that share load between their springs."""
+"""Possible places of undeclared rockers: between neighbouring axles that share load between their springs."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from sysid.estimation.parameters.undeclared_parts import UndeclaredParts
 REACH_M = 2.0
 #: Axles that one rocker may join.
 SIZES = (2, 3)
-#: Share at which the derivative is taken: large against rounding, small against what bends the simulation.
+#: Share at which the derivative is taken: large compared with rounding, small enough for a linear effect.
 _STEP = 0.01
-#: A rocker that shares less than this is not worth a sentence: rubber and brake reactions do as much (an assumption).
+#: A rocker that shares less than this is not reported: rubber and brake reactions have the same effect (an assumption).
 LEAST_SHARE = 0.15
 
 

@@ -25,7 +25,7 @@ SPEED_STEP = 0.005
 #: Share of the simulated response's energy that a record must hold for a start to be considered: a run whose record
 #: ends while the first axle is over the bump is found, one whose response is shifted out of the record is not.
 SEEN_SHARE = 0.03
-#: What no sensor of a vehicle shows, in SI units: a simulation beyond has broken down.
+#: Values that no sensor of a vehicle shows, in SI units: a simulation beyond them has failed.
 LARGEST = 1e5
 #: Range of the factor on each channel's simulated response while a shift is judged.
 GAIN_RANGE = (0.4, 2.5)
@@ -48,7 +48,7 @@ def search_motion(
     Raises
     ------
     DataRejectedError
-        If a simulated passage ends in numbers that no vehicle shows.
+        If a simulated passage ends in impossible numbers.
     """
     count = len(campaign.bump_runs)
     speed, start = np.full(count, np.nan), np.full(count, np.nan)

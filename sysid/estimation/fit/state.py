@@ -1,4 +1,4 @@
-"""What a finished fit is for the stages that follow: one record, from which all of them start."""
+"""The result of a finished fit for later stages: one record, from which all of them start."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from sysid.vehicle_model.passes import MapTires
 
 @dataclass(frozen=True)
 class FitPoint:
-    """Where a fit ended and how it got there: all that is kept for later stages, beside the results for people.
+    """The end of a fit and its settings: what is stored for later stages, in addition to the results for users.
 
     - `parameters` with their priors and laws;
     - `contact`, `tires` of the footprint maps (None for the declared ones) and `target_step_s` of the integration
@@ -63,8 +63,8 @@ class FitPoint:
 
 @dataclass(frozen=True)
 class FitState:
-    """A finished fit: the screened `campaign` with the parts that the fit added and the clocks that it found, what is
-    kept of it (`point`), and the `model` of its runs.
+    """A finished fit: the screened `campaign` with the parts that the fit added and the clocks that it found, the
+    stored `point`, and the `model` of its runs.
     """
 
     campaign: Campaign
@@ -98,7 +98,7 @@ def fit_point(
     weights: Weights,
     adjustment: ParametersByParameters,
 ) -> FitPoint:
-    """What is kept of a fit of `model`, with exact masses."""
+    """What is stored of a fit of `model`, with exact masses."""
     return FitPoint(
         parameters=model.parameters,
         contact=model.felt.contact,
@@ -112,7 +112,7 @@ def fit_point(
 
 
 def restored(campaign: Campaign, profiles: Mapping[str, RoadProfile], point: FitPoint) -> FitState:
-    """The fit of a campaign, as its file declares it, from what was kept of it.
+    """The fit of a campaign, as its file declares it, from what was stored of it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From where on a figure of the fit deserves a sentence; warnings, reports and the choice of laws share these."""
+"""Limits above which a number of the fit causes a warning; warnings, reports and the choice of laws share them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,6 @@ MISFIT = 1.3
 STEP_HALVING = 2e-3
 #: Distance [sd] between the optimum and that of an independent solver.
 SOLVERS_APART_SD = 0.5
-#: Gain in the information criterion from which on something richer is taken (R. E. Kass and A. E. Raftery, Bayes
-#: factors, JASA 90 (1995), doi:10.1080/01621459.1995.10476572).
+#: Gain in the information criterion from which on a richer law is chosen (R. E. Kass and A. E. Raftery, Bayes factors,
+#: JASA 90 (1995), doi:10.1080/01621459.1995.10476572).
 DECISIVE = 10.0

@@ -30,7 +30,7 @@ from sysid.vehicle_model.suspension import FrameLaw, SuspensionLaw
 
 
 class ElementIndex(NamedTuple):
-    """Where an element's quantity stands in the parameter vector, (na,), and its neutral value.
+    """Position of an element's quantity in the parameter vector, (na,), and its neutral value.
 
     Axles without the element have position -1 and take the neutral value.
     """
@@ -50,7 +50,7 @@ class RockerShares(NamedTuple):
 
 
 class FramePositions(NamedTuple):
-    """Where frequency [Hz] and damping ratio of every bending frame stand in the parameter vector, (nf,) each.
+    """Positions of frequency [Hz] and damping ratio of every bending frame in the parameter vector, (nf,) each.
 
     Frames that are no parameters have position -1 and take the fixed values.
     """
@@ -98,7 +98,7 @@ def stiffness_positions(parameters: ParameterSet, axles: int, load_cases: list[s
 
 
 def law_inputs(vehicle: Vehicle, parameters: ParameterSet, batch: PassBatch, load_cases: list[str]) -> LawInputs:
-    """Where each axle of each pass finds its parameters; `load_cases` names the load case of each pass."""
+    """Positions of the parameters of each axle in each pass; `load_cases` names the load case of each pass."""
     axles = range(len(vehicle.axles))
 
     def per_axle(quantity: str) -> np.ndarray:

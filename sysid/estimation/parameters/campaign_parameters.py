@@ -1,6 +1,6 @@
 """Parameters of a campaign: start values and priors from drops, nominal values and the user.
 
-Where each parameter enters the vehicle is said in :mod:`sysid.estimation.parameters.axle_laws`.
+:mod:`sysid.estimation.parameters.axle_laws` says where each parameter enters the vehicle.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from sysid.estimation.parameters.rockers import share_name
 from sysid.estimation.parameters.suspension_elements import ELEMENTS, LINEAR, law_elements, law_name, quantities
 from sysid.sdof.drop_results import DropEstimate, DropSummary
 
-#: Generic lognormal priors (median, log sd) where neither a drop nor the user says more; per axle, both sides.
+#: Generic lognormal priors (median, log sd), used without a drop or a prior of the user; per axle, both sides.
 #: Assumptions: general knowledge of heavy vehicles, wide enough for steer and trailer axles, empty and laden.
 GENERIC_STIFFNESS = {"leaf": (1.0e6, 0.8), "air": (3.5e5, 0.7), "other": (7.0e5, 0.9)}
 GENERIC_DAMPING = (1.2e4, 0.8)
@@ -48,8 +48,8 @@ AIR_LOAD_EXPONENT = (0.7, 0.35)
 #: Smallest standard deviation of such a link, for load cases of nearly the same load.
 AIR_LINK_LEAST_SD = 0.05
 
-#: Odds s / (1 - s) of a rocker's load share and their log sd: half shared, and 95 % of the prior from 0.02 to 0.98, so
-#: that nothing but the data says how much friction in the rocker leaves of the sharing (an assumption).
+#: Odds s / (1 - s) of a rocker's load share and their log sd: half shared, and 95 % of the prior from 0.02 to 0.98. So
+#: only the data determine how much load is shared in spite of friction in the rocker (an assumption).
 SHARE_ODDS_PRIOR = (1.0, 2.0)
 
 #: Spread of the logarithm of the damping ratio of a frame that bends: known to a factor of less than two (an
@@ -62,7 +62,7 @@ SPRING_STEEL_PA = 2.06e11
 LEAF_FORMULA_SD = 0.3
 
 METHOD_PREFERENCE = ("model", "free_decay", "corrected", "paper")
-#: The full model leaves friction and tire law to doubt, but not the coupling of the axles: half of the spread above,
+#: In the full model friction and tire law are uncertain, but not the coupling of the axles: half of the spread above,
 #: an assumption.
 MODEL_STIFFNESS_SD = 0.2
 MODEL_DAMPING_SD = 0.4
@@ -132,7 +132,7 @@ def campaign_parameters(
 def _stiffness_parameters(
     campaign: Campaign, drops: DropSummary | None, laws: Sequence[frozenset[str]]
 ) -> tuple[list[Parameter], list[PriorLink]]:
-    """One stiffness per suspension, of air springs one per load case, linked by the loads."""
+    """One stiffness per suspension; for air springs one per load case, linked by the loads."""
     vehicle = campaign.vehicle
     # A load case that is only predicted has its own air-spring stiffness too: known through its link alone.
     used_cases = campaign.load_cases_in_use

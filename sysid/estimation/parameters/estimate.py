@@ -1,4 +1,4 @@
-"""What a fit says of one parameter."""
+"""Result of a fit for one parameter."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ class ParameterEstimate:
     """One parameter: what it is, and what least squares found.
 
     `name` like ``k_1`` or ``k_2[loaded]``; `quantity` ``stiffness``, ``damping``, ``tire_stiffness``, ...; `axle` is
-    the axle index or None; `load_case` None means shared; `run` is the file of a run-local parameter or None.
-    `value` in `unit`; `sd` its standard deviation; `prior_median`, `prior_log_sd` describe the prior.
-    `identified` is False where the data add next to nothing to the prior.
+    the axle index or None; `load_case` None means shared; `run` is the file of a run-local parameter or None. `value`
+    in `unit`; `sd` its standard deviation; `prior_median`, `prior_log_sd` describe the prior. `identified` is False if
+    the data add almost nothing to the prior.
     """
 
     name: str

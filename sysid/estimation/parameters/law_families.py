@@ -1,4 +1,4 @@
-"""Families of suspension laws: which elements are worth trying, and what is added or taken away together."""
+"""Families of suspension laws: which elements are tried, and which are added or removed together."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CANDIDATES = {
     "other": frozenset({"friction", "asymmetric_damper"}),
 }
 
-#: What is taken away at a time: an element of all axles of one kind of suspension.
+#: What is removed at a time: an element of all axles of one kind of suspension.
 FAMILIES = (
     ("friction", "air"),
     ("friction", "other"),

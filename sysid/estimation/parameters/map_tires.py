@@ -13,7 +13,7 @@ SPOKE_EXPONENTS = (0.3, 1.5)
 
 
 def map_tires(parameters: ParameterSet, log_parameters: Parameters) -> MapTires:
-    """Tires of the footprint maps that go with parameters.
+    """Tires of the footprint maps that belong to parameters.
 
     p = n - 1/2: on a flat road the force of radial springs that follow compression^p grows very nearly with
     deflection^(p + 1/2), as the contact's length grows with its square root; n is the tire's exponent.

@@ -19,8 +19,8 @@ def with_named_priors(
 ) -> tuple[tuple[Parameter, ...], tuple[PriorLink, ...]]:
     """Parameters and links with the user's priors, which are also where the search starts.
 
-    A parameter with a prior of its own is linked to no other; those linked to it follow it.  Names that are not among
-    the parameters are passed over: :func:`check_named_priors` judges them.
+    A parameter with a prior of its own is linked to no other; those linked to it follow it. Names that are not among
+    the parameters are ignored here: :func:`check_named_priors` checks them.
     """
     if not priors:
         return tuple(parameters), tuple(links)

@@ -39,7 +39,7 @@ class LoadShare:
 
     @property
     def words(self) -> str:
-        """A sentence for people."""
+        """A sentence for the user."""
         axles = joined_words([str(i + 1) for i in self.axles])
         if self.declared:
             return f"The rocker '{self.name}' between axles {axles} shares {100.0 * self.share:.0f} % (declared)."
@@ -50,7 +50,7 @@ class LoadShare:
 
     @property
     def of_other_programs(self) -> str:
-        """What a program has to be told that knows springs between one axle and the frame only."""
+        """Note for a program that has only springs between one axle and the frame."""
         axles = joined_words([str(i + 1) for i in self.axles])
         return (
             f"A rocker joins the springs of axles {axles}, load share {self.share:.3f}: with their forces S_i each "
@@ -60,7 +60,7 @@ class LoadShare:
 
     @property
     def proposal(self) -> str:
-        """The sentence that asks to declare a rocker which the data show."""
+        """The sentence that asks the user to declare a rocker which the data show."""
         axles = joined_words([str(i + 1) for i in self.axles])
         return (
             f"Axles {axles} behave as if a rocker shared {100.0 * self.share:.0f} % of their load (90 % interval "

@@ -56,7 +56,7 @@ class SuspensionCurves(NamedTuple):
 def suspension_curves(
     axles: Sequence[Axle], laws: Sequence[frozenset[str]], carried_N: RunsByAxles, reference_N: RunsByAxles
 ) -> SuspensionCurves:
-    """Curves that the laws of the axles ask for.
+    """Curves that the laws of the axles need.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def suspension_curves(
     rest = np.zeros_like(carried_N)
     for i, table in enumerate(springs):
         if table is not None:
-            # A heavier load rests where the table's force has fallen by the difference.
+            # A heavier load rests at the point of the table whose force is lower by the difference.
             rest[:, i] = np.interp(reference_N[:, i] - carried_N[:, i], table.force_N, table.position)
     return SuspensionCurves(
         spring=_corners(springs, rest, None) if "spring_table" in names else None,
@@ -141,8 +141,8 @@ def joined_stops(declared: HostOrDevice | None, jounce: RunsByAxlesBySets, rebou
 def stop_ramps(stops: HostOrDevice, stiffness: RunsByAxlesBySets) -> Ramps:
     """Ramps of rubber stops, F = k d (1 + d / l) at a travel d beyond the free one, as straight pieces.
 
-    The pieces meet the curve at :data:`STOP_KNOTS_M`; beyond the last of them the force goes on as steeply as the curve
-    does there.
+    The pieces meet the curve at :data:`STOP_KNOTS_M`. Beyond the last of them, the force continues with the slope of
+    the curve there.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def stop_ramps(stops: HostOrDevice, stiffness: RunsByAxlesBySets) -> Ramps:
 
 
 def lash_ramps(lash: np.ndarray, stiffness: RunsByAxlesBySets, carried: np.ndarray) -> Ramps:
-    """Ramps of the hanger lash: the spring is slack from where it carries nothing until its hanger has moved `lash`.
+    """Ramps of the hanger lash: from zero load of the spring, its force is zero until its hanger has moved `lash`.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ class ShownSignals(NamedTuple):
 def shown_signals(
     model: BumpModel, weights: Weights, motion: RunMotion, log_parameters: Parameters
 ) -> tuple[ShownSignals, ...]:
-    """What the sensors of every group show of a simulation at log parameters (p,) and the runs' own motions.
+    """Sensor signals of every group for a simulation at log parameters (p,) and the runs' own motions.
 
     Offset and gain of every channel are those that suit its record best under the weights of the fit.
 

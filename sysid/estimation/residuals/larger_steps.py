@@ -5,7 +5,7 @@ integration hardly changes: with the signals y_h(x) of steps h at log parameters
 
     y_h(x) = y_H(x) + [y_h(x_0) - y_H(x_0)] + (rest),    rest = 0 at x_0,
 
-so steps H > h serve as well once the records are moved by the bracket.
+so steps H > h can be used if the records are corrected by the bracket.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from sysid.estimation.residuals.signals import simulate_runs
 
 #: Steps [s] that are tried, the largest first.
 STEPS_S = (0.005, 0.0025)
-#: Largest relative RMS change of a channel by larger steps that is taken: beyond, what is left of it away from x_0 may
-#: no longer be small.
+#: Largest relative RMS change of a channel by larger steps that is accepted. With a larger one, the remaining error
+#: away from x_0 may no longer be small.
 MOST_CHANGE = 0.02
 
 
 def with_larger_steps(
     model: BumpModel, log_parameters: Parameters, motion: RunMotion, steps_s: Sequence[float] = STEPS_S
 ) -> BumpModel:
-    """The same runs with the largest steps that change little, their records moved by what those change at x_0.
+    """The same runs with the largest steps that change little, and records corrected by that change at x_0.
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ def with_larger_steps(
 
     Returns
     -------
-    The model itself where its steps are as large already, or where some channel would change by more than
-    :data:`MOST_CHANGE` of its RMS.
+    The model itself if its steps are already as large, or if some channel would change by more than :data:`MOST_CHANGE`
+    of its RMS.
     """
     exact: tuple[np.ndarray, ...] | None = None
     for step in steps_s:

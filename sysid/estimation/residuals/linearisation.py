@@ -1,7 +1,7 @@
 """All residuals of a campaign and their exact Jacobian.
 
-The unknowns are the global log parameters x (p,), and per run those of its motion in scaled units.  A run's motion
-touches that run only, so p + 3 forward-mode tangents give the Jacobian of all runs.
+The unknowns are the global log parameters x (p,), and per run those of its motion in scaled units. A run's motion
+affects that run only, so p + 3 forward-mode tangents give the Jacobian of all runs.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def linearise(
 def linearise_one(
     model: BumpModel, weights: Weights, log_parameters: Parameters, motion: RunMotion, position: int
 ) -> Linearisation:
-    """Linearisation of one group, as :func:`linearise`: where derivatives of all take too much memory."""
+    """Linearisation of one group, as :func:`linearise`, for cases in which derivatives of all take too much memory."""
     linearised: Linearisation = jax.block_until_ready(
         linearise_group(
             weights.on(model.arrays, position),

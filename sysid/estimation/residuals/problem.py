@@ -28,7 +28,7 @@ class Problem:
         self._latest: tuple[bytes, Weights, tuple[Linearisation, ...]] | None = None
 
     def vector(self, log_parameters: Parameters) -> UnknownsOfFit:
-        """The vector of log parameters (p,) and the motions that unknowns are counted from."""
+        """The vector of log parameters (p,) and the motions about which the unknowns are measured."""
         return np.concatenate([log_parameters, np.zeros(RUN_UNKNOWNS * len(self.order))])
 
     def unpack(self, vector: UnknownsOfFit) -> tuple[np.ndarray, RunMotion]:
@@ -45,20 +45,20 @@ class Problem:
         return other
 
     def forget(self) -> None:
-        """Let go of the derivatives that are kept for the point asked for last."""
+        """Delete the derivatives that are stored for the last point."""
         self._latest = None
 
     def linearise(self, vector: UnknownsOfFit) -> tuple[Linearisation, ...]:
-        """Linearisation of every group at a vector, kept until that of another is asked for."""
+        """Linearisation of every group at a vector, stored until another vector is requested."""
         if not self._is_kept(vector):
-            # Two of them side by side would be the most that a fit ever holds.
+            # Two of them at the same time would be the largest memory of a fit.
             self.forget()
             self._latest = vector.tobytes(), self.weights, linearise(self.model, self.weights, *self.unpack(vector))
         assert self._latest is not None
         return self._latest[2]
 
     def linearise_one(self, vector: UnknownsOfFit, position: int) -> Linearisation:
-        """Linearisation of one group, not kept unless all are: for what needs the room for other columns."""
+        """Linearisation of one group, not stored unless all are, because other columns need the memory."""
         if self._is_kept(vector):
             return self.linearise(vector)[position]
         return linearise_one(self.model, self.weights, *self.unpack(vector), position)
@@ -76,7 +76,7 @@ class Problem:
         """Compressed residuals and Jacobian with respect to the vector."""
         parameters, motion = self.unpack(vector)
         problem = compress(self.model, self.linearise(vector), parameters, motion, self.expected)
-        # The tangents are taken in units of the current speed, the vector counts in units of the reference speed.
+        # The tangents are in units of the current speed, but the vector is in units of the reference speed.
         jacobian = problem.jacobian.copy()
         here, reference = motion.of(self.order), self.reference_motion.of(self.order)
         jacobian[:, self.count + SPEED :: RUN_UNKNOWNS] /= here.mean_speed_m_s / reference.mean_speed_m_s

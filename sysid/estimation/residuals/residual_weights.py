@@ -1,4 +1,4 @@
-"""How much every reading counts."""
+"""The weight of every reading."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ from sysid.arrays import SamplesByRunsByChannels
 from sysid.campaign.records import BumpRun, Campaign, Channel, Sensor
 from sysid.errors import DataRejectedError
 
-#: Share of the interval by which stamps may depart from an even grid and count as even; those of further loggers are
-#: known to microseconds where a fit has found their clocks.
+#: Share of the interval by which stamps may depart from an even grid and still count as even. Stamps of further loggers
+#: are known to microseconds after a fit has found their clocks.
 _EVEN, _EVEN_OF_CLOCK = 0.02, 0.001
 #: Runs of one group differ in length by less than this share.
 _WASTE = 0.15
@@ -77,7 +77,7 @@ def channel_layout(runs: tuple[BumpRun, ...]) -> ChannelLayout:
 
 
 def grid_phase(channels: Sequence[Channel], interval_s: float) -> float | None:
-    """By which share of the interval the grid of a run begins late: that of its first channel of even stamps."""
+    """Delay of the grid of a run as a share of the interval: that of its first channel with even stamps."""
     return next((phase for c in channels if (phase := _even_phase(c.time_s / interval_s)) is not None), None)
 
 
@@ -94,9 +94,9 @@ def on_grid(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Value, measured mask and censoring (samples,) of one channel on the uniform grid (k + phase) * interval.
 
-    Stamps that all lie `near` grid times (in intervals) are taken to be there; without a `phase` (of the run)
-    but for an offset that they share, which shifts a run as a whole.  Other readings are interpolated by a cubic
-    spline inside stretches without gaps; clipped ones stand at the nearest grid time.
+    Stamps that are all `near` grid times (in intervals) are treated as being at these times. Without a `phase` (of the
+    run), a common offset of the stamps is allowed, which shifts a run as a whole. Other readings are interpolated by a
+    cubic spline inside stretches without gaps; clipped readings are put at the nearest grid time.
     """
     value = np.zeros(samples)
     measured = np.zeros(samples, bool)

@@ -20,7 +20,7 @@ from sysid.vehicle_model.motion import Motion, MotionChange, acceleration_of
 #: over the passage it is the standard deviation of its prior.
 SPEED_UNIT = 0.01
 SHIFT_UNIT_M = 0.02
-#: How many unknowns a run has of its own, and in which order they stand behind those that all runs share.
+#: Number of a run's own unknowns, and their order after those that all runs share.
 RUN_UNKNOWNS = 3
 SPEED, SHIFT, CHANGE = range(RUN_UNKNOWNS)
 
@@ -88,7 +88,7 @@ class RunMotion:
 
 @dataclass(frozen=True)
 class MotionPrior:
-    """What is known of the runs' motions beforehand, (R,) each in the order of the campaign.
+    """Prior knowledge of the runs' motions, (R,) each in the order of the campaign.
 
     Nominal speed [m/s] and relative standard deviation about it; standard deviation of the change of speed about zero,
     0 where there is none.
@@ -111,7 +111,7 @@ class MotionPrior:
         derivative = np.zeros((len(chosen), 2, RUN_UNKNOWNS))
         derivative[:, 0, SPEED] = SPEED_UNIT * ratio / sd
         derivative[:, 0, CHANGE] = motion.speed_by_change[chosen] * change_sd / (self.speed_m_s[chosen] * sd)
-        # Without a change its unknown moves nothing: it stays where it is.
+        # Without a change of speed, its unknown has no effect and stays where it is.
         derivative[:, 1, CHANGE] = 1.0
         return np.stack([(ratio - 1.0) / sd, change], axis=1), derivative
 

@@ -39,7 +39,7 @@ def without_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknow
 
 
 def response_of_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> np.ndarray:
-    """How the runs' own unknowns follow the common ones at their best: N^-1 J_run' J, (R, l, p); as `without_runs`."""
+    """How the runs' own unknowns, optimised, follow the common ones: N^-1 J_run' J, (R, l, p); as `without_runs`."""
     count = normal.shape[-1] - prior.shape[-1]
     return np.asarray(np.linalg.solve(own_normal(normal, prior), normal[:, count:, :count]))
 

@@ -1,4 +1,4 @@
-"""What the sensors of all runs show of a simulation."""
+"""Sensor signals of all runs for a simulation."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Derivatives of the residuals by what a fit allows for: mass properties, then departures from the model.
+"""Derivatives of the residuals by the allowances of a fit: mass properties, then departures from the model.
 
-Masses by forward differences with the matrices assembled again: a step of 1e-4 of a mass is far above rounding and far
-too small to bend the simulation.
+Derivatives by masses are forward differences with the matrices assembled again. A step of 1e-4 of a mass is far above
+rounding, and small enough for a linear effect.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def allowance_columns(
 ) -> tuple[tuple[ResidualColumns, ...], tuple[ResidualColumns, ...]]:
     """Derivatives of every group's residuals and gains by masses, and those by departures: q columns together.
 
-    Footprints stay what they are, as in derivatives by the parameters: a truck with all masses, loads, stiffnesses and
+    Footprints do not change, as in derivatives by the parameters: a truck with all masses, loads, stiffnesses and
     dampings larger by the same share moves in the same way.
 
     Parameters
@@ -39,7 +39,7 @@ def allowance_columns(
     """
     here = np.zeros(allowances.count) if amounts is None else amounts
     count = len(allowances.masses.factors)
-    # Towards the declared value: the simulation follows no mass beyond its reach.
+    # Towards the declared value: the simulation does not follow a mass beyond its allowed range.
     steps = np.where(here > 0.0, -STEP, STEP)
     units = steps[:, None] * np.eye(here.size)
     trials = [(allowances.moved(model, here + units[j], here), float(steps[j])) for j in range(count)]

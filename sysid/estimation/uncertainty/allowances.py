@@ -1,4 +1,4 @@
-"""What a fit allows for beside its parameters: declared masses, and departures of the vehicle from the model."""
+"""Allowances of a fit in addition to its parameters: declared masses, and departures of the vehicle from the model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from sysid.vehicle_model.passes import EffectiveRoads, Pass
 class Allowances:
     """Mass properties with tolerances, and departures from the model.
 
-    `departures` are about what the wheels feel at amplitude 0, `departures.roads`.
+    `departures` are relative to the effective roads of the wheels at amplitude 0, `departures.roads`.
     """
 
     masses: UncertainMasses
@@ -38,7 +38,7 @@ class Allowances:
         return amounts[:masses], amounts[masses:]
 
     def within_reach(self, amounts: np.ndarray) -> np.ndarray:
-        """Amounts (m + n,) no further than the simulation follows them; friction does not push."""
+        """Amounts (m + n,) within the range that the simulation follows; friction is not negative."""
         masses, amplitudes = self.split(amounts)
         far = REACH_SD * self.masses.sd
         reach = np.array([REACH[d.kind] for d in self.departures.directions])
@@ -46,11 +46,11 @@ class Allowances:
         return np.concatenate([np.clip(masses, -far, far), np.clip(amplitudes, least, reach)])
 
     def moved(self, model: BumpModel, amounts: np.ndarray, loads_of: np.ndarray | None = None) -> BumpModel:
-        """The model with other masses and departed from what it was made as; (m + n,).
+        """The model with other masses and departures than those it was made with; (m + n,).
 
         Parameters
         ----------
-        loads_of : amounts (m + n,) under whose axle loads the footprints are, None for `amounts`.
+        loads_of : amounts (m + n,) whose axle loads determine the footprints, None for `amounts`.
         """
         log_factors, amplitudes = self.split(amounts)
         vehicle, load_cases = self.masses.applied(log_factors)
@@ -58,7 +58,7 @@ class Allowances:
         return self.departures.model(model.with_vehicle(vehicle, load_cases), amplitudes, changed)
 
     def road(self, passes: Sequence[Pass], amounts: np.ndarray) -> EffectiveRoad:
-        """What the wheels feel of passes; amounts (m + n,)."""
+        """Effective roads of the wheels in passes; amounts (m + n,)."""
         log_factors, amplitudes = self.split(amounts)
         changed = self.masses.load_changes(log_factors, [p.load_case for p in passes])
         return self.departures.road(passes, amplitudes, changed)
@@ -69,7 +69,7 @@ def campaign_allowances(campaign: Campaign, parameters: ParameterSet, felt: Effe
 
     Parameters
     ----------
-    felt : what the wheels feel of the bumps in the model.
+    felt : effective roads of the wheels over the bumps in the model.
     """
     rubbing = {p.axle for p in parameters.parameters if p.quantity == "friction"}
     axles = range(len(campaign.vehicle.axles))

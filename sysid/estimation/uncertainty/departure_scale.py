@@ -1,4 +1,4 @@
-"""How far the vehicle departs from the model, by the data: residuals along the departures, and the size of each kind.
+"""How far the vehicle departs from the model, from the data: residuals along the departures, and the size of each kind.
 
 With the information H and gradient g of parameters x, masses m and departures a at the optimum of x for given y = (m,
 a), of which the priors are N(0, L^-1),
@@ -6,8 +6,8 @@ a), of which the priors are N(0, L^-1),
     S = H_yy - H_yx (H_xx + P)^-1 H_xy,    y* | tau ~ N(y - (S + L)^-1 (g_y + L y), (S + L)^-1),
     L = diag(sd_m^-2, tau^-2).
 
-All amplitudes of one kind have one scale tau, what they have in common has another.  They maximise the evidence, found
-by expectation-maximisation (D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992),
+All amplitudes of one kind have one scale tau, and their common part has another. The scales maximise the evidence and
+are found by expectation-maximisation (D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992),
 doi:10.1162/neco.1992.4.3.415):
 
     tau^2 <- mean over the kind of (E[a]^2 + var[a]).
@@ -36,20 +36,20 @@ from sysid.estimation.uncertainty.departures import (
 )
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, trial_residuals
 
-#: Scales at which the search begins, and which it does not exceed: what is plausible without any data.  Assumptions:
-#: the whole way to another contact law; 0.2 in the footprint's log stiffness and in the spokes' exponent; 10 % of a
-#: tire's stiffness beyond its load law; 3 % of the load as friction (leaf packs have 2 to 10 %, general knowledge).
+#: Scales at which the search begins, and which it does not exceed: plausible values without any data. Assumptions: the
+#: whole way to another contact law; 0.2 in the footprint's log stiffness and in the spokes' exponent; 10 % of a tire's
+#: stiffness beyond its load law; 3 % of the load as friction (leaf packs have 2 to 10 %, general knowledge).
 PLAUSIBLE = {ENVELOPE: 1.0, FOOTPRINT: 0.2, SPOKES: 0.2, TIRE_LOAD: 0.1, FRICTION: 0.03}
-#: Readings of a scale are not taken to be further off than so many times their tolerance.
+#: Readings of a weighing scale are assumed to be off by no more than this many times their tolerance.
 MOST_GROWN = 3.0
 _ROUNDS = 200
 
 
 @dataclass(frozen=True)
 class DepartureScale:
-    """Scale tau (n,) of every direction, and the masses and amplitudes (m + n,) that the data ask for with it.
+    """Scale tau (n,) of every direction, and the masses and amplitudes (m + n,) that the data require with it.
 
-    `mass_sd` (m,) tolerances, those of scale readings grown where the data ask for it.
+    `mass_sd` (m,): tolerances, enlarged for scale readings if the data require it.
     """
 
     sd: np.ndarray
@@ -80,7 +80,7 @@ def departure_columns(
     base = residuals(here_now)
     cases = [np.array([p.load_case for p in passes]) for passes in model.passes]
     for kind, axle in dict.fromkeys((d.kind, d.axle) for d in known.directions if d.axle is not None):
-        # One simulation moves an axle in all load cases: their runs do not know each other.
+        # One simulation moves an axle in all load cases, because their runs are independent.
         together = [j for j, d in enumerate(known.directions) if (d.kind, d.axle) == (kind, axle)]
         amplitudes = here_now.copy()
         amplitudes[together] += STEP[kind]
@@ -112,9 +112,9 @@ def departure_scale(
 ) -> DepartureScale:
     """Scales of the kinds by expectation-maximisation.
 
-    Readings of a scale that are further off than their tolerance have a scale in the same way, never below it.  What
-    all readings share no motion shows; the tolerance of that grows by the same factor: a scale whose readings scatter
-    more than declared is not taken to be true on average as declared (an assumption).
+    Readings of a weighing scale that are further off than their tolerance get a scale tau in the same way, never below
+    the tolerance. No motion shows the error that all readings share. Its tolerance grows by the same factor: if the
+    readings scatter more than declared, their mean is also assumed to be less accurate than declared (an assumption).
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Departures of the vehicle from the model: physics that the model leaves out, each with an amplitude.
 
-The model's tire rolls over its footprint in one way, stiffens with load by one exponent, and a linear suspension does
-not rub.  A real truck does a little of everything else.  A departure is a direction in which the simulation can be
-moved towards such other physics: amplitude 0 is the model.  Amplitudes are estimated, with priors whose size is taken
-from what the data ask for (:mod:`sysid.estimation.uncertainty.departure_scale`).
+In the model, a tire rolls over its footprint in one way, its stiffness grows with load by one exponent, and a linear
+suspension has no friction. A real truck differs a little in all of these. A departure is a direction in which the
+simulation can be moved towards such other physics; amplitude 0 is the model. Amplitudes are estimated, with priors
+whose size follows from the data (:mod:`sysid.estimation.uncertainty.departure_scale`).
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ from sysid.vehicle_model.passes import EffectiveRoads, Pass
 #: Logarithms (n, axles) of axle loads over the declared ones in n load cases.
 LoadChanges: TypeAlias = Callable[[Sequence[str]], RunsByAxles]
 
-#: Kinds of departures: how the tire envelops the bump (share of the way to another contact law); size of the footprint
-#: (logarithm of the tire stiffness that it belongs to); how single spokes stiffen (exponent beyond that of the law);
-#: tire stiffness in a further load case, and friction over the carried load (logarithms).
+#: Kinds of departures: how the tire envelops the bump (0 for the chosen contact law, 1 for another one); size of the
+#: footprint (logarithm of the factor on the tire stiffness for which it is computed); stiffening of single spokes
+#: (exponent in addition to that of the law); tire stiffness in a further load case, and friction over the carried load
+#: (logarithms).
 ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD, FRICTION = "envelope", "footprint", "spokes", "tire_load", "friction"
-#: Amplitudes at which the directions are taken: large against rounding, small against what bends the simulation.
+#: Amplitudes at which the directions are taken: large compared with rounding, small enough for a linear effect.
 STEP = {ENVELOPE: 0.1, FOOTPRINT: 0.02, SPOKES: 0.02, TIRE_LOAD: 0.01, FRICTION: 0.005}
 #: No draw of a vehicle departs further than this, two to three and a third times the scale that is plausible without
 #: data (:data:`sysid.estimation.uncertainty.departure_scale.PLAUSIBLE`): an assumption, as a
@@ -39,7 +40,7 @@ STEP = {ENVELOPE: 0.1, FOOTPRINT: 0.02, SPOKES: 0.02, TIRE_LOAD: 0.01, FRICTION:
 REACH = {ENVELOPE: 2.0, FOOTPRINT: 0.5, SPOKES: 0.5, TIRE_LOAD: 0.3, FRICTION: 0.1}
 #: Steps of log stiffness and of the spokes' exponent from which the directions of contact are differences.
 _SOFTER, _STIFFENING = 0.1, 0.1
-#: Slip length of friction that the model has not: as that of the friction law, an assumption.
+#: Slip length of friction that the model does not have: that of the friction law, an assumption.
 _SLIP_M = 1e-3
 #: Padded maps end at multiples of this.
 _WHOLE_M = 1.0
@@ -49,7 +50,8 @@ _WHOLE_M = 1.0
 class Departure:
     """One direction: its `kind`, the axle index, and the load case, None where it is shared by all.
 
-    Without an axle it is what all directions of its kind have in common: tires of one make envelop a bump alike.
+    Without an axle it is the common part of all directions of its kind: tires of one make envelop a bump in the same
+    way.
     """
 
     kind: str
@@ -71,7 +73,7 @@ class Departure:
 
 @dataclass(frozen=True)
 class Departures:
-    """The directions of one vehicle over its bumps; `roads` are what its wheels feel at amplitude 0."""
+    """The directions of one vehicle over its bumps; `roads` are the effective roads of its wheels at amplitude 0."""
 
     roads: EffectiveRoads
     directions: tuple[Departure, ...]
@@ -200,7 +202,7 @@ class BlendedRoad:
 
 
 def departures(roads: EffectiveRoads, used_cases: Sequence[str], rubbing: Sequence[bool]) -> Departures:
-    """Directions of a vehicle in the load cases in use; `rubbing` (axles,) tells whose law has friction already."""
+    """Directions of a vehicle in the load cases in use; `rubbing` (axles,) says which laws have friction already."""
     axles = range(len(roads.vehicle.axles))
     first = next(iter(roads.load_cases))
     directions = [Departure(kind, i, case) for kind in (ENVELOPE, FOOTPRINT) for case in used_cases for i in axles]
@@ -240,7 +242,7 @@ def _padded_maps(known: Departures, passes: Sequence[Pass]) -> tuple[EffectiveRo
         assert base.drag is not None
         stretch = (one.stretch - base.stretch) / unit
         if not lifted:
-            # Only radial springs know where the wheel is clear of the road.
+            # Only with radial springs is it known where the wheel is clear of the road.
             stretch[3] = 0.0
         return base._replace(rise=(one.rise - base.rise) / unit, stretch=stretch, drag=(one.drag - base.drag) / unit)
 

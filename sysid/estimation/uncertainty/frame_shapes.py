@@ -1,12 +1,13 @@
-"""What is not known of the shape of a frame that bends: where the mass lies along it.
+"""Unknown shape of a frame that bends: the distribution of mass along it.
 
-Mass, centre of gravity and pitch inertia of a body leave open where its mass lies.  Its bending mode depends on that in
-each load case through the mean rise and mean slope that are taken out of the shape, and through the modal mass:
+Mass, centre of gravity and pitch inertia of a body do not determine the distribution of its mass. The bending mode
+depends on this distribution in each load case, through the mean rise and mean slope that are removed from the shape,
+and through the modal mass:
 
     phi = psi - (h + a) - (p + b / l) (x - x_cg),    modal mass M exp(c),
 
-with h, p and M those of the mass assumed (:mod:`sysid.vehicle_model.bending`), l half the frame's length, and a, b, c
-normal about zero.  They stand among the masses that may be a little wrong, with larger standard deviations.
+where h, p and M belong to the assumed mass (:mod:`sysid.vehicle_model.bending`), l is half the frame's length, and a,
+b, c are normal about zero. They are treated like the uncertain masses, with larger standard deviations.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _WORDS = {
 
 
 def frame_factors(vehicle: Vehicle, body: int, used: Sequence[str]) -> list[MassFactor]:
-    """What is not known of the shape of a body's frame in the load cases `used`; nothing for a rigid one."""
+    """Factors of the unknown shape of a body's frame in the load cases `used`; none for a rigid body."""
     bending, name = vehicle.bodies[body].bending, vehicle.bodies[body].name
     if bending is None:
         return []

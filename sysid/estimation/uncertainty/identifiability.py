@@ -2,9 +2,10 @@
 
 Columns of the Jacobian are in units of prior standard deviations, with the runs' own unknowns eliminated. So the
 singular values s solve A v = s^2 P v, where A is the precision of the data and P that of the priors. A combination with
-s = 1 is known from the data as well as from the priors; the data shrink its prior by 1 / sqrt(1 + s^2). Combinations
-that they shrink to no less than :data:`IDENTIFIED_SHRINKAGE` are undetermined (D. A. Belsley, E. Kuh and R. E. Welsch,
-Regression diagnostics, Wiley, 1980, chapter 3, doi:10.1002/0471725153, look for them in the same way).
+s = 1 is known from the data as well as from the priors; the data reduce the standard deviation of its prior by 1 /
+sqrt(1 + s^2). Combinations that they do not reduce below :data:`IDENTIFIED_SHRINKAGE` are undetermined (D. A. Belsley,
+E. Kuh and R. E. Welsch, Regression diagnostics, Wiley, 1980, chapter 3, doi:10.1002/0471725153, look for them in the
+same way).
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from sysid.tabular import Tabular
 if TYPE_CHECKING:
     import pandas as pd
 
-#: The data determine a parameter or a combination when they shrink its prior at least this much.
+#: The data determine a parameter or a combination if they reduce its prior's standard deviation at least by this
+#: factor.
 IDENTIFIED_SHRINKAGE = 0.7
 #: Correlation from which on two parameters are hard to tell apart.
 CORRELATED = 0.9
@@ -38,7 +40,7 @@ _ALIKE = 1.5
 
 @dataclass(frozen=True)
 class CorrelatedPair:
-    """Two parameters that the data tell apart poorly: `correlation` of their logarithms."""
+    """Two parameters that are hard to separate by the data: `correlation` of their logarithms."""
 
     first: str
     second: str
@@ -47,7 +49,7 @@ class CorrelatedPair:
 
 @dataclass(frozen=True)
 class UndeterminedGroup:
-    """Parameters that the data leave open together: of their `names` only `known` combinations are determined.
+    """Parameters that the data do not determine singly: of their `names` only `known` combinations are determined.
 
     `kind` is ``sum`` or ``ratio`` where the one known combination is that, ``combination`` for others, and ``none``
     where none is known; `relative_sd` of a sum or ratio, else NaN.
@@ -86,7 +88,7 @@ class Identifiability(Tabular):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences about suspension parameters that the data leave open."""
+        """Sentences about suspension parameters that the data do not determine."""
         return group_statements([g for g in self.groups if not all(is_tire(name) for name in g.names)])
 
     @property
@@ -210,7 +212,7 @@ def _alike(coefficients: np.ndarray) -> bool:
 
 
 def group_statements(groups: Sequence[UndeterminedGroup]) -> tuple[str, ...]:
-    """Sentences about what the data leave open."""
+    """Sentences about what the data do not determine."""
     sentences = []
     alone = [name for g in groups if g.known == 0 for name in g.names]
     if alone:
@@ -238,7 +240,7 @@ def rough_statements(estimates: Sequence[ParameterEstimate], groups: Sequence[Un
 def pair_statements(
     by_name: Mapping[str, ParameterEstimate], groups: Sequence[UndeterminedGroup], pairs: Sequence[CorrelatedPair]
 ) -> tuple[str, ...]:
-    """Sentences about suspension parameters that are determined, but hard to tell apart."""
+    """Sentences about suspension parameters that are determined, but hard to separate."""
     sentences = []
     said = {name for g in groups for name in g.names}
     for pair in pairs:
@@ -255,7 +257,7 @@ def pair_statements(
 
 
 def is_tire(name: str) -> bool:
-    """Whether a parameter of this name belongs to tires, whose values are no findings."""
+    """Whether a parameter of this name belongs to tires, whose values are not results."""
     return name.startswith(("kt_", "ct_", "tire_"))
 
 

@@ -1,12 +1,12 @@
-"""What the data say about parameters, masses and departures from the model, and what more data would add to it.
+"""Information of the data about parameters, masses and departures from the model, and what more data would add to it.
 
-Masses and departures y are unknowns with priors N(0, L^-1) like all others, and they are integrated out: of the
-information H of parameters x and y (runs' own motions eliminated) this leaves, with that of more data D,
+Masses and departures y are unknowns with priors N(0, L^-1) like all others, and they are integrated out. H is the
+information of parameters x and y (with the runs' own motions eliminated), and D that of more data. Then
 
     H' = H + D,    N = H'_xx - H'_xy (H'_yy + L)^-1 H'_yx,    covariance = (C' N C + P)^-1,
 
-P the prior precision and C the flattening for model error that no departure stands for
-(:mod:`sysid.estimation.uncertainty.sandwich`).  With D = 0 this is the covariance of the fit.
+where P is the prior precision and C the flattening for model error that no departure describes
+(:mod:`sysid.estimation.uncertainty.sandwich`). With D = 0 this is the covariance of the fit.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ class DataInformation:
 class ClockFollowing:
     """How the unknown clocks (n, e) of n runs follow p + m other unknowns, all in prior standard deviations.
 
-    `alone` (n, e) their step while the others stay, `response` (n, e, p + m) how they follow them, with the other sign;
-    `sd` (n, e) what is left of their standard deviations.
+    `alone` (n, e) is their step while the others stay. `response` (n, e, p + m) says how they follow the others, with
+    opposite sign. `sd` (n, e) are their remaining standard deviations.
     """
 
     alone: np.ndarray

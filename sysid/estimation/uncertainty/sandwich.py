@@ -45,7 +45,7 @@ class BlockScores(NamedTuple):
     """Scores (R, C, p) of single runs and channels, information (R, p, p) of runs, and `parts`, (p, p) of channels.
 
     Of the runs' own unknowns `own_score` (R, l) of the data, `own_normal` (R, l, l) with their prior precision, and
-    `own_response` (R, l, p): how they follow the p unknowns, with the other sign.
+    `own_response` (R, l, p): how they follow the p unknowns, with opposite sign.
     """
 
     scores: np.ndarray

@@ -1,9 +1,10 @@
-"""Declared mass properties that may be a little wrong: factors on them, shared by all runs, each with a Gaussian prior.
+"""Declared mass properties with small errors: factors on them, shared by all runs, each with a Gaussian prior.
 
 A factor multiplies an unsprung mass, a body's pitch inertia, the height of its centre of gravity or of its hitch, the
-load that a scale showed for an axle, or all loads that it showed.  What an axle load gains its body gains; what an
-unsprung mass gains, the sprung mass of its body loses; statics find the centre of gravity anew.  The logarithm of a
-factor is normal about zero with the tolerance that the campaign file gives.
+load that a scale showed for an axle, or all loads that it showed. If an axle load increases, the mass of its body
+increases by the same amount. If an unsprung mass increases, the sprung mass of its body decreases by the same amount.
+Statics then give the new centre of gravity. The logarithm of a factor is normal about zero with the tolerance that the
+campaign file gives.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ UNSPRUNG, INERTIA, CG_HEIGHT, HITCH_HEIGHT, AXLE_LOAD, SCALE = (
     "axle_load_factor",
     "axle_load_scale_factor",
 )
-#: The simulation sees no factor further from one than this many tolerances: 99.99 % of normal draws stay inside, so
-#: that one comes near only where the data ask for it.
+#: The simulation uses no factor further from one than this many tolerances. 99.99 % of normal draws are inside, so a
+#: factor comes near this limit only if the data require it.
 REACH_SD = 4.0
 
 
@@ -63,7 +64,7 @@ class UncertainMasses:
         return np.array([f.quantity in FRAME_SD for f in self.factors], bool)
 
     def load_changes(self, log_factors: np.ndarray, load_cases: Sequence[str]) -> np.ndarray:
-        """Logarithms (n, axles) of what axle loads are over the declared ones in `load_cases`, for factors (m,)."""
+        """Logarithms (n, axles) of axle loads over the declared ones in `load_cases`, for factors (m,)."""
         change = np.zeros((len(load_cases), len(self.vehicle.axles)))
         limit = REACH_SD * self.sd
         for factor, value in zip(self.factors, np.clip(log_factors, -limit, limit), strict=True):
@@ -127,7 +128,7 @@ def uncertain_masses(campaign: Campaign) -> UncertainMasses:
 
 
 def _axle_load_factors(vehicle: Vehicle, used: Sequence[str]) -> list[MassFactor]:
-    """Factors on every reading of the scale, and on the scale that showed them all."""
+    """Factors on every reading of the scale, and on the scale itself."""
     tolerances = vehicle.tolerances
     factors = [
         MassFactor(
@@ -160,7 +161,7 @@ def _apply(
         axle = replace(axle, unsprung_mass_kg=axle.unsprung_mass_kg * value)
         return replace(vehicle, axles=_with(vehicle.axles, at, axle)), cases
     if factor.quantity == UNSPRUNG:
-        # A heavier beam of the same shape turns as much harder.
+        # The inertia of a heavier beam of the same shape grows in proportion.
         beam = vehicle.groups[at]
         beam = replace(beam, mass_kg=beam.mass_kg * value, pitch_inertia_kg_m2=beam.pitch_inertia_kg_m2 * value)
         return replace(vehicle, groups=_with(vehicle.groups, at, beam)), cases
@@ -198,7 +199,8 @@ def _weighed(vehicle: Vehicle, case: LoadCase, axle: int, value: float) -> LoadC
 
 def _on_scale(vehicle: Vehicle, case: LoadCase, value: float) -> LoadCase:
     """The load case with all loads, and all that stands on the axles, times `value`."""
-    # What axles weigh has a factor of its own: until it moves, the bodies above them carry the difference.
+    # Axle loads have a factor of their own. As long as it does not move, the bodies above the axles carry the
+    # difference.
     sprung = value * np.array(case.sprung_mass_kg) + (value - 1.0) * _unsprung_by_body(vehicle)
     loads = value * np.array(case.axle_loads_kg)
     return replace(case, axle_loads_kg=tuple(loads.tolist()), sprung_mass_kg=tuple(sprung.tolist()))

@@ -1,1 +1,1 @@
-"""How much every reading counts: noise, its correlation in time, and readings that stand out."""
+"""The weight of every reading: noise, its correlation in time, and outliers."""

@@ -89,7 +89,7 @@ def fitted_autoregression(measured: np.ndarray, residual: np.ndarray, lags: int)
 
 
 def autoregression(correlation: np.ndarray, count: np.ndarray, max_order: int = MAX_ORDER) -> Autoregression:
-    """Autoregressive models of channels, each of the order that its residuals bear evidence for.
+    """Autoregressive models of channels, each of the order that its residuals support.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def autoregression(correlation: np.ndarray, count: np.ndarray, max_order: int = 
         phi[: p - 1] = past - reflection * past[::-1]
         phi[p - 1] = reflection
         left = left * (1.0 - reflection**2)
-        # Once a sequence is as good as known from its past, higher orders fit rounding.
+        # If a sequence is practically known from its past, higher orders only fit rounding errors.
         sound &= np.abs(reflection) < _STATIONARY
         criterion = n * np.log(left) + p * np.log(n)
         better = sound & (criterion < least)
@@ -119,15 +119,15 @@ def autoregression(correlation: np.ndarray, count: np.ndarray, max_order: int = 
 
 
 def variance_inflation(models: Autoregression, sensitivity: np.ndarray) -> np.ndarray:
-    """Factor (...) by which correlation inflates the variance of what residuals say about parameters; at least 1.
+    """Factor (...) by which correlation inflates the variance of the residuals' scores; at least 1.
 
     The score J' r of a column J has the variance J' R J against J' J for white residuals, R their correlation. In the
     frequency domain that is the mean of the residuals' spectrum f weighted by the power |J(w)|^2 of the column: slow
-    residuals do not spoil what fast motion tells. A channel has one factor, the mean over the parameters of theirs,
-    each weighted by what the channel tells about it over what channels do on average. The largest of them would change
-    with every parameter about which a channel begins to have information. On a truck with nonlinear dampers, the
-    weights of two searches that ended in the same place differed by factors of 30, and the optima by standard
-    deviations.
+    residuals do not reduce the information of fast motion. A channel has one factor: the mean over the parameters of
+    their factors. Each is weighted by the information of the channel about the parameter over the average of that over
+    channels. The largest of them would change with every parameter about which a channel begins to have information. On
+    a truck with nonlinear dampers, the weights of two searches that ended in the same place differed by factors of 30,
+    and the optima by standard deviations.
 
     Parameters
     ----------

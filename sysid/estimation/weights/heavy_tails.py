@@ -1,4 +1,4 @@
-"""Heavy tails: readings that stand out of their neighbours count less, where residuals have such readings.
+"""Heavy tails: readings that differ much from their neighbours get less weight, if residuals have such readings.
 
 Residuals are compared with their surroundings: u_t = d_t / s_t, where d_t is the distance of r_t from the cubic through
 its four neighbours, and s_t the usual size of such distances around t. So readings are not treated as bad where the
@@ -24,7 +24,8 @@ from sysid.arrays import Channels, Samples, SamplesByRunsByChannels
 DEGREES_OF_FREEDOM = (2.0, 3.0, 4.0, 6.0, 9.0)
 #: Cubic interpolation between the two readings before and the two after.
 _NEIGHBOURS = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6.0
-#: Gain in the criterion from which on tails count as heavy: surroundings are estimates, which alone makes them heavier.
+#: Gain in the criterion from which on tails count as heavy. Tails are always a little heavier, because surroundings are
+#: estimates.
 DECISIVE = 20.0
 _SURROUNDINGS, _CUT = 81, 4.0
 #: Surroundings below this share of the record's root mean square are at rest.
@@ -73,16 +74,16 @@ def heavy_tails(
 
 
 def _lasting(low: np.ndarray) -> np.ndarray:
-    """Where (n,) low weights come in a row longer than a bad reading and its neighbours make."""
+    """Where (n,) low weights come in a longer row than by a bad reading and its neighbours."""
     row, _ = label(low)
     return np.asarray(low & (np.bincount(row)[row] > _LONGEST))
 
 
 def standing_out(measured: Samples, residual: Samples, reading: Samples) -> Samples:
-    """How far residuals (n,) stand out of their neighbours, in standard deviations of their surroundings.
+    """Difference of residuals (n,) from their neighbours, in standard deviations of their surroundings.
 
-    NaN where that cannot be said: a neighbour is missing, or the surroundings move less than the channel's resolution
-    or a part of what the record does on the whole.
+    NaN where this is not known: a neighbour is missing, or the surroundings move less than the channel's resolution or
+    than a fraction of the whole record's motion.
     """
     known = np.convolve(measured, np.ones(5), mode="same") == 5.0
     if known.sum() < _SURROUNDINGS:
@@ -91,15 +92,16 @@ def standing_out(measured: Samples, residual: Samples, reading: Samples) -> Samp
     size = np.abs(departure)
     step = np.abs(np.diff(reading[measured]))
     resolution = float(step[step > 0.0].min(initial=np.inf)) if np.any(step > 0.0) else 0.0
-    # What rounding to the resolution alone makes of a departure: one reading and its four neighbours.
+    # Departure by rounding to the resolution alone: one reading and its four neighbours.
     rounding = resolution * np.sqrt((1.0 + np.sum(_NEIGHBOURS**2)) / 12.0)
     floor = max(_SHARE * np.sqrt(np.mean(departure[known] ** 2)), 0.9 * rounding)
     middle = np.maximum(median_filter(size, _SURROUNDINGS, mode="nearest"), 0.2 * np.median(size[known]))
-    # The mean scatters less than the median, and without what stands out it is as safe.
+    # The mean scatters less than the median, and without outliers it is as safe.
     inside = uniform_filter1d(known.astype(float), _SURROUNDINGS, mode="nearest")
     total = uniform_filter1d(np.where(known, np.minimum(size, _CUT * middle), 0.0), _SURROUNDINGS, mode="nearest")
     typical = total / np.maximum(inside, 1.0 / _SURROUNDINGS) * np.sqrt(np.pi / 2.0)
-    # Where motion begins or ends, the surroundings are those on the livelier side; what is at rest there tells nothing.
+    # Where motion begins or ends, the surroundings are those on the side with more motion; the part at rest gives no
+    # information.
     lively = maximum_filter1d(typical, _SURROUNDINGS, mode="nearest")
     judged = known & (lively > floor) & (typical > 0.5 * lively)
     typical = lively

@@ -27,7 +27,7 @@ def instrument_noise(group: RunGroup, quiet_s: float) -> np.ndarray:
         _sums(x, min(length, len(pair))) for x in (pair, np.where(pair, np.diff(group.value, axis=0), 0.0) ** 2)
     )
     mean = squares / np.maximum(pairs, 1)
-    # The smallest of a few differences would be far too small: stretches as full as there are any.
+    # The smallest of a few differences would be far too small, so the fullest stretches are used.
     full = pairs >= np.maximum(_PAIRS, 0.9 * pairs.max(axis=0))
     quietest = np.where(full, mean, np.inf).min(axis=0)
     sigma = np.sqrt(np.where(pairs[0] >= _PAIRS, mean[0], quietest) / 2.0)
@@ -37,8 +37,8 @@ def instrument_noise(group: RunGroup, quiet_s: float) -> np.ndarray:
 def rolling_noise(group: RunGroup, quiet_s: float) -> np.ndarray:
     """Standard deviation (R, C) of every channel while the truck rolls towards the bump, 0 where nothing tells it.
 
-    It holds what no model of the bump explains: noise of the instruments, roughness of the road, vibration of the
-    engine.  Channels with fewer than 8 readings in the first `quiet_s` seconds tell nothing.
+    It includes what no model of the bump explains: noise of the instruments, roughness of the road, vibration of the
+    engine. Channels with fewer than 8 readings in the first `quiet_s` seconds are not used.
     """
     first = slice(0, max(_PAIRS, int(quiet_s / group.interval_s)))
     measured, value = group.measured[first], group.value[first]

@@ -1,4 +1,4 @@
-"""What remains of the readings, and what the noise model makes of it."""
+"""Residuals of the readings, and the effect of the noise model on them."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _LAGS = 120
 
 
 def reweighted(problem: Problem, linearisations: Sequence[Linearisation]) -> Weights:
-    """Weights of the next round: residual scales, tempering by variance inflation, and readings that stand out."""
+    """Weights of the next round: residual scales, tempering by variance inflation, and outliers."""
     scales, tails, plain = [], [], []
     for position, (group, lin) in enumerate(zip(problem.model.groups, linearisations, strict=True)):
         raw = plain_residual(problem.weights, position, lin)
@@ -66,5 +66,5 @@ def plain_residual(weights: Weights, position: int, lin: Linearisation) -> np.nd
 
 
 def lags_of(samples: int) -> int:
-    """Number of lags that a record of so many samples is judged by."""
+    """Number of lags used for a record of this many samples."""
     return min(_LAGS, samples // 4)

@@ -1,4 +1,4 @@
-"""The engine in C++, compiled for this machine: records of the vehicle model turned into the arrays that it takes."""
+"""The engine in C++, compiled for this machine: conversion of vehicle-model records to its arrays."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def misfit_call(
     readings: Readings,
     local: LocalColumns,
 ) -> Call:
-    """The call that computes misfits, as the benchmark without Python and XLA wants it too."""
+    """The call that computes misfits, also for the benchmark without Python and XLA."""
     more = {**readings._asdict(), **{f"local_{name}": array for name, array in local._asdict().items()}}
     return _call("misfits", matrices, laws, road, timing, layout, recursion, more)
 

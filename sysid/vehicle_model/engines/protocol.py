@@ -1,7 +1,7 @@
-"""What an engine of the time integration does, and the records that go in and out.
+"""Protocol of an engine of the time integration, and its input and output records.
 
-An engine prepares the road of a group of runs for itself; whoever holds a prepared road calls the engine through it and
-need not know which one it is.
+An engine prepares the road of a group of runs in its own form. Code that has a prepared road calls the engine through
+it, and need not know which engine it is.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Linearisation(NamedTuple):
 
 
 class LocalColumns(NamedTuple):
-    """What marginalises the three unknowns of the motion of every run.
+    """Arrays that marginalise the three unknowns of the motion of every run.
 
     `residual` (T, R, C, 3) and `gain` (R, C, 3) the columns J of their residuals, `offset` (R, 3) what their priors add
     to b = J'r, `factor` (R, 3, 3) the inverse Cholesky factor of their normal matrix.
@@ -90,7 +90,7 @@ class Engine(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is called in settings and results."""
+        """Its name in settings and results."""
 
     def takes(self, matrices: StackedMatrices) -> bool:
         """Whether it can integrate vehicles of this size."""

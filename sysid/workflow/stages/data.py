@@ -84,7 +84,7 @@ def quality_blocks(report: QualityReport) -> Blocks:
 
 
 def _clock_blocks(report: QualityReport) -> Blocks:
-    """What is added to the stamps of further loggers, to be on the clock of the first one."""
+    """Offsets added to the stamps of further loggers, to put them on the clock of the first one."""
     if report.clocks:
         table = TextTable("Clocks", ("log", "logger", "offset s", "sd ms", "rate ppm", "sd ppm", "found by"))
         for c in report.clocks:
@@ -96,7 +96,7 @@ def _clock_blocks(report: QualityReport) -> Blocks:
 
 
 def _speed_blocks(report: QualityReport) -> Blocks:
-    """Speeds of the runs and bumps of the scans as they were measured, to be compared with what one remembers."""
+    """Measured speeds of the runs and bumps of the scans, for comparison with the user's notes."""
     if report.speeds:
         table = TextTable("Speeds", ("log", "load case", "listed km/h", "measured km/h"))
         for run in report.speeds:

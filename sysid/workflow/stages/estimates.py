@@ -1,4 +1,4 @@
-"""Stage that derives what drops, fit and posterior say about the truck: values per axle, modes, curves, felt roads."""
+"""Stage of the results for the truck from drops, fit and posterior: values per axle, modes, curves, effective roads."""
 
 from __future__ import annotations
 

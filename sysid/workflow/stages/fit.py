@@ -159,7 +159,7 @@ def _left_out(context: Context, runs: Sequence[str]) -> Iterator[tuple[str, Left
 
 
 def _runs(context: Context) -> Sequence[str]:
-    """All runs, or the named ones, or none where no option asks for any."""
+    """All runs, or the named ones, or none if no option requests any."""
     from sysid.validation.leave_out import chosen_runs
 
     named = tuple(context.options.get("left_out") or ())

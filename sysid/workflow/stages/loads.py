@@ -156,12 +156,12 @@ def _speeds_km_h(options: Mapping[str, Any]) -> tuple[float, ...]:
 
 
 def _of_these_speeds(advice: Advice, options: Mapping[str, Any]) -> bool:
-    """Whether advice that is kept is about the speeds asked for."""
+    """Whether stored advice is about the requested speeds."""
     return {f"{3.6 * p.speed_m_s:.6g}" for p in advice.runs} == {f"{v:.6g}" for v in _speeds_km_h(options)}
 
 
 def show_advise(advice: Advice, results: Results) -> Blocks:
-    """What every further run and sensor would bring, then the best of them in words."""
+    """The benefit of every further run and sensor, then the best of them in words."""
     yield from shown_determined(None if results.fit is None else results.fit.identifiability)
     peak = "-" if advice.peak is None else f"peak ratio, {advice.peak.label}"
     columns = ("one further run", "worst of k and c", "median of k and c", peak)

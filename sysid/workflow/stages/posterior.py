@@ -104,7 +104,7 @@ SAMPLE = Whole(
     name="sample",
     compute=_sample,
     needs=(SCAN, FIT),
-    # How long to go on decides when a chain ends, not what it is.
+    # The limit of steps determines when a chain ends, not its draws.
     settings=tuple(
         f"sampling.{name}"
         for name in (
@@ -133,7 +133,7 @@ SAMPLE = Whole(
 
 
 def log_draws(posterior: Posterior) -> np.ndarray:
-    """Draws (n, p) of the log parameters, one behind the other."""
+    """Draws (n, p) of the log parameters, one after the other."""
     import numpy as np
 
     return np.asarray(np.log(posterior.draws.reshape(-1, len(posterior.names))))
