@@ -120,8 +120,8 @@ def _check_span(
     jump = int(np.argmax(np.diff(stamps)))
     row = int(np.flatnonzero(all_stamps == stamps[jump + 1])[0]) + first_row
     raise DataRejectedError(
-        f"{label}: the time in column '{column}' spans {span:.6g} s, at most {most:.6g} s are read of "
-        f"{stamps.size} rows {step:.4g} s apart; it jumps by {stamps[jump + 1] - stamps[jump]:.6g} s in row {row}: "
+        f"{label}: the time in column '{column}' spans {span:.6g} s, but {stamps.size} rows {step:.4g} s "
+        f"apart may span at most {most:.6g} s; it jumps by {stamps[jump + 1] - stamps[jump]:.6g} s in row {row}: "
         "correct the stamps or cut the log."
     )
 

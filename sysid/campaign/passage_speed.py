@@ -50,7 +50,7 @@ def speed_complaint(run: BumpRun, vehicle: Vehicle) -> tuple[str, bool] | None:
         return None
     unit = next((u for u, factor in _UNITS.items() if abs(np.log(ratio / factor)) < 0.05), None)
     likely = f", which looks like {unit}" if unit else ""
-    ending = "the run is left out" if far >= HOPELESS else "the run is used, with its speed sought"
+    ending = "the run is left out" if far >= HOPELESS else "the run is used, and its speed is searched for"
     sentence = (
         f"{run.log.file}: its axles meet the bump one after the other as at {3.6 * speed:.3g} km/h, but "
         f"{3.6 * run.nominal_speed_m_s:.3g} km/h are listed{likely}; {ending}. Correct nominal_speed_km_h, or the axle "

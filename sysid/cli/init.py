@@ -52,8 +52,8 @@ def _target(folder: Path, output: Path | None, force: bool) -> tuple[Path, str]:
         below = folder.resolve().relative_to(target.resolve().parent)
     except ValueError:
         raise CampaignError(
-            f"{shorten(target, 100)} does not stand above the logs, and a campaign reads no files outside its folder; "
-            "write it into the folder of the logs or one above it."
+            f"{shorten(target, 100)} is neither in the folder of the logs nor above it, and a campaign reads no files "
+            "outside its own folder; write it into the folder of the logs or one above it."
         ) from None
     return target, "" if below == Path() else f"{below.as_posix()}/"
 

@@ -74,8 +74,8 @@ def _released(known: Sequence[tuple[PlankDrop, float]]) -> str | None:
     planks = [s for d, s in known if d.release == "plank"]
     if len(bodies) > 1 and float(np.median(bodies)) > TELLING:
         return (
-            'Drops with release = "body" begin with a compressed suspension, as on a plank: a body that is let go has '
-            "been lifted and stretches it. Correct release, and give plank_height_m."
+            'Drops with release = "body" begin with a compressed suspension, as on a plank: a lifted body '
+            "stretches it before its release. Correct release, and give plank_height_m."
         )
     if len(planks) > 1 and float(np.median(planks)) < -TELLING:
         return (

@@ -80,11 +80,11 @@ def _all_speeds(seen: Sequence[tuple[BumpRun, Passage]], vehicle: Vehicle) -> li
         return []
     factor = float(np.exp(mean))
     return [
-        f"The axles of {len(near)} runs meet the bump one after the other as at {factor:.3f} times the listed speeds "
+        f"In {len(near)} runs the axles meet the bump one after the other as at {factor:.3f} times the listed speeds "
         f"(median): either all nominal_speed_km_h are {abs(100 * mean):.0f} % too {'low' if mean > 0 else 'high'}, or "
         f"all axle positions x_m are {abs(100 * mean):.0f} % too {'large' if mean > 0 else 'small'}, or the clock of "
-        f"the logs is off. With wrong positions stiffnesses are wrong by as much and more: measure the distance "
-        f"between the first and the last axle, and multiply all x_m by {1.0 / factor:.3f} if it is that."
+        "the logs is wrong. Wrong positions make stiffnesses wrong by at least as much. Measure the distance between "
+        f"the first and the last axle; if it is wrong, multiply all x_m by {1.0 / factor:.3f}."
     ]
 
 
@@ -110,8 +110,8 @@ def _misplaced_axle(passages: Sequence[Passage], vehicle: Vehicle) -> str | None
     choices = [f"'{shorten(vehicle.axles[axles[j]].name)}' at {x[j] + o:.2f} m instead of {x[j]:.2f} m"
                for o, j in [(off, k), *sorted(others, key=lambda c: c[1])]]  # fmt: skip
     return (
-        f"In {len(passages)} runs one axle does not meet the bump when its place says: the axle positions x_m would "
-        f"have to be {'; or '.join(choices)}. Measure the distances between the axles."
+        f"In {len(passages)} runs one axle does not meet the bump when its x_m says: the axle positions x_m should be "
+        f"{'; or '.join(choices)}. Measure the distances between the axles."
     )
 
 
@@ -170,8 +170,8 @@ def _axle_out_of_time(passages: Sequence[Passage], vehicle: Vehicle) -> str | No
             )
         return (
             f"In {np.sum(np.abs(offs[seen]) > PLACE_OFF_M)} of {seen.sum()} runs the axle '{name}' does not meet the "
-            "bump when its place x_m says, and no other place explains it: check the clock of its sensors, and which "
-            "axle they sit at."
+            "bump when its place x_m says, and no other place explains it: check the clock of its sensors, and at "
+            "which axle they are mounted."
         )
     return None
 

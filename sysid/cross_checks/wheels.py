@@ -59,7 +59,7 @@ def tire_complaint(runs: Sequence[BumpRun], passages: Mapping[str, Passage | Non
         return _unsprung_exchanged(ratios, vehicle)
     likely = _tire_words(middle / 1.2)
     return (
-        f"The wheels hop as if tires and suspension together had {middle:.2g} times the declared tire stiffness: "
+        f"The frequency of wheel hop is that of {middle:.2g} times the declared tire stiffness (with the suspension): "
         f"tire_stiffness_N_per_m{likely} or unsprung_mass_kg is wrong (both are per axle: all tires together, in N/m "
         "and kg)."
     )
@@ -301,7 +301,7 @@ def filter_complaint(runs: Sequence[BumpRun], low_pass: AntiAliasFilter | None) 
     if len(ratios) < 3 or float(np.median(ratios)) < allowed:
         return None
     return (
-        f"The axles move above {2 * cutoff:.0f} Hz more than the declared anti-alias filter would have left (order "
+        f"Above {2 * cutoff:.0f} Hz the axle signals are larger than the declared anti-alias filter allows (order "
         f"{low_pass.order}, cutoff_hz = {cutoff:g}): {100 * float(np.median(ratios)):.2g} % of the power below "
         f"{cutoff:g} Hz; correct acquisition.filter."
     )

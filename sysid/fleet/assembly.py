@@ -148,8 +148,8 @@ def assemble(fleet: Fleet, output: Path, kind: str, priors: HyperPriors) -> Asse
     mixed = sorted(n for n in order if len(laws[n]) > 1)
     if mixed:
         remarks.append(
-            f"campaigns of this type have different suspension laws ({', '.join(mixed[:6])}): their k and c do not "
-            "mean quite the same; give the fleet one law by --laws declared or in the campaign files"
+            f"campaigns of this type have different suspension laws ({', '.join(mixed[:6])}): their k and c are "
+            "not comparable; give the fleet one law by --laws declared or in the campaign files"
         )
     data, shared = _stacked(fleet.shared, order, about, known, parts, trucks, remarks)
     data, left_out = _determined(data, priors)

@@ -20,8 +20,8 @@ def _read(file: InputFile, label: str, request: LogRequest) -> LogContent:
         shown = ", ".join(f"'{shorten(n, 30)}'" for n in layout.names[:4])
         expected = "'time_s'" if request.time is None else f"'{shorten(request.time)}'"
         raise DataRejectedError(
-            f"{label} has no time column (found {shown}, ...), expected {expected}; name the column of the time stamps "
-            "so, or say its name by 'time' in campaign.toml."
+            f"{label} has no time column (found {shown}, ...), expected {expected}; rename the column of the time "
+            "stamps, or give its name by 'time' in campaign.toml."
         )
     clock = Clock(time, columns[time] * seconds_in(time, units.get(time)), first_row)
     channels = (RawChannel(n, clock, columns[n], units.get(n) or None) for n in wanted if n in columns)

@@ -110,7 +110,7 @@ def first(
         widest = names[int(np.argmax(np.diag(covariance)))]
         raise DataRejectedError(
             f"The posterior has no finite density around the least-squares optimum; parameter {widest} is the least "
-            "certain one: give it a prior in campaign.toml or leave out runs that the fit does not explain."
+            "certain one. Give it a prior in campaign.toml or leave out runs that the fit does not explain."
         )
     random = np.random.RandomState(np.random.MT19937(seed.spawn(1)[0]))
     return emcee.State(points[:walkers], log_prob=values[:walkers], random_state=random.get_state())

@@ -266,7 +266,8 @@ def _warnings(history: History, diagnosis: Diagnosis, rejected_share: float) -> 
     if rejected_share > _MANY_REJECTED:
         sentences.append(
             f"{100 * rejected_share:.0f} % of the parameter sets that the sampler proposed have no finite simulation: "
-            "the posterior reaches to where the vehicle model fails; give the widest parameters priors."
+            "the posterior includes values with which the vehicle model fails; give priors to the parameters with the "
+            "widest intervals."
         )
     stuck = standstills(history.draws, diagnosis.burn_in)
     if stuck.any():

@@ -362,6 +362,6 @@ def _check_load_cases(
         having = {p.axle for p in parameters.parameters if p.quantity == "stiffness" and p.load_case in (None, case)}
         if springs != having or (drawn and case not in campaign.load_cases_in_use):
             raise CampaignError(
-                f"Load case '{case}' is in no run and no prediction of {campaign.file.name}, so the fit says nothing "
-                "of it; list a prediction in it there and fit again."
+                f"Load case '{case}' is in no run and no prediction of {campaign.file.name}, so the fit has no "
+                "values for it; add a prediction in this load case to the file and fit again."
             )

@@ -311,8 +311,8 @@ def advice_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     if advice is None:
         return []
     caption = (
-        "What would be known of k and c after one further run, after one with one more sensor, and with a declared "
-        "mass known exactly: worst and median relative standard deviation. Dotted lines: what is known now."
+        "Expected knowledge of k and c after one further run, after one with one more sensor, and with one declared "
+        "mass known exactly: worst and median relative standard deviation. Dotted lines: present knowledge."
     )
     best = min((*advice.runs, *advice.sensors), key=lambda p: advice.worst(p)[1], default=advice.now)
     name, sd = advice.worst(advice.now)

@@ -173,8 +173,8 @@ def _unexplained(results: Results) -> list[str]:
         return []
     return [
         f"Do not bet on these intervals: the residuals are {number(results.fit.misfit, 2)} times the noise (median "
-        "over channels). The truck does something that no law and no part of the model does, and values may be off by "
-        "more than their intervals say. The figures of measured and simulated signals show where."
+        "over channels). The truck does something that the model does not describe, and values may be wrong by "
+        "more than their intervals. The figures of measured and simulated signals show where."
     ]
 
 
@@ -227,7 +227,7 @@ def _todo(results: Results) -> list[str]:
         steps.append("Run the stage 'advise': it says which further run or sensor would help most.")
     steps += stops.remedies(results)
     if results.fit is not None and results.predictions is None and results.campaign.predictions:
-        steps.append("Run the stage 'predict' for the wheel loads of the passes that the campaign asks for.")
+        steps.append("Run the stage 'predict' for the wheel loads of the passes in the campaign file.")
     if results.status == "converged" and results.posterior is not None:
         steps.append(
             "Take k and c from parameters.csv"

@@ -45,14 +45,14 @@ def las_points(data: bytes, label: str, most_points: int) -> np.ndarray:
     if header_bytes < _HEADER_BYTES or not header_bytes <= begin <= len(data):
         raise _unreadable(label, "the place of its points is outside the file")
     if records * _VLR_BYTES > begin - header_bytes or extended * _EVLR_BYTES > len(data):
-        raise _unreadable(label, f"it promises {records + extended} further records for which it has no room")
+        raise _unreadable(label, f"it announces {records + extended} further records for which it has no room")
     if kind & 0x3F >= len(_RECORD_BYTES) or size < _RECORD_BYTES[kind & 0x3F]:
         raise _unreadable(label, f"it has points of format {kind & 0x3F} with {size} bytes each")
     check_count(label, count, most_points)
     if kind & _COMPRESSED:
         return _decompressed(data, label, most_points)
     if begin + count * size > len(data):
-        raise DataRejectedError(f"{label} promises {count} points but is cut short; copy or export it again.")
+        raise DataRejectedError(f"{label} announces {count} points but is cut short; copy or export it again.")
     layout = np.dtype({"names": ["xyz"], "formats": ["(3,)<i4"], "offsets": [0], "itemsize": size})
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(np.frombuffer(data, layout, count, begin)["xyz"] * scale + offset)

@@ -58,7 +58,7 @@ def ply_points(data: bytes, label: str, most_points: int) -> np.ndarray:
     promised = sum(e.count for e in elements)
     if promised > len(data):
         raise DataRejectedError(
-            f"{label} promises {promised} PLY elements but has only {len(data)} bytes; export it again."
+            f"{label} announces {promised} PLY elements but has only {len(data)} bytes; export it again."
         )
     check_count(label, vertex.count, most_points)
     names = {name.lower(): name for _, name in vertex.properties}

@@ -147,7 +147,7 @@ def _level(points: np.ndarray, frame: RoadFrame, noise: float, scan: Scan, optio
         length = bumps[-1].end_m - bumps[0].start_m
         if length > limits.PROFILE_LENGTH_M:
             raise DataRejectedError(
-                f"Scan {scan.file}: what rises from the road reaches over {length:.0f} m, at most "
+                f"Scan {scan.file}: the raised part of the road is {length:.0f} m long, at most "
                 f"{limits.PROFILE_LENGTH_M:g} m are read; crop the cloud to the road around the bump."
             )
         flat = _flat_road(frame.road_coordinates(points)[0], (*bumps, *rises))

@@ -168,9 +168,9 @@ def _messages(
     if _coupled(vehicle) and files:
         messages.append(
             "Equations (1)-(3) take each axle for the only one under its body, but on this vehicle neighbouring axles "
-            "and pitch share the motion that a plank drop shows; stiffness and damping from drops are starting values, "
-            "the correction for the tire need not bring them closer, and fitting the drops with the full model is the "
-            "cure."
+            "and pitch share the motion that a plank drop shows. Stiffness and damping from drops are starting values, "
+            "and the correction for the tire does not always improve them. The drops fitted with the full model "
+            "(method model) do not have this error."
         )
     names = [axle.name for axle in vehicle.axles]
     unread = sorted({a.axle for a in files if _without_numbers(a)})

@@ -139,7 +139,7 @@ def mass_along(centre: float, variance: float, what: str) -> tuple[np.ndarray, n
     """
     if not (abs(centre) < 1.0 and 0.01 < variance < 0.98 * (1.0 - centre) * (1.0 + centre)):
         raise CampaignError(
-            f"{what} has its centre of gravity or its pitch inertia outside what mass between its ends can have; "
+            f"{what} has a centre of gravity and a pitch inertia that no mass between its ends can have; "
             "give bending.shape with x_m from one end of the frame to the other, or correct pitch_inertia_kg_m2."
         )
     second = variance + centre**2

@@ -67,7 +67,7 @@ def test_the_file_may_stand_above_the_logs_but_nowhere_else(folder: Path, tmp_pa
     (tmp_path / "other").mkdir()
     found = run(folder, "--output", tmp_path / "other" / "truck.toml")
     assert found.exit_code == 2
-    assert "does not stand above the logs" in found.output
+    assert "is neither in the folder of the logs nor above it" in found.output
 
 
 def test_folders_without_logs_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

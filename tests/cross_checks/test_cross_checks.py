@@ -69,7 +69,7 @@ def test_healthy_trucks_are_not_accused(name: str) -> None:
 
 def test_positions_that_are_too_small_are_named_with_their_factor() -> None:
     small = with_axles(truck(), lambda i, a: replace(a, x_m=0.93 * a.x_m))
-    (factor,) = re.findall(r"multiply all x_m by (\S+) if", said(small))
+    (factor,) = re.findall(r"multiply all x_m by (\d+\.\d+)", said(small))
     assert float(factor) == pytest.approx(1 / 0.93, abs=0.02)
 
 
@@ -141,7 +141,7 @@ def test_wheels_at_rest_behind_the_bump_tell_no_frequency(share: float) -> None:
             late = c.time_s > 0.4 * c.time_s[-1]
             channels.append(replace(c, value=np.where(late, share * c.value + (1.0 - share) * rest, c.value)))
         runs.append(replace(run, log=replace(run.log, channels=tuple(channels))))
-    assert "The wheels hop" not in said(replace(campaign, bump_runs=tuple(runs)))
+    assert "wheel hop" not in said(replace(campaign, bump_runs=tuple(runs)))
 
 
 def test_all_masses_in_pounds_show_in_the_hop_of_the_wheels() -> None:
@@ -152,7 +152,7 @@ def test_all_masses_in_pounds_show_in_the_hop_of_the_wheels() -> None:
     heavy = with_axles(
         with_cases(truck(), pounds), lambda i, a: replace(a, unsprung_mass_kg=2.20462 * a.unsprung_mass_kg)
     )
-    assert "The wheels hop as if" in said(heavy)
+    assert "The frequency of wheel hop is that of" in said(heavy)
 
 
 @pytest.mark.parametrize("factor", [0.5, 0.25, 1e-3])

@@ -67,7 +67,7 @@ def test_every_point_format_reads_as_by_laspy(tmp_path: Path, point_format: int,
 @pytest.mark.parametrize(
     ("at", "kind", "value", "said"),
     [
-        (100, "<I", 4_000_000_000, "promises 4000000000 further records"),
+        (100, "<I", 4_000_000_000, "announces 4000000000 further records"),
         (107, "<I", 4_000_000_000, "4000000000 points, more than"),
         (96, "<I", 4_000_000_000, "outside the file"),
         (94, "<H", 65_535, "outside the file"),
@@ -125,7 +125,7 @@ XYZ = "".join(f"property float {axis}\n" for axis in "xyz")
         (ply("element vertex 900000\n" + XYZ + "".join(f"property double p{i}\n" for i in range(2000)),
              "1 2 3\n" * 200_000), "takes more than 400 MB of memory"),
         # The first end_header stands in a comment: only what the check has understood reaches the library.
-        (ply("comment end_header\nelement vertex 99999999999999999\n" + XYZ, "1 2 3\n"), "promises"),
+        (ply("comment end_header\nelement vertex 99999999999999999\n" + XYZ, "1 2 3\n"), "announces"),
         (ply("element vertex 3\n" + XYZ + "property list float16 int v\n", "1 2 3\n"), "its header has the line"),
         (ply("element vertex 3\n" + XYZ.replace("float z", "float z\nproperty float z"), "1 2 3 4\n" * 3), "PLY"),
         (b"ply\nelement vertex 3\n" + XYZ.encode() + b"end_header\n1 2 3\n", "names no known format"),
@@ -150,7 +150,7 @@ def test_the_library_sees_the_header_as_it_was_checked(tmp_path: Path, monkeypat
 
 def test_leading_zeros_hide_no_count(tmp_path: Path) -> None:
     lines = "element vertex 3\n" + XYZ + f"element more {'0' * 30}99999999999\nproperty double a\n"
-    assert "promises 100000000002" in refused(written(tmp_path / "bad.ply", ply(lines, "1 2 3\n" * 3)))
+    assert "announces 100000000002" in refused(written(tmp_path / "bad.ply", ply(lines, "1 2 3\n" * 3)))
 
 
 @pytest.mark.parametrize("text", [False, True])

@@ -138,7 +138,7 @@ FAULTS = {
     ),
     "open quote": ("x,y,z\n" + table() + '"1,2,3\n4,5,6\n', "table of numbers"),
     "ply cut in header": (b"ply\nformat ascii 1.0\n", "end of its header"),
-    "ply bomb": (PLY_HEAD % (99_999_999_999_999, b"x"), "promises 99999999999999"),
+    "ply bomb": (PLY_HEAD % (99_999_999_999_999, b"x"), "announces 99999999999999"),
     "ply without x": (PLY_HEAD % (1, b"a") + b"1 2 3\n", "no property x"),
     "ply cut short": (PLY_HEAD % (3, b"x") + b"1 2 3\n", "not a readable PLY"),
     "ply without points": (PLY_HEAD % (0, b"x"), "no points"),

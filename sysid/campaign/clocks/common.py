@@ -214,7 +214,7 @@ def _along_line(seen: Sequence[_Seen], logger: Logger, runs: Sequence[BumpRun]) 
             f"The clock of the logger '{shorten(logger.name)}' runs {1e6 * rate:.0f} ppm (standard deviation "
             f"{1e6 * rate_sd:.0f} ppm) away from that of the first logger in {int(used.sum())} runs, and at most "
             f"{1e6 * logger.rate_within:g} ppm about {1e6 * logger.rate:g} are declared; correct rate_within_ppm, or "
-            'set clock = "per_log" if it is set or started anew between runs.'
+            'set clock = "per_log" if it is set or restarted between runs.'
         )
     result = []
     for k, one in enumerate(seen):
@@ -226,8 +226,8 @@ def _along_line(seen: Sequence[_Seen], logger: Logger, runs: Sequence[BumpRun]) 
         if usable[k] and not used[k] and abs(off) > APART_S:
             sentence = (
                 f"{one.log.file}: by the {_by(one.method)} the clock of the logger '{shorten(logger.name)}' is "
-                f"{1e3 * off:.1f} ms away from what the other runs say of a clock that runs on; its channels are left "
-                'out of this run. Set clock = "per_log" if it is started anew between runs, or check that this is '
+                f"{1e3 * off:.1f} ms away from a clock that runs on from the other runs; its channels are left "
+                'out of this run. Set clock = "per_log" if it is restarted between runs, or check that this is '
                 "the log of that run."
             )
         else:

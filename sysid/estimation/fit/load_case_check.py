@@ -61,7 +61,7 @@ def check_load_cases(
         return
     pairs = ", ".join(f"those listed as '{case}' as '{other}'" for case, other in fits_better.items())
     raise DataRejectedError(
-        f"The bump runs of every load case fit another one better before anything is fitted, {pairs}: the load cases "
+        f"Before the fit, the bump runs of every load case suit another one better, {pairs}: the load cases "
         "are probably exchanged in [tests], or their axle loads and masses in [load_case]."
     )
 

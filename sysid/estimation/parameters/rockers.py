@@ -53,9 +53,9 @@ class LoadShare:
         """Note for a program that has only springs between one axle and the frame."""
         axles = joined_words([str(i + 1) for i in self.axles])
         return (
-            f"A rocker joins the springs of axles {axles}, load share {self.share:.3f}: with their forces S_i each "
-            "axle and the frame above it feel S_i + share (mean S - S_i); dampers and stops act beside it. This file "
-            "holds the springs alone: add the rocker, or motions of these axles will differ."
+            f"A rocker joins the springs of axles {axles}, load share {self.share:.3f}: with their forces S_i the "
+            "force on each axle and on the frame above it is S_i + share (mean S - S_i); dampers and stops are apart "
+            "from it. This file has springs only: add the rocker, or motions of these axles will differ."
         )
 
     @property

@@ -89,8 +89,8 @@ class UndeclaredFrame:
         hz = self.frequency_hz
         return (
             f"The frame of '{self.body}' behaves as if it bends at {hz:.2f} Hz (90 % interval {self.low:.2f} to "
-            f"{self.high:.2f} Hz): all results include this. If it does, declare it in its [[vehicle.body]], bending = "
-            f"{{ frequency_hz = {hz:.2f} }}; if it is stiff, do not use the results of its axles."
+            f"{self.high:.2f} Hz): all results include this. If the frame bends, declare it in its [[vehicle.body]], "
+            f"bending = {{ frequency_hz = {hz:.2f} }}; if it is stiff, do not use the results of its axles."
         )
 
 
