@@ -47,7 +47,12 @@ def test_speed_from_the_arrivals(speed):
 
 @pytest.mark.parametrize(
     ("factor", "word", "hopeless"),
-    [(3.6, "looks like m/s", True), (1.609, "looks like mph", True), (1.18, "its speed is searched for", False), (0.5, "", True)],
+    [
+        (3.6, "looks like m/s", True),
+        (1.609, "looks like mph", True),
+        (1.18, "its speed is searched for", False),
+        (0.5, "", True),
+    ],
 )
 def test_a_listed_speed_in_another_unit_is_said(factor, word, hopeless):
     sentence, out = speed_complaint(run(listed=SPEED / factor), truck())

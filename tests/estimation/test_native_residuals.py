@@ -93,7 +93,11 @@ def test_linearisation(linearisations, field):
     assert (np.abs(ours - theirs) <= tolerance * size).all()
 
 
-@pytest.mark.parametrize("joined", ["beam", "equaliser", "equaliser and bending frame"])
+@pytest.mark.parametrize(
+    # The last has the rocker too, and every case takes half a minute.
+    "joined",
+    ["beam", pytest.param("equaliser", marks=pytest.mark.long), "equaliser and bending frame"],
+)
 def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined):
     """Friction, stops and an asymmetric damper in front; gas spring, lash and tables behind, on a beam or a rocker."""
     spring = ForceTable((-0.1, -0.01, 0.01, 0.1), (-3.5e4, -3e3, 3e3, 4e4))

@@ -263,7 +263,7 @@ def test_it_compiles_without_a_warning(tmp_path):
     """With the flags of the product; the library then says with which description it was compiled."""
     compiler = build.find_compiler()
     assert compiler is not None
-    build.compile_engine(compiler, tmp_path / "engine.so", "-Werror")
+    build.compile_engine(compiler, tmp_path / "engine.so", "-Werror", "-DSYSID_COORDINATES=4")
     loaded = ctypes.CDLL(str(tmp_path / "engine.so"))
     kernel.check_fingerprint(loaded)
 
