@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import astuple, replace
+from functools import partial
 
 import numpy as np
 import pytest
 import rigid_truck
 from rigid_truck import EMPTY, LADEN, VEHICLE, campaign, empty_run
+from scipy.optimize import lsq_linear
 from synthetic_fit import synthetic_campaign
 
 from sysid.campaign.vehicle_records import AxleGroup, FrameBending, FrameMass, MassTolerances
@@ -21,7 +23,7 @@ from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
-from sysid.estimation.uncertainty.joint_step import JointStep, integrated, joint_step
+from sysid.estimation.uncertainty.joint_step import JointStep, bounded_step, integrated, joint_step
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.uncertain_masses import AXLE_LOAD, SCALE, uncertain_masses
 from sysid.vehicle_model.assembly import assemble
@@ -52,6 +54,28 @@ def test_one_step_reaches_the_joint_optimum_of_a_dense_problem():
     # An exact mass stays where it is, and does not divide by zero.
     held = joint_step(jacobian.T @ jacobian, score, prior, prior @ here, np.array([0.03, 0.0]), amounts * [1.0, 0.0])
     assert held.amounts[1] == 0.0
+
+
+def test_what_leaves_its_bound_only_when_another_is_held_is_held_too():
+    """Both at zero and not to fall below: against bounded least squares.  The first step would move one of them up."""
+    jacobian = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 2.0], [0.0, 0.0, 1.0]])
+    residual, sd, prior = np.array([1.0, 0.5, 1.0]), np.array([10.0, 10.0]), np.diag([0.5])
+    step_with = partial(
+        joint_step,
+        jacobian.T @ jacobian,
+        jacobian.T @ residual,
+        prior,
+        np.zeros(1),
+        amounts=np.zeros(2),
+    )
+    first = step_with(sd)
+    assert first.amounts[0] > 0.0 > first.amounts[1]
+    step = bounded_step(step_with, sd, lambda step: step.amounts < 0.0)
+    whole = np.concatenate([jacobian, np.diag([np.sqrt(0.5), 0.1, 0.1])])
+    best = lsq_linear(whole, -np.concatenate([residual, np.zeros(3)]), ([-np.inf, 0.0, 0.0], np.inf)).x
+    np.testing.assert_allclose(np.concatenate([step.parameters, step.amounts]), best, atol=1e-9)
+    assert step.amounts.tolist() == [0.0, 0.0]
+    assert step.largest == 0.0
 
 
 def test_masses_integrated_out_leave_the_marginal_of_a_joint_gaussian():

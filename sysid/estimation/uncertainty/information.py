@@ -26,6 +26,7 @@ from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import departure_scale
 from sysid.estimation.uncertainty.joint_step import (
     JointStep,
+    bounded_step,
     integrated,
     joint_covariance,
     joint_scale,
@@ -329,10 +330,12 @@ def model_error(
             matrix, with_priors, prior, masses.sd, directions, amounts, masses.readings, masses.scales
         )
         sd = np.concatenate([departed.mass_sd, departed.sd])
-        step = joint_step(matrix, score, prior, pull, sd, amounts, following)
         # What cannot move on, as friction that would push, must not carry the others along.
-        free = np.where(_held(allowances, amounts, step), 0.0, sd)
-        step = joint_step(matrix, score, prior, pull, free, amounts, following)
+        step = bounded_step(
+            partial(joint_step, matrix, score, prior, pull, amounts=amounts, following=following),
+            sd,
+            partial(_held, allowances, amounts),
+        )
         change = np.concatenate([step.parameters, step.amounts])
         there = scores + parts @ (change if following is None else change + following @ change)
         unit, covariance = joint_scale(matrix, prior, sd), joint_covariance(matrix, prior, sd)

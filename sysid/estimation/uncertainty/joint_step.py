@@ -14,6 +14,7 @@ Integrated over y the data leave for x the information N = H_xx - H_xy (H_yy + L
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,6 +94,28 @@ def joint_step(
     step = -np.linalg.solve(whole, gradient)
     spread = np.sqrt(np.diag(inverse)[count:])
     return JointStep(step[:count] * scale[:count], step[count:] * sd, step[count:] / spread)
+
+
+def bounded_step(
+    step_with: Callable[[np.ndarray], JointStep], sd: np.ndarray, held: Callable[[JointStep], np.ndarray]
+) -> JointStep:
+    """A step in which nothing leaves its bounds from where it stands at them.
+
+    While some would, they are held: then others may want to leave theirs.
+
+    Parameters
+    ----------
+    step_with : the step with given standard deviations (q,) of masses and departures; 0 holds one where it is.
+    sd : (q,) those of all.
+    held : which (q,) stand at a bound that a step would take them beyond.
+    """
+    fixed = np.zeros(sd.size, bool)
+    while True:
+        step = step_with(np.where(fixed, 0.0, sd))
+        now = fixed | held(step)
+        if (now == fixed).all():
+            return step
+        fixed = now
 
 
 @dataclass(frozen=True)
