@@ -1,4 +1,4 @@
-"""What the stages of a calibration have found, together: the record that report, tables and files are made from."""
+"""All results of a calibration in one record, from which report, tables and files are made."""
 
 from sysid.results.contents import Results
 

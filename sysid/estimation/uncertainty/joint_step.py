@@ -99,15 +99,21 @@ def joint_step(
 def bounded_step(
     step_with: Callable[[np.ndarray], JointStep], sd: np.ndarray, held: Callable[[JointStep], np.ndarray]
 ) -> JointStep:
-    """A step in which nothing leaves its bounds from where it stands at them.
+    """A joint step that takes no mass or departure beyond a bound at which it already is.
 
-    While some would, they are held: then others may want to leave theirs.
+    Those that would go beyond are held, and the step is computed again. Then others may want to go beyond their bounds,
+    so this is repeated until none does.
 
     Parameters
     ----------
-    step_with : the step with given standard deviations (q,) of masses and departures; 0 holds one where it is.
-    sd : (q,) those of all.
-    held : which (q,) stand at a bound that a step would take them beyond.
+    step_with : the step for given prior standard deviations (q,) of masses and departures; 0 holds one where it is.
+    sd : (q,) prior standard deviations.
+    held : says of a step which (q,) masses and departures are at a bound and would go beyond it.
+
+    Returns
+    -------
+    JointStep
+        Changes of all; zero for those that are held.
     """
     fixed = np.zeros(sd.size, bool)
     while True:

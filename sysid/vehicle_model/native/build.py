@@ -51,7 +51,7 @@ def find_compiler() -> Compiler | None:
 def library(coordinates: int | None = None) -> Path:
     """The engine for vehicles with so many body coordinates, from the cache or compiled now.
 
-    Compiling takes some ten seconds, once per machine, version and number of coordinates.  The library's folder is
+    Compiling takes 10 to 20 s, once per machine, version and number of coordinates.  The library's folder is
     named by a hash of the sources, the headers' version and the processor, one of the compiler, and the number; where
     there is no compiler any more, what another one has compiled is used.  A library that is there already is used only
     if it is what this user has put there (:mod:`sysid.private_files`).  The folder is filled under another name and
