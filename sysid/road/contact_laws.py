@@ -90,7 +90,7 @@ class ContactKind:
 
     @property
     def follows_tires(self) -> bool:
-        """Whether its maps depend on the stiffness of the tires."""
+        """Whether its maps are made again for tires as estimated; other laws have those of the declared tires."""
         return self.geometric_map is None
 
 

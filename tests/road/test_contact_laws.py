@@ -30,6 +30,12 @@ def test_a_point_follows_the_profile_and_pushes_against_its_slope():
     assert not found.stretch.any()
 
 
+def test_maps_of_radial_springs_alone_follow_the_estimated_tires():
+    """The other laws are geometry: of them the map is given, and nothing has to be tabulated for other tires."""
+    follow = {name: kind.follows_tires for name, kind in contact_laws.CONTACT_LAWS.items()}
+    assert follow == {"footprint": True, "cams": False, "point": False}
+
+
 def test_round_cams_over_an_edge(monkeypatch):
     """A circle of radius R at the distance d before an edge of height h stands h - R + sqrt(R^2 - d^2) high."""
     monkeypatch.setattr(contact_laws, "CAM_EXPONENT", 2.0)
