@@ -99,9 +99,14 @@ def rest_height(radius: float, load: float, spring: float, exponent: float) -> f
 
 
 def simulate(
-    truck: IndependentTruck, runs: list[tuple[str, float, float, float]], seconds: float, *, load_shift: bool = False
+    truck: IndependentTruck,
+    runs: list[tuple[str, float, float, float]],
+    seconds: float,
+    *,
+    load_shift: bool = False,
+    interval_s: float = INTERVAL_S,
 ) -> np.ndarray:
-    """Readings (T, runs, 4 na): deflections, axle and frame accelerations, vertical tire forces.
+    """Readings (T, runs, 4 na) every `interval_s`: deflections, axle and frame accelerations, vertical tire forces.
 
     Runs are of (load case, speed and start at axle 1, share by which the speed changes until the last axle passes), at
     constant acceleration; with `load_shift` its inertia forces lean the truck, which begins in that equilibrium.
@@ -177,7 +182,7 @@ def simulate(
         seen = [dot(m["extension"], q), dot(m["wheel"], a1), dot(m["points"], a1), vertical]
         return new, jnp.concatenate(seen, axis=1)
 
-    substeps = round(INTERVAL_S / STEP_S)
+    substeps = round(interval_s / STEP_S)
     still = jnp.zeros((len(runs), m["push"].shape[1]))
 
     def at_rest(q):
@@ -196,15 +201,18 @@ def simulate(
             rest_of, _ = jax.lax.scan(lambda s, j: (step(s, k * substeps + j)[0], None), first, jnp.arange(1, substeps))
             return rest_of, seen
 
-        return jax.lax.scan(sample, state, jnp.arange(round(seconds / INTERVAL_S)))[1]
+        return jax.lax.scan(sample, state, jnp.arange(round(seconds / interval_s)))[1]
 
     return np.asarray(all_steps((at_rest(still), still, jnp.zeros_like(breakaway))))
 
 
 def peak_ratios(truck: IndependentTruck, passes: tuple[tuple[str, float], ...]) -> np.ndarray:
-    """Largest vertical tire force over the static one, (passes, na), of passes at (load case, speed [km/h])."""
+    """Largest vertical tire force over the static one, (passes, na), of passes at (load case, speed [km/h]).
+
+    It is taken from every step of the integration: between readings 5 ms apart a peak at 48 km/h is missed by up to 4 %.
+    """
     runs = [(case, v / 3.6, 1.0, 0.0) for case, v in passes]
     seconds = max(1.0 + (truck.x_m[-1] + LENGTH_M) / r[1] for r in runs) + 1.5
-    force = simulate(truck, runs, seconds)[:, :, 3 * len(truck.x_m) :]
+    force = simulate(truck, runs, seconds, interval_s=STEP_S)[:, :, 3 * len(truck.x_m) :]
     static = np.array([truck.load_cases[case][0] for case, _ in passes]) * GRAVITY
     return force.max(axis=0) / static
