@@ -196,4 +196,6 @@ def test_predicted_loads_of_draws_that_are_all_alike_differ_by_the_errors_of_the
     wide = (found.peak_ratio_q95 - found.peak_ratio_q05) / (2.0 * norm.ppf(0.95) * CONTACT_ERROR * dynamic)
     # The draws are those of one seed: of another the width would be some 8 % off.
     np.testing.assert_allclose(wide, 1.0, atol=0.03)
-    np.testing.assert_allclose(found.peak_ratio_q50, plain.peak_ratio_q50, rtol=1e-3)
+    # A median of n normal draws has a standard deviation of 1.25 / sqrt(n) of theirs; three of these.
+    off = np.abs(found.peak_ratio_q50 - plain.peak_ratio_q50) / dynamic
+    assert off.max() < 3.0 * 1.25 * CONTACT_ERROR / np.sqrt(200)
