@@ -11,6 +11,9 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy.stats import norm
+
 from studies.coverage.shards import Record
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -108,8 +111,14 @@ def _parameters(result: dict[str, Any], truth: dict[str, Any]) -> list[Record]:
             true = truth["stiffness"][case][p["axle"] - 1]
         else:
             true = truth["damping"][p["axle"] - 1]
-        entries.append(_entry(p["quantity"], true, p["posterior"]))
+        normal = _normal(**p["least_squares"])
+        entries.append({**_entry(p["quantity"], true, p["posterior"]), "normal": normal})
     return entries
+
+
+def _normal(value: float, sd: float) -> list[float]:
+    """5, 50 and 95 % of the lognormal with the optimum as median and its standard deviation."""
+    return [float(value * np.exp(z * sd / value)) for z in norm.ppf([0.05, 0.5, 0.95])]
 
 
 def _peaks(result: dict[str, Any], truth: dict[str, Any]) -> list[Record]:
