@@ -15,15 +15,25 @@ _KINDS = {"stiffness": "k", "damping": "c", "peak": "peak load ratios"}
 
 def holds(entry: Record) -> bool:
     """Whether an interval holds the truth."""
-    low, _, high = entry["reported"]
-    return bool(low <= entry["truth"] <= high)
+    return _within(entry["truth"], entry["reported"])
+
+
+def _within(truth: float, interval: Sequence[float]) -> bool:
+    return bool(interval[0] <= truth <= interval[2])
+
+
+def _half_width(interval: Sequence[float]) -> float:
+    return 0.5 * (interval[2] - interval[0]) / interval[1]
 
 
 def tables(records: Sequence[Record]) -> str:
     """Markdown: how often 90 % intervals hold and how wide they are, by quantity, by vehicle and by physics."""
     good = [r for r in records if r["failed"] is None]
-    lines = ["| 90 % interval of | intervals | hold | median half-width | median error | 95 % of errors below |"]
-    lines.append("|---|---:|---:|---:|---:|---:|")
+    lines = [
+        "| 90 % interval of | intervals | hold | median half-width | median error | 95 % of errors below "
+        "| normal approximation: hold, half-width |"
+    ]
+    lines.append("|---|---:|---:|---:|---:|---:|---:|")
     for kind, name in _KINDS.items():
         lines.append(_row(name, [e for r in good for e in r["entries"] if e["kind"] == kind]))
     for vehicle in dict.fromkeys(r["vehicle"] for r in good):
@@ -52,11 +62,19 @@ def tables(records: Sequence[Record]) -> str:
 
 
 def _row(name: str, entries: Sequence[Record]) -> str:
-    width = [0.5 * (e["reported"][2] - e["reported"][0]) / e["reported"][1] for e in entries]
+    width = [_half_width(e["reported"]) for e in entries]
     error = np.abs([e["reported"][1] / e["truth"] - 1.0 for e in entries])
     held = 100.0 * np.mean([holds(e) for e in entries])
     cells = (f"{100 * v:.1f} %" for v in (np.median(width), np.median(error), np.quantile(error, 0.95)))
-    return f"| {name} | {len(entries)} | {held:.0f} % | " + " | ".join(cells) + " |"
+    return f"| {name} | {len(entries)} | {held:.0f} % | " + " | ".join([*cells, _normal(entries)]) + " |"
+
+
+def _normal(entries: Sequence[Record]) -> str:
+    """How often the intervals of the normal at the optimum hold; nothing if one of the entries has none."""
+    if not all("normal" in e for e in entries):
+        return ""
+    held = np.mean([_within(e["truth"], e["normal"]) for e in entries])
+    return f"{100.0 * held:.0f} %, {100.0 * np.median([_half_width(e['normal']) for e in entries]):.1f} %"
 
 
 def _physics_row(name: str, records: Sequence[Record]) -> str:

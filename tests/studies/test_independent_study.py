@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from independent_motion import element_force, rough_road
+from independent_motion import INTERVAL_S, LENGTH_M, STEP_S, element_force, peak_ratios, rough_road, simulate
 from independent_physics import KINDS, PASSES, declared_truck, true_truck
-from independent_truck import LOWBOY, THREE_AXLES, Elements, Equations
+from independent_truck import GRAVITY, LOWBOY, THREE_AXLES, Elements, Equations
 
 from studies.independent import case
 from studies.independent.table import holds, tables, write
@@ -68,6 +68,23 @@ def test_a_true_truck_stands_on_its_wheels(vehicle: str, kind: str) -> None:
         False
     }
     assert {c for c, _ in PASSES} == set(truck.load_cases)
+
+
+def test_true_peaks_are_not_missed_between_readings() -> None:
+    speed = 48.0 / 3.6
+    seconds = 2.5 + (THREE_AXLES.x_m[-1] + LENGTH_M) / speed
+    run = ("empty", speed, 1.0, 0.0)
+    force = simulate(THREE_AXLES, [run], seconds, interval_s=STEP_S)[:, 0, 3 * len(THREE_AXLES.x_m) :]
+    static = np.array(THREE_AXLES.load_cases["empty"][0]) * GRAVITY
+    # The top of the parabola through the largest value and its neighbours.
+    top = force.argmax(axis=0)
+    before, at, after = (force[top + k, range(force.shape[1])] for k in (-1, 0, 1))
+    highest = at + (after - before) ** 2 / (8.0 * (2.0 * at - before - after))
+    found = peak_ratios(THREE_AXLES, (("empty", 48.0),))[0]
+    np.testing.assert_allclose(found, highest / static, rtol=3e-4)
+    # Readings as far apart as those of a log miss it.
+    coarse = force[:: round(INTERVAL_S / STEP_S)].max(axis=0)
+    assert (coarse / highest).min() < 0.995
 
 
 def test_a_rough_road_has_the_spectrum_that_it_says() -> None:
