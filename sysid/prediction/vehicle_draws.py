@@ -28,8 +28,8 @@ from sysid.vehicle_model.suspension import SuspensionLaw
 #: Passes that are simulated side by side.
 TOGETHER = 20
 #: Standard deviation of a wheel's dynamic force over what the model makes of it, with parameters, masses and departures
-#: known, an assumption: with it the peaks of 20 trucks of other equations, with radial springs for tires, are as far off
-#: in standard deviations as their k and c (`python -m studies.independent --seed 20261126`, development).
+#: known, an assumption: with it the peaks of 20 trucks of other equations, with radial springs for tires, are as far
+#: off in standard deviations as their k and c (`python -m studies.independent --seed 20261126`, development).
 CONTACT_ERROR = 0.008
 
 
