@@ -98,7 +98,8 @@ def _run(folder: Path, output: Path) -> tuple[int, float, str]:
         )
     except subprocess.TimeoutExpired:
         return -1, LIMIT_S, f"not done within {LIMIT_S:.0f} s"
-    return done.returncode, time.monotonic() - start, done.stdout + done.stderr
+    # Progress comes first, so that what a record keeps of it ends with the status.
+    return done.returncode, time.monotonic() - start, done.stderr + done.stdout
 
 
 def _parameters(result: dict[str, Any], truth: dict[str, Any]) -> list[Record]:

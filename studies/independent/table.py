@@ -66,11 +66,11 @@ def _row(name: str, entries: Sequence[Record]) -> str:
     error = np.abs([e["reported"][1] / e["truth"] - 1.0 for e in entries])
     held = 100.0 * np.mean([holds(e) for e in entries])
     cells = (f"{100 * v:.1f} %" for v in (np.median(width), np.median(error), np.quantile(error, 0.95)))
-    return f"| {name} | {len(entries)} | {held:.0f} % | " + " | ".join([*cells, _normal(entries)]) + " |"
+    return f"| {name} | {len(entries)} | {held:.0f} % | " + " | ".join([*cells, _by_normal(entries)]) + " |"
 
 
-def _normal(entries: Sequence[Record]) -> str:
-    """How often the intervals of the normal at the optimum hold; nothing if one of the entries has none."""
+def _by_normal(entries: Sequence[Record]) -> str:
+    """How often the intervals of the normal at the optimum hold, and how wide they are; empty if an entry has none."""
     if not all("normal" in e for e in entries):
         return ""
     held = np.mean([_within(e["truth"], e["normal"]) for e in entries])

@@ -81,10 +81,10 @@ def test_true_peaks_are_not_missed_between_readings() -> None:
     before, at, after = (force[top + k, range(force.shape[1])] for k in (-1, 0, 1))
     highest = at + (after - before) ** 2 / (8.0 * (2.0 * at - before - after))
     found = peak_ratios(THREE_AXLES, (("empty", 48.0),))[0]
-    np.testing.assert_allclose(found, highest / static, rtol=3e-4)
+    np.testing.assert_allclose(found, highest / static, rtol=1.5e-4)
     # Readings as far apart as those of a log miss it.
     coarse = force[:: round(INTERVAL_S / STEP_S)].max(axis=0)
-    assert (coarse / highest).min() < 0.995
+    assert (coarse / highest).min() < 0.99
 
 
 def test_a_rough_road_has_the_spectrum_that_it_says() -> None:
@@ -130,6 +130,27 @@ def test_tables_count_what_holds(tmp_path: Path) -> None:
     page.write_text("<!-- independent trucks: begin -->\n<!-- independent trucks: end -->\n", encoding="utf-8")
     write(records, 5, page)
     assert "4 campaigns of seed 5, 4 of them tractors" in page.read_text(encoding="utf-8")
+
+
+def test_normal_approximation_stands_beside_the_sampled_intervals() -> None:
+    result = {
+        "parameters": [
+            {
+                "quantity": "damping",
+                "axle": 1,
+                "load_case": None,
+                "posterior": {"q05": 0.95, "q50": 1.0, "q95": 1.05},
+                "least_squares": {"value": 2.0, "sd": 0.04},
+            }
+        ]
+    }
+    entry = case._parameters(result, {"stiffness": {}, "damping": [1.0]})[0]
+    # 2 exp(-+ 1.645 x 0.02).
+    np.testing.assert_allclose(entry["normal"], [1.93527, 2.0, 2.06689], rtol=1e-5)
+    record = _record(0, "linear", hold=True, laws=())
+    record["entries"] = [{**e, "normal": entry["normal"]} for e in record["entries"]]
+    # Their truth is not about 2: the sampled interval holds it, that of the normal does not.
+    assert "| 0 %, 3.3 % |" in tables([record])
 
 
 @pytest.mark.parametrize("kind", ["frame bends at 7 Hz", "frame bends at 12 Hz", "bends and rubs"])
