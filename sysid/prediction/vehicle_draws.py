@@ -8,22 +8,19 @@ from functools import partial
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import DrawsByParameters
-from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, law_inputs
+from sysid.estimation.parameters.axle_laws import LawInputs, law_inputs, laws_side_by_side
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.prediction.assumed_stops import AssumedStops
 from sysid.prediction.driven_range import spring_deflection
-from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
-from sysid.vehicle_model.device_arrays import ParametersBySets
+from sysid.vehicle_model.contact import EffectiveRoad, roads_side_by_side
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.passes import Pass, PassBatch, pass_matrices
-from sysid.vehicle_model.stacked_matrices import StackedMatrices
-from sysid.vehicle_model.suspension import SuspensionLaw
+from sysid.vehicle_model.stacked_matrices import StackedMatrices, runs_side_by_side
 
 #: Passes that are simulated side by side.
 TOGETHER = 20
@@ -87,8 +84,10 @@ def drawn_vehicles(
             inputs = departures.laws(inputs, amplitudes, [driven.load_case])
             laws.append(inputs if vehicles.stops is None else vehicles.stops.on(inputs, int(draw)))
             roads.append(vehicles.allowances.road([driven], vehicles.amounts[draw]))
-        stacked = jax.tree.map(lambda *parts: np.concatenate(parts), *matrices)
-        yield DrawnVehicles(chosen, stacked, jax.tree.map(lambda *parts: np.stack(parts), *laws), _joined(roads))
+        stacked = jax.tree.map(lambda *parts: runs_side_by_side(parts), *matrices)
+        yield DrawnVehicles(
+            chosen, stacked, jax.tree.map(lambda *parts: np.stack(parts), *laws), roads_side_by_side(roads)
+        )
 
 
 def histories_of_draws(
@@ -138,41 +137,11 @@ def with_contact_error(tire_N: np.ndarray, static_N: np.ndarray, error: np.ndarr
     return np.asarray(np.where(tire_N > 0.0, np.maximum(static_N + (1.0 + error) * (tire_N - static_N), 0.0), 0.0))
 
 
-def _joined(roads: list[EffectiveRoad]) -> EffectiveRoad:
-    """The roads of several passes as one."""
-
-    def joined(tables: list[np.ndarray | None]) -> np.ndarray | None:
-        present = [t for t in tables if t is not None]
-        return np.concatenate(present, axis=-3) if present else None
-
-    return roads[0]._replace(
-        rise=np.concatenate([r.rise for r in roads], axis=-3),
-        stretch=joined([r.stretch for r in roads]),
-        drag=joined([r.drag for r in roads]),
-    )
-
-
 @partial(jax.jit, static_argnames=("timing",))
 def _histories(
     matrices: StackedMatrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *, timing: Timing
 ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-    suspension, tire = _laws(inputs, sets)
+    suspension, tire = laws_side_by_side(inputs, sets)
     histories = road.engine.histories(matrices, suspension, tire, road, timing)
     sunk = spring_deflection(tire, histories.tire_force)
     return histories.tire_force, histories.suspension_force, histories.deflection, sunk
-
-
-def _laws(inputs: LawInputs, sets: jax.Array) -> tuple[SuspensionLaw, TireLaw]:
-    """Laws with one pass per draw from inputs stacked along the draws and parameters (n, p, 1)."""
-
-    def one(of_draw: LawInputs, x: ParametersBySets) -> tuple[SuspensionLaw, tuple[jax.Array, ...]]:
-        suspension, tire = axle_laws(of_draw, x)
-        shape = suspension.stiffness.shape
-        return suspension, tuple(jnp.broadcast_to(v, shape) for v in tire[:-1])
-
-    def as_passes(x: jax.Array) -> jax.Array:
-        # (n, [ramps,] 1, axles, 1) becomes ([ramps,] n, axles, 1).
-        return jnp.moveaxis(x[..., 0, :, :], 0, -3)
-
-    suspension, tire = jax.tree.map(as_passes, jax.vmap(one)(inputs, sets))
-    return suspension, TireLaw(*tire)

@@ -21,6 +21,7 @@ the contact length, the square root of the deflection, but falls in proportion t
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -31,6 +32,7 @@ from scipy.interpolate import BSpline
 from scipy.ndimage import spline_filter1d
 
 from sysid.vehicle_model.device_arrays import HostOrDevice, RunsByAxlesBySets
+from sysid.vehicle_model.stacked_matrices import runs_side_by_side
 
 #: Flat stations added at both ends: over this length the filter's response decays to zero.
 _PADDING = 24
@@ -238,6 +240,20 @@ def effective_road(
         step,
         None if stretch is None else spline_coefficients(stretch),
         None if drag is None else spline_coefficients(drag),
+    )
+
+
+def roads_side_by_side(roads: Sequence[EffectiveRoad]) -> EffectiveRoad:
+    """The roads of K models as one, on the stations of the first; the K roads of a run follow each other."""
+
+    def joined(tables: Sequence[np.ndarray | None]) -> np.ndarray | None:
+        present = [t for t in tables if t is not None]
+        return runs_side_by_side(present, axis=-3) if present else None
+
+    return roads[0]._replace(
+        rise=runs_side_by_side([r.rise for r in roads], axis=-3),
+        stretch=joined([r.stretch for r in roads]),
+        drag=joined([r.drag for r in roads]),
     )
 
 

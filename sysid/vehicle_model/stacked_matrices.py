@@ -123,3 +123,10 @@ def _stack_beams(matrices: list[PlanarMatrices]) -> StackedBeams | None:
         pull=np.stack(inverse),
         carries=np.stack([b.carries for b in beams])[..., None],
     )
+
+
+def runs_side_by_side(arrays: Sequence[np.ndarray], axis: int = 0) -> np.ndarray:
+    """Arrays of K models as one: runs lie along `axis`, and every run of the result is followed by its K - 1 twins."""
+    shape = list(arrays[0].shape)
+    shape[axis] *= len(arrays)
+    return np.stack(arrays, axis=axis if axis < 0 else axis + 1).reshape(shape)

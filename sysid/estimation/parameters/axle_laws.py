@@ -173,6 +173,28 @@ def axle_laws(inputs: LawInputs, log_parameters: ParametersBySets) -> tuple[Susp
     return _suspension(inputs, values, stiffness, damping), tire
 
 
+def laws_side_by_side(inputs: LawInputs, sets: jax.Array) -> tuple[SuspensionLaw, TireLaw]:
+    """Laws (R K, na, 1) of K models of R passes; the K laws of a pass follow each other.
+
+    Parameters
+    ----------
+    inputs : of all models, stacked along a new first axis K; sets : (K, p, 1) their log parameters.
+    """
+
+    def one(of_model: LawInputs, x: ParametersBySets) -> tuple[SuspensionLaw, tuple[jax.Array, ...]]:
+        suspension, tire = axle_laws(of_model, x)
+        shape = suspension.stiffness.shape
+        return suspension, tuple(jnp.broadcast_to(v, shape) for v in tire[:-1])
+
+    def as_passes(x: jax.Array) -> jax.Array:
+        # (K, [ramps,] R, axles, 1) becomes ([ramps,] R K, axles, 1).
+        by_pass = jnp.moveaxis(x, 0, -3)
+        return by_pass.reshape(*by_pass.shape[:-4], -1, *by_pass.shape[-2:])
+
+    suspension, tire = jax.tree.map(as_passes, jax.vmap(one)(inputs, sets))
+    return suspension, TireLaw(*tire)
+
+
 def _suspension(
     inputs: LawInputs, values: jax.Array, stiffness: RunsByAxlesBySets, damping: RunsByAxlesBySets
 ) -> SuspensionLaw:

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
+from itertools import groupby, islice
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import Parameters
-from sysid.estimation.parameters.axle_laws import axle_laws
+from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, laws_side_by_side
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays, GroupShape
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.threads import side_by_side
 from sysid.vehicle_model import engine
-from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.vehicle_model.contact import EffectiveRoad, roads_side_by_side
 from sysid.vehicle_model.device_arrays import ChannelHistories, ParametersBySets
 from sysid.vehicle_model.engine import WheelRoad
+from sysid.vehicle_model.stacked_matrices import StackedMatrices, runs_side_by_side
+
+#: Trial models that are simulated in one call: a vector register of the native engine holds the same run of all.
+TOGETHER = 8
 
 
 def wheel_road(arrays: GroupArrays, road: EffectiveRoad, motion: RunMotion, shape: GroupShape) -> WheelRoad:
@@ -47,3 +54,61 @@ def simulate_runs(model: BumpModel, log_parameters: Parameters, motion: RunMotio
         return np.asarray(jax.block_until_ready(signals))
 
     return side_by_side(one, range(len(model.groups)))
+
+
+def simulate_trials(
+    trials: Iterable[BumpModel], log_parameters: Parameters, motion: RunMotion
+) -> Iterator[tuple[np.ndarray, ...]]:
+    """Sensor signals (T, R, C) of every group in SI for each of several models of the same runs.
+
+    Masses, laws and roads of the models may differ. Those that one compiled function takes are simulated together;
+    no more than :data:`TOGETHER` models are in memory at a time.
+    """
+    for _, alike in groupby(trials, key=_structure):
+        while some := list(islice(alike, TOGETHER)):
+            if len(some) == 1:
+                yield simulate_runs(some[0], log_parameters, motion)
+                continue
+            # The last one repeated: one number of models is compiled once.
+            signals = _simulate_together([*some, *[some[-1]] * (TOGETHER - len(some))], log_parameters, motion)
+            for k in range(len(some)):
+                yield tuple(of_group[:, :, k] for of_group in signals)
+
+
+def _structure(model: BumpModel) -> object:
+    """What must be equal for models to be simulated together."""
+    varied = [(a.matrices, a.laws, road) for a, road in zip(model.arrays, model.roads, strict=True)]
+    leaves, structure = jax.tree.flatten(varied)
+    stations = [(float(road.first_station_m), float(road.step_m)) for road in model.roads]
+    places = [a.axle_x.tolist() for a in model.arrays]
+    return structure, [np.shape(leaf) for leaf in leaves], stations, places, model.shapes
+
+
+def _simulate_together(
+    models: Sequence[BumpModel], log_parameters: Parameters, motion: RunMotion
+) -> tuple[np.ndarray, ...]:
+    """Signals (T, R, K, C) of every group for K models of one structure."""
+
+    def one(position: int) -> np.ndarray:
+        shape, runs = models[0].shapes[position], list(models[0].groups[position].runs)
+        arrays = [m.arrays[position] for m in models]
+        matrices = jax.tree.map(lambda *parts: runs_side_by_side(parts), *[a.matrices for a in arrays])
+        laws = jax.tree.map(lambda *parts: np.stack(parts), *[a.laws for a in arrays])
+        road = roads_side_by_side([m.roads[position] for m in models])
+        moved = motion.of([run for run in runs for _ in models])
+        wheels = wheel_road(arrays[0]._replace(matrices=matrices), road, moved, shape)
+        signals = _signals_together(matrices, laws, wheels, log_parameters, shape=shape)
+        whole = np.asarray(jax.block_until_ready(signals))
+        return whole.reshape(shape.samples, len(runs), len(models), -1)
+
+    return side_by_side(one, range(len(models[0].groups)))
+
+
+@partial(jax.jit, static_argnames=("shape",))
+def _signals_together(
+    matrices: StackedMatrices, laws: LawInputs, road: WheelRoad, log_parameters: jax.Array, *, shape: GroupShape
+) -> jax.Array:
+    """Signals (T, R K, C); `laws` stacked along the models."""
+    sets = jnp.broadcast_to(log_parameters[:, None], (len(laws.stiffness), log_parameters.size, 1))
+    law = laws_side_by_side(laws, sets)
+    return road.engine.sensors(matrices, *law, road, shape.timing, shape.sensors, shape.recursion)[..., 0]

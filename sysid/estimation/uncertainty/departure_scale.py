@@ -24,6 +24,7 @@ from sysid.arrays import Masses, Parameters, ParametersByParameters
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.signals import simulate_trials
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departures import (
     ENVELOPE,
@@ -34,7 +35,7 @@ from sysid.estimation.uncertainty.departures import (
     TIRE_LOAD,
     Departure,
 )
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, trial_residuals
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, signal_residuals
 
 #: Scales at which the search begins, and which it does not exceed: plausible values without any data. Assumptions: the
 #: whole way to another contact law; 0.2 in the footprint's log stiffness and in the spokes' exponent; 10 % of a tire's
@@ -73,20 +74,24 @@ def departure_columns(
         return columns
     log_factors, here_now = allowances.split(amounts)
 
-    def residuals(amplitudes: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        moved = allowances.moved(model, np.concatenate([log_factors, amplitudes]))
-        return trial_residuals(model, moved, weights, log_parameters, motion)
-
-    base = residuals(here_now)
     cases = [np.array([p.load_case for p in passes]) for passes in model.passes]
-    for kind, axle in dict.fromkeys((d.kind, d.axle) for d in known.directions if d.axle is not None):
-        # One simulation moves an axle in all load cases, because their runs are independent.
-        together = [j for j, d in enumerate(known.directions) if (d.kind, d.axle) == (kind, axle)]
-        amplitudes = here_now.copy()
-        amplitudes[together] += STEP[kind]
-        moved = residuals(amplitudes)
-        for column, (residual, gain), (here, gain_here), case_of_run in zip(columns, moved, base, cases, strict=True):
-            for j in together:
+    # One simulation moves an axle in all load cases, because their runs are independent.
+    together: dict[tuple[str, int], list[int]] = {}
+    for j, d in enumerate(known.directions):
+        if d.axle is not None:
+            together.setdefault((d.kind, d.axle), []).append(j)
+    amplitudes = [here_now]
+    for (kind, _), members in together.items():
+        moved = here_now.copy()
+        moved[members] += STEP[kind]
+        amplitudes.append(moved)
+    trials = (allowances.moved(model, np.concatenate([log_factors, a])) for a in amplitudes)
+    signals = simulate_trials(trials, log_parameters, motion)
+    base = signal_residuals(model, weights, next(signals))
+    for ((kind, _), members), shown in zip(together.items(), signals, strict=True):
+        changed = signal_residuals(model, weights, shown)
+        for column, (residual, gain), (here, gain_here), case_of_run in zip(columns, changed, base, cases, strict=True):
+            for j in members:
                 case = known.directions[j].load_case
                 runs = np.ones(case_of_run.size, bool) if case is None else case_of_run == case
                 column.residual[..., j][:, runs] = (residual - here)[:, runs] / STEP[kind]

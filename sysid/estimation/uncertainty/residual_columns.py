@@ -17,7 +17,7 @@ from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, RunMotion
 from sysid.estimation.residuals.sensor_residuals import group_residuals
-from sysid.estimation.residuals.signals import simulate_runs
+from sysid.estimation.residuals.signals import simulate_trials
 from sysid.vehicle_model.engines.protocol import Linearisation
 
 
@@ -32,19 +32,6 @@ def empty_columns(model: BumpModel, count: int) -> tuple[ResidualColumns, ...]:
     """Zero columns of every group for `count` amplitudes."""
     shapes = [group.value.shape for group in model.groups]
     return tuple(ResidualColumns(np.zeros((*s, count)), np.zeros((*s[1:], count))) for s in shapes)
-
-
-def trial_residuals(
-    model: BumpModel, trial: BumpModel, weights: Weights, log_parameters: Parameters, motion: RunMotion
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Weighted residuals (T, R, C) and gain residuals (R, C) of every group, simulated by `trial`.
-
-    Parameters
-    ----------
-    model : holds the readings; trial : the same runs with other masses or moved along departures.
-    log_parameters : (p,); motion : of all runs.
-    """
-    return signal_residuals(model, weights, simulate_runs(trial, log_parameters, motion))
 
 
 def signal_residuals(
@@ -82,9 +69,10 @@ def difference_columns(
     columns = empty_columns(model, len(trials))
     if not trials:
         return columns
-    base = trial_residuals(model, start, weights, log_parameters, motion)
-    for k, (trial, step) in enumerate(trials):
-        moved = trial_residuals(model, trial, weights, log_parameters, motion)
+    signals = simulate_trials([start, *(trial for trial, _ in trials)], log_parameters, motion)
+    base = signal_residuals(model, weights, next(signals))
+    for k, ((_, step), shown) in enumerate(zip(trials, signals, strict=True)):
+        moved = signal_residuals(model, weights, shown)
         for column, (residual, gain), (here, gain_here) in zip(columns, moved, base, strict=True):
             column.residual[..., k] = (residual - here) / step
             column.gain[..., k] = (gain - gain_here) / step

@@ -2,6 +2,8 @@
 
 #pragma once
 
+#include <vector>
+
 #include "buffers.h"
 #include "row.h"
 
@@ -34,16 +36,28 @@ struct RoadPoint {
 // Looks the road up under one wheel; remembers the cell it was in.
 class WheelRoad {
  public:
-  WheelRoad(const RoadTable& table, int axle) : table_(table), axle_(axle) {}
+  WheelRoad(const RoadTable& table, int axle) : table_(table), axle_(axle) {
+    const auto felt = [&](int64_t station) {
+      const MapRow w = coefficients(station);
+      for (int row = 0; row < kMapRows; ++row)
+        if (!(std::abs(w[row]) < 1e-22)) return true;
+      return false;
+    };
+    int64_t from = 0, to = table.stations - 1;
+    while (from < table.stations && !felt(from)) ++from;
+    while (to >= from && !felt(to)) --to;
+    // A cell is made from the coefficients at two stations before it to three after it.
+    begin = static_cast<double>(from - 3);
+    end = from <= to ? static_cast<double>(to + 3) : begin;
+  }
 
-  void look_up(double position, RoadPoint& point) {
-    const double last = static_cast<double>(table_.stations) - 4.0;
-    double scaled = (position - table_.first_station) / table_.step;
-    scaled = scaled < 2.0 ? 2.0 : (scaled > last ? last : scaled);
+  // Where the road is not flat, in cells: outside the bump all coefficients are zero.
+  double begin, end;
+
+  // The road at a place in cells, within the table.
+  void look_up(double scaled, RoadPoint& point) {
     const int64_t cell = static_cast<int64_t>(scaled);
     if (cell != cell_) enter(cell);
-    point.flat = flat_;
-    if (flat_) return;
     const double t = scaled - static_cast<double>(cell);
     static constexpr double kFactor[kOrders][kCellPowers] = {
         {1, 1, 1, 1, 1, 1}, {1, 2, 3, 4, 5, 0}, {2, 6, 12, 20, 0, 0}, {6, 24, 60, 0, 0, 0}, {24, 120, 0, 0, 0, 0}};
@@ -57,23 +71,22 @@ class WheelRoad {
   }
 
  private:
-  // Polynomials of the cell; it is flat where no coefficient can be felt (outside the bump they are zero).
+  MapRow coefficients(int64_t station) const {
+    const int64_t at = axle_ * table_.stations + station;
+    MapRow w = {};
+    w[0] = table_.rise[at];
+    if (table_.stretch != nullptr) {
+      for (int row = 0; row < kStretchRows; ++row) w[1 + row] = table_.stretch[row * table_.stretch_stride + at];
+      for (int row = 0; row < kDragRows; ++row) w[1 + kStretchRows + row] = table_.drag[row * table_.drag_stride + at];
+    }
+    return w;
+  }
+
+  // Polynomials of the cell.
   void enter(int64_t cell) {
     MapRow weight[kCellPowers];
-    bool nothing = true;
-    for (int k = 0; k < kCellPowers; ++k) {
-      const int64_t at = axle_ * table_.stations + cell - 2 + k;
-      MapRow w = {};
-      w[0] = table_.rise[at];
-      if (table_.stretch != nullptr) {
-        for (int row = 0; row < kStretchRows; ++row) w[1 + row] = table_.stretch[row * table_.stretch_stride + at];
-        for (int row = 0; row < kDragRows; ++row) w[1 + kStretchRows + row] = table_.drag[row * table_.drag_stride + at];
-      }
-      for (int row = 0; row < kMapRows; ++row) nothing = nothing && std::abs(w[row]) < 1e-22;
-      weight[k] = w;
-    }
+    for (int k = 0; k < kCellPowers; ++k) weight[k] = coefficients(cell - 2 + k);
     cell_ = cell;
-    flat_ = nothing;
     for (int power = 0; power < kCellPowers; ++power) {
       term_[power] = MapRow{};
       for (int k = 0; k < kCellPowers; ++k) term_[power] += table_.polynomial[kCellPowers * power + k] * weight[k];
@@ -83,7 +96,6 @@ class WheelRoad {
   const RoadTable& table_;
   int64_t axle_;
   int64_t cell_ = -1;
-  bool flat_ = true;
   MapRow term_[kCellPowers];
 };
 
@@ -100,6 +112,91 @@ struct RoadRows {
   Q rise, slope, second, third;
   Q stretch[4][3];  // alpha_1, alpha_2, alpha_3, lift: value, first and second derivative
   Q drag[3][3];     // beta_0, beta_1, beta_2
+};
+
+// The road under one wheel of several runs, flat if it is so for all of them.
+struct PackedPoint {
+  RoadRows<Pack> rows;
+  bool flat;
+};
+
+// The road as runs with constants M see it.
+template <class M>
+struct PointOf {
+  using type = RoadPoint;
+};
+template <>
+struct PointOf<Pack> {
+  using type = PackedPoint;
+};
+template <class M>
+using PointFor = typename PointOf<M>::type;
+
+inline RoadRows<double> road_rows(const RoadPoint& point) {
+  const MapRow* order = point.order;
+  RoadRows<double> rows{order[0][0], order[1][0], order[2][0], order[3][0], {}, {}};
+  for (int k = 0; k < 3; ++k) {
+    for (int row = 0; row < kStretchRows; ++row) rows.stretch[row][k] = order[k][1 + row];
+    for (int row = 0; row < kDragRows; ++row) rows.drag[row][k] = order[k][1 + kStretchRows + row];
+  }
+  return rows;
+}
+inline const RoadRows<Pack>& road_rows(const PackedPoint& point) { return point.rows; }
+
+// From the road of one run, or of the runs of all lanes.
+inline void gather(const RoadPoint* of_lanes, RoadPoint& point) { point = of_lanes[0]; }
+inline void gather(const RoadPoint* of_lanes, PackedPoint& point) {
+  const auto packed = [&](int order, int row) {
+    Pack x;
+    for (int k = 0; k < kLanes; ++k) x[k] = of_lanes[k].order[order][row];
+    return x;
+  };
+  RoadRows<Pack>& rows = point.rows;
+  rows.rise = packed(0, 0), rows.slope = packed(1, 0), rows.second = packed(2, 0), rows.third = packed(3, 0);
+  for (int n = 0; n < 3; ++n) {
+    for (int row = 0; row < kStretchRows; ++row) rows.stretch[row][n] = packed(n, 1 + row);
+    for (int row = 0; row < kDragRows; ++row) rows.drag[row][n] = packed(n, 1 + kStretchRows + row);
+  }
+}
+
+// The road under one wheel of one run, or of the runs of all lanes.
+template <class M>
+class RoadUnderWheel {
+ public:
+  RoadUnderWheel(const std::vector<RoadTable>& tables, int axle)
+      : first_(tables[0].first_station), step_(tables[0].step), last_(static_cast<double>(tables[0].stations) - 4.0) {
+    for (const RoadTable& table : tables) {
+      each_.emplace_back(table, axle);
+      const int lane = static_cast<int>(each_.size()) - 1;
+      set_lane(begin_, lane, each_.back().begin);
+      set_lane(end_, lane, each_.back().end);
+    }
+  }
+
+  // The road at a place [m]; returns where it is not flat.
+  Where<M> look_up(const M& position, PointFor<M>& point) {
+    M scaled = (position - first_) / step_;
+    scaled = select(scaled < 2.0, 2.0 - M{}, select(scaled > last_, last_ - M{}, scaled));
+    const Where<M> felt = (scaled >= begin_) & (scaled < end_);
+    point.flat = !any(felt);
+    if (point.flat) return felt;
+    RoadPoint of_lanes[kLanes];
+    for (size_t k = 0; k < each_.size(); ++k) {
+      // A lane does not depend on what the others meet.
+      if (at_lane(felt, k))
+        each_[k].look_up(at_lane(scaled, k), of_lanes[k]);
+      else
+        of_lanes[k] = {};
+    }
+    gather(of_lanes, point);
+    point.flat = false;
+    return felt;
+  }
+
+ private:
+  double first_, step_, last_;
+  M begin_{}, end_{};
+  std::vector<WheelRoad> each_;
 };
 
 // a(s + advance) and its slope there, by Taylor's theorem.

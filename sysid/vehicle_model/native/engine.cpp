@@ -1,9 +1,10 @@
 // Entry points of the native engine: XLA custom calls that run many passes side by side.
 //
-// A task is one run with one pack of parameter sets, or one run with one block of derivatives; tasks share nothing that
-// is written, so results do not depend on the number of threads.  Buffers come in the order of buffers.h, which is made
+// A task is one run with one pack of parameter sets, a pack of runs with one set each, or one run with one block of
+// derivatives; tasks share nothing that is written, so results do not depend on the number of threads.  Buffers come in the order of buffers.h, which is made
 // from buffers.py.
 
+#include <algorithm>
 #include <atomic>
 #include <memory>
 #include <string>
@@ -41,6 +42,12 @@ namespace sysid {
 namespace {
 
 using Buffer = ffi::Buffer<ffi::F64>;
+
+// Which run and which set stand in each lane of a pack; lanes from `count` on repeat the last.
+struct Lanes {
+  int count;
+  int64_t run[kLanes], set[kLanes];
+};
 
 class Inputs {
  public:
@@ -86,68 +93,77 @@ class Inputs {
   const double* data(int which) const { return buffer_[which].typed_data(); }
   ffi::Span<const int64_t> shape(int which) const { return buffer_[which].dimensions(); }
 
-  Run run(int64_t r) const {
-    const int64_t rows = 2 * axles + coordinates, each = axles * stations;
-    Run run;
-    run.axles = static_cast<int>(axles);
-    run.body_sensors = static_cast<int>(body_sensors);
-    run.position = data(kPosition) + r * rows * coordinates;
-    run.rate = data(kRate) + r * rows * coordinates;
-    run.acceleration = data(kAcceleration) + r * coordinates * 2 * axles;
-    run.inverse_unsprung = data(kInverseUnsprung) + r * axles;
-    run.static_load = data(kStaticLoad) + r * axles;
-    run.body_rows = data(kBodyRows) + r * body_sensors * coordinates;
-    run.axle_x = data(kAxleX);
-    if (buffer_[kWheel].element_count() > 0) {
-      const int64_t square = r * axles * axles;
-      run.beams = {data(kWheel) + square, data(kTirePush) + square, data(kBeamPull) + square,
-                   data(kCarries) + r * axles};
-    }
-    if (buffer_[kSharing].element_count() > 0) run.sharing = data(kSharing) + r * axles * axles;
-    if (frames > 0)
-      run.frames = {static_cast<int>(frames), data(kFrameSelect) + r * frames * coordinates,
-                    data(kFramePush) + r * coordinates * frames};
-    run.elements = elements;
-    const bool footprint = buffer_[kStretch].element_count() > 0;
-    run.road = {data(kRise) + r * each,
-                footprint ? data(kStretch) + r * each : nullptr,
-                footprint ? data(kDrag) + r * each : nullptr,
-                stations,
-                runs * each,
-                runs * each,
-                data(kGrid)[0],
-                data(kGrid)[1],
-                data(kPolynomial)};
-    const auto motion = [&](int k) { return data(kMotion)[k * runs + r]; };
-    run.motion = {motion(0), motion(1), motion(2)};
-    run.growth = growth;
-    return run;
+  // Constants of run r.
+  Run<double> run(int64_t r) const {
+    return constants<double>({r}, [&](int which, int64_t count) { return data(which) + r * count; });
   }
 
-  // Laws of run r for the sets from `first` on; lanes beyond the last set repeat it.
-  Laws<Pack> laws(int64_t r, int64_t first) const {
-    const auto pack = [&](int which, int64_t row, int64_t i) {
-      Pack x;
-      for (int k = 0; k < kLanes; ++k) {
-        const int64_t set = first + k < sets ? first + k : sets - 1;
-        x[k] = data(which)[((row * runs + r) * axles + i) * sets + set];
+  // Constants of the runs of a pack; `numbers` holds them.
+  Run<Pack> runs_of(const Lanes& lanes, std::vector<std::vector<Pack>>& numbers) const {
+    const auto gathered = [&](int which, int64_t count) {
+      std::vector<Pack> all(count);
+      for (int64_t j = 0; j < count; ++j)
+        for (int k = 0; k < kLanes; ++k) all[j][k] = data(which)[lanes.run[k] * count + j];
+      numbers.push_back(std::move(all));
+      return static_cast<const Pack*>(numbers.back().data());
+    };
+    return constants<Pack>({lanes.run, lanes.run + kLanes}, gathered);
+  }
+
+  // Packs of one run and several sets each.
+  std::vector<Lanes> packs_of_sets() const {
+    std::vector<Lanes> all;
+    for (int64_t r = 0; r < runs; ++r)
+      for (int64_t first = 0; first < sets; first += kLanes) {
+        Lanes lanes;
+        lanes.count = static_cast<int>(std::min<int64_t>(kLanes, sets - first));
+        for (int k = 0; k < kLanes; ++k) lanes.run[k] = r, lanes.set[k] = std::min(first + k, sets - 1);
+        all.push_back(lanes);
       }
+    return all;
+  }
+
+  // All packs of runs and sets.  Where every run has one set, runs share packs; those that move alike stand together,
+  // because they meet the bump at the same time.
+  std::vector<Lanes> packs() const {
+    if (sets > 1) return packs_of_sets();
+    std::vector<Lanes> all;
+    std::vector<int64_t> order(runs);
+    for (int64_t r = 0; r < runs; ++r) order[r] = r;
+    std::stable_sort(order.begin(), order.end(), [&](int64_t a, int64_t b) {
+      const double *speed = data(kMotion), *start = speed + runs;
+      return speed[a] < speed[b] || (speed[a] == speed[b] && start[a] < start[b]);
+    });
+    const int64_t count = (runs + kLanes - 1) / kLanes;
+    for (int64_t p = 0; p < count; ++p) {
+      const int64_t first = p * runs / count, end = (p + 1) * runs / count;
+      Lanes lanes;
+      lanes.count = static_cast<int>(end - first);
+      for (int k = 0; k < kLanes; ++k) lanes.run[k] = order[std::min(first + k, end - 1)], lanes.set[k] = 0;
+      all.push_back(lanes);
+    }
+    return all;
+  }
+
+  // Laws of a pack.
+  Laws<Pack> laws(const Lanes& lanes) const {
+    const auto pack = [&](int which, int64_t row, int64_t i, int64_t width) {
+      Pack x;
+      for (int k = 0; k < kLanes; ++k)
+        x[k] = data(which)[((row * runs + lanes.run[k]) * width + i) * sets + lanes.set[k]];
+      return x;
+    };
+    const auto load = [&](int64_t i) {
+      Pack x;
+      for (int k = 0; k < kLanes; ++k) x[k] = data(kReferenceLoad)[lanes.run[k] * axles + i];
       return x;
     };
     Laws<Pack> found = read<Pack>(
-        r, [&](int64_t row, int64_t i) { return pack(kLaws, row, i); },
-        [&](int64_t row, int64_t i) { return pack(kSides, row, i); }, MotionChange<Pack>{});
+        [&](int64_t row, int64_t i) { return pack(kLaws, row, i, axles); },
+        [&](int64_t row, int64_t i) { return pack(kSides, row, i, axles); }, load, MotionChange<Pack>{});
     for (int64_t f = 0; f < frames; ++f) {
-      const auto coefficient = [&](int64_t row) {
-        Pack x;
-        for (int k = 0; k < kLanes; ++k) {
-          const int64_t set = first + k < sets ? first + k : sets - 1;
-          x[k] = data(kFrames)[((row * runs + r) * frames + f) * sets + set];
-        }
-        return x;
-      };
-      found.frame_stiffness.push_back(coefficient(0));
-      found.frame_damping.push_back(coefficient(1));
+      found.frame_stiffness.push_back(pack(kFrames, 0, f, frames));
+      found.frame_damping.push_back(pack(kFrames, 1, f, frames));
     }
     return found;
   }
@@ -167,12 +183,12 @@ class Inputs {
       return jet(0.0, data(kLineariseTangents + kMotionTangents) + (k * runs + r) * unknowns);
     };
     Laws<Jet<T>> found = read<Jet<T>>(
-        r,
         [&](int64_t row, int64_t i) {
           const int64_t at = (row * runs + r) * axles + i;
           return jet(data(kLaws)[at], data(kLineariseTangents + kLawTangents) + at * unknowns);
         },
         [&](int64_t row, int64_t i) { return data(kSides)[(row * runs + r) * axles + i]; },
+        [&](int64_t i) { return data(kReferenceLoad)[r * axles + i]; },
         MotionChange<Jet<T>>{change(0), change(1), change(2)});
     for (int64_t f = 0; f < frames; ++f) {
       const auto coefficient = [&](int64_t row) {
@@ -216,9 +232,46 @@ class Inputs {
   std::string problem;
 
  private:
-  // All laws of run r; coefficient(row, axle) and side(ramp, axle) give the rows of kLaws and kSides.
-  template <class V, class Coefficient, class Side>
-  Laws<V> read(int64_t r, Coefficient&& coefficient, Side&& side, const MotionChange<V>& change) const {
+  // Constants of runs; matrix(buffer, count) gives the `count` numbers of each.
+  template <class M, class Matrix>
+  Run<M> constants(const std::vector<int64_t>& of, Matrix&& matrix) const {
+    const int64_t rows = 2 * axles + coordinates, each = axles * stations;
+    Run<M> run;
+    run.axles = static_cast<int>(axles);
+    run.body_sensors = static_cast<int>(body_sensors);
+    run.position = matrix(kPosition, rows * coordinates);
+    run.rate = matrix(kRate, rows * coordinates);
+    run.acceleration = matrix(kAcceleration, coordinates * 2 * axles);
+    run.inverse_unsprung = matrix(kInverseUnsprung, axles);
+    run.static_load = matrix(kStaticLoad, axles);
+    run.body_rows = matrix(kBodyRows, body_sensors * coordinates);
+    run.axle_x = data(kAxleX);
+    if (buffer_[kWheel].element_count() > 0)
+      run.beams = {matrix(kWheel, axles * axles), matrix(kTirePush, axles * axles), matrix(kBeamPull, axles * axles),
+                   matrix(kCarries, axles)};
+    if (buffer_[kSharing].element_count() > 0) run.sharing = matrix(kSharing, axles * axles);
+    if (frames > 0)
+      run.frames = {static_cast<int>(frames), matrix(kFrameSelect, frames * coordinates),
+                    matrix(kFramePush, coordinates * frames)};
+    run.elements = elements;
+    const bool footprint = buffer_[kStretch].element_count() > 0;
+    for (const int64_t r : of)
+      run.road.push_back({data(kRise) + r * each, footprint ? data(kStretch) + r * each : nullptr,
+                          footprint ? data(kDrag) + r * each : nullptr, stations, runs * each, runs * each,
+                          data(kGrid)[0], data(kGrid)[1], data(kPolynomial)});
+    const auto motion = [&](int number) {
+      M x{};
+      for (size_t k = 0; k < of.size(); ++k) set_lane(x, k, data(kMotion)[number * runs + of[k]]);
+      return x;
+    };
+    run.motion = {motion(0), motion(1), motion(2)};
+    run.growth = growth;
+    return run;
+  }
+
+  // All laws; coefficient(row, axle) and side(ramp, axle) give the rows of kLaws and kSides, load(axle) F_ref.
+  template <class V, class Coefficient, class Side, class Load>
+  Laws<V> read(Coefficient&& coefficient, Side&& side, Load&& load, const MotionChange<V>& change) const {
     Laws<V> found;
     found.change = change;
     for (int64_t i = 0; i < axles; ++i) {
@@ -227,7 +280,7 @@ class Inputs {
       const Coefficients<V> c = read_coefficients<V>(elements, next);
       SuspensionLaw<V> law = suspension_law(elements, c);
       const TireLaw<V> tire = {c.static_deflection, reciprocal(c.reference_deflection), c.exponent, c.tire_damping,
-                               data(kReferenceLoad)[r * axles + i]};
+                               load(i)};
       const int springs = elements.ramps, stops = springs + elements.stops;
       for (int j = 0; j < stops + elements.rate_ramps; ++j) {
         std::vector<Ramp<V>>& ramps = j < springs ? law.ramps : j < stops ? law.stops : law.rate_ramps;
@@ -278,18 +331,17 @@ constexpr int kFewest = kLeastCoordinates, kMost = kMostCoordinates;
 #endif
 
 // Integrates with the number of body coordinates known to the compiler; false if it is not compiled for it.
-template <class V, int NB = kFewest, class Sink>
-bool simulate(const Inputs& in, int64_t r, const Laws<V>& laws, Sink&& sink) {
+template <int NB = kFewest, class V, class M, class Sink>
+bool simulate(const Inputs& in, const Run<M>& run, const Laws<V>& laws, Sink&& sink) {
   if constexpr (NB > kMost) {
     return false;
   } else if (in.coordinates != NB) {
-    return simulate<V, NB + 1>(in, r, laws, sink);
+    return simulate<NB + 1>(in, run, laws, sink);
   } else {
-    const Run run = in.run(r);
     if (in.filter.pole.empty())
-      integrate<V, NB, false>(run, laws, in.channels, in.filter, in.clock, sink);
+      integrate<V, M, NB, false>(run, laws, in.channels, in.filter, in.clock, sink);
     else
-      integrate<V, NB, true>(run, laws, in.channels, in.filter, in.clock, sink);
+      integrate<V, M, NB, true>(run, laws, in.channels, in.filter, in.clock, sink);
     return true;
   }
 }
@@ -299,26 +351,31 @@ ffi::Error finish(bool known) {
                : ffi::Error::InvalidArgument("the native engine is not compiled for so many body coordinates");
 }
 
-// Writes the lanes that belong to sets from `first` on to out[set].
-void store(const Pack& x, double* out, int64_t first, int64_t sets) {
-  const int64_t count = std::min<int64_t>(kLanes, sets - first);
-  for (int64_t k = 0; k < count; ++k) out[first + k] = x[k];
+template <class Sink>
+bool simulate(const Inputs& in, const Lanes& lanes, Sink&& sink) {
+  if (in.sets > 1) return simulate(in, in.run(lanes.run[0]), in.laws(lanes), sink);
+  std::vector<std::vector<Pack>> numbers;
+  return simulate(in, in.runs_of(lanes, numbers), in.laws(lanes), sink);
 }
 
-int64_t packs(int64_t sets) { return (sets + kLanes - 1) / kLanes; }
+// Writes row `row` of a pack's signals to out (R, rows, S).
+void store(const Pack& x, double* out, int64_t rows, int64_t row, const Lanes& lanes, int64_t sets) {
+  for (int k = 0; k < lanes.count; ++k) out[(lanes.run[k] * rows + row) * sets + lanes.set[k]] = x[k];
+}
 
 // Signals (T, R, C, S).
 ffi::Error sensors(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings settings) {
   const Inputs in(args, settings, kSensorsCount);
   if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
   double* out = (*rets.get<Buffer>(kSensorsSignals))->typed_data();
-  const int64_t channels = in.channels.count(), blocks = packs(in.sets);
+  const int64_t channels = in.channels.count();
+  const std::vector<Lanes> packs = in.packs();
   std::atomic<bool> known{true};
-  share(in.runs * blocks, [&](int64_t task) {
-    const int64_t r = task / blocks, first = task % blocks * kLanes;
-    known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
-      for (int64_t c = 0; c < channels; ++c)
-        store(shown[c], out + ((t * in.runs + r) * channels + c) * in.sets, first, in.sets);
+  share(packs.size(), [&](int64_t task) {
+    const Lanes& lanes = packs[task];
+    known = simulate(in, lanes, [&](int64_t t, const auto&, const auto&, const Pack* shown) {
+      double* at = out + t * in.runs * channels * in.sets;
+      for (int64_t c = 0; c < channels; ++c) store(shown[c], at, channels, c, lanes, in.sets);
     });
   });
   return finish(known);
@@ -330,13 +387,14 @@ ffi::Error histories(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings 
   if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
   double* out[kHistoriesResults];
   for (int k = 0; k < kHistoriesResults; ++k) out[k] = (*rets.get<Buffer>(k))->typed_data();
-  const int64_t blocks = packs(in.sets), na = in.axles;
+  const int64_t na = in.axles;
+  const std::vector<Lanes> packs = in.packs();
   std::atomic<bool> known{true};
-  share(in.runs * blocks, [&](int64_t task) {
-    const int64_t r = task / blocks, first = task % blocks * kLanes;
-    known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto& now, const auto& state, const Pack* shown) {
+  share(packs.size(), [&](int64_t task) {
+    const Lanes& lanes = packs[task];
+    known = simulate(in, lanes, [&](int64_t t, const auto& now, const auto& state, const Pack* shown) {
       const auto put = [&](int field, int64_t width, int64_t k, const Pack& x) {
-        store(x, out[field] + ((t * in.runs + r) * width + k) * in.sets, first, in.sets);
+        store(x, out[field] + t * in.runs * width * in.sets, width, k, lanes, in.sets);
       };
       for (int64_t i = 0; i < na; ++i) {
         put(kHistoriesDeflection, na, i, shown[i]);
@@ -358,12 +416,14 @@ ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings se
   const Inputs in(args, settings, kMisfitsCount);
   if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
   double* out = (*rets.get<Buffer>(kMisfitsMisfit))->typed_data();
-  const int64_t channels = in.channels.count(), blocks = packs(in.sets);
+  const int64_t channels = in.channels.count();
+  const std::vector<Lanes> packs = in.packs_of_sets();
   std::atomic<bool> known{true};
-  share(in.runs * blocks, [&](int64_t task) {
-    const int64_t r = task / blocks, first = task % blocks * kLanes;
+  share(packs.size(), [&](int64_t task) {
+    const Lanes& lanes = packs[task];
+    const int64_t r = lanes.run[0];
     const std::unique_ptr<Pack[]> signal(new Pack[in.clock.samples * channels]);  // (C, T)
-    known = simulate(in, r, in.laws(r, first), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
+    known = simulate(in, in.run(r), in.laws(lanes), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
       for (int64_t c = 0; c < channels; ++c) signal[c * in.clock.samples + t] = shown[c];
     });
     const int64_t own = r * channels * kMotionNumbers;
@@ -373,7 +433,7 @@ ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings se
                                   in.data(kMisfitsLocal + kLocalFactor) + r * kMotionNumbers * kMotionNumbers,
                                   in.runs * channels * kMotionNumbers};
     const Pack found = misfit(in.readings(r, kMisfitsReadings), columns, signal.get(), static_cast<int>(channels));
-    store(found, out + r * in.sets, first, in.sets);
+    store(found, out, 1, 0, lanes, in.sets);
   });
   return finish(known);
 }
@@ -386,7 +446,7 @@ bool linearise_block(const Inputs& in, int64_t r, int64_t first, double* const (
   const int64_t last = std::min<int64_t>(unknowns, first + T * kLanes - 1);
   const std::unique_ptr<Jet<T>[]> signal(new Jet<T>[samples * channels]);  // (C, T)
   const bool known =
-      simulate(in, r, in.jets<T>(r, first), [&](int64_t t, const auto&, const auto&, const Jet<T>* shown) {
+      simulate(in, in.run(r), in.jets<T>(r, first), [&](int64_t t, const auto&, const auto&, const Jet<T>* shown) {
         for (int64_t c = 0; c < channels; ++c) signal[c * samples + t] = shown[c];
       });
   const Readings data = in.readings(r, kLineariseReadings);

@@ -30,6 +30,14 @@ inline Pack splat(double x) { return x - Pack{}; }
 
 inline Pack select(Mask where, Pack yes, Pack no) { return where ? yes : no; }
 
+// Number k of a pack, whether something holds in lane k; a single value stands for every k.
+inline double at_lane(const Pack& x, int k) { return x[k]; }
+inline double at_lane(double x, int) { return x; }
+inline bool at_lane(const Mask& x, int k) { return x[k] != 0; }
+inline bool at_lane(bool x, int) { return x; }
+inline void set_lane(Pack& x, int k, double value) { x[k] = value; }
+inline void set_lane(double& x, int, double value) { x = value; }
+
 inline bool any(Mask m) {
 #if defined(__AVX512F__) && defined(__AVX512DQ__)
   return _mm512_movepi64_mask((__m512i)m) != 0;

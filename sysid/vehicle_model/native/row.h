@@ -1,6 +1,6 @@
 // Rows of numbers: what the time loop computes with.
 //
-//   Pack    one number for each of several parameter sets;
+//   Pack    one number for each of several parameter sets, or for each of several runs;
 //   Jet<T>  one number and its derivatives: lane 0 is the value, the other lanes are its derivatives with respect to
 //           the unknowns, so that linear operations treat all lanes alike.
 //
@@ -36,6 +36,27 @@ struct ScalarOf<Pack> {
 };
 template <class V>
 using Scalar = typename ScalarOf<V>::type;
+
+// Where something holds: of the run of each lane, or of one run.
+template <class M>
+struct WhereOf {
+  using type = bool;
+};
+template <>
+struct WhereOf<Pack> {
+  using type = Mask;
+};
+template <class M>
+using Where = typename WhereOf<M>::type;
+inline Mask opposite(Mask x) { return ~x; }
+inline bool opposite(bool x) { return !x; }
+
+// x = 0 there.
+inline void clear(Mask where, Pack& x) { x = select(where, Pack{}, x); }
+template <class V>
+inline void clear(bool where, V& x) {
+  if (where) x = V{};
+}
 
 // Scalar functions for the values of jets.
 inline bool any(bool x) { return x; }
@@ -89,6 +110,7 @@ inline Jet<T>& operator+=(Jet<T>& a, const Jet<T>& b) {
 }
 // sum += a x, where many a are zero: worth a look for a jet.
 inline void accumulate(Pack& sum, double a, const Pack& x) { sum += a * x; }
+inline void accumulate(Pack& sum, const Pack& a, const Pack& x) { sum += a * x; }
 template <int T>
 inline void accumulate(Jet<T>& sum, double a, const Jet<T>& x) {
   if (a == 0.0) return;

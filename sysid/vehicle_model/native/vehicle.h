@@ -9,31 +9,36 @@
 
 namespace sysid {
 
+// Constants of a run are numbers M: of one run, or a Pack with one of the run of each lane.
+
 // Rigid beams that carry axle groups, as in StackedBeams: (na, na), (na, na), (na, na), (na,); null without groups.
+template <class M>
 struct Beams {
-  const double *wheel = nullptr, *tire = nullptr, *pull = nullptr, *carries = nullptr;
+  const M *wheel = nullptr, *tire = nullptr, *pull = nullptr, *carries = nullptr;
 };
 
 // Bending modes of frames, as in StackedFrames: (count, nb), (nb, count).
+template <class M>
 struct Frames {
   int count = 0;
-  const double *select = nullptr, *push = nullptr;
+  const M *select = nullptr, *push = nullptr;
 };
 
 // How a run moves along the road (equations of motion.py): axle 1 over the start of the bump at `start` [s] with `speed`
 // [m/s], and a constant acceleration [m/s2].
+template <class M>
 struct Motion {
-  double speed, start, acceleration;
+  M speed, start, acceleration;
   // Time from the start [s], at most (in size) where the run stands.
-  double since_start(double time) const {
-    const double tau = time - start;
-    return speed + acceleration * tau < 0.0 ? -speed / acceleration : tau;
+  M since_start(double time) const {
+    const M tau = time - start;
+    return select(speed + acceleration * tau < 0.0, -speed / acceleration, tau);
   }
-  double travelled(double time) const {
-    const double tau = since_start(time);
+  M travelled(double time) const {
+    const M tau = since_start(time);
     return tau * (speed + 0.5 * acceleration * tau);
   }
-  double speed_at(double time) const { return speed + acceleration * since_start(time); }
+  M speed_at(double time) const { return speed + acceleration * since_start(time); }
 };
 
 // Derivatives of a run's motion (their values are zero).
@@ -42,15 +47,17 @@ struct MotionChange {
   V speed, start, acceleration;
 };
 
-// Constants of one run (matrices as in StackedMatrices): na axles, nr body sensors.
+// Constants of one run or of several (matrices as in StackedMatrices): na axles, nr body sensors.
+template <class M>
 struct Run {
   int axles, body_sensors;
-  const double *position, *rate, *acceleration, *inverse_unsprung, *static_load, *body_rows, *axle_x;
-  Beams beams;
-  const double* sharing = nullptr;  // (na, na) means over the axles of every rocker, null without rockers
-  Frames frames;
-  RoadTable road;
-  Motion motion;
+  const M *position, *rate, *acceleration, *inverse_unsprung, *static_load, *body_rows;
+  const double* axle_x;
+  Beams<M> beams;
+  const M* sharing = nullptr;  // (na, na) means over the axles of every rocker, null without rockers
+  Frames<M> frames;
+  std::vector<RoadTable> road;  // of each lane
+  Motion<M> motion;
   double growth;
   Elements elements;
 };
@@ -59,7 +66,7 @@ struct Run {
 template <class V>
 struct TireLaw {
   V static_deflection, inverse_reference, exponent, damping;
-  double reference_load;
+  Scalar<V> reference_load;
 };
 
 // Laws of all axles, and derivatives of the run's motion.
@@ -96,31 +103,22 @@ struct Wheels {
 };
 
 // y = M x for a matrix (n, n) that is mostly zeros.
-template <class V>
-inline void transform(const double* matrix, int n, const V* x, V* y) {
+template <class V, class M>
+inline void transform(const M* matrix, int n, const V* x, V* y) {
   for (int i = 0; i < n; ++i) {
     V sum{};
     for (int k = 0; k < n; ++k)
-      if (matrix[i * n + k] != 0.0) accumulate(sum, matrix[i * n + k], x[k]);
+      if (any(matrix[i * n + k] != 0.0)) accumulate(sum, matrix[i * n + k], x[k]);
     y[i] = sum;
   }
 }
 
 // ------------------------------------------------------------------------------------------------------------- contact
 
-inline RoadRows<double> road_rows(const RoadPoint& point) {
-  const MapRow* order = point.order;
-  RoadRows<double> rows{order[0][0], order[1][0], order[2][0], order[3][0], {}, {}};
-  for (int k = 0; k < 3; ++k) {
-    for (int row = 0; row < 4; ++row) rows.stretch[row][k] = order[k][1 + row];
-    for (int row = 0; row < 3; ++row) rows.drag[row][k] = order[k][5 + row];
-  }
-  return rows;
-}
-
 // Unclipped vertical force of every tire and, where the road is not flat, H/V.
-inline void contacts(const Run& run, const Laws<Pack>& laws, const RoadPoint* road, double, const Wheels<Pack>& wheel,
-                     Pack* unclipped, Pack* drag) {
+template <class M>
+void contacts(const Run<M>& run, const Laws<Pack>& laws, const PointFor<M>* road, double, const Wheels<Pack>& wheel,
+              Pack* unclipped, Pack* drag) {
   for (int i = 0; i < run.axles; ++i) {
     const TireLaw<Pack>& law = laws.tire[i];
     Squash<Pack> now;
@@ -133,7 +131,7 @@ inline void contacts(const Run& run, const Laws<Pack>& laws, const RoadPoint* ro
       drag[i] = now.drag;
     }
     unclipped[i] = tire_force(now.deflection, now.rate, law.inverse_reference, law.exponent, law.damping,
-                              splat(law.reference_load), run.growth);
+                              law.reference_load, run.growth);
   }
 }
 
@@ -165,8 +163,8 @@ inline RoadRows<Partials> ahead_rows(const RoadPoint& point) {
 // The same for jets: first the partial derivatives of the squash of each wheel that is not on flat road, then those of
 // all tires' forces with axles as lanes, then the chain rule along each row of derivatives.
 template <int T>
-void contacts(const Run& run, const Laws<Jet<T>>& laws, const RoadPoint* road, double time, const Wheels<Jet<T>>& wheel,
-              Jet<T>* unclipped, Jet<T>* drag) {
+void contacts(const Run<double>& run, const Laws<Jet<T>>& laws, const RoadPoint* road, double time,
+              const Wheels<Jet<T>>& wheel, Jet<T>* unclipped, Jet<T>* drag) {
   enum { kDeflection, kRate, kInverse, kExponent, kDamping, kForceInputs };
   using Outer = Local<kForceInputs>;
   Squash<Partials> squashed[kLanes];
@@ -223,9 +221,12 @@ void contacts(const Run& run, const Laws<Jet<T>>& laws, const RoadPoint* road, d
 }
 
 // Forward speed of a run.
-inline Pack forward_speed(const Run& run, const Laws<Pack>&, double time) { return splat(run.motion.speed_at(time)); }
+template <class M>
+inline Pack forward_speed(const Run<M>& run, const Laws<Pack>&, double time) {
+  return run.motion.speed_at(time) - Pack{};
+}
 template <int T>
-inline Jet<T> forward_speed(const Run& run, const Laws<Jet<T>>& laws, double time) {
+inline Jet<T> forward_speed(const Run<double>& run, const Laws<Jet<T>>& laws, double time) {
   const double tau = run.motion.since_start(time), now = run.motion.speed_at(time);
   if (now <= 0.0) return Jet<T>{};
   const MotionChange<Jet<T>>& change = laws.change;
@@ -235,8 +236,8 @@ inline Jet<T> forward_speed(const Run& run, const Laws<Jet<T>>& laws, double tim
 // -------------------------------------------------------------------------------------------------------------- forces
 
 // What axles and frame feel of the springs' forces through rockers: S + s (mean S - S).
-template <class V>
-inline void share(const Run& run, const Laws<V>& laws, V* force) {
+template <class V, class M>
+inline void share(const Run<M>& run, const Laws<V>& laws, V* force) {
   V mean[kMaxAxles];
   transform(run.sharing, run.axles, force, mean);
   for (int i = 0; i < run.axles; ++i) force[i] += laws.suspension[i].load_share * (mean[i] - force[i]);
@@ -252,8 +253,8 @@ struct StageOfStep {
 // Accelerations and forces in a state:
 //   axles: m_u z'' = V - static load + pull,      bodies: b'' = A [pull; H] - M^-1 (tilt b + hold b').
 // `stage` is null at the start of a step, where the friction state is the step's own.
-template <class V, int NB>
-void forces(const Run& run, const Laws<V>& laws, const RoadPoint* road, double time, const State<V, NB>& state,
+template <class V, class M, int NB>
+void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, double time, const State<V, NB>& state,
             const V* slip, const StageOfStep<V>* stage, Forces<V, NB>& out) {
   const int na = run.axles;
   const bool beams = run.beams.wheel != nullptr;
@@ -269,7 +270,7 @@ void forces(const Run& run, const Laws<V>& laws, const RoadPoint* road, double t
   }
   const V nominal = forward_speed(run, laws, time);
   for (int i = 0; i < na; ++i) {
-    const double *up = run.position + i * NB, *up_rate = run.rate + i * NB;
+    const M *up = run.position + i * NB, *up_rate = run.rate + i * NB;
     V above = -state.axle[i], above_rate = -state.axle_rate[i];
     for (int j = 0; j < NB; ++j) {
       accumulate(above, up[j], state.body[j]);
@@ -278,7 +279,7 @@ void forces(const Run& run, const Laws<V>& laws, const RoadPoint* road, double t
     out.extension[i] = above;
     out.rate[i] = above_rate;
     if (road[i].flat) continue;
-    const double *along = run.position + (na + i) * NB, *along_rate = run.rate + (na + i) * NB;
+    const M *along = run.position + (na + i) * NB, *along_rate = run.rate + (na + i) * NB;
     V advance{}, speed = nominal;
     for (int j = 0; j < NB; ++j) {
       accumulate(advance, along[j], state.body[j]);
@@ -290,7 +291,7 @@ void forces(const Run& run, const Laws<V>& laws, const RoadPoint* road, double t
   contacts(run, laws, road, time, wheel, out.unclipped, drag);
   V body[NB];
   for (int j = 0; j < NB; ++j) {
-    const double *tilt = run.position + (2 * na + j) * NB, *hold = run.rate + (2 * na + j) * NB;
+    const M *tilt = run.position + (2 * na + j) * NB, *hold = run.rate + (2 * na + j) * NB;
     body[j] = V{};
     for (int l = 0; l < NB; ++l) {
       accumulate(body[j], tilt[l], state.body[l]);
@@ -359,8 +360,8 @@ struct Missed {
   bool at_axles, at_bodies;
 };
 
-template <class V, int NB>
-void find_missed(const Run& run, const Laws<V>& laws, const std::vector<Forces<V, NB>>& stage, Missed<V, NB>& out) {
+template <class V, class M, int NB>
+void find_missed(const Run<M>& run, const Laws<V>& laws, const std::vector<Forces<V, NB>>& stage, Missed<V, NB>& out) {
   const int na = run.axles;
   V tire[kMaxAxles], tire_moment[kMaxAxles], pull[kMaxAxles]{}, pull_moment[kMaxAxles]{};
   out.at_axles = out.at_bodies = false;
@@ -435,8 +436,8 @@ struct Channels {
   int count() const { return static_cast<int>(deflection.size() + acceleration.size()) + body; }
 };
 
-template <class V, int NB>
-void observe(const Run& run, const Channels& channels, const V* extension, const V* axle, const V* body, V* signal) {
+template <int NB, class V, class M>
+void observe(const Run<M>& run, const Channels& channels, const V* extension, const V* axle, const V* body, V* signal) {
   V above[kMaxAxles], wheel[kMaxAxles];
   if (run.beams.wheel != nullptr) {
     transform(run.beams.wheel, run.axles, extension, above);
@@ -447,7 +448,7 @@ void observe(const Run& run, const Channels& channels, const V* extension, const
   for (const int i : channels.deflection) *signal++ = extension[i];
   for (const int i : channels.acceleration) *signal++ = axle[i];
   for (int k = 0; k < channels.body; ++k) {
-    const double* row = run.body_rows + k * NB;
+    const M* row = run.body_rows + k * NB;
     V sum{};
     for (int j = 0; j < NB; ++j) accumulate(sum, row[j], body[j]);
     *signal++ = sum;
@@ -506,28 +507,25 @@ struct Clock {
   double interval;
 };
 
-// Integrates one run and calls sink(sample, forces, state, shown) at every sample.
+// Integrates one run, or one in each lane, and calls sink(sample, forces, state, shown) at every sample.
 //
 // The step is the classical fourth-order Runge-Kutta scheme in its second-order (Nystrom) form with the exact integral
 // of forces at their corners.  The start is the static equilibrium, so nothing moves before a wheel reaches the bump.
-template <class V, int NB, bool Filtered, class Sink>
-void integrate(const Run& run, const Laws<V>& laws, const Channels& channels, const Filter& filter, const Clock& clock,
+template <class V, class M, int NB, bool Filtered, class Sink>
+void integrate(const Run<M>& run, const Laws<V>& laws, const Channels& channels, const Filter& filter, const Clock& clock,
                Sink&& sink) {
   const int na = run.axles, nc = channels.count();
   const double h = clock.interval / static_cast<double>(clock.substeps), half = 0.5 * h;
   const double half_step = clock.interval / static_cast<double>(2 * clock.substeps);
-  std::vector<WheelRoad> wheels;
+  std::vector<RoadUnderWheel<M>> wheels;
   for (int i = 0; i < na; ++i) wheels.emplace_back(run.road, i);
-  std::vector<RoadPoint> points(3 * na);
-  RoadPoint *road = &points[0], *road_middle = &points[na], *road_end = &points[2 * na];
-  const auto look_up = [&](int64_t half_steps, RoadPoint* at) {
-    const double travelled = run.motion.travelled(static_cast<double>(half_steps) * half_step);
-    bool flat = true;
-    for (int i = 0; i < na; ++i) {
-      wheels[i].look_up(travelled - run.axle_x[i], at[i]);
-      flat = flat && at[i].flat;
-    }
-    return flat;
+  std::vector<PointFor<M>> points(3 * na);
+  PointFor<M>*road = &points[0], *road_middle = &points[na], *road_end = &points[2 * na];
+  const auto look_up = [&](int64_t half_steps, PointFor<M>* at) {
+    const M travelled = run.motion.travelled(static_cast<double>(half_steps) * half_step);
+    Where<M> felt{};
+    for (int i = 0; i < na; ++i) felt |= wheels[i].look_up(travelled - run.axle_x[i], at[i]);
+    return felt;
   };
   FilterMemory<V> memory(filter, nc);
   std::vector<V> now(nc), middle(nc), shown(nc);
@@ -537,26 +535,29 @@ void integrate(const Run& run, const Laws<V>& laws, const Channels& channels, co
   Forces<V, NB>&first = stage[0], &second = stage[1], &third = stage[2], &fourth = stage[3];
   Missed<V, NB> missed;
 
-  bool resting = look_up(0, road);
+  Where<M> resting = opposite(look_up(0, road));
+  // Forces cancel up to rounding before a wheel meets the bump: what is at rest stays at rest.
+  const auto hold = [&](Forces<V, NB>& of) {
+    if (!any(resting)) return;
+    for (int j = 0; j < NB; ++j) clear(resting, of.body[j]);
+    for (int i = 0; i < na; ++i) clear(resting, of.axle[i]), clear(resting, of.pull[i]);
+  };
   const int64_t steps = (clock.samples - 1) * clock.substeps + 1;
   for (int64_t step = 0; step < steps; ++step) {
     const double time = static_cast<double>(step) * h;
     const bool sampled = step % clock.substeps == 0;
     if (step > 0) std::swap(road, road_end);
-    const bool middle_flat = look_up(2 * step + 1, road_middle), end_flat = look_up(2 * step + 2, road_end);
-    resting = resting && middle_flat && end_flat;
-    if (!resting || step == 0) forces<V, NB>(run, laws, road, time, at, at.slip, nullptr, first);
-    if (resting) {
-      // Forces cancel up to rounding here: what is at rest stays at rest.
-      for (int j = 0; j < NB; ++j) first.body[j] = V{};
-      for (int i = 0; i < na; ++i) first.axle[i] = first.pull[i] = V{};
-    }
-    if (Filtered || sampled) observe<V, NB>(run, channels, first.extension, first.axle, first.body, now.data());
+    const Where<M> middle_felt = look_up(2 * step + 1, road_middle), end_felt = look_up(2 * step + 2, road_end);
+    resting = resting & opposite(middle_felt | end_felt);
+    const bool all_rest = !any(opposite(resting));
+    if (!all_rest || step == 0) forces<V, M, NB>(run, laws, road, time, at, at.slip, nullptr, first);
+    hold(first);
+    if (Filtered || sampled) observe<NB>(run, channels, first.extension, first.axle, first.body, now.data());
     if (sampled) {
       if (Filtered) memory.show(now.data(), shown.data());
       sink(step / clock.substeps, first, at, Filtered ? shown.data() : now.data());
     }
-    if (resting || step + 1 == steps) continue;
+    if (all_rest || step + 1 == steps) continue;
 
     const StageOfStep<V> at_middle{half, first.extension, first.rate}, at_end{h, first.extension, first.rate};
     for (int j = 0; j < NB; ++j) {
@@ -567,7 +568,8 @@ void integrate(const Run& run, const Laws<V>& laws, const Channels& channels, co
       trial.axle[i] = at.axle[i] + half * at.axle_rate[i];
       trial.axle_rate[i] = at.axle_rate[i] + half * first.axle[i];
     }
-    forces<V, NB>(run, laws, road_middle, time + half, trial, at.slip, &at_middle, second);
+    forces<V, M, NB>(run, laws, road_middle, time + half, trial, at.slip, &at_middle, second);
+    hold(second);
     for (int j = 0; j < NB; ++j) {
       trial.body[j] += half * half * first.body[j];
       trial.body_rate[j] = at.body_rate[j] + half * second.body[j];
@@ -576,7 +578,8 @@ void integrate(const Run& run, const Laws<V>& laws, const Channels& channels, co
       trial.axle[i] += half * half * first.axle[i];
       trial.axle_rate[i] = at.axle_rate[i] + half * second.axle[i];
     }
-    forces<V, NB>(run, laws, road_middle, time + half, trial, at.slip, &at_middle, third);
+    forces<V, M, NB>(run, laws, road_middle, time + half, trial, at.slip, &at_middle, third);
+    hold(third);
     for (int j = 0; j < NB; ++j) {
       trial.body[j] = at.body[j] + h * at.body_rate[j] + h * half * second.body[j];
       trial.body_rate[j] = at.body_rate[j] + h * third.body[j];
@@ -585,7 +588,8 @@ void integrate(const Run& run, const Laws<V>& laws, const Channels& channels, co
       trial.axle[i] = at.axle[i] + h * at.axle_rate[i] + h * half * second.axle[i];
       trial.axle_rate[i] = at.axle_rate[i] + h * third.axle[i];
     }
-    forces<V, NB>(run, laws, road_end, time + h, trial, at.slip, &at_end, fourth);
+    forces<V, M, NB>(run, laws, road_end, time + h, trial, at.slip, &at_end, fourth);
+    hold(fourth);
 
     const auto advance = [&](V& x, V& v, const V& a1, const V& a2, const V& a3, const V& a4) {
       const V between = a2 + a3;
@@ -596,7 +600,7 @@ void integrate(const Run& run, const Laws<V>& laws, const Channels& channels, co
       advance(at.body[j], at.body_rate[j], first.body[j], second.body[j], third.body[j], fourth.body[j]);
     for (int i = 0; i < na; ++i)
       advance(at.axle[i], at.axle_rate[i], first.axle[i], second.axle[i], third.axle[i], fourth.axle[i]);
-    find_missed<V, NB>(run, laws, stage, missed);
+    find_missed(run, laws, stage, missed);
     if (missed.at_axles) {
       for (int i = 0; i < na; ++i) {
         at.axle[i] += h * h * missed.axle_moment[i];
@@ -611,7 +615,7 @@ void integrate(const Run& run, const Laws<V>& laws, const Channels& channels, co
     }
     if (run.elements.friction) {
       for (int i = 0; i < na; ++i) {
-        const double* up = run.position + i * NB;
+        const M* up = run.position + i * NB;
         V end = up[0] * at.body[0] - at.axle[i], end_rate = up[0] * at.body_rate[0] - at.axle_rate[i];
         for (int j = 1; j < NB; ++j) end += up[j] * at.body[j], end_rate += up[j] * at.body_rate[j];
         at.slip[i] = slip_after_step(laws.suspension[i], at.slip[i], first.extension[i], first.rate[i], end, end_rate, h);
@@ -628,7 +632,7 @@ void integrate(const Run& run, const Laws<V>& laws, const Channels& channels, co
       trial.body[j] = 0.5 * (second.body[j] + third.body[j]);
       if (missed.at_bodies) trial.body[j] += 1.5 * missed.body[j];
     }
-    observe<V, NB>(run, channels, trial.axle, trial.axle_rate, trial.body, middle.data());
+    observe<NB>(run, channels, trial.axle, trial.axle_rate, trial.body, middle.data());
     memory.advance(now.data(), middle.data());
   }
 }
