@@ -15,6 +15,7 @@ from sysid.sdof.drop_results import DropEstimate
 
 if TYPE_CHECKING:
     from sysid.estimation.parameters.estimate import ParameterEstimate
+    from sysid.estimation.uncertainty.identifiability import Identifiability
     from sysid.planning.advice_records import Prospect
     from sysid.posterior.sampled_posterior import PosteriorSummary
     from sysid.prediction.predicted_passes import PassPrediction
@@ -117,10 +118,21 @@ def _parameters(results: Results) -> list[dict[str, Any]]:
         return []
     summaries = {} if results.posterior is None else {s.name: s for s in results.posterior.summaries}
     estimates = (*results.fit.parameters, *results.fit.run_parameters)
-    return [_parameter(estimate, summaries.get(estimate.name)) for estimate in estimates]
+    shares = _interval_shares(results.fit.identifiability)
+    return [_parameter(e, summaries.get(e.name), shares.get(e.name)) for e in estimates]
 
 
-def _parameter(estimate: ParameterEstimate, summary: PosteriorSummary | None) -> dict[str, Any]:
+def _interval_shares(identifiability: Identifiability | None) -> dict[str, dict[str, float | None]]:
+    """Shares of the sources in the variance of every parameter, by its name."""
+    if identifiability is None:
+        return {}
+    rows, sources = zip(identifiability.names, identifiability.shares, strict=True), identifiability.sources
+    return {name: {source: _number(x) for source, x in zip(sources, row, strict=True)} for name, row in rows}
+
+
+def _parameter(
+    estimate: ParameterEstimate, summary: PosteriorSummary | None, shares: dict[str, float | None] | None
+) -> dict[str, Any]:
     return {
         "name": estimate.name,
         "axle": _axle(estimate.axle),
@@ -134,6 +146,7 @@ def _parameter(estimate: ParameterEstimate, summary: PosteriorSummary | None) ->
         "posterior": None
         if summary is None
         else {key: _number(getattr(summary, key)) for key in ("mean", "sd", "q05", "q50", "q95", "ess", "rhat")},
+        "variance_shares": shares,
         "prior": None
         if estimate.transform != "log"
         else {"median": _number(estimate.prior_median), "log_sd": _number(estimate.prior_sd)},

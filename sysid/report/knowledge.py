@@ -54,6 +54,26 @@ def shrinkage_table(results: Results) -> Table | None:
     return table("Prior against result of every parameter", head, rows, text_columns=2)
 
 
+def shares_table(results: Results) -> Table | None:
+    """Where the variance of every k and c comes from."""
+    known = None if results.fit is None else results.fit.identifiability
+    if results.fit is None or known is None:
+        return None
+    rows = [
+        [p.name, *(f"{100.0 * share:.0f}" for share in known.shares[known.names.index(p.name)])]
+        for p in results.fit.parameters
+        if p.quantity in ("stiffness", "damping")
+    ]
+    head = ("parameter", *(f"{source} [%]" for source in known.sources))
+    return table("Shares of the sources of uncertainty in the variance of k and c", head, rows, text_columns=1)
+
+
+def share_words(results: Results) -> tuple[str, ...]:
+    """The same in words."""
+    known = None if results.fit is None else results.fit.identifiability
+    return () if known is None else known.share_sentences
+
+
 def _spread(median: float, log_sd: float) -> tuple[float, float]:
     factor = math.exp(Z90 * log_sd)
     return median / factor, median * factor

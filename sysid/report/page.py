@@ -101,6 +101,8 @@ def _calibration(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
         if results.fit is None
         else tables.parameters_table(results, results.fit.run_parameters, "Parameters of single runs"),
         "shrinkage": knowledge.shrinkage_table(results),
+        "shares": knowledge.shares_table(results),
+        "share_words": knowledge.share_words(results),
         "shrinkage_pictures": figures.shrinkage_pictures(results, gallery),
         "profile_pictures": figures.profile_pictures(results, gallery),
         "advice": knowledge.advice_table(results),

@@ -64,7 +64,7 @@ def stub(cost: float, count: int) -> SimpleNamespace:
 
 def as_it_is(optimum: SimpleNamespace) -> Judged:
     """An optimum whose masses and tires are known."""
-    return Judged(optimum, Evidence(optimum.minimum.cost, np.eye(optimum.problem.count)))
+    return Judged(optimum, Evidence(optimum.minimum.cost, np.eye(optimum.problem.count), np.zeros(1)))
 
 
 def test_poor_laws_are_compared_under_the_maps_of_the_rich_ones(monkeypatch):
@@ -82,6 +82,7 @@ def test_poor_laws_are_compared_under_the_maps_of_the_rich_ones(monkeypatch):
     monkeypatch.setattr(law_comparison, "_sure", lambda *rest: True)
     monkeypatch.setattr(law_comparison, "promising", lambda *rest: promises.pop(0))
     monkeypatch.setattr(law_comparison, "LawEvidence", lambda campaign, optimum: SimpleNamespace(judge=as_it_is))
+    monkeypatch.setattr(law_comparison, "by_score", lambda *rest: ())
     axle = SimpleNamespace(suspension_law=None, suspension="leaf")
     data = SimpleNamespace(vehicle=SimpleNamespace(axles=(axle,)))
     best, comparison = law_comparison.compare_laws(data, poor_laws, rich_laws, poor, fitted)
@@ -102,7 +103,7 @@ def known_forces(values: list[float], sd: float, spread: np.ndarray) -> Judged:
     quantities = [SimpleNamespace(quantity="friction", axle=i) for i in range(len(values))]
     model = SimpleNamespace(parameters=SimpleNamespace(parameters=quantities))
     optimum = SimpleNamespace(problem=SimpleNamespace(model=model), vector=np.log(values))
-    return Judged(optimum, Evidence(0.0, sd**2 * spread @ spread.T))
+    return Judged(optimum, Evidence(0.0, sd**2 * spread @ spread.T, np.zeros(2)))
 
 
 @pytest.mark.parametrize(("sd", "sure"), [(0.03, True), (0.3, False)])

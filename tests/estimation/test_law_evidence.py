@@ -24,8 +24,8 @@ def linear():
     return rows, readings, prior, target, optimum
 
 
-def least_cost(linear, columns: list[int], sd: np.ndarray) -> float:
-    """Half the least sum of squares over the parameters and further columns with prior standard deviations."""
+def least_squares(linear, columns: list[int], sd: np.ndarray) -> tuple[float, np.ndarray]:
+    """Half the least sum of squares over the parameters and further columns with prior deviations, and where it is."""
     rows, readings, prior, target, _ = linear
     width = PARAMETERS + len(columns)
     used = rows[:, [*range(PARAMETERS), *columns]]
@@ -35,7 +35,11 @@ def least_cost(linear, columns: list[int], sd: np.ndarray) -> float:
     whole = np.concatenate([used, priors])
     right = np.concatenate([readings, prior @ target, np.zeros(len(columns))])
     solution = np.linalg.lstsq(whole, right, rcond=None)[0]
-    return 0.5 * float(((whole @ solution - right) ** 2).sum())
+    return 0.5 * float(((whole @ solution - right) ** 2).sum()), solution
+
+
+def least_cost(linear, columns: list[int], sd: np.ndarray) -> float:
+    return least_squares(linear, columns, sd)[0]
 
 
 def data_of(linear):
@@ -66,7 +70,7 @@ def test_the_promised_gain_is_the_fall_of_the_joint_cost(linear):
     information = rows.T @ rows
     score = rows.T @ (rows[:, :PARAMETERS] @ away - readings)
     score[:PARAMETERS] += prior.T @ (prior @ away - prior @ target)
-    pull, left = eliminated(information, score, prior.T @ prior, SD)
+    pull, left, _ = eliminated(information, score, prior.T @ prior, SD)
     promised = 0.5 * float(pull @ np.linalg.solve(left + np.eye(CANDIDATES), pull))
     without = least_cost(linear, [4, 5, 6], SD)
     joint = least_cost(linear, [4, 5, 6, 7, 8], np.concatenate([SD, np.ones(CANDIDATES)]))
@@ -83,6 +87,30 @@ def test_what_a_mass_explains_is_promised_to_no_element():
     information, score = rows.T @ rows, rows.T @ residual
     gains = []
     for sd in (100.0, 1e-6):
-        pull, left = eliminated(information, score, np.zeros((2, 2)), np.array([sd]))
+        pull, left, _ = eliminated(information, score, np.zeros((2, 2)), np.array([sd]))
         gains.append(float(pull @ np.linalg.solve(left + np.eye(1), pull)))
     assert gains[0] < 1e-3 * gains[1]
+
+
+def test_parameters_follow_masses_and_candidates_as_in_the_joint_problem(linear):
+    """The step to free masses, and the change by candidates, against joint least squares."""
+    _, _, prior, _, optimum = linear
+    information, score = data_of(linear)
+    known, masses, candidates = PARAMETERS + FURTHER, [4, 5, 6], [7, 8]
+    found = evidence(0.0, information[:known, :known], score[:known], prior.T @ prior, SD)
+    with_masses = least_squares(linear, masses, SD)[1][:PARAMETERS]
+    np.testing.assert_allclose(optimum + found.step, with_masses, rtol=1e-9)
+    assert np.abs(found.step).max() > 0.01
+    pull, left, response = eliminated(information, with_pull(linear, score), prior.T @ prior, SD)
+    amounts = -np.linalg.solve(left + np.eye(CANDIDATES), pull)
+    everything = least_squares(linear, masses + candidates, np.concatenate([SD, np.ones(CANDIDATES)]))[1]
+    np.testing.assert_allclose(amounts, everything[known:], rtol=1e-9)
+    np.testing.assert_allclose(with_masses + response @ amounts, everything[:PARAMETERS], rtol=1e-9)
+
+
+def with_pull(linear, score: np.ndarray) -> np.ndarray:
+    """The gradient with that of the priors."""
+    _, _, prior, target, optimum = linear
+    whole = score.copy()
+    whole[:PARAMETERS] += prior.T @ (prior @ optimum - prior @ target)
+    return whole

@@ -179,7 +179,7 @@ def test_amplitudes_by_load_case_add_up_to_those_of_all_runs():
         trials.append((problem.model.with_vehicle(tried.vehicle, tried.load_cases), 1.0))
     columns = difference_columns(problem.model, problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
     evidence = LawEvidence(data, optimum)
-    pull, information = evidence.without_known(optimum, columns)
+    pull, information, _ = evidence.without_known(optimum, columns)
     apart_pull, apart = evidence.by_load_case(optimum, columns)
     np.testing.assert_allclose(apart_pull.reshape(3, 2).sum(axis=1), pull, rtol=1e-9)
     np.testing.assert_allclose(apart.reshape(3, 2, 3, 2).sum(axis=(1, 3)), information, rtol=1e-9)

@@ -12,12 +12,13 @@ from sysid.arrays import Parameters, ParametersByParameters, UnknownsOfFit
 from sysid.campaign.clocks.moved import on_moved_clocks
 from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
-from sysid.estimation.fit.fit_result import FitResult, MassCheck
+from sysid.estimation.fit.fit_result import FitResult, MassCheck, UndecidedLaw
 from sysid.estimation.fit.minimiser import Minimum
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.state import FitPoint, FitState, fit_point
 from sysid.estimation.fit.thresholds import MISFIT, SOLVERS_APART_SD, STEP_HALVING
+from sysid.estimation.fit.undecided_laws import spread_rows
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.parameters.rockers import load_shares
 from sysid.estimation.residuals.compressed import Compressed
@@ -53,9 +54,16 @@ DOUBTFUL_MASS_SD = 3.0
 
 
 def evaluate_optimum(
-    campaign: Campaign, optimum: Optimum, options: FitOptions, report: Progress
+    campaign: Campaign,
+    optimum: Optimum,
+    options: FitOptions,
+    report: Progress,
+    undecided: Sequence[UndecidedLaw] = (),
 ) -> tuple[FitResult, FitState]:
-    """Covariance, checks and histories at an optimum; with ``options.cross_check`` SciPy's solver searches as well."""
+    """Covariance, checks and histories at an optimum; with ``options.cross_check`` SciPy's solver searches as well.
+
+    Laws that are `undecided` add to the covariance.
+    """
     campaign = on_moved_clocks(campaign, optimum.clocks)
     problem, vector, minimum = optimum.problem, optimum.vector, optimum.minimum
     model, weights = problem.model, problem.weights
@@ -69,7 +77,8 @@ def evaluate_optimum(
     problem.forget()
     return_memory()
     allowances = campaign_allowances(campaign, model.parameters, model.felt)
-    adjusted = adjusted_information(campaign, problem, vector, allowances, optimum.amounts)
+    laws = spread_rows(undecided, model.parameters.names)
+    adjusted = adjusted_information(campaign, problem, vector, allowances, optimum.amounts, laws)
     adjustment = adjusted.adjustment
     covariance = _covariance(problem, compressed, adjustment)
     condition = np.linalg.cond(compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0))

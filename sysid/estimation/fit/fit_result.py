@@ -51,11 +51,41 @@ class LawTrial:
 
 
 @dataclass(frozen=True)
+class UndecidedLaw:
+    """A law element, by its `words`, about which the data do not decide: with `gain` in the criterion it has `weight`.
+
+    `is_chosen` says whether the chosen laws have it. `names` of parameters and the `shift` of their logarithms if the
+    choice were the other one.
+    """
+
+    words: str
+    gain: float
+    weight: float
+    is_chosen: bool
+    names: tuple[str, ...]
+    shift: tuple[float, ...]
+
+    @property
+    def doubt(self) -> float:
+        """Weight of the choice that was not made."""
+        return 1.0 - self.weight if self.is_chosen else self.weight
+
+    @property
+    def sentence(self) -> str:
+        """What is not decided, and what this does to the intervals."""
+        return (
+            f"The data do not decide on {self.words}, which the calibrated model {'has' if self.is_chosen else 'lacks'}"
+            f" (probability {100.0 * self.weight:.0f} %): the intervals include both cases."
+        )
+
+
+@dataclass(frozen=True)
 class LawComparison(Tabular):
-    """Trials of suspension laws and the one that was `chosen`, by axle."""
+    """Trials of suspension laws and the one that was `chosen`, by axle; `undecided` elements widen the intervals."""
 
     trials: tuple[LawTrial, ...]
     chosen: tuple[str, ...]
+    undecided: tuple[UndecidedLaw, ...] = ()
 
     def summary(self) -> pd.DataFrame:
         """One row per trial."""

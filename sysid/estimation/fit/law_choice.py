@@ -84,7 +84,7 @@ def fit_with_laws(
             chosen, comparison = choice.chosen(again)
     campaign, parts = choice.campaign, choice.parts
     joint = joint_optimum(campaign, chosen, profiles, options, report)
-    fit, state = evaluate_optimum(campaign, joint, options, report)
+    fit, state = evaluate_optimum(campaign, joint, options, report, comparison.undecided if comparison else ())
     state = replace(state, point=replace(state.point, parts=parts))
     added = {rocker.name for rocker in parts.rockers}
     rockers = tuple(s for s in load_shares(campaign.vehicle, fit.parameters) if s.name in added)

@@ -20,11 +20,12 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.evaluation import parameter_sd
-from sysid.estimation.fit.fit_result import LawComparison, LawTrial
+from sysid.estimation.fit.fit_result import LawComparison, LawTrial, UndecidedLaw
 from sysid.estimation.fit.law_evidence import Judged, LawEvidence
 from sysid.estimation.fit.law_screen import promising
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
+from sysid.estimation.fit.undecided_laws import by_score, by_trial, family_words
 from sysid.estimation.parameters.law_families import FAMILIES, STOPS, Laws, without_family
 from sysid.estimation.parameters.suspension_elements import law_name, quantities
 from sysid.estimation.weights.reweighting import reweighted
@@ -33,6 +34,8 @@ from sysid.estimation.weights.reweighting import reweighted
 SURE = 5.0
 #: Standard deviation over that of its prior from which on the stiffness of a stop is not known from the data.
 IDLE_SHRINKAGE = 0.9
+#: All elements that were added, in words.
+_ALL = "anything but the laws of the campaign file"
 #: Travels that are estimated with undeclared stops, and by how much in the logarithm a second search begins nearer: two
 #: and a half standard deviations of their prior, nearer than nearly all of them.
 TRAVELS, NEARER = ("jounce_travel", "rebound_travel"), 0.3
@@ -46,11 +49,13 @@ def compare_laws(
     fitted: Callable[..., Optimum],
 ) -> tuple[Optimum, LawComparison]:
     """The preferred laws' optimum and all trials; every gain is over the laws of the campaign file."""
+    richest = rich_laws
     rich_laws, rich = _enriched(campaign, poor_laws, rich_laws, poor, fitted)
     if rich is None:
         optimum = fitted(poor_laws, poor)
         cost, names = optimum.minimum.cost, _names(poor_laws)
-        return optimum, LawComparison((LawTrial(names, optimum.problem.count, cost, optimum.misfit, 0.0),), names)
+        trial = LawTrial(names, optimum.problem.count, cost, optimum.misfit, 0.0)
+        return optimum, LawComparison((trial,), names, by_score(campaign, poor_laws, richest, optimum, ()))
     data = LawEvidence(campaign, rich)
     # Under the weights and maps of the rich laws, as all trials.
     best_laws, best, size = rich_laws, data.judge(rich), effective_residuals(rich)
@@ -64,25 +69,31 @@ def compare_laws(
 
     trials = [LawTrial(_names(poor_laws), base.count, base.evidence.cost, poor.misfit, 0.0)]
     trials.append(_trial(rich_laws, best, gain_over(base, best)))
+    undecided: list[UndecidedLaw] = []
+    tried: list[tuple[str, str]] = []
     for family in FAMILIES:
         without = without_family(campaign.vehicle.axles, best_laws, poor_laws, family)
         if without in (best_laws, poor_laws) or _sure(best, best_laws, without, size):
             continue
         candidate = data.judge(fitted(without, best.optimum, how="trial"))
         trials.append(_trial(without, candidate, gain_over(base, candidate)))
-        if gain_over(candidate, best) < DECISIVE:
+        gain = gain_over(candidate, best)
+        undecided += by_trial(family_words(family), candidate, best, gain)
+        tried.append(family)
+        if gain < DECISIVE:
             best_laws, best = without, candidate
     acting = with_stops_that_act(best_laws, best.optimum)
     if acting != best_laws:
         best_laws, best = acting, data.judge(fitted(acting, best.optimum, how="trial"))
         trials.append(_trial(acting, best, gain_over(base, best)))
-    chosen = best.optimum
-    if gain_over(base, best) < DECISIVE:
+    if (gain := gain_over(base, best)) < DECISIVE:
+        undecided = [*by_trial(_ALL, base, best, gain)]
         best_laws, chosen = poor_laws, fitted(poor_laws, poor)
     else:
         # Trials ran under the rich laws' weights and with larger steps; the result stands on its own.
-        chosen = fitted(best_laws, chosen)
-    return chosen, LawComparison(tuple(trials), _names(best_laws))
+        chosen = fitted(best_laws, best.optimum)
+        undecided += by_score(campaign, best_laws, richest, chosen, tried)
+    return chosen, LawComparison(tuple(trials), _names(best_laws), tuple(undecided))
 
 
 def with_stops_that_act(laws: Laws, optimum: Optimum) -> Laws:

@@ -15,10 +15,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from sysid.arrays import ParametersByParameters, Unknowns, UnknownsByUnknowns
+from sysid.arrays import Parameters, ParametersByParameters, Unknowns, UnknownsByUnknowns
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
@@ -33,11 +34,12 @@ from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 @dataclass(frozen=True)
 class Evidence:
     """Evidence for an optimum: remaining `cost` with masses and tires free, `covariance` (p, p) of the log parameters
-    with both unknown.
+    with both unknown, and the `step` (p,) of the log parameters to where they are with both free.
     """
 
     cost: float
     covariance: ParametersByParameters
+    step: Parameters
 
 
 @dataclass(frozen=True)
@@ -76,8 +78,8 @@ class LawEvidence:
         tires = [PLAUSIBLE[d.kind] for d in self._allowances.departures.directions]
         return np.concatenate([self._allowances.masses.sd, tires])
 
-    def without_known(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> tuple[Unknowns, UnknownsByUnknowns]:
-        """Gradient (q,) and information (q, q) about q candidates near an optimum, all else free to follow.
+    def without_known(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> Eliminated:
+        """What the data say about q candidates near an optimum, all else free to follow.
 
         Parameters
         ----------
@@ -89,14 +91,13 @@ class LawEvidence:
     def by_load_case(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> tuple[Unknowns, UnknownsByUnknowns]:
         """The same (q L,) and (q L, q L) with one amplitude of every candidate in each of L load cases with runs."""
         data = self._information(optimum, more)
-        return self._eliminated(optimum, *apart_by_load_case(data, optimum.problem.count + self.count))
+        found = self._eliminated(optimum, *apart_by_load_case(data, optimum.problem.count + self.count))
+        return found.pull, found.information
 
     def _information(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> BlockInformation:
         return information_with(self._campaign, optimum.problem, optimum.vector, *self._columns(optimum), more)
 
-    def _eliminated(
-        self, optimum: Optimum, matrix: UnknownsByUnknowns, score: Unknowns
-    ) -> tuple[Unknowns, UnknownsByUnknowns]:
+    def _eliminated(self, optimum: Optimum, matrix: UnknownsByUnknowns, score: Unknowns) -> Eliminated:
         count = optimum.problem.count
         rows, targets = optimum.problem.model.parameters.prior_rows()
         score = score.copy()
@@ -117,10 +118,21 @@ class LawEvidence:
         return Judged(optimum, evidence(optimum.minimum.cost, data.matrix, data.score, rows.T @ rows, self.sd))
 
 
+class Eliminated(NamedTuple):
+    """Gradient `pull` (q,) and `information` (q, q) of q candidates, all else eliminated.
+
+    `response` (p, q): how the p parameters follow the candidates.
+    """
+
+    pull: Unknowns
+    information: UnknownsByUnknowns
+    response: np.ndarray
+
+
 def eliminated(
     information: UnknownsByUnknowns, score: Unknowns, prior: ParametersByParameters, sd: Unknowns
-) -> tuple[Unknowns, UnknownsByUnknowns]:
-    """Gradient (q,) and information (q, q) of candidates with p parameters and m masses and departures eliminated.
+) -> Eliminated:
+    """What is known of q candidates with p parameters and m masses and departures eliminated.
 
     Parameters
     ----------
@@ -135,7 +147,8 @@ def eliminated(
     of_known[count:, count:] += np.diag(sd**-2.0)
     cross = information[:known, known:]
     solved = np.linalg.solve(of_known, cross)
-    return score[known:] - solved.T @ score[:known], information[known:, known:] - cross.T @ solved
+    remaining = information[known:, known:] - cross.T @ solved
+    return Eliminated(score[known:] - solved.T @ score[:known], remaining, -solved[:count])
 
 
 def evidence(
@@ -155,5 +168,9 @@ def evidence(
     of_parameters = information[:count, :count] + prior
     remaining = free - cross.T @ np.linalg.solve(of_parameters, cross)
     pull = sd * score[count:]
-    left = cost - 0.5 * float(pull @ np.linalg.solve(remaining, pull))
-    return Evidence(left, np.linalg.inv(of_parameters - cross @ np.linalg.solve(free, cross.T)))
+    moved = np.linalg.solve(remaining, pull)
+    return Evidence(
+        cost - 0.5 * float(pull @ moved),
+        np.linalg.inv(of_parameters - cross @ np.linalg.solve(free, cross.T)),
+        np.linalg.solve(of_parameters, cross @ moved),
+    )

@@ -59,7 +59,7 @@ def promising(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum)
     Elements by axle, none at all if no family has enough expected gain.
     """
     axles = campaign.vehicle.axles
-    families = _families(campaign.vehicle, laws, rich_laws)
+    families = families_of(campaign.vehicle, laws, rich_laws)
     if not families:
         return ()
     screen, size = _screen(campaign, optimum, families), effective_residuals(optimum)
@@ -85,14 +85,14 @@ def promising(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum)
 
 def largest_gain(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum) -> float:
     """Largest expected gain of one family of elements, 0 if there is none; arguments as :func:`promising`."""
-    families = _families(campaign.vehicle, laws, rich_laws)
+    families = families_of(campaign.vehicle, laws, rich_laws)
     if not families:
         return 0.0
     screen, size = _screen(campaign, optimum, families), effective_residuals(optimum)
     return max(0.0, *(screen.gain(members, size) for members in families.values()))
 
 
-def _families(vehicle: Vehicle, laws: Laws, rich_laws: Laws) -> dict[tuple[str, str], list[Candidate]]:
+def families_of(vehicle: Vehicle, laws: Laws, rich_laws: Laws) -> dict[tuple[str, str], list[Candidate]]:
     """Candidates by family, those that have any."""
     listed = candidates(vehicle, laws, rich_laws)
     members = {f: [c for c in listed if (c.element, vehicle.axles[c.axles[0]].suspension) == f] for f in FAMILIES}
@@ -128,14 +128,24 @@ class Screen:
 
     def __init__(self, campaign: Campaign, evidence: LawEvidence, optimum: Optimum, listed: Sequence[Candidate]):
         self._listed = list(listed)
-        self._pull, self._information = evidence.without_known(optimum, candidate_columns(campaign, optimum, listed))
+        self._found = evidence.without_known(optimum, candidate_columns(campaign, optimum, listed))
 
     def gain(self, members: Sequence[Candidate], size: float) -> float:
         """Expected gain of adding some of the candidates; `size` is the effective number of residuals n."""
-        index = [self._listed.index(c) for c in members]
-        pull = self._pull[index]
-        left = self._information[np.ix_(index, index)] + np.eye(len(index))
-        return float(pull @ np.linalg.solve(left, pull) - len(index) * np.log(size))
+        return float(-self._found.pull[self._index(members)] @ self.amounts(members) - len(members) * np.log(size))
+
+    def amounts(self, members: Sequence[Candidate]) -> np.ndarray:
+        """Values (n,) of some of the candidates after one linear step, in units of their prior scales."""
+        index = self._index(members)
+        left = self._found.information[np.ix_(index, index)] + np.eye(len(index))
+        return np.asarray(-np.linalg.solve(left, self._found.pull[index]))
+
+    def shift(self, members: Sequence[Candidate]) -> np.ndarray:
+        """How far the log parameters (p,) of the optimum move if some of the candidates are added."""
+        return np.asarray(self._found.response[:, self._index(members)] @ self.amounts(members))
+
+    def _index(self, members: Sequence[Candidate]) -> list[int]:
+        return [self._listed.index(c) for c in members]
 
 
 def candidate_columns(campaign: Campaign, optimum: Optimum, listed: Sequence[Candidate]) -> tuple[ResidualColumns, ...]:

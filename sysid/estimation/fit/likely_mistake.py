@@ -82,7 +82,7 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
         data = information_with(campaign, problem, optimum.vector, *known, *(columns for _, columns in chosen))
         score = data.score
         score[: problem.count] += rows.T @ (rows @ values - targets)
-        pull, information = eliminated(data.matrix, score, rows.T @ rows, sd)
+        pull, information, _ = eliminated(data.matrix, score, rows.T @ rows, sd)
         left = total - count - _taken(data.matrix, score, rows.T @ rows, sd)
         if left < (MISFIT**2 - 1.0) * count:
             break

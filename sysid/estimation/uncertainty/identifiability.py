@@ -20,6 +20,7 @@ from scipy.linalg import eigh
 from sysid.arrays import Parameters, ParametersByParameters
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.uncertainty.information import DataInformation
+from sysid.estimation.uncertainty.interval_shares import SOURCES, interval_shares, share_sentences
 from sysid.tabular import Tabular
 
 if TYPE_CHECKING:
@@ -70,6 +71,9 @@ class Identifiability(Tabular):
     - `groups`: parameters that the data do not determine singly, and `pairs`: correlated ones;
     - `statements`: the same in words;
     - `information`: for computing what more data would add.
+
+    `shares` (p, n) of the n sources of uncertainty in the variance of every logarithm
+    (:mod:`sysid.estimation.uncertainty.interval_shares`).
     """
 
     names: tuple[str, ...]
@@ -80,6 +84,17 @@ class Identifiability(Tabular):
     pairs: tuple[CorrelatedPair, ...]
     statements: tuple[str, ...]
     information: DataInformation
+    shares: np.ndarray
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The sources of uncertainty, in the order of the shares."""
+        return SOURCES
+
+    @property
+    def share_sentences(self) -> tuple[str, ...]:
+        """Which sources make most of the variance of k and c, and what would lower them."""
+        return share_sentences(self.names, self.shares)
 
     @property
     def shrinkage(self) -> np.ndarray:
@@ -101,7 +116,8 @@ class Identifiability(Tabular):
         import pandas as pd
 
         columns = {"name": self.names, "prior_sd": self.prior_sd, "sd": self.sd, "shrinkage": self.shrinkage}
-        return pd.DataFrame(columns)
+        by_source = {f"share of {source}": self.shares[:, k] for k, source in enumerate(SOURCES)}
+        return pd.DataFrame(columns | by_source)
 
 
 def _least_singular_value() -> float:
@@ -136,6 +152,7 @@ def assess(
         pairs,
         (*group_statements(groups), *rough_statements(estimates, groups), *pair_statements(by_name, groups, pairs)),
         information,
+        interval_shares(information),
     )
 
 

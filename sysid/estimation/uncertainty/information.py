@@ -12,7 +12,7 @@ where P is the prior precision and C the flattening for model error that no depa
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -40,6 +40,8 @@ from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, flattening
 
 #: Rounds in which the factor of model error, and the scales of departures that go with it, are found.
 _FACTOR_ROUNDS = 4
+#: Kinds of unknowns beside the parameters: readings of a scale, other masses, and departures from the model.
+SCALES, MASSES, TIRES = "scale readings", "masses", "tires and friction"
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,9 @@ class DataInformation:
       (:mod:`sysid.estimation.uncertainty.map_following`);
     - `prior`: P (p, p), prior precision of the parameters;
     - `sd` (q,): prior standard deviations of masses and departures; the first `masses` of them are masses;
-    - `factor`: by how much model error widens all variances; the matrix already includes it.
+    - `factor`: by how much model error widens all variances; the matrix already includes it;
+    - `laws` (k, p): rows whose squares R'R laws that the data do not decide add to the covariance by the data;
+    - `kinds` (q,): which masses and departures are scale readings (:data:`SCALES`), other masses or tires.
     """
 
     matrix: np.ndarray
@@ -60,13 +64,38 @@ class DataInformation:
     sd: np.ndarray
     masses: int
     factor: float = 1.0
+    laws: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    kinds: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.kinds:
+            others = self.sd.size - self.masses
+            object.__setattr__(self, "kinds", (MASSES,) * self.masses + (TIRES,) * others)
 
     def precision(self, more: np.ndarray | None = None) -> np.ndarray:
         """Precision (p, p) of the parameters by the data alone; `more` (p + q, p + q) is the information of others."""
         matrix = self.matrix if more is None else self.matrix + more / self.factor
         left = integrated(matrix, self.prior.shape[0], self.sd).information
         adjusted = self.flattening.T @ left @ self.flattening
+        adjusted = adjusted @ self._between_laws(adjusted)
         return np.asarray(0.5 * (adjusted + adjusted.T))
+
+    def with_laws(self, laws: np.ndarray | None) -> DataInformation:
+        """The same with other rows (k, p) of undecided laws, None for none."""
+        return replace(self, laws=np.zeros((0, self.prior.shape[0])) if laws is None else laws)
+
+    def slope(self, gradient: Parameters) -> Parameters:
+        """Gradient (p,) of the log-likelihood with undecided laws, from that of the chosen ones."""
+        adjusted = self.flattening.T @ integrated(self.matrix, gradient.size, self.sd).information @ self.flattening
+        return np.asarray(self._between_laws(adjusted).T @ gradient)
+
+    def _between_laws(self, precision: ParametersByParameters) -> ParametersByParameters:
+        """T (p, p) with (N^-1 + R'R)^-1 = N T for a precision N."""
+        rows = self.laws
+        if not rows.size:
+            return np.eye(precision.shape[0])
+        inner = np.eye(len(rows)) + rows @ precision @ rows.T
+        return np.asarray(np.eye(precision.shape[0]) - rows.T @ np.linalg.solve(inner, rows @ precision))
 
     def covariance(self, more: np.ndarray | None = None) -> np.ndarray:
         """Covariance (p, p) of the log parameters, priors included; `more` as in :meth:`precision`."""
@@ -241,6 +270,7 @@ def adjusted_information(
     vector: UnknownsOfFit,
     allowances: Allowances,
     amounts: np.ndarray | None = None,
+    laws: np.ndarray | None = None,
 ) -> AdjustedInformation:
     """Masses and departures integrated out, and the sandwich over blocks (one channel in all repeats of one case).
 
@@ -249,6 +279,7 @@ def adjusted_information(
     Parameters
     ----------
     amounts : (q,) masses and departures at the optimum, None for 0.
+    laws : rows (k, p) of undecided laws, None for none.
     """
     masses, departures = allowances.masses, allowances.departures
     count, here = problem.count, np.zeros(allowances.count) if amounts is None else amounts
@@ -269,7 +300,8 @@ def adjusted_information(
         loads = _footprints_by_loads(allowances) @ left.response[: masses.sd.size]
         follow = map_following(about, problem.model.parameters, parameters, departures.directions, loads)
     flat = of_blocks.matrix @ follow
-    known = DataInformation(matrix, flat, prior, sd, masses.sd.size, factor)
+    undecided = np.zeros((0, count)) if laws is None else laws
+    known = DataInformation(matrix, flat, prior, sd, masses.sd.size, factor, undecided, _kinds(allowances))
     # The likelihood that is flattened leaves the clocks where they are.
     as_clocked = data.matrix if data.clocks is None else information_with(campaign, problem, vector).matrix
     adjustment = Adjustment(
@@ -279,6 +311,7 @@ def adjusted_information(
         of_blocks.blocks,
     )
     slope = follow.T @ of_blocks.matrix.T @ of_blocks.matrix.T @ pull / factor
+    slope = known.slope(slope)
     response = MassResponse(parameters, left.response, left.factor, here)
     return AdjustedInformation(adjustment, slope, known, response)
 
@@ -368,6 +401,13 @@ def footprints_following(problem: Problem, log_parameters: Parameters, allowance
     following[count + masses :, :count] = footprints_by_tires(model.parameters, log_parameters, directions)
     following[count + masses :, count : count + masses] = _footprints_by_loads(allowances)
     return following
+
+
+def _kinds(allowances: Allowances) -> tuple[str, ...]:
+    """What each mass or departure is, for :class:`DataInformation`."""
+    masses = allowances.masses
+    of_masses = [SCALES if s else MASSES for s in masses.readings | masses.scales]
+    return (*of_masses, *[TIRES] * len(allowances.departures.directions))
 
 
 def _footprints_by_loads(allowances: Allowances) -> np.ndarray:

@@ -116,6 +116,8 @@ def _laws(fit: FitResult) -> Blocks:
         chosen = "yes" if t.laws == fit.law_comparison.chosen else ""
         table.add_row(laws, str(t.parameters), f"{t.misfit:.2f}", f"{t.gain:.4g}", chosen)
     yield table
+    for undecided in fit.law_comparison.undecided:
+        yield undecided.sentence
 
 
 def shown_determined(identifiability: Identifiability | None) -> Blocks:
@@ -125,6 +127,7 @@ def shown_determined(identifiability: Identifiability | None) -> Blocks:
     some = f"{identifiability.determined} of {len(identifiability.names)}"
     yield f"The data determine {some} combinations of the parameters better than the priors do."
     yield from identifiability.statements
+    yield from identifiability.share_sentences
     if identifiability.warnings:
         yield CommandHint("Which run or sensor would help", "advise")
 
