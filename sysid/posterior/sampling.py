@@ -28,6 +28,11 @@ Notice = Callable[[str], None]
 _DENSE_SEGMENTS = 50
 #: Share of proposals without a finite density above which the user is warned.
 _MANY_REJECTED = 0.01
+#: A chain that has not converged after this many times its first adapting steps gets proposals fitted again: a long
+#: tail of a posterior is not reached in the first ones.
+ADAPTED_AGAIN = 4
+#: Every how many steps proposals that are fitted again look at the walkers.
+_APART = 5
 
 
 @dataclass(frozen=True)
@@ -37,8 +42,9 @@ class SamplingOptions:
     `ensembles` independent ensembles of `walkers_per_parameter` walkers per parameter; sampling goes on in stretches of
     `segment_steps` until R-hat < `rhat_limit` and at least `min_effective` effective draws for every parameter, or
     `max_steps`.  `start_inflation` widens the Laplace covariance from which the walkers start.  In the first
-    `adapting_steps` the independence proposals follow the walkers after every stretch; draws of these steps are in no
-    posterior that is called converged.
+    `adapting_steps` the independence proposals follow the walkers after every stretch. Where that was not enough, they
+    are fitted again after :data:`ADAPTED_AGAIN` times as many steps, and at every doubling. Draws before the last of
+    these steps are in no posterior that is called converged.
     """
 
     ensembles: int = 4
@@ -109,10 +115,10 @@ def sample_posterior(
             if checkpoint is not None:
                 checkpoint.append(segment)
             history.append(segment)
-            if history.steps <= options.adapting_steps:
+            diagnosis = _judged(history, options) if _due(history.steps, options) else diagnosis
+            if history.steps <= options.adapting_steps or history.steps == _adapted(history.steps, options):
                 proposals = _proposals(history, centre, covariance, options)
                 ensembles = [ensemble.with_moves(posterior_moves(*proposals)) for ensemble in ensembles]
-            diagnosis = _judged(history, options) if _due(history.steps, options) else diagnosis
     return _posterior(names, history, diagnosis or _judged(history, options), likelihood, options)
 
 
@@ -166,15 +172,26 @@ def _proposals(
 
     They depend on these steps alone, not on where a run was interrupted.
     """
-    stretch = options.segment_steps
+    stretch, again = options.segment_steps, _adapted(history.steps, options)
+    if again > options.adapting_steps:
+        return fitted_to_walkers(covariance, history.draws[:, again // 2 : again : _APART])
     last = min(history.steps, options.adapting_steps) // stretch * stretch
     if last == 0:
         return centre, covariance
     return fitted_to_walkers(covariance, history.draws[:, last - -(-stretch // 2) : last])
 
 
+def _adapted(steps: int, options: SamplingOptions) -> int:
+    """The step up to which proposals have followed the walkers, of a chain of so many steps."""
+    last, again = options.adapting_steps, ADAPTED_AGAIN * options.adapting_steps
+    while options.segment_steps <= again <= steps:
+        last, again = again, 2 * again
+    return last
+
+
 def _judged(history: History, options: SamplingOptions) -> Diagnosis:
-    return diagnose(history.draws, options.adapting_steps)
+    # Proposals that are fitted at the last of the steps have made none of them.
+    return diagnose(history.draws, _adapted(history.steps - 1, options))
 
 
 def _due(done: int, options: SamplingOptions) -> bool:
@@ -193,9 +210,12 @@ def _converged(diagnosis: Diagnosis, options: SamplingOptions) -> bool:
 def _finished(diagnosis: Diagnosis | None, done: int, options: SamplingOptions) -> bool:
     if done >= options.max_steps:
         return True
-    # While proposals still follow the walkers nothing has converged.
-    least = max(options.min_steps, 2 * options.adapting_steps)
-    return diagnosis is not None and done >= least and _converged(diagnosis, options)
+    return diagnosis is not None and _kept_enough(done, options) and _converged(diagnosis, options)
+
+
+def _kept_enough(done: int, options: SamplingOptions) -> bool:
+    """Whether there are enough steps behind those in which proposals followed the walkers."""
+    return done >= max(options.min_steps, _adapted(done - 1, options) + options.adapting_steps)
 
 
 def _words(diagnosis: Diagnosis | None, done: int) -> str:
@@ -224,8 +244,8 @@ def _posterior(
 ) -> Posterior:
     draws, steps = history.draws, history.steps
     kept = np.exp(draws[:, diagnosis.burn_in :])
-    adapted = steps >= 2 * options.adapting_steps
-    converged = finished and adapted and _converged(diagnosis, options) and not options.preview
+    kept_enough = steps >= _adapted(steps - 1, options) + options.adapting_steps
+    converged = finished and kept_enough and _converged(diagnosis, options) and not options.preview
     worst = int(np.argmax(diagnosis.rhat))
     proposals, rejected = history.accepted.size * steps, int(history.rejected.sum())
     figures = (

@@ -19,6 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.campaign.records import Campaign
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.estimation.fit.evaluation import parameter_sd
 from sysid.estimation.fit.fit_result import LawComparison, LawTrial, UndecidedLaw
 from sysid.estimation.fit.law_evidence import Judged, LawEvidence
@@ -86,6 +87,17 @@ def compare_laws(
     if acting != best_laws:
         best_laws, best = acting, data.judge(fitted(acting, best.optimum, how="trial"))
         trials.append(_trial(acting, best, gain_over(base, best)))
+    for axle in _with_stops(campaign.vehicle, best_laws):
+        # One axle may reach its stops and another not: each has to show its own.
+        without = _without_stops(campaign.vehicle, best_laws, axle)
+        if without == poor_laws or _sure(best, best_laws, without, size):
+            continue
+        candidate = data.judge(fitted(without, best.optimum, how="trial"))
+        trials.append(_trial(without, candidate, gain_over(base, candidate)))
+        gain = gain_over(candidate, best)
+        undecided += by_trial(f"stops of axle {axle + 1} within the travel that the runs reach", candidate, best, gain)
+        if gain < DECISIVE:
+            best_laws, best = without, candidate
     if (gain := gain_over(base, best)) < DECISIVE:
         undecided = [*by_trial(_ALL, base, best, gain)]
         best_laws, chosen = poor_laws, fitted(poor_laws, poor)
@@ -116,6 +128,17 @@ def with_stops_that_act(laws: Laws, optimum: Optimum) -> Laws:
             shown = bool(known and optimum.vector[stop] > optimum.vector[springs].min())
         kept.append(law if shown else law - {STOPS})
     return tuple(kept)
+
+
+def _with_stops(vehicle: Vehicle, laws: Laws) -> list[int]:
+    """First axles of the suspensions with undeclared stops."""
+    return sorted({owner for owner, law in zip(vehicle.suspension_axle, laws, strict=True) if STOPS in law})
+
+
+def _without_stops(vehicle: Vehicle, laws: Laws, first: int) -> Laws:
+    """The laws without undeclared stops on the axles of one suspension."""
+    owners = zip(vehicle.suspension_axle, laws, strict=True)
+    return tuple(law - {STOPS} if owner == first else law for owner, law in owners)
 
 
 def _with_nearer_stops(laws: Laws, optimum: Optimum, fitted: Callable[..., Optimum]) -> Optimum:
