@@ -95,6 +95,45 @@ def test_stops_are_fitted_before_what_imitates_them(monkeypatch):
     assert asked == [(stop,), (gas | stop,), (gas | stop,)]
 
 
+def test_every_suspension_has_to_show_its_own_stops():
+    """Axles 2 and 3 are one suspension."""
+    vehicle = SimpleNamespace(suspension_axle=(0, 1, 1))
+    stop, both = frozenset({STOPS}), frozenset({"friction", STOPS})
+    assert law_comparison._with_stops(vehicle, (stop, both, both)) == [0, 1]
+    assert law_comparison._with_stops(vehicle, (frozenset(), both, both)) == [1]
+    rubbing = frozenset({"friction"})
+    assert law_comparison._without_stops(vehicle, (stop, both, both), 1) == (stop, rubbing, rubbing)
+
+
+def test_stops_of_one_axle_that_gain_little_are_taken_away(monkeypatch):
+    """Without those of axle 2 the cost is 3 higher: 6 - 3 ln n is no gain.  Without those of axle 1 it is 60 higher."""
+    stop, none = frozenset({STOPS}), frozenset()
+    costs = {(stop, stop): 50.0, (none, stop): 110.0, (stop, none): 53.0, (none, none): 400.0}
+
+    def fitted(laws, near, *, how="final"):
+        problem = SimpleNamespace(count=4 + 3 * sum(map(len, laws)))
+        return SimpleNamespace(laws=laws, problem=problem, minimum=SimpleNamespace(cost=costs[laws]), misfit=2.0)
+
+    def judge(optimum):
+        return SimpleNamespace(optimum=optimum, count=optimum.problem.count, evidence=optimum.minimum)
+
+    rich = fitted((stop, stop), None)
+    monkeypatch.setattr(law_comparison, "_enriched", lambda *rest: ((stop, stop), rich))
+    monkeypatch.setattr(law_comparison, "LawEvidence", lambda *rest: SimpleNamespace(judge=judge))
+    monkeypatch.setattr(law_comparison, "effective_residuals", lambda optimum: 1000.0)
+    monkeypatch.setattr(law_comparison, "_sure", lambda *rest: False)
+    monkeypatch.setattr(law_comparison, "_trial", lambda laws, optimum, gain: (laws, gain))
+    monkeypatch.setattr(law_comparison, "with_stops_that_act", lambda laws, optimum: laws)
+    for name in ("by_trial", "by_score"):
+        monkeypatch.setattr(law_comparison, name, lambda *rest: ())
+    axles = (SimpleNamespace(suspension="leaf"),) * 2
+    data = SimpleNamespace(vehicle=SimpleNamespace(axles=axles, suspension_axle=(0, 1)))
+    best, comparison = law_comparison.compare_laws(data, (none, none), (stop, stop), fitted((none, none), None), fitted)
+    assert best.laws == (stop, none)
+    tried = dict(comparison.trials[1:])
+    assert tried[stop, none] - tried[stop, stop] == pytest.approx(3.0 * np.log(1000.0) - 6.0)
+
+
 def test_laws_without_stops_were_worse(found):
     linear = found.law_comparison.trials[0]
     assert set(linear.laws) == {"linear"}
