@@ -17,7 +17,7 @@ from studies.coverage.tables import write
 from sysid.runtime import configure
 
 #: Studies and how many replicates each has; the module of the same name has a function `replicate`.
-STUDIES = {"drops": 400, "bump": 400, "rough": 400, "misfit": 26}
+STUDIES = {"drops": 400, "bump": 400, "masses": 400, "rough": 400, "misfit": 26}
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -1,11 +1,12 @@
 """Bump runs of a two-axle truck made with the model itself: ranks of the truth among draws of the calibrated posterior.
 
-Truth from the priors, masses as declared; two short runs; the product's least squares, covariance and
-log-density.  Draws come from a multivariate t about the optimum by importance resampling under that log-density.
+Truth from the priors, masses as declared; two short runs; the product's least squares, log-density and sampler with
+its default options.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,17 +14,19 @@ import numpy as np
 from studies.coverage.shards import Record
 from sysid.campaign.priors import PriorOverride
 from sysid.campaign.records import Acquisition, AntiAliasFilter, BumpRun, Campaign, Log, Sensor
-from sysid.campaign.vehicle_records import EXACT_MASSES, Axle, Body, LoadCase, Vehicle
+from sysid.campaign.vehicle_records import EXACT_MASSES, Axle, Body, LoadCase, MassTolerances, Vehicle
 from sysid.errors import SysidError
 from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
-from sysid.posterior.log_density import LogDensity
+from sysid.posterior.log_density import LIKELIHOOD, LogDensity
+from sysid.posterior.sampling import SamplingOptions, sample_posterior
 from sysid.road.road_profile import RoadProfile
 from sysid.selftest.readings import Instruments, blank_run, ordinary_instruments, simulated_campaign
 from sysid.selftest.world import draw_world
 
-DRAWS, PROPOSALS, DEGREES_OF_FREEDOM = 99, 300, 8.0
+#: Draws that the truth is ranked among.
+DRAWS = 99
 INTERVAL_S = 0.005
 SPEEDS_M_S = (6.0, 9.0)
 _SEED = 22
@@ -58,15 +61,15 @@ def bump() -> RoadProfile:
     return RoadProfile("bump", s, z, 0.0 * z, float(s[above[0]]), float(s[above[-1]] - s[above[0]]))
 
 
-def plan() -> Campaign:
+def plan(tolerances: MassTolerances = EXACT_MASSES) -> Campaign:
     """Two blank runs of the truck."""
     runs = []
     for i, speed in enumerate(SPEEDS_M_S):
         run = BumpRun(f"run {i + 1}", "empty", speed, 1, Log(f"run{i + 1}.csv", INTERVAL_S, ()))
         runs.append(blank_run(run, SENSORS, 2.8, INTERVAL_S))
     filtered = Acquisition(INTERVAL_S, AntiAliasFilter("butterworth", 4, 60.0))
-    cases, file = {"empty": EMPTY}, Path("campaign.toml")
-    return Campaign("two axles", "", Path(), file, VEHICLE, cases, filtered, (), tuple(runs), {}, (), {})
+    cases, file, vehicle = {"empty": EMPTY}, Path("campaign.toml"), replace(VEHICLE, tolerances=tolerances)
+    return Campaign("two axles", "", Path(), file, vehicle, cases, filtered, (), tuple(runs), {}, (), {})
 
 
 def instruments(campaign: Campaign) -> Instruments:
@@ -76,13 +79,13 @@ def instruments(campaign: Campaign) -> Instruments:
 
 def replicate(number: int) -> Record:
     """One campaign with independent Gaussian noise."""
-    return ranks(number, instruments(plan()), _SEED)
+    return ranks(number, plan(), instruments(plan()), _SEED)
 
 
-def ranks(number: int, sensors: Instruments, seed: int) -> Record:
-    """Ranks of the truth and distances from the optimum of one campaign."""
+def ranks(number: int, planned: Campaign, sensors: Instruments, seed: int) -> Record:
+    """Ranks of the truth among draws, and distances from the optimum, of one campaign."""
     random = np.random.default_rng([seed, number])
-    planned, profiles = plan(), {"bump": bump()}
+    profiles = {"bump": bump()}
     parameters = campaign_parameters(planned, None)
     world = draw_world(planned, parameters, profiles, random)
     campaign = simulated_campaign(planned, world, profiles, sensors, random)
@@ -90,32 +93,22 @@ def ranks(number: int, sensors: Instruments, seed: int) -> Record:
         fit, state = fit_bump_runs(campaign, parameters, profiles, _OPTIONS)
     except SysidError as error:
         return {"number": number, "failed": str(error), "entries": []}
-    draws, effective = resampled(LogDensity(state), state.point.log_parameters, fit.covariance, random)
+    density, options = LogDensity(state).with_larger_steps(), SamplingOptions(seed=number)
+    centre = state.point.log_parameters
+    posterior = sample_posterior(density, parameters.names, centre, fit.covariance, LIKELIHOOD, options)
+    pooled = np.log(posterior.draws.reshape(-1, centre.size))
+    draws = pooled[random.choice(len(pooled), DRAWS, replace=False)]
     sd = np.sqrt(np.diag(fit.covariance))
-    z = (world.log_parameters - state.point.log_parameters) / sd
+    z = (world.log_parameters - centre) / sd
     below = (draws < world.log_parameters).sum(axis=0)
     entries = [
         {"name": n, "rank": int(below[i]), "z": float(z[i]), "sd": float(sd[i])} for i, n in enumerate(parameters.names)
     ]
     doubts = [w for w in fit.warnings if "does not explain" in w or "off their" in w]
-    return {"number": number, "failed": None, "effective": effective, "said": bool(doubts), "entries": entries}
-
-
-def resampled(
-    density: LogDensity, centre: np.ndarray, covariance: np.ndarray, random: np.random.Generator
-) -> tuple[np.ndarray, float]:
-    """Draws (99, p) of a density by resampling from a multivariate t, and the effective number of proposals.
-
-    Weights w = density / t; the effective number is (sum w)^2 / sum w^2.
-    """
-    factor = np.linalg.cholesky(covariance)
-    normal = random.standard_normal((PROPOSALS, centre.size))
-    stretch = np.sqrt(DEGREES_OF_FREEDOM / random.chisquare(DEGREES_OF_FREEDOM, PROPOSALS))
-    white = normal * stretch[:, None]
-    log_t = -0.5 * (DEGREES_OF_FREEDOM + centre.size) * np.log1p((white**2).sum(axis=1) / DEGREES_OF_FREEDOM)
-    points = centre + white @ factor.T
-    weight = density(points) - log_t
-    weight = np.exp(weight - weight.max())
-    weight /= weight.sum()
-    chosen = random.choice(PROPOSALS, DRAWS, p=weight)
-    return points[chosen], float(1.0 / (weight**2).sum())
+    return {
+        "number": number,
+        "failed": None if posterior.converged else posterior.message,
+        "effective": min(s.ess for s in posterior.summaries),
+        "said": bool(doubts),
+        "entries": entries,
+    }

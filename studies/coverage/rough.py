@@ -13,5 +13,6 @@ _SEED = 23
 
 def replicate(number: int) -> Record:
     """One campaign with AR(1) noise and a share of outliers."""
-    sensors = replace(bump.instruments(bump.plan()), correlation=CORRELATION, outliers=OUTLIERS)
-    return bump.ranks(number, sensors, _SEED)
+    planned = bump.plan()
+    sensors = replace(bump.instruments(planned), correlation=CORRELATION, outliers=OUTLIERS)
+    return bump.ranks(number, planned, sensors, _SEED)
