@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from sysid.errors import SysidError
-from sysid.estimation.fit.minimiser import minimise, promised_fall
+from sysid.estimation.fit.minimiser import at_corner, minimise, promised_fall
 
 
 def quadratic(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -136,3 +136,40 @@ def test_a_coarse_search_may_promise_as_much_as_its_tolerance_lets_go():
     assert promised_fall(residual, jacobian) == pytest.approx(0.5 * np.exp(-2.0 * coarse.point[0]))
     assert promised_fall(residual, jacobian) > 1e-4 * coarse.cost
     assert coarse.converged
+
+
+def bent(slopes: tuple[float, float]):
+    """Residuals (y_0 - 1, 10 + s y_1): the slope s of the second jumps at y_1 = 0."""
+
+    def evaluate(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        slope = slopes[0] if y[1] < 0.0 else slopes[1]
+        return np.array([y[0] - 1.0, 10.0 + slope * y[1]]), np.array([[1.0, 0.0], [0.0, slope]])
+
+    return evaluate
+
+
+def test_a_corner_is_a_minimum_if_neither_side_goes_down():
+    """On either side of y_1 = 0 the tangent promises the whole cost, and the cost rises."""
+    evaluate = bent((-1.0, 1.0))
+    start = np.array([1.2, 1e-5])
+    assert not minimise(evaluate, start, max_iterations=200).converged
+    corner = minimise(evaluate, start, corners=[1], max_iterations=200)
+    assert corner.converged
+    assert corner.message == "the least cost is where a run just reaches a stop"
+    np.testing.assert_allclose(corner.point, [1.0, 0.0], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("slopes", "point"),
+    [
+        # The other side does go down.
+        ((1.0, 1.0), [1.0, 0.0]),
+        # The smooth unknown is not at its best.
+        ((-1.0, 1.0), [1.5, 0.0]),
+    ],
+)
+def test_what_can_still_fall_is_no_corner(slopes, point):
+    evaluate = bent(slopes)
+    residual, jacobian = evaluate(np.array(point))
+    assert not at_corner(evaluate, np.array(point), residual, jacobian, [1], 1e-4)
+    assert not at_corner(evaluate, np.array(point), residual, jacobian, [], 1e-4)

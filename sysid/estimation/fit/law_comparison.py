@@ -28,7 +28,7 @@ from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.fit.undecided_laws import by_score, by_trial, family_words
 from sysid.estimation.parameters.law_families import FAMILIES, STOPS, Laws, without_family
-from sysid.estimation.parameters.suspension_elements import law_name, quantities
+from sysid.estimation.parameters.suspension_elements import TRAVELS, law_name, quantities
 from sysid.estimation.weights.reweighting import reweighted
 
 #: How much clearer than decisive a test has to be for a fit without an element to be left out.
@@ -37,9 +37,9 @@ SURE = 5.0
 IDLE_SHRINKAGE = 0.9
 #: All elements that were added, in words.
 _ALL = "anything but the laws of the campaign file"
-#: Travels that are estimated with undeclared stops, and by how much in the logarithm a second search begins nearer: two
-#: and a half standard deviations of their prior, nearer than nearly all of them.
-TRAVELS, NEARER = ("jounce_travel", "rebound_travel"), 0.3
+#: By how much in the logarithm a second search begins with nearer stops: two and a half standard deviations of the
+#: prior of their travels, nearer than nearly all of them.
+NEARER = 0.3
 
 
 def compare_laws(

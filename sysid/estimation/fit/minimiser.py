@@ -6,7 +6,7 @@ Jacobian at y_0 are those of the true residuals, which is all that a Levenberg-M
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
@@ -29,6 +29,8 @@ _GOOD_STEP = 0.75
 #: A point is a minimum if the expected decrease by the linear model is not larger than this fraction of the cost, or
 #: than this many times the decrease that ends the search.
 _NEGLIGIBLE_FALL, _TOLERANCES = 1e-5, 10.0
+#: Shares of the Gauss-Newton step of which none may lower the cost at a corner.
+_CORNER_SHARES = (1.0, 0.3, 0.1, 0.03)
 
 #: What optimistix keeps between two steps has no public type.
 _Solver: TypeAlias = "optx.LevenbergMarquardt[Any, Any, Any]"
@@ -69,6 +71,34 @@ def promised_fall(residual: Residuals, jacobian: ResidualsByUnknowns) -> float:
     return 0.5 * float(shift @ shift)
 
 
+def at_corner(
+    evaluate: Evaluation,
+    point: UnknownsOfFit,
+    residual: Residuals,
+    jacobian: ResidualsByUnknowns,
+    corners: Sequence[int],
+    negligible: float,
+) -> bool:
+    """Whether a point that promises a further fall is the least cost all the same, at a corner of some unknowns.
+
+    The derivative by such an unknown jumps where a run just reaches a stop. On one side it promises a fall that the
+    other side does not keep. At a corner the cost is stationary in all other unknowns, and no part of the Gauss-Newton
+    step lowers it by more than `negligible`.
+
+    Parameters
+    ----------
+    point : (p,); residual : (m,) and jacobian : (m, p) there; corners : unknowns whose derivatives may jump.
+    """
+    if not len(corners) or promised_fall(residual, np.delete(jacobian, list(corners), axis=1)) > negligible:
+        return False
+    norms = np.linalg.norm(jacobian, axis=0)
+    scale = np.where(norms > 0.0, norms, 1.0)
+    step = -np.linalg.lstsq(jacobian / scale, residual, rcond=None)[0] / scale
+    cost = 0.5 * float(residual @ residual)
+    costs = [0.5 * float(r @ r) for r in (evaluate(point + share * step)[0] for share in _CORNER_SHARES)]
+    return not any(c < cost - negligible for c in costs)
+
+
 def _affine(y: jax.Array, args: _Affine) -> tuple[HostOrDevice, None]:
     return args.residual + args.jacobian @ (y - args.point), None
 
@@ -95,6 +125,7 @@ def minimise(
     step_tolerance: float = 1e-9,
     max_iterations: int = 60,
     on_iteration: Callable[[int, float], None] | None = None,
+    corners: Sequence[int] = (),
 ) -> Minimum:
     """Minimise r(y)'r(y) / 2 by Levenberg-Marquardt.
 
@@ -110,6 +141,7 @@ def minimise(
     step_tolerance : so does a proposed step that changes every component by less than this fraction.
     max_iterations : limit on evaluations of the Jacobian.
     on_iteration : called with the number of the iteration and the best cost so far.
+    corners : unknowns in which derivatives may jump, see :func:`at_corner`.
 
     Raises
     ------
@@ -140,7 +172,25 @@ def minimise(
         evaluate, start, here, by_start, tolerances, max_iterations - done, lambda i, cost: report(done + i, cost)
     )
     better = again if again.converged or again.cost < first.cost else first
-    return replace(better, iterations=done + again.iterations)
+    better = replace(better, iterations=done + again.iterations)
+    if better.converged or not len(corners) or better.iterations >= max_iterations:
+        return better
+
+    def held(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        residual, jacobian = evaluate(vector)
+        jacobian = jacobian.copy()
+        jacobian[:, list(corners)] = 0.0
+        return residual, jacobian
+
+    # Damping that holds an unknown at its corner holds the others as well: they are searched again without it.
+    left = max_iterations - better.iterations
+    rest = _search(held, better.point, held(better.point), by_columns, tolerances, left, lambda i, cost: None)
+    residual, jacobian = evaluate(rest.point)
+    negligible = max(_NEGLIGIBLE_FALL, _TOLERANCES * relative_tolerance) * rest.cost
+    if not rest.converged or not at_corner(evaluate, rest.point, residual, jacobian, corners, negligible):
+        return better
+    why = "the least cost is where a run just reaches a stop"
+    return replace(rest, iterations=better.iterations + rest.iterations, message=why)
 
 
 def _search(

@@ -13,6 +13,7 @@ from sysid.campaign.records import Campaign
 from sysid.estimation.fit.minimiser import Minimum, minimise
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.parameters.suspension_elements import TRAVELS
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
@@ -55,6 +56,7 @@ def optimise_from(
             relative_tolerance=options.tolerance if last else 1e-4,
             max_iterations=options.max_iterations,
             on_iteration=partial(_report_iteration, report, number, rounds),
+            corners=[i for i, p in enumerate(model.parameters.parameters) if p.quantity in TRAVELS],
         )
         vector = minimum.point
         iterations += minimum.iterations

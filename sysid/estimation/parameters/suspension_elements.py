@@ -66,6 +66,8 @@ STOP_STIFFNESS = 2e6
 JOUNCE_TRAVEL_M = {"leaf": 0.070, "air": 0.080, "other": 0.075}
 REBOUND_TRAVEL_M = {"leaf": 0.078, "air": 0.085, "other": 0.082}
 TRAVEL_SD = 0.12
+#: Travels that are estimated with undeclared stops.
+TRAVELS = ("jounce_travel", "rebound_travel")
 #: Travel of an axle without stops: longer than any.
 NO_STOP_M = 1e3
 #: Share of the carried load at which leaf packs (air-sprung and other axles) rub: assumptions inside the 2 to 10 % that
