@@ -24,15 +24,18 @@ from sysid.estimation.fit.law_evidence import LawEvidence
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.axle_laws import ElementIndex, LawInputs
-from sysid.estimation.parameters.law_families import FAMILIES, Laws
-from sysid.estimation.parameters.suspension_elements import ElementQuantity, quantities
+from sysid.estimation.parameters.law_families import FAMILIES, STOPS, Laws
+from sysid.estimation.parameters.suspension_elements import TRAVELS, ElementQuantity, quantities
 from sysid.estimation.residuals.bump_model import BumpModel
+from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, difference_columns
 
 #: Share of its prior scale by which a parameter is moved from its neutral value.
 STEP = 0.1
 #: Share of the largest expected gain that further elements must have to be fitted together with it.
 WORTH = 0.05
+#: Share of the largest travel in the runs at which a stop is tried, if that is less than usual.
+INSIDE = 0.85
 
 
 @dataclass(frozen=True)
@@ -151,22 +154,40 @@ class Screen:
 def candidate_columns(campaign: Campaign, optimum: Optimum, listed: Sequence[Candidate]) -> tuple[ResidualColumns, ...]:
     """Derivatives of every group's residuals by the candidates, in units of their prior scales."""
     problem = optimum.problem
-    trials = [(_with_candidate(campaign, problem.model, candidate), STEP) for candidate in listed]
+    reached = reached_travels(optimum) if any(c.element == STOPS for c in listed) else {}
+    trials = [(_with_candidate(campaign, problem.model, candidate, reached), STEP) for candidate in listed]
     return difference_columns(problem.model, problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
 
 
-def _with_candidate(campaign: Campaign, model: BumpModel, candidate: Candidate) -> BumpModel:
+def reached_travels(optimum: Optimum) -> dict[tuple[str, int], float]:
+    """Largest jounce and rebound [m] of every axle with a deflection sensor, in the runs as the optimum has them."""
+    model = optimum.problem.model
+    most: dict[tuple[str, int], float] = {}
+    for signals in simulate_runs(model, *optimum.problem.unpack(optimum.vector)):
+        for channel, axle in enumerate(model.layout.deflection_axles):
+            for quantity, sign in zip(TRAVELS, (-1.0, 1.0), strict=True):
+                travel = float(np.max(sign * signals[:, :, channel]))
+                most[quantity, axle] = max(most.get((quantity, axle), 0.0), travel)
+    return most
+
+
+def _with_candidate(
+    campaign: Campaign, model: BumpModel, candidate: Candidate, reached: Mapping[tuple[str, int], float]
+) -> BumpModel:
     """The model with one parameter moved from its neutral value."""
+    axles = campaign.vehicle.axles
     return replace(
         model,
         arrays=tuple(
-            old._replace(laws=old.laws._replace(elements=_elements(campaign.vehicle.axles, old.laws, candidate)))
+            old._replace(laws=old.laws._replace(elements=_elements(axles, old.laws, candidate, reached)))
             for old in model.arrays
         ),
     )
 
 
-def _elements(axles: Sequence[Axle], laws: LawInputs, candidate: Candidate) -> dict[str, ElementIndex]:
+def _elements(
+    axles: Sequence[Axle], laws: LawInputs, candidate: Candidate, reached: Mapping[tuple[str, int], float]
+) -> dict[str, ElementIndex]:
     carried = (laws.carried_load / laws.load_growth)[0, :, 0]
     elements = dict(laws.elements)
     for q in quantities(frozenset({candidate.element})):
@@ -174,6 +195,9 @@ def _elements(axles: Sequence[Axle], laws: LawInputs, candidate: Candidate) -> d
         neutral = np.full(carried.size, q.neutral) if given is None else given.neutral.copy()
         for i in candidate.axles:
             median = q.median(axles[i], float(carried[i]))
+            if (q.quantity, i) in reached:
+                # A stop beyond what the runs reach would show nothing.
+                median = min(median, INSIDE * reached[q.quantity, i])
             if q is candidate.quantity:
                 # What is out at zero has its median as scale, what is out at one the spread of its logarithm.
                 neutral[i] = STEP * median if q.neutral == 0.0 else q.neutral * _step(q, median)
