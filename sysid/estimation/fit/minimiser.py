@@ -31,6 +31,8 @@ _GOOD_STEP = 0.75
 _NEGLIGIBLE_FALL, _TOLERANCES = 1e-5, 10.0
 #: Shares of the Gauss-Newton step of which none may lower the cost at a corner.
 _CORNER_SHARES = (1.0, 0.3, 0.1, 0.03)
+#: Iterations in which the other unknowns are searched with those at corners held.
+_CORNER_ITERATIONS = 10
 
 #: What optimistix keeps between two steps has no public type.
 _Solver: TypeAlias = "optx.LevenbergMarquardt[Any, Any, Any]"
@@ -173,7 +175,7 @@ def minimise(
     )
     better = again if again.converged or again.cost < first.cost else first
     better = replace(better, iterations=done + again.iterations)
-    if better.converged or not len(corners) or better.iterations >= max_iterations:
+    if better.converged or not len(corners):
         return better
 
     def held(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -183,8 +185,9 @@ def minimise(
         return residual, jacobian
 
     # Damping that holds an unknown at its corner holds the others as well: they are searched again without it.
-    left = max_iterations - better.iterations
-    rest = _search(held, better.point, held(better.point), by_columns, tolerances, left, lambda i, cost: None)
+    rest = _search(
+        held, better.point, held(better.point), by_columns, tolerances, _CORNER_ITERATIONS, lambda i, cost: None
+    )
     residual, jacobian = evaluate(rest.point)
     negligible = max(_NEGLIGIBLE_FALL, _TOLERANCES * relative_tolerance) * rest.cost
     if not rest.converged or not at_corner(evaluate, rest.point, residual, jacobian, corners, negligible):
