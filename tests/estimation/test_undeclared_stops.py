@@ -10,16 +10,20 @@ import pytest
 from rigid_truck import AXLES, SENSORS, STIFFNESS, VEHICLE, bump, campaign, empty_run, true_log_parameters, with_values
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.fit import law_comparison
+from sysid.estimation.fit import law_comparison, law_screen
 from sysid.estimation.fit.law_choice import fit_with_laws
+from sysid.estimation.fit.law_screen import promising, reached_travels
+from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.law_families import STOPS, Laws
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet
+from sysid.estimation.parameters.suspension_elements import TRAVELS
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
+from sysid.progress import unwatched
 
 PROFILES = {"bump": bump(0.1, 0.9)}
 NOISE = {"suspension_deflection": 2e-4, "axle_acceleration": 0.15, "body_acceleration": 0.05}
@@ -29,18 +33,22 @@ JOUNCE_M, REBOUND_M = (0.062, 0.088, 0.07), (0.068, 0.061, 0.072)
 STOP_N_PER_M = 2.4e6
 
 
-def recorded(stops: bool) -> Campaign:
-    """Two runs of a truck with or without stops; the campaign that is fitted says nothing about them."""
+def recorded(stops: bool, share: float = 1.0, profiles=PROFILES) -> Campaign:
+    """Two runs of a truck with or without stops; the campaign that is fitted says nothing about them.
+
+    `share` of the travels above.
+    """
     runs = [empty_run(f, v, samples=400) for f, v in (("slow.csv", 6.0), ("fast.csv", 9.0))]
     axles = tuple(
-        replace(a, jounce_travel_m=j, rebound_travel_m=r) for a, j, r in zip(AXLES, JOUNCE_M, REBOUND_M, strict=True)
+        replace(a, jounce_travel_m=share * j, rebound_travel_m=share * r)
+        for a, j, r in zip(AXLES, JOUNCE_M, REBOUND_M, strict=True)
     )
     true = campaign(runs, vehicle=replace(VEHICLE, axles=axles) if stops else VEHICLE)
     parameters = campaign_parameters(true, None)
     plain = campaign_parameters(campaign(runs), None)
     values = dict(zip(plain.names, true_log_parameters(plain.names), strict=True))
     x = np.array([values.get(n, np.log(STOP_N_PER_M)) for n in parameters.names])
-    model = bump_model(true, parameters, PROFILES, tires=map_tires(plain, np.array(list(values.values()))))
+    model = bump_model(true, parameters, profiles, tires=map_tires(plain, np.array(list(values.values()))))
     (signals,) = simulate_runs(model, x, RunMotion.steady(np.array([6.05, 8.92]), np.array([0.41, 0.38])))
     random = np.random.default_rng(8)
     sd = np.array([NOISE[s.kind] for s in SENSORS])
@@ -65,6 +73,22 @@ def test_stops_are_found_with_their_travels(found):
         for travel, truth in ((f"jounce_{i + 1}", JOUNCE_M[i]), (f"rebound_{i + 1}", REBOUND_M[i])):
             assert by_name[travel].value == pytest.approx(truth, abs=0.003), travel
             assert by_name[travel].unit == "m"
+
+
+def test_stops_much_nearer_than_usual_are_promised(monkeypatch):
+    """At 31 to 44 mm; the runs never get to where stops usually are."""
+    low = {"bump": bump(0.06, 0.9)}
+    data = recorded(True, share=0.5, profiles=low)
+    laws = (frozenset(),) * 3
+    optimum = optimise(data, campaign_parameters(data, None), low, OPTIONS, unwatched, rough=True)
+    reached = reached_travels(optimum)
+    assert set(reached) == {(quantity, axle) for quantity in TRAVELS for axle in range(3)}
+    assert max(reached.values()) < 0.078
+    rich = (frozenset({STOPS}),) * 3
+    assert promising(data, laws, rich, optimum) == rich
+    # Negative control: tried where stops usually are, they show nothing.
+    monkeypatch.setattr(law_screen, "reached_travels", lambda optimum: {})
+    assert promising(data, laws, rich, optimum) != rich
 
 
 def stand_in(stop_N_per_m: list[float], sd: list[float], monkeypatch) -> Laws:
