@@ -21,6 +21,8 @@ _MARK = "sources"
 _WRITERS = (
     "studies/coverage/__main__.py",
     "studies/coverage/tables.py",
+    "studies/factors/__main__.py",
+    "studies/factors/table.py",
     "studies/independent/__main__.py",
     "studies/independent/table.py",
 )
