@@ -24,7 +24,7 @@ REMEDIES = {
     MASSES: "better values of masses, inertias and heights in the campaign file",
     SCALES: "weighing the axles more accurately",
     TIRES: "runs at other speeds or over another bump",
-    MODEL_FORM: "nothing that a further run of the same kind would show: look at the residuals",
+    MODEL_FORM: "a model closer to the truck (the figures of measured and simulated signals show where they differ)",
     LAWS: "runs in which the suspensions move further",
 }
 #: Share from which on a source is named.
