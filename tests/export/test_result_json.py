@@ -62,8 +62,10 @@ def test_every_key_of_the_published_example_is_there():
     }  # fmt: skip
     assert set(document["parameters"][0]) == {
         "name", "axle", "quantity", "load_case", "run", "law", "unit", "identified", "least_squares", "posterior",
-        "prior",
+        "prior", "variance_shares",
     }  # fmt: skip
+    shares = document["parameters"][0]["variance_shares"]
+    assert sum(shares.values()) == pytest.approx(1.0)
     assert set(document["parameters"][0]["posterior"]) == {"mean", "sd", "q05", "q50", "q95", "ess", "rhat"}
     assert set(document["validation"][0]) == {"run", "channel", "nrmse", "iso18571", "sprague_geers"}
     assert set(document["predictions"][0]) == {
@@ -76,7 +78,7 @@ def test_files_of_before_the_additions_still_fit_the_schema():
     for key in ("identifiability", "advice", "left_out"):
         del document[key]
     for p in document["parameters"]:
-        del p["prior"]
+        del p["prior"], p["variance_shares"]
     for p in document["predictions"]:
         del p["trust"]
     jsonschema.Draft202012Validator(result_schema()).validate(document)
