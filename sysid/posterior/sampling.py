@@ -183,9 +183,13 @@ def _proposals(
 
 def _adapted(steps: int, options: SamplingOptions) -> int:
     """The step up to which proposals have followed the walkers, of a chain of so many steps."""
-    last, again = options.adapting_steps, ADAPTED_AGAIN * options.adapting_steps
-    while options.segment_steps <= again <= steps:
-        last, again = again, 2 * again
+    last, stretch = options.adapting_steps, options.segment_steps
+    if last < stretch:
+        return last
+    again = ADAPTED_AGAIN * last
+    # At the end of a stretch: only there the moves can change.
+    while -(-again // stretch) * stretch <= steps:
+        last, again = -(-again // stretch) * stretch, 2 * again
     return last
 
 
@@ -215,7 +219,8 @@ def _finished(diagnosis: Diagnosis | None, done: int, options: SamplingOptions) 
 
 def _kept_enough(done: int, options: SamplingOptions) -> bool:
     """Whether there are enough steps behind those in which proposals followed the walkers."""
-    return done >= max(options.min_steps, _adapted(done - 1, options) + options.adapting_steps)
+    adapted = _adapted(done - 1, options)
+    return done >= max(options.min_steps, adapted + options.adapting_steps, -(-5 * adapted // 4))
 
 
 def _words(diagnosis: Diagnosis | None, done: int) -> str:
@@ -244,8 +249,7 @@ def _posterior(
 ) -> Posterior:
     draws, steps = history.draws, history.steps
     kept = np.exp(draws[:, diagnosis.burn_in :])
-    kept_enough = steps >= _adapted(steps - 1, options) + options.adapting_steps
-    converged = finished and kept_enough and _converged(diagnosis, options) and not options.preview
+    converged = finished and _kept_enough(steps, options) and _converged(diagnosis, options) and not options.preview
     worst = int(np.argmax(diagnosis.rhat))
     proposals, rejected = history.accepted.size * steps, int(history.rejected.sum())
     figures = (

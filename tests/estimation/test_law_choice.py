@@ -82,7 +82,8 @@ def test_poor_laws_are_compared_under_the_maps_of_the_rich_ones(monkeypatch):
     monkeypatch.setattr(law_comparison, "_sure", lambda *rest: True)
     monkeypatch.setattr(law_comparison, "promising", lambda *rest: promises.pop(0))
     monkeypatch.setattr(law_comparison, "LawEvidence", lambda campaign, optimum: SimpleNamespace(judge=as_it_is))
-    monkeypatch.setattr(law_comparison, "by_score", lambda *rest: ())
+    for name in ("by_trial", "by_score"):
+        monkeypatch.setattr(law_comparison, name, lambda *rest: ())
     axle = SimpleNamespace(suspension_law=None, suspension="leaf")
     data = SimpleNamespace(vehicle=SimpleNamespace(axles=(axle,), suspension_axle=(0,)))
     best, comparison = law_comparison.compare_laws(data, poor_laws, rich_laws, poor, fitted)

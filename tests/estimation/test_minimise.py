@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from sysid.errors import SysidError
-from sysid.estimation.fit.minimiser import at_corner, minimise, promised_fall
+from sysid.estimation.fit.minimiser import minimise, promised_fall, unknowns_at_corners
 
 
 def quadratic(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -159,17 +159,30 @@ def test_a_corner_is_a_minimum_if_neither_side_goes_down():
     np.testing.assert_allclose(corner.point, [1.0, 0.0], atol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("slopes", "point"),
-    [
-        # The other side does go down.
-        ((1.0, 1.0), [1.0, 0.0]),
-        # The smooth unknown is not at its best.
-        ((-1.0, 1.0), [1.5, 0.0]),
-    ],
-)
-def test_what_can_still_fall_is_no_corner(slopes, point):
-    evaluate = bent(slopes)
-    residual, jacobian = evaluate(np.array(point))
-    assert not at_corner(evaluate, np.array(point), residual, jacobian, [1], 1e-4)
-    assert not at_corner(evaluate, np.array(point), residual, jacobian, [], 1e-4)
+def test_an_unknown_that_can_still_fall_is_at_no_corner():
+    """Of two travels one is at a corner, and the other on a slope: only the first is held, and the second found."""
+
+    def evaluate(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        slope = -1.0 if y[1] < 0.0 else 1.0
+        residual = np.array([y[0] - 1.0, 30.0 + slope * y[1], y[2] - 2.0])
+        return residual, np.array([[1.0, 0.0, 0.0], [0.0, slope, 0.0], [0.0, 0.0, 1.0]])
+
+    point = np.array([1.0, 0.0, 0.8])
+    assert unknowns_at_corners(evaluate, point, *evaluate(point), [1, 2], 1e-4) == [1]
+    found = minimise(evaluate, np.array([1.3, 1e-6, 0.8]), corners=[1, 2])
+    assert found.converged
+    np.testing.assert_allclose(found.point, [1.0, 0.0, 2.0], atol=1e-3)
+
+
+def test_trials_that_are_not_finite_show_no_corner():
+    def evaluate(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.array([10.0 + y[0]]) if y[0] == 0.0 else np.array([np.nan]), np.array([[1.0]])
+
+    assert unknowns_at_corners(evaluate, np.zeros(1), *evaluate(np.zeros(1)), [0], 1e-4) == []
+
+
+def test_without_unknowns_that_may_have_corners_there_are_none():
+    evaluate = bent((-1.0, 1.0))
+    point = np.array([1.0, 0.0])
+    assert unknowns_at_corners(evaluate, point, *evaluate(point), [], 1e-4) == []
+    assert unknowns_at_corners(bent((1.0, 1.0)), point, *bent((1.0, 1.0))(point), [1], 1e-4) == []

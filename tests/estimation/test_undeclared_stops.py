@@ -123,8 +123,11 @@ def test_every_suspension_has_to_show_its_own_stops():
     """Axles 2 and 3 are one suspension."""
     vehicle = SimpleNamespace(suspension_axle=(0, 1, 1))
     stop, both = frozenset({STOPS}), frozenset({"friction", STOPS})
-    assert law_comparison._with_stops(vehicle, (stop, both, both)) == [0, 1]
-    assert law_comparison._with_stops(vehicle, (frozenset(), both, both)) == [1]
+    none = (frozenset(),) * 3
+    assert law_comparison._with_stops(vehicle, (stop, both, both), none) == [0, 1]
+    assert law_comparison._with_stops(vehicle, (frozenset(), both, both), none) == [1]
+    # Those of the campaign file stay.
+    assert law_comparison._with_stops(vehicle, (stop, both, both), (stop, *none[1:])) == [1]
     rubbing = frozenset({"friction"})
     assert law_comparison._without_stops(vehicle, (stop, both, both), 1) == (stop, rubbing, rubbing)
 

@@ -23,7 +23,7 @@ from sysid.campaign.vehicle_records import Vehicle
 from sysid.estimation.fit.evaluation import parameter_sd
 from sysid.estimation.fit.fit_result import LawComparison, LawTrial, UndecidedLaw
 from sysid.estimation.fit.law_evidence import Judged, LawEvidence
-from sysid.estimation.fit.law_screen import promising
+from sysid.estimation.fit.law_screen import INSIDE, promising, reached_travels
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.fit.undecided_laws import by_score, by_trial, family_words
@@ -57,55 +57,103 @@ def compare_laws(
         cost, names = optimum.minimum.cost, _names(poor_laws)
         trial = LawTrial(names, optimum.problem.count, cost, optimum.misfit, 0.0)
         return optimum, LawComparison((trial,), names, by_score(campaign, poor_laws, richest, optimum, ()))
-    data = LawEvidence(campaign, rich)
-    # Under the weights and maps of the rich laws, as all trials.
-    best_laws, best, size = rich_laws, data.judge(rich), effective_residuals(rich)
-    # If the result is clear, the cost of the poor laws need not be known exactly.
-    sure = _sure(best, rich_laws, poor_laws, size)
-    base = data.judge(fitted(poor_laws, rich, how="rough trial" if sure else "trial"))
-
-    def gain_over(other: Judged, optimum: Judged) -> float:
-        extra = optimum.count - other.count
-        return float(2.0 * (other.evidence.cost - optimum.evidence.cost) - extra * np.log(size))
-
-    trials = [LawTrial(_names(poor_laws), base.count, base.evidence.cost, poor.misfit, 0.0)]
-    trials.append(_trial(rich_laws, best, gain_over(base, best)))
-    undecided: list[UndecidedLaw] = []
-    tried: list[tuple[str, str]] = []
+    size = effective_residuals(rich)
+    trials = _Trials(LawEvidence(campaign, rich), fitted, rich_laws, rich, poor_laws, poor, size)
     for family in FAMILIES:
-        without = without_family(campaign.vehicle.axles, best_laws, poor_laws, family)
-        if without in (best_laws, poor_laws) or _sure(best, best_laws, without, size):
-            continue
-        candidate = data.judge(fitted(without, best.optimum, how="trial"))
-        trials.append(_trial(without, candidate, gain_over(base, candidate)))
-        gain = gain_over(candidate, best)
-        undecided += by_trial(family_words(family), candidate, best, gain)
-        tried.append(family)
-        if gain < DECISIVE:
-            best_laws, best = without, candidate
-    acting = with_stops_that_act(best_laws, best.optimum)
-    if acting != best_laws:
-        best_laws, best = acting, data.judge(fitted(acting, best.optimum, how="trial"))
-        trials.append(_trial(acting, best, gain_over(base, best)))
-    for axle in _with_stops(campaign.vehicle, best_laws):
+        without = without_family(campaign.vehicle.axles, trials.laws, poor_laws, family)
+        trials.judge_without(without, family_words(family))
+    acting = with_stops_that_act(trials.laws, trials.best.optimum)
+    trials.take(tuple(law | (given & {STOPS}) for law, given in zip(acting, poor_laws, strict=True)))
+    for axle in _with_stops(campaign.vehicle, trials.laws, poor_laws):
         # One axle may reach its stops and another not: each has to show its own.
-        without = _without_stops(campaign.vehicle, best_laws, axle)
-        if without == poor_laws or _sure(best, best_laws, without, size):
-            continue
-        candidate = data.judge(fitted(without, best.optimum, how="trial"))
-        trials.append(_trial(without, candidate, gain_over(base, candidate)))
-        gain = gain_over(candidate, best)
-        undecided += by_trial(f"stops of axle {axle + 1} within the travel that the runs reach", candidate, best, gain)
+        without = _without_stops(campaign.vehicle, trials.laws, axle)
+        trials.judge_without(without, f"stops of axle {axle + 1} within the travel that the runs reach")
+    # Trials ran under the rich laws' weights and with larger steps; the result stands on its own.
+    laws, undecided = trials.chosen()
+    chosen = fitted(laws, poor if laws == poor_laws else trials.best.optimum)
+    undecided += by_score(campaign, laws, richest, chosen, _families_in(campaign.vehicle, rich_laws))
+    return chosen, LawComparison(tuple(trials.made), _names(laws), undecided)
+
+
+class _Trials:
+    """Laws that are judged one after the other against those of the campaign file, and the best so far."""
+
+    def __init__(
+        self,
+        data: LawEvidence,
+        fitted: Callable[..., Optimum],
+        rich_laws: Laws,
+        rich: Optimum,
+        poor_laws: Laws,
+        poor: Optimum,
+        size: float,
+    ):
+        self._data, self._fitted, self._poor_laws, self._size = data, fitted, poor_laws, size
+        # Under the weights and maps of the rich laws, as all trials.
+        self.laws, self.best = rich_laws, data.judge(rich)
+        # If the result is clear, the cost of the poor laws need not be known exactly.
+        sure = _sure(self.best, rich_laws, poor_laws, size)
+        self._base = data.judge(fitted(poor_laws, rich, how="rough trial" if sure else "trial"))
+        names, cost = _names(poor_laws), self._base.evidence.cost
+        self.made = [LawTrial(names, self._base.count, cost, poor.misfit, 0.0)]
+        self.made.append(_trial(rich_laws, self.best, self._gain(self._base, self.best)))
+        self._judged: set[tuple[Laws, Laws]] = set()
+        self._open: list[tuple[Laws, UndecidedLaw]] = []
+        self._left_to_all = False
+
+    def _gain(self, other: Judged, optimum: Judged) -> float:
+        extra = optimum.count - other.count
+        return float(2.0 * (other.evidence.cost - optimum.evidence.cost) - extra * np.log(self._size))
+
+    def judge_without(self, laws: Laws, words: str) -> None:
+        """Take poorer laws unless the criterion becomes worse by a decisive amount; `words` for what they lack."""
+        if laws == self.laws or (self.laws, laws) in self._judged:
+            return
+        if laws == self._poor_laws:
+            # The best laws as a whole are compared with these in the end.
+            self._left_to_all = True
+            return
+        if _sure(self.best, self.laws, laws, self._size):
+            return
+        self._judged.add((self.laws, laws))
+        candidate = self._fit(laws)
+        gain = self._gain(candidate, self.best)
+        lacks = tuple(more - less for more, less in zip(self.laws, laws, strict=True))
+        self._open += [(lacks, law) for law in by_trial(words, candidate, self.best, gain)]
         if gain < DECISIVE:
-            best_laws, best = without, candidate
-    if (gain := gain_over(base, best)) < DECISIVE:
-        undecided = [*by_trial(_ALL, base, best, gain)]
-        best_laws, chosen = poor_laws, fitted(poor_laws, poor)
-    else:
-        # Trials ran under the rich laws' weights and with larger steps; the result stands on its own.
-        chosen = fitted(best_laws, best.optimum)
-        undecided += by_score(campaign, best_laws, richest, chosen, tried)
-    return chosen, LawComparison(tuple(trials), _names(best_laws), tuple(undecided))
+            self.laws, self.best = laws, candidate
+
+    def take(self, laws: Laws) -> None:
+        """Take other laws for reasons of their own."""
+        if laws != self.laws:
+            self.laws, self.best = laws, self._fit(laws)
+
+    def _fit(self, laws: Laws) -> Judged:
+        candidate = self._data.judge(self._fitted(laws, self.best.optimum, how="trial"))
+        self.made.append(_trial(laws, candidate, self._gain(self._base, candidate)))
+        return candidate
+
+    def chosen(self) -> tuple[Laws, tuple[UndecidedLaw, ...]]:
+        """The laws of the campaign file or the best of the trials, and what is not decided about them."""
+        gain = self._gain(self._base, self.best)
+        of_all = by_trial(_ALL, self._base, self.best, gain)
+        if gain < DECISIVE:
+            return self._poor_laws, of_all
+        # What a later trial has changed is no longer open.
+        kept = [law for lacks, law in self._open if _still_so(lacks, law.is_chosen, self.laws)]
+        return self.laws, (*kept, *(of_all if self._left_to_all else ()))
+
+
+def _still_so(elements: Laws, has: bool, laws: Laws) -> bool:
+    """Whether all axles of the laws have the elements of a trial, or none has."""
+    pairs = zip(elements, laws, strict=True)
+    return all(one <= law for one, law in pairs) if has else not any(one & law for one, law in pairs)
+
+
+def _families_in(vehicle: Vehicle, laws: Laws) -> tuple[tuple[str, str], ...]:
+    """Families of which some axle has the element."""
+    found = {(e, axle.suspension) for axle, law in zip(vehicle.axles, laws, strict=True) for e in law}
+    return tuple(f for f in FAMILIES if f in found)
 
 
 def with_stops_that_act(laws: Laws, optimum: Optimum) -> Laws:
@@ -130,9 +178,10 @@ def with_stops_that_act(laws: Laws, optimum: Optimum) -> Laws:
     return tuple(kept)
 
 
-def _with_stops(vehicle: Vehicle, laws: Laws) -> list[int]:
+def _with_stops(vehicle: Vehicle, laws: Laws, declared: Laws) -> list[int]:
     """First axles of the suspensions with undeclared stops."""
-    return sorted({owner for owner, law in zip(vehicle.suspension_axle, laws, strict=True) if STOPS in law})
+    all_of = zip(vehicle.suspension_axle, laws, declared, strict=True)
+    return sorted({owner for owner, law, given in all_of if STOPS in law - given})
 
 
 def _without_stops(vehicle: Vehicle, laws: Laws, first: int) -> Laws:
@@ -147,14 +196,15 @@ def _with_nearer_stops(laws: Laws, optimum: Optimum, fitted: Callable[..., Optim
     A stop beyond what the runs reach has no effect, so no search moves it. A stop inside is pushed out if there is
     none.
     """
-    parameters, sd = optimum.problem.model.parameters, parameter_sd(optimum)
-    unreached = [
-        i for i, p in enumerate(parameters.parameters) if p.quantity in TRAVELS and sd[i] >= IDLE_SHRINKAGE * p.prior_sd
-    ]
+    parameters, sd = optimum.problem.model.parameters.parameters, parameter_sd(optimum)
+    unreached = [i for i, p in enumerate(parameters) if p.quantity in TRAVELS and sd[i] >= IDLE_SHRINKAGE * p.prior_sd]
     if not unreached:
         return optimum
-    vector = optimum.vector.copy()
-    vector[unreached] -= NEARER
+    vector, reached = optimum.vector.copy(), reached_travels(optimum)
+    for i in unreached:
+        inside = reached.get((parameters[i].quantity, parameters[i].axle or 0), np.inf)
+        # Not so near that the search would have to push out a stop that is not there from deep inside.
+        vector[i] = max(min(vector[i] - NEARER, np.log(INSIDE * inside)), vector[i] - 2.0 * NEARER)
     again = fitted(laws, replace(optimum, vector=vector), how="rough")
     return again if again.misfit < optimum.misfit else optimum
 

@@ -36,6 +36,8 @@ STEP = 0.1
 WORTH = 0.05
 #: Share of the largest travel in the runs at which a stop is tried, if that is less than usual.
 INSIDE = 0.85
+#: Share of the usual travel nearer than which no stop is tried: five standard deviations of its prior.
+NEAREST = 0.55
 
 
 @dataclass(frozen=True)
@@ -131,11 +133,15 @@ class Screen:
 
     def __init__(self, campaign: Campaign, evidence: LawEvidence, optimum: Optimum, listed: Sequence[Candidate]):
         self._listed = list(listed)
-        self._found = evidence.without_known(optimum, candidate_columns(campaign, optimum, listed))
+        reached = reached_travels(optimum) if any(c.element == STOPS for c in listed) else {}
+        self._against = np.array([travel_penalty(campaign.vehicle, reached, c) for c in listed])
+        self._found = evidence.without_known(optimum, candidate_columns(campaign, optimum, listed, reached))
 
     def gain(self, members: Sequence[Candidate], size: float) -> float:
         """Expected gain of adding some of the candidates; `size` is the effective number of residuals n."""
-        return float(-self._found.pull[self._index(members)] @ self.amounts(members) - len(members) * np.log(size))
+        index = self._index(members)
+        fall = -self._found.pull[index] @ self.amounts(members) - self._against[index].sum()
+        return float(fall - len(members) * np.log(size))
 
     def amounts(self, members: Sequence[Candidate]) -> np.ndarray:
         """Values (n,) of some of the candidates after one linear step, in units of their prior scales."""
@@ -151,10 +157,16 @@ class Screen:
         return [self._listed.index(c) for c in members]
 
 
-def candidate_columns(campaign: Campaign, optimum: Optimum, listed: Sequence[Candidate]) -> tuple[ResidualColumns, ...]:
-    """Derivatives of every group's residuals by the candidates, in units of their prior scales."""
+def candidate_columns(
+    campaign: Campaign, optimum: Optimum, listed: Sequence[Candidate], reached: Mapping[tuple[str, int], float]
+) -> tuple[ResidualColumns, ...]:
+    """Derivatives of every group's residuals by the candidates, in units of their prior scales.
+
+    Parameters
+    ----------
+    reached : largest travels in the runs, see :func:`reached_travels`.
+    """
     problem = optimum.problem
-    reached = reached_travels(optimum) if any(c.element == STOPS for c in listed) else {}
     trials = [(_with_candidate(campaign, problem.model, candidate, reached), STEP) for candidate in listed]
     return difference_columns(problem.model, problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
 
@@ -169,6 +181,26 @@ def reached_travels(optimum: Optimum) -> dict[tuple[str, int], float]:
                 travel = float(np.max(sign * signals[:, :, channel]))
                 most[quantity, axle] = max(most.get((quantity, axle), 0.0), travel)
     return most
+
+
+def tried_travel(median: float, reached: float | None) -> float:
+    """Travel [m] at which a stop is tried: the usual `median`, or inside what the runs reach if that is less.
+
+    A stop beyond it would show nothing. One that is nearer than :data:`NEAREST` of the median is not plausible.
+    """
+    return median if reached is None else max(min(median, INSIDE * reached), NEAREST * median)
+
+
+def travel_penalty(vehicle: Vehicle, reached: Mapping[tuple[str, int], float], candidate: Candidate) -> float:
+    """What the priors of its travels take from the gain of a stop that is tried nearer than usual."""
+    if candidate.element != STOPS:
+        return 0.0
+    total = 0.0
+    for q in quantities(frozenset({STOPS})):
+        for i in candidate.axles if q.quantity in TRAVELS else ():
+            median = q.median(vehicle.axles[i], 0.0)
+            total += (np.log(tried_travel(median, reached.get((q.quantity, i))) / median) / q.sd) ** 2
+    return float(total)
 
 
 def _with_candidate(
@@ -195,9 +227,8 @@ def _elements(
         neutral = np.full(carried.size, q.neutral) if given is None else given.neutral.copy()
         for i in candidate.axles:
             median = q.median(axles[i], float(carried[i]))
-            if (q.quantity, i) in reached:
-                # A stop beyond what the runs reach would show nothing.
-                median = min(median, INSIDE * reached[q.quantity, i])
+            if q.quantity in TRAVELS:
+                median = tried_travel(median, reached.get((q.quantity, i)))
             if q is candidate.quantity:
                 # What is out at zero has its median as scale, what is out at one the spread of its logarithm.
                 neutral[i] = STEP * median if q.neutral == 0.0 else q.neutral * _step(q, median)

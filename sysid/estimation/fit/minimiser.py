@@ -29,8 +29,8 @@ _GOOD_STEP = 0.75
 #: A point is a minimum if the expected decrease by the linear model is not larger than this fraction of the cost, or
 #: than this many times the decrease that ends the search.
 _NEGLIGIBLE_FALL, _TOLERANCES = 1e-5, 10.0
-#: Shares of the Gauss-Newton step of which none may lower the cost at a corner.
-_CORNER_SHARES = (1.0, 0.3, 0.1, 0.03)
+#: Shares of its Gauss-Newton step, either way, of which none may lower the cost for an unknown at a corner.
+_CORNER_SHARES = (1.0, 0.1, 0.01, 1e-3)
 #: Iterations in which the other unknowns are searched with those at corners held.
 _CORNER_ITERATIONS = 10
 
@@ -73,32 +73,36 @@ def promised_fall(residual: Residuals, jacobian: ResidualsByUnknowns) -> float:
     return 0.5 * float(shift @ shift)
 
 
-def at_corner(
+def unknowns_at_corners(
     evaluate: Evaluation,
     point: UnknownsOfFit,
     residual: Residuals,
     jacobian: ResidualsByUnknowns,
     corners: Sequence[int],
     negligible: float,
-) -> bool:
-    """Whether a point that promises a further fall is the least cost all the same, at a corner of some unknowns.
+) -> list[int]:
+    """Unknowns of which each promises a fall alone that no step along it keeps.
 
-    The derivative by such an unknown jumps where a run just reaches a stop. On one side it promises a fall that the
-    other side does not keep. At a corner the cost is stationary in all other unknowns, and no part of the Gauss-Newton
-    step lowers it by more than `negligible`.
+    The derivative by such an unknown jumps where a run just reaches a stop. On one side it promises a fall, on the
+    other it does not.
 
     Parameters
     ----------
     point : (p,); residual : (m,) and jacobian : (m, p) there; corners : unknowns whose derivatives may jump.
+    negligible : fall of the cost that does not count; a hundredth of it shows that an unknown can still move.
     """
-    if not len(corners) or promised_fall(residual, np.delete(jacobian, list(corners), axis=1)) > negligible:
-        return False
-    norms = np.linalg.norm(jacobian, axis=0)
-    scale = np.where(norms > 0.0, norms, 1.0)
-    step = -np.linalg.lstsq(jacobian / scale, residual, rcond=None)[0] / scale
-    cost = 0.5 * float(residual @ residual)
-    costs = [0.5 * float(r @ r) for r in (evaluate(point + share * step)[0] for share in _CORNER_SHARES)]
-    return not any(c < cost - negligible for c in costs)
+    cost, held = 0.5 * float(residual @ residual), []
+    for j in corners:
+        column = jacobian[:, j]
+        square, pull = float(column @ column), float(column @ residual)
+        if square == 0.0 or 0.5 * pull**2 / square <= negligible:
+            continue
+        steps = [sign * share * pull / square for share in _CORNER_SHARES for sign in (-1.0, 1.0)]
+        trials = [evaluate(point + step * np.eye(1, point.size, j)[0])[0] for step in steps]
+        costs = np.array([0.5 * float(r @ r) for r in trials])
+        if np.isfinite(costs).all() and costs.min() >= cost - 0.01 * negligible:
+            held.append(j)
+    return held
 
 
 def _affine(y: jax.Array, args: _Affine) -> tuple[HostOrDevice, None]:
@@ -143,7 +147,7 @@ def minimise(
     step_tolerance : so does a proposed step that changes every component by less than this fraction.
     max_iterations : limit on evaluations of the Jacobian.
     on_iteration : called with the number of the iteration and the best cost so far.
-    corners : unknowns in which derivatives may jump, see :func:`at_corner`.
+    corners : unknowns in which derivatives may jump, see :func:`unknowns_at_corners`.
 
     Raises
     ------
@@ -178,19 +182,24 @@ def minimise(
     if better.converged or not len(corners):
         return better
 
+    residual, jacobian = evaluate(better.point)
+    negligible = max(_NEGLIGIBLE_FALL, _TOLERANCES * relative_tolerance) * better.cost
+    stuck = unknowns_at_corners(evaluate, better.point, residual, jacobian, corners, negligible)
+    if not stuck:
+        return better
+
     def held(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         residual, jacobian = evaluate(vector)
         jacobian = jacobian.copy()
-        jacobian[:, list(corners)] = 0.0
+        jacobian[:, stuck] = 0.0
         return residual, jacobian
 
     # Damping that holds an unknown at its corner holds the others as well: they are searched again without it.
     rest = _search(
         held, better.point, held(better.point), by_columns, tolerances, _CORNER_ITERATIONS, lambda i, cost: None
     )
-    residual, jacobian = evaluate(rest.point)
-    negligible = max(_NEGLIGIBLE_FALL, _TOLERANCES * relative_tolerance) * rest.cost
-    if not rest.converged or not at_corner(evaluate, rest.point, residual, jacobian, corners, negligible):
+    still = unknowns_at_corners(evaluate, rest.point, *evaluate(rest.point), stuck, negligible)
+    if not rest.converged or still != stuck:
         return better
     why = "the least cost is where a run just reaches a stop"
     return replace(rest, iterations=better.iterations + rest.iterations, message=why)

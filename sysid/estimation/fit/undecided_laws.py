@@ -25,6 +25,7 @@ from sysid.estimation.fit.law_screen import Candidate, Screen, families_of
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.law_families import STOPS, Laws
+from sysid.estimation.parameters.suspension_elements import quantities
 
 #: Weight of the choice that was not made below which it is left out.
 LEAST_WEIGHT = 0.05
@@ -77,9 +78,11 @@ def by_score(
     for family, members in families.items():
         possible = _possible(screen, members)
         if possible:
-            gain, shift = screen.gain(possible, size), screen.shift(possible)
-            law = UndecidedLaw(family_words(family), gain, weight_of(gain), False, names, tuple(shift.tolist()))
-            found += _if_open(law)
+            # As in a fit, every parameter that the elements bring counts, not only those that decide.
+            gain = screen.gain(possible, size) - _further_parameters(possible) * np.log(size)
+            # A linear step promises more than a fit keeps: it makes no law likelier than not.
+            weight, shift = min(weight_of(gain), 0.5), screen.shift(possible)
+            found += _if_open(UndecidedLaw(family_words(family), gain, weight, False, names, tuple(shift.tolist())))
     return tuple(found)
 
 
@@ -97,6 +100,13 @@ def _by_name(judged: Judged) -> dict[str, float]:
     parameters = judged.optimum.problem.model.parameters
     values = judged.optimum.vector[: judged.optimum.problem.count] + judged.evidence.step
     return dict(zip(parameters.names, values.tolist(), strict=True))
+
+
+def _further_parameters(members: Sequence[Candidate]) -> int:
+    """Parameters of the elements of some candidates that do not decide whether the elements act."""
+    rest = [q for q in quantities(frozenset(c.element for c in members)) if not q.decides]
+    places = {c.axles for c in members if not c.quantity.shared}
+    return sum(1 if q.shared else len(places) for q in rest)
 
 
 def _if_open(law: UndecidedLaw) -> tuple[UndecidedLaw, ...]:
