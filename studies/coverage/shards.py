@@ -19,6 +19,7 @@ _ROOT = Path(__file__).resolve().parents[2]
 _MARK = "sources"
 #: What only writes about replicates.
 _WRITERS = (
+    "studies/cases.py",
     "studies/coverage/__main__.py",
     "studies/coverage/tables.py",
     "studies/factors/__main__.py",

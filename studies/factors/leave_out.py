@@ -23,7 +23,7 @@ from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.law_choice import fit_with_laws
-from sysid.estimation.uncertainty.information import DataInformation
+from sysid.estimation.uncertainty.data_information import DataInformation
 from sysid.road.point_cloud import read_point_cloud
 from sysid.road.scan import analyse_scan
 from sysid.runtime import forget_compiled

@@ -8,32 +8,14 @@ writes it into FILE.  A study that was stopped goes on where it was.
 
 from __future__ import annotations
 
-import argparse
-import sys
-from functools import partial
-from pathlib import Path
-
-from studies.coverage.shards import collect, fill
+from studies.cases import run_cases
 from studies.independent.case import SEED, replicate
 from studies.independent.table import tables, write
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Fill the shards and show what they say."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--output", type=Path, default=Path("build/independent"), help="folder of the cases")
-    parser.add_argument("--count", type=int, default=80, help="number of campaigns")
-    parser.add_argument("--first", type=int, default=0, help="number of the first")
-    parser.add_argument("--seed", type=int, default=SEED, help="seed of the campaigns")
-    parser.add_argument("--document", type=Path, default=None, help="file whose tables are rewritten")
-    options = parser.parse_args(arguments)
-    study, run = f"run{options.seed}", partial(replicate, seed=options.seed)
-    for number in fill(options.output, study, range(options.first, options.first + options.count), run):
-        sys.stderr.write(f"{number}\n")
-    records = collect(options.output, study).records
-    sys.stdout.write(tables(records) + "\n")
-    if options.document is not None:
-        write(records, options.seed, options.document)
+    run_cases(__doc__, "run", replicate, tables, write, arguments, folder="build/independent", count=80, seed=SEED)
 
 
 if __name__ == "__main__":

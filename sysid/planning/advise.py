@@ -15,8 +15,8 @@ import numpy as np
 
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.estimation.fit.state import FitState
+from sysid.estimation.uncertainty.data_information import DataInformation
 from sysid.estimation.uncertainty.identifiability import ROUGH, Identifiability, is_tire, listed
-from sysid.estimation.uncertainty.information import DataInformation
 from sysid.planning.advice_records import Advice, PeakTarget, Prospect
 from sysid.planning.candidate_runs import (
     RunInformation,

@@ -9,8 +9,8 @@ import pytest
 from synthetic_fit import synthetic_fit
 
 from sysid.estimation.parameters.estimate import ParameterEstimate
+from sysid.estimation.uncertainty.data_information import DataInformation
 from sysid.estimation.uncertainty.identifiability import Identifiability, assess, correlated_pairs
-from sysid.estimation.uncertainty.information import DataInformation
 
 NAMES = ("k_1", "k_2", "k_3", "c_1")
 VALUES = np.array([4e5, 4e5, 4e5, 1e4])

@@ -56,7 +56,7 @@ def test_trials_together_are_the_trials_alone(trials, engine, monkeypatch):
     assert len(shown) == len(models)
     for one, two in zip(shown, expected, strict=True):
         for a, b in zip(one, two, strict=True):
-            np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-10 * np.abs(b).max())
+            np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-13 * np.abs(b).max())
     # The trials differ by far more: signals of a neighbour would be seen.
     changes = [
         max(np.abs(a - b).max() / np.abs(b).max() for a, b in zip(x, expected[5], strict=True)) for x in expected

@@ -15,7 +15,7 @@ from sysid.estimation.fit.law_screen import Candidate, Screen, travel_penalty, t
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.fit.undecided_laws import _further_parameters, _possible, by_trial, spread_rows, weight_of
 from sysid.estimation.parameters.suspension_elements import quantities
-from sysid.estimation.uncertainty.information import MASSES, SCALES, TIRES, DataInformation
+from sysid.estimation.uncertainty.data_information import MASSES, SCALES, TIRES, DataInformation
 from sysid.estimation.uncertainty.interval_shares import LAWS, MODEL_FORM, SOURCES, interval_shares, share_sentences
 
 NAMES = ("k_1", "c_1", "kt_1")

@@ -29,8 +29,8 @@ from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
+from sysid.estimation.uncertainty.data_information import DataInformation
 from sysid.estimation.uncertainty.identifiability import Identifiability, assess
-from sysid.estimation.uncertainty.information import DataInformation
 from sysid.planning.advice_records import Advice
 from sysid.planning.advise import advise, candidate_runs, peak_gradient
 from sysid.planning.candidate_runs import RunKind, missing_sensors, recording_sensors, run_information

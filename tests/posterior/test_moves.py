@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import time
 from importlib.metadata import version
+from pathlib import Path
 
 import emcee
 import numpy as np
 import pytest
 from scipy.stats import multivariate_t
 
+from sysid.posterior import sampling
+from sysid.posterior.diagnostics import diagnose
 from sysid.posterior.moves import LaplaceMove, fitted_to_walkers, posterior_moves
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
 
@@ -152,3 +155,49 @@ def test_ensembles_that_run_side_by_side_share_no_moves(monkeypatch: pytest.Monk
     names = tuple(f"p{i}" for i in range(3))
     drawn = sample_posterior(lambda x: -0.5 * (x**2).sum(axis=1), names, np.zeros(3), np.eye(3), "test", options)
     assert drawn.draws.shape[0] == 4
+
+
+def never_converged(folder: Path, steps: int, *, resume: bool = False):
+    """The Gaussian of this file, sampled with proposals fitted in the first 10 steps and again after 40 and 80."""
+    options = SamplingOptions(adapting_steps=10, min_steps=10, max_steps=steps, min_effective=1e9, seed=4)
+    names = tuple("abcdefghij")
+    covariance = 0.3 * COVARIANCE
+    return sample_posterior(
+        lambda x: density(x - 40.0), names, CENTRE + 40.0, covariance, "test", options, folder=folder, resume=resume
+    )
+
+
+def test_a_chain_that_has_not_converged_gets_proposals_fitted_again(tmp_path, monkeypatch):
+    looked: list[int] = []
+
+    def fitted(covariance, draws):
+        looked.append(draws.shape[1])
+        return fitted_to_walkers(covariance, draws)
+
+    monkeypatch.setattr(sampling, "fitted_to_walkers", fitted)
+    posterior = never_converged(tmp_path / "a", 110)
+    # Five steps of the first stretch; every fifth of steps 20 to 40, and of 40 to 80.
+    assert looked == [5, 4, 8]
+    assert not posterior.converged
+    assert posterior.burn_in == 80
+
+
+@pytest.mark.parametrize("stopped", [40, 50, 80])
+def test_a_chain_that_was_stopped_there_goes_on_as_if_it_had_not_been(tmp_path, stopped: int):
+    whole = never_converged(tmp_path / "a", 110)
+    never_converged(tmp_path / "b", stopped)
+    np.testing.assert_array_equal(never_converged(tmp_path / "b", 110, resume=True).draws, whole.draws)
+
+
+def test_proposals_are_fitted_at_the_end_of_stretches_and_draws_before_are_not_kept():
+    options = SamplingOptions(adapting_steps=50, segment_steps=50)
+    assert [sampling._adapted(n, options) for n in (50, 199, 200, 399, 400, 800)] == [50, 50, 200, 200, 400, 800]
+    odd = SamplingOptions(adapting_steps=30, segment_steps=25)
+    assert [sampling._adapted(n, odd) for n in (100, 125, 240, 250)] == [30, 125, 125, 250]
+    # Stretches longer than the first steps: proposals never follow the walkers.
+    assert sampling._adapted(10_000, SamplingOptions(adapting_steps=30, segment_steps=100)) == 30
+    default = SamplingOptions()
+    assert not sampling._kept_enough(290, default)
+    assert sampling._kept_enough(300, default)
+    draws = np.random.default_rng(1).standard_normal((2, 300, 6, 1))
+    assert diagnose(draws, 240).burn_in == 240

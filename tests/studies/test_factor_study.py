@@ -19,7 +19,7 @@ from studies.factors.table import table
 from sysid.campaign.vehicle_records import MassTolerances
 from sysid.estimation.fit import law_evidence
 from sysid.estimation.uncertainty import allowances
-from sysid.estimation.uncertainty.information import DataInformation
+from sysid.estimation.uncertainty.data_information import DataInformation
 from sysid.estimation.weights import reweighting
 
 

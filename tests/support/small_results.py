@@ -16,8 +16,8 @@ from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.profiles import ProfileLikelihood
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.residuals.run_history import HistoryBand, RunHistory
+from sysid.estimation.uncertainty.data_information import DataInformation
 from sysid.estimation.uncertainty.identifiability import assess
-from sysid.estimation.uncertainty.information import DataInformation
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
 from sysid.export import Results
 from sysid.planning.advice_records import Advice, PeakTarget, Prospect

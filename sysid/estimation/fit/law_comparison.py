@@ -23,7 +23,7 @@ from sysid.campaign.vehicle_records import Vehicle
 from sysid.estimation.fit.evaluation import parameter_sd
 from sysid.estimation.fit.fit_result import LawComparison, LawTrial, UndecidedLaw
 from sysid.estimation.fit.law_evidence import Judged, LawEvidence
-from sysid.estimation.fit.law_screen import INSIDE, promising, reached_travels
+from sysid.estimation.fit.law_screen import promising, reached_travels, tried_travel
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.fit.undecided_laws import by_score, by_trial, family_words
@@ -202,9 +202,8 @@ def _with_nearer_stops(laws: Laws, optimum: Optimum, fitted: Callable[..., Optim
         return optimum
     vector, reached = optimum.vector.copy(), reached_travels(optimum)
     for i in unreached:
-        inside = reached.get((parameters[i].quantity, parameters[i].axle or 0), np.inf)
-        # Not so near that the search would have to push out a stop that is not there from deep inside.
-        vector[i] = max(min(vector[i] - NEARER, np.log(INSIDE * inside)), vector[i] - 2.0 * NEARER)
+        inside = reached.get((parameters[i].quantity, parameters[i].axle or 0))
+        vector[i] = min(vector[i] - NEARER, np.log(tried_travel(float(np.exp(vector[i])), inside)))
     again = fitted(laws, replace(optimum, vector=vector), how="rough")
     return again if again.misfit < optimum.misfit else optimum
 

@@ -19,7 +19,7 @@ from scipy.linalg import eigh
 
 from sysid.arrays import Parameters, ParametersByParameters
 from sysid.estimation.parameters.estimate import ParameterEstimate
-from sysid.estimation.uncertainty.information import DataInformation
+from sysid.estimation.uncertainty.data_information import DataInformation
 from sysid.estimation.uncertainty.interval_shares import SOURCES, interval_shares, share_sentences
 from sysid.tabular import Tabular
 

@@ -1,18 +1,14 @@
-"""Information of the data about parameters, masses and departures from the model, and what more data would add to it.
+"""Information of the data about parameters, masses and departures from the model, at the optimum of a fit.
 
-Masses and departures y are unknowns with priors N(0, L^-1) like all others, and they are integrated out. H is the
-information of parameters x and y (with the runs' own motions eliminated), and D that of more data. Then
-
-    H' = H + D,    N = H'_xx - H'_xy (H'_yy + L)^-1 H'_yx,    covariance = (C' N C + P)^-1,
-
-where P is the prior precision and C the flattening for model error that no departure describes
-(:mod:`sysid.estimation.uncertainty.sandwich`). With D = 0 this is the covariance of the fit.
+Scores and information of all runs, with the runs' own motions eliminated, give the step to the joint optimum, the
+factor and flattening for model error that no departure describes (:mod:`sysid.estimation.uncertainty.sandwich`), and
+what is left for the parameters (:mod:`sysid.estimation.uncertainty.data_information`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -23,6 +19,7 @@ from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.run_clocks import RunClocks, run_clocks
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
+from sysid.estimation.uncertainty.data_information import MASSES, SCALES, TIRES, DataInformation
 from sysid.estimation.uncertainty.departure_scale import departure_scale
 from sysid.estimation.uncertainty.joint_step import (
     JointStep,
@@ -40,66 +37,6 @@ from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, flattening
 
 #: Rounds in which the factor of model error, and the scales of departures that go with it, are found.
 _FACTOR_ROUNDS = 4
-#: Kinds of unknowns beside the parameters: readings of a scale, other masses, and departures from the model.
-SCALES, MASSES, TIRES = "scale readings", "masses", "tires and friction"
-
-
-@dataclass(frozen=True)
-class DataInformation:
-    """Information of the data of a fit about p log parameters, then q masses and departures.
-
-    - `matrix`: H (p + q, p + q);
-    - `flattening`: C (p, p), including the effect of footprint maps that follow their tires
-      (:mod:`sysid.estimation.uncertainty.map_following`);
-    - `prior`: P (p, p), prior precision of the parameters;
-    - `sd` (q,): prior standard deviations of masses and departures; the first `masses` of them are masses;
-    - `factor`: by how much model error widens all variances; the matrix already includes it;
-    - `laws` (k, p): rows whose squares R'R laws that the data do not decide add to the covariance by the data;
-    - `kinds` (q,): which masses and departures are scale readings (:data:`SCALES`), other masses or tires.
-    """
-
-    matrix: np.ndarray
-    flattening: ParametersByParameters
-    prior: ParametersByParameters
-    sd: np.ndarray
-    masses: int
-    factor: float = 1.0
-    laws: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    kinds: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        if not self.kinds:
-            others = self.sd.size - self.masses
-            object.__setattr__(self, "kinds", (MASSES,) * self.masses + (TIRES,) * others)
-
-    def precision(self, more: np.ndarray | None = None) -> np.ndarray:
-        """Precision (p, p) of the parameters by the data alone; `more` (p + q, p + q) is the information of others."""
-        matrix = self.matrix if more is None else self.matrix + more / self.factor
-        left = integrated(matrix, self.prior.shape[0], self.sd).information
-        adjusted = self.flattening.T @ left @ self.flattening
-        adjusted = adjusted @ self._between_laws(adjusted)
-        return np.asarray(0.5 * (adjusted + adjusted.T))
-
-    def with_laws(self, laws: np.ndarray | None) -> DataInformation:
-        """The same with other rows (k, p) of undecided laws, None for none."""
-        return replace(self, laws=np.zeros((0, self.prior.shape[0])) if laws is None else laws)
-
-    def slope(self, gradient: Parameters) -> Parameters:
-        """Gradient (p,) of the log-likelihood with undecided laws, from that of the chosen ones."""
-        adjusted = self.flattening.T @ integrated(self.matrix, gradient.size, self.sd).information @ self.flattening
-        return np.asarray(self._between_laws(adjusted).T @ gradient)
-
-    def _between_laws(self, precision: ParametersByParameters) -> ParametersByParameters:
-        """T (p, p) with (N^-1 + R'R)^-1 = N T for a precision N."""
-        rows = self.laws
-        if not rows.size:
-            return np.eye(precision.shape[0])
-        inner = np.eye(len(rows)) + rows @ precision @ rows.T
-        return np.asarray(np.eye(precision.shape[0]) - rows.T @ np.linalg.solve(inner, rows @ precision))
-
-    def covariance(self, more: np.ndarray | None = None) -> np.ndarray:
-        """Covariance (p, p) of the log parameters, priors included; `more` as in :meth:`precision`."""
-        return np.linalg.inv(self.precision(more) + self.prior)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid.estimation.uncertainty.information import MASSES, SCALES, TIRES, DataInformation
+from sysid.estimation.uncertainty.data_information import MASSES, SCALES, TIRES, DataInformation
 from sysid.estimation.uncertainty.joint_step import integrated
 from sysid.wording import joined_words
 

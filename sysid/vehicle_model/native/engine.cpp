@@ -1,8 +1,8 @@
 // Entry points of the native engine: XLA custom calls that run many passes side by side.
 //
 // A task is one run with one pack of parameter sets, a pack of runs with one set each, or one run with one block of
-// derivatives; tasks share nothing that is written, so results do not depend on the number of threads.  Buffers come in the order of buffers.h, which is made
-// from buffers.py.
+// derivatives; tasks share nothing that is written, so results do not depend on the number of threads.  Buffers come in
+// the order of buffers.h, which is made from buffers.py.
 
 #include <algorithm>
 #include <atomic>
