@@ -174,9 +174,10 @@ def test_an_unknown_that_can_still_fall_is_at_no_corner():
     np.testing.assert_allclose(found.point, [1.0, 0.0, 2.0], atol=1e-3)
 
 
-def test_trials_that_are_not_finite_show_no_corner():
+@pytest.mark.parametrize("outside", [np.nan, np.inf])
+def test_trials_that_are_not_finite_show_no_corner(outside: float):
     def evaluate(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return np.array([10.0 + y[0]]) if y[0] == 0.0 else np.array([np.nan]), np.array([[1.0]])
+        return np.array([10.0 if y[0] == 0.0 else outside]), np.array([[1.0]])
 
     assert unknowns_at_corners(evaluate, np.zeros(1), *evaluate(np.zeros(1)), [0], 1e-4) == []
 

@@ -24,6 +24,7 @@ from sysid.estimation.parameters.rockers import load_shares
 from sysid.estimation.residuals.compressed import Compressed
 from sysid.estimation.residuals.histories import run_histories
 from sysid.estimation.residuals.problem import Problem
+from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.residuals.run_motion import (
     CHANGE,
@@ -70,15 +71,14 @@ def evaluate_optimum(
     report("covariance and checks", 0.9)
     parameters, motion = problem.unpack(vector)
     at_optimum = _AtOptimum.of(problem, vector)
-
     difference = _scipy_difference(problem, vector, optimum.first, report) if options.cross_check else float("nan")
     compressed = problem.compressed(vector)
     _check_runs_are_seen(campaign, problem, compressed)
     problem.forget()
     return_memory()
     allowances = campaign_allowances(campaign, model.parameters, model.felt)
-    laws = spread_rows(undecided, model.parameters.names)
-    adjusted = adjusted_information(campaign, problem, vector, allowances, optimum.amounts, laws)
+    spread = spread_rows(undecided, model.parameters.names)
+    adjusted = adjusted_information(campaign, problem, vector, allowances, optimum.amounts, spread)
     adjustment = adjusted.adjustment
     covariance = _covariance(problem, compressed, adjustment)
     condition = np.linalg.cond(compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0))
@@ -86,8 +86,6 @@ def evaluate_optimum(
     report("step-halving check", 0.96)
     halving = _step_halving_error(problem, vector, at_optimum.simulated)
     estimates, runs = _estimates(campaign, problem, parameters, motion, covariance)
-    usable = [np.isfinite(n) for n in weights.noise_sd]
-    inflation = [v[u] for v, u in zip(at_optimum.inflation, usable, strict=True)]
     shared = covariance[: problem.count, : problem.count]
     determined = assess(estimates, shared, adjusted.data)
     warnings = fit_warnings(minimum, (optimum.misfit, optimum.over_instruments), halving, difference, determined)
@@ -109,7 +107,7 @@ def evaluate_optimum(
         condition_number=float(condition),
         step_halving_error=halving,
         scipy_max_difference_sd=difference,
-        variance_inflation=float(np.median(np.concatenate(inflation))),
+        variance_inflation=at_optimum.typical_inflation(weights),
         model_error_inflation=float(np.sqrt(np.mean(adjustment.inflation))),
         contact=CONTACT_LAWS[options.contact].meaning,
         residual_evidence=at_optimum.evidence,
@@ -138,6 +136,11 @@ class _AtOptimum:
         lin = problem.linearise(vector)
         simulated = [np.asarray(one.simulated) for one in lin]
         return cls(simulated, residual_inflation(problem, lin), residual_evidence(problem, lin))
+
+    def typical_inflation(self, weights: Weights) -> float:
+        """Median variance inflation of all channels that are used."""
+        used = [np.isfinite(n) for n in weights.noise_sd]
+        return float(np.median(np.concatenate([v[u] for v, u in zip(self.inflation, used, strict=True)])))
 
 
 def _fit_point(problem: Problem, vector: np.ndarray, adjusted: AdjustedInformation) -> FitPoint:
