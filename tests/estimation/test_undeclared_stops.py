@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +10,7 @@ import pytest
 from rigid_truck import AXLES, SENSORS, STIFFNESS, VEHICLE, bump, campaign, empty_run, true_log_parameters, with_values
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.fit import law_comparison, law_screen
+from sysid.estimation.fit import law_comparison, law_screen, stop_search
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.law_screen import promising, reached_travels
 from sysid.estimation.fit.least_squares import optimise
@@ -97,8 +97,8 @@ def stand_in(stop_N_per_m: list[float], sd: list[float], monkeypatch) -> Laws:
     parameters = ParameterSet(tuple(Parameter(f"{q}_{i}", q, "N/m", 1.0, 1.0, 0.7, axle=i) for q, i in kinds), ())
     model = SimpleNamespace(parameters=parameters)
     optimum = SimpleNamespace(problem=SimpleNamespace(model=model), vector=np.log([4e5, 4e5, *stop_N_per_m]))
-    monkeypatch.setattr(law_comparison, "parameter_sd", lambda optimum: np.array([0.01, 0.01, *sd]))
-    return law_comparison.with_stops_that_act((frozenset({"friction", STOPS}), frozenset({STOPS})), optimum)
+    monkeypatch.setattr(stop_search, "parameter_sd", lambda optimum: np.array([0.01, 0.01, *sd]))
+    return stop_search.with_stops_that_act((frozenset({"friction", STOPS}), frozenset({STOPS})), optimum)
 
 
 def test_stops_that_the_data_do_not_know_or_that_are_none_are_taken_away(monkeypatch):
@@ -111,7 +111,8 @@ def test_stops_are_fitted_before_what_imitates_them(monkeypatch):
     gas, stop = frozenset({"gas_spring"}), frozenset({STOPS})
     promises = [(gas | stop,), (gas,), ()]
     monkeypatch.setattr(law_comparison, "promising", lambda *unused: promises.pop(0))
-    monkeypatch.setattr(law_comparison, "_with_nearer_stops", lambda laws, optimum, fitted: optimum)
+    for name in ("with_nearer_stops", "with_released_stops"):
+        monkeypatch.setattr(law_comparison, name, lambda laws, optimum, fitted: optimum)
     asked: list[Laws] = []
     law_comparison._enriched(
         None, (frozenset(),), (gas | stop,), None, lambda laws, near, how="final": asked.append(laws)
@@ -119,17 +120,54 @@ def test_stops_are_fitted_before_what_imitates_them(monkeypatch):
     assert asked == [(stop,), (gas | stop,), (gas | stop,)]
 
 
+def released(travel_m: float, reached_m: float, cost_without: float, monkeypatch):
+    """Travel [m] after the search; usually it is 78 mm, and the cost of the optimum is 50."""
+    kinds = (("stiffness", "N/m", 4e5, 0.7), ("rebound_travel", "m", 0.078, 0.12))
+    parameters = ParameterSet(tuple(Parameter(q, q, unit, m, m, sd, axle=0) for q, unit, m, sd in kinds), ())
+
+    def at(vector, cost):
+        return FakeOptimum(SimpleNamespace(model=SimpleNamespace(parameters=parameters)), vector, cost)
+
+    monkeypatch.setattr(stop_search, "reached_travels", lambda optimum: {("rebound_travel", 0): reached_m})
+    fitted = lambda laws, near, how: at(near.vector, cost_without)  # noqa: E731
+    best = stop_search.with_released_stops((frozenset({STOPS}),), at(np.log([4e5, travel_m]), 50.0), fitted)
+    assert best.vector[0] == np.log(4e5)
+    return float(np.exp(best.vector[1]))
+
+
+@dataclass(frozen=True)
+class FakeOptimum:
+    problem: SimpleNamespace
+    vector: np.ndarray
+    cost: float
+
+    @property
+    def minimum(self) -> SimpleNamespace:
+        return SimpleNamespace(cost=self.cost)
+
+
+def test_stops_that_the_runs_only_touch_are_tried_out_of_reach(monkeypatch):
+    assert released(0.0467, 0.0470, 42.0, monkeypatch) == pytest.approx(0.078)
+    # Their usual place is within reach: just beyond it.
+    assert released(0.0770, 0.0780, 42.0, monkeypatch) == pytest.approx(0.0858)
+    # The search without them ends worse.
+    assert released(0.0467, 0.0470, 51.0, monkeypatch) == pytest.approx(0.0467)
+    # Compressed by a tenth of their travel, far beyond reach, or farther away than usual: they stay.
+    for travel, reached in ((0.0467, 0.0520), (0.0467, 0.0400), (0.0800, 0.0790)):
+        assert released(travel, reached, 42.0, monkeypatch) == pytest.approx(travel)
+
+
 def test_every_suspension_has_to_show_its_own_stops():
     """Axles 2 and 3 are one suspension."""
     vehicle = SimpleNamespace(suspension_axle=(0, 1, 1))
     stop, both = frozenset({STOPS}), frozenset({"friction", STOPS})
     none = (frozenset(),) * 3
-    assert law_comparison._with_stops(vehicle, (stop, both, both), none) == [0, 1]
-    assert law_comparison._with_stops(vehicle, (frozenset(), both, both), none) == [1]
+    assert stop_search.axles_with_stops(vehicle, (stop, both, both), none) == [0, 1]
+    assert stop_search.axles_with_stops(vehicle, (frozenset(), both, both), none) == [1]
     # Those of the campaign file stay.
-    assert law_comparison._with_stops(vehicle, (stop, both, both), (stop, *none[1:])) == [1]
+    assert stop_search.axles_with_stops(vehicle, (stop, both, both), (stop, *none[1:])) == [1]
     rubbing = frozenset({"friction"})
-    assert law_comparison._without_stops(vehicle, (stop, both, both), 1) == (stop, rubbing, rubbing)
+    assert stop_search.without_stops(vehicle, (stop, both, both), 1) == (stop, rubbing, rubbing)
 
 
 def test_stops_of_one_axle_that_gain_little_are_taken_away(monkeypatch):

@@ -20,26 +20,27 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import Vehicle
-from sysid.estimation.fit.evaluation import parameter_sd
 from sysid.estimation.fit.fit_result import LawComparison, LawTrial, UndecidedLaw
 from sysid.estimation.fit.law_evidence import Judged, LawEvidence
-from sysid.estimation.fit.law_screen import promising, reached_travels, tried_travel
+from sysid.estimation.fit.law_screen import promising
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
+from sysid.estimation.fit.stop_search import (
+    axles_with_stops,
+    with_nearer_stops,
+    with_released_stops,
+    with_stops_that_act,
+    without_stops,
+)
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.fit.undecided_laws import by_score, by_trial, family_words
 from sysid.estimation.parameters.law_families import FAMILIES, STOPS, Laws, without_family
-from sysid.estimation.parameters.suspension_elements import TRAVELS, law_name, quantities
+from sysid.estimation.parameters.suspension_elements import law_name, quantities
 from sysid.estimation.weights.reweighting import reweighted
 
 #: How much clearer than decisive a test has to be for a fit without an element to be left out.
 SURE = 5.0
-#: Standard deviation over that of its prior from which on the stiffness of a stop is not known from the data.
-IDLE_SHRINKAGE = 0.9
 #: All elements that were added, in words.
 _ALL = "anything but the laws of the campaign file"
-#: By how much in the logarithm a second search begins with nearer stops: two and a half standard deviations of the
-#: prior of their travels, nearer than nearly all of them.
-NEARER = 0.3
 
 
 def compare_laws(
@@ -64,9 +65,9 @@ def compare_laws(
         trials.judge_without(without, family_words(family))
     acting = with_stops_that_act(trials.laws, trials.best.optimum)
     trials.take(tuple(law | (given & {STOPS}) for law, given in zip(acting, poor_laws, strict=True)))
-    for axle in _with_stops(campaign.vehicle, trials.laws, poor_laws):
+    for axle in axles_with_stops(campaign.vehicle, trials.laws, poor_laws):
         # One axle may reach its stops and another not: each has to show its own.
-        without = _without_stops(campaign.vehicle, trials.laws, axle)
+        without = without_stops(campaign.vehicle, trials.laws, axle)
         trials.judge_without(without, f"stops of axle {axle + 1} within the travel that the runs reach")
     # Trials ran under the rich laws' weights and with larger steps; the result stands on its own.
     laws, undecided = trials.chosen()
@@ -156,58 +157,6 @@ def _families_in(vehicle: Vehicle, laws: Laws) -> tuple[tuple[str, str], ...]:
     return tuple(f for f in FAMILIES if f in found)
 
 
-def with_stops_that_act(laws: Laws, optimum: Optimum) -> Laws:
-    """The laws without those undeclared stops that the axles do not show.
-
-    An axle shows them if the data determine their stiffness better than its prior, and if it is not softer than the
-    spring. Otherwise a parameter is not determined and slows every search, or the stop imitates something else.
-    """
-    if not any(STOPS in law for law in laws):
-        return laws
-    parameters, sd = optimum.problem.model.parameters, parameter_sd(optimum)
-    kept = []
-    for axle, law in enumerate(laws):
-        owner = parameters.suspension_axle[axle] if parameters.suspension_axle else axle
-        springs = [i for i, p in enumerate(parameters.parameters) if (p.quantity, p.axle) == ("stiffness", owner)]
-        shown = False
-        if STOPS in law:
-            stop = parameters.index("stop_stiffness", axle)
-            known = sd[stop] < IDLE_SHRINKAGE * parameters.parameters[stop].prior_sd
-            shown = bool(known and optimum.vector[stop] > optimum.vector[springs].min())
-        kept.append(law if shown else law - {STOPS})
-    return tuple(kept)
-
-
-def _with_stops(vehicle: Vehicle, laws: Laws, declared: Laws) -> list[int]:
-    """First axles of the suspensions with undeclared stops."""
-    all_of = zip(vehicle.suspension_axle, laws, declared, strict=True)
-    return sorted({owner for owner, law, given in all_of if STOPS in law - given})
-
-
-def _without_stops(vehicle: Vehicle, laws: Laws, first: int) -> Laws:
-    """The laws without undeclared stops on the axles of one suspension."""
-    owners = zip(vehicle.suspension_axle, laws, strict=True)
-    return tuple(law - {STOPS} if owner == first else law for owner, law in owners)
-
-
-def _with_nearer_stops(laws: Laws, optimum: Optimum, fitted: Callable[..., Optimum]) -> Optimum:
-    """The better of an optimum and of a search that begins with shorter values of the travels that were not reached.
-
-    A stop beyond what the runs reach has no effect, so no search moves it. A stop inside is pushed out if there is
-    none.
-    """
-    parameters, sd = optimum.problem.model.parameters.parameters, parameter_sd(optimum)
-    unreached = [i for i, p in enumerate(parameters) if p.quantity in TRAVELS and sd[i] >= IDLE_SHRINKAGE * p.prior_sd]
-    if not unreached:
-        return optimum
-    vector, reached = optimum.vector.copy(), reached_travels(optimum)
-    for i in unreached:
-        inside = reached.get((parameters[i].quantity, parameters[i].axle or 0))
-        vector[i] = min(vector[i] - NEARER, np.log(tried_travel(float(np.exp(vector[i])), inside)))
-    again = fitted(laws, replace(optimum, vector=vector), how="rough")
-    return again if again.misfit < optimum.misfit else optimum
-
-
 def _enriched(
     campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum, fitted: Callable[..., Optimum]
 ) -> tuple[Laws, Optimum | None]:
@@ -226,8 +175,10 @@ def _enriched(
         laws = tuple(law | more for law, more in zip(laws, added, strict=True))
         optimum = fitted(laws, optimum, how="rough")
         if any(STOPS in more for more in added):
-            optimum = _with_nearer_stops(laws, optimum, fitted)
-    return laws, (None if laws == start else fitted(laws, optimum, how="base"))
+            optimum = with_nearer_stops(laws, optimum, fitted)
+    if laws == start:
+        return laws, None
+    return laws, with_released_stops(laws, fitted(laws, optimum, how="base"), fitted)
 
 
 def _sure(judged: Judged, laws: Laws, without: Laws, size: float) -> bool:
