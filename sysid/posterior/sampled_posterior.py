@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+#: Log-density of the posterior's maximum above that of the least-squares optimum from which on this is a local one. A
+#: curved posterior differs from its Gaussian approximation by less.
+LOCAL_OPTIMUM = 5.0
+
 
 @dataclass(frozen=True)
 class PosteriorSummary:
@@ -80,3 +84,26 @@ class Posterior(Tabular):
         from sysid.posterior.inference_data import arviz_data
 
         return arviz_data(self)
+
+
+def optimum_warnings(posterior: Posterior, optimum: Parameters, log_density: float) -> tuple[str, ...]:
+    """What draws say about the least-squares optimum: a sentence if they fit clearly better, so that it is a local one.
+
+    The mean log-density of draws of a Gaussian with p parameters is p / 2 below its maximum.
+
+    Parameters
+    ----------
+    optimum : (p,) in natural units; log_density : there.
+    """
+    higher = float(posterior.log_probability.mean()) + optimum.size / 2.0 - log_density
+    if higher < LOCAL_OPTIMUM:
+        return ()
+    draws = np.log(posterior.draws.reshape(-1, optimum.size))
+    apart = np.abs(np.median(draws, axis=0) - np.log(optimum))
+    spread = np.array([(np.log(s.q95) - np.log(s.q05)) for s in posterior.summaries])
+    name = posterior.names[int(np.argmax(apart / spread))]
+    return (
+        f"The posterior fits better than the least-squares optimum (log-density {higher:.0f} higher), which is a local "
+        f"one; they differ most in {name}. Use the values of the posterior, and fit again with a prior for {name} in "
+        "campaign.toml.",
+    )

@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 
 from sysid.posterior.diagnostics import diagnose, standstills, summarise
 from sysid.posterior.ensembles import first
+from sysid.posterior.sampled_posterior import optimum_warnings
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
 
 SHAPE = (4, 2000, 10, 2)
@@ -185,6 +186,16 @@ def test_a_stuck_walker_is_said():
     assert len(found.warnings) == 1
     assert "1 of 24 walkers are stuck: walker 2 of ensemble 3" in found.warnings[0]
     assert sampled(options).warnings == ()
+
+
+def test_an_optimum_that_is_not_the_best_is_said():
+    """Draws of the Gaussian, whose maximum is 0: seen from there, and from a lower one beside it."""
+    found = sampled(SamplingOptions(seed=1))
+    assert optimum_warnings(found, np.exp(CENTRE), 0.0) == ()
+    assert optimum_warnings(found, np.exp(CENTRE), -4.5) == ()
+    (said,) = optimum_warnings(found, np.exp(CENTRE + SD * np.array([1.0, 6.0])), -8.0)
+    assert "log-density 8 higher" in said
+    assert "they differ most in c_1" in said
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])

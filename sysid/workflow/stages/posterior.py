@@ -29,14 +29,18 @@ CHAIN = "chain"
 
 
 def _sample(context: Context) -> Posterior:
+    import numpy as np
+
     from sysid.posterior.log_density import LIKELIHOOD, LogDensity
+    from sysid.posterior.sampled_posterior import optimum_warnings
     from sysid.posterior.sampling import sample_posterior
 
     fit, state = context[FIT].fit, fit_state(context)
-    return sample_posterior(
-        LogDensity(state).with_larger_steps(),
+    density, optimum = LogDensity(state).with_larger_steps(), state.point.log_parameters
+    posterior = sample_posterior(
+        density,
         fit.names,
-        state.point.log_parameters,
+        optimum,
         fit.covariance,
         LIKELIHOOD,
         context.settings.sampling,
@@ -46,6 +50,8 @@ def _sample(context: Context) -> Posterior:
         progress=context.progress,
         notice=context.notice,
     )
+    of_optimum = optimum_warnings(posterior, np.exp(optimum), float(density(optimum)[0]))
+    return replace(posterior, warnings=(*posterior.warnings, *of_optimum))
 
 
 def _chain_inputs(context: Context) -> dict[str, str]:
