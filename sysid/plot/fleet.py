@@ -113,6 +113,7 @@ def shrinkage(
         ax.set_yticks(range(len(rows)), [label(trucks[t], 14) for t in rows] if i % per_row == 0 else [], fontsize=7)
         ax.set_ylim(len(rows) - 0.4, -0.6)
         ax.set_xlabel("over the mean of the type [-]")
+        ax.locator_params(axis="x", nbins=5)
     outer_labels(grid, len(parameters))
     shared_legend(grid[0, 0].figure)
     return grid

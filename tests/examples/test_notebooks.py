@@ -1,4 +1,4 @@
-"""The notebooks run from top to bottom on the linear truck, in their order, and show figures."""
+"""The notebooks run from top to bottom on the shipped campaigns, in their order, and show figures."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from nbclient import NotebookClient
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 #: Figures that a notebook shows at least.
-FIGURES = {"1": 1, "2": 5, "3": 4, "4": 4, "5": 1}
+FIGURES = {"1": 1, "2": 5, "3": 4, "4": 4, "5": 1, "6": 2}
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """A folder for the notebooks with a copy of their campaign, so that results are written elsewhere."""
+    """A folder for the notebooks with a copy of their campaigns, so that results are written elsewhere."""
     root = tmp_path_factory.mktemp("notebooks")
-    shutil.copytree(ROOT / "examples" / "linear_truck", root / "examples" / "linear_truck")
+    for campaign in ("linear_truck", "vehicles"):
+        shutil.copytree(ROOT / "examples" / campaign, root / "examples" / campaign)
     return root / "examples"
 
 
@@ -43,15 +44,20 @@ def test_only_public_names(path):
     assert set(re.findall(r"^(?:from|import) (sysid[\w.]*)", code, re.MULTILINE)) == {"sysid"}
 
 
+#: Notebooks that take minutes.
+LONG = ("6",)
+RUN = [pytest.param(n, id=n.stem, marks=[pytest.mark.long] if n.name[0] in LONG else []) for n in NOTEBOOKS]
+
+
 # Jupyter's own packages warn about one another.
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", RUN)
 def test_notebook_runs(path, folder, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])))
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     notebook = nbformat.read(path, 4)
     NotebookClient(
-        notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
+        notebook, timeout=900, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
     ).execute()
     outputs = [o for c in notebook.cells if c.cell_type == "code" for o in c.outputs]
     pictures = [o for o in outputs if "image/png" in o.get("data", {})]
