@@ -1,8 +1,7 @@
 """Suspension stiffness and damping of heavy vehicles from plank drops and speed-bump runs.
 
-The packages follow the flow of the data: campaign, sdof and road, vehicle_model, estimation, posterior, prediction and
-validation, selftest, plot, export, report, workflow.  The names below are loaded when they are first used; notebooks in
-`examples/` show them at work.
+The packages follow the flow of the data (`docs/architecture.md`).  The names below are loaded when they are first used;
+notebooks in `examples/` show them at work.
 
 - A whole calibration: `Calibration` with `make_settings`; every stage is a method and returns a frozen result.
 - Single steps: `read_campaign`, `check_quality`, `analyse_drops`, `read_point_cloud`, `analyse_scan`,

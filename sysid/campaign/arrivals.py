@@ -24,7 +24,8 @@ _JUST_BEFORE, _JUST_BEHIND = 0.15, 0.25
 _SHARE = 0.45
 _STILL = 0.2
 _FAR = 1.6
-_WHOLE = 0.97
+#: For axles at equal distances both directions are the same: the one against the list counts less.
+_BACKWARDS = 0.97
 #: Before it, the axle moves less than this share of its largest motion: those in front shake it a little.
 _QUIET = 0.5
 
@@ -184,8 +185,7 @@ def _added_up(
         if late < time.size:
             total[: time.size - late] += moved[late:]
     k = int(np.argmax(total))
-    # For axles at equal distances both directions are the same; the listed one is then used.
-    return float(total[k]) * (1.0 if speed > 0.0 else 0.97), speed, float(time[k] - first)
+    return float(total[k]) * (1.0 if speed > 0.0 else _BACKWARDS), speed, float(time[k] - first)
 
 
 def _lifted(

@@ -88,8 +88,10 @@ def read_log(
         if id(raw.clock) not in clocks:
             clocks[id(raw.clock)] = clean_clock(raw.clock, sample_interval_s, name, messages)
     messages += _missing(columns, known, content, name)
-    step = max(clock.step_s for clock in clocks.values())
-    if len({clock.step_s for clock in clocks.values()}) > 1:
+    # Not that of the common signal, which is no reading of the vehicle.
+    steps = {clocks[id(known[column].clock)].step_s for column in columns if column in known}
+    step = max(steps)
+    if len(steps) > 1:
         messages.append(
             f"{name}: its channels are sampled at different rates; those faster than the slowest, every {step:.4g} s, "
             "are compared at its steps."

@@ -13,7 +13,7 @@ from sysid.wording import shorten
 #: How such a value begins, and how a comment on a guess to be confirmed begins.
 MARK = "TODO"
 CONFIRM = "TODO confirm"
-_CONFIRM_LINE = re.compile(rf"^(?P<entry>[^#]*)#\s*{CONFIRM}:?\s*(?P<what>.*)$")
+_CONFIRM_LINE = re.compile(rf"^(?P<entry>.*?)#\s*{CONFIRM}:?\s*(?P<what>.*)$")
 _HEADER = re.compile(r"^\s*\[+([^\]]+)\]+")
 _NAME = re.compile(r'^\s*name\s*=\s*"([^"]*)"')
 _FILE = re.compile(r'\bfile = "([^"]*)"')

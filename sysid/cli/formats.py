@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rich.console import Console
 
+from sysid.cli.guarded import guarded
 from sysid.cli.invocation import tell
-from sysid.cli.stages import console
 from sysid.cli.tables import render
 from sysid.display import TextTable
 from sysid.errors import SysidError
@@ -23,18 +23,20 @@ _NAMES = 40
 
 def run_formats(files: Sequence[Path]) -> int:
     """Print the formats, or format and channels of every file; return the exit code."""
-    screen, errors = console(False), console(True)
-    if not files:
-        render(screen, [_table()])
-        return 0
-    code = 0
-    for path in files:
-        try:
-            _show_file(screen, path)
-        except SysidError as error:
-            tell(errors, "formats", str(error))
-            code = max(code, error.exit_code)
-    return code
+
+    def do(screen: Console, errors: Console) -> int:
+        if not files:
+            render(screen, [_table()])
+        code = 0
+        for path in files:
+            try:
+                _show_file(screen, path)
+            except SysidError as error:
+                tell(errors, "formats", str(error))
+                code = max(code, error.exit_code)
+        return code
+
+    return guarded("formats", "Stopped.", do)
 
 
 def _table() -> TextTable:

@@ -12,8 +12,9 @@ from sysid.campaign.paths import campaign_file
 from sysid.campaign.quality import check_quality
 from sysid.campaign.read import read_campaign
 from sysid.campaign.todo import Doubt, Todo, find_doubts, find_todos
+from sysid.cli.guarded import guarded
 from sysid.cli.invocation import program, tell
-from sysid.cli.stages import console, run_stage, termination_as_interrupt
+from sysid.cli.stages import console, run_stage
 from sysid.cli.tables import render
 from sysid.errors import CampaignError, SysidError
 from sysid.workflow.stages.data import quality_blocks
@@ -31,9 +32,7 @@ def run_check(campaign: Path, output: Path, **choices: Any) -> int:
         if doubts and code != CampaignError.exit_code:
             render(console(False), _doubts(doubts))
         return code
-    screen, errors = console(False), console(True)
-    with termination_as_interrupt():
-        return _check_the_rest(campaign, todos, doubts, screen, errors)
+    return guarded("check", "Stopped; nothing was written.", partial(_check_the_rest, campaign, todos, doubts))
 
 
 def _left(campaign: Path) -> tuple[tuple[Todo, ...], tuple[Doubt, ...]]:

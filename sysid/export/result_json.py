@@ -244,9 +244,9 @@ def _left_out(results: Results) -> list[dict[str, Any]]:
 
 def _left_out_run(left: LeftOutRun, names: tuple[str, ...]) -> dict[str, Any]:
     def channel(row: ChannelAgreement) -> dict[str, Any]:
-        identifiability = _agreement(row)
-        del identifiability["run"]
-        return identifiability | {"residual_over_noise": _number(row.residual_over_noise)}
+        entry = _agreement(row)
+        del entry["run"]
+        return entry | {"residual_over_noise": _number(row.residual_over_noise)}
 
     return {
         "run": left.run,

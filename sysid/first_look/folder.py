@@ -53,6 +53,10 @@ def names_in(folder: Path) -> list[str]:
     names: list[str] = []
     size = 0
     for root, folders, files in os.walk(folder):
+        if "stages" in folders:
+            # Results of an earlier calibration.
+            folders[:] = []
+            continue
         folders[:] = sorted(f for f in folders if not f.startswith("."))
         for name in sorted(files):
             path = Path(root) / name

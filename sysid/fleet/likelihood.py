@@ -48,7 +48,7 @@ def likelihood_of(record: CampaignDraws) -> Likelihood:
         raise ValueError(f"{n} draws of {p} parameters say nothing of their covariance")
     factor = np.linalg.cholesky(record.prior_covariance)
     white = np.linalg.solve(factor, (record.draws - record.prior_mean).T)
-    inverse = np.linalg.inv(np.cov(white))
+    inverse = np.linalg.inv(np.atleast_2d(np.cov(white)))
     shift = inverse @ white.mean(axis=1)
     size, directions = np.linalg.eigh(inverse - np.eye(p))
     kept = size > LEAST_INFORMATION

@@ -75,6 +75,9 @@ def _check_installed(label: str, title: str, libraries: tuple[str, ...], extra: 
 def _content(answer: dict[str, Any], arrays: list[np.ndarray], label: str, title: str) -> LogContent:
     if "refused" in answer:
         raise DataRejectedError(f"{label} {shorten(answer['refused'], 400)}.")
+    if answer.get("error") == "missing":
+        reason = shorten(str(answer.get("text", "")), 120)
+        raise CampaignError(f"{label} is {title}, whose reader cannot be loaded ({reason}); install it again.")
     if "error" in answer:
         reason = shorten(str(answer.get("text", "")).strip().partition("\n")[0].strip(" ."), 120)
         raise DataRejectedError(

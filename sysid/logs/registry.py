@@ -24,7 +24,7 @@ FORMATS: tuple[LogFormat, ...] = (
 )
 _HEAD_BYTES = 4096
 #: A suffix that text logs have as well says nothing about a file that has no mark of a binary format.
-_TEXT_TOO = frozenset({".dat"})
+_TEXT_TOO = frozenset({".dat", ".asc"})
 
 
 def format_of(file: InputFile, wanted: str | None = None) -> LogFormat:

@@ -79,8 +79,8 @@ def read_columns(
     label
         Its name for messages.
     wanted
-        Sensor columns by name; the time column is found as any of `time_names` (lower case).  Dates and times of day
-        in it become seconds since the midnight before the first of them.
+        Sensor columns by name; the time column is the first of `time_names` (lower case) that there is.  Dates and
+        times of day in it become seconds since the midnight before the first of them.
     units_row
         Whether the row below the names holds units.
 
@@ -96,11 +96,15 @@ def read_columns(
         If the file is no such table; the sentence names file, column and row.
     """
     data = without_error_marks(file_content(source, label).data)
-    times = set(time_names)
+    ranked = list(time_names)
+    times = set(ranked)
     layout = find_layout(data, label, wanted, times)
     if units_row:
         layout = replace(layout, units=_units(data, layout))
-    use = [n for n in layout.names if n in set(wanted) or n.casefold() in times]
+    # Of several columns with a usual name of time only the first counts: others may hold anything.
+    found = {n.casefold() for n in layout.names}
+    time = next((n for n in ranked if n in found), None)
+    use = [n for n in layout.names if n in set(wanted) or n.casefold() == time]
     double = next((n for n in use if layout.names.count(n) > 1), None)
     if double is not None:
         at = [i + 1 for i, n in enumerate(layout.names) if n == double]

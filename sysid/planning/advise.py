@@ -16,7 +16,7 @@ import numpy as np
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.uncertainty.data_information import DataInformation
-from sysid.estimation.uncertainty.identifiability import ROUGH, Identifiability, is_tire, listed
+from sysid.estimation.uncertainty.identifiability import ROUGH, Identifiability, is_tire
 from sysid.planning.advice_records import Advice, PeakTarget, Prospect
 from sysid.planning.candidate_runs import (
     RunInformation,
@@ -27,6 +27,7 @@ from sysid.planning.candidate_runs import (
 )
 from sysid.prediction.predict_passes import effective_roads, peak_ratios
 from sysid.progress import Progress, unwatched
+from sysid.wording import joined_words
 
 #: Speeds of candidate runs [km/h].
 CANDIDATE_KM_H = (8.0, 16.0, 24.0, 32.0)
@@ -234,7 +235,7 @@ def _remedies(advice: Advice, determined: Identifiability, sensors: Sequence[Pro
                 continue
             what = f"{word} {best.sensor} and drive {_without(best)}" if best.sensor else f"{word} {best.label}"
             ways.append(f"{what} (to {_percent(left(best))})")
-        text = f"{listed(names)}, now known to {_percent(now)}{' at worst' if len(names) > 1 else ''}: "
+        text = f"{joined_words(names)}, now known to {_percent(now)}{' at worst' if len(names) > 1 else ''}: "
         sentences.append(text + (", or ".join(ways) if ways else "no single further run or sensor helps") + ".")
     return sentences
 

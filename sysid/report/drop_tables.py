@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +14,6 @@ from sysid.plot import SOURCE_LABELS, SOURCES
 from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.report.numbers import MISSING, decimals, fixed, number, percent
 from sysid.sdof.drop_results import NOT_ALONE, DropAnalysis, DropEstimate, DropSummary
-
-if TYPE_CHECKING:
-    pass
 
 
 def pooled_drops_table(results: Results, drops: DropSummary) -> Table:

@@ -1,7 +1,7 @@
-"""Contact laws simpler than radial springs: the effective road follows from the road's geometry alone.
+"""All contact laws, and two simpler than radial springs: the effective road follows from the geometry alone.
 
-Both give a :class:`sysid.road.enveloping.FootprintMap` without stretch: the tire carries what a flat road at the
-effective height would make it carry, and its force stands at right angles to the effective slope.
+The simpler ones give a :class:`sysid.road.enveloping.FootprintMap` without stretch: the tire carries what a flat road
+at the effective height would make it carry, and its force stands at right angles to the effective slope.
 """
 
 from __future__ import annotations

@@ -7,11 +7,13 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast, get_args
 
+from sysid.errors import CampaignError
 from sysid.estimation.fit.options import FitOptions
 from sysid.files import read_json, write_text
 from sysid.posterior.sampling import SamplingOptions
 from sysid.road.contact_laws import ContactLaw
 from sysid.validation.channel_agreement import ValidationLimits
+from sysid.wording import finish, nearest, shorten
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,16 @@ def make_settings(
     contact: str | None = None,
     contact_spread: bool = False,
 ) -> Settings:
-    """Settings from the options of the command line."""
+    """Settings from the options of the command line.
+
+    Raises
+    ------
+    CampaignError
+        If there is no such way to find laws, or no such contact law.
+    """
+    for name, given, known in (("laws", laws, LAWS), ("contact", contact, get_args(ContactLaw))):
+        if given is not None and given not in known:
+            raise CampaignError(finish(f"{name}='{shorten(given)}' is not known; {nearest(given, known)}"))
     seed = SamplingOptions.seed if seed is None else seed
     settings = Settings(sampling=replace(SamplingOptions(), seed=seed))
     if quick:

@@ -5,8 +5,7 @@ numbers change while the version stays. So the sources are hashed too: those of 
 in `code`, and of all packages that these import. Comments, docstrings and layout do not count: a Python file is hashed
 by its syntax tree without them, and that hash kept beside compiled code. The hash is sound as far as imports show what
 is used, and errs on the safe side: any change of code in a package makes all stages stale that reach it. What the
-version covers alone is the workflow's own code, whose compute functions only hand settings and results on. Without
-sources on disk (a frozen program) the hash says nothing and the version decides.
+version covers alone is the workflow's own code, whose compute functions only hand settings and results on.
 """
 
 from __future__ import annotations

@@ -44,7 +44,6 @@ class StageFolder:
     output : the folder; made if it does not exist.
     settings : of all stages.
     campaign : as read; names the input files and their hashes.
-    stages : all there are.
 
     Raises
     ------

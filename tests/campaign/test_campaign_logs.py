@@ -11,8 +11,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sysid.campaign import Sensor, read_log
+from sysid.campaign import Sensor, logs, read_log
+from sysid.campaign.logs import LogWriting
 from sysid.errors import DataRejectedError
+from sysid.logs.channels import Clock, LogContent, RawChannel
+from sysid.logs.input_file import InputFile
 
 SENSORS = (
     Sensor("q_mm", "suspension_deflection", "mm", axle=0, full_scale=0.15),
@@ -247,3 +250,14 @@ def test_damaged_log_never_ends_in_a_traceback(tmp_path, dialect, start, length,
 def test_arbitrary_text_never_ends_in_a_traceback(tmp_path, text, with_header):
     with contextlib.suppress(DataRejectedError):
         read(tmp_path, (HEADER + "\n" if with_header else "") + text)
+
+
+def test_the_rate_of_a_common_signal_is_not_that_of_the_log(monkeypatch) -> None:
+    fast, slow = Clock("fast", 0.005 * np.arange(400)), Clock("slow", 0.1 * np.arange(20))
+    channels = (RawChannel("q", fast, np.zeros(400), "mm"), RawChannel("pulse", slow, np.zeros(20), ""))
+    monkeypatch.setattr(logs, "read_channels", lambda *rest: LogContent(channels, ("q", "pulse")))
+    q = Sensor("q", "suspension_deflection", "mm", axle=0)
+    log = read_log(InputFile(Path("log.mf4"), b""), "log.mf4", (q,), 0.005, LogWriting(sync="pulse"))
+    assert log.sample_interval_s == pytest.approx(0.005)
+    assert not any("different rates" in message for message in log.messages)
+    assert log.sync[0].size == 20

@@ -75,6 +75,8 @@ def test_guesses_to_confirm_are_found_with_line_and_place() -> None:
         "]",
         "a = 1 # confirmed",
     )
+    (doubt,) = find_doubts('  { file = "run#1.csv" }, # TODO confirm: speed')
+    assert (doubt.entry, doubt.what) == ("run#1.csv", "speed")
     text = "\n".join(lines)
     assert [(d.line, d.entry, d.what) for d in find_doubts(text)] == [
         (2, "vehicle 'truck'.name", "chosen"),

@@ -49,3 +49,15 @@ def test_the_version_is_that_of_the_package() -> None:
     found = CliRunner().invoke(cli, ["--version"])
     assert found.exit_code == 0
     assert found.output == f"sysid {versions()['sysid']}\n"
+
+
+@pytest.mark.parametrize(("raised", "code", "said"), [(KeyboardInterrupt, 130, "Stopped."), (ValueError, 1, "report")])
+def test_a_stop_and_a_defect_are_said(raised, code: int, said: str, tmp_path: Path, monkeypatch) -> None:
+    def fails(*unused):
+        raise raised
+
+    (tmp_path / "a.csv").write_bytes(csv())
+    monkeypatch.setattr(command, "format_of", fails)
+    found = run(str(tmp_path / "a.csv"))
+    assert found.exit_code == code
+    assert said in found.output

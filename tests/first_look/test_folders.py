@@ -16,6 +16,7 @@ from sysid.campaign.vehicle_tables import VehicleReader
 from sysid.cli.main import cli
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.first_look import campaign_text, first_look, template, template_names
+from sysid.first_look.folder import names_in
 from sysid.first_look.templates import template_text
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -245,3 +246,10 @@ def test_two_sensors_of_one_place_are_its_sides(tmp_path: Path) -> None:
         assert sensor.side == ("left" if "_L_" in sensor.column else "right")
         assert f"{sensor.axle + 1}_" in sensor.column
         assert sensor.sure, sensor
+
+
+def test_results_below_the_folder_are_no_logs(tmp_path: Path) -> None:
+    for name in ("run.csv", "output/stages/fit.npz", "output/predictions/empty_48kmh.csv"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("a")
+    assert names_in(tmp_path) == ["run.csv"]

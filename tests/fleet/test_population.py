@@ -256,7 +256,8 @@ def record(
     """Draws of a campaign whose likelihood is N(mean, covariance), made under a prior."""
     d = len(names)
     prior = np.diag(np.linspace(0.4, 0.8, d) ** 2)
-    prior[0, 1] = prior[1, 0] = 0.1
+    if d > 1:
+        prior[0, 1] = prior[1, 0] = 0.1
     whole = np.linalg.inv(np.linalg.inv(prior) + np.linalg.inv(covariance))
     centre = whole @ (np.linalg.solve(prior, np.full(d, 0.5)) + np.linalg.solve(covariance, mean))
     draws = random.multivariate_normal(centre, whole, 1000)
@@ -270,6 +271,8 @@ def test_dividing_the_prior_out_leaves_the_likelihood() -> None:
     found = likelihood_of(record(random, mean, covariance, ("k_1", "k_2", "c_1")))
     assert np.linalg.inv(found.precision) == pytest.approx(covariance, rel=0.15, abs=0.1 * covariance.max())
     assert np.linalg.solve(found.precision, found.shift) == pytest.approx(mean, abs=0.2 * np.sqrt(covariance.max()))
+    one = likelihood_of(record(random, mean[:1], covariance[:1, :1], ("k_1",)))
+    assert 1.0 / one.precision == pytest.approx(covariance[:1, :1], rel=0.15)
     # Draws of the prior alone say nothing, though by chance their covariance is not exactly the prior's.
     wide = record(random, mean, 1e8 * np.eye(3), ("k_1", "k_2", "c_1"))
     silent = likelihood_of(wide)

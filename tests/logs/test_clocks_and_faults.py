@@ -216,6 +216,12 @@ def test_a_missing_extra_is_named(log_format, monkeypatch: pytest.MonkeyPatch) -
     assert "\n" not in text
 
 
+def test_a_reader_that_does_not_load_is_no_fault_of_the_file() -> None:
+    answer = {"error": "missing", "text": "libhdf5.so: cannot open shared object file"}
+    with pytest.raises(CampaignError, match=r"whose reader cannot be loaded \(libhdf5\.so.*install it again"):
+        by_library._content(answer, [], "log.mf4", "an MDF file")
+
+
 # ---------------------------------------------------------------------- campaigns
 
 

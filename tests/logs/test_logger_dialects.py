@@ -135,3 +135,12 @@ def test_a_format_by_name_is_taken() -> None:
     with pytest.raises(DataRejectedError, match="cannot be read as an MDF file"):
         read(table("time_s;q", STAMPS), format="mdf")
     check(read(table("time_s;q", STAMPS), name="log.mf4", format="csv"))
+
+
+def test_a_second_column_named_like_time_may_hold_anything() -> None:
+    rows = [f"{t};2024/05/01 10:00:00;{v}" for t, v in zip(STAMPS, VALUES, strict=True)]
+    check(read("\n".join(["time_s;timestamp;q", *rows, ""])))
+
+
+def test_a_table_with_a_suffix_of_bus_recordings_is_text() -> None:
+    check(read(table("time_s;q", STAMPS), name="log.asc"))

@@ -97,3 +97,9 @@ def test_a_campaign_without_bump_runs_cannot_be_fitted(campaign: Path, tmp_path:
     file.write_text("\n".join(lines))
     with pytest.raises((DataRejectedError, CampaignError), match="bump"):
         Calibration(campaign, tmp_path / "out", SINGLE_AXLE).fit()
+
+
+@pytest.mark.parametrize(("choice", "hint"), [({"laws": "Declared"}, "'declared'"), ({"contact": "cam"}, "'cams'")])
+def test_choices_that_there_are_not_are_refused(choice: dict[str, str], hint: str) -> None:
+    with pytest.raises(CampaignError, match=hint):
+        make_settings(**choice)

@@ -14,7 +14,7 @@ class FitOptions:
 
     - `weight_rounds`: number of re-estimations of the residual scales;
     - `max_iterations`: limit per round;
-    - `cross_check` repeats the last round with SciPy's trust-region solver from the start values;
+    - `cross_check` searches once more by SciPy's trust-region solver, from a tenth of the way back to the start values;
     - `tolerance`: relative change of the cost that ends a round;
     - `target_step_s`: the largest integration step [s];
     - `laws` says how the suspension laws of axles without a declared one are found: ``auto`` compares richer laws where

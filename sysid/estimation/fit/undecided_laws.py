@@ -25,7 +25,7 @@ from sysid.estimation.fit.law_screen import Candidate, Screen, families_of
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.law_families import STOPS, Laws
-from sysid.estimation.parameters.suspension_elements import quantities
+from sysid.estimation.parameters.suspension_elements import ELEMENTS, quantities
 
 #: Weight of the choice that was not made below which it is left out.
 LEAST_WEIGHT = 0.05
@@ -45,7 +45,7 @@ def weight_of(gain: float) -> float:
 def family_words(family: tuple[str, str]) -> str:
     """A family of elements in words."""
     element, suspension = family
-    return f"{_WORDS[element]} ({suspension} suspensions)"
+    return f"{_WORDS.get(element, ELEMENTS[element].meaning)} ({suspension} suspensions)"
 
 
 def by_trial(words: str, poor: Judged, rich: Judged, gain: float) -> tuple[UndecidedLaw, ...]:

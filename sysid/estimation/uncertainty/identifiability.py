@@ -22,6 +22,7 @@ from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.uncertainty.data_information import DataInformation
 from sysid.estimation.uncertainty.interval_shares import SOURCES, interval_shares, share_sentences
 from sysid.tabular import Tabular
+from sysid.wording import joined_words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -233,16 +234,18 @@ def group_statements(groups: Sequence[UndeterminedGroup]) -> tuple[str, ...]:
     sentences = []
     alone = [name for g in groups if g.known == 0 for name in g.names]
     if alone:
-        sentences.append(f"The data do not determine {listed(alone)}: nothing is known there beyond the prior.")
+        sentences.append(f"The data do not determine {joined_words(alone)}: nothing is known there beyond the prior.")
     for g in groups:
         if g.kind in ("sum", "ratio"):
             sentences.append(
-                f"{listed(g.names)} are only known as a {g.kind} from these sensors and runs "
+                f"{joined_words(g.names)} are only known as a {g.kind} from these sensors and runs "
                 f"({g.kind} \N{PLUS-MINUS SIGN} {100.0 * g.relative_sd:.2g} %), not each of them."
             )
         elif g.known > 0:
             what = "one combination" if g.known == 1 else f"{g.known} combinations"
-            sentences.append(f"These sensors and runs determine only {what} of {listed(g.names)}, not each of them.")
+            sentences.append(
+                f"These sensors and runs determine only {what} of {joined_words(g.names)}, not each of them."
+            )
     return tuple(sentences)
 
 
@@ -251,7 +254,7 @@ def rough_statements(estimates: Sequence[ParameterEstimate], groups: Sequence[Un
     said = {name for g in groups for name in g.names}
     rough = [p for p in estimates if p.quantity in ("stiffness", "damping") and p.sd >= ROUGH * p.value]
     named = [f"{p.name} (\N{PLUS-MINUS SIGN} {100.0 * p.sd / p.value:.2g} %)" for p in rough if p.name not in said]
-    return (f"Known only roughly: {listed(named)}.",) if named else ()
+    return (f"Known only roughly: {joined_words(named)}.",) if named else ()
 
 
 def pair_statements(
@@ -276,8 +279,3 @@ def pair_statements(
 def is_tire(name: str) -> bool:
     """Whether a parameter of this name belongs to tires, whose values are not results."""
     return name.startswith(("kt_", "ct_", "tire_"))
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names as a list in a sentence."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
