@@ -25,14 +25,14 @@ from sysid.campaign.schema_fields import (
 from sysid.campaign.schema_priors import PriorsTable
 
 
-class ShapeTable(Table):
+class FrameShapeTable(Table):
     """shape = {...}: points of the shape in which a frame bends, from its front end to its rear end."""
 
     x_m: Annotated[list[Position], Field(min_length=4, max_length=40)]
     rise: Annotated[list[Annotated[float, Field(strict=True, allow_inf_nan=False)]], Field(min_length=4, max_length=40)]
 
     @model_validator(mode="after")
-    def _points(self) -> ShapeTable:
+    def _points(self) -> FrameShapeTable:
         if len(self.x_m) != len(self.rise):
             raise ValueError(f"has {len(self.x_m)} values of x_m and {len(self.rise)} of rise; give pairs")
         if any(b <= a for a, b in pairwise(self.x_m)):
@@ -48,7 +48,7 @@ class BendingTable(Table):
 
     frequency_hz: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1.0, le=50.0)]
     damping_ratio: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, lt=1.0)] = 0.025
-    shape: ShapeTable | None = None
+    shape: FrameShapeTable | None = None
 
 
 class BodyTable(Table):

@@ -174,7 +174,7 @@ def _computed(
     command = _command(record)
     if command.aside is not None and typed:
         aside = calibration.aside(record, typed)
-        return _Outcome(aside, command.aside.write(aside, calibration.output))
+        return _Outcome(aside, command.aside.write(aside, calibration.results(), calibration.output))
     if not resume and record.in_file and isinstance(record, Whole):
         calibration.redo(record)
     result = calibration.result(record, typed)

@@ -161,11 +161,11 @@ def _bands(values: Quantiles, index: int | tuple[int, int]) -> list[str]:
     return [number_cell(None if q is None else float(q[index])) for q in (values.q05, values.q50, values.q95)]
 
 
-def write_passes(predictions: Predictions, folder: Path) -> tuple[Path, ...]:
+def write_passes(predictions: Predictions, folder: Path, judgement: Judgement | None = None) -> tuple[Path, ...]:
     """Write the histories of passes that belong to no results below the output `folder` and return their paths."""
     paths = tuple(Path(folder) / name for name in prediction_files(predictions.passes))
     for prediction, path in zip(predictions.passes, paths, strict=True):
-        write_text(path, prediction_csv(prediction))
+        write_text(path, prediction_csv(prediction, judgement))
     return paths
 
 

@@ -86,6 +86,7 @@ def simulate_fleet(
     read = read_campaign(file, point_cloud_reader=read_point_cloud, profile_reader=bump_from_file, planned=True)
     if len(read.bump_runs) < runs:
         raise CampaignError(f"{file.name} has {len(read.bump_runs)} bump runs, {runs} are to be simulated.")
+    _check_logs(file)
     profiles = {name: analyse_scan(scan).profile for name, scan in read.scans.items()}
     chosen = tuple(read.bump_runs[i] for i in np.linspace(0, len(read.bump_runs) - 1, runs).astype(int))
     planned = planned_campaign(replace(read, plank_drops=(), bump_runs=chosen), profiles)
@@ -117,6 +118,16 @@ def _check(broken: Mapping[str, Mapping[str, float]], names: list[str], paramete
             raise CampaignError(
                 f"'broken' names truck {truck} and {', '.join(factors)}, which are not all in the fleet."
             )
+
+
+def _check_logs(file: Path) -> None:
+    """Refuse a campaign whose logs are not one text table per run: no other is written."""
+    entries = parse_toml(file.read_bytes(), file.name)["tests"]["bump_run"]
+    if not all(str(entry.get("file", "")).lower().endswith((".csv", ".txt")) for entry in entries):
+        raise CampaignError(
+            f"{file.name} has runs of several files or of another format than CSV, which are not simulated; plan the "
+            "fleet with one CSV file per run."
+        )
 
 
 def _offsets(parameters: ParameterSet, sd: Mapping[str, float], random: np.random.Generator) -> np.ndarray:

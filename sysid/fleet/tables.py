@@ -89,7 +89,7 @@ TABLES: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "truck": ("string", "truck"),
         "run": ("string", "log"),
         "channel": ("string", "channel"),
-        "nrmse": ("double", "RMS of the residual over that of the signal"),
+        "nrmse": ("double", "RMS of the residual over the range of the measured history"),
         "iso18571": ("double", "rating of ISO/TS 18571"),
     },
 }  # fmt: skip

@@ -204,10 +204,17 @@ def predict_pass(
         jounce_m=jounce,
         rebound_m=rebound,
         impulse_ratio=quantiles(impulse_ratio(p.tire_N, p.drawn_static_N)),
-        shape="" if request.shape is None else request.shape.label,
+        shape=_over(campaign, request),
         trust=trust,
         beyond=None if driven is None else beyond_driven(driven, p.sunk_m, p.deflection_m, p.rate_m_s, p.tire_N),
     )
+
+
+def _over(campaign: Campaign, request: PredictionRequest) -> str:
+    """What a pass goes over: a shape by its label, a scanned bump by its name where there are several."""
+    if request.shape is not None:
+        return request.shape.label
+    return request.bump if len(campaign.scans) > 1 else ""
 
 
 def peak_ratios(

@@ -43,7 +43,7 @@ class PassPrediction(Tabular):
     - `jounce_m`, `rebound_m` (axles,): largest compression and extension from rest;
     - `impulse_ratio` (axles,): mean force during the pass over static load.
 
-    `shape` names a bump that no run crossed, empty for a scanned one.
+    `shape` names a bump that no run crossed, or the scanned one where there are several; else it is empty.
 
     - `trust` lists what goes beyond the driven runs, empty if nothing does;
     - `beyond` (axles, n) bool: instants at which tire deflection, travel or damper speed go beyond them in at least

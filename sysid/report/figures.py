@@ -14,6 +14,7 @@ from sysid.estimates.suspension_values import Quantity
 from sysid.export import Results
 from sysid.report.cells import suspension_values
 from sysid.report.drop_tables import without_dampers
+from sysid.report.load_tables import sweep_name
 from sysid.report.numbers import count, number, percent, speed
 from sysid.sdof.drop_results import DropAnalysis
 
@@ -348,9 +349,9 @@ def sweep_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     pictures = []
     for s in results.predictions.sweeps:
         caption = (
-            f"{s.load_case}: peak dynamic load ratio against speed, with 90 % bands where the posterior has been "
-            "sampled. Grey: faster than any run of this load case. Open marks: tire deflection, travel or damper speed "
-            "beyond what the driven runs reached. Both are extrapolations."
+            f"{sweep_name(results, s)}: peak dynamic load ratio against speed, with 90 % bands where the posterior has "
+            "been sampled. Grey: faster than any run of this load case. Open marks: tire deflection, travel or damper "
+            "speed beyond what the driven runs reached. Both are extrapolations."
         )
         fastest = _by_axle(s.peak_ratio.q50[-1])
         words = f"{caption} At {speed(float(s.speed_m_s[-1]))} km/h: {fastest}."

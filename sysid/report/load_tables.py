@@ -10,7 +10,7 @@ from sysid.report.numbers import MISSING, decimals, fixed, interval, number, spe
 from sysid.report.stops import TRUST_WORDS
 
 if TYPE_CHECKING:
-    from sysid.prediction.predicted_passes import Quantiles
+    from sysid.prediction.predicted_passes import Quantiles, SpeedSweep
     from sysid.prediction.trust import Extrapolation
 
 
@@ -96,6 +96,11 @@ def _travel(values: Quantiles | None, axle: int, declared_m: float | None) -> Ce
     return Cell(band.text, band.interval, "none declared" if declared_m is None else f"of {1e3 * declared_m:.0f}")
 
 
+def sweep_name(results: Results, sweep: SpeedSweep) -> str:
+    """Load case of passes at several speeds, with the bump where there are several."""
+    return sweep.load_case if len(results.campaign.scans) < 2 else f"{sweep.load_case}, {sweep.bump}"
+
+
 def sweep_tables(results: Results) -> list[Table]:
     """Peak load ratio against speed, a table per load case."""
     sweeps = () if results.predictions is None else results.predictions.sweeps
@@ -107,5 +112,5 @@ def sweep_tables(results: Results) -> list[Table]:
             for i, v in enumerate(s.speed_m_s)
         ]
         head = ("speed [km/h]", *(f"axle {axle + 1} [-]" for axle in axles))
-        tables.append(table(f"{s.load_case}: peak dynamic load ratio against speed", head, rows))
+        tables.append(table(f"{sweep_name(results, s)}: peak dynamic load ratio against speed", head, rows))
     return tables

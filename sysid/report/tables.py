@@ -11,7 +11,7 @@ import numpy as np
 from sysid.campaign.findings import ChannelFinding
 from sysid.display import NOT_DETERMINED, Z90, shown_unit
 from sysid.estimates.suspension_values import AxleEstimates, Quantity
-from sysid.estimation.fit.thresholds import STEP_HALVING
+from sysid.estimation.fit.thresholds import DECISIVE, SOLVERS_APART_SD, STEP_HALVING
 from sysid.export import Results
 from sysid.plot import SOURCE_LABELS, SOURCES, label
 from sysid.report.cells import Cell, Table, axle_name, suspension_values, table
@@ -112,6 +112,7 @@ def parameters_table(results: Results, estimates: Iterable[ParameterEstimate], c
 def fit_table(fit: FitResult) -> Table:
     """Diagnostics of the least-squares fit next to what a good fit shows."""
     halving, small = percent(fit.step_halving_error), f"below {percent(STEP_HALVING, 1)}"
+    near = f"below {SOLVERS_APART_SD:g}"
     rows = [
         ("converged", "yes" if fit.converged else "no", "yes"),
         ("iterations", f"{fit.iterations:,}", ""),
@@ -123,7 +124,11 @@ def fit_table(fit: FitResult) -> Table:
             "tens; above 1,000 some are hard to separate",
         ),
         ("largest change when the integration step is halved", halving, small),
-        ("largest difference from SciPy's optimum [sd]", number(fit.scipy_max_difference_sd, 2), "below 0.1"),
+        (
+            "largest difference from SciPy's optimum [sd]",
+            number(fit.scipy_max_difference_sd, 2),
+            near,
+        ),
         ("inflation of variances for correlated residuals [-]", number(fit.variance_inflation), "1 = white residuals"),
         ("inflation of standard deviations for model error [-]", number(fit.model_error_inflation), "1 = no misfit"),
         ("tire contact", fit.contact, ""),
@@ -240,7 +245,7 @@ def law_table(results: Results) -> Table | None:
         chosen = "yes" if t.laws == comparison.chosen else ""
         rows.append([laws, str(t.parameters), number(t.misfit, 2), number(t.gain), chosen])
     head = ("suspension laws", "parameters", "residual / noise", "gain in the criterion", "chosen")
-    return table("Suspension laws tried; a gain of more than 10 decides", head, rows, text_columns=1)
+    return table(f"Suspension laws tried; a gain of more than {DECISIVE:g} decides", head, rows, text_columns=1)
 
 
 def contact_table(results: Results) -> Table | None:

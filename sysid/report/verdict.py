@@ -152,9 +152,11 @@ def _wheel_loads(results: Results) -> list[str]:
 
 def _against(results: Results) -> list[str]:
     sentences = []
+    # Least squares have a sentence of their own.
+    lost = results.fit is not None and not results.fit.converged
     if results.status == "preview":
         sentences.append("This is a preview with shortened sampling. Its intervals are not reliable.")
-    elif results.status == "not_converged" and results.posterior is not None:
+    elif results.status == "not_converged" and results.posterior is not None and not lost:
         why = results.posterior.message.rstrip(".")
         sentences.append("The calibration has not converged" + (f": {why}." if why else "."))
     if results.fit is None:
@@ -202,6 +204,11 @@ def _todo(results: Results) -> list[str]:
         steps.append("Run the stage 'fit': it corrects the drop values with the full vehicle model and the bump runs.")
     elif results.status == "preview":
         steps.append("Run again without --quick before you use these numbers.")
+    elif not results.fit.converged:
+        steps.append(
+            "Do what the other warnings say. Declare the travel of suspensions that may reach their stops, or give a "
+            "prior to a parameter that is not determined; then fit again."
+        )
     elif results.posterior is None:
         steps.append(
             "Run the stage 'sample': its intervals also hold combinations of parameters that the data cannot separate."

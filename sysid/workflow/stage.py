@@ -95,11 +95,11 @@ class Option:
 class Aside(Generic[T]):
     """What a command computes instead when one of its options is given: shown and written, but no part of the results.
 
-    `write` puts it below the output folder and returns the files.
+    `write` puts it below the output folder, beside the results so far, and returns the files.
     """
 
     compute: Callable[[Context], T]
-    write: Callable[[T, Path], Sequence[Path]]
+    write: Callable[[T, Results, Path], Sequence[Path]]
 
 
 @dataclass(frozen=True)

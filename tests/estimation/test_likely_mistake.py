@@ -15,7 +15,7 @@ from sysid.campaign.records import Campaign, Channel
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.likely_mistake import NAMED_SHARE, MistakeScore, likely_mistake, mistake_scores, named_mistake
-from sysid.estimation.fit.mistake_candidates import Candidate
+from sysid.estimation.fit.mistake_candidates import MistakeCandidate
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import bump_model
@@ -151,7 +151,7 @@ def test_a_sentence_says_the_share_and_comes_first():
 
 def score(share: float, amplitude: float = 1.0, column: str = "axle1_lvdt", kind="sign") -> MistakeScore:
     sensor = next(c.sensor for c in measured().bump_runs[0].log.channels if c.sensor.column == column)
-    return MistakeScore(Candidate(kind, sensor=sensor), share, amplitude)
+    return MistakeScore(MistakeCandidate(kind, sensor=sensor), share, amplitude)
 
 
 def test_only_a_large_share_that_one_step_takes_is_named():

@@ -11,7 +11,7 @@ import pytest
 from sysid.estimation.fit.fit_result import UndecidedLaw
 from sysid.estimation.fit.law_comparison import _still_so
 from sysid.estimation.fit.law_evidence import Eliminated, Evidence, Judged
-from sysid.estimation.fit.law_screen import Candidate, Screen, travel_penalty, tried_travel
+from sysid.estimation.fit.law_screen import LawCandidate, Screen, travel_penalty, tried_travel
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.fit.undecided_laws import _further_parameters, _possible, by_trial, spread_rows, weight_of
 from sysid.estimation.parameters.suspension_elements import quantities
@@ -74,7 +74,7 @@ def test_the_covariance_grows_by_the_second_moment_of_the_mixture():
 
 def test_friction_that_would_push_is_left_out():
     (friction,) = (q for q in quantities(frozenset({"friction"})) if q.decides)
-    members = [Candidate("friction", friction, (i,)) for i in range(3)]
+    members = [LawCandidate("friction", friction, (i,)) for i in range(3)]
     screen = Screen.__new__(Screen)
     screen._listed, screen._against = members, np.array([0.0, 0.0, 0.5])
     screen._found = Eliminated(np.array([-4.0, 3.0, -1.0]), np.diag([1.0, 1.0, 3.0]), np.ones((2, 3)))
@@ -142,7 +142,7 @@ def test_a_stop_is_tried_inside_the_travel_of_the_runs_but_not_anywhere():
     assert tried_travel(0.07, 0.02) == pytest.approx(0.0385)
     (deciding,) = (q for q in quantities(frozenset({"estimated_bump_stops"})) if q.decides)
     vehicle = SimpleNamespace(axles=(SimpleNamespace(suspension="leaf"),))
-    candidate = Candidate("estimated_bump_stops", deciding, (0,))
+    candidate = LawCandidate("estimated_bump_stops", deciding, (0,))
     reached = {("jounce_travel", 0): 0.06, ("rebound_travel", 0): 0.2}
     assert travel_penalty(vehicle, reached, candidate) == pytest.approx((np.log(0.051 / 0.07) / 0.12) ** 2)
     assert travel_penalty(vehicle, {}, candidate) == 0.0
@@ -151,7 +151,7 @@ def test_a_stop_is_tried_inside_the_travel_of_the_runs_but_not_anywhere():
 def test_every_parameter_of_an_element_counts_once_where_it_is_shared():
     """Friction of three axles shares its slip; each damper has a knee of its own beside what decides."""
     (friction,) = (q for q in quantities(frozenset({"friction"})) if q.decides)
-    assert _further_parameters([Candidate("friction", friction, (i,)) for i in range(3)]) == 1
+    assert _further_parameters([LawCandidate("friction", friction, (i,)) for i in range(3)]) == 1
     asymmetry, *_ = (q for q in quantities(frozenset({"asymmetric_damper"})) if q.decides and not q.shared)
-    members = [Candidate("asymmetric_damper", asymmetry, (i,)) for i in range(2)]
+    members = [LawCandidate("asymmetric_damper", asymmetry, (i,)) for i in range(2)]
     assert _further_parameters(members) == 3

@@ -20,7 +20,7 @@ from sysid.export import (
     write_validation,
 )
 from sysid.export.models import moving_force_texts
-from sysid.export.tables import write_profiles
+from sysid.export.tables import write_passes, write_profiles
 from sysid.files import write_atomically, write_text
 from sysid.results.contents import Judgement
 
@@ -130,6 +130,8 @@ def test_tables_and_histories_carry_the_verdict(tmp_path, trust, forbidden):
     for text in (peaks, against, io.StringIO(parameters_csv(results))):
         assert set(pd.read_csv(text)["verdict"]) == {trust}
     assert set(pd.read_csv(history)["do_not_bet"]) == {forbidden}
+    (asked,) = write_passes(results.predictions, tmp_path / "asked", results.judgement)
+    assert set(pd.read_csv(asked)["do_not_bet"]) == {forbidden}
     (moving,) = moving_force_texts(results.campaign, results.predictions, results.judgement).values()
     assert set(pd.read_csv(io.StringIO(moving))["do_not_bet"]) == {forbidden}
 

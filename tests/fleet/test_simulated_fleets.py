@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,12 @@ def test_a_simulated_fleet_is_one_that_can_be_read(tmp_path: Path) -> None:
 def test_what_cannot_be_simulated_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CampaignError, match="has 12 bump runs, 13 are to be simulated"):
         simulate_fleet(RIGID, tmp_path, runs=13)
+    mixed = tmp_path / "mixed"
+    shutil.copytree(RIGID, mixed)
+    text = (mixed / "campaign.toml").read_text(encoding="utf-8")
+    (mixed / "campaign.toml").write_text(text.replace("_run1.csv", "_run1.mf4"), encoding="utf-8")
+    with pytest.raises(CampaignError, match="of another format than CSV"):
+        simulate_fleet(mixed, tmp_path / "fleet")
     for broken in ({"T9": {"c_2": 0.5}}, {"T1": {"c_9": 0.5}}):
         with pytest.raises(CampaignError, match="not all in the fleet"):
             simulate_fleet(RIGID, tmp_path, trucks=2, broken=broken)

@@ -54,7 +54,7 @@ def test_every_channel_keeps_its_own_time() -> None:
 
 def test_two_rates_tell_a_wrong_unit_as_one_rate_does() -> None:
     """The comparison of sensors meets channels of different length."""
-    from sysid.campaign.consistency import fit_factors
+    from sysid.campaign.sensor_trios import fit_factors
 
     slow, fast = STEP_S * np.arange(1200), 0.001 * np.arange(6100)
 

@@ -16,6 +16,7 @@ from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.export.naming import prediction_files
 from sysid.prediction import predict_passes
 from sysid.prediction.measures import load_coefficient
 from sysid.prediction.predict_passes import effective_roads, predict, predict_pass, speed_sweep
@@ -73,6 +74,15 @@ def draws(truth) -> np.ndarray:
 @pytest.fixture(scope="module")
 def banded(data, parameters, truth, draws) -> PassPrediction:
     return predict_pass(data, parameters, felt(data), REQUEST, draws)
+
+
+def test_a_pass_over_one_of_several_scans_names_it(data, parameters, truth, single):
+    assert single.shape == ""
+    two = replace(data, scans={"bump": None, "kerb": None})
+    named = predict_pass(two, parameters, felt(data), REQUEST, truth[None])
+    assert named.shape == "bump"
+    files = prediction_files([named, replace(named, shape="kerb")])
+    assert files == ("predictions/empty_36kmh_bump.csv", "predictions/empty_36kmh_kerb.csv")
 
 
 def test_a_pass_over_a_flat_road_is_static(data, parameters, truth):

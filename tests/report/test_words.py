@@ -62,6 +62,13 @@ def test_one_verdict_of_the_first_screen_and_of_the_files(change, trust, answer,
     assert judgement.reasons == screen.use
 
 
+def test_least_squares_that_did_not_converge_are_not_sampled_longer():
+    screen = verdict(with_estimates(replace(blameless(), fit=small_fit(converged=False), status="not_converged")))
+    assert sum("converge" in sentence for sentence in screen.use) == 1
+    assert not any("--max-steps" in step for step in screen.todo)
+    assert any("Declare the travel" in step for step in screen.todo)
+
+
 @pytest.mark.parametrize(
     ("change", "tone", "sentence"),
     [

@@ -15,8 +15,7 @@ import numpy as np
 from sysid.campaign.records import BumpRun, Campaign, Channel, PlankDrop
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.errors import DataRejectedError, SysidError
-from sysid.estimation.fit.evaluation import parameter_sd
-from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.optimum import Optimum, parameter_sd
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.reweighted_search import optimise_from
 from sysid.estimation.fit.start_search import best_shift

@@ -175,13 +175,6 @@ def _mass_warnings(checks: tuple[MassCheck, ...]) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def parameter_sd(optimum: Optimum) -> np.ndarray:
-    """Standard deviations (p,) of the log parameters from the curvature of the cost at the optimum alone."""
-    jacobian = optimum.problem.compressed(optimum.vector).jacobian
-    optimum.problem.forget()
-    return np.asarray(np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian))[: optimum.problem.count]))
-
-
 def _check_runs_are_seen(campaign: Campaign, problem: Problem, compressed: Compressed) -> None:
     """Refuse a fit in which a run's simulated passage has left its record: nothing determines its start.
 

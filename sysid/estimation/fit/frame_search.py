@@ -8,8 +8,7 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import FrameBending, Vehicle
-from sysid.estimation.fit.evaluation import parameter_sd
-from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.optimum import Optimum, parameter_sd
 from sysid.estimation.fit.part_score import PartCandidate
 from sysid.estimation.parameters.parameter_set import bending_names
 from sysid.estimation.parameters.undeclared_parts import BendingFrame, ModalMass, UndeclaredParts

@@ -41,7 +41,7 @@ NEAREST = 0.55
 
 
 @dataclass(frozen=True)
-class Candidate:
+class LawCandidate:
     """A parameter that richer laws add: of one element on one axle, or shared by `axles`."""
 
     element: str
@@ -68,7 +68,7 @@ def promising(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum)
     if not families:
         return ()
     screen, size = _screen(campaign, optimum, families), effective_residuals(optimum)
-    taken: list[Candidate] = []
+    taken: list[LawCandidate] = []
     chosen: list[tuple[str, str]] = []
     first = 0.0
     while len(chosen) < len(families):
@@ -97,19 +97,19 @@ def largest_gain(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optim
     return max(0.0, *(screen.gain(members, size) for members in families.values()))
 
 
-def families_of(vehicle: Vehicle, laws: Laws, rich_laws: Laws) -> dict[tuple[str, str], list[Candidate]]:
+def families_of(vehicle: Vehicle, laws: Laws, rich_laws: Laws) -> dict[tuple[str, str], list[LawCandidate]]:
     """Candidates by family, those that have any."""
     listed = candidates(vehicle, laws, rich_laws)
     members = {f: [c for c in listed if (c.element, vehicle.axles[c.axles[0]].suspension) == f] for f in FAMILIES}
     return {f: found for f, found in members.items() if found}
 
 
-def _screen(campaign: Campaign, optimum: Optimum, families: Mapping[tuple[str, str], list[Candidate]]) -> Screen:
+def _screen(campaign: Campaign, optimum: Optimum, families: Mapping[tuple[str, str], list[LawCandidate]]) -> Screen:
     listed = [c for members in families.values() for c in members]
     return Screen(campaign, LawEvidence(campaign, optimum), optimum, listed)
 
 
-def candidates(vehicle: Vehicle, poor: Laws, rich: Laws) -> list[Candidate]:
+def candidates(vehicle: Vehicle, poor: Laws, rich: Laws) -> list[LawCandidate]:
     """The parameters that decide whether an element of the richer laws acts; axles of a group have one suspension.
 
     A shared parameter counts separately for every kind of suspension, because laws are compared in this way.
@@ -122,43 +122,43 @@ def candidates(vehicle: Vehicle, poor: Laws, rich: Laws) -> list[Candidate]:
         for q in quantities(frozenset({element})):
             if q.decides and q.shared:
                 alike = [tuple(i for i in having if vehicle.axles[i].suspension == kind) for kind in kinds]
-                listed += [Candidate(element, q, members) for members in alike]
+                listed += [LawCandidate(element, q, members) for members in alike]
             elif q.decides:
-                listed += [Candidate(element, q, members) for members in together]
+                listed += [LawCandidate(element, q, members) for members in together]
     return listed
 
 
 class Screen:
     """Expected gains of candidates at one optimum of poorer laws."""
 
-    def __init__(self, campaign: Campaign, evidence: LawEvidence, optimum: Optimum, listed: Sequence[Candidate]):
+    def __init__(self, campaign: Campaign, evidence: LawEvidence, optimum: Optimum, listed: Sequence[LawCandidate]):
         self._listed = list(listed)
         reached = reached_travels(optimum) if any(c.element == STOPS for c in listed) else {}
         self._against = np.array([travel_penalty(campaign.vehicle, reached, c) for c in listed])
         self._found = evidence.without_known(optimum, candidate_columns(campaign, optimum, listed, reached))
 
-    def gain(self, members: Sequence[Candidate], size: float) -> float:
+    def gain(self, members: Sequence[LawCandidate], size: float) -> float:
         """Expected gain of adding some of the candidates; `size` is the effective number of residuals n."""
         index = self._index(members)
         fall = -self._found.pull[index] @ self.amounts(members) - self._against[index].sum()
         return float(fall - len(members) * np.log(size))
 
-    def amounts(self, members: Sequence[Candidate]) -> np.ndarray:
+    def amounts(self, members: Sequence[LawCandidate]) -> np.ndarray:
         """Values (n,) of some of the candidates after one linear step, in units of their prior scales."""
         index = self._index(members)
         left = self._found.information[np.ix_(index, index)] + np.eye(len(index))
         return np.asarray(-np.linalg.solve(left, self._found.pull[index]))
 
-    def shift(self, members: Sequence[Candidate]) -> np.ndarray:
+    def shift(self, members: Sequence[LawCandidate]) -> np.ndarray:
         """How far the log parameters (p,) of the optimum move if some of the candidates are added."""
         return np.asarray(self._found.response[:, self._index(members)] @ self.amounts(members))
 
-    def _index(self, members: Sequence[Candidate]) -> list[int]:
+    def _index(self, members: Sequence[LawCandidate]) -> list[int]:
         return [self._listed.index(c) for c in members]
 
 
 def candidate_columns(
-    campaign: Campaign, optimum: Optimum, listed: Sequence[Candidate], reached: Mapping[tuple[str, int], float]
+    campaign: Campaign, optimum: Optimum, listed: Sequence[LawCandidate], reached: Mapping[tuple[str, int], float]
 ) -> tuple[ResidualColumns, ...]:
     """Derivatives of every group's residuals by the candidates, in units of their prior scales.
 
@@ -191,7 +191,7 @@ def tried_travel(median: float, reached: float | None) -> float:
     return median if reached is None else max(min(median, INSIDE * reached), NEAREST * median)
 
 
-def travel_penalty(vehicle: Vehicle, reached: Mapping[tuple[str, int], float], candidate: Candidate) -> float:
+def travel_penalty(vehicle: Vehicle, reached: Mapping[tuple[str, int], float], candidate: LawCandidate) -> float:
     """What the priors of its travels take from the gain of a stop that is tried nearer than usual."""
     if candidate.element != STOPS:
         return 0.0
@@ -204,7 +204,7 @@ def travel_penalty(vehicle: Vehicle, reached: Mapping[tuple[str, int], float], c
 
 
 def _with_candidate(
-    campaign: Campaign, model: BumpModel, candidate: Candidate, reached: Mapping[tuple[str, int], float]
+    campaign: Campaign, model: BumpModel, candidate: LawCandidate, reached: Mapping[tuple[str, int], float]
 ) -> BumpModel:
     """The model with one parameter moved from its neutral value."""
     axles = campaign.vehicle.axles
@@ -218,7 +218,7 @@ def _with_candidate(
 
 
 def _elements(
-    axles: Sequence[Axle], laws: LawInputs, candidate: Candidate, reached: Mapping[tuple[str, int], float]
+    axles: Sequence[Axle], laws: LawInputs, candidate: LawCandidate, reached: Mapping[tuple[str, int], float]
 ) -> dict[str, ElementIndex]:
     carried = (laws.carried_load / laws.load_growth)[0, :, 0]
     elements = dict(laws.elements)

@@ -21,7 +21,7 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.law_evidence import eliminated
-from sysid.estimation.fit.mistake_candidates import WHOLE, Candidate, Directions
+from sysid.estimation.fit.mistake_candidates import WHOLE, Directions, MistakeCandidate
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.residuals.residual_weights import Weights
@@ -47,7 +47,7 @@ class MistakeScore:
     The amplitude is 1 if one linear step goes exactly as far as the full mistake.
     """
 
-    candidate: Candidate
+    candidate: MistakeCandidate
     share: float
     amplitude: float
 
@@ -96,7 +96,7 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
 
 def _best_sizes(scores: Sequence[MistakeScore]) -> tuple[MistakeScore, ...]:
     """The best size of every mistake, the largest share first; a size reached by one full step is preferred."""
-    best: dict[Candidate, MistakeScore] = {}
+    best: dict[MistakeCandidate, MistakeScore] = {}
     for score in sorted(scores, key=lambda s: (s.whole, s.share)):
         best[replace(score.candidate, size=0.0)] = score
     return tuple(sorted(best.values(), key=lambda s: -s.share))

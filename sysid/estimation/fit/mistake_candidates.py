@@ -41,7 +41,7 @@ Residuals = list[tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
-class Candidate:
+class MistakeCandidate:
     """One possible mistake: its kind, its `size` in the unit of the kind (lag and clock s, scale 1 more, places m), and
     the sensor, logger, axle (index), or run and load case that it is about.
     """
@@ -110,7 +110,7 @@ class Directions:
     log_parameters: Parameters
     motion: RunMotion
 
-    def __iter__(self) -> Iterator[tuple[Candidate, tuple[ResidualColumns, ...]]]:
+    def __iter__(self) -> Iterator[tuple[MistakeCandidate, tuple[ResidualColumns, ...]]]:
         """Every candidate and a column per group: residuals with the mistake corrected, less the present ones."""
         base = simulate_runs(self.model, self.log_parameters, self.motion)
         here = signal_residuals(self.model, self.weights, base)
@@ -123,7 +123,7 @@ class Directions:
 
     def _of_sensors(
         self, base: Sequence[np.ndarray], here: Residuals
-    ) -> Iterator[tuple[Candidate, tuple[ResidualColumns, ...]]]:
+    ) -> Iterator[tuple[MistakeCandidate, tuple[ResidualColumns, ...]]]:
         """Signs, lags, scales and places of frame sensors, and the clocks of loggers."""
         sensors = self.model.layout.sensors
         kinds: list[tuple[MistakeKind, Sequence[float]]] = [("sign", (1.0,)), ("scale", (*_both("scale"),))]
@@ -146,9 +146,9 @@ class Directions:
                 if not columns:
                     continue
                 if k < len(chosen):
-                    yield Candidate(kind, size, sensor=sensors[chosen[k]]), columns
+                    yield MistakeCandidate(kind, size, sensor=sensors[chosen[k]]), columns
                 else:
-                    yield Candidate("clock", size, logger=loggers[k - len(chosen)]), columns
+                    yield MistakeCandidate("clock", size, logger=loggers[k - len(chosen)]), columns
 
     def _changed(self, kind: MistakeKind, size: float, group: int, shown: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """Signals (T, R, C) of a group with all sensors wrong in one way."""
@@ -178,11 +178,11 @@ class Directions:
         moved = simulate_runs(trial, self.log_parameters, self.motion)
         return [(a - b) / _PLACE_STEP_M for a, b in zip(moved, base, strict=True)]
 
-    def _of_axles(self, here: Residuals) -> Iterator[tuple[Candidate, tuple[ResidualColumns, ...]]]:
+    def _of_axles(self, here: Residuals) -> Iterator[tuple[MistakeCandidate, tuple[ResidualColumns, ...]]]:
         for axle in range(len(self.campaign.vehicle.axles)):
             for size in _both("axle place"):
                 moved = self._simulated(self._with_axle(axle, size))
-                yield Candidate("axle place", size, axle=axle), _columns(moved, here)
+                yield MistakeCandidate("axle place", size, axle=axle), _columns(moved, here)
 
     def _with_axle(self, axle: int, step_m: float) -> BumpModel:
         vehicle = self.campaign.vehicle
@@ -191,7 +191,7 @@ class Directions:
         places = np.array([a.x_m for a in axles])[:, None]
         return replace(trial, arrays=tuple(a._replace(axle_x=places) for a in trial.arrays))
 
-    def _of_load_cases(self, here: Residuals) -> Iterator[tuple[Candidate, tuple[ResidualColumns, ...]]]:
+    def _of_load_cases(self, here: Residuals) -> Iterator[tuple[MistakeCandidate, tuple[ResidualColumns, ...]]]:
         runs = self.campaign.bump_runs
         # A stiffness of its own per load case is known for those that were driven.
         per_load_case = any(axle.load_dependent for axle in self.campaign.vehicle.axles)
@@ -211,7 +211,7 @@ class Directions:
             for r, run in enumerate(runs):
                 if run.load_case != other and any(r in group.runs for group in self.model.groups):
                     of_run = [[i for i, k in enumerate(group.runs) if k == r] for group in self.model.groups]
-                    yield Candidate("load case", run=r, load_case=other), _only(columns, runs=of_run)
+                    yield MistakeCandidate("load case", run=r, load_case=other), _only(columns, runs=of_run)
 
 
 def _both(kind: MistakeKind) -> tuple[float, ...]:

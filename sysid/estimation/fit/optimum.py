@@ -61,3 +61,10 @@ def effective_residuals(optimum: Optimum) -> float:
     for group, tempering in zip(optimum.problem.model.groups, optimum.problem.weights.tempering, strict=True):
         total += float((group.measured.sum(axis=0) * tempering**2).sum())
     return max(total, 2.0)
+
+
+def parameter_sd(optimum: Optimum) -> np.ndarray:
+    """Standard deviations (p,) of the log parameters from the curvature of the cost at the optimum alone."""
+    jacobian = optimum.problem.compressed(optimum.vector).jacobian
+    optimum.problem.forget()
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian))[: optimum.problem.count]))

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.campaign.vehicle_records import Vehicle
-from sysid.estimation.fit.evaluation import parameter_sd
 from sysid.estimation.fit.law_screen import reached_travels, tried_travel
-from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.optimum import Optimum, parameter_sd
 from sysid.estimation.parameters.law_families import STOPS, Laws
 from sysid.estimation.parameters.suspension_elements import TRAVELS
 

@@ -21,7 +21,7 @@ from scipy.special import expit
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.fit_result import UndecidedLaw
 from sysid.estimation.fit.law_evidence import Judged, LawEvidence
-from sysid.estimation.fit.law_screen import Candidate, Screen, families_of
+from sysid.estimation.fit.law_screen import LawCandidate, Screen, families_of
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.law_families import STOPS, Laws
@@ -102,7 +102,7 @@ def _by_name(judged: Judged) -> dict[str, float]:
     return dict(zip(parameters.names, values.tolist(), strict=True))
 
 
-def _further_parameters(members: Sequence[Candidate]) -> int:
+def _further_parameters(members: Sequence[LawCandidate]) -> int:
     """Parameters of the elements of some candidates that do not decide whether the elements act."""
     rest = [q for q in quantities(frozenset(c.element for c in members)) if not q.decides]
     places = {c.axles for c in members if not c.quantity.shared}
@@ -113,7 +113,7 @@ def _if_open(law: UndecidedLaw) -> tuple[UndecidedLaw, ...]:
     return (law,) if law.doubt >= LEAST_WEIGHT else ()
 
 
-def _possible(screen: Screen, members: Sequence[Candidate]) -> list[Candidate]:
+def _possible(screen: Screen, members: Sequence[LawCandidate]) -> list[LawCandidate]:
     """Members without those that would go below zero: friction that pushes is no friction."""
     kept = list(members)
     while kept:

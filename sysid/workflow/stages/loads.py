@@ -75,10 +75,10 @@ def _predicted(context: Context, requests: Sequence[PredictionRequest], sweep_km
     )
 
 
-def _write_passes(predictions: Predictions, folder: Path) -> Sequence[Path]:
+def _write_passes(predictions: Predictions, results: Results, folder: Path) -> Sequence[Path]:
     from sysid.export.tables import write_passes
 
-    return write_passes(predictions, folder)
+    return write_passes(predictions, folder, results.judgement)
 
 
 def show_predict(predictions: Predictions, results: Results) -> Blocks:
