@@ -53,7 +53,7 @@ def names_in(folder: Path) -> list[str]:
     names: list[str] = []
     size = 0
     for root, folders, files in os.walk(folder):
-        if "stages" in folders:
+        if Path(root) != folder and (Path(root) / "stages" / "timings.json").is_file():
             # Results of an earlier calibration.
             folders[:] = []
             continue

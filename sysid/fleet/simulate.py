@@ -78,7 +78,8 @@ def simulate_fleet(
     Raises
     ------
     CampaignError
-        If the campaign has fewer runs, or `broken` names a truck or parameter that there is not.
+        If the campaign has fewer runs or logs other than one CSV file per run, or `broken` names a truck or parameter
+        that there is not.
     """
     configure()
     report, broken = progress or unwatched, broken or {}

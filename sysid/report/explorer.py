@@ -20,6 +20,7 @@ from sysid.export import Results
 from sysid.plot import axle_color, channel_title
 from sysid.plot.style import INK, display
 from sysid.report.numbers import plain_text, speed
+from sysid.report.stops import pass_name
 
 if TYPE_CHECKING:
     from sysid.estimation.residuals.run_history import RunHistory
@@ -98,7 +99,6 @@ def _posterior_band(history: RunHistory, row: int, stride: int) -> dict[str, Any
 
 
 def _pass(p: PassPrediction, stride: int) -> dict[str, Any]:
-    over = f" over {p.shape}" if p.shape else ""
     channels = []
     for axle, static in enumerate(p.static_load_N):
         curves = {"middle": p.tire_force_q50_N[axle, ::stride] / static}
@@ -110,7 +110,7 @@ def _pass(p: PassPrediction, stride: int) -> dict[str, Any]:
             {"name": f"axle {axle + 1}", "unit": "-", "color": axle_color(axle), "scale": scale}
             | {name: _packed(values, scale) for name, values in curves.items()}
         )
-    name = plain_text(f"{p.load_case}, {speed(p.speed_m_s)} km/h{over}")
+    name = plain_text(pass_name(p))
     return {"name": name, **_time(p.time_s, stride), "channels": channels}
 
 

@@ -16,6 +16,7 @@ from sysid.report.cells import suspension_values
 from sysid.report.drop_tables import without_dampers
 from sysid.report.load_tables import sweep_name
 from sysid.report.numbers import count, number, percent, speed
+from sysid.report.stops import pass_name
 from sysid.sdof.drop_results import DropAnalysis
 
 if TYPE_CHECKING:
@@ -333,7 +334,7 @@ def prediction_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     pictures = []
     for p in results.predictions.passes:
         caption = (
-            f"{p.load_case}, {speed(p.speed_m_s)} km/h: vertical wheel load over static load, as in Figure 9a "
+            f"{pass_name(p)}: vertical wheel load over static load, as in Figure 9a "
             "of the paper; 1 is the load at rest, 0 a wheel off the ground. Hatched: beyond what the driven runs "
             "reached."
         )
@@ -366,7 +367,7 @@ def suspension_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     return [
         gallery.picture(
             plot.suspension_force(p, 0),
-            f"{p.load_case}, {speed(p.speed_m_s)} km/h: force of spring, damper and friction of axle 1 on the body, as "
+            f"{pass_name(p)}: force of spring, damper and friction of axle 1 on the body, as "
             "in Figure 9b of the paper.",
             width="half",
         )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from sysid.export import Results, prediction_files
 from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.report.numbers import MISSING, decimals, fixed, interval, number, speed
-from sysid.report.stops import TRUST_WORDS
+from sysid.report.stops import TRUST_WORDS, pass_name
 
 if TYPE_CHECKING:
     from sysid.prediction.predicted_passes import Quantiles, SpeedSweep
@@ -55,11 +55,7 @@ def prediction_tables(results: Results) -> list[Table]:
             "extension [mm]",
             "mean / static load [-]",
         )
-        over = f" over {p.shape}" if p.shape else ""
-        caption = (
-            f"{p.load_case}, {speed(p.speed_m_s)} km/h{over}: peak wheel loads, both sides together ({kind}); "
-            f"histories in {file}"
-        )
+        caption = f"{pass_name(p)}: peak wheel loads, both sides together ({kind}); histories in {file}"
         tables.append(table(caption, head, rows))
     return tables
 

@@ -16,7 +16,7 @@ from sysid.files import write_text
 from sysid.plot.style import styled
 from sysid.report.answer import axle_load_table
 from sysid.report.figures import representative_drops, representative_run, run_words
-from sysid.report.numbers import speed
+from sysid.report.stops import pass_name
 
 if TYPE_CHECKING:
     from sysid.prediction.predicted_passes import PassPrediction
@@ -81,7 +81,7 @@ def _first_axle(passes: tuple[PassPrediction, ...], kind: str) -> Axes:
             plot.load_ratio(p, 0, ax)
         else:
             plot.suspension_force(p, 0, ax)
-        ax.set_title(plot.label(f"axle 1, {p.load_case}, {speed(p.speed_m_s)} km/h", 60))
+        ax.set_title(plot.label(f"axle 1, {pass_name(p)}", 60))
         ax.legend(loc="upper right")
     first: Axes = axes[0]
     return first

@@ -22,8 +22,8 @@ TRUST_WORDS: dict[What, tuple[str, float, str]] = {
 
 
 def pass_name(p: PassPrediction) -> str:
-    """Load case, speed and, where it is none of the scanned ones, bump of a pass."""
-    return f"{p.load_case} {speed(p.speed_m_s)}\u00a0km/h" + (f" over {p.shape}" if p.shape else "")
+    """Load case, speed and, where it is none of the scanned ones or one of several, bump of a pass."""
+    return f"{p.load_case}, {speed(p.speed_m_s)}\u00a0km/h" + (f" over {p.shape}" if p.shape else "")
 
 
 def undeclared_travel(results: Results) -> list[int]:

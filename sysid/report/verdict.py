@@ -153,10 +153,10 @@ def _wheel_loads(results: Results) -> list[str]:
 def _against(results: Results) -> list[str]:
     sentences = []
     # Least squares have a sentence of their own.
-    lost = results.fit is not None and not results.fit.converged
+    no_fit = results.fit is not None and not results.fit.converged
     if results.status == "preview":
         sentences.append("This is a preview with shortened sampling. Its intervals are not reliable.")
-    elif results.status == "not_converged" and results.posterior is not None and not lost:
+    elif results.status == "not_converged" and results.posterior is not None and not no_fit:
         why = results.posterior.message.rstrip(".")
         sentences.append("The calibration has not converged" + (f": {why}." if why else "."))
     if results.fit is None:

@@ -120,21 +120,6 @@ def test_stops_are_fitted_before_what_imitates_them(monkeypatch):
     assert asked == [(stop,), (gas | stop,), (gas | stop,)]
 
 
-def released(travel_m: float, reached_m: float, cost_without: float, monkeypatch):
-    """Travel [m] after the search; usually it is 78 mm, and the cost of the optimum is 50."""
-    kinds = (("stiffness", "N/m", 4e5, 0.7), ("rebound_travel", "m", 0.078, 0.12))
-    parameters = ParameterSet(tuple(Parameter(q, q, unit, m, m, sd, axle=0) for q, unit, m, sd in kinds), ())
-
-    def at(vector, cost):
-        return FakeOptimum(SimpleNamespace(model=SimpleNamespace(parameters=parameters)), vector, cost)
-
-    monkeypatch.setattr(stop_search, "reached_travels", lambda optimum: {("rebound_travel", 0): reached_m})
-    fitted = lambda laws, near, how: at(near.vector, cost_without)  # noqa: E731
-    best = stop_search.with_released_stops((frozenset({STOPS}),), at(np.log([4e5, travel_m]), 50.0), fitted)
-    assert best.vector[0] == np.log(4e5)
-    return float(np.exp(best.vector[1]))
-
-
 @dataclass(frozen=True)
 class FakeOptimum:
     problem: SimpleNamespace
@@ -144,6 +129,24 @@ class FakeOptimum:
     @property
     def minimum(self) -> SimpleNamespace:
         return SimpleNamespace(cost=self.cost)
+
+
+def released(travel_m: float, reached_m: float, cost_without: float, monkeypatch):
+    """Travel [m] after the search; usually it is 78 mm, and the cost of the optimum is 50."""
+    kinds = (("stiffness", "N/m", 4e5, 0.7), ("rebound_travel", "m", 0.078, 0.12))
+    parameters = ParameterSet(tuple(Parameter(q, q, unit, m, m, sd, axle=0) for q, unit, m, sd in kinds), ())
+
+    def at(vector, cost):
+        return FakeOptimum(SimpleNamespace(model=SimpleNamespace(parameters=parameters)), vector, cost)
+
+    monkeypatch.setattr(stop_search, "reached_travels", lambda optimum: {("rebound_travel", 0): reached_m})
+
+    def fitted(laws, near, *, how):
+        return at(near.vector, cost_without)
+
+    best = stop_search.with_released_stops((frozenset({STOPS}),), at(np.log([4e5, travel_m]), 50.0), fitted)
+    assert best.vector[0] == np.log(4e5)
+    return float(np.exp(best.vector[1]))
 
 
 def test_stops_that_the_runs_only_touch_are_tried_out_of_reach(monkeypatch):

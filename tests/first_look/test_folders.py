@@ -249,7 +249,8 @@ def test_two_sensors_of_one_place_are_its_sides(tmp_path: Path) -> None:
 
 
 def test_results_below_the_folder_are_no_logs(tmp_path: Path) -> None:
-    for name in ("run.csv", "output/stages/fit.npz", "output/predictions/empty_48kmh.csv"):
+    for name in ("run.csv", "output/stages/timings.json", "output/predictions/empty_48kmh.csv", "stages/slow.csv"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("a")
-    assert names_in(tmp_path) == ["run.csv"]
+    # A person may call a folder of logs so too.
+    assert names_in(tmp_path) == ["run.csv", "stages/slow.csv"]

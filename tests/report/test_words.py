@@ -142,7 +142,7 @@ def test_what_a_pass_goes_beyond_is_said_once_with_its_axles():
     v = verdict(replace(results, predictions=replace(results.predictions, passes=(changed,))))
     assert v.answer == "Yes, with care"
     (said,) = v.use
-    assert "(empty 48\u00a0km/h: speed, suspension travel of axle 1 and damper speed of every axle)" in said
+    assert "(empty, 48\u00a0km/h: speed, suspension travel of axle 1 and damper speed of every axle)" in said
     assert any("nearer to the extrapolated passes" in s for s in v.todo)
 
 
