@@ -130,6 +130,18 @@ def test_the_check_lists_what_is_left_and_checks_the_rest(campaign: Path) -> Non
     assert int(left[0].split()[0]) < int(counted[0].split()[0])
 
 
+@pytest.mark.parametrize(("raised", "code"), [(KeyboardInterrupt, 130), (ValueError, 1)])
+def test_a_check_of_an_unfinished_file_can_be_stopped(campaign: Path, monkeypatch, raised, code: int) -> None:
+    def fails(*unused, **more):
+        raise raised
+
+    monkeypatch.setattr("sysid.cli.unfinished.check_quality", fails)
+    folder = _unfinished(campaign)
+    outcome = CliRunner().invoke(cli, ["check", str(folder), "--output", str(folder / "none")])
+    assert outcome.exit_code == code
+    assert "Traceback" not in outcome.output
+
+
 def test_stand_ins_leave_no_value_to_fill_in_and_the_input_as_it_was(campaign: Path) -> None:
     text = _text(_unfinished(campaign))
     tables = tomllib.loads(text)

@@ -20,9 +20,10 @@ from sysid.export import (
     write_validation,
 )
 from sysid.export.models import moving_force_texts
-from sysid.export.tables import write_passes, write_profiles
+from sysid.export.tables import write_profiles
 from sysid.files import write_atomically, write_text
 from sysid.results.contents import Judgement
+from sysid.workflow.stages import PREDICT
 
 
 def test_parameters_come_back_with_pandas(tmp_path):
@@ -130,7 +131,7 @@ def test_tables_and_histories_carry_the_verdict(tmp_path, trust, forbidden):
     for text in (peaks, against, io.StringIO(parameters_csv(results))):
         assert set(pd.read_csv(text)["verdict"]) == {trust}
     assert set(pd.read_csv(history)["do_not_bet"]) == {forbidden}
-    (asked,) = write_passes(results.predictions, tmp_path / "asked", results.judgement)
+    (asked,) = PREDICT.command.aside.write(results.predictions, results, tmp_path / "asked")
     assert set(pd.read_csv(asked)["do_not_bet"]) == {forbidden}
     (moving,) = moving_force_texts(results.campaign, results.predictions, results.judgement).values()
     assert set(pd.read_csv(io.StringIO(moving))["do_not_bet"]) == {forbidden}

@@ -96,6 +96,11 @@ def test_ratio_against_speed_is_a_table_with_bands():
     (made,) = load_tables.sweep_tables(small_results())
     assert cells(made)[0] == ["10", "1.28", "1.56"]
     assert made.rows[2][1].interval == "[2.40, 2.93]"
+    results = small_results()
+    two = replace(results.campaign, scans={"first bump": None, "kerb": None})
+    (named,) = load_tables.sweep_tables(replace(results, campaign=two))
+    (sweep,) = results.predictions.sweeps
+    assert named.caption == made.caption.replace(sweep.load_case, f"{sweep.load_case}, {sweep.bump}")
 
 
 def test_ratings_are_summed_up_per_kind():

@@ -93,6 +93,13 @@ def stubbed(tmp_path: Path, monkeypatch) -> Callable[..., Calibration]:
     return made
 
 
+def test_what_the_draws_say_about_the_optimum_is_a_warning(stubbed, monkeypatch) -> None:
+    monkeypatch.setattr(
+        "sysid.posterior.sampled_posterior.optimum_warnings", lambda draws, at, density: (f"{density:+.1f}",)
+    )
+    assert stubbed().sample().warnings[-1] == "-0.0"
+
+
 def test_a_chain_that_has_not_converged_goes_on_with_a_larger_limit(stubbed) -> None:
     first = stubbed()
     before = first.sample()
