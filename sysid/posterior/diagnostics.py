@@ -45,7 +45,8 @@ def diagnose(draws: WalkerDraws, least_burn_in: int = 0) -> Diagnosis:
     tau = _autocorrelation_time(draws[:, least:])
     burn_in = int(max(least, min(steps // 2, np.ceil(5.0 * tau.max()))))
     kept = draws[:, burn_in:]
-    tau = _autocorrelation_time(kept)
+    if burn_in != least:
+        tau = _autocorrelation_time(kept)
     chains = kept.reshape(ensembles, -1, count)[:, draw_order(kept.shape[1], walkers)]
     ess = np.array([effective_draws(chains[..., i]) for i in range(count)])
     # Ranks of millions of draws take seconds and say no more than those of some ten thousand.

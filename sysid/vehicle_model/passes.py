@@ -9,10 +9,11 @@ from functools import lru_cache
 import numpy as np
 
 from sysid.campaign.records import SpeedHeld
-from sysid.campaign.vehicle_records import Axle, LoadCase, Vehicle
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.road.contact_laws import CONTACT_LAWS, ContactLaw
 from sysid.road.enveloping import SPOKE_EXPONENT, FootprintMap, SpokeTable, footprint_map, spoke_table
 from sysid.road.road_profile import RoadProfile
+from sysid.threads import side_by_side
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import EffectiveRoad, effective_road
 from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, StackedMatrices, stack_matrices
@@ -96,17 +97,22 @@ class EffectiveRoads:
         first = next(iter(self.load_cases.values()))
         case = self.load_cases[load_case]
         gravity = self.vehicle.gravity_m_s2
+        geometric_map = CONTACT_LAWS[self.contact].geometric_map
+        if geometric_map is None:
+            # Before the maps, which are made side by side: tires of one radius share a table.
+            for radius_m in {axle.tire_radius_m for axle in self.vehicle.axles}:
+                self._table(bump, radius_m)
 
-        def one(i: int, axle: Axle) -> FootprintMap:
+        def one(i: int) -> FootprintMap:
+            axle = self.vehicle.axles[i]
             load, reference = case.axle_loads_kg[i] * gravity, first.axle_loads_kg[i] * gravity
             stiffness = self.tires.stiffness_N_per_m[i]
-            geometric_map = CONTACT_LAWS[self.contact].geometric_map
             if geometric_map is not None:
                 return geometric_map(self.profiles[bump], axle.tire_radius_m, load / stiffness)
             table = self._table(bump, axle.tire_radius_m)
             return footprint_map(table, load, reference, stiffness)
 
-        return tuple(one(i, axle) for i, axle in enumerate(self.vehicle.axles))
+        return side_by_side(one, range(len(self.vehicle.axles)))
 
     def maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
         """Footprint map of every axle in a load case over a bump."""

@@ -14,9 +14,12 @@ doi:10.1214/aos/1176344136).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
+
+from sysid.threads import side_by_side
 
 #: Highest order that is tried.
 MAX_ORDER = 24
@@ -135,10 +138,14 @@ def variance_inflation(models: Autoregression, sensitivity: np.ndarray) -> np.nd
     """
     spectrum = models.spectrum(np.fft.rfftfreq(sensitivity.shape[0]))
     total, weighted = np.empty(sensitivity.shape[1:]), np.empty(sensitivity.shape[1:])
+
     # Record by record: transforms of all of them take more memory than the derivatives.
-    for at in np.ndindex(total.shape[:-1]):
-        power = np.abs(rfft(sensitivity[:, *at], axis=0)) ** 2
-        total[at], weighted[at] = power.sum(axis=0), spectrum[:, *at] @ power
+    def add(at: tuple[int, ...]) -> None:
+        record: tuple[Any, ...] = (slice(None), *at)
+        power = np.abs(rfft(sensitivity[record], axis=0)) ** 2
+        total[at], weighted[at] = power.sum(axis=0), spectrum[record] @ power
+
+    side_by_side(add, np.ndindex(total.shape[:-1]))
     inflation = np.maximum(weighted / np.where(total > 0.0, total, 1.0), 1.0)
     mean = total.mean(axis=tuple(range(total.ndim - 1)))
     share = total / np.where(mean > 0.0, mean, 1.0)
