@@ -29,6 +29,7 @@ from sysid.sdof.drop_results import DropSummary
 from sysid.validation.channel_agreement import Validation
 from sysid.workflow import stages
 from sysid.workflow.assembly import assembled
+from sysid.workflow.earlier_files import remove_earlier
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
 from sysid.workflow.runner import NOTHING, Runner
@@ -128,6 +129,7 @@ class Calibration:
         # The step ends first: its last part is timed too.
         with self._folder.timed(ending.name, lambda: self._steps.parts), self._steps.step(ending.name):
             self._folder.write(lambda: written.extend(ending.write(results, self.output, self._steps)))
+            self._folder.write(lambda: remove_earlier(self.output, ending.name, written))
         return written
 
     def check(self) -> QualityReport:

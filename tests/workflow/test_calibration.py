@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from sysid.errors import CampaignError, DataRejectedError
+from sysid.files import write_text
+from sysid.progress import Progress
+from sysid.results.contents import Results
 from sysid.workflow import Calibration, Settings, make_settings
+from sysid.workflow.stage import Ending
+from sysid.workflow.stages.endings import EXPORT
 
 DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 #: Drops by the single-axle equations alone: seconds instead of half a minute.
@@ -54,6 +60,20 @@ def test_running_a_stage_again_takes_the_success_marker_away(campaign: Path, tmp
     calibration.redo("drops")
     calibration.drops()
     assert not (tmp_path / "out" / "SUCCESS").exists()
+
+
+def test_results_of_passes_that_are_gone_do_not_stay_in_the_folder(campaign: Path, tmp_path: Path) -> None:
+    def ending(name: str) -> Ending:
+        def write(results: Results, folder: Path, progress: Progress) -> Sequence[Path]:
+            write_text(folder / "predictions" / name, "")
+            return (folder / "predictions" / name,)
+
+        return replace(EXPORT, write=write)
+
+    calibration = Calibration(campaign, tmp_path / "out", SINGLE_AXLE)
+    calibration.write(ending("empty_48kmh.csv"))
+    calibration.write(ending("empty_50kmh.csv"))
+    assert [p.name for p in (tmp_path / "out" / "predictions").iterdir()] == ["empty_50kmh.csv"]
 
 
 def test_the_same_inputs_give_the_same_result_json_but_for_times(campaign: Path, tmp_path: Path) -> None:

@@ -22,8 +22,7 @@ def _report(results: Results, folder: Path, progress: Progress) -> Sequence[Path
     progress("report.html", 0.0)
     write_report(results, folder / "report.html")
     progress("figures", 0.7)
-    write_paper_figures(results, folder / "figures")
-    return (folder / "report.html",)
+    return (folder / "report.html", *write_paper_figures(results, folder / "figures"))
 
 
 def show_report(paths: Sequence[Path], results: Results) -> Blocks:
@@ -53,7 +52,9 @@ def _export(results: Results, folder: Path, progress: Progress) -> Sequence[Path
         progress("tables", 0.0)
         write_parameters(results, folder / "parameters.csv")
         write_validation(results, folder / "validation.csv")
-        written += [folder / "parameters.csv", folder / "validation.csv"]
+        written.append(folder / "parameters.csv")
+        if results.validation is not None:
+            written.append(folder / "validation.csv")
         progress("files for other programs", 0.3)
         vehicles = () if results.estimates is None else results.estimates.vehicles
         written += write_models(results.campaign, vehicles, results.predictions, folder, results.judgement)

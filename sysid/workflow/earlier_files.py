@@ -1,0 +1,60 @@
+"""Files of an earlier report or export that a later one does not write again.
+
+A pass that is no longer requested, or a load case that is gone, must not be read as a result of the present campaign.
+What each report and export wrote is kept in ``stages/written.json``; only plain files that it names, where reports and
+exports write, are ever removed: a file that somebody put beside them stays.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path, PurePosixPath
+
+from sysid.files import read_json, write_text
+
+#: Where reports and exports write: folders below the output folder, and files in it.
+_FOLDERS = ("figures", "models", "moving_forces", "predictions", "profiles")
+_FILES = ("parameters.csv", "validation.csv", "posterior.nc")
+
+
+def remove_earlier(folder: Path, ending: str, written: Iterable[Path]) -> list[Path]:
+    """Remove what an ending once wrote into an output folder and has not written this time; return these files.
+
+    Parameters
+    ----------
+    folder : the output folder.
+    ending : name of the report or export.
+    written : the files that it has written this time.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be removed, or the list cannot be written.
+    """
+    record = folder / "stages" / "written.json"
+    lists = read_json(record)
+    present = sorted({path.relative_to(folder).as_posix() for path in written})
+    earlier = lists.get(ending)
+    names = [name for name in earlier if isinstance(name, str)] if isinstance(earlier, list) else []
+    gone = [path for name in names if name not in present and (path := _own_file(folder, name)) is not None]
+    for path in gone:
+        path.unlink(missing_ok=True)
+    write_text(record, json.dumps({**lists, ending: present}, indent=1))
+    return gone
+
+
+def _own_file(folder: Path, name: str) -> Path | None:
+    """The plain file of that name if reports or exports write there; a list may come from a stranger."""
+    parts = PurePosixPath(name).parts
+    if not parts or any(part in ("..", "/") or "\\" in part or ":" in part for part in parts):
+        return None
+    if parts[0] not in (_FOLDERS if len(parts) > 1 else _FILES):
+        return None
+    path = folder.joinpath(*parts)
+    links = (folder.joinpath(*parts[:depth]).is_symlink() for depth in range(1, len(parts) + 1))
+    try:
+        return path if path.is_file() and not any(links) else None
+    except (OSError, ValueError):
+        # No name of a file: too long, or with a null byte.
+        return None
