@@ -117,7 +117,6 @@ def fit_table(fit: FitResult) -> Table:
         ("converged", "yes" if fit.converged else "no", "yes"),
         ("iterations", f"{fit.iterations:,}", ""),
         ("residuals", f"{fit.residuals:,}", ""),
-        ("rounds of re-estimated channel weights", str(fit.weight_rounds), ""),
         (
             "scaled condition number [-]",
             number(fit.condition_number),

@@ -248,7 +248,6 @@ def small_fit(w: Words = Words(), **changes: object) -> FitResult:
         "iterations": 12,
         "cost": 10.0,
         "residuals": 2400,
-        "weight_rounds": 3,
         "condition_number": 30.0,
         "step_halving_error": 2e-5,
         "scipy_max_difference_sd": 0.01,

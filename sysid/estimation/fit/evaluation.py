@@ -103,7 +103,6 @@ def evaluate_optimum(
         iterations=minimum.iterations,
         cost=minimum.cost,
         residuals=int(sum(g.measured.sum() for g in model.groups)),
-        weight_rounds=options.weight_rounds,
         condition_number=float(condition),
         step_halving_error=halving,
         scipy_max_difference_sd=difference,

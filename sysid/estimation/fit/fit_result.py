@@ -150,7 +150,6 @@ class FitResult(Tabular):
     iterations: int
     cost: float
     residuals: int
-    weight_rounds: int
     condition_number: float
     step_halving_error: float
     scipy_max_difference_sd: float
