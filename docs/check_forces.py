@@ -72,7 +72,7 @@ def main() -> None:
     campaign = held_at_truth(campaign, truth)
     profiles = {name: analyse_scan(scan).profile for name, scan in campaign.scans.items()}
     parameters = campaign_parameters(campaign, None)
-    fit, state = fit_bump_runs(campaign, parameters, profiles, FitOptions(cross_check=False))
+    fit, state = fit_bump_runs(campaign, parameters, profiles, FitOptions(second_solver=False))
     off = max(abs(np.log(p.value / p.prior_median)) for p in fit.parameters if p.quantity in ("stiffness", "damping"))
     print(f"stiffness and damping held within {off:.1e} of the truth")
     point, roads = state.point, state.model.felt

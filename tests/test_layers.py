@@ -37,7 +37,7 @@ LEVELS = (
     {"logs"},
     {"campaign"},
     {"sdof", "road"},
-    {"cross_checks"},
+    {"bookkeeping"},
     {"first_look", "vehicle_model"},
     {"estimation"},
     {"posterior"},

@@ -30,7 +30,7 @@ DRAWS = 99
 INTERVAL_S = 0.005
 SPEEDS_M_S = (6.0, 9.0)
 _SEED = 22
-_OPTIONS = FitOptions(cross_check=False, laws="declared", weight_rounds=2)
+_OPTIONS = FitOptions(second_solver=False, laws="declared", weight_rounds=2)
 
 
 def _priors(stiffness: float, damping: float) -> dict[str, PriorOverride]:

@@ -52,7 +52,7 @@ CORRELATION = 0.3
 #: Draws of the normal approximation.
 DRAWS = 400
 _SEED = 20261124
-_OPTIONS = FitOptions(cross_check=False)
+_OPTIONS = FitOptions(second_solver=False)
 _FOLDER = Path("build/coverage/three_axle_truck")
 
 

@@ -34,7 +34,7 @@ _PACKAGES = (
     "campaign",
     "road",
     "sdof",
-    "cross_checks",
+    "bookkeeping",
     "vehicle_model",
     "estimation",
     "posterior",

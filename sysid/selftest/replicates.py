@@ -32,7 +32,7 @@ SHARE = 0.90
 RANGE = 0.95
 SHOWN = ("stiffness", "damping")
 #: Those of the product, without the second solver and other laws than those that made the readings.
-OPTIONS = FitOptions(cross_check=False, laws="declared")
+OPTIONS = FitOptions(second_solver=False, laws="declared")
 _DRAWS = 4000
 
 

@@ -86,7 +86,9 @@ def make_settings(
     settings = Settings(sampling=replace(SamplingOptions(), seed=seed))
     if quick:
         settings = Settings(
-            fit=FitOptions(weight_rounds=1, cross_check=False, tolerance=1e-5, max_iterations=20, target_step_s=0.0025),
+            fit=FitOptions(
+                weight_rounds=1, second_solver=False, tolerance=1e-5, max_iterations=20, target_step_s=0.0025
+            ),
             sampling=SamplingOptions(segment_steps=10, min_steps=10, max_steps=10, seed=seed, preview=True),
             quick=True,
         )

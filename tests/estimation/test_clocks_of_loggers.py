@@ -20,7 +20,7 @@ from sysid.road.scan import analyse_scan
 
 CLOCK = SecondClock(0.2, 1e-4)
 PHYSICS = Physics(drops_per_axle=0, speeds_km_h=(9.0, 16.0))
-OPTIONS = FitOptions(weight_rounds=1, cross_check=False, laws="declared")
+OPTIONS = FitOptions(weight_rounds=1, second_solver=False, laws="declared")
 NEAR_S = 2e-3
 #: What is asked for, in standard deviations, and by which factor these may be wider.
 UNCHANGED_SD, WIDER = 0.2, 1.15

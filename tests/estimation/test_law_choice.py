@@ -25,7 +25,7 @@ from sysid.road import analyse_scan, read_point_cloud
 from sysid.sdof.summary import analyse_drops
 
 SMALL = Physics(speeds_km_h=(9.0, 22.0), drops_per_axle=1, scan_points=8000, seed=3, element_spread=0.2)
-OPTIONS = FitOptions(weight_rounds=2, cross_check=False, tolerance=1e-5, target_step_s=0.0025)
+OPTIONS = FitOptions(weight_rounds=2, second_solver=False, tolerance=1e-5, target_step_s=0.0025)
 
 
 def read(folder, physics: Physics, inertia: float = 1.0):

@@ -26,7 +26,7 @@ from sysid.road.contact_laws import ContactLaw
 
 SPEED_M_S, START_S = np.array([6.07, 8.39, 6.02]), np.array([0.44, 0.61, 0.5])
 PROFILES = {"bump": bump()}
-OPTIONS = FitOptions(weight_rounds=1, cross_check=False, laws="declared")
+OPTIONS = FitOptions(weight_rounds=1, second_solver=False, laws="declared")
 SAMPLES, STEP_S = 340, 0.005
 
 

@@ -78,7 +78,7 @@ def measured(share: float, friction: float, bending_hz: float = 0.0, laden: Fram
     return declared
 
 
-OPTIONS = FitOptions(weight_rounds=1, cross_check=False, laws="declared")
+OPTIONS = FitOptions(weight_rounds=1, second_solver=False, laws="declared")
 
 
 def test_a_rocker_that_nobody_declared_is_named():
@@ -250,7 +250,7 @@ def test_a_part_that_only_shows_beside_the_laws_lets_their_comparison_begin_agai
                        ("joint_optimum", ended), ("laws_at_optimum", lambda vehicle, optimum: ())):  # fmt: skip
         monkeypatch.setattr(law_choice, name, stub)
     with pytest.raises(Ended):
-        fit_with_laws(data, None, PROFILES, FitOptions(cross_check=False))
+        fit_with_laws(data, None, PROFILES, FitOptions(second_solver=False))
     early = ["fit", "look beside fit 1", "fit with rocker", "compare with rocker", "look beside chosen"]
     later = ["fit", "look beside fit 1", "compare", "look beside chosen", "fit with rocker", "compare with rocker"]
     assert calls == [*(later if late else early), "end at chosen with rocker"]

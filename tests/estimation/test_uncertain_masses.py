@@ -28,7 +28,7 @@ from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.uncertain_masses import AXLE_LOAD, SCALE, uncertain_masses
 from sysid.vehicle_model.assembly import assemble
 
-OPTIONS = FitOptions(weight_rounds=1, cross_check=False)
+OPTIONS = FitOptions(weight_rounds=1, second_solver=False)
 TOLERANT = replace(VEHICLE, tolerances=MassTolerances())
 
 

@@ -27,7 +27,7 @@ from sysid.progress import unwatched
 
 PROFILES = {"bump": bump(0.1, 0.9)}
 NOISE = {"suspension_deflection": 2e-4, "axle_acceleration": 0.15, "body_acceleration": 0.05}
-OPTIONS = FitOptions(weight_rounds=1, cross_check=False, tolerance=1e-5, target_step_s=0.0025)
+OPTIONS = FitOptions(weight_rounds=1, second_solver=False, tolerance=1e-5, target_step_s=0.0025)
 #: Travels [m] of the axles that declare them here, and that the runs reach.
 JOUNCE_M, REBOUND_M = (0.062, 0.088, 0.07), (0.068, 0.061, 0.072)
 STOP_N_PER_M = 2.4e6

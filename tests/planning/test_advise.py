@@ -64,7 +64,7 @@ def test_predicted_standard_deviations_are_those_of_a_fit_with_the_run_driven():
     scale = np.array([NOISE[s.kind] for s in SENSORS])
     run = with_values(run, signals[:, 0] + scale * np.random.default_rng(1).normal(size=signals[:, 0].shape))
     grown = replace(fit.campaign, bump_runs=(*fit.campaign.bump_runs, run))
-    result, _ = fit_bump_runs(grown, fit.parameters, fit.profiles, FitOptions(weight_rounds=1, cross_check=False))
+    result, _ = fit_bump_runs(grown, fit.parameters, fit.profiles, FitOptions(weight_rounds=1, second_solver=False))
 
     # Departures as large as the two runs say: the third would say it a little differently.
     grown_up = replace(unflattened(result.identifiability.information), sd=information.sd)

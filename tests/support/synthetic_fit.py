@@ -78,6 +78,6 @@ def synthetic_campaign() -> tuple[Campaign, ParameterSet, dict[str, RoadProfile]
 def synthetic_fit() -> SyntheticFit:
     """The campaign's fit, made once."""
     data, parameters, profiles = synthetic_campaign()
-    options = FitOptions(weight_rounds=1, cross_check=False)
+    options = FitOptions(weight_rounds=1, second_solver=False)
     result, state = fit_bump_runs(data, parameters, profiles, options)
     return SyntheticFit(data, parameters, profiles, result, state, true_log_parameters(parameters.names))

@@ -51,7 +51,7 @@ def measured_campaign():
 @pytest.fixture(scope="module", params=["footprint", "point"])
 def left(request):
     data, parameters = measured_campaign()
-    options = FitOptions(weight_rounds=1, cross_check=False, contact=request.param)
+    options = FitOptions(weight_rounds=1, second_solver=False, contact=request.param)
     fit, state = fit_bump_runs(data, parameters, PROFILES, options)
     found = tuple(leave_out(fit, state, FILES, options))
     return request.param, fit, LeftOut(fit.names, found, validate(fit).channels)

@@ -28,7 +28,7 @@ STALE: dict[str, set[str]] = {
     "quick": {"predict"},
     "fit.weight_rounds": ON_FIT,
     "fit.max_iterations": ON_DROPS,
-    "fit.cross_check": ON_FIT,
+    "fit.second_solver": ON_FIT,
     "fit.tolerance": ON_FIT,
     "fit.target_step_s": ON_DROPS,
     "fit.laws": ON_FIT,

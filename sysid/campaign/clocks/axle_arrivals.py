@@ -17,7 +17,7 @@ from sysid.campaign.clocks.motion import Lag
 from sysid.campaign.records import BumpRun, Channel
 from sysid.campaign.vehicle_records import Vehicle
 
-#: Axles are found at their place within 0.07 m in 99 of 100 runs (as in `sysid.cross_checks.places`).
+#: Axles are found at their place within 0.07 m in 99 of 100 runs (as in `sysid.bookkeeping.places`).
 PLACE_SD_M = 0.027
 
 

@@ -61,7 +61,7 @@ def evaluate_optimum(
     report: Progress,
     undecided: Sequence[UndecidedLaw] = (),
 ) -> tuple[FitResult, FitState]:
-    """Covariance, checks and histories at an optimum; with ``options.cross_check`` SciPy's solver searches as well.
+    """Covariance, checks and histories at an optimum; with ``options.second_solver`` SciPy's solver searches as well.
 
     Laws that are `undecided` add to the covariance.
     """
@@ -71,7 +71,7 @@ def evaluate_optimum(
     report("covariance and checks", 0.9)
     parameters, motion = problem.unpack(vector)
     at_optimum = _AtOptimum.of(problem, vector)
-    difference = _scipy_difference(problem, vector, optimum.first, report) if options.cross_check else float("nan")
+    difference = _scipy_difference(problem, vector, optimum.first, report) if options.second_solver else float("nan")
     compressed = problem.compressed(vector)
     _check_runs_are_seen(campaign, problem, compressed)
     problem.forget()
@@ -221,7 +221,7 @@ def _scipy_difference(problem: Problem, optimum: np.ndarray, start: np.ndarray, 
 
     The search starts a tenth of the way back to the start values, so it has to find the optimum by itself.
     """
-    report("cross-check by SciPy's trust-region solver", 0.92)
+    report("second search by SciPy's trust-region solver", 0.92)
     cache: dict[bytes, Compressed] = {}
 
     def at(vector: np.ndarray) -> Compressed:
@@ -348,7 +348,7 @@ def _of_run(
 
 
 def fit_warnings(
-    minimum: Minimum, misfits: tuple[float, float], halving: float, cross_check: float, determined: Identifiability
+    minimum: Minimum, misfits: tuple[float, float], halving: float, apart_sd: float, determined: Identifiability
 ) -> tuple[str, ...]:
     """Warnings about a fit, to be read before it is used.
 
@@ -356,7 +356,7 @@ def fit_warnings(
     ----------
     misfits : median over channels of residual over what the channels show before the bump, and over instrument noise.
     halving : largest relative RMS change of a channel with half the integration step.
-    cross_check : distance of an independent solver's optimum [sd], NaN where none looked for it.
+    apart_sd : distance of an independent solver's optimum [sd], NaN where none looked for it.
     """
     sentences = []
     if not minimum.converged:
@@ -375,9 +375,9 @@ def fit_warnings(
             f"Halving the integration step changes a channel by {100.0 * halving:.2g} % of its size, more than "
             f"{100.0 * STEP_HALVING:g} %."
         )
-    if np.isfinite(cross_check) and cross_check > SOLVERS_APART_SD:
+    if np.isfinite(apart_sd) and apart_sd > SOLVERS_APART_SD:
         sentences.append(
-            f"An independent solver ends {cross_check:.1f} standard deviations away; the optimum may not be unique."
+            f"An independent solver ends {apart_sd:.1f} standard deviations away; the optimum may not be unique."
         )
     sentences += determined.warnings
     return tuple(sentences)

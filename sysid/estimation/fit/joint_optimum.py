@@ -236,7 +236,7 @@ def _moved(
     model = allowances.moved(model, amounts)
     model = with_larger_steps(model, values, motion) if larger_steps else model
     after = optimise_from(campaign, model, motion, before.instrument, values, options, report, weights=problem.weights)
-    # The cross-check starts from where the search for all began.
+    # The second solver starts from where the search for all began.
     first = after.problem.vector(before.first[: problem.count])
     iterations = before.minimum.iterations + after.minimum.iterations
     minimum = replace(after.minimum, iterations=iterations)

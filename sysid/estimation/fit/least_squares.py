@@ -152,7 +152,7 @@ def _with_own_maps(
     model, weights = prepared(map_tires(before.problem.model.parameters, values)), before.problem.weights
     model = with_larger_steps(model, values, motion) if larger_steps else model
     again = optimise_from(campaign, model, motion, before.instrument, values, options, report, weights=weights)
-    # The cross-check starts from where the search for all began.
+    # The second solver starts from where the search for all began.
     first = again.problem.vector(before.first[: before.problem.count])
     iterations = before.minimum.iterations + again.minimum.iterations
     return replace(again, first=first, minimum=replace(again.minimum, iterations=iterations))

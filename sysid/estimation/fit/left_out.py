@@ -49,7 +49,7 @@ def fit_without(
     report = progress or unwatched
     others = tuple(i for i in range(len(state.campaign.bump_runs)) if i != run)
     part, model, motion, weights = _part(state, others)
-    how = replace(options, weight_rounds=min(options.weight_rounds, 1), cross_check=False)
+    how = replace(options, weight_rounds=min(options.weight_rounds, 1), second_solver=False)
     noise = instrument_noise(model, motion)
     optimum = optimise_from(part, model, motion, noise, state.point.log_parameters, how, report, weights=weights)
     values, _ = optimum.problem.unpack(optimum.vector)

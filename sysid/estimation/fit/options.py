@@ -14,7 +14,7 @@ class FitOptions:
 
     - `weight_rounds`: number of re-estimations of the residual scales;
     - `max_iterations`: limit per round;
-    - `cross_check` searches once more by SciPy's trust-region solver, from a tenth of the way back to the start values;
+    - `second_solver` searches once more by SciPy's trust-region solver, a tenth of the way back to the start values;
     - `tolerance`: relative change of the cost that ends a round;
     - `target_step_s`: the largest integration step [s];
     - `laws` says how the suspension laws of axles without a declared one are found: ``auto`` compares richer laws where
@@ -25,7 +25,7 @@ class FitOptions:
 
     weight_rounds: int = 3
     max_iterations: int = 40
-    cross_check: bool = True
+    second_solver: bool = True
     tolerance: float = 1e-7
     target_step_s: float = TARGET_STEP_S
     laws: str = "auto"

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 
 def _check(context: Context) -> QualityReport:
-    from sysid.cross_checks import cross_check
+    from sysid.bookkeeping import check_bookkeeping
 
     report = context.inputs.quality
-    crossed = cross_check(context.campaign, context.inputs.read)
+    crossed = check_bookkeeping(context.campaign, context.inputs.read)
     return replace(
         report,
         messages=(*report.messages, *(m for m in crossed.messages if m not in report.messages)),
@@ -138,7 +138,7 @@ def _finding_cells(f: ChannelFinding) -> tuple[str, ...]:
 CHECK = Whole(
     name="check",
     compute=_check,
-    code=("campaign", "road", "cross_checks"),
+    code=("campaign", "road", "bookkeeping"),
     put=lambda results, report: replace(results, quality=report),
     warnings=_check_warnings,
     in_run="always",

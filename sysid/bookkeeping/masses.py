@@ -8,10 +8,10 @@ from itertools import combinations
 
 import numpy as np
 
+from sysid.bookkeeping.force_balance import Balance, RunSpectra, balance, hinges
 from sysid.campaign.records import Campaign
 from sysid.campaign.statics import static_equilibrium
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
-from sysid.cross_checks.force_balance import Balance, RunSpectra, balance, hinges
 from sysid.errors import CampaignError
 from sysid.wording import shorten
 

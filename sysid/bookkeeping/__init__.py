@@ -1,5 +1,5 @@
 """What runs, drops, scan and list of a campaign say about each other, before anything is fitted."""
 
-from sysid.cross_checks.check import cross_check
+from sysid.bookkeeping.check import check_bookkeeping
 
-__all__ = ["cross_check"]
+__all__ = ["check_bookkeeping"]

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sysid.bookkeeping.drops import compressions
+from sysid.bookkeeping.force_balance import balance, run_spectra
 from sysid.campaign.records import BumpRun, Channel, Log, Sensor
 from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
-from sysid.cross_checks.drops import compressions
-from sysid.cross_checks.force_balance import balance, run_spectra
 
 STEP = 0.005
 

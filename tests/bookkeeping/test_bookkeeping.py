@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
+from sysid.bookkeeping import check_bookkeeping
 from sysid.campaign import read_campaign, suspects
 from sysid.campaign.quality import check_quality
 from sysid.campaign.records import Campaign, Channel
-from sysid.cross_checks import cross_check
 from sysid.road.point_cloud import read_point_cloud
 
 ROOT = Path(__file__).parents[2]
@@ -30,7 +30,7 @@ def truck(name: str = "examples/linear_truck") -> Campaign:
 
 def said(campaign: Campaign) -> str:
     screened, report = check_quality(campaign)
-    return "\n".join((*report.messages, *cross_check(screened, campaign).messages))
+    return "\n".join((*report.messages, *check_bookkeeping(screened, campaign).messages))
 
 
 def with_channel(campaign: Campaign, column: str, change) -> Campaign:
@@ -55,7 +55,7 @@ def with_cases(campaign: Campaign, change) -> Campaign:
 def test_healthy_trucks_are_not_accused(name: str) -> None:
     campaign = truck(name)
     screened, _ = check_quality(campaign)
-    found = cross_check(screened, campaign)
+    found = check_bookkeeping(screened, campaign)
     assert found.messages == ()
     assert found.left_out == ()
     # Listed speeds are within 2.5 % of the true ones.
@@ -265,7 +265,7 @@ def test_a_heading_off_by_half_a_turn_is_named(name: str) -> None:
 def test_a_scan_in_millimetres_is_left_out_with_its_unit() -> None:
     scans = {n: replace(s, points_m=1e3 * s.points_m) for n, s in truck().scans.items()}
     screened, _ = check_quality(truck())
-    found = cross_check(replace(screened, scans=scans), truck())
+    found = check_bookkeeping(replace(screened, scans=scans), truck())
     assert len(found.left_out) == 1
     assert "looks like mm" in found.left_out[0]
 

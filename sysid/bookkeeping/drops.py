@@ -10,10 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sysid.bookkeeping.force_balance import RunSpectra, frame_rise
+from sysid.bookkeeping.masses import stiffness_of
 from sysid.campaign.records import Campaign, PlankDrop
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
-from sysid.cross_checks.force_balance import RunSpectra, frame_rise
-from sysid.cross_checks.masses import stiffness_of
 from sysid.wording import shorten
 
 #: Shares of the plank height: measured ones repeat within 0.03 (0.15 where friction holds), those

@@ -6,23 +6,23 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from sysid.bookkeeping.drops import drop_complaints
+from sysid.bookkeeping.force_balance import run_spectra
+from sysid.bookkeeping.masses import mass_complaints
+from sysid.bookkeeping.names import name_complaints
+from sysid.bookkeeping.places import place_complaints
+from sysid.bookkeeping.sensors import place_of_frame_sensors, sensor_complaints
+from sysid.bookkeeping.wheels import bump_complaints, filter_complaint, tire_complaint
 from sysid.campaign.arrivals import find_passage
 from sysid.campaign.findings import QualityReport, RunSpeed, ScanFinding
 from sysid.campaign.passage_speed import believed_speed
 from sysid.campaign.records import Campaign, Scan
-from sysid.cross_checks.drops import drop_complaints
-from sysid.cross_checks.force_balance import run_spectra
-from sysid.cross_checks.masses import mass_complaints
-from sysid.cross_checks.names import name_complaints
-from sysid.cross_checks.places import place_complaints
-from sysid.cross_checks.sensors import place_of_frame_sensors, sensor_complaints
-from sysid.cross_checks.wheels import bump_complaints, filter_complaint, tire_complaint
 from sysid.errors import DataRejectedError
 from sysid.road.road_profile import RoadProfile, ScanAnalysis
 from sysid.road.scan import analyse_scan
 
 
-def cross_check(campaign: Campaign, read: Campaign) -> QualityReport:
+def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
     """Measured speeds, the scans' bumps, and sentences about what contradicts each other.
 
     Parameters
