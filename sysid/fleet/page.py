@@ -22,9 +22,9 @@ from sysid.fleet.running import CAMPAIGNS, Row
 from sysid.fleet.status import counts
 from sysid.fleet.weights import MOST_K
 from sysid.folder_lock import cannot_write
+from sysid.numbers import decimals, fixed, interval, number, percent
 from sysid.report.cells import Cell, Table, table
 from sysid.report.figures import Gallery, Picture
-from sysid.report.numbers import decimals, fixed, interval, number, percent
 from sysid.report.skeleton import render_page
 from sysid.workflow.versions import versions
 

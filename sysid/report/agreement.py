@@ -7,9 +7,9 @@ import statistics
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from sysid.numbers import MISSING, fixed, percent
 from sysid.report.cells import Cell, Table, table
-from sysid.report.numbers import MISSING, fixed, percent
-from sysid.report.verdict import is_misfit
+from sysid.results.judgement import is_misfit
 from sysid.validation.channel_agreement import channel_median
 
 if TYPE_CHECKING:

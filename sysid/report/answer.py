@@ -10,8 +10,8 @@ import numpy as np
 from sysid.display import NOT_DETERMINED
 from sysid.estimates.suspension_values import AxleEstimates, Estimate
 from sysid.export import Results
-from sysid.report.cells import Cell, Table, axle_name, suspension_values, table
-from sysid.report.numbers import MISSING, decimals, fixed, interval, listing
+from sysid.numbers import MISSING, decimals, fixed, interval, listing
+from sysid.report.cells import Cell, Table, axle_name, table
 
 if TYPE_CHECKING:
     from sysid.campaign.vehicle_records import LoadCase
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 def answer_table(results: Results) -> Table | None:
     """k and c of every axle, the most informed value of each with its 90 % interval; None before any estimate."""
-    stiffness = suspension_values(results, "stiffness")
-    damping = suspension_values(results, "damping")
+    stiffness = results.suspension("stiffness")
+    damping = results.suspension("damping")
     if not any(row.best for row in (*stiffness, *damping)):
         return None
     several = {row.axle for row in stiffness if sum(r.axle == row.axle for r in stiffness) > 1}

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from sysid.estimates.suspension_values import AxleEstimates, Quantity
 from sysid.export import Results
 
 
@@ -44,8 +43,3 @@ def axle_name(results: Results, axle: int, load_case: str | None = None) -> Cell
     """Heading of a row: the axle's number, and below it its name and load case."""
     name = results.campaign.vehicle.axles[axle].name
     return Cell(f"axle {axle + 1}", note=name + (f", {load_case}" if load_case else ""))
-
-
-def suspension_values(results: Results, quantity: Quantity) -> tuple[AxleEstimates, ...]:
-    """Estimates of stiffness or damping of every axle, front to rear; none before any stage has estimated them."""
-    return () if results.estimates is None else results.estimates.suspension(quantity)

@@ -17,10 +17,10 @@ from markupsafe import Markup
 
 from sysid.display import Z90
 from sysid.export import Results
+from sysid.numbers import plain_text, speed
 from sysid.plot import axle_color, channel_title
 from sysid.plot.style import INK, display
-from sysid.report.numbers import plain_text, speed
-from sysid.report.stops import pass_name
+from sysid.results.pass_limits import pass_name
 
 if TYPE_CHECKING:
     from sysid.estimation.residuals.run_history import RunHistory

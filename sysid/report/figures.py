@@ -12,11 +12,10 @@ from matplotlib.axes import Axes
 from sysid import plot
 from sysid.estimates.suspension_values import Quantity
 from sysid.export import Results
-from sysid.report.cells import suspension_values
+from sysid.numbers import count, number, percent, speed
 from sysid.report.drop_tables import without_dampers
 from sysid.report.load_tables import sweep_name
-from sysid.report.numbers import count, number, percent, speed
-from sysid.report.stops import pass_name
+from sysid.results.pass_limits import pass_name
 from sysid.sdof.drop_results import DropAnalysis
 
 if TYPE_CHECKING:
@@ -59,7 +58,7 @@ def comparison_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     pictures = []
     quantities: tuple[tuple[Quantity, str], ...] = (("stiffness", "Stiffness"), ("damping", "Damping"))
     for quantity, name in quantities:
-        rows = suspension_values(results, quantity)
+        rows = results.suspension(quantity)
         if any(row.best is not None for row in rows):
             ax = plot.comparison(rows, quantity)
             caption = f"{name} per axle: marker = method, colour = axle, bar = 90 % interval."

@@ -10,11 +10,11 @@ from sysid.estimates.suspension_values import Quantity
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.export import Results
 from sysid.files import write_text
+from sysid.numbers import number
 from sysid.report import agreement, answer, cells, drop_tables, explorer, figures, knowledge, load_tables, tables
-from sysid.report.numbers import number
 from sysid.report.skeleton import render_page
-from sysid.report.stops import undeclared_travel
 from sysid.report.verdict import verdict
+from sysid.results.pass_limits import undeclared_travel
 
 _QUANTITIES: tuple[Quantity, ...] = ("stiffness", "damping")
 

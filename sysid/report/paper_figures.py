@@ -16,7 +16,7 @@ from sysid.files import write_text
 from sysid.plot.style import styled
 from sysid.report.answer import axle_load_table
 from sysid.report.figures import representative_drops, representative_run, run_words
-from sysid.report.stops import pass_name
+from sysid.results.pass_limits import pass_name
 
 if TYPE_CHECKING:
     from sysid.prediction.predicted_passes import PassPrediction

@@ -12,7 +12,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from sysid.report.numbers import MISSING, count, fixed, number, percent, plain_text
+from sysid.numbers import MISSING, count, fixed, number, percent, plain_text
 
 
 def render_page(template: str, content: Mapping[str, Any]) -> str:

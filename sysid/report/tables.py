@@ -13,9 +13,9 @@ from sysid.display import NOT_DETERMINED, Z90, shown_unit
 from sysid.estimates.suspension_values import AxleEstimates, Quantity
 from sysid.estimation.fit.thresholds import DECISIVE, SOLVERS_APART_SD, STEP_HALVING
 from sysid.export import Results
+from sysid.numbers import MISSING, decimals, fixed, interval, number, percent
 from sysid.plot import SOURCE_LABELS, SOURCES, label
-from sysid.report.cells import Cell, Table, axle_name, suspension_values, table
-from sysid.report.numbers import MISSING, decimals, fixed, interval, number, percent
+from sysid.report.cells import Cell, Table, axle_name, table
 
 if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult
@@ -42,7 +42,7 @@ def masses_table(fit: FitResult) -> Table | None:
 
 def estimates_table(results: Results, quantity: Quantity) -> Table | None:
     """Stiffness or damping per axle: paper, corrected, fitted, posterior, each with its interval; None without any."""
-    rows = suspension_values(results, quantity)
+    rows = results.suspension(quantity)
     if not rows:
         return None
     shown = ("paper", "corrected", "model", "fitted", "posterior")

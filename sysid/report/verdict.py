@@ -7,17 +7,13 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from sysid.estimates.suspension_values import AxleEstimates, Estimate, Quantity
-from sysid.estimation.fit.thresholds import MISFIT
-from sysid.report import stops
-from sysid.report.cells import suspension_values
-from sysid.report.numbers import count, interval, listing, number, percent, speed
-from sysid.results.contents import Judgement, Results, Trust
+from sysid.estimates.suspension_values import Quantity
+from sysid.numbers import count, interval, listing, number, percent, speed
+from sysid.results import pass_limits
+from sysid.results.contents import Results, Trust
+from sysid.results.judgement import judge, relative_half_width, unidentified_values
 
 Tone = Literal["good", "caution", "stop"]
-
-# Half width of a 90 % interval, relative to the value, above which a parameter is called poorly known.
-WIDE = 0.2
 
 _ANSWER: dict[Trust, tuple[Tone, str]] = {
     "use": ("good", "Yes"),
@@ -46,8 +42,8 @@ class Verdict:
 
 
 def verdict(results: Results) -> Verdict:
-    """Judge the results of all stages that have run."""
-    judgement = judge(results)
+    """What the first screen says of the results of all stages that have run."""
+    judgement = results.judgement or judge(results)
     tone, answer = _ANSWER[judgement.trust]
     return Verdict(
         tone=tone,
@@ -59,24 +55,6 @@ def verdict(results: Results) -> Verdict:
         todo=tuple(_todo(results)),
         synthetic=is_synthetic(results),
     )
-
-
-def judge(results: Results) -> Judgement:
-    """Whether the numbers of all stages that have run may be used, and why."""
-    against, unexplained, cautions = _against(results), _unexplained(results), _cautions(results)
-    reasons = (*against, *unexplained, *cautions)
-    if against:
-        return Judgement("not_yet", reasons)
-    if unexplained:
-        return Judgement("do_not_bet", reasons)
-    if cautions:
-        return Judgement("with_care", reasons)
-    return Judgement("use", ("The calibration has converged and no check of this report found a problem.",))
-
-
-def is_misfit(residual_over_noise: float) -> bool:
-    """Whether a residual, rounded as it is printed, is too large for noise; False where it is unknown."""
-    return math.isfinite(residual_over_noise) and round(residual_over_noise, 2) >= MISFIT
 
 
 def is_synthetic(results: Results) -> bool:
@@ -104,7 +82,7 @@ def _badge_tone(results: Results) -> Tone:
 def _what(results: Results) -> list[str]:
     sentences = []
     for quantity, name, unit in _QUANTITIES:
-        rows = suspension_values(results, quantity)
+        rows = results.suspension(quantity)
         estimates = [e for e in (row.best for row in rows) if e is not None]
         best = [e for e in estimates if e.identified]
         if estimates and not best:
@@ -113,7 +91,7 @@ def _what(results: Results) -> list[str]:
             continue
         values = [e.value / 1e3 for e in best]
         text = f"{name} is {_range(values)}\u00a0{unit} per axle"
-        widths = [w for w in (_relative_half_width(e) for e in best) if math.isfinite(w)]
+        widths = [w for w in (relative_half_width(e) for e in best) if math.isfinite(w)]
         kinds = list(dict.fromkeys(e.kind for e in best))
         if widths:
             ends = dict.fromkeys(f"\u00b1{percent(w)}" for w in (min(widths), max(widths)))
@@ -150,54 +128,6 @@ def _wheel_loads(results: Results) -> list[str]:
     return sentences
 
 
-def _against(results: Results) -> list[str]:
-    sentences = []
-    # Least squares have a sentence of their own.
-    no_fit = results.fit is not None and not results.fit.converged
-    if results.status == "preview":
-        sentences.append("This is a preview with shortened sampling. Its intervals are not reliable.")
-    elif results.status == "not_converged" and results.posterior is not None and not no_fit:
-        why = results.posterior.message.rstrip(".")
-        sentences.append("The calibration has not converged" + (f": {why}." if why else "."))
-    if results.fit is None:
-        sentences.append(
-            "The drop values are starting points: tires in series and coupled axles bias equations (1)–(3)."
-            if results.drops is not None
-            else "No stage that estimates k and c has run yet."
-        )
-    elif not results.fit.converged:
-        sentences.append(f"The least-squares fit did not converge: {results.fit.message.rstrip('.')}.")
-    return sentences
-
-
-def _unexplained(results: Results) -> list[str]:
-    if results.fit is None or not is_misfit(results.fit.misfit):
-        return []
-    return [
-        f"Do not bet on these intervals: the residuals are {number(results.fit.misfit, 2)} times the noise (median "
-        "over channels). The truck does something that the model does not describe, and values may be wrong by "
-        "more than their intervals. The figures of measured and simulated signals show where."
-    ]
-
-
-def _cautions(results: Results) -> list[str]:
-    sentences = [] if results.fit is None else list(results.fit.proposals)
-    if results.fit is not None and results.posterior is None:
-        sentences.append("The posterior has not been sampled: intervals come from the least-squares covariance.")
-    if unidentified := _unidentified(results):
-        sentences.append(f"The data do not determine {listing(unidentified)}: these values repeat the prior.")
-    if wide := _wide(results):
-        sentences.append(f"The 90\u00a0% interval is wider than \u00b1{percent(WIDE)} for {listing(wide)}.")
-    if results.validation is not None and (rows := results.validation.channels):
-        bad = [r for r in rows if is_misfit(r.residual_over_noise)]
-        if bad:
-            sentences.append(
-                f"In {len(bad)} of {count(len(rows), 'channel record')} the residual is at least {MISFIT:g} times "
-                "what the sensor shows before the bump: there the model, not the noise, limits the accuracy."
-            )
-    return sentences + stops.cautions(results)
-
-
 def _todo(results: Results) -> list[str]:
     steps = []
     if results.fit is None:
@@ -226,13 +156,13 @@ def _todo(results: Results) -> list[str]:
             f"For {listing(axles)} no drop gives a decrement; repeat the drops towed and with the engine off, or rely "
             "on the fitted values."
         )
-    if unidentified := _unidentified(results):
+    if unidentified := unidentified_values(results):
         steps.append(f"Add runs at another speed or load to identify {listing(unidentified)}.")
     if results.advice is not None and results.advice.statements:
         steps.append(" ".join(results.advice.statements[:2]))
     elif unidentified:
         steps.append("Run the stage 'advise': it says which further run or sensor would help most.")
-    steps += stops.remedies(results)
+    steps += pass_limits.remedies(results)
     if results.fit is not None and results.predictions is None and results.campaign.predictions:
         steps.append("Run the stage 'predict' for the wheel loads of the passes in the campaign file.")
     if results.status == "converged" and results.posterior is not None:
@@ -244,41 +174,11 @@ def _todo(results: Results) -> list[str]:
     return steps
 
 
-def _best_rows(results: Results) -> list[tuple[str, AxleEstimates, Estimate]]:
-    rows: list[tuple[str, AxleEstimates, Estimate]] = []
-    for quantity, name, _ in _QUANTITIES:
-        symbol = name[-1]
-        for row in suspension_values(results, quantity):
-            if row.best is not None:
-                rows.append(
-                    (
-                        f"{symbol} of axle {row.axle + 1}" + (f" ({row.load_case})" if row.load_case else ""),
-                        row,
-                        row.best,
-                    )
-                )
-    return rows
-
-
-def _unidentified(results: Results) -> list[str]:
-    return [] if results.fit is None else [name for name, _, best in _best_rows(results) if not best.identified]
-
-
-def _wide(results: Results) -> list[str]:
-    if results.fit is None:
-        return []
-    return [name for name, _, best in _best_rows(results) if best.identified and _relative_half_width(best) > WIDE]
-
-
 def _axles_without_drops(results: Results) -> list[str]:
     if results.drops is None:
         return []
     pooled = [e for e in results.drops.pooled if e.method == "paper"]
     return [f"axle {e.axle + 1}" for e in pooled if not e.usable]
-
-
-def _relative_half_width(e: Estimate) -> float:
-    return (e.high - e.low) / 2.0 / abs(e.value) if e.value else math.nan
 
 
 def _range(values: list[float]) -> str:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from sysid.estimates.records import Estimates
+    from sysid.estimates.suspension_values import AxleEstimates, Quantity
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.fit.profiles import ProfileLikelihood
     from sysid.estimation.parameters.rockers import LoadShare
@@ -95,6 +96,10 @@ class Results(Tabular):
 
         text = parameter_table(self.campaign.vehicle.axles, self.fit, self.posterior, self.trust)
         return pd.read_csv(io.StringIO(text))
+
+    def suspension(self, quantity: Quantity) -> tuple[AxleEstimates, ...]:
+        """Estimates of stiffness or damping of every axle, front to rear; none before any stage has estimated them."""
+        return () if self.estimates is None else self.estimates.suspension(quantity)
 
     @property
     def all_warnings(self) -> tuple[str, ...]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from sysid.report.verdict import judge
 from sysid.results.contents import Results, Status
+from sysid.results.judgement import judge
 from sysid.vehicle_model.engine import engine_versions
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.runner import Runner

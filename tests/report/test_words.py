@@ -9,10 +9,11 @@ from small_results import Words, before_sampling, campaign_only, small_fit, smal
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.parameters.rockers import LoadShare
 from sysid.estimation.parameters.undeclared_parts import UndeclaredFrame
+from sysid.numbers import decimals, fixed, interval, listing, number, percent
 from sysid.prediction.trust import Extrapolation
 from sysid.report.figures import representative_run
-from sysid.report.numbers import decimals, fixed, interval, listing, number, percent
-from sysid.report.verdict import judge, verdict
+from sysid.report.verdict import verdict
+from sysid.results.judgement import judge
 
 FRAME = UndeclaredFrame("trailer", 8.0, 7.9, 8.1)
 ROCKER = LoadShare("rocker 1", (0, 1), 0.8, 0.75, 0.85)

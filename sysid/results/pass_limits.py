@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sysid.report.numbers import listing, speed
+from sysid.numbers import listing, speed
 from sysid.results.contents import Results
 
 if TYPE_CHECKING:
