@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid.campaign.quality import check_quality
+from sysid.campaign.quality.check import check_quality
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.state import FitState, fit_point

@@ -18,7 +18,7 @@ from scipy.stats import norm
 
 from studies.coverage.shards import Record
 from studies.independent.case import ROOT, draw
-from sysid.campaign.quality import check_quality
+from sysid.campaign.quality.check import check_quality
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.fit_result import FitResult

@@ -11,7 +11,7 @@ import numpy as np
 from click.testing import CliRunner
 
 from studies.first_look.variants import Written
-from sysid.campaign.todo import find_doubts, find_todos
+from sysid.campaign.toml.todo import find_doubts, find_todos
 from sysid.cli.main import cli
 from sysid.first_look import SensorGuess, campaign_text, first_look
 

@@ -13,9 +13,9 @@ from sysid.bookkeeping.names import name_complaints
 from sysid.bookkeeping.places import place_complaints
 from sysid.bookkeeping.sensors import place_of_frame_sensors, sensor_complaints
 from sysid.bookkeeping.wheels import bump_complaints, filter_complaint, tire_complaint
-from sysid.campaign.arrivals import find_passage
 from sysid.campaign.findings import QualityReport, RunSpeed, ScanFinding
-from sysid.campaign.passage_speed import believed_speed
+from sysid.campaign.passage.arrivals import find_passage
+from sysid.campaign.passage.speed import believed_speed
 from sysid.campaign.records import Campaign, Scan
 from sysid.errors import DataRejectedError
 from sysid.road.road_profile import RoadProfile, ScanAnalysis

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sysid.campaign.arrivals import Passage
-from sysid.campaign.passage_speed import DOUBTFUL, believed_speed
+from sysid.campaign.passage.arrivals import Passage
+from sysid.campaign.passage.speed import DOUBTFUL, believed_speed
 from sysid.campaign.records import BumpRun
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.wording import shorten

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid import limits
-from sysid.campaign.exchanges import quoted
+from sysid.campaign.quality.exchanges import quoted
+from sysid.campaign.quality.sensor_trios import Trio, trios
 from sysid.campaign.records import BumpRun, Channel, Sensor
-from sysid.campaign.sensor_trios import Trio, trios
 from sysid.campaign.vehicle_records import Vehicle
 
 #: Below, drift; above, the deflection's noise, differentiated twice, is larger than the motion.

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from sysid.campaign.arrivals import HIGH_PASS_HZ, Passage, integrated
+from sysid.campaign.passage.arrivals import HIGH_PASS_HZ, Passage, integrated
 from sysid.campaign.records import AntiAliasFilter, BumpRun, Channel
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.road.road_profile import RoadProfile

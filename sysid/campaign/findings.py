@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from sysid.campaign.clocks.settings import ClockFinding
+from sysid.campaign.loggers import ClockFinding
 from sysid.tabular import Tabular, records_table
 
 if TYPE_CHECKING:

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid import limits
-from sysid.campaign import paths
 from sysid.campaign.clocks.common import on_common_clock
-from sysid.campaign.clocks.settings import ClockFinding
-from sysid.campaign.named_files import NamedFiles
+from sysid.campaign.inputs import paths
+from sysid.campaign.inputs.named_files import NamedFiles
+from sysid.campaign.inputs.run_logs import RunLogs, log_writing
+from sysid.campaign.loggers import ClockFinding
 from sysid.campaign.priors import NamedPrior
 from sysid.campaign.records import (
     Acquisition,
@@ -26,18 +27,17 @@ from sysid.campaign.records import (
     Scan,
     Sensor,
 )
-from sysid.campaign.run_logs import RunLogs, log_writing
-from sysid.campaign.stand_ins import with_stand_ins
 from sysid.campaign.statics import check_statics
-from sysid.campaign.todo import refuse_todos
+from sysid.campaign.toml.stand_ins import with_stand_ins
+from sysid.campaign.toml.todo import refuse_todos
 from sysid.campaign.units import angle_rad, si_factor, speed_m_s
 from sysid.errors import CampaignError
 from sysid.logs.input_file import InputFile
 from sysid.wording import shorten
 
 if TYPE_CHECKING:
-    from sysid.campaign import schema as s
-    from sysid.campaign.vehicle_tables import VehicleReader
+    from sysid.campaign.toml import schema as s
+    from sysid.campaign.toml.vehicle_tables import VehicleReader
 
 PointCloudReader = Callable[[InputFile, str], np.ndarray]
 ProfileReader = Callable[[InputFile, float, str], BumpShape]
@@ -66,8 +66,8 @@ def read_campaign(
     planned
         Take logs that do not exist for tests that are still to come: one blank reading of every declared sensor.
     unfinished
-        Take a file with values that are still to be filled in, with :func:`sysid.campaign.stand_ins.with_stand_ins`:
-        for the check of its logs only.
+        Take a file with values that are still to be filled in, for the check of its logs only:
+        :func:`sysid.campaign.toml.stand_ins.with_stand_ins`.
 
     Returns
     -------
@@ -82,8 +82,8 @@ def read_campaign(
         If a log or scan cannot be read, or the clock of a logger is outside of its declared bounds.
     """
     # pydantic takes a third of a second to import; those who only need the records do not pay for it.
-    from sysid.campaign.toml_errors import parse_toml, validate
-    from sysid.campaign.vehicle_tables import VehicleReader
+    from sysid.campaign.toml.errors import parse_toml, validate
+    from sysid.campaign.toml.vehicle_tables import VehicleReader
 
     content = paths.campaign_file(path)
     file = content.path

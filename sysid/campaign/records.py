@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from sysid.campaign.clocks.settings import ClockFinding
+from sysid.campaign.loggers import ClockFinding
 from sysid.campaign.priors import NamedPrior
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from sysid.campaign.todo import find_doubts, find_todos
-from sysid.campaign.toml_errors import parse_toml
+from sysid.campaign.toml.errors import parse_toml
+from sysid.campaign.toml.todo import find_doubts, find_todos
 from sysid.cli.guarded import guarded
 from sysid.cli.invocation import program
 from sysid.cli.progress import StageProgress

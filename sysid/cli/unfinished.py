@@ -8,10 +8,10 @@ from typing import Any
 
 from rich.console import Console
 
-from sysid.campaign.paths import campaign_file
-from sysid.campaign.quality import check_quality
+from sysid.campaign.inputs.paths import campaign_file
+from sysid.campaign.quality.check import check_quality
 from sysid.campaign.read import read_campaign
-from sysid.campaign.todo import Doubt, Todo, find_doubts, find_todos
+from sysid.campaign.toml.todo import Doubt, Todo, find_doubts, find_todos
 from sysid.cli.guarded import guarded
 from sysid.cli.invocation import program, tell
 from sysid.cli.stages import console, run_stage
@@ -36,7 +36,7 @@ def run_check(campaign: Path, output: Path, **choices: Any) -> int:
 
 
 def _left(campaign: Path) -> tuple[tuple[Todo, ...], tuple[Doubt, ...]]:
-    from sysid.campaign.toml_errors import parse_toml
+    from sysid.campaign.toml.errors import parse_toml
 
     content = campaign_file(campaign)
     tables = parse_toml(content.data, content.name)

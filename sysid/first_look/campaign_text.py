@@ -6,9 +6,9 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from sysid.campaign.todo import CONFIRM
+from sysid.campaign.toml.text import banner, commented, quoted, section, todo, toml_key, value_text
+from sysid.campaign.toml.todo import CONFIRM
 from sysid.first_look.records import EntryGuess, FirstLook, SeenLog, SensorGuess
-from sysid.first_look.toml_text import banner, commented, quoted, section, todo, toml_key, value_text
 from sysid.first_look.vehicle_text import axle_name, body_name, load_case_text, position_of, vehicle_text
 from sysid.wording import shorten
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.campaign import defects
+from sysid.campaign.quality import defects
+from sysid.campaign.quality.sensor_trios import BAND_HZ, PAIR_BAND_HZ, arrival, first_lift
 from sysid.campaign.records import Channel, Sensor
-from sysid.campaign.sensor_trios import BAND_HZ, PAIR_BAND_HZ, arrival, first_lift
 from sysid.logs.channels import RawChannel
 
 #: Wheel hop [Hz], where an axle moves more than the frame above it.
@@ -149,7 +149,7 @@ def _spectra(
     channels: Sequence[Channel], grid: np.ndarray, step: float, band_hz: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Columns as accelerations and as deflections differentiated twice, at the level of velocity (see
-    :func:`sysid.campaign.sensor_trios.fit_factors`): real and imaginary parts (2 F, n)."""
+    :func:`sysid.campaign.quality.sensor_trios.fit_factors`): real and imaginary parts (2 F, n)."""
     good = [np.isfinite(c.value) for c in channels]
     values = np.stack([np.interp(grid, c.time_s[g], c.value[g]) for c, g in zip(channels, good, strict=True)], axis=1)
     window = np.ones(grid.size)

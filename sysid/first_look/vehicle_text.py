@@ -6,10 +6,10 @@ import textwrap
 from collections.abc import Mapping
 from typing import Any
 
-from sysid.campaign.todo import CONFIRM
+from sysid.campaign.toml.text import banner, commented, quoted, section, todo, toml_key, value_text
+from sysid.campaign.toml.todo import CONFIRM
 from sysid.first_look.records import FirstLook
 from sysid.first_look.templates import Template
-from sysid.first_look.toml_text import banner, commented, quoted, section, todo, toml_key, value_text
 
 _NO_LOAD_CASE = f"{CONFIRM}: no path says a load case, so all drops and runs are taken for one"
 #: Standard deviations of mass properties that nobody has measured: assumptions.

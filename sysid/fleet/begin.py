@@ -5,9 +5,9 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
+from sysid.campaign.toml.text import quoted
 from sysid.errors import CampaignError
 from sysid.files import read_bytes
-from sysid.first_look.toml_text import quoted
 from sysid.fleet.read import CAMPAIGN_FILE, campaign_folders, result_name
 from sysid.wording import shorten
 

@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from sysid import limits
-from sysid.campaign.paths import check_name
-from sysid.campaign.todo import refuse_todos
-from sysid.campaign.toml_errors import parse_toml, validated
+from sysid.campaign.inputs.paths import check_name
+from sysid.campaign.toml.errors import parse_toml, validated
+from sysid.campaign.toml.todo import refuse_todos
 from sysid.errors import CampaignError
 from sysid.fleet.records import Fleet, FleetCampaign, SharedError, Truck
 from sysid.fleet.schema import FleetFile, SharedEntry, TruckEntry

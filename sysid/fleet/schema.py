@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, StrictStr
 
-from sysid.campaign.schema_fields import TEXT_LENGTH, Name, PathText, Table
+from sysid.campaign.toml.schema_fields import TEXT_LENGTH, Name, PathText, Table
 
 _LETTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-")
 Quantity = Literal["stiffness", "damping", "tire_stiffness"]

@@ -17,7 +17,8 @@ import numpy as np
 
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import BumpRun, Campaign
-from sysid.campaign.toml_errors import parse_toml
+from sysid.campaign.toml.errors import parse_toml
+from sysid.campaign.toml.text import quoted, toml_key, value_text
 from sysid.campaign.units import si_factor
 from sysid.errors import CampaignError
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
@@ -25,7 +26,6 @@ from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.files import write_text
-from sysid.first_look.toml_text import quoted, toml_key, value_text
 from sysid.fleet.read import CAMPAIGN_FILE, FLEET_FILE
 from sysid.progress import Progress, unwatched
 from sysid.road.point_cloud import read_point_cloud

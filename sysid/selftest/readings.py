@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
-from sysid.campaign.quality import check_quality
+from sysid.campaign.quality.check import check_quality
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor
 from sysid.estimation.residuals.bump_model import GAIN_SD, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion

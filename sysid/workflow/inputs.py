@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 from sysid.campaign.findings import QualityReport
-from sysid.campaign.quality import check_quality
+from sysid.campaign.quality.check import check_quality
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
 from sysid.estimation.parameters.checked_priors import check_priors

@@ -15,8 +15,9 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from sysid.bookkeeping import check_bookkeeping
-from sysid.campaign import read_campaign, suspects
-from sysid.campaign.quality import check_quality
+from sysid.campaign import read_campaign
+from sysid.campaign.quality import suspects
+from sysid.campaign.quality.check import check_quality
 from sysid.campaign.records import Campaign, Channel
 from sysid.road.point_cloud import read_point_cloud
 

@@ -11,8 +11,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sysid.campaign import Sensor, logs, read_log
-from sysid.campaign.logs import LogWriting
+from sysid.campaign import Sensor, read_log
+from sysid.campaign.inputs import logs
+from sysid.campaign.inputs.logs import LogWriting
 from sysid.errors import DataRejectedError
 from sysid.logs.channels import Clock, LogContent, RawChannel
 from sysid.logs.input_file import InputFile

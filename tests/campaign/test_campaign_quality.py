@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sysid.campaign import Campaign, Channel, Log, check_quality, quality_table, read_campaign
-from sysid.campaign.defects import clip_levels, spikes
+from sysid.campaign.quality.defects import clip_levels, spikes
 from sysid.wording import say_once
 
 RUN = "bump_runs/case1_unloaded_16kmh_run1.csv"

@@ -8,7 +8,7 @@ import numpy as np
 from rigid_truck import campaign, empty_run
 
 from sysid.campaign.clocks.moved import on_moved_clocks
-from sysid.campaign.clocks.settings import ClockFinding
+from sysid.campaign.loggers import ClockFinding
 
 #: The rate turns about 0.5 + 0.2 = 0.7 s of the run.
 FOUND = ClockFinding("a.csv", "b.csv", "b", "motion", 0.2, 1e-3, 0.5, 0.0, 1e-4)

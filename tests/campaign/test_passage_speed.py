@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from sysid.campaign import read_campaign
-from sysid.campaign.arrivals import find_passage
-from sysid.campaign.passage_speed import passage_speed, speed_complaint
-from sysid.campaign.quality import check_quality
+from sysid.campaign.passage.arrivals import find_passage
+from sysid.campaign.passage.speed import passage_speed, speed_complaint
+from sysid.campaign.quality.check import check_quality
 from sysid.campaign.records import BumpRun, Channel, Log, Sensor
 from sysid.campaign.vehicle_records import Axle, Body, Vehicle
 

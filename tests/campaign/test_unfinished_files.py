@@ -13,10 +13,10 @@ import pytest
 from click.testing import CliRunner
 
 from sysid.campaign.read import read_campaign
-from sysid.campaign.stand_ins import with_stand_ins
-from sysid.campaign.todo import find_doubts, find_todos, refuse_todos
-from sysid.campaign.toml_errors import validate
-from sysid.campaign.vehicle_tables import VehicleReader
+from sysid.campaign.toml.errors import validate
+from sysid.campaign.toml.stand_ins import with_stand_ins
+from sysid.campaign.toml.todo import find_doubts, find_todos, refuse_todos
+from sysid.campaign.toml.vehicle_tables import VehicleReader
 from sysid.cli.main import cli
 from sysid.errors import CampaignError
 

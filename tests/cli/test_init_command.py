@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from sysid import limits
-from sysid.campaign.todo import find_doubts, find_todos
+from sysid.campaign.toml.todo import find_doubts, find_todos
 from sysid.cli.main import cli
 
 DATA = Path(__file__).resolve().parents[2] / "data"

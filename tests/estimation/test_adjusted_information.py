@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from synthetic_fit import synthetic_fit
 
-from sysid.campaign.clocks.settings import ClockFinding
+from sysid.campaign.loggers import ClockFinding
 from sysid.estimation.fit.joint_optimum import NEAR_SD
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.residuals.bump_model import bump_model

@@ -11,8 +11,8 @@ import pytest
 from studies.first_look.judging import Score, judged
 from studies.first_look.variants import VARIANTS, Variant, write_variant
 from sysid.campaign.statics import check_statics
-from sysid.campaign.toml_errors import validate
-from sysid.campaign.vehicle_tables import VehicleReader
+from sysid.campaign.toml.errors import validate
+from sysid.campaign.toml.vehicle_tables import VehicleReader
 from sysid.cli.main import cli
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.first_look import campaign_text, first_look, template, template_names

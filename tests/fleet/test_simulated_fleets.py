@@ -11,7 +11,7 @@ import pytest
 
 from studies.fleets.simulated import NAMES, outliers, replicate, simulate
 from studies.fleets.table import alarms, coverage, found, rms, tables, write
-from sysid.campaign.quality import check_quality
+from sysid.campaign.quality.check import check_quality
 from sysid.campaign.read import read_campaign
 from sysid.errors import CampaignError
 from sysid.fleet.read import read_fleet

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from sysid import limits
 from sysid.campaign import Sensor, read_campaign, read_log
-from sysid.campaign.toml_bounds import check_bounds
+from sysid.campaign.toml.bounds import check_bounds
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.logs.input_file import FileRefusedError, InputFile, read_file, read_file_inside
 

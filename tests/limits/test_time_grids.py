@@ -10,8 +10,8 @@ import pytest
 
 from sysid import limits
 from sysid.campaign import Sensor, read_log
+from sysid.campaign.quality.sensor_trios import _common_grid
 from sysid.campaign.records import Channel
-from sysid.campaign.sensor_trios import _common_grid
 from sysid.errors import DataRejectedError
 from sysid.sdof import read_decay
 from sysid.sdof.time_grid import even_times

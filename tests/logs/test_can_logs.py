@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sysid.campaign.logs import LogWriting, read_log
+from sysid.campaign.inputs.logs import LogWriting, read_log
 from sysid.campaign.records import Sensor
 from sysid.errors import DataRejectedError
 from sysid.logs.channels import LogRequest

@@ -54,7 +54,7 @@ def test_every_channel_keeps_its_own_time() -> None:
 
 def test_two_rates_tell_a_wrong_unit_as_one_rate_does() -> None:
     """The comparison of sensors meets channels of different length."""
-    from sysid.campaign.sensor_trios import fit_factors
+    from sysid.campaign.quality.sensor_trios import fit_factors
 
     slow, fast = STEP_S * np.arange(1200), 0.001 * np.arange(6100)
 
@@ -165,7 +165,7 @@ def test_hdf5_that_promises_more_than_is_read(tmp_path: Path) -> None:
 def test_cells_of_a_sheet() -> None:
     rows = [["truck 7"], ["time", "q_mm"], ["s", "mm"]] + [[STEP_S * k, float(k % 7)] for k in range(40)]
     rows[8][1] = "#N/A"
-    from sysid.campaign.logs import LogWriting
+    from sysid.campaign.inputs.logs import LogWriting
 
     def sheet(writing):
         return read_log(InputFile(Path("log.xlsx"), xlsx(rows)), "log.xlsx", [Q], STEP_S, writing)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sysid.campaign import Sensor, read_log
-from sysid.campaign.logs import LogWriting
+from sysid.campaign.inputs.logs import LogWriting
 from sysid.errors import DataRejectedError
 from sysid.logs.input_file import InputFile
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from sysid.campaign import schema
+from sysid.campaign.toml import schema
+from sysid.campaign.toml.vehicle_tables import VehicleReader
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
-from sysid.campaign.vehicle_tables import VehicleReader
 from sysid.first_look.templates import template_text
 
 FOLDER = Path(__file__).resolve().parents[1] / "data" / "vehicles"

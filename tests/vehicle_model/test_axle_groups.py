@@ -16,9 +16,9 @@ from hand_written_truck import relative_rms
 from scipy.integrate import solve_ivp
 from scipy.linalg import null_space
 
-from sysid.campaign.groups import check_groups
 from sysid.campaign.priors import PriorOverride
 from sysid.campaign.statics import static_equilibrium
+from sysid.campaign.toml.groups import check_groups
 from sysid.campaign.vehicle_records import Axle, AxleGroup, Body, LoadCase, Vehicle
 from sysid.errors import CampaignError
 from sysid.vehicle_model.assembly import assemble, coordinate_names

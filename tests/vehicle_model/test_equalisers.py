@@ -13,7 +13,7 @@ from rigid_truck import AXLES, DAMPING, EMPTY, STIFFNESS, VEHICLE
 from scipy.linalg import eig
 from simulated_truck import per_axle, simulated_truck, truck_model
 
-from sysid.campaign.groups import check_groups
+from sysid.campaign.toml.groups import check_groups
 from sysid.campaign.vehicle_records import AxleGroup, Equaliser, Vehicle
 from sysid.errors import CampaignError, SysidError
 from sysid.vehicle_model.assembly import assemble

@@ -12,8 +12,8 @@ from synthetic_campaign import Physics, bump_height, main, true_vehicle, write_c
 from vehicles import NAMES, example_vehicle
 
 from sysid.campaign import check_quality, read_campaign
-from sysid.campaign.schema import CampaignFile
 from sysid.campaign.statics import check_statics
+from sysid.campaign.toml.schema import CampaignFile
 from sysid.road import analyse_scan, read_point_cloud
 from sysid.vehicle_model.vibration_modes import natural_modes
 

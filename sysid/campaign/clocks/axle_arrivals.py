@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sysid.campaign.arrivals import find_passage, first_arrival
 from sysid.campaign.clocks.motion import Lag
+from sysid.campaign.passage.arrivals import find_passage, first_arrival
 from sysid.campaign.records import BumpRun, Channel
 from sysid.campaign.vehicle_records import Vehicle
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from sysid.campaign.clocks.axle_arrivals import arrival_lag
 from sysid.campaign.clocks.motion import Lag, motion_lag
-from sysid.campaign.clocks.settings import ClockFinding, ClockMethod, Logger
 from sysid.campaign.clocks.sync import sync_lag
-from sysid.campaign.log_sides import join_sides
-from sysid.campaign.quality import screened
+from sysid.campaign.inputs.log_sides import join_sides
+from sysid.campaign.loggers import ClockFinding, ClockMethod, Logger
+from sysid.campaign.quality.check import screened
 from sysid.campaign.records import BumpRun, Channel, Log
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.errors import DataRejectedError

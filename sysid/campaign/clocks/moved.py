@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sysid.campaign.clocks.settings import ClockFinding
+from sysid.campaign.loggers import ClockFinding
 from sysid.campaign.records import BumpRun, Campaign
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.arrays import RunsByChannels, UnknownsOfFit
-from sysid.campaign.clocks.settings import ClockFinding
+from sysid.campaign.loggers import ClockFinding
 from sysid.estimation.fit.minimiser import Minimum
 from sysid.estimation.residuals.problem import Problem
 

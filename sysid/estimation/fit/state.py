@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
 from sysid.campaign.clocks.moved import on_moved_clocks
-from sysid.campaign.clocks.settings import ClockFinding
+from sysid.campaign.loggers import ClockFinding
 from sysid.campaign.records import Campaign
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.parameters.undeclared_parts import NO_PARTS, UndeclaredParts

@@ -13,7 +13,7 @@ from sysid.workflow.stages.cells import finite_cell, value_cell
 from sysid.workflow.stages.data import CHECK, DROPS, SCAN
 
 if TYPE_CHECKING:
-    from sysid.campaign.clocks.settings import ClockFinding
+    from sysid.campaign.loggers import ClockFinding
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.fit.profiles import ProfileLikelihood
     from sysid.estimation.fit.state import FitPoint, FitState

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from sysid.campaign.todo import MARK
+from sysid.campaign.toml.todo import MARK
 
 _BARE = re.compile(r"^[A-Za-z0-9_-]+$")
 #: Comments stand in one column where the lines before them are no longer than this.

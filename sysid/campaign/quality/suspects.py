@@ -8,11 +8,11 @@ from itertools import product
 
 import numpy as np
 
-from sysid.campaign import defects
-from sysid.campaign.arrivals import find_passage
-from sysid.campaign.exchanges import Suspicion, accuse, find_exchanges, inverted_axles, quoted
+from sysid.campaign.passage.arrivals import find_passage
+from sysid.campaign.quality import defects
+from sysid.campaign.quality.exchanges import Suspicion, accuse, find_exchanges, inverted_axles, quoted
+from sysid.campaign.quality.sensor_trios import Fit, Trio, arrival, first_lift, fit_factors, trios
 from sysid.campaign.records import Channel, Log, Sensor
-from sysid.campaign.sensor_trios import Fit, Trio, arrival, first_lift, fit_factors, trios
 from sysid.campaign.units import si_factor
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.wording import shorten

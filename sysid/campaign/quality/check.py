@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sysid.campaign import defects
-from sysid.campaign.copies import copied_columns, copied_logs
-from sysid.campaign.exchanges import Suspicion
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
-from sysid.campaign.passage_speed import speed_complaint
+from sysid.campaign.passage.speed import speed_complaint
+from sysid.campaign.quality import defects
+from sysid.campaign.quality.copies import copied_columns, copied_logs
+from sysid.campaign.quality.exchanges import Suspicion
+from sysid.campaign.quality.suspects import axles_shown_falling, suspicions
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop
-from sysid.campaign.suspects import axles_shown_falling, suspicions
 from sysid.campaign.units import si_factor
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.wording import say_once, shorten

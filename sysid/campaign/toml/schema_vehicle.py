@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, StrictBool, StrictStr, model_validator
 
-from sysid.campaign.schema_fields import (
+from sysid.campaign.toml.schema_fields import (
     Height,
     Inertia,
     Length,
@@ -22,7 +22,7 @@ from sysid.campaign.schema_fields import (
     Table,
     Travel,
 )
-from sysid.campaign.schema_priors import PriorsTable
+from sysid.campaign.toml.schema_priors import PriorsTable
 
 
 class FrameShapeTable(Table):

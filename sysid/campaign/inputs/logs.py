@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid.campaign.log_clocks import CleanClock, clean_clock
-from sysid.campaign.log_sides import join_sides
+from sysid.campaign.inputs.log_clocks import CleanClock, clean_clock
+from sysid.campaign.inputs.log_sides import join_sides
 from sysid.campaign.records import Channel, Log, Sensor
 from sysid.campaign.units import contradiction, si_factor
 from sysid.errors import DataRejectedError

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from sysid.campaign.schema_fields import Positive, Table
+from sysid.campaign.toml.schema_fields import Positive, Table
 from sysid.display import Z90
 
 

@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sysid.campaign.clocks.settings import Logger
-from sysid.campaign.logs import LogWriting
-from sysid.campaign.named_files import NamedFiles
+from sysid.campaign.inputs.logs import LogWriting
+from sysid.campaign.inputs.named_files import NamedFiles
+from sysid.campaign.loggers import Logger
 from sysid.campaign.records import Log, Sensor
 from sysid.errors import CampaignError
 from sysid.wording import finish, nearest, shorten
 
 if TYPE_CHECKING:
-    from sysid.campaign import schema as s
-    from sysid.campaign.schema_loggers import LoggerTable, LogTable
+    from sysid.campaign.toml import schema as s
+    from sysid.campaign.toml.schema_loggers import LoggerTable, LogTable
 
 
 def log_writing(common: LogTable, *specific: LogTable, sync: str | None = None) -> LogWriting:

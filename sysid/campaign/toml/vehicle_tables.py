@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-from sysid.campaign.groups import check_groups
 from sysid.campaign.priors import PriorOverride
-from sysid.campaign.schema import CampaignFile
-from sysid.campaign.schema_vehicle import AxleTable, BodyTable, GroupTable, LoadCaseTable
+from sysid.campaign.toml.groups import check_groups
+from sysid.campaign.toml.schema import CampaignFile
+from sysid.campaign.toml.schema_vehicle import AxleTable, BodyTable, GroupTable, LoadCaseTable
 from sysid.campaign.units import pressure_pa
 from sysid.campaign.vehicle_records import (
     Axle,

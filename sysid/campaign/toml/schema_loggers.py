@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StrictBool
 
-from sysid.campaign.schema_fields import LogFormatName, Name, PathText, Table
+from sysid.campaign.toml.schema_fields import LogFormatName, Name, PathText, Table
 
 #: Loggers of one campaign.
 LOGGERS = 20

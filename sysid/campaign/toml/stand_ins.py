@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from typing import Any
 
-from sysid.campaign.todo import find_todos, is_todo
+from sysid.campaign.toml.todo import find_todos, is_todo
 
 #: Numbers that the check of the logs does not use, but the reader needs.
 _UNUSED: dict[str, Any] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid.campaign.arrivals import Passage, find_passage
+from sysid.campaign.passage.arrivals import Passage, find_passage
 from sysid.campaign.records import BumpRun, Channel
 from sysid.campaign.vehicle_records import Vehicle
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, StrictBool, StrictStr, model_validator
 
 from sysid import limits
-from sysid.campaign.schema_fields import (
+from sysid.campaign.toml.schema_fields import (
     TEXT_LENGTH,
     LengthUnit,
     Name,
@@ -18,9 +18,9 @@ from sysid.campaign.schema_fields import (
     SpeedKmH,
     Table,
 )
-from sysid.campaign.schema_loggers import LOGGERS, LoggerTable, LogTable
-from sysid.campaign.schema_priors import NamedPriorTable
-from sysid.campaign.schema_vehicle import LoadCaseTable, VehicleTable
+from sysid.campaign.toml.schema_loggers import LOGGERS, LoggerTable, LogTable
+from sysid.campaign.toml.schema_priors import NamedPriorTable
+from sysid.campaign.toml.schema_vehicle import LoadCaseTable, VehicleTable
 from sysid.campaign.units import unit_names
 from sysid.wording import nearest
 

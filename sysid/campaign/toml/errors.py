@@ -10,8 +10,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from sysid.campaign.schema import CampaignFile
-from sysid.campaign.toml_bounds import check_bounds
+from sysid.campaign.toml.bounds import check_bounds
+from sysid.campaign.toml.schema import CampaignFile
 from sysid.errors import CampaignError
 from sysid.wording import finish, nearest, shorten
 

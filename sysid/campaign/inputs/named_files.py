@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from sysid import limits
-from sysid.campaign import paths
-from sysid.campaign.logs import LogWriting, read_log
+from sysid.campaign.inputs import paths
+from sysid.campaign.inputs.logs import LogWriting, read_log
 from sysid.campaign.records import Channel, Log, Sensor
 from sysid.errors import DataRejectedError
 from sysid.logs.input_file import InputFile

@@ -8,8 +8,8 @@ from itertools import combinations
 
 import numpy as np
 
+from sysid.campaign.quality.sensor_trios import Fit, Trio, arrival, fit_factors, hop_size
 from sysid.campaign.records import Channel, Sensor
-from sysid.campaign.sensor_trios import Fit, Trio, arrival, fit_factors, hop_size
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.wording import shorten
 

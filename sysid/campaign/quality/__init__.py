@@ -1,0 +1,1 @@
+"""What each log and channel shows by itself and beside its neighbours."""
