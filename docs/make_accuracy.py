@@ -9,6 +9,9 @@ and `truth.toml`: `data` (the default, for docs/accuracy.md) or `examples/linear
 from __future__ import annotations
 
 import json
+import os
+import platform
+import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable
@@ -208,6 +211,16 @@ def coverage(rows: list[tuple[dict[str, Any], float]]) -> str:
     return f"{held} of {len(sampled)}, the worst median is {worst:.1f} sd off"
 
 
+def origin(result: dict[str, Any]) -> str:
+    """Which code made the results, and on what kind of machine this page is written."""
+    code = f"sysid {result['versions']['sysid']}"
+    git = ["git", "-C", str(ROOT), "log", "-1", "--format=%h"]
+    found = subprocess.run(git, capture_output=True, text=True, check=False)
+    if found.returncode == 0:
+        code += f", commit {found.stdout.strip()}"
+    return f"Made by {code}, on {os.cpu_count()} cores ({platform.machine()})."
+
+
 def document(heading: str, result: dict[str, Any], campaign: dict[str, Any], truth: dict[str, Any]) -> str:
     """The text of the page."""
     suspension, friction = suspension_pairs(result, truth), friction_pairs(result, truth)
@@ -239,7 +252,9 @@ def document(heading: str, result: dict[str, Any], campaign: dict[str, Any], tru
         "",
         *INTRODUCTION,
         "",
-        f"Status {result['status'].replace('_', ' ')}, seed {result['seed']}. Time: {stages}.",
+        f"Status {result['status'].replace('_', ' ')}, seed {result['seed']}. {origin(result)}",
+        "",
+        f"Time of the stages, which depends on what else the machine does: {stages}.",
         "",
         "## In short",
         "",

@@ -53,6 +53,7 @@ def result_document(results: Results) -> dict[str, Any]:
         "verdict": None
         if results.judgement is None
         else {"trust": results.judgement.trust, "reasons": list(results.judgement.reasons)},
+        "versions": {str(k): str(v) for k, v in provenance.get("versions", {}).items()},
     }
 
 

@@ -55,6 +55,7 @@ def test_every_key_of_the_published_example_is_there():
         "schema", "campaign", "status", "seed", "inputs", "likelihood", "warnings", "timings", "drops", "parameters",
         "validation", "predictions",
     ]  # fmt: skip
+    assert document["versions"] == small_results().provenance["versions"]
     assert set(document["drops"][0]) == {
         "axle", "load_case", "file", "method", "stiffness", "damping", "stiffness_sd", "damping_sd", "damped_period",
         "log_decrement", "usable", "note", "damping_kind", "friction_force", "friction_force_sd", "quadratic_damping",
