@@ -96,7 +96,7 @@ def _scan_finding(name: str, scan: Scan, analysis: ScanAnalysis) -> ScanFinding:
         points=analysis.points,
         height_m=float(profile.height_m.max()),
         length_m=profile.length_m,
-        width_m=2.0 * analysis.strip_half_width_m,
-        heading_rad=analysis.heading_rad,
-        declared_heading_rad=scan.heading_rad,
+        width_m=2.0 * analysis.strip_half_width_m if analysis.scanned else None,
+        heading_rad=analysis.heading_rad if analysis.scanned else None,
+        declared_heading_rad=scan.heading_rad if analysis.scanned else None,
     )

@@ -57,7 +57,8 @@ class RunSpeed:
 class ScanFinding:
     """The bump of one scan: height, length along the road and width scanned [m]; direction of travel [rad].
 
-    `heading_rad` is square to the crest of the bump where that is near the declared one.
+    `heading_rad` is square to the crest of the bump where that is near the declared one. Width and headings are None
+    where heights along the road were measured in place of a cloud.
     """
 
     name: str
@@ -65,9 +66,9 @@ class ScanFinding:
     points: int
     height_m: float
     length_m: float
-    width_m: float
-    heading_rad: float
-    declared_heading_rad: float
+    width_m: float | None
+    heading_rad: float | None
+    declared_heading_rad: float | None
 
 
 @dataclass(frozen=True)

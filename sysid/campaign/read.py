@@ -61,8 +61,8 @@ def read_campaign(
         Function (file, unit) -> points (n, 3) [m] that reads a scan; without it scans hold no points.  The file has
         its content as `data` and can be used as a path.
     profile_reader
-        Function (file, lateral place [m], name) -> bump that reads the profile of a prediction; without it such bumps
-        have no stations.
+        Function (file, lateral place [m], name) -> bump that reads the profile of a prediction or of a bump that was
+        not scanned; without it such bumps have no stations.
     planned
         Take logs that do not exist for tests that are still to come: one blank reading of every declared sensor.
     unfinished
@@ -103,7 +103,7 @@ def read_campaign(
         raise CampaignError(f"{file.name}: {error}") from None
     files = NamedFiles(file, tables.acquisition.sample_interval_s, {file.name: content.sha256}, planned)
     reader = _TestReader(file, tables, vehicle, files)
-    scans = reader.scans(point_cloud_reader)
+    scans = reader.scans(point_cloud_reader, profile_reader)
     drops, (runs, clocks) = reader.plank_drops(), reader.bump_runs(scans)
     acquisition = tables.acquisition
     low_pass = acquisition.filter
@@ -139,27 +139,38 @@ class _TestReader:
     def _load_case(self, name: str, key: str) -> str:
         return self.vehicle.pick(name, list(self.vehicle.load_cases), f"{key}.load_case", "load case")
 
-    def scans(self, point_cloud_reader: PointCloudReader | None) -> dict[str, Scan]:
-        """Scan of every bump by its name; without a reader none has points.
+    def scans(
+        self, point_cloud_reader: PointCloudReader | None, profile_reader: ProfileReader | None
+    ) -> dict[str, Scan]:
+        """Scan of every bump by its name; without readers none has points or heights.
 
         Raises
         ------
         CampaignError
             If a file is missing, too large or outside the campaign's folder.
         DataRejectedError
-            If the reader cannot read a cloud.
+            If a reader cannot read a cloud or a profile.
         """
         result = {}
         for name, table in self.tables.scan.items():
             key = "scan" if len(self.tables.scan) == 1 and name == "bump" else f"scan.{name}"
-            content = self.files.content(table.file, f"{key}.file", limits.SCAN_BYTES)
-            points = (
-                np.empty((0, 3))
-                if point_cloud_reader is None
-                else point_cloud_reader(content, table.unit.replace("µ", "u"))
+            result[name] = (
+                self._levelled(name, key, table.profile, profile_reader)
+                if table.profile is not None
+                else self._cloud(name, key, table, point_cloud_reader)
             )
-            result[name] = Scan(name, paths.relative_name(table.file), angle_rad(table.heading_deg), points)
         return result
+
+    def _cloud(self, name: str, key: str, table: s.ScanTable, reader: PointCloudReader | None) -> Scan:
+        assert table.file is not None
+        assert table.heading_deg is not None
+        content = self.files.content(table.file, f"{key}.file", limits.SCAN_BYTES)
+        points = np.empty((0, 3)) if reader is None else reader(content, table.unit.replace("µ", "u"))
+        return Scan(name, paths.relative_name(table.file), angle_rad(table.heading_deg), points)
+
+    def _levelled(self, name: str, key: str, file: str, reader: ProfileReader | None) -> Scan:
+        content, label = self.files.content(file, f"{key}.profile", limits.PROFILE_BYTES), paths.relative_name(file)
+        return Scan(name, label, 0.0, np.empty((0, 3)), None if reader is None else reader(content, 0.0, label))
 
     def plank_drops(self) -> tuple[PlankDrop, ...]:
         """Plank drops with their logs, in the order of the file; of a lifted body one for every axle with sensors.

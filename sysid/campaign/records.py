@@ -151,12 +151,17 @@ class BumpRun:
 
 @dataclass(frozen=True)
 class Scan:
-    """Laser point cloud of one bump: `points_m` (n, 3), direction of travel counter-clockwise from +x [rad]."""
+    """Laser point cloud of one bump, or heights along the road that were measured by other means.
+
+    `points_m` (n, 3), direction of travel counter-clockwise from +x [rad]. With heights along the road, `levelled`,
+    there are no points.
+    """
 
     name: str
     file: str
     heading_rad: float
     points_m: np.ndarray
+    levelled: BumpShape | None = None
 
 
 @dataclass(frozen=True)

@@ -115,5 +115,6 @@ def _files(look: FirstLook) -> TextTable:
     for scan in look.scans[:_ROWS]:
         size = f"{scan.extent[0]:.3g} x {scan.extent[1]:.3g}"
         name = shorten(scan.file, 60)
-        table.add_row(name, scan.title.removeprefix("a "), f"{scan.points} points", "-", size, scan.unit, "scan")
+        count, kind = (f"{scan.points} heights", "profile") if scan.levelled else (f"{scan.points} points", "scan")
+        table.add_row(name, scan.title.removeprefix("a "), count, "-", size, scan.unit, kind)
     return table

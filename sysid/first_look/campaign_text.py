@@ -148,6 +148,10 @@ def _scans(look: FirstLook, prefix: str) -> str:
     for scan in look.scans:
         name = re.sub(r"\.[^.]*$", "", scan.file.rsplit("/", 1)[-1])
         title = "scan" if len(look.scans) == 1 else f"scan.{toml_key(name)}"
+        if scan.levelled:
+            size = f"{scan.points} heights, {scan.extent[0]:.3g} m long, {1e3 * scan.extent[1]:.0f} mm high"
+            parts.append(section(title, commented([(f"profile = {quoted(prefix + scan.file)}", size)])))
+            continue
         hint = ""
         if scan.heading_deg is not None:
             hint = f"; square to the crest it is {scan.heading_deg:.1f} or {scan.heading_deg + 180.0:.1f}"
@@ -162,7 +166,8 @@ def _scans(look: FirstLook, prefix: str) -> str:
     if not parts and any(e.kind == "bump_run" for e in look.tests):
         cloud = todo("point cloud of the bump, a file in the folder of this file")
         heading = todo("direction of travel [deg] counter-clockwise from +x of the scanner")
-        parts.append(section("scan", [f"file = {quoted(cloud)}", f"heading_deg = {quoted(heading)}"]))
+        without = "# without a scanner, in place of both: profile = a CSV file with the columns station_m and height_m"
+        parts.append(section("scan", [f"file = {quoted(cloud)}", f"heading_deg = {quoted(heading)}", without]))
     return banner("laser scan of the bump") + "\n" + "\n".join(parts) if parts else ""
 
 

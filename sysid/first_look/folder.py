@@ -15,7 +15,7 @@ from sysid.logs.registry import format_of
 from sysid.output_folder import has_control_characters
 from sysid.wording import shorten
 
-What = Literal["log", "scan", "other"]
+What = Literal["log", "scan", "profile", "other"]
 
 #: Suffixes of text that may be a log or a scan; other files without the mark of a format are not opened as text.
 _TEXT = frozenset((".csv", ".txt", ".tsv", ".asc", ".xyz", ".pts", ".dat", ".prn", ""))
@@ -111,6 +111,8 @@ def opened(folder: Path, name: str) -> FolderFile | None:
     head = text_head(content.data)
     if head is None:
         return FolderFile(name, content, "other", "a text without a table of numbers")
+    if head.is_profile:
+        return FolderFile(name, content, "profile", "heights along the road")
     if head.is_cloud:
         return FolderFile(name, content, "scan", "a text cloud")
     return FolderFile(name, content, "log", known.title, head)

@@ -30,7 +30,7 @@ from sysid.first_look.places import (
     named_axles,
 )
 from sysid.first_look.records import FirstLook, SeenLog, SeenScan
-from sysid.first_look.scans import seen_scan
+from sysid.first_look.scans import seen_profile, seen_scan
 from sysid.first_look.sensor_guesses import sensor_guesses, unused_columns
 from sysid.first_look.templates import Template, template, template_names
 from sysid.first_look.words import NameSays
@@ -96,6 +96,9 @@ def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, T
                 continue
             if file.what == "scan":
                 scans.append(seen_scan(file))
+                continue
+            if file.what == "profile":
+                scans.append(seen_profile(file))
                 continue
             columns = read_columns_of(file)
         except SysidError as error:

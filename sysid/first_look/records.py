@@ -48,7 +48,8 @@ class SeenLog:
 @dataclass(frozen=True)
 class SeenScan:
     """One point cloud: number of points, size along x and y in the unit of the file, the unit that its size suggests,
-    and the directions across the bump [deg] counter-clockwise from +x, None where no crest is seen."""
+    and the directions across the bump [deg] counter-clockwise from +x, None where no crest is seen. With `levelled` the
+    file holds heights along the road instead, `extent` is then length and height."""
 
     file: str
     title: str
@@ -56,6 +57,7 @@ class SeenScan:
     extent: tuple[float, float]
     unit: str
     heading_deg: float | None
+    levelled: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a point cloud shows without its heading: size, unit, and the line of the crest."""
+"""What a point cloud shows without its heading, and a profile: size, unit, and the line of the crest."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from sysid.first_look.folder import FolderFile
 from sysid.first_look.records import SeenScan
 from sysid.road.bump_search import crest_direction, smooth_heights
 from sysid.road.point_cloud import read_point_cloud
+from sysid.road.profile_files import bump_from_file
 from sysid.road.road_frame import level_frame
 
 #: A scan of a bump and the road about it is some metres long: between these [m] nothing is asked.
@@ -34,6 +35,19 @@ def seen_scan(file: FolderFile) -> SeenScan:
     sample = points[:: max(1, points.shape[0] // _SAMPLE)] * _UNITS[unit]
     heading = _heading_deg(sample)
     return SeenScan(file.name, file.title, points.shape[0], (float(extent[0]), float(extent[1])), unit, heading)
+
+
+def seen_profile(file: FolderFile) -> SeenScan:
+    """Length and height of a profile that was measured along the road.
+
+    Raises
+    ------
+    DataRejectedError
+        If it cannot be read, or holds no bump.
+    """
+    shape = bump_from_file(file.content, name=file.name)
+    extent = (float(np.ptp(shape.station_m)), float(np.max(shape.heights_m)))
+    return SeenScan(file.name, file.title, len(shape.station_m), extent, "m", None, levelled=True)
 
 
 def _heading_deg(points_m: np.ndarray) -> float | None:

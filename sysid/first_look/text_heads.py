@@ -24,6 +24,10 @@ _AXIS = re.compile(r"^([xyz])(?:[\s_\[(].*)?$")
 _LENGTH = re.compile(r"_m$|\[m\]|\(m\)|_mm$|station|dist|weg")
 
 
+#: Columns of a profile that was measured along the road.
+_STATION, _HEIGHT = "station_m", "height_m"
+
+
 @dataclass(frozen=True)
 class TextHead:
     """Columns of a text table: all `names`, those that hold `numbers`, the name of time, and a row of units.
@@ -43,6 +47,11 @@ class TextHead:
         """Whether the columns are points x, y, z."""
         axes = {m[1] for m in (_AXIS.match(n.casefold()) for n in self.names) if m}
         return (not self.names and self.width >= 3) or (axes == set("xyz") and self.time is None)
+
+    @property
+    def is_profile(self) -> bool:
+        """Whether the columns are heights of a bump along the road."""
+        return {_STATION, _HEIGHT} == {name.casefold() for name in self.names}
 
 
 def text_head(data: bytes) -> TextHead | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -14,6 +15,9 @@ from sysid.logs.channels import Clock, LogContent, LogFormat, LogRequest, RawCha
 from sysid.logs.child import read_channels
 from sysid.logs.input_file import InputFile
 from sysid.wording import shorten
+
+#: How Python shows an object that is no text; libraries put the stream that they read into their messages.
+_OBJECT = re.compile(r"['\"]?<[\w.]+ object at 0x[0-9a-fA-F]+>['\"]?")
 
 
 def library_format(
@@ -79,7 +83,7 @@ def _content(answer: dict[str, Any], arrays: list[np.ndarray], label: str, title
         reason = shorten(str(answer.get("text", "")), 120)
         raise CampaignError(f"{label} is {title}, whose reader cannot be loaded ({reason}); install it again.")
     if "error" in answer:
-        reason = shorten(str(answer.get("text", "")).strip().partition("\n")[0].strip(" ."), 120)
+        reason = shorten(_OBJECT.sub("it", str(answer.get("text", "")).strip().partition("\n")[0]).strip(" ."), 120)
         raise DataRejectedError(
             f"{label} cannot be read as {title} ({reason or answer['error']}); it is damaged or cut short: copy or "
             "export it again."

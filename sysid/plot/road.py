@@ -52,9 +52,9 @@ def profile(analysis: ScanAnalysis, ax: Axes | None = None) -> Axes:
         analysis.strip_height_m[::step] * 1e3,
         ls="",
         marker=".",
-        ms=2.0,
+        ms=2.0 if analysis.scanned else 5.0,
         color=FAINT,
-        label="scan, wheel track",
+        label="scan, wheel track" if analysis.scanned else "measured",
         rasterized=True,
     )
     p = analysis.profile

@@ -128,8 +128,9 @@ def scan_pictures(results: Results, gallery: Gallery) -> list[Picture]:
         peak = float(np.max(p.height_m)) * 1e3 if len(p.height_m) else float("nan")
         caption = f"Profile of {name}: {number(peak)} mm high, {number(p.length_m)} m long."
         pictures.append(gallery.picture(plot.profile(analysis), caption, width="half"))
-        caption = f"Scan of {name} from above; between the dashed lines lie the points used for the profile."
-        pictures.append(gallery.picture(plot.scan(analysis), caption, width="half"))
+        if analysis.scanned:
+            caption = f"Scan of {name} from above; between the dashed lines lie the points used for the profile."
+            pictures.append(gallery.picture(plot.scan(analysis), caption, width="half"))
         if results.estimates is not None and name in results.estimates.roads:
             caption = (
                 f"Effective profile of {name}: how far the wheel centre of each axle must rise to keep its tires at "

@@ -61,13 +61,14 @@ def write_paper_figures(results: Results, folder: Path) -> list[Path]:
 @styled
 def _bump(results: Results, name: str) -> Axes:
     """Cloud, smooth profile and what the tires feel of it: Figures 5a, 5b and, for the mesh of 5c, its effect."""
-    figure = plot.figure(6.4, 8.4)
-    axes = figure.subplots(3, 1)
     analysis = results.scans[name]
-    plot.scan(analysis, axes[0])
-    plot.profile(analysis, axes[1])
+    parts = 3 if analysis.scanned else 2
+    axes = plot.figure(6.4, 2.8 * parts).subplots(parts, 1)
+    if analysis.scanned:
+        plot.scan(analysis, axes[0])
+    plot.profile(analysis, axes[-2])
     if results.estimates is not None and name in results.estimates.roads:
-        plot.effective_profile(analysis.profile, results.estimates.roads[name], axes[2])
+        plot.effective_profile(analysis.profile, results.estimates.roads[name], axes[-1])
     first: Axes = axes[0]
     return first
 

@@ -55,7 +55,8 @@ class ScanAnalysis(Tabular):
     - `grade` and `camber` are slopes along and across the direction of travel;
     - `strip_station_m`, `strip_height_m` (m,) are the points of the wheel track used for the profile (thinned for
       figures);
-    - `cloud_*`: a thinned picture of the whole scan in road coordinates (along, across, height above the plane).
+    - `cloud_*`: a thinned picture of the whole scan in road coordinates (along, across, height above the plane); empty
+      where heights along the road were measured in place of a cloud.
     """
 
     profile: RoadProfile
@@ -72,6 +73,11 @@ class ScanAnalysis(Tabular):
     cloud_across_m: np.ndarray
     cloud_height_m: np.ndarray
     messages: tuple[str, ...] = ()
+
+    @property
+    def scanned(self) -> bool:
+        """Whether there is a point cloud."""
+        return self.cloud_along_m.size > 0
 
     def summary(self) -> pd.DataFrame:
         """One row: the profile's numbers, slopes of the road, points, outliers and noise of the scan."""

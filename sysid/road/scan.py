@@ -11,6 +11,7 @@ import numpy as np
 from sysid import limits
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.road.bump_search import Stretch, raised_stretches
+from sysid.road.levelled_profile import levelled_profile
 from sysid.road.road_frame import RoadFrame, level_frame
 from sysid.road.road_profile import RoadProfile, ScanAnalysis
 from sysid.road.scan_checks import HEIGHT_M, UNUSUAL_HEIGHT_M, checked_points, crest_angle, unit_hint
@@ -89,8 +90,11 @@ def analyse_scan(scan: Scan, *, options: ScanOptions | None = None) -> ScanAnaly
     The profile is the penalised spline of :mod:`sysid.road.penalised_spline`, exactly zero outside the bump. Its
     standard error includes the noise of the points, the error of the plane, the waviness of the flat road, the
     uncertain ends of the bump and differences between bands. `scan.points_m` (n, 3) [m]; the result is in metres and
-    radians. Raises DataRejectedError (one sentence) where the cloud holds no usable bump.
+    radians. Raises DataRejectedError (one sentence) where the cloud holds no usable bump. Heights along the road in
+    place of a cloud become a profile by :func:`sysid.road.levelled_profile.levelled_profile`.
     """
+    if scan.levelled is not None:
+        return levelled_profile(scan)
     try:
         analysis = _analysis(scan, options or ScanOptions())
     except np.linalg.LinAlgError:

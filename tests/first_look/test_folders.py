@@ -93,6 +93,19 @@ def test_positions_come_from_speeds_in_names_and_headings_from_the_crest(tmp_pat
     assert (scan.points, scan.unit) == (36_000, "m")
 
 
+def test_heights_along_the_road_take_the_place_of_a_scan(tmp_path: Path) -> None:
+    folder = write_variant(DATA, tmp_path / "logs", VARIANTS[0]).folder
+    (scan,) = first_look(folder).scans
+    (folder / scan.file).unlink()
+    assert "# without a scanner" in campaign_text(first_look(folder), "", "campaign.toml")
+    (folder / "levelled.csv").write_text("station_m,height_m\n0,0\n0.4,0.06\n0.8,0.08\n1.2,0.05\n1.6,0\n")
+    look = first_look(folder)
+    (profile,) = look.scans
+    assert (profile.file, profile.points, profile.extent, profile.levelled) == ("levelled.csv", 5, (1.6, 0.08), True)
+    table = tomllib.loads(campaign_text(look, "", "campaign.toml"))["scan"]
+    assert table == {"profile": "levelled.csv"}
+
+
 def test_a_given_vehicle_keeps_its_positions_and_says_what_the_arrivals_say(tmp_path: Path) -> None:
     folder = write_variant(DATA, tmp_path / "logs", VARIANTS[0]).folder
     text = campaign_text(first_look(folder, "lowboy6"), "logs", "campaign.toml")
@@ -136,12 +149,13 @@ def _log(rows: int = 400, *, header: str = "time_s,axle1_accel_g,lvdt1_mm") -> s
 def test_an_unreadable_file_is_named_and_the_rest_goes_on(tmp_path: Path) -> None:
     (tmp_path / "run_10kmh.csv").write_text(_log(), encoding="utf-8")
     (tmp_path / "broken.mf4").write_bytes(b"MDF     4.10    broken")
-    (tmp_path / "profile.csv").write_text("station_m,height_m\n0.0,0.0\n0.1,0.02\n0.2,0.0\n0.3,0.0\n", encoding="utf-8")
+    (tmp_path / "profile.csv").write_text("place_m,height_m\n0.0,0.0\n0.1,0.02\n0.2,0.0\n0.3,0.0\n", encoding="utf-8")
     (tmp_path / "notes.txt").write_text("the dog slept\n", encoding="utf-8")
     look = first_look(tmp_path)
     assert [log.file for log in look.logs] == ["run_10kmh.csv"]
     assert len(look.messages) == 2
     assert any(m.startswith("broken.mf4 cannot be read as an MDF file") for m in look.messages)
+    assert not any("object at" in m for m in look.messages)
     assert any(m.startswith("profile.csv has no column of time") for m in look.messages)
 
 

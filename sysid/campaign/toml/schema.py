@@ -105,11 +105,23 @@ class SensorsTable(Table):
 
 
 class ScanTable(Table):
-    """[scan] or [scan.NAME]: laser scan of one bump."""
+    """[scan] or [scan.NAME]: laser scan of one bump, or its profile measured along the road."""
 
-    file: PathText
-    heading_deg: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-360.0, le=360.0)]
+    file: PathText | None = None
+    heading_deg: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-360.0, le=360.0)] | None = None
     unit: LengthUnit = "m"
+    profile: PathText | None = None
+
+    @model_validator(mode="after")
+    def _cloud_or_profile(self) -> ScanTable:
+        if self.profile is not None:
+            if self.file is not None or self.heading_deg is not None or "unit" in self.model_fields_set:
+                raise ValueError("has a profile; leave out file, heading_deg and unit, which belong to a point cloud")
+        elif self.file is None:
+            raise ValueError("has no file; give the point cloud as file, or heights along the road as profile")
+        elif self.heading_deg is None:
+            raise ValueError("has no heading_deg; give the direction of travel in the scanner's x-y plane")
+        return self
 
 
 class PlankDropTable(LogTable):

@@ -108,8 +108,12 @@ def _speed_blocks(report: QualityReport) -> Blocks:
             "Bumps", ("bump", "scan", "points", "height mm", "length m", "width m", "heading deg", "declared deg")
         )
         for scan in report.scans:
-            angles = (f"{degrees(angle) % 360.0:.1f}" for angle in (scan.heading_rad, scan.declared_heading_rad))
-            sizes = (f"{1e3 * scan.height_m:.1f}", f"{scan.length_m:.2f}", f"{scan.width_m:.2f}")
+            angles = (
+                "-" if angle is None else f"{degrees(angle) % 360.0:.1f}"
+                for angle in (scan.heading_rad, scan.declared_heading_rad)
+            )
+            width = "-" if scan.width_m is None else f"{scan.width_m:.2f}"
+            sizes = (f"{1e3 * scan.height_m:.1f}", f"{scan.length_m:.2f}", width)
             table.add_row(scan.name, scan.file, str(scan.points), *sizes, *angles)
         yield table
 
