@@ -1,10 +1,11 @@
 """The measurement campaign: records, reader, statics and quality check (SI units, no physics beyond statics)."""
 
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
+from sysid.campaign.inputs.bumps import PointCloudReader
 from sysid.campaign.inputs.logs import read_log
 from sysid.campaign.priors import PriorOverride
 from sysid.campaign.quality.check import check_quality, quality_table
-from sysid.campaign.read import PointCloudReader, read_campaign
+from sysid.campaign.read import read_campaign
 from sysid.campaign.records import (
     Acquisition,
     AntiAliasFilter,

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from sysid import limits
 from sysid.campaign.clocks.common import on_common_clock
 from sysid.campaign.inputs import paths
+from sysid.campaign.inputs.bumps import PointCloudReader, ProfileReader, read_bumps
 from sysid.campaign.inputs.named_files import NamedFiles
 from sysid.campaign.inputs.run_logs import RunLogs, log_writing
 from sysid.campaign.loggers import ClockFinding
@@ -30,17 +29,13 @@ from sysid.campaign.records import (
 from sysid.campaign.statics import check_statics
 from sysid.campaign.toml.stand_ins import with_stand_ins
 from sysid.campaign.toml.todo import refuse_todos
-from sysid.campaign.units import angle_rad, si_factor, speed_m_s
+from sysid.campaign.units import si_factor, speed_m_s
 from sysid.errors import CampaignError
-from sysid.logs.input_file import InputFile
 from sysid.wording import shorten
 
 if TYPE_CHECKING:
     from sysid.campaign.toml import schema as s
     from sysid.campaign.toml.vehicle_tables import VehicleReader
-
-PointCloudReader = Callable[[InputFile, str], np.ndarray]
-ProfileReader = Callable[[InputFile, float, str], BumpShape]
 
 
 def read_campaign(
@@ -103,7 +98,7 @@ def read_campaign(
         raise CampaignError(f"{file.name}: {error}") from None
     files = NamedFiles(file, tables.acquisition.sample_interval_s, {file.name: content.sha256}, planned)
     reader = _TestReader(file, tables, vehicle, files)
-    scans = reader.scans(point_cloud_reader, profile_reader)
+    scans = read_bumps(tables.scan, files, point_cloud_reader, profile_reader)
     drops, (runs, clocks) = reader.plank_drops(), reader.bump_runs(scans)
     acquisition = tables.acquisition
     low_pass = acquisition.filter
@@ -138,39 +133,6 @@ class _TestReader:
 
     def _load_case(self, name: str, key: str) -> str:
         return self.vehicle.pick(name, list(self.vehicle.load_cases), f"{key}.load_case", "load case")
-
-    def scans(
-        self, point_cloud_reader: PointCloudReader | None, profile_reader: ProfileReader | None
-    ) -> dict[str, Scan]:
-        """Scan of every bump by its name; without readers none has points or heights.
-
-        Raises
-        ------
-        CampaignError
-            If a file is missing, too large or outside the campaign's folder.
-        DataRejectedError
-            If a reader cannot read a cloud or a profile.
-        """
-        result = {}
-        for name, table in self.tables.scan.items():
-            key = "scan" if len(self.tables.scan) == 1 and name == "bump" else f"scan.{name}"
-            result[name] = (
-                self._levelled(name, key, table.profile, profile_reader)
-                if table.profile is not None
-                else self._cloud(name, key, table, point_cloud_reader)
-            )
-        return result
-
-    def _cloud(self, name: str, key: str, table: s.ScanTable, reader: PointCloudReader | None) -> Scan:
-        assert table.file is not None
-        assert table.heading_deg is not None
-        content = self.files.content(table.file, f"{key}.file", limits.SCAN_BYTES)
-        points = np.empty((0, 3)) if reader is None else reader(content, table.unit.replace("µ", "u"))
-        return Scan(name, paths.relative_name(table.file), angle_rad(table.heading_deg), points)
-
-    def _levelled(self, name: str, key: str, file: str, reader: ProfileReader | None) -> Scan:
-        content, label = self.files.content(file, f"{key}.profile", limits.PROFILE_BYTES), paths.relative_name(file)
-        return Scan(name, label, 0.0, np.empty((0, 3)), None if reader is None else reader(content, 0.0, label))
 
     def plank_drops(self) -> tuple[PlankDrop, ...]:
         """Plank drops with their logs, in the order of the file; of a lifted body one for every axle with sensors.

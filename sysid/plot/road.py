@@ -44,7 +44,7 @@ def scan(analysis: ScanAnalysis, ax: Axes | None = None) -> Axes:
 
 @styled
 def profile(analysis: ScanAnalysis, ax: Axes | None = None) -> Axes:
-    """Points of the wheel track, the smooth profile, and a band of two standard errors about it."""
+    """Points of the wheel track, the smooth profile, and a band of two standard errors about it if there is a scan."""
     ax = axes_or_new(ax)
     step = max(1, len(analysis.strip_station_m) // 6000)
     ax.plot(
@@ -60,9 +60,9 @@ def profile(analysis: ScanAnalysis, ax: Axes | None = None) -> Axes:
     p = analysis.profile
     station, height, sd = thin(p.station_m, p.height_m, p.height_sd_m, most=800)
     color = axle_color(0)
-    ax.fill_between(
-        station, (height - 2 * sd) * 1e3, (height + 2 * sd) * 1e3, color=color, alpha=0.25, lw=0, label="± 2 sd"
-    )
+    if analysis.scanned:
+        band = (height - 2 * sd) * 1e3, (height + 2 * sd) * 1e3
+        ax.fill_between(station, *band, color=color, alpha=0.25, lw=0, label="± 2 sd")
     ax.plot(station, height * 1e3, color=color, label="profile")
     ax.axvline(p.start_m, color=MUTED, lw=0.8, ls=":")
     ax.axvline(p.start_m + p.length_m, color=MUTED, lw=0.8, ls=":")
