@@ -60,11 +60,11 @@ def motions(fit: SyntheticFit, runs: list[int], local: np.ndarray) -> tuple[Moti
 
 
 def log_marginal(fit: SyntheticFit, x: np.ndarray, widths: np.ndarray) -> float:
-    """log of the integral over the motions of both runs, on grids of 9^3 simulations; with the prior of x."""
+    """log of the integral over the motions of both runs, on grids of 7^3 simulations; with the prior of x."""
     model, state = fit.state.model, fit.state
     runs = list(model.groups[0].runs)
-    # Steps of 1.25 standard deviations integrate a Gaussian to 1e-5.
-    u = np.linspace(-5.0, 5.0, 9)
+    # Steps of 1.4 standard deviations integrate a Gaussian to 1e-4.
+    u = np.linspace(-4.2, 4.2, 7)
     # Whitened grid of each run: its unknowns are strongly correlated.
     local = np.einsum("rkl,ls->rks", widths, np.stack([g.ravel() for g in np.meshgrid(u, u, u)]))
     motion, change = motions(fit, runs, local)
