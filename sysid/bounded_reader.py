@@ -60,13 +60,14 @@ def read_in_child(
     DataRejectedError
         If reading takes more memory or time than `sysid.limits` allows, or the library ends the process.
     """
+    seconds = limits.reader_seconds(len(data))
     order = {
         "file": function.__code__.co_filename,
         "function": function.__name__,
         "root": str(_WORKER.parents[1]),
         "libraries": list(libraries),
         "memory_bytes": limits.READER_BYTES,
-        "seconds": limits.READER_SECONDS,
+        "seconds": seconds,
         **request,
     }
     # A new interpreter, not a fork: threads of JAX do not survive a fork.  -P: the folder of the script holds modules
@@ -91,7 +92,7 @@ def read_in_child(
             f"{label} cannot be read: no process for its reader can be started ({error.strerror})."
         ) from None
     if done.returncode == -getattr(signal, "SIGXCPU", 0) != 0:
-        raise _endless(label, limits.READER_SECONDS)
+        raise _endless(label, seconds)
     line, _, rest = done.stdout.partition(b"\n")
     try:
         answer = dict(json.loads(line[:_LONGEST_ANSWER]))

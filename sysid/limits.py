@@ -94,3 +94,12 @@ RESULT_BYTES: Final = 50_000_000
 READER_BYTES: Final = 400_000_000
 READER_SECONDS: Final = 30.0
 READER_WAIT_S: Final = 300.0
+#: Processor time of a file without content [s], and what every byte adds [s], up to the limit above: a damaged file of
+#: some kilobytes, in which the library goes round in circles, is given up sooner.
+READER_START_SECONDS: Final = 7.0
+READER_SECONDS_PER_BYTE: Final = 2e-7
+
+
+def reader_seconds(size: int) -> float:
+    """Processor time that the reader of a file of `size` bytes may take [s]."""
+    return min(READER_SECONDS, READER_START_SECONDS + READER_SECONDS_PER_BYTE * size)

@@ -46,7 +46,9 @@ def limit_process(memory_bytes: int, seconds: float) -> None:
         with contextlib.suppress(OSError, ValueError):
             hard = resource.getrlimit(which)[1]
             value = value if hard == resource.RLIM_INFINITY else min(value, hard)
-            resource.setrlimit(which, (value, value))
+            # A process at its hard limit of time is killed without the signal that tells the parent why.
+            above = value + 2 if which == resource.RLIMIT_CPU else value
+            resource.setrlimit(which, (value, above if hard == resource.RLIM_INFINITY else min(above, hard)))
 
 
 def function_of(file: str, name: str, root: str) -> Callable[..., tuple[dict[str, Any], list[np.ndarray]]]:

@@ -26,12 +26,14 @@ SEED = 2028
 #: Lives of one folder that are killed; the next one may live.
 MOST_KILLS = 25
 LIMIT_S = 7200.0
-#: A life is killed after so many lines of progress, at the most, and a pause.
-_LINES, _PAUSE_S = 7, 1.0
+#: One life in so many ends before its first word, within so many seconds; the others in the stage where the one before
+#: ended or, at the most, so many stages later.
+_EARLY, _EARLY_S, _STAGES_ON = 10, 2.0, 2
 _LOADED = ("sysid.cli.stages", "sysid.workflow.calibration", "sysid.workflow.stages.fit", "sysid.report",
            "sysid.export.models", "sysid.export.tables", "sysid.export.inference_data", "sysid.posterior.sampling",
            "sysid.posterior.log_density", "sysid.prediction.predict_passes", "sysid.prediction.run_bands",
            "sysid.planning.advise", "sysid.validation.channel_agreement", "filelock", "matplotlib.figure")  # fmt: skip
+_BEFORE = "before the first stage"
 _STAGE = re.compile(r"\d+ of \d+ ([a-z_]+)")
 
 
@@ -41,24 +43,41 @@ def replicate(number: int, bases: Path, seed: int = SEED) -> Record:
         importlib.import_module(name)
     campaign, good = base(bases)
     rng = np.random.default_rng([seed, number])
-    killed: list[str] = []
+    seconds = _stage_seconds(good)
+    stages = list(seconds)
+    at, killed = 0, list[str]()
     with tempfile.TemporaryDirectory() as place:
         output = Path(place) / "output"
         while True:
-            # The first lives of a folder end anywhere in the program, also before its first word.
-            lines = int(rng.integers(0, _LINES)) if len(killed) < MOST_KILLS else None
-            code, said = _life(campaign, output, Path(place) / "said", lines, float(rng.uniform(0.0, _PAUSE_S)))
+            stage, pause = None, _EARLY_S
+            if rng.integers(_EARLY):
+                stage = stages[min(at + int(rng.integers(_STAGES_ON + 1)), len(stages) - 1)]
+                pause = seconds[stage]
+            end = (stage, float(rng.uniform(0.0, pause))) if len(killed) < MOST_KILLS else None
+            code, said = _life(campaign, output, Path(place) / "said", end, stages)
             if code != -signal.SIGKILL:
                 break
             killed.append(said)
+            at = max(at, stages.index(said)) if said in stages else at
         wrong = [] if code == 0 else [f"exit code {code}: {said}"]
         if code == 0:
             wrong += differences(output, good)
     return {"number": number, "killed": killed, "code": code, "wrong": wrong}
 
 
-def _life(campaign: Path, output: Path, said: Path, lines: int | None, pause: float) -> tuple[int, str]:
-    """A child that goes on with the run; exit code (-9: killed) and its last line of progress, or its last words."""
+def _stage_seconds(good: Path) -> dict[str, float]:
+    """Stages in their order, with the time that each took in the undisturbed folder [s]."""
+    timings = json.loads((good / "stages" / "timings.json").read_text(encoding="utf-8"))
+    return {name: seconds for name, seconds in timings.items() if ": " not in name}
+
+
+def _life(
+    campaign: Path, output: Path, said: Path, end: tuple[str | None, float] | None, stages: list[str]
+) -> tuple[int, str]:
+    """A child that goes on with the run; exit code (-9: killed) and its last stage, or its last words.
+
+    It is killed when it has begun one of the stages from that on which `end` names (None: itself), and a pause is over.
+    """
     said.write_text("", encoding="utf-8")
     child = os.fork()
     if child == 0:
@@ -68,13 +87,13 @@ def _life(campaign: Path, output: Path, said: Path, lines: int | None, pause: fl
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:
             return os.waitstatus_to_exitcode(status), said.read_text(encoding="utf-8")[-1500:]
-        if lines is not None and len(_progress(said)) >= lines:
-            time.sleep(pause)
-            lines = None
+        if end is not None and (end[0] is None or {*stages[stages.index(end[0]) :]} & {*_progress(said)}):
+            time.sleep(end[1])
+            end = None
             if os.waitpid(child, os.WNOHANG)[0] == 0:
                 os.kill(child, signal.SIGKILL)
                 os.waitpid(child, 0)
-                return -signal.SIGKILL, (_progress(said) or ["before the first stage"])[-1]
+                return -signal.SIGKILL, (_progress(said) or [_BEFORE])[-1]
             return 0, ""
         time.sleep(0.02)
     os.kill(child, signal.SIGKILL)

@@ -176,7 +176,7 @@ def test_the_child_stops_at_its_limits(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(bounded_reader, "_WORKER", worker)
     for task, said in (
         ("sleep", "takes longer than 1 s"),
-        ("stop", "takes longer than 30 s"),
+        ("stop", "takes longer than 7 s"),
         ("crash", "gave up"),
         ("chatter", "gave up"),
     ):

@@ -1,0 +1,122 @@
+"""Command line of the fuzzer.
+
+    python -m studies.fuzz [TARGET ...] [--seconds N] [--jobs N] [--output DIR] [--document FILE] [--tables-only]
+
+feeds every reader, or those that are named, with contents that atheris (libFuzzer) makes from real files, guided by the
+code that they reach, for N seconds of processor time each.  What is found is read once more as the product reads it.
+What libFuzzer keeps in DIR/TARGET/corpus is where the next call goes on; the figures of a reader stay in FILE until it
+is fuzzed again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from studies.documents import write_between_marks
+from studies.fuzz.replay import replay
+from studies.fuzz.table import table
+from studies.fuzz.targets import TARGETS
+
+#: Options of libFuzzer: time on the clock of one content [s], memory of the process [MB], size of a content [bytes].
+_OPTIONS = ("-timeout=60", "-rss_limit_mb=1000", "-max_len=10000000", "-print_final_stats=1", "-report_slow_units=60")
+_SUMS = ("inputs", "refused", "stopped", "processor_s")
+_COVERAGE = re.compile(r"^#\d+\s+(\w+)\s+cov: (\d+)", re.MULTILINE)
+
+
+def fuzz(name: str, folder: Path, seconds: float) -> dict[str, Any]:
+    """Fuzz one reader for some processor time; processes that die are started again.  Figures and findings."""
+    for part in ("seeds", "corpus", "findings"):
+        (folder / part).mkdir(parents=True, exist_ok=True)
+    for seed, content in TARGETS[name].seeds().items():
+        (folder / "seeds" / seed).write_bytes(content)
+    totals: dict[str, Any] = dict.fromkeys((*_SUMS, "slowest_s", "peak_MB", "died"), 0)
+    places: list[int] = []
+    # The seeds alone: what they reach is where the count begins.
+    first = _run(name, folder, ("-runs=0", str(folder / "seeds")))
+    places += [int(count) for _, count in _COVERAGE.findall(first)]
+    # libFuzzer counts time on the clock, so it is started again until the processor time is used.
+    while (left := seconds - totals["processor_s"]) > max(5.0, 0.01 * seconds):
+        before = set((folder / "findings").glob("native-*"))
+        (folder / "worker.json").unlink(missing_ok=True)
+        options = (f"-max_total_time={left:.0f}", f"-artifact_prefix={folder}/findings/native-")
+        said = _run(name, folder, (*options, str(folder / "corpus"), str(folder / "seeds")))
+        _add(totals, folder / "worker.json")
+        places += [int(count) for _, count in _COVERAGE.findall(said)]
+        totals["died"] += len(set((folder / "findings").glob("native-*")) - before)
+        if not places:
+            raise SystemExit(f"The fuzzer of {name} does not start: {said[-2000:]}")
+    found = {
+        **totals,
+        "places": [places[0], max(places)],
+        "corpus": len(list((folder / "corpus").iterdir())),
+        "findings": _replayed(name, folder),
+    }
+    (folder / "figures.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
+    return found
+
+
+def _run(name: str, folder: Path, options: tuple[str, ...]) -> str:
+    command = [sys.executable, "-m", "studies.fuzz.worker", name, str(folder), *_OPTIONS, *options]
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    said = done.stdout.decode("utf-8", "replace")
+    (folder / "last.log").write_text(said, encoding="utf-8")
+    return said
+
+
+def _add(totals: dict[str, Any], file: Path) -> None:
+    if not file.exists():
+        return
+    for key, value in json.loads(file.read_text(encoding="utf-8")).items():
+        if key in _SUMS:
+            totals[key] = round(totals[key] + value, 1)
+        elif key in totals:
+            totals[key] = max(totals[key], value)
+
+
+def _replayed(name: str, folder: Path) -> dict[str, Any]:
+    """Every finding by its file, as the product ends on it."""
+    files = sorted(p for p in (folder / "findings").iterdir() if p.suffix != ".txt")
+    return {file.name: replay(name, file) for file in files}
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Fuzz and show."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("targets", nargs="*", metavar="TARGET", help=f"readers, all without: {', '.join(TARGETS)}")
+    parser.add_argument("--seconds", type=float, default=3600.0, help="for every reader")
+    parser.add_argument("--jobs", type=int, default=2, help="readers at a time")
+    parser.add_argument("--output", type=Path, default=Path("build/fuzz"), help="folder of contents and figures")
+    parser.add_argument("--document", type=Path, default=None, help="file whose figures are rewritten")
+    parser.add_argument("--tables-only", action="store_true", help="nothing is fuzzed")
+    options = parser.parse_args(arguments)
+    unknown = [name for name in options.targets if name not in TARGETS]
+    if unknown:
+        parser.error(f"no reader '{unknown[0]}'; there are {', '.join(TARGETS)}")
+    if not options.tables_only:
+        _fuzz_all(options.targets or list(TARGETS), options)
+    page = options.document.read_text(encoding="utf-8") if options.document is not None else ""
+    found = table(options.output, page)
+    sys.stdout.write(found + "\n")
+    if options.document is not None:
+        write_between_marks(options.document, "fuzz", found)
+
+
+def _fuzz_all(names: list[str], options: argparse.Namespace) -> None:
+    with ThreadPoolExecutor(options.jobs) as pool:
+        every = pool.map(lambda name: fuzz(name, options.output.resolve() / name, options.seconds), names)
+        for name, figures in zip(names, every, strict=True):
+            wrong = {file: f["wrong"] for file, f in figures["findings"].items() if "wrong" in f}
+            sys.stdout.write(f"{name}: {figures['inputs']} inputs, {len(wrong)} wrong\n")
+            sys.stdout.writelines(f"    {file}: {text}\n" for file, text in wrong.items())
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
