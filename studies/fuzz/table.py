@@ -11,7 +11,8 @@ from studies.fuzz.targets import TARGETS
 
 def table(output: Path, page: str) -> str:
     """One row for every reader that was fuzzed now, or whose row stands on the page."""
-    earlier = {line.split(" | ")[0].strip("| "): line for line in page.splitlines() if line.startswith("| ")}
+    place = page.partition("<!-- fuzz: begin -->")[2].partition("<!-- fuzz: end -->")[0]
+    earlier = {line.split(" | ")[0].strip("| "): line for line in place.splitlines() if line.startswith("| ")}
     rows = [
         "| reader | minutes | inputs | refused | places at first, in the end | kept | longest [s] "
         "| memory [MB] | stopped | wrong |",

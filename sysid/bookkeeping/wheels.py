@@ -111,7 +111,8 @@ def _hop_frequency(runs: Sequence[BumpRun], passages: Mapping[str, Passage | Non
         # Behind a bump that was left slowly the wheels are at rest again, and noise has any frequency.
         if after is None or before is None or after.sum() < HOP_OVER_NOISE * before.sum():
             continue
-        total += after / max(float(after.sum()), 1e-30)
+        # The runs that shake the wheel most show its hop best; after slow ones it moves with the frame.
+        total += after
     if not total.any():
         return None
     k = int(np.argmax(total))
