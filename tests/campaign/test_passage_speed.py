@@ -16,6 +16,7 @@ from sysid.campaign.records import BumpRun, Channel, Log, Sensor
 from sysid.campaign.vehicle_records import Axle, Body, Vehicle
 
 DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
+PASSAGES = Path(__file__).parents[1] / "data" / "passages"
 SPEED, STEP = 4.5, 0.005
 PLACES = (0.0, 4.2, 5.5)
 
@@ -97,6 +98,19 @@ def test_an_axle_with_the_wrong_sign_falls_where_it_is_lifted():
     passage = find_passage(channels, truck(), SPEED)
     assert passage is not None
     assert [passage.arrivals[i].upward for i in range(3)] == [1, -1, 1]
+
+
+def test_the_end_of_a_low_long_bump_is_not_its_begin():
+    """The front axle moves most where it leaves the bump, and the run seemed to be driven at 28 km/h."""
+    table = np.loadtxt(PASSAGES / "low_long_bump.csv", delimiter=",", skiprows=1)
+    channels = [
+        Channel(Sensor(f"a{i}", "axle_acceleration", "g", axle=i), table[:, 0], 9.81 * table[:, i + 1], np.zeros(
+            len(table), np.int8)) for i in range(3)
+    ]  # fmt: skip
+    passage = find_passage(channels, truck((0.0, 4.2, 5.55)), 20 / 3.6)
+    assert passage is not None
+    assert 3.6 * passage.speed_m_s == pytest.approx(20.0, rel=0.05)
+    assert all(a.upward == 1 for a in passage.arrivals.values())
 
 
 def test_axles_from_the_rear_have_a_negative_speed():

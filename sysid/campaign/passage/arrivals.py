@@ -16,6 +16,8 @@ HIGH_PASS_HZ = 0.4
 #: Speeds that are tried: listed speed times exp(-1.6) to exp(1.6), so that m/s and mph are among them.
 _REACH, _SPEEDS = 1.6, 121
 _COARSE_S = 0.02
+#: Shares of the listed speed that are tried as well.
+_NEAR_LISTED = (0.9, 1.0, 1.1)
 #: Range in which the edge of the bump is searched for, around the time at which an axle is highest [m of travel], and
 #: then around the line through all axles.
 _BEFORE_M, _BEHIND_M, _NEAR_M = 1.3, 0.5, 0.45
@@ -49,6 +51,11 @@ class Passage:
     speed_m_s: float
     arrivals: Mapping[int, Arrival]
     sensors: int
+
+    @property
+    def one_way(self) -> bool:
+        """Whether the sensors of all axles show the same direction."""
+        return len({arrival.upward for arrival in self.arrivals.values()}) == 1
 
     def misplaced_m(self, vehicle: Vehicle) -> dict[int, float]:
         """How far [m] behind its place each axle seems to be, at the speed of the run."""
@@ -87,17 +94,31 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
     x = {axle: vehicle.axles[axle].x_m for axle in moved}
     if max(x.values()) - min(x.values()) < 0.5:
         return None
-    speed, start = _stacked(moved, x, listed_m_s)
+    rising = {axle: motion for axle in moved if (motion := integrated(sensors[axle], 1)) is not None}
+    passage = _passage(*_stacked(moved, x, listed_m_s), rising, x, listed_m_s)
+    if passage is None or passage.one_way:
+        return passage
+    # Some axles seem to fall: of a low bump that is long, the end of it may have been taken for its begin.
+    near = (_stacked_at(share * listed_m_s, moved, x) for share in _NEAR_LISTED)
+    others = [p for speed, start in near if (p := _passage(speed, start, rising, x, listed_m_s)) and p.one_way]
+    return min([passage, *others], key=lambda p: max(map(abs, p.misplaced_m(vehicle).values())))
+
+
+def _passage(
+    speed: float,
+    start: float,
+    rising: Mapping[int, tuple[np.ndarray, np.ndarray]],
+    x: Mapping[int, float],
+    listed_m_s: float,
+) -> Passage | None:
+    """Arrivals near those of a speed [m/s] and the time [s] at which a point at x = 0 is on the bump."""
     # A speed far above the listed one may also come from axle positions that are too large, because the bump does not
     # become longer by them.
     pace = abs(speed) if abs(speed) < _FAR * listed_m_s else listed_m_s
-    rising = {axle: integrated(sensors[axle], 1) for axle in moved}
     first = {}
-    for axle, found in rising.items():
-        assert found is not None
+    for axle, motion in rising.items():
         at = start + x[axle] / speed
-        window = (at - _BEFORE_M / pace, at + _BEHIND_M / pace)
-        arrival = _lifted(*found, window)
+        arrival = _lifted(*motion, (at - _BEFORE_M / pace, at + _BEHIND_M / pace))
         if arrival is not None:
             first[axle] = arrival
     line = _line({a: (x[a], v.time_s) for a, v in first.items()})
@@ -105,19 +126,18 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
         return None
     speed, start = line
     arrivals = {}
-    for axle, found in rising.items():
-        assert found is not None
+    for axle, motion in rising.items():
         at = start + x[axle] / speed
-        arrival = _lifted(*found, (at - _NEAR_M / pace, at + _NEAR_M / pace), at)
+        arrival = _lifted(*motion, (at - _NEAR_M / pace, at + _NEAR_M / pace), at)
         # An axle that does not move there meets the bump elsewhere; its first arrival shows where.
         if arrival is None or (axle in first and arrival.rise_m_s < _STILL * first[axle].rise_m_s):
             arrival = first.get(axle)
         if arrival is not None:
             arrivals[axle] = arrival
     line = _line({a: (x[a], v.time_s) for a, v in arrivals.items()})
-    if line is None or 2 * sum(_quiet_before(rising[a], v.time_s, pace) for a, v in arrivals.items()) < len(moved):
+    if line is None or 2 * sum(_quiet_before(rising[a], v.time_s, pace) for a, v in arrivals.items()) < len(rising):
         return None
-    return Passage(line[0], arrivals, len(moved))
+    return Passage(line[0], arrivals, len(rising))
 
 
 def first_arrival(channel: Channel) -> Arrival | None:
@@ -126,9 +146,8 @@ def first_arrival(channel: Channel) -> Arrival | None:
     return None if found is None else _lifted(*found, (float(found[0][0]), float(found[0][-1])))
 
 
-def _quiet_before(motion: tuple[np.ndarray, np.ndarray] | None, arrival_s: float, speed: float) -> bool:
+def _quiet_before(motion: tuple[np.ndarray, np.ndarray], arrival_s: float, speed: float) -> bool:
     """Whether an axle moved little until a metre in front of the bump; false for a record of noise only."""
-    assert motion is not None
     grid, velocity = motion
     before = np.abs(velocity[grid < arrival_s - 1.0 / speed])
     return before.size >= 5 and float(before.max()) < _QUIET * float(np.max(np.abs(velocity)))
@@ -158,11 +177,7 @@ def _stacked(
     moved: Mapping[int, tuple[np.ndarray, np.ndarray]], x: Mapping[int, float], listed: float
 ) -> tuple[float, float]:
     """Speed [m/s], negative from the rear, and the time at which a point at x = 0 is on the bump."""
-    last = max(grid[-1] for grid, _ in moved.values())
-    time = np.arange(0.0, last, max(_COARSE_S, last / 20_000))
-    size = {
-        a: np.abs(np.interp(time, grid, d)) / max(float(np.max(np.abs(d))), 1e-12) for a, (grid, d) in moved.items()
-    }
+    time, size = _sizes(moved)
     best = (-1.0, listed, 0.0)
     coarse = listed * np.exp(np.linspace(-_REACH, _REACH, _SPEEDS))
     for speed in np.concatenate([coarse, -coarse]):
@@ -170,6 +185,23 @@ def _stacked(
     for fine in np.linspace(-0.02, 0.02, 9):
         best = max(best, _added_up(best[1] * (1.0 + float(fine)), time, size, x))
     return best[1], best[2]
+
+
+def _stacked_at(
+    speed: float, moved: Mapping[int, tuple[np.ndarray, np.ndarray]], x: Mapping[int, float]
+) -> tuple[float, float]:
+    """A speed [m/s], and the time at which a point at x = 0 is on the bump if that is the speed."""
+    _, _, start = _added_up(speed, *_sizes(moved), x)
+    return speed, start
+
+
+def _sizes(moved: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+    """Times [s], and the size of the motion of every axle at these, over its largest."""
+    last = max(grid[-1] for grid, _ in moved.values())
+    time = np.arange(0.0, last, max(_COARSE_S, last / 20_000))
+    return time, {
+        a: np.abs(np.interp(time, grid, d)) / max(float(np.max(np.abs(d))), 1e-12) for a, (grid, d) in moved.items()
+    }
 
 
 def _added_up(
