@@ -24,6 +24,8 @@ from studies.fuzz.replay import replay
 from studies.fuzz.table import table
 from studies.fuzz.targets import TARGETS
 
+#: Contents above this are fuzzed but not kept for the next process, which would take the memory of all of them [bytes].
+_KEPT_BYTES = 200_000
 #: Options of libFuzzer: time on the clock of one content [s], memory of the process [MB], size of a content [bytes].
 _OPTIONS = ("-timeout=60", "-rss_limit_mb=1000", "-max_len=10000000", "-print_final_stats=1", "-report_slow_units=60")
 _SUMS = ("inputs", "refused", "stopped", "processor_s")
@@ -43,6 +45,9 @@ def fuzz(name: str, folder: Path, seconds: float) -> dict[str, Any]:
     places += [int(count) for _, count in _COVERAGE.findall(first)]
     # libFuzzer counts time on the clock, so it is started again until the processor time is used.
     while (left := seconds - totals["processor_s"]) > max(5.0, 0.01 * seconds):
+        for content in (folder / "corpus").iterdir():
+            if content.stat().st_size > _KEPT_BYTES:
+                content.unlink()
         before = set((folder / "findings").glob("native-*"))
         (folder / "worker.json").unlink(missing_ok=True)
         options = (f"-max_total_time={left:.0f}", f"-artifact_prefix={folder}/findings/native-")
