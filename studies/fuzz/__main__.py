@@ -45,9 +45,9 @@ def fuzz(name: str, folder: Path, seconds: float) -> dict[str, Any]:
     places += [int(count) for _, count in _COVERAGE.findall(first)]
     # libFuzzer counts time on the clock, so it is started again until the processor time is used.
     while (left := seconds - totals["processor_s"]) > max(5.0, 0.01 * seconds):
-        for content in (folder / "corpus").iterdir():
-            if content.stat().st_size > _KEPT_BYTES:
-                content.unlink()
+        for kept in (folder / "corpus").iterdir():
+            if kept.stat().st_size > _KEPT_BYTES:
+                kept.unlink()
         before = set((folder / "findings").glob("native-*"))
         (folder / "worker.json").unlink(missing_ok=True)
         options = (f"-max_total_time={left:.0f}", f"-artifact_prefix={folder}/findings/native-")
