@@ -108,4 +108,4 @@ def read_in_child(
 
 
 def _endless(label: str, seconds: float) -> DataRejectedError:
-    return DataRejectedError(f"{label} takes longer than {seconds:g} s to read; export it again, or thin it.")
+    return DataRejectedError(f"{label} takes longer than {seconds:.0f} s to read; export it again, or thin it.")

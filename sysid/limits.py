@@ -101,5 +101,5 @@ READER_SECONDS_PER_BYTE: Final = 2e-7
 
 
 def reader_seconds(size: int) -> float:
-    """Processor time that the reader of a file of `size` bytes may take [s]."""
+    """Processor time that the reader of a file of `size` bytes may take [s]: min(30, 7 + 2e-7 size)."""
     return min(READER_SECONDS, READER_START_SECONDS + READER_SECONDS_PER_BYTE * size)

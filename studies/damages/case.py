@@ -35,7 +35,7 @@ RUN = ("--quick", "--max-steps", "40")
 #: Of so many cases one is reported, of forged ones more, and one computed to its end; all are exported.
 REPORT_EVERY, FORGED_REPORT_EVERY, RUN_EVERY = 64, 8, 50
 #: What may differ before a run: times, and words that follow from what is there (the engine is named by the fit).
-_FREE = ("timings", "warnings", "status", "seed", "reasons", "versions")
+_FREE = ("timings", "warnings", "status", "seed", "reasons", "engine", "engine_build")
 
 
 class TooLongError(BaseException):

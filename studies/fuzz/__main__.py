@@ -29,7 +29,10 @@ _KEPT_BYTES = 200_000
 #: Options of libFuzzer: time on the clock of one content [s], memory of the process [MB], size of a content [bytes].
 _OPTIONS = ("-timeout=60", "-rss_limit_mb=1000", "-max_len=10000000", "-print_final_stats=1", "-report_slow_units=60")
 _SUMS = ("inputs", "refused", "stopped", "processor_s")
-_COVERAGE = re.compile(r"^#\d+\s+(\w+)\s+cov: (\d+)", re.MULTILINE)
+_COVERAGE = re.compile(r"^#\d+\s+\w+\s+cov: (\d+)", re.MULTILINE)
+_ROOT = Path(__file__).resolve().parents[2]
+#: So many processes in a row that end before they count anything: more would not end either.
+_MOST_FAILED = 5
 
 
 def fuzz(name: str, folder: Path, seconds: float) -> dict[str, Any]:
@@ -39,10 +42,9 @@ def fuzz(name: str, folder: Path, seconds: float) -> dict[str, Any]:
     for seed, content in TARGETS[name].seeds().items():
         (folder / "seeds" / seed).write_bytes(content)
     totals: dict[str, Any] = dict.fromkeys((*_SUMS, "slowest_s", "peak_MB", "died"), 0)
-    places: list[int] = []
     # The seeds alone: what they reach is where the count begins.
-    first = _run(name, folder, ("-runs=0", str(folder / "seeds")))
-    places += [int(count) for _, count in _COVERAGE.findall(first)]
+    said = _run(name, folder, ("-runs=0", str(folder / "seeds")))
+    places, failed = [int(count) for count in _COVERAGE.findall(said)], 0
     # libFuzzer counts time on the clock, so it is started again until the processor time is used.
     while (left := seconds - totals["processor_s"]) > max(5.0, 0.01 * seconds):
         for kept in (folder / "corpus").iterdir():
@@ -52,11 +54,11 @@ def fuzz(name: str, folder: Path, seconds: float) -> dict[str, Any]:
         (folder / "worker.json").unlink(missing_ok=True)
         options = (f"-max_total_time={left:.0f}", f"-artifact_prefix={folder}/findings/native-")
         said = _run(name, folder, (*options, str(folder / "corpus"), str(folder / "seeds")))
-        _add(totals, folder / "worker.json")
-        places += [int(count) for _, count in _COVERAGE.findall(said)]
+        failed = 0 if _add(totals, folder / "worker.json") else failed + 1
+        places += [int(count) for count in _COVERAGE.findall(said)]
         totals["died"] += len(set((folder / "findings").glob("native-*")) - before)
-        if not places:
-            raise SystemExit(f"The fuzzer of {name} does not start: {said[-2000:]}")
+        if not places or failed == _MOST_FAILED:
+            raise SystemExit(f"The fuzzer of {name} does not run: {said[-2000:]}")
     found = {
         **totals,
         "places": [places[0], max(places)],
@@ -69,20 +71,22 @@ def fuzz(name: str, folder: Path, seconds: float) -> dict[str, Any]:
 
 def _run(name: str, folder: Path, options: tuple[str, ...]) -> str:
     command = [sys.executable, "-m", "studies.fuzz.worker", name, str(folder), *_OPTIONS, *options]
-    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    done = subprocess.run(command, cwd=_ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
     said = done.stdout.decode("utf-8", "replace")
     (folder / "last.log").write_text(said, encoding="utf-8")
     return said
 
 
-def _add(totals: dict[str, Any], file: Path) -> None:
+def _add(totals: dict[str, Any], file: Path) -> bool:
+    """Whether a process left figures; they are added to the totals."""
     if not file.exists():
-        return
+        return False
     for key, value in json.loads(file.read_text(encoding="utf-8")).items():
         if key in _SUMS:
             totals[key] = round(totals[key] + value, 1)
         elif key in totals:
             totals[key] = max(totals[key], value)
+    return True
 
 
 def _replayed(name: str, folder: Path) -> dict[str, Any]:

@@ -21,13 +21,14 @@ from studies.process import processor_seconds
 MOST_SECONDS, MOST_MB = 10.0, 1000.0
 #: Time on the clock after which a process is given up [s].
 WAIT_S = 300.0
+_ROOT = Path(__file__).resolve().parents[2]
 
 
 def replay(name: str, file: Path) -> dict[str, Any]:
     """Outcome of one content: ``result``, ``sentence``, or what is wrong with it under ``wrong``."""
-    command = [sys.executable, "-m", "studies.fuzz.replay", name, str(file)]
+    command = [sys.executable, "-m", "studies.fuzz.replay", name, str(file.resolve())]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=WAIT_S, check=False)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=WAIT_S, check=False, cwd=_ROOT)
     except subprocess.TimeoutExpired:
         return {"outcome": "none", "wrong": f"not done within {WAIT_S:g} s"}
     if done.returncode != 0:

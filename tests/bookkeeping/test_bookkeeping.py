@@ -15,10 +15,12 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from sysid.bookkeeping import check_bookkeeping
+from sysid.bookkeeping.wheels import _hop_frequency
 from sysid.campaign import read_campaign
+from sysid.campaign.passage.arrivals import Arrival, Passage
 from sysid.campaign.quality import suspects
 from sysid.campaign.quality.check import check_quality
-from sysid.campaign.records import Campaign, Channel
+from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor
 from sysid.road.point_cloud import read_point_cloud
 
 ROOT = Path(__file__).parents[2]
@@ -143,6 +145,20 @@ def test_wheels_at_rest_behind_the_bump_tell_no_frequency(share: float) -> None:
             channels.append(replace(c, value=np.where(late, share * c.value + (1.0 - share) * rest, c.value)))
         runs.append(replace(run, log=replace(run.log, channels=tuple(channels))))
     assert "wheel hop" not in said(replace(campaign, bump_runs=tuple(runs)))
+
+
+def test_the_runs_that_shake_a_wheel_tell_its_frequency() -> None:
+    """After three slow runs the axle moves with the frame at 6 Hz, a little; after the fast one it hops at 10 Hz."""
+    time = 0.005 * np.arange(800)
+    after = np.clip(time - 1.5, 0.0, None)
+    runs, passages = [], {}
+    for number, (speed, size, frequency) in enumerate([(7.0, 30.0, 10.0), *3 * [(2.0, 2.0, 6.0)]]):
+        ring = size * np.exp(-2.0 * after) * np.sin(2.0 * np.pi * frequency * after)
+        noise = np.random.default_rng(number).normal(0.0, 0.05, time.size)
+        channel = Channel(Sensor("a", "axle_acceleration", "g", axle=0), time, ring + noise, np.zeros(800, np.int8))
+        runs.append(BumpRun("case", "empty", speed, 1, Log(f"run{number}.csv", 0.005, (channel,))))
+        passages[f"run{number}.csv"] = Passage(speed, {0: Arrival(1.5, 1, 0.5)}, 1)
+    assert _hop_frequency(runs, passages, 0) == pytest.approx(10.0, abs=0.3)
 
 
 def test_all_masses_in_pounds_show_in_the_hop_of_the_wheels() -> None:

@@ -65,13 +65,18 @@ class Passage:
         along = self.speed_m_s * time - x
         return dict(zip(axles, (along - np.median(along)).tolist(), strict=True))
 
+    def furthest_off_m(self, vehicle: Vehicle) -> float:
+        """Distance [m] of the axle that seems to be furthest from its place."""
+        return max(map(abs, self.misplaced_m(vehicle).values()))
+
 
 def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: float) -> Passage | None:
     """Find the speed and the arrivals of the axles, from their accelerations.
 
     Displacements d_i of the axles, integrated twice, are added up as d_i(t + x_i / v); the speed v of the run is the
-    one at which they agree best. An axle has met the bump when its velocity reaches half of the velocity with which it
-    is lifted.
+    one at which they agree best. An axle has met the bump when its velocity reaches 0.45 of the velocity with which it
+    is lifted. If some sensors then show an axle that falls, speeds near the listed one are tried as well, and the
+    passage counts at which the axles are nearest to their places.
 
     Parameters
     ----------
@@ -101,7 +106,7 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
     # Some axles seem to fall: of a low bump that is long, the end of it may have been taken for its begin.
     near = (_stacked_at(share * listed_m_s, moved, x) for share in _NEAR_LISTED)
     others = [p for speed, start in near if (p := _passage(speed, start, rising, x, listed_m_s)) and p.one_way]
-    return min([passage, *others], key=lambda p: max(map(abs, p.misplaced_m(vehicle).values())))
+    return min([passage, *others], key=lambda p: p.furthest_off_m(vehicle))
 
 
 def _passage(

@@ -35,7 +35,7 @@ def believed_speed(passage: Passage | None, vehicle: Vehicle) -> float | None:
     if passage is None or passage.speed_m_s <= 0.0 or len(passage.arrivals) < max(2.0, _SEEN * passage.sensors):
         return None
     places = [vehicle.axles[a].x_m for a in passage.arrivals]
-    off = max(map(abs, passage.misplaced_m(vehicle).values()))
+    off = passage.furthest_off_m(vehicle)
     return passage.speed_m_s if off <= _AGREEMENT * (max(places) - min(places)) else None
 
 

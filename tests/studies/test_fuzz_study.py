@@ -1,0 +1,68 @@
+"""The fuzzer's readers: they read what they begin with, what they find is judged, and rows of other readers stay."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from studies.fuzz import replay as replaying
+from studies.fuzz.replay import replay
+from studies.fuzz.table import table
+from studies.fuzz.targets import TARGETS
+from sysid.errors import SysidError
+
+FIGURES = {
+    "inputs": 1200, "refused": 1000, "stopped": 1, "died": 2, "slowest_s": 0.52, "peak_MB": 300, "processor_s": 3600.0,
+    "places": [10, 1020], "corpus": 7, "findings": {"slow-1": {"outcome": "sentence"}, "error-2": {"wrong": "x"}},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_a_reader_reads_files_that_it_begins_with_and_refuses_others(name: str, tmp_path: Path) -> None:
+    target = TARGETS[name]
+    read, ends = target.reader(), []
+    for content in target.seeds().values():
+        try:
+            ends.append(read(tmp_path, content) is not None)
+        except SysidError:
+            ends.append(False)
+    assert any(ends)
+    if name == "stages":
+        assert all(ends)
+        assert read(tmp_path, b"\0nothing") is None
+    else:
+        with pytest.raises(SysidError):
+            read(tmp_path, b"nothing")
+
+
+def test_a_finding_is_read_as_the_product_reads_it(tmp_path: Path) -> None:
+    (tmp_path / "good").write_bytes(TARGETS["log"].seeds()["01"])
+    (tmp_path / "bad").write_bytes(b"nothing")
+    assert replay("log", tmp_path / "good")["outcome"] == "result"
+    found = replay("log", tmp_path / "bad")
+    assert found["outcome"] == "sentence"
+    assert "wrong" not in found
+
+
+@pytest.mark.parametrize(
+    ("seconds", "megabytes", "code", "wrong"), [(11.0, 10, 0, "11.0 s"), (1.0, 1200, 0, "1200 MB"), (1.0, 10, 1, "oh")]
+)
+def test_what_takes_too_much_or_fails_is_wrong(
+    seconds: float, megabytes: int, code: int, wrong: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = json.dumps({"outcome": "result", "seconds": seconds, "MB": megabytes})
+    done = subprocess.CompletedProcess([], code, said + "\n", "oh")
+    monkeypatch.setattr(replaying.subprocess, "run", lambda *a, **k: done)
+    assert replay("log", Path("x"))["wrong"] == wrong
+
+
+def test_the_table_has_rows_of_this_call_and_keeps_those_of_the_page(tmp_path: Path) -> None:
+    (tmp_path / "ply").mkdir()
+    (tmp_path / "ply" / "figures.json").write_text(json.dumps(FIGURES), encoding="utf-8")
+    kept, old = "| TDMS | 60 | 5 |", "| PLY | 1 | 1 |"
+    page = f"| text log | other table |\n<!-- fuzz: begin -->\n| reader | x |\n{kept}\n{old}\n<!-- fuzz: end -->\n"
+    rows = table(tmp_path, page).splitlines()[2:]
+    assert rows == ["| PLY | 60 | 1,200 | 1,000 | 10, 1,020 | 7 | 0.5 | 300 | 3 | 1 |", kept]
