@@ -10,7 +10,6 @@ import argparse
 import hashlib
 import json
 import re
-import resource
 import sys
 import time
 from dataclasses import asdict, replace
@@ -18,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from studies.process import status
 from sysid.fleet.draws import RECORD_FILE, read_draws, write_draws
 from sysid.fleet.index import INDEX_FOLDER, write_index
 from sysid.fleet.outcome import OUTCOME_FILE, RESULT_FILE, SCHEMA, kept
@@ -87,15 +87,15 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--output", type=Path, default=Path("build/fleet_store"))
     options = parser.parse_args(arguments)
     fleet = simulated_results(options.template, options.output, options.campaigns)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    before = status("VmHWM")
     begin, used = time.perf_counter(), time.process_time()
     folder = write_index(fleet, options.output)
     seconds, processor = time.perf_counter() - begin, time.process_time() - used
-    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    after = status("VmHWM")
     sizes = {t: (folder / f"{t}.parquet").stat().st_size / 1e6 for t in TABLES}
     sys.stdout.write(
         f"{options.campaigns} campaigns: {seconds:.1f} s, processor {processor:.1f} s, peak memory "
-        f"{before / 1e3:.0f} MB before, {after / 1e3:.0f} MB after; files [MB]: "
+        f"{before / 1e6:.0f} MB before, {after / 1e6:.0f} MB after; files [MB]: "
         f"{', '.join(f'{t} {s:.1f}' for t, s in sizes.items())}\n"
     )
     assert (options.output / INDEX_FOLDER).is_dir()

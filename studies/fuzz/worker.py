@@ -8,6 +8,7 @@ the code, and the fuzzer goes on.  Figures are kept in FOLDER/worker.json, so th
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib
 import io
@@ -23,7 +24,6 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import atheris
 import numpy as np
 
 from studies.fuzz.targets import TARGETS, Target
@@ -43,13 +43,13 @@ class StoppedError(BaseException):
 class Worker:
     """Reads contents and keeps what was found."""
 
-    def __init__(self, target: Target, folder: Path) -> None:
+    def __init__(self, target: Target, folder: Path, instrument: Any) -> None:
         self.folder, self.findings = folder, folder / "findings"
         self.findings.mkdir(exist_ok=True)
         self.figures: dict[str, Any] = {"inputs": 0, "refused": 0, "stopped": 0, "slowest_s": 0.0, "largest": 0}
         self.limit_s = CHILD_SECONDS if target.in_child else MOST_SECONDS
         self._written = 0.0
-        with atheris.instrument_imports(include=["sysid", "support", "hostile_files", *target.watched]):
+        with instrument(include=["sysid", "support", "hostile_files", *target.watched]):
             import sysid.campaign
             import sysid.road.profile_files
             import sysid.workflow.store  # noqa: F401
@@ -138,7 +138,7 @@ def _read_in_this_process() -> None:
         importlib.import_module(name).read_in_child = here  # type: ignore[attr-defined]
 
 
-def changed(content: bytes, most: int, seed: int) -> bytes:
+def changed(mutate: Any, content: bytes, most: int, seed: int) -> bytes:
     """What libFuzzer makes of a content; now and then a stretch of it is repeated up to megabytes."""
     rng = random.Random(seed)
     if content and rng.randrange(STRETCHED_EVERY) == 0:
@@ -146,22 +146,24 @@ def changed(content: bytes, most: int, seed: int) -> bytes:
         piece = content[at : at + rng.choice((1, 20, 300, 5000))]
         times = rng.randrange(1, min(most, MOST_CONTENT) // max(len(piece), 1) + 1)
         return (content[:at] + piece * times + content[at:])[:most]
-    return bytes(atheris.Mutate(content, most))
+    return bytes(mutate(content, most))
 
 
 def main() -> None:
     """Fuzz until libFuzzer ends."""
+    import atheris
+
     name, folder, *options = sys.argv[1:]
     warnings.simplefilter("ignore")
     place = Path(folder) / "place"
     place.mkdir(exist_ok=True)
-    worker = Worker(TARGETS[name], Path(folder))
+    worker = Worker(TARGETS[name], Path(folder), atheris.instrument_imports)
 
     def stop(number: int, frame: object) -> None:
         raise StoppedError
 
     signal.signal(signal.SIGPROF, stop)
-    atheris.Setup([sys.argv[0], *options], worker, custom_mutator=changed)
+    atheris.Setup([sys.argv[0], *options], worker, custom_mutator=functools.partial(changed, atheris.Mutate))
     atheris.Fuzz()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +28,15 @@ def test_a_campaign_that_cannot_be_read_is_rejected_with_its_sentence(tmp_path: 
     assert row.outcome.peak_bytes > 10_000_000
     assert row.outcome.processor_seconds > 0.0
     assert (campaign_output(tmp_path / "out", "a") / LOG_FILE).read_text() == ""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="read from /proc")
+def test_the_memory_of_a_process_is_not_that_of_the_one_that_started_it() -> None:
+    child = "from sysid.fleet.child import peak_bytes; print(peak_bytes())"
+    run_child = f"subprocess.run([sys.executable, '-c', {child!r}], check=True)"
+    start = f"import subprocess, sys; held = b'x' * 600_000_000; {run_child}"
+    run = subprocess.run([sys.executable, "-c", start], capture_output=True, text=True, check=True)
+    assert 5_000_000 < int(run.stdout) < 500_000_000
 
 
 @pytest.mark.long
