@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import os
 import shlex
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
@@ -17,19 +16,20 @@ from rich.table import Table
 from rich.text import Text
 
 from sysid.cli.calibration_options import calibration_options
+from sysid.cli.fleet_tables import MOST_ROWS, population_blocks, recalibration_blocks, status_blocks
 from sysid.cli.guarded import guarded
 from sysid.cli.invocation import program
 from sysid.cli.output_option import OutputFolder
 from sysid.cli.tables import render
-from sysid.display import TextTable, shown_unit
 from sysid.errors import CampaignError, NotConvergedError
 from sysid.files import write_text
 from sysid.folder_lock import cannot_write
 from sysid.wording import shorten
 
+if TYPE_CHECKING:
+    from sysid.fleet.running import RunOptions
+
 DEFAULT_OUTPUT = "fleet_output"
-#: Rows of a table on a terminal; the files have all of them.
-_ROWS = 60
 _STATES = {"done": "green", "not converged": "yellow", "running": "cyan", "queued": "dim"}
 
 _HELP = """Many campaigns side by side: calibrate them, and see what they say together.
@@ -68,6 +68,30 @@ def _output_option(command: Callable[..., Any]) -> Callable[..., Any]:
                         type=OutputFolder())(command)  # fmt: skip
 
 
+def _workers_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    return click.option("--workers", default=None, type=click.IntRange(1, 1024),
+                        help="Campaigns at a time (default: as many as cores and memory allow).")(command)  # fmt: skip
+
+
+def _scheduler_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    return click.option("--scheduler", default=None, metavar="ADDRESS",
+                        help="Work on the cluster of this Dask scheduler; needs sysid[cluster].")(command)  # fmt: skip
+
+
+def _send_files_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    return click.option("--send-files", is_flag=True,
+                        help="The workers of the cluster do not see these folders: send the files of every campaign, "
+                             "and fetch its results.")(command)  # fmt: skip
+
+
+def _run_options(workers: int | None, scheduler: str | None, send_files: bool, **others: Any) -> RunOptions:
+    from sysid.fleet.running import RunOptions
+
+    if send_files and scheduler is None:
+        raise CampaignError("--send-files is for the workers of a cluster; give its --scheduler too.")
+    return RunOptions(workers, scheduler, send_files, **others)
+
+
 def _guarded(name: str, do: Callable[[Console, Console], int]) -> None:
     """Leave with the exit code of a command of `fleet`."""
     stopped = "Stopped. What is done is kept; the same command goes on from there."
@@ -77,13 +101,12 @@ def _guarded(name: str, do: Callable[[Console, Console], int]) -> None:
 @fleet.command("run")
 @_fleet_argument
 @_output_option
-@click.option("--workers", default=None, type=click.IntRange(1, 1024),
-              help="Campaigns at a time (default: as many as cores and memory allow).")  # fmt: skip
+@_workers_option
 @click.option("--retry", multiple=True, type=click.Choice(["failed", "not-converged"]),
               help="Try campaigns again that ended so; unchanged ones are otherwise left as they are.")  # fmt: skip
 @click.option("--only", multiple=True, metavar="NAME", help="This campaign only; may be repeated.")
-@click.option("--scheduler", default=None, metavar="ADDRESS",
-              help="Work on the cluster of this Dask scheduler; needs sysid[cluster].")  # fmt: skip
+@_scheduler_option
+@_send_files_option
 @calibration_options
 def run(
     path: Path,
@@ -92,17 +115,18 @@ def run(
     retry: tuple[str, ...],
     only: tuple[str, ...],
     scheduler: str | None,
+    send_files: bool,
     **choices: Any,
 ) -> None:
     """Calibrate every campaign into its own folder, several at a time; what is finished is not computed again."""
 
     def do(screen: Console, errors: Console) -> int:
         from sysid.fleet.read import read_fleet
-        from sysid.fleet.running import RunOptions, exit_code, run_fleet
+        from sysid.fleet.running import exit_code, run_fleet
         from sysid.fleet.status import write_status
 
         known = read_fleet(path)
-        options = RunOptions(workers, scheduler, retry, only, choices)
+        options = _run_options(workers, scheduler, send_files, retry=retry, only=only, choices=choices)
         with StatusView(errors, output) as view:
             rows = run_fleet(known, output, options, view.show)
         if not only:
@@ -154,35 +178,11 @@ class StatusView:
             table.add_column(column)
         shown = [row for row in rows if row.state == "running"]
         shown += [row for row in rows if row.state not in ("running", "queued", "done")][-8:]
-        for row in shown[:_ROWS]:
+        for row in shown[:MOST_ROWS]:
             doing = stage_of(self._output, row.campaign) if row.state == "running" else row.outcome.sentence
             color = _STATES.get(row.state, "red")
             table.add_row(Text(row.truck), Text(row.campaign), Text(row.state, style=color), Text(shorten(doing, 90)))
         return table
-
-
-def status_blocks(rows: Sequence[Any]) -> list[TextTable | str]:
-    """The final table, and a sentence for every campaign without results."""
-    from sysid.fleet.status import counts
-
-    table = TextTable("Fleet", ("campaign", "truck", "state", "result", "time [s]", "processor [s]", "memory [MB]"))
-    for row in rows[:_ROWS]:
-        o = row.outcome
-        cost = (
-            ("-", "-", "-")
-            if o is None
-            else (f"{o.seconds:.0f}", f"{o.processor_seconds:.0f}", f"{o.peak_bytes / 1e6:.0f}")
-        )
-        table.add_row(row.campaign, row.truck, row.state, "-" if o is None else o.status or "-", *cost)
-    blocks: list[TextTable | str] = [table]
-    if len(rows) > _ROWS:
-        blocks.append(f"... and {len(rows) - _ROWS} more; all of them are in the files.")
-    # Every campaign without results is named, however many there are.
-    for row in rows:
-        if row.outcome is not None and row.outcome.sentence:
-            blocks.append(f"{row.campaign}: {row.state}: {row.outcome.sentence}")
-    blocks.append("Campaigns: " + ", ".join(f"{n} {state}" for state, n in counts(rows).items()) + ".")
-    return blocks
 
 
 @fleet.command("init")
@@ -275,56 +275,40 @@ def population(path: Path, output: Path) -> None:
     _guarded("population", do)
 
 
-def population_blocks(populations: Sequence[Any], loads: Sequence[Any], said: Sequence[str]) -> list[TextTable | str]:
-    """Tables of every type, outliers and loads."""
-    blocks: list[TextTable | str] = []
-    for p in populations:
-        blocks += [_type_table(p), *(_outlier_words(o) for o in p.outliers)]
-        if not p.outliers:
-            blocks.append("No truck stands out.")
-        blocks += [p.message, *p.remarks]
-    if loads:
-        columns = ("load case, speed, axle", "trucks", "peak load ratio", "90 % of trucks", "between trucks")
-        table = TextTable("Wheel loads of a truck that nobody has measured", columns)
-        for x in loads[:_ROWS]:
-            name = f"{x.type}, {x.load_case}, {x.speed_km_h:g} km/h, axle {x.axle}"
-            table.add_row(name, str(x.trucks), f"{x.q50:.3g}", f"{x.q05:.3g} to {x.q95:.3g}", f"{100 * x.spread:.2g} %")
-        blocks.append(table)
-    return [*blocks, *said]
+@fleet.command("recalibrate")
+@_fleet_argument
+@_output_option
+@_workers_option
+@_scheduler_option
+@_send_files_option
+def recalibrate(path: Path, output: Path, workers: int | None, scheduler: str | None, send_files: bool) -> None:
+    """Sample campaigns once more, under the population, whose draws do not reach where it puts their trucks."""
 
+    def do(screen: Console, errors: Console) -> int:
+        from sysid.cli.progress import StageProgress
+        from sysid.fleet.results import compute
+        from sysid.fleet.running import exit_code, recalibrate
 
-def _type_table(p: Any) -> TextTable:
-    columns = (
-        "parameter",
-        "mean",
-        "90 % interval",
-        "unit",
-        "between trucks",
-        "repeats",
-        "a new truck",
-        "more to halve",
-    )
-    table = TextTable(f"{p.type}: {len(p.truck_names)} trucks, {len(p.campaigns)} campaigns", columns)
-    for i, name in enumerate(p.names):
-        factor, unit = shown_unit(p.units[i])
-        table.add_row(
-            name,
-            f"{p.mean.q50[i] * factor:.4g}",
-            f"{p.mean.q05[i] * factor:.4g} to {p.mean.q95[i] * factor:.4g}",
-            unit,
-            f"{100.0 * p.spread.q50[i]:.2g} %",
-            f"{100.0 * p.scatter.q50[i]:.2g} %" if math.isfinite(p.scatter.q50[i]) else "-",
-            f"{p.new.q05[i] * factor:.4g} to {p.new.q95[i] * factor:.4g}",
-            f"{p.further[i]:.0f}" if math.isfinite(p.further[i]) else "none",
-        )
-    return table
+        options = _run_options(workers, scheduler, send_files)
 
+        def computed() -> Any:
+            with StageProgress(errors) as progress:
+                progress.stage("population")
+                return compute(path, output, progress.update)
 
-def _outlier_words(o: Any) -> str:
-    return (
-        f"{o.truck}: {o.parameter} is {o.factor:.2f} times that of the other trucks (by chance {o.probability:.1e}); "
-        "look at its damper, spring or sensor there."
-    )
+        before = computed()
+        priors = {name: prior for p in before.populations for name, prior in p.of_others.items()}
+        if not priors:
+            screen.print("The draws of every campaign reach where the population puts its truck: nothing to do.")
+            return 0
+        with StatusView(errors, output) as view:
+            rows = recalibrate(before.fleet, output, priors, options, view.show)
+        after = computed()
+        render(screen, recalibration_blocks(rows, before.populations, after.populations))
+        screen.print(f"All numbers: {after.file}", markup=False)
+        return exit_code(rows)
+
+    _guarded("recalibrate", do)
 
 
 @fleet.command("index")

@@ -10,7 +10,7 @@ from typing import overload
 import numpy as np
 
 from sysid.errors import DataRejectedError
-from sysid.fleet.draws import RECORD_FILE, CampaignDraws, read_draws
+from sysid.fleet.draws import CampaignDraws, campaign_draws
 from sysid.fleet.hierarchy import HyperPriors, TypeData
 from sysid.fleet.likelihood import Likelihood, likelihood_of, moved_by, without_shared
 from sysid.fleet.outcome import kept
@@ -52,7 +52,7 @@ class StoredDraws(Sequence[CampaignDraws | None]):
     def __getitem__(self, index: int | slice) -> CampaignDraws | Sequence[CampaignDraws | None] | None:
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
-        record = read_draws(self._members[index].output / RECORD_FILE)
+        record = campaign_draws(self._members[index].output)
         return None if record is None else record.of(tuple(n for n in self._names if n in record.names))
 
 
@@ -123,7 +123,7 @@ def assemble(fleet: Fleet, output: Path, kind: str, priors: HyperPriors) -> Asse
     about: dict[str, tuple[str, str, int, str]] = {}
     laws: dict[str, set[str]] = {}
     for member in members(fleet, output, kind):
-        record = read_draws(member.output / RECORD_FILE)
+        record = campaign_draws(member.output)
         if record is None:
             remarks.append(f"campaign {member.campaign} has no posterior draws and is left out")
             continue

@@ -22,7 +22,7 @@ from typing import Any
 from sysid.errors import OutputError, SysidError
 from sysid.files import read_bytes, write_text
 from sysid.fleet.key import calibration_key, chain_key, folder_state, result_digest
-from sysid.fleet.outcome import LOG_FILE, RESULT_FILE, Outcome, State
+from sysid.fleet.outcome import LOG_FILE, RESULT_FILE, Outcome
 from sysid.folder_lock import FolderLock, cannot_write
 from sysid.runtime import own_process
 
@@ -43,7 +43,11 @@ def main() -> None:
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     request = json.loads(sys.stdin.readline())
     threading.Thread(target=_leave_with_parent, daemon=True).start()
-    outcome = calibrate(Path(request["campaign"]), Path(request["output"]), request["choices"], _Reports(say))
+    campaign, output, reports = Path(request["campaign"]), Path(request["output"]), _Reports(say)
+    if request.get("prior") is None:
+        outcome = calibrate(campaign, output, request["choices"], reports)
+    else:
+        outcome = recalibrate(campaign, output, request["prior"], reports)
     say.write(json.dumps({"outcome": asdict(with_cost(outcome))}) + "\n")
     say.flush()
 
@@ -61,16 +65,35 @@ def calibrate(campaign: Path, output: Path, choices: dict[str, Any], progress: A
             inputs=inputs,
             result_sha256=result_digest(output / RESULT_FILE),
         )
-    except SysidError as error:
-        state: State = "failed" if isinstance(error, OutputError) else "rejected"
-        sentence = str(error)
     except Exception as error:
-        traceback.print_exc()
-        state, sentence = "failed", f"an unexpected error stopped it ({type(error).__name__}: {error}); see {LOG_FILE}"
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT):
-            sentence = str(cannot_write(output, error))
+        failed = _failed(error, output)
     inputs = folder_state(campaign)
-    return Outcome(state, sentence, "", calibration_key(inputs, choices), inputs)
+    return replace(failed, key=calibration_key(inputs, choices), inputs=inputs)
+
+
+def recalibrate(campaign: Path, output: Path, prior: dict[str, Any], progress: Any) -> Outcome:
+    """Sample a finished campaign once more under the prior of its population; never raises."""
+    from sysid.fleet.population_prior import PopulationPrior
+    from sysid.fleet.resample import sample_again
+
+    try:
+        _wait_for_folder(output)
+        converged = sample_again(campaign, output, PopulationPrior.from_dict(prior), progress)
+    except Exception as error:
+        return _failed(error, output)
+    if converged:
+        return Outcome("done", status="converged")
+    return Outcome("not converged", "its draws under the population have not converged; its earlier draws are kept")
+
+
+def _failed(error: Exception, output: Path) -> Outcome:
+    """What an error in a campaign is: data or file that cannot be used, or a disk or program that failed."""
+    if isinstance(error, SysidError):
+        return Outcome("failed" if isinstance(error, OutputError) else "rejected", str(error))
+    traceback.print_exception(error)
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT):
+        return Outcome("failed", str(cannot_write(output, error)))
+    return Outcome("failed", f"an unexpected error stopped it ({type(error).__name__}: {error}); see {LOG_FILE}")
 
 
 def with_cost(outcome: Outcome) -> Outcome:

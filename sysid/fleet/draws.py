@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from sysid.workflow import Calibration
 
 RECORD_FILE = "fleet_draws.npz"
+#: Draws of the same campaign under what the other trucks say of it (:mod:`sysid.fleet.resample`).
+POPULATION_RECORD_FILE = "fleet_draws_population.npz"
 #: Draws that are kept of a campaign: enough for a Pareto k, few enough for ten thousand campaigns.
 KEPT_DRAWS = 1000
 SCHEMA = 1
@@ -101,9 +103,31 @@ def write_record(calibration: Calibration, results: Results, output: Path) -> No
     )
 
 
-def write_draws(path: Path, record: CampaignDraws) -> None:
-    """Write a record, complete or not at all; OSError if the folder cannot be written."""
-    fields: dict[str, Any] = {"schema": SCHEMA, **{name: getattr(record, name) for name in _WORDS}}
+def record_digest(folder: Path) -> str:
+    """Hash of the record of the campaign whose results are in a folder; empty where there is none."""
+    content = array_file.read(folder / RECORD_FILE)
+    return "" if content is None else content.digest
+
+
+def campaign_draws(folder: Path) -> CampaignDraws | None:
+    """The draws of the campaign whose results are in a folder; None where there are none.
+
+    Those under the population are taken if they were made from the campaign's present record.
+    """
+    again = array_file.read(folder / POPULATION_RECORD_FILE)
+    if again is not None and again.fields.get("of") == record_digest(folder):
+        record = read_draws(folder / POPULATION_RECORD_FILE)
+        if record is not None:
+            return record
+    return read_draws(folder / RECORD_FILE)
+
+
+def write_draws(path: Path, record: CampaignDraws, of: str = "") -> None:
+    """Write a record, complete or not at all; `of` is the hash of the record that it replaces.
+
+    Raises OSError if the folder cannot be written.
+    """
+    fields: dict[str, Any] = {"schema": SCHEMA, "of": of, **{name: getattr(record, name) for name in _WORDS}}
     arrays = {"draws": record.draws, "prior_mean": record.prior_mean, "prior_covariance": record.prior_covariance}
     array_file.write(path, fields, arrays)
 

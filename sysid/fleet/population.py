@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from arviz_stats.base import array_stats  # type: ignore[attr-defined]  # its way of naming what is public
 from scipy.optimize import minimize
 
 from sysid.errors import DataRejectedError
@@ -14,7 +13,8 @@ from sysid.fleet.draws import CampaignDraws, thinned
 from sysid.fleet.exchangeable import pooled_populations
 from sysid.fleet.hierarchy import Hierarchy, HyperPriors, TypeData
 from sysid.fleet.likelihood import likelihood_of
-from sysid.fleet.weights import MOST_K, campaign_weights, log_correction
+from sysid.fleet.population_prior import PopulationPrior, prior_of_others
+from sysid.fleet.weights import MOST_K, Weights, campaign_weights, log_correction, smoothed
 from sysid.posterior.sampled_posterior import Posterior
 from sysid.posterior.sampling import SamplingOptions, sample_posterior
 from sysid.progress import Progress, unwatched
@@ -88,6 +88,7 @@ class TypePopulation:
     message: str
     shared: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    of_others: Mapping[str, PopulationPrior] = field(default_factory=dict)
 
 
 def fit_population(
@@ -120,7 +121,7 @@ def fit_population(
     model = Hierarchy(data, priors)
     posterior, log_hyper = _sampled(model, sampling, progress or unwatched)
     random = np.random.default_rng(sampling.seed)
-    k, correction_k, log_hyper, corrected = _corrected(model, records, log_hyper, random)
+    k, of_others, correction_k, log_hyper, corrected = _corrected(model, records, log_hyper, random)
     drawn = model.draw(log_hyper, random)
     spread = model.spread(log_hyper)
     tau = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
@@ -149,6 +150,7 @@ def fit_population(
         message=posterior.message,
         shared={n: (float(e.mean()), float(e.std())) for n, e in zip(shared_names, drawn.shared.T, strict=True)},
         remarks=_remarks(data, k, correction_k, corrected),
+        of_others=of_others,
     )
 
 
@@ -253,23 +255,23 @@ def _new_trucks(mean: np.ndarray, spread: np.ndarray, random: np.random.Generato
 
 def _corrected(
     model: Hierarchy, records: Sequence[CampaignDraws | None], log_hyper: np.ndarray, random: np.random.Generator
-) -> tuple[np.ndarray, float, np.ndarray, bool]:
-    """Pareto k per campaign and of the correction, hyperparameters drawn by it, and whether they could be."""
+) -> tuple[np.ndarray, dict[str, PopulationPrior], float, np.ndarray, bool]:
+    """What :func:`_pareto` gives, Pareto k of the correction, and hyperparameters drawn by it if that was possible."""
     weighted = thinned(log_hyper, _WEIGHTED)
-    k, log_weights = _pareto(model, records, weighted)
-    smooth, correction_k = array_stats.psislw(log_weights) if np.ptp(log_weights) > 0.0 else (log_weights, -np.inf)
-    if not (np.isfinite(correction_k) and correction_k < MOST_K):
-        return k, float(correction_k), log_hyper, False
-    weights = np.exp(np.asarray(smooth))
+    k, of_others, log_weights = _pareto(model, records, weighted)
+    correction = smoothed(log_weights) if np.ptp(log_weights) > 0.0 else Weights(log_weights, -np.inf)
+    if not (np.isfinite(correction.pareto_k) and correction.pareto_k < MOST_K):
+        return k, of_others, correction.pareto_k, log_hyper, False
+    weights = np.exp(correction.log_weights)
     chosen = random.choice(len(weighted), len(log_hyper), p=weights / weights.sum())
-    return k, float(correction_k), weighted[chosen], True
+    return k, of_others, correction.pareto_k, weighted[chosen], True
 
 
 def _pareto(
     model: Hierarchy, records: Sequence[CampaignDraws | None], log_hyper: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Pareto k per campaign, NaN without draws, and log weights (n,) of the hyperparameters by all campaigns."""
-    data = model.data
+) -> tuple[np.ndarray, dict[str, PopulationPrior], np.ndarray]:
+    """Pareto k per campaign (NaN without draws), a better prior where it is too large, and log weights (n,)."""
+    data, of_others = model.data, {}
     k, log_weights = np.full(len(data.campaigns), np.nan), np.zeros(len(log_hyper))
     parts = model.parts(log_hyper)
     for c in range(len(data.campaigns)):
@@ -282,10 +284,12 @@ def _pareto(
         around = (mean[:, at], covariance[:, at][:, :, at])
         prior = (record.prior_mean, record.prior_covariance)
         k[c] = campaign_weights(record.draws, *prior, *(part[::4] for part in around)).pareto_k
+        if k[c] > MOST_K:
+            of_others[data.campaigns[c]] = prior_of_others(record.names, *around)
         # As the draws are: a shared error that was taken out of the likelihood is part of them.
         likelihood = likelihood_of(record)
         log_weights += log_correction(record.draws, *prior, *around, likelihood.precision, likelihood.shift)
-    return k, log_weights
+    return k, of_others, log_weights
 
 
 def _remarks(data: TypeData, k: np.ndarray, correction_k: float, corrected: bool) -> tuple[str, ...]:
@@ -294,9 +298,10 @@ def _remarks(data: TypeData, k: np.ndarray, correction_k: float, corrected: bool
     if bad:
         said.append(
             f"The draws of {len(bad)} campaigns hardly reach where the population puts their trucks (Pareto k above "
-            f"{MOST_K}): {', '.join(bad[:8])}{', ...' if len(bad) > 8 else ''}. Their Gaussian form alone counts there."
+            f"{MOST_K}): {', '.join(bad[:8])}{', ...' if len(bad) > 8 else ''}. Their Gaussian form alone counts "
+            "there; 'fleet recalibrate' samples them once more under the population."
         )
-    if np.isfinite(correction_k) and not corrected:
+    if correction_k > MOST_K and not corrected:
         said.append(
             f"The Gaussian form of the campaigns was not corrected: the weights of that correction have a Pareto k of "
             f"{correction_k:.2f}."

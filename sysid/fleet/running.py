@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from contextlib import AbstractContextManager, nullcontext
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sysid.errors import CampaignError, NotConvergedError, OutputError
 from sysid.fleet.executors import cluster_executor, local_executor
 from sysid.fleet.memory import available_bytes
 from sysid.fleet.outcome import Outcome
 from sysid.fleet.records import Fleet
+from sysid.fleet.sent_files import SendingExecutor
 from sysid.fleet.task import Task, run_task
 from sysid.folder_lock import FolderLock
 from sysid.threads import thread_count, threads_per_worker
 from sysid.wording import finish, nearest, shorten
+
+if TYPE_CHECKING:
+    from sysid.fleet.population_prior import PopulationPrior
 
 #: Folder of the results of all campaigns below that of the fleet.
 CAMPAIGNS = "campaigns"
@@ -27,6 +32,8 @@ TASK_BYTES = 1_500_000_000
 #: How many tasks are handed over at a time, per worker: enough that none waits, few enough for any number of campaigns.
 _AHEAD = 2
 _POLL_S = 0.5
+#: How long to wait for a scheduler that was lost [s].
+LOST_S = 120.0
 
 #: What `--retry` takes, and the states that it means.
 RETRIES: Mapping[str, tuple[str, ...]] = {
@@ -53,6 +60,7 @@ class RunOptions:
 
     - `workers`: processes at a time, None for as many as cores and memory allow;
     - `scheduler`: address of a Dask scheduler;
+    - `send_files`: its workers do not see the folders of this machine, so files are sent to them and back;
     - `retry` names from :data:`RETRIES`;
     - `only` names of campaigns, none for all;
     - `choices`: the options of the stages;
@@ -61,6 +69,7 @@ class RunOptions:
 
     workers: int | None = None
     scheduler: str | None = None
+    send_files: bool = False
     retry: tuple[str, ...] = ()
     only: tuple[str, ...] = ()
     choices: Mapping[str, Any] = field(default_factory=dict)
@@ -131,32 +140,67 @@ def run_fleet(fleet: Fleet, output: Path, options: RunOptions, watch: Watch) -> 
     workers = worker_count(options.workers, fleet.count)
     rows = [Row(t.name, t.type, c.name, c.date, "queued") for t, c in fleet.campaigns()]
     # Single campaigns may be run side by side by somebody else's scheduler: each has the lock of its own folder.
-    lock = nullcontext() if options.only else FolderLock(output)
-    with lock, _executor(options, workers) as executor:
-        local = options.scheduler is None
-        threads = threads_per_worker(workers) if local else 1
-        # With a cluster its scheduler decides who works on what; more is handed over at a time.
-        ahead = workers if local else max(_AHEAD * workers, 64)
-        queue = tasks(fleet, output, options, secrets.token_hex(8), threads)
-        _drive(executor, enumerate(queue), rows, ahead, local, watch)
+    with nullcontext() if options.only else FolderLock(output):
+        _run_tasks(partial(tasks, fleet, output, options), rows, options, workers, watch)
     watch(rows)
     return rows
 
 
-def _executor(options: RunOptions, workers: int) -> AbstractContextManager[Executor]:
-    return local_executor(workers) if options.scheduler is None else cluster_executor(options.scheduler)
+def recalibrate(
+    fleet: Fleet, output: Path, priors: Mapping[str, PopulationPrior], options: RunOptions, watch: Watch
+) -> list[Row]:
+    """Sample finished campaigns of a fleet once more under `priors` by name, and return what became of each.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written, another run of a fleet writes there, or the scheduler does not answer.
+    """
+    fleet = chosen(fleet, tuple(priors))
+    workers = worker_count(options.workers, fleet.count)
+    rows = [Row(t.name, t.type, c.name, c.date, "queued") for t, c in fleet.campaigns()]
+    with FolderLock(output):
+
+        def again(run: str, threads: int) -> Iterator[Task]:
+            return (replace(t, prior=priors[t.name].as_dict()) for t in tasks(fleet, output, options, run, threads))
+
+        _run_tasks(again, rows, options, workers, watch)
+    watch(rows)
+    return rows
+
+
+def _run_tasks(
+    tasks_of: Callable[[str, int], Iterable[Task]], rows: list[Row], options: RunOptions, workers: int, watch: Watch
+) -> None:
+    """Run one task per row to its end; `tasks_of` makes them for a run and a number of threads.
+
+    If the scheduler of a cluster is lost, its tasks are handed to the next one that answers at its address.
+    """
+    local = options.scheduler is None
+    threads = threads_per_worker(workers) if local else 1
+    executor = local_executor(workers) if options.scheduler is None else cluster_executor(options.scheduler)
+    while True:
+        with executor as (pool, size):
+            # A scheduler decides who works on what, so it gets more than one task per worker; files take memory.
+            ahead = size if local else _AHEAD * size if options.send_files else max(_AHEAD * size, 64)
+            # Being lost with a scheduler does not count against a task: every attempt is a run of its own.
+            left = ((n, t) for n, t in enumerate(tasks_of(secrets.token_hex(8), threads)) if rows[n].outcome is None)
+            _drive(SendingExecutor(pool) if options.send_files else pool, left, rows, ahead, local, watch)
+        if options.scheduler is None or all(row.outcome is not None for row in rows):
+            return
+        executor = cluster_executor(options.scheduler, LOST_S)
 
 
 def _drive(
-    executor: Executor, queue: Iterable[tuple[int, Task]], rows: list[Row], ahead: int, local: bool, watch: Watch
+    executor: Executor, queue: Iterator[tuple[int, Task]], rows: list[Row], ahead: int, local: bool, watch: Watch
 ) -> None:
-    left = iter(queue)
+    """Hand tasks over and wait for their outcomes, until all are done or the scheduler is lost."""
     running: dict[Future[Outcome], int] = {}
     largest = 0
     exhausted = False
     while running or not exhausted:
         while not exhausted and len(running) < ahead and (not local or _room(largest, len(running))):
-            number, task = next(left, (-1, None))
+            number, task = next(queue, (-1, None))
             if task is None:
                 exhausted = True
                 break
@@ -168,6 +212,10 @@ def _drive(
         for future in done:
             number = running.pop(future)
             outcome = _outcome(future)
+            if outcome is None:
+                rows[number] = replace(rows[number], state="queued")
+                exhausted = True
+                continue
             largest = max(largest, outcome.peak_bytes)
             rows[number] = replace(rows[number], state=outcome.state, outcome=outcome)
         watch(rows)
@@ -178,10 +226,16 @@ def _room(largest: int, running: int) -> bool:
     return running == 0 or available_bytes() > (largest or TASK_BYTES // 2)
 
 
-def _outcome(future: Future[Outcome]) -> Outcome:
-    error = future.exception()
+def _outcome(future: Future[Outcome]) -> Outcome | None:
+    """The outcome of a task; None if it was lost with its scheduler."""
+    try:
+        error = future.exception()
+    except CancelledError:
+        return None
     if error is None:
         return future.result()
+    if isinstance(error, CancelledError):
+        return None
     # A scheduler gives up on a task whose workers die again and again.
     return Outcome("crashed", f"its worker was lost ({type(error).__name__}: {str(error)[:200]})")
 

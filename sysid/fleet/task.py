@@ -39,7 +39,8 @@ _CHILD = (sys.executable, "-m", "sysid.fleet.child")
 class Task:
     """What a worker is told: folders as text, options of the stages, threads, and the `run` of the fleet it is part of.
 
-    `again` names states of earlier outcomes that are not taken over; `command` starts the process.
+    `again` names states of earlier outcomes that are not taken over; `command` starts the process.  With a `prior` (as
+    :class:`sysid.fleet.population_prior.PopulationPrior` writes it) a finished campaign is only sampled once more.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Task:
     run: str = ""
     again: tuple[str, ...] = ()
     command: tuple[str, ...] = _CHILD
+    prior: Mapping[str, Any] | None = None
 
 
 class StoppedError(Exception):
@@ -92,19 +94,28 @@ def run_task(task: Task) -> Outcome:
     The outcome is kept beside the results too, where the folder can be written.  Raises StoppedError if all processes
     are ended meanwhile.
     """
-    campaign, output = Path(task.campaign), Path(task.output)
-    earlier = kept(output)
-    if earlier is not None and earlier.state not in task.again and still_valid(earlier, campaign, output, task.choices):
+    earlier = finished_before(task)
+    if earlier is not None:
         return earlier
+    campaign, output = Path(task.campaign), Path(task.output)
     try:
         outcome = _started(task, campaign, output)
     except OSError as error:
         outcome = _without_process(task, "failed", str(cannot_write(output, error)))
     with contextlib.suppress(OSError):
-        keep(output, outcome)
+        if task.prior is None:
+            keep(output, outcome)
         (output / _STARTS_FILE).unlink(missing_ok=True)
         (output / PROGRESS_FILE).unlink(missing_ok=True)
     return outcome
+
+
+def finished_before(task: Task) -> Outcome | None:
+    """The outcome of an earlier run that is still that of the campaign as it is now; None if it is to be computed."""
+    earlier = kept(Path(task.output)) if task.prior is None else None
+    if earlier is None or earlier.state in task.again:
+        return None
+    return earlier if still_valid(earlier, Path(task.campaign), Path(task.output), task.choices) else None
 
 
 def _started(task: Task, campaign: Path, output: Path) -> Outcome:
@@ -133,7 +144,7 @@ def _process(task: Task, output: Path) -> tuple[Outcome | None, int]:
             filter(None, (str(Path(sysid.__file__).parents[1]), os.environ.get("PYTHONPATH")))
         ),
     }
-    request = {"campaign": task.campaign, "output": task.output, "choices": dict(task.choices)}
+    request = {"campaign": task.campaign, "output": task.output, "choices": dict(task.choices), "prior": task.prior}
     with (output / LOG_FILE).open("ab") as log:
         process = subprocess.Popen(
             task.command,

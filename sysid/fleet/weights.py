@@ -16,6 +16,8 @@ from arviz_stats.base import array_stats  # type: ignore[attr-defined]  # its wa
 
 #: Above this a sum over weighted draws cannot be trusted.
 MOST_K = 0.7
+#: Fewer effective draws than this tell nothing of the tail of their weights.
+_LEAST_EFFECTIVE = 10.0
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,15 @@ class Weights:
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Weighted mean of values (n, ...)."""
         return np.asarray(np.tensordot(np.exp(self.log_weights), values, axes=1))
+
+
+def smoothed(log_weights: np.ndarray) -> Weights:
+    """Pareto-smoothed weights (n,) and their k, infinite if a few draws have all the weight."""
+    with np.errstate(all="ignore"):
+        smooth, k = array_stats.psislw(log_weights)
+    share = np.exp(log_weights - log_weights.max())
+    few = share.sum() ** 2 < _LEAST_EFFECTIVE * (share**2).sum()
+    return Weights(np.asarray(smooth), np.inf if few or np.isnan(k) else float(k))
 
 
 def log_normal(x: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -50,9 +61,7 @@ def campaign_weights(
     prior = log_normal(draws, prior_mean[None], prior_covariance[None])[0]
     population = log_normal(draws, mean, covariance)
     top = population.max(axis=0)
-    raw = top + np.log(np.exp(population - top).mean(axis=0)) - prior
-    smooth, k = array_stats.psislw(raw)
-    return Weights(np.asarray(smooth), float(k))
+    return smoothed(top + np.log(np.exp(population - top).mean(axis=0)) - prior)
 
 
 def log_correction(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -52,7 +53,7 @@ if __name__ == "__main__":
                 parent = int(Path(f"/proc/{child}/stat").read_text().split()[3])
                 killed.append(parent)
                 os.kill(parent, signal.SIGKILL)
-        options = RunOptions(2, cluster.scheduler_address, command=COMMAND)
+        options = RunOptions(2, cluster.scheduler_address, sys.argv[4] == "send", command=COMMAND)
         rows = run_fleet(read_fleet(Path(sys.argv[2])), Path(sys.argv[3]), options, watch)
     print(json.dumps({"killed": len(killed), "rows": {r.campaign: [r.state, r.outcome.result_sha256] for r in rows}}))
 """
@@ -66,11 +67,13 @@ def campaigns(root: Path, **behaviours: str) -> Path:
     return root
 
 
-def on_cluster(folder: Path, output: Path, script: Path, kill: bool) -> dict:
+def on_cluster(folder: Path, output: Path, script: Path, what: str = "-", code: str = CLUSTER) -> dict:
     # A file, not -c: its workers import it.
-    script.write_text(CLUSTER)
-    words = [sys.executable, str(script), str(SUPPORT), str(folder), str(output), "kill" if kill else "-"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    script.write_text(code)
+    words = [sys.executable, str(script), str(SUPPORT), str(folder), str(output), what]
+    # The workers' own folders.
+    environment = os.environ | {"TMPDIR": str(script.parent)}
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False, env=environment)
     assert done.returncode == 0, done.stderr[-2000:]
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -80,16 +83,94 @@ def test_two_workers_give_what_this_machine_gives(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(key, "program_digest", lambda: DIGEST)
     monkeypatch.setenv("SYSID_THREADS", "1")
     folder = campaigns(tmp_path / "fleet", a="done", b="not-converged", c="rejected No.", d="die", e="done")
-    found = on_cluster(folder, tmp_path / "cluster", tmp_path / "script.py", kill=False)["rows"]
+    found = on_cluster(folder, tmp_path / "cluster", tmp_path / "script.py")["rows"]
     rows = run_fleet(read_fleet(folder), tmp_path / "local", RunOptions(2, command=COMMAND), lambda rows: None)
     assert found == {row.campaign: [row.state, row.outcome.result_sha256] for row in rows}
     assert [found[n][0] for n in "abcde"] == ["done", "not converged", "rejected", "crashed", "done"]
 
 
+def test_workers_that_do_not_see_the_folders_give_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(key, "program_digest", lambda: DIGEST)
+    monkeypatch.setenv("SYSID_THREADS", "1")
+    folder = campaigns(tmp_path / "fleet", a="done", b="not-converged", c="rejected No.", d="die", e="done")
+    # Results of an earlier run that lie in the folder of a campaign are not sent.
+    (folder / "a" / "results" / "stages").mkdir(parents=True)
+    (folder / "a" / "results" / "stages" / "fit.npz").write_bytes(b"long")
+    found = on_cluster(folder, tmp_path / "cluster", tmp_path / "script.py", "send")["rows"]
+    rows = run_fleet(read_fleet(folder), tmp_path / "local", RunOptions(2, command=COMMAND), lambda rows: None)
+    assert found == {row.campaign: [row.state, row.outcome.result_sha256] for row in rows}
+    for name in "abcde":
+        where = Path((tmp_path / "cluster/campaigns" / name / "where").read_text())
+        assert where.is_relative_to(tmp_path)
+        assert not where.is_relative_to(folder)
+        assert not where.exists(), "a worker left files behind"
+    # What is finished is found by its hash on this side, and is not sent again; nor is what was rejected.
+    again = run_fleet(read_fleet(folder), tmp_path / "cluster", RunOptions(2, command=COMMAND), lambda rows: None)
+    assert {row.campaign: [row.state, row.outcome.result_sha256] for row in again} == found
+    starts = {n: len((tmp_path / "cluster/campaigns" / n / "starts").read_text().splitlines()) for n in "abcde"}
+    assert starts == {"a": 1, "b": 1, "c": 1, "d": 2, "e": 1}
+
+
+#: A scheduler and a worker are killed while two campaigns run, and started again.
+RESTARTED = """
+import json, socket, subprocess, sys
+sys.path.insert(0, sys.argv[1])
+from pathlib import Path
+from fleet_child import COMMAND, DIGEST
+from sysid.fleet import key
+from sysid.fleet.read import read_fleet
+from sysid.fleet.running import RunOptions, run_fleet
+
+def cluster(port):
+    words = ["--no-dashboard", "--host", "127.0.0.1"]
+    scheduler = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", str(port), *words]
+    worker = [sys.executable, "-m", "distributed.cli.dask_worker", f"tcp://127.0.0.1:{port}", "--nthreads", "1"]
+    preload = ["--preload", str(Path(sys.argv[0]).parent / "preload.py"), "--nworkers", "2"]
+    return [subprocess.Popen(w, stderr=subprocess.DEVNULL) for w in (scheduler, [*worker, *words, *preload])]
+
+if __name__ == "__main__":
+    key.program_digest = lambda: DIGEST
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    started = [cluster(port)]
+    out = Path(sys.argv[3])
+
+    def watch(rows):
+        waits = all((out / "campaigns" / n / "starts").exists() for n in "ab")
+        if waits and rows[0].state == "done" and len(started) == 1:
+            for process in started[0]:
+                process.kill() if process is started[0][0] else process.terminate()
+            started.append(cluster(port))
+
+    try:
+        options = RunOptions(2, f"tcp://127.0.0.1:{port}", command=COMMAND)
+        rows = run_fleet(read_fleet(Path(sys.argv[2])), out, options, watch)
+    finally:
+        for process in started[-1]:
+            process.terminate()
+    print(json.dumps({"killed": len(started) - 1, "rows": {r.campaign: [r.state, r.outcome.attempts] for r in rows}}))
+"""
+
+
+def test_a_scheduler_that_is_started_again_loses_nothing(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    folder = campaigns(tmp_path / "fleet", a="wait-once 60", b="wait-once 60", c="done", d="done")
+    (tmp_path / "preload.py").write_text(f"from sysid.fleet import key\nkey.program_digest = lambda: {DIGEST!r}\n")
+    # Before the two that wait.
+    (folder / "c").rename(folder / "0c")
+    found = on_cluster(folder, tmp_path / "out", tmp_path / "script.py", code=RESTARTED)
+    assert found["killed"] == 1
+    assert {state for state, _ in found["rows"].values()} == {"done"}
+    starts = {p.name: len((p / "starts").read_text().splitlines()) for p in (tmp_path / "out/campaigns").iterdir()}
+    assert starts == {"0c": 1, "a": 2, "b": 2, "d": 1}
+
+
 def test_a_killed_worker_loses_nothing(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     folder = campaigns(tmp_path / "fleet", a="wait-once 60", b="done", c="done")
-    found = on_cluster(folder, tmp_path / "out", tmp_path / "script.py", kill=True)
+    found = on_cluster(folder, tmp_path / "out", tmp_path / "script.py", "kill")
     assert found["killed"] == 1
     assert {state for state, _ in found["rows"].values()} == {"done"}
     starts = {n: len((tmp_path / "out/campaigns" / n / "starts").read_text().splitlines()) for n in "abc"}

@@ -116,6 +116,26 @@ def test_a_worker_that_is_killed_in_a_stage_loses_nothing(tmp_path: Path) -> Non
     assert (starts(output, "a"), starts(output, "b")) == (2, 1)
 
 
+def test_twenty_workers_that_are_killed_lose_nothing(tmp_path: Path) -> None:
+    names = [f"w{n:02d}" for n in range(20)]
+    folder, output = make(tmp_path / "fleet", **dict.fromkeys(names, "wait-once 60"), x="done"), tmp_path / "out"
+    killed: dict[str, int] = {}
+
+    def kill(rows: list[Row]) -> None:
+        for name in names:
+            if name not in killed and starts(output, name) == 1:
+                killed[name] = int((output / "campaigns" / name / "starts").read_text())
+                os.kill(killed[name], signal.SIGKILL)
+
+    rows = run_fleet(read_fleet(folder), output, RunOptions(2, command=COMMAND), kill)
+    assert len(killed) == 20
+    assert {row.state for row in rows} == {"done"}
+    assert {row.campaign: (starts(output, row.campaign), row.outcome.attempts) for row in rows} == {
+        **dict.fromkeys(names, (2, 2)),
+        "x": (1, 1),
+    }
+
+
 def test_a_folder_that_cannot_be_written_costs_its_campaign_only(tmp_path: Path) -> None:
     folder, output = make(tmp_path / "fleet", a="done", b="done"), tmp_path / "out"
     (output / "campaigns").mkdir(parents=True)

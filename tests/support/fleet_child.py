@@ -46,6 +46,7 @@ def main() -> None:
     campaign, output = Path(request["campaign"]), Path(request["output"])
     with (output / "starts").open("a") as stream:
         stream.write(f"{os.getpid()}\n")
+    (output / "where").write_text(str(campaign))
     starts = len((output / "starts").read_text().splitlines())
     word, _, more = (campaign / "behaviour").read_text().strip().partition(" ")
     _say({"stage": "1 of 2 fit: least squares", "fraction": 0.25})
@@ -55,7 +56,10 @@ def main() -> None:
         os.kill(os.getpid(), signal.SIGSEGV)
     if word == "wait" or (word == "wait-once" and starts == 1):
         time.sleep(float(more))
-    if word in ("rejected", "failed"):
+    if request.get("prior") is not None:
+        (output / "prior.json").write_text(json.dumps(request["prior"]))
+        outcome = Outcome("done", status="converged")
+    elif word in ("rejected", "failed"):
         inputs = folder_state(campaign)
         outcome = Outcome(word, more, "", calibration_key(inputs, request["choices"]), inputs)
     else:

@@ -1,0 +1,94 @@
+"""What all other trucks say of a campaign, as the prior under which it is sampled once more.
+
+Draws under the campaign's own, wide prior may not reach where the population puts its truck.  Under N(m, S) of the
+other trucks they do.  The prior N(m0, P) of the shared parameters is exchanged for it: the log-density changes by
+
+    log N(x; m, S) - log N(x; m0, P),
+
+and a Gaussian N(x0, C) of all parameters, prior or posterior, has the precision C^-1 + S^-1 - P^-1 afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sysid.fleet.draws import CampaignDraws
+from sysid.fleet.weights import log_normal
+
+#: How much wider than the population its prior is taken: weights of draws under it are then bounded, and a truck that
+#: differs from the others is still reached.
+WIDENED = 2.0
+
+
+@dataclass(frozen=True)
+class PopulationPrior:
+    """N(`mean` (d,), `covariance` (d, d)) of the log parameters `names`."""
+
+    names: tuple[str, ...]
+    mean: np.ndarray
+    covariance: np.ndarray
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain lists, for another process."""
+        return {"names": list(self.names), "mean": self.mean.tolist(), "covariance": self.covariance.tolist()}
+
+    @classmethod
+    def from_dict(cls, fields: Mapping[str, Any]) -> PopulationPrior:
+        """What :meth:`as_dict` made."""
+        return cls(tuple(fields["names"]), np.array(fields["mean"]), np.array(fields["covariance"]))
+
+
+def prior_of_others(names: Sequence[str], mean: np.ndarray, covariance: np.ndarray) -> PopulationPrior:
+    """The mixture of normals (h, d), (h, d, d) that the other trucks give, as one normal of twice its width."""
+    spread = np.atleast_2d(np.cov(mean.T, bias=True))
+    return PopulationPrior(tuple(names), mean.mean(axis=0), WIDENED**2 * (covariance.mean(axis=0) + spread))
+
+
+@dataclass(frozen=True)
+class ExchangedPrior:
+    """The prior of some parameters exchanged: `at` their places, `old` and `new` mean and covariance."""
+
+    at: np.ndarray
+    old: tuple[np.ndarray, np.ndarray]
+    new: tuple[np.ndarray, np.ndarray]
+
+    def gaussian(self, mean: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A Gaussian (p,), (p, p) of all parameters with the exchanged prior; not narrower than nothing is known.
+
+        Along directions where the Gaussian is wider than the old prior, which rounding or a rough covariance may give,
+        the data count as silent.
+        """
+        (m0, old), (m, new) = self.old, self.new
+        data = np.linalg.inv(covariance)
+        before, after = np.linalg.inv(old), np.linalg.inv(new)
+        linear = data @ mean
+        data[np.ix_(self.at, self.at)] -= before
+        linear[self.at] += after @ m - before @ m0
+        size, directions = np.linalg.eigh(0.5 * (data + data.T))
+        precision = (directions * np.maximum(size, 0.0)) @ directions.T
+        precision[np.ix_(self.at, self.at)] += after
+        changed = np.linalg.inv(precision)
+        return changed @ linear, 0.5 * (changed + changed.T)
+
+    def density(self, density: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
+        """A log-density (n, p) -> (n,) with the exchanged prior."""
+
+        def exchanged(points: np.ndarray) -> np.ndarray:
+            some = np.atleast_2d(points)[:, self.at]
+            new, old = (log_normal(some, mean[None], covariance[None])[0] for mean, covariance in (self.new, self.old))
+            return np.asarray(density(points) + new - old)
+
+        return exchanged
+
+
+def exchange(record: CampaignDraws, prior: PopulationPrior) -> ExchangedPrior:
+    """The prior of a campaign's record exchanged for that of the population, for the parameters that both have."""
+    shared = [name for name in prior.names if name in record.names]
+    at = np.array([record.names.index(name) for name in shared])
+    of = np.array([prior.names.index(name) for name in shared])
+    old = (record.prior_mean[at], record.prior_covariance[np.ix_(at, at)])
+    return ExchangedPrior(at, old, (prior.mean[of], prior.covariance[np.ix_(of, of)]))
