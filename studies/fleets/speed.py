@@ -74,8 +74,7 @@ def table(took: dict[str, Took]) -> str:
     one, two = took[WAYS[0]], took[WAYS[1]]
     states = sorted({row.state for row in one.rows})
     lines = [
-        f"{len(one.rows)} campaigns (two runs each, `--quick --laws declared`), all {' and '.join(states)}; load "
-        f"{os.getloadavg()[2]:.1f} in the last quarter of an hour.",
+        f"{len(one.rows)} campaigns (two runs each, `--quick --laws declared`), all {' and '.join(states)}; two cores.",
         "",
         "| | on the clock [s] | times as fast | processor time of a campaign [s] | largest memory [MB] | results |",
         "|---|---|---|---|---|---|",

@@ -54,6 +54,7 @@ def result_document(results: Results) -> dict[str, Any]:
         if results.judgement is None
         else {"trust": results.judgement.trust, "reasons": list(results.judgement.reasons)},
         "versions": {str(k): str(v) for k, v in provenance.get("versions", {}).items()},
+        "quality": _quality(results),
     }
 
 
@@ -83,6 +84,15 @@ def _number(value: float | None) -> float | None:
 
 def _axle(index: int | None) -> int | None:
     return None if index is None else int(index) + 1
+
+
+def _quality(results: Results) -> list[dict[str, Any]]:
+    """Channels of the logs that are not good."""
+    return [
+        {"file": c.file, "channel": c.column, "kind": c.kind, "verdict": c.verdict, "messages": list(c.messages)}
+        for c in (() if results.quality is None else results.quality.channels)
+        if c.verdict != "good"
+    ]
 
 
 def _drops(results: Results) -> list[dict[str, Any]]:

@@ -15,6 +15,7 @@ import numpy as np
 from sysid import plot
 from sysid.display import shown_unit
 from sysid.files import write_text
+from sysid.fleet.instruments import InstrumentProblem, instrument_problems
 from sysid.fleet.loads import PopulationLoad
 from sysid.fleet.population import Quantiles, TypePopulation
 from sysid.fleet.results import FleetResults
@@ -49,7 +50,7 @@ class TypePart:
     remarks: tuple[str, ...]
 
 
-def render_fleet(results: FleetResults, rows: Sequence[Row]) -> str:
+def render_fleet(results: FleetResults, rows: Sequence[Row], problems_of: Sequence[InstrumentProblem] = ()) -> str:
     """The page as text; it loads nothing, and what users typed is escaped."""
     gallery = Gallery()
     states = counts(rows)
@@ -67,6 +68,7 @@ def render_fleet(results: FleetResults, rows: Sequence[Row]) -> str:
         "listed": [_listed(row) for row in rows[:MOST_LISTED]],
         "unlisted": max(0, len(rows) - MOST_LISTED),
         "pareto": _pareto_table(results.populations),
+        "instruments": _instrument_table(problems_of, len(rows)),
         "versions": versions(),
         "figure_numbers": itertools.count(1),
     }
@@ -81,7 +83,7 @@ def write_fleet_page(results: FleetResults, rows: Sequence[Row], output: Path) -
     OutputError
         If the folder cannot be written.
     """
-    text = render_fleet(results, rows)
+    text = render_fleet(results, rows, instrument_problems(rows, output))
     try:
         write_text(output / PAGE, text)
     except OSError as error:
@@ -224,6 +226,22 @@ def _load_table(loads: Sequence[PopulationLoad]) -> Table | None:
     ]
     head = ("pass", "trucks", "peak dynamic load ratio [-]", "between trucks")
     return table("Wheel loads of a new truck; brackets hold 90 % of trucks", head, rows)
+
+
+def _instrument_table(problems: Sequence[InstrumentProblem], campaigns: int) -> Table | None:
+    rows = [
+        [
+            Cell(p.channel),
+            Cell(p.kind.replace("_", " ")),
+            Cell(p.message),
+            Cell(f"{len(p.campaigns)} of {campaigns}", note=", ".join(p.campaigns[:3])),
+            Cell(str(p.records)),
+            Cell(str(p.rejected)),
+        ]
+        for p in problems[:MOST_LISTED]
+    ]
+    head = ("channel", "sensor", "for example", "campaigns", "records", "rejected")
+    return table("Channels that are not good, by instrument", head, rows, 3) if rows else None
 
 
 def _pareto_table(populations: Sequence[TypePopulation]) -> Table | None:

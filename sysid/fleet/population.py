@@ -23,8 +23,10 @@ from sysid.progress import Progress, unwatched
 OUTLIER_LEVEL = 0.10
 #: Draws of the hyperparameters for everything that follows from them.
 DRAWS = 2000
-#: Those of them that are weighted by how far the campaigns are from Gaussian.
+#: Those of them that are weighted by how far the campaigns are from Gaussian: at least so many, and as many more as
+#: this number of pairs of a campaign and a draw allows.
 _WEIGHTED = 400
+_WEIGHTED_PAIRS = 20_000
 #: Sampling of hyperparameters: a density that takes a millisecond may be drawn from for long.
 SAMPLING = SamplingOptions(ensembles=4, segment_steps=100, min_steps=300, max_steps=6000, min_effective=1000.0)
 
@@ -257,7 +259,7 @@ def _corrected(
     model: Hierarchy, records: Sequence[CampaignDraws | None], log_hyper: np.ndarray, random: np.random.Generator
 ) -> tuple[np.ndarray, dict[str, PopulationPrior], float, np.ndarray, bool]:
     """What :func:`_pareto` gives, Pareto k of the correction, and hyperparameters drawn by it if that was possible."""
-    weighted = thinned(log_hyper, _WEIGHTED)
+    weighted = thinned(log_hyper, max(_WEIGHTED, _WEIGHTED_PAIRS // len(model.data.campaigns)))
     k, of_others, log_weights = _pareto(model, records, weighted)
     correction = smoothed(log_weights) if np.ptp(log_weights) > 0.0 else Weights(log_weights, -np.inf)
     if not (np.isfinite(correction.pareto_k) and correction.pareto_k < MOST_K):

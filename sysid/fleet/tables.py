@@ -92,6 +92,16 @@ TABLES: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "nrmse": ("double", "RMS of the residual over the range of the measured history"),
         "iso18571": ("double", "rating of ISO/TS 18571"),
     },
+    "channels": {
+        "campaign": ("string", "campaign"),
+        "truck": ("string", "truck"),
+        "type": ("string", "type of the truck"),
+        "file": ("string", "log"),
+        "channel": ("string", "channel that is not good"),
+        "kind": ("string", "kind of sensor"),
+        "verdict": ("string", "usable or rejected"),
+        "message": ("string", "what is wrong with it, the first sentence"),
+    },
 }  # fmt: skip
 
 
@@ -131,6 +141,7 @@ def _rows_of(document: Mapping[str, Any], row: Row, output: Path) -> dict[str, l
         "draws": _draws(of_row, output) if document else [],
         "predictions": [of_row | _prediction(p) for p in document.get("predictions", [])],
         "quality": [of_row | dict(v) for v in document.get("validation", [])],
+        "channels": [of_row | _channel(c) for c in document.get("quality", [])],
     }
 
 
@@ -170,6 +181,10 @@ def _prediction(p: Mapping[str, Any]) -> dict[str, Any]:
         **p["peak_dynamic_load_ratio"],
         "beyond_driven": len(p.get("trust", [])),
     }
+
+
+def _channel(c: Mapping[str, Any]) -> dict[str, Any]:
+    return {**{k: c.get(k) for k in ("file", "channel", "kind", "verdict")}, "message": next(iter(c["messages"]), None)}
 
 
 def _draws(of_row: Mapping[str, Any], output: Path) -> list[dict[str, Any]]:

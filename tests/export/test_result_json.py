@@ -69,6 +69,9 @@ def test_every_key_of_the_published_example_is_there():
     assert sum(shares.values()) == pytest.approx(1.0)
     assert set(document["parameters"][0]["posterior"]) == {"mean", "sd", "q05", "q50", "q95", "ess", "rhat"}
     assert set(document["validation"][0]) == {"run", "channel", "nrmse", "iso18571", "sprague_geers"}
+    (channel,) = document["quality"]
+    assert channel["verdict"] == "rejected"
+    assert set(channel) == {"file", "channel", "kind", "verdict", "messages"}
     assert set(document["predictions"][0]) == {
         "load_case", "speed_km_h", "axle", "peak_dynamic_load_ratio", "lift_off", "file", "trust",
     }  # fmt: skip

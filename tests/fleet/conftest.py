@@ -25,6 +25,7 @@ def fleet_results(fleet_folders: tuple[Path, Path]) -> FleetResults:
     """Populations and loads of the small fleet."""
     patch = pytest.MonkeyPatch()
     patch.setattr(population, "_WEIGHTED", 100)
+    patch.setattr(population, "_WEIGHTED_PAIRS", 0)
     patch.setattr(
         population.fit_population, "__kwdefaults__", {**population.fit_population.__kwdefaults__, "sampling": SHORT}
     )

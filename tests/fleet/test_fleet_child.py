@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
-from sysid.fleet.draws import RECORD_FILE, read_draws
+from sysid.fleet.draws import RECORD_FILE, campaign_draws, read_draws
 from sysid.fleet.outcome import LOG_FILE
+from sysid.fleet.population_prior import PopulationPrior
 from sysid.fleet.read import read_fleet
-from sysid.fleet.running import RunOptions, campaign_output, run_fleet
+from sysid.fleet.running import RunOptions, campaign_output, recalibrate, run_fleet
 from sysid.fleet.simulate import simulate_fleet
 
 RIGID = Path(__file__).resolve().parents[2] / "examples" / "vehicles" / "rigid3"
@@ -60,3 +62,35 @@ def test_a_real_campaign_leaves_its_draws_and_is_not_computed_again(tmp_path: Pa
     (again,) = run_fleet(fleet, tmp_path / "out", options, lambda rows: None)
     assert again.outcome == row.outcome
     assert (folder / "result.json").stat().st_mtime_ns == written
+
+
+@pytest.mark.long
+def test_a_real_campaign_is_sampled_again_under_its_population(tmp_path: Path) -> None:
+    simulate_fleet(RIGID, tmp_path / "fleet", trucks=1, campaigns=1, seed=2)
+    fleet = read_fleet(tmp_path / "fleet")
+    options = RunOptions(1, choices={"laws": "declared"})
+    (row,) = run_fleet(fleet, tmp_path / "out", options, lambda rows: None)
+    folder = campaign_output(tmp_path / "out", row.campaign)
+    own = campaign_draws(folder)
+    names, kept = ("k_1", "c_2"), (folder / "result.json").read_bytes()
+    at = [own.names.index(n) for n in names]
+    centre, sd = own.draws[:, at].mean(axis=0), own.draws[:, at].std(axis=0)
+    # Half a standard deviation away and as wide as the campaign's posterior.
+    prior = PopulationPrior(names, centre + np.array([0.5, -0.5]) * sd, np.diag(sd**2))
+    (again,) = recalibrate(fleet, tmp_path / "out", {row.campaign: prior}, RunOptions(1), lambda rows: None)
+    assert again.state == "done", again.outcome.sentence
+    drawn = campaign_draws(folder)
+    assert drawn.prior_mean[at] == pytest.approx(prior.mean)
+    assert (folder / "result.json").read_bytes() == kept
+    # The former draws, weighted by the ratio of the priors.
+    old = multivariate_normal(own.prior_mean[at], own.prior_covariance[np.ix_(at, at)])
+    new, shared = multivariate_normal(prior.mean, prior.covariance), own.draws[:, at]
+    weights = np.exp(new.logpdf(shared) - old.logpdf(shared))
+    weights /= weights.sum()
+    assert 1.0 / (weights**2).sum() > 300.0
+    expected = weights @ own.draws
+    spread = np.sqrt(weights @ (own.draws - expected) ** 2)
+    assert np.abs((drawn.draws.mean(axis=0) - expected) / spread).max() < 0.2
+    assert np.abs(drawn.draws.std(axis=0) / spread - 1.0).max() < 0.15
+    # Without the prior of the population it would not be so.
+    assert np.abs((own.draws.mean(axis=0) - expected) / spread).max() > 0.2

@@ -17,6 +17,7 @@ from sysid.errors import DataRejectedError
 from sysid.fleet.assembly import StoredDraws, assemble, members
 from sysid.fleet.hierarchy import HyperPriors
 from sysid.fleet.index import schema_text, write_index
+from sysid.fleet.instruments import instrument_problems
 from sysid.fleet.page import render_fleet
 from sysid.fleet.read import read_fleet
 from sysid.fleet.records import SharedError
@@ -99,6 +100,24 @@ def test_the_page_is_whole_and_links_to_the_campaigns(fleet_results: FleetResult
     assert len(widths) == 1
 
 
+def test_instruments_whose_channels_are_not_good_are_named(fleet_results: FleetResults, fleet_folders) -> None:
+    rows = rows_on_disk(fleet_results.fleet, fleet_folders[1])
+    (problem,) = instrument_problems(rows, fleet_folders[1])
+    quality = json.loads((campaign_output(fleet_folders[1], "T1-1") / "result.json").read_text())["quality"]
+    assert [(c["channel"], c["verdict"]) for c in quality] == [(problem.channel, "rejected")]
+    assert problem.campaigns == tuple(row.campaign for row in rows)
+    assert (problem.records, problem.rejected, problem.message) == (12, 12, quality[0]["messages"][0])
+    page = LexborHTMLParser(render_fleet(fleet_results, rows, [problem]))
+    (shown,) = [t for t in page.css("table") if "by instrument" in t.css_first("caption").text()]
+    cells = [cell.text(strip=True) for cell in shown.css("tbody tr")[0].css("th, td")]
+    assert cells[0] == problem.channel
+    assert cells[1] == "suspension deflection"
+    assert cells[3].startswith("12 of 12")
+    assert cells[4:] == ["12", "12"]
+    healthy = LexborHTMLParser(render_fleet(fleet_results, rows)).css_first("main").text()
+    assert "All channels of the finished campaigns are good." in healthy
+
+
 def test_words_of_users_are_no_elements(fleet_results: FleetResults, tmp_path: Path, fleet_folders) -> None:
     folder, _ = write_fleet_results(tmp_path, title=HOSTILE[:200], prefix=HOSTILE[:40])
     hostile = read_fleet(folder)
@@ -123,6 +142,7 @@ def test_the_tables_hold_the_results_and_answer_the_ten_questions(fleet_folders:
     fleet = read_fleet(fleet_folders[0])
     folder = write_index(fleet, fleet_folders[1])
     parameters = pq.read_table(folder / "parameters.parquet").to_pandas()
+    assert set(pq.read_table(folder / "channels.parquet").to_pandas().verdict) == {"rejected"}
     document = json.loads((campaign_output(fleet_folders[1], "T1-1") / "result.json").read_text())
     assert len(parameters) == 12 * len(document["parameters"])
     first = parameters[(parameters.campaign == "T1-1") & (parameters.name == "k_1")].iloc[0]

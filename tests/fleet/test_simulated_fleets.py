@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from studies.fleets.joint import compare
 from studies.fleets.simulated import NAMES, outliers, replicate, simulate
 from studies.fleets.table import alarms, coverage, found, rms, tables, write
 from sysid.campaign.quality.check import check_quality
@@ -97,3 +98,10 @@ def test_tables_stand_between_their_marks(tmp_path: Path) -> None:
     write(text, document)
     assert "earlier" not in document.read_text()
     assert document.read_text().endswith("after\n")
+
+
+@pytest.mark.long
+def test_two_stages_give_what_three_campaigns_sampled_at_once_give(tmp_path: Path) -> None:
+    rows, _ = compare(tmp_path)
+    assert max(abs(row.apart) for row in rows) < 0.1
+    assert all(0.9 < row.ratio < 1.1 for row in rows)
