@@ -10,6 +10,10 @@ from sysid.errors import OutputError
 LOCK_NAME = ".lock"
 
 
+class FolderInUseError(OutputError):
+    """Another process is writing to the folder."""
+
+
 class FolderLock:
     """Exclusive right to write to a folder; entering it again within the same object is free.
 
@@ -17,8 +21,10 @@ class FolderLock:
 
     Raises
     ------
+    FolderInUseError
+        On entering, if another process holds the right.
     OutputError
-        On entering, if another process holds the right, or the folder cannot be written.
+        If the folder cannot be written.
     """
 
     def __init__(self, folder: Path):
@@ -35,7 +41,7 @@ class FolderLock:
             self._folder.mkdir(parents=True, exist_ok=True)
             self._lock.acquire()
         except Timeout as error:
-            raise OutputError(
+            raise FolderInUseError(
                 f"Another process is writing to {self._folder.name}/; wait until it has ended, or choose another "
                 "folder with --output."
             ) from error

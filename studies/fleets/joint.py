@@ -57,7 +57,8 @@ def member(fitted: Fitted, record: CampaignDraws, names: tuple[str, ...]) -> Mem
     data[np.ix_(at, at)] -= of_prior
     linear[at] -= of_prior @ prior[0]
     size, directions = np.linalg.eigh(data)
-    return Member(fitted, at, prior, (directions * np.maximum(size, 0.0)) @ directions.T, linear)
+    precision = (directions * np.maximum(size, 0.0)) @ directions.T
+    return Member(fitted, at, prior, precision, directions @ np.where(size > 0.0, directions.T @ linear, 0.0))
 
 
 def log_normal(x: np.ndarray, mean: np.ndarray, precision: np.ndarray) -> np.ndarray:

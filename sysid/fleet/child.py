@@ -23,14 +23,15 @@ from sysid.errors import OutputError, SysidError
 from sysid.files import read_bytes, write_text
 from sysid.fleet.key import calibration_key, chain_key, folder_state, result_digest
 from sysid.fleet.outcome import LOG_FILE, RESULT_FILE, Outcome
-from sysid.folder_lock import FolderLock, cannot_write
+from sysid.folder_lock import FolderInUseError, FolderLock, cannot_write
 from sysid.runtime import own_process
 
 #: Exit status of a process that nobody waits for.
 ABANDONED = 75
 _KEY_FILE = "fleet_key"
-#: How long to wait for the process of an earlier driver to see that it is gone [s].
-_PATIENCE_S = 20.0
+#: How long to wait for the process of an earlier driver to see that it is gone [s]: a worker that lost its scheduler
+#: takes half a minute to end.
+_PATIENCE_S = 60.0
 #: Least time between two lines about progress [s].
 _INTERVAL_S = 0.5
 
@@ -65,6 +66,9 @@ def calibrate(campaign: Path, output: Path, choices: dict[str, Any], progress: A
             inputs=inputs,
             result_sha256=result_digest(output / RESULT_FILE),
         )
+    except FolderInUseError as error:
+        # It has no key: the next run tries it again.
+        return _failed(error, output)
     except Exception as error:
         failed = _failed(error, output)
     inputs = folder_state(campaign)
@@ -140,7 +144,7 @@ def _wait_for_folder(output: Path) -> None:
         try:
             with FolderLock(output):
                 return
-        except OutputError:
+        except FolderInUseError:
             if time.monotonic() > end:
                 raise
             time.sleep(0.2)

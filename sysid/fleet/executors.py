@@ -3,21 +3,94 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from typing import Any, Protocol
 
 from sysid.errors import CampaignError, OutputError
 from sysid.fleet.task import PROCESSES
 
+#: How long a result may take on its way from a worker [s].
+_TRANSFER_S = 600.0
+#: How often the number of workers is asked for [s].
+_ASKED_S = 5.0
+
+
+class Workers(Protocol):
+    """An executor that knows how many tasks it can work on at a time."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """As that of :class:`concurrent.futures.Executor`; a task that is lost with its scheduler is cancelled."""
+
+    def size(self) -> int:
+        """How many tasks can run at a time now."""
+
+
+class LocalWorkers(ThreadPoolExecutor):
+    """Threads of this process."""
+
+    def __init__(self, workers: int):
+        super().__init__(max_workers=workers, thread_name_prefix="fleet")
+        self._workers = workers
+
+    def size(self) -> int:
+        """Their number."""
+        return self._workers
+
+
+class ClusterWorkers(Executor):
+    """The workers of a Dask scheduler; whatever happens to the scheduler, every future comes to an end."""
+
+    def __init__(self, client: Any):
+        self._client, self._size, self._asked = client, 0, float("-inf")
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """A future of the task; cancelled if it is lost with the scheduler."""
+        future: Future[Any] = Future()
+        future.set_running_or_notify_cancel()
+        try:
+            # Not pure: whether a task is done is decided by its hash on disk, not by its arguments.
+            remote = self._client.submit(fn, *args, pure=False, **kwargs)
+        except Exception:
+            # A client that has lost its scheduler for long closes itself.
+            future.set_exception(CancelledError())
+            return future
+        remote.add_done_callback(lambda done: _ended(done, future))
+        return future
+
+    def size(self) -> int:
+        """Threads of all workers, as last heard."""
+        if time.monotonic() - self._asked > _ASKED_S:
+            self._asked = time.monotonic()
+            try:
+                self._size = sum(self._client.nthreads().values())
+            except Exception:
+                self._size = 0
+        return self._size
+
+
+def _ended(remote: Any, future: Future[Any]) -> None:
+    """Hand on how a task of the cluster ended; its result is fetched here, in a thread of Dask's."""
+    try:
+        if remote.status == "error":
+            future.set_exception(remote.exception(timeout=_TRANSFER_S))
+        elif remote.status == "finished":
+            future.set_result(remote.result(timeout=_TRANSFER_S))
+        else:
+            future.set_exception(CancelledError())
+    except (CancelledError, Exception):
+        # The scheduler went while the result was on its way.
+        future.set_exception(CancelledError())
+
 
 @contextmanager
-def local_executor(workers: int) -> Iterator[tuple[Executor, int]]:
-    """Threads of this process, and their number; when it is left by an error or Ctrl-C, their processes are ended."""
+def local_executor(workers: int) -> Iterator[LocalWorkers]:
+    """Threads of this process; when it is left by an error or Ctrl-C, their processes are ended."""
     PROCESSES.stopped = False
-    pool = ThreadPoolExecutor(max_workers=workers, thread_name_prefix="fleet")
+    pool = LocalWorkers(workers)
     try:
-        yield pool, workers
+        yield pool
     except BaseException:
         PROCESSES.stop()
         raise
@@ -26,8 +99,8 @@ def local_executor(workers: int) -> Iterator[tuple[Executor, int]]:
 
 
 @contextmanager
-def cluster_executor(address: str, patience_s: float = 0.0) -> Iterator[tuple[Executor, int]]:
-    """The workers of the Dask scheduler at `address`, and how many threads they have.
+def cluster_executor(address: str, patience_s: float = 0.0) -> Iterator[ClusterWorkers]:
+    """The workers of the Dask scheduler at `address`.
 
     Parameters
     ----------
@@ -56,8 +129,7 @@ def cluster_executor(address: str, patience_s: float = 0.0) -> Iterator[tuple[Ex
                 raise _no_scheduler(address, error, lost=patience_s > 0.0) from error
             time.sleep(1.0)
     try:
-        # Not pure: whether a task is done is decided by its hash on disk, not by its arguments.
-        yield client.get_executor(pure=False), max(1, sum(client.nthreads().values()))
+        yield ClusterWorkers(client)
     finally:
         # A client waits for a scheduler that is gone.
         with suppress(Exception):

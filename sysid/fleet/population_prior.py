@@ -67,10 +67,12 @@ class ExchangedPrior:
         before, after = np.linalg.inv(old), np.linalg.inv(new)
         linear = data @ mean
         data[np.ix_(self.at, self.at)] -= before
-        linear[self.at] += after @ m - before @ m0
+        linear[self.at] -= before @ m0
         size, directions = np.linalg.eigh(0.5 * (data + data.T))
         precision = (directions * np.maximum(size, 0.0)) @ directions.T
+        linear = directions @ np.where(size > 0.0, directions.T @ linear, 0.0)
         precision[np.ix_(self.at, self.at)] += after
+        linear[self.at] += after @ m
         changed = np.linalg.inv(precision)
         return changed @ linear, 0.5 * (changed + changed.T)
 

@@ -11,6 +11,8 @@ import numpy as np
 
 from sysid.errors import DataRejectedError
 from sysid.fleet.draws import POPULATION_RECORD_FILE, RECORD_FILE, read_draws, record_digest, thinned, write_draws
+from sysid.fleet.key import file_digests
+from sysid.fleet.outcome import kept
 from sysid.fleet.population_prior import PopulationPrior, exchange
 from sysid.progress import Progress
 
@@ -31,6 +33,8 @@ def read_fitted(campaign: Path, output: Path, progress: Progress) -> Fitted:
     ------
     CampaignError, OutputError
         As those of :class:`sysid.workflow.Calibration`.
+    DataRejectedError
+        If there is no fit of this campaign by this program.
     """
     from sysid.estimation.fit.state import restored
     from sysid.posterior.log_density import LogDensity
@@ -40,11 +44,14 @@ def read_fitted(campaign: Path, output: Path, progress: Progress) -> Fitted:
 
     choices: dict[str, Any] = recall(output)
     calibration = Calibration(campaign, output, make_settings(**choices), progress, resume=True)
+    if calibration.results().fit is None:
+        raise DataRejectedError("The program has changed since the campaign was calibrated; run the fleet first.")
+    # Read back, as the fit is known; without it the campaign has its rejected channels still.
     calibration.check()
-    kept = calibration.result(FIT)
+    fitted = calibration.result(FIT)
     profiles = {name: analysis.profile for name, analysis in calibration.scan().items()}
-    state = restored(calibration.campaign, profiles, kept.point)
-    return Fitted(LogDensity(state).with_larger_steps(), state.point.log_parameters, kept.fit.covariance)
+    state = restored(calibration.campaign, profiles, fitted.point)
+    return Fitted(LogDensity(state).with_larger_steps(), state.point.log_parameters, fitted.fit.covariance)
 
 
 def sample_again(campaign: Path, output: Path, prior: PopulationPrior, progress: Progress) -> bool:
@@ -57,16 +64,18 @@ def sample_again(campaign: Path, output: Path, prior: PopulationPrior, progress:
     CampaignError, OutputError
         As those of :class:`sysid.workflow.Calibration`.
     DataRejectedError
-        If the campaign has no draws.
+        If the campaign has no draws, or it or the program has changed since they were made.
     """
     from sysid.posterior.log_density import LIKELIHOOD
     from sysid.posterior.sampling import SamplingOptions, sample_posterior
     from sysid.workflow.settings import recall
     from sysid.workflow.stages.posterior import log_draws
 
-    record, digest = read_draws(output / RECORD_FILE), record_digest(output)
-    if record is None:
+    record, digest, outcome = read_draws(output / RECORD_FILE), record_digest(output), kept(output)
+    if record is None or outcome is None:
         raise DataRejectedError("The campaign has no draws; run the fleet first.")
+    if file_digests(campaign, outcome.inputs) != dict(outcome.inputs):
+        raise DataRejectedError("The campaign has changed since it was calibrated; run the fleet first.")
     fitted, exchanged = read_fitted(campaign, output, progress), exchange(record, prior)
     posterior = sample_posterior(
         exchanged.density(fitted.density),

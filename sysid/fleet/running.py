@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from contextlib import nullcontext
@@ -34,6 +35,8 @@ _AHEAD = 2
 _POLL_S = 0.5
 #: How long to wait for a scheduler that was lost [s].
 LOST_S = 120.0
+#: A scheduler that is lost so often in a row, without any campaign coming to its end, is not given the same again.
+_MOST_LOST = 3
 
 #: What `--retry` takes, and the states that it means.
 RETRIES: Mapping[str, tuple[str, ...]] = {
@@ -176,39 +179,63 @@ def _run_tasks(
 
     If the scheduler of a cluster is lost, its tasks are handed to the next one that answers at its address.
     """
-    local = options.scheduler is None
-    threads = threads_per_worker(workers) if local else 1
-    executor = local_executor(workers) if options.scheduler is None else cluster_executor(options.scheduler)
-    while True:
-        with executor as (pool, size):
-            # A scheduler decides who works on what, so it gets more than one task per worker; files take memory.
-            ahead = size if local else _AHEAD * size if options.send_files else max(_AHEAD * size, 64)
+    address = options.scheduler
+    if address is None:
+        with local_executor(workers) as pool:
+            _drive(pool, pool.size, enumerate(tasks_of(_new_run(), threads_per_worker(workers))), rows, options, watch)
+        return
+    patience, without_outcome = 0.0, 0
+    while any(row.outcome is None for row in rows):
+        before = sum(row.outcome is not None for row in rows)
+        with cluster_executor(address, patience) as cluster:
             # Being lost with a scheduler does not count against a task: every attempt is a run of its own.
-            left = ((n, t) for n, t in enumerate(tasks_of(secrets.token_hex(8), threads)) if rows[n].outcome is None)
-            _drive(SendingExecutor(pool) if options.send_files else pool, left, rows, ahead, local, watch)
-        if options.scheduler is None or all(row.outcome is not None for row in rows):
-            return
-        executor = cluster_executor(options.scheduler, LOST_S)
+            left = ((n, t) for n, t in enumerate(tasks_of(_new_run(), 1)) if rows[n].outcome is None)
+            executor = SendingExecutor(cluster) if options.send_files else cluster
+            _drive(executor, cluster.size, left, rows, options, watch)
+        patience = LOST_S
+        without_outcome = without_outcome + 1 if sum(row.outcome is not None for row in rows) == before else 0
+        if without_outcome == _MOST_LOST:
+            raise OutputError(
+                f"The Dask scheduler at {address} was lost {_MOST_LOST} times before a campaign ended; look at its "
+                "memory and its log. What is done is kept, and the same command goes on."
+            )
+
+
+def _new_run() -> str:
+    return secrets.token_hex(8)
 
 
 def _drive(
-    executor: Executor, queue: Iterator[tuple[int, Task]], rows: list[Row], ahead: int, local: bool, watch: Watch
+    executor: Executor,
+    size: Callable[[], int],
+    queue: Iterator[tuple[int, Task]],
+    rows: list[Row],
+    options: RunOptions,
+    watch: Watch,
 ) -> None:
     """Hand tasks over and wait for their outcomes, until all are done or the scheduler is lost."""
     running: dict[Future[Outcome], int] = {}
-    largest = 0
-    exhausted = False
+    largest, exhausted, seen = 0, False, time.monotonic()
     while running or not exhausted:
-        while not exhausted and len(running) < ahead and (not local or _room(largest, len(running))):
+        workers = size()
+        if workers == 0 and time.monotonic() - seen > LOST_S:
+            raise OutputError(
+                f"The Dask scheduler at {options.scheduler} has no workers; what is done is kept. Start some and give "
+                "the same command."
+            )
+        seen = time.monotonic() if workers else seen
+        while not exhausted and len(running) < _ahead(workers, options) and _room(largest, len(running), options):
             number, task = next(queue, (-1, None))
             if task is None:
                 exhausted = True
                 break
             running[executor.submit(run_task, task)] = number
             rows[number] = replace(rows[number], state="running")
-        if not running:
-            continue
-        done, _ = wait(running, timeout=_POLL_S, return_when=FIRST_COMPLETED)
+        if running:
+            done, _ = wait(running, timeout=_POLL_S, return_when=FIRST_COMPLETED)
+        else:
+            done = set()
+            time.sleep(0.0 if exhausted else _POLL_S)
         for future in done:
             number = running.pop(future)
             outcome = _outcome(future)
@@ -221,9 +248,16 @@ def _drive(
         watch(rows)
 
 
-def _room(largest: int, running: int) -> bool:
-    """Whether memory is left for one more process, as large as the largest so far; for one there always is."""
-    return running == 0 or available_bytes() > (largest or TASK_BYTES // 2)
+def _ahead(workers: int, options: RunOptions) -> int:
+    """How many tasks are handed over at a time: a scheduler gets more than its workers take, but files take memory."""
+    if options.scheduler is None:
+        return workers
+    return _AHEAD * workers if options.send_files else max(_AHEAD * workers, 64)
+
+
+def _room(largest: int, running: int, options: RunOptions) -> bool:
+    """Whether memory is left here for one more process, as large as the largest so far; for one there always is."""
+    return options.scheduler is not None or running == 0 or available_bytes() > (largest or TASK_BYTES // 2)
 
 
 def _outcome(future: Future[Outcome]) -> Outcome | None:

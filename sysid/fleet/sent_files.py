@@ -13,26 +13,28 @@ import os
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from sysid import limits
-from sysid.errors import CampaignError
-from sysid.files import UNFINISHED
+from sysid.campaign.toml.errors import parse_toml
+from sysid.errors import CampaignError, OutputError
+from sysid.files import UNFINISHED, read_bytes
 from sysid.fleet.key import calibration_key, folder_state, result_digest
 from sysid.fleet.outcome import RESULT_FILE, Outcome, keep
+from sysid.fleet.read import CAMPAIGN_FILE
 from sysid.fleet.task import Task, finished_before, run_task
-from sysid.folder_lock import LOCK_NAME, cannot_write
+from sysid.folder_lock import LOCK_NAME, FolderLock, cannot_write
 from sysid.private_files import NotPrivateError, private_folder
 
-#: A folder inside a campaign's that holds this one holds results.
-_RESULTS = "stages"
-#: A driver's path and its user's, which mean nothing elsewhere.
-_NOT_SENT = ("campaign", "output")
+#: What of a task means something on the driver's machine or in one run only.
+_NOT_COMPUTED = ("campaign", "output", "run", "again", "threads")
+_DAMAGED = "its results arrived damaged; run the fleet again"
 
 
 class SendingExecutor(Executor):
@@ -45,90 +47,161 @@ class SendingExecutor(Executor):
         """The outcome of ``run_task(task)``, computed elsewhere; its results are put below the task's output folder."""
         (task,) = args
         outer: Future[Outcome] = Future()
-        earlier = finished_before(task)
-        if earlier is not None:
-            outer.set_result(earlier)
-            return outer
         try:
-            files = packed(Path(task.campaign), without_results=True), packed(Path(task.output))
-        except (OSError, CampaignError) as error:
-            outer.set_result(_recorded(task, Outcome("failed", f"its files cannot be sent ({error})")))
+            _restore(Path(task.output))
+            earlier = finished_before(task)
+            if earlier is not None:
+                outer.set_result(earlier)
+                return outer
+            # As the files are when they are sent: what is changed meanwhile is no part of the outcome.
+            state = folder_state(Path(task.campaign))
+            campaign = packed(Path(task.campaign), campaign_files(Path(task.campaign)))
+            output = packed(Path(task.output), result_files(Path(task.output)))
+        except (OSError, ValueError, CampaignError) as error:
+            outer.set_result(Outcome("failed", f"its files cannot be sent ({error})"))
             return outer
         outer.set_running_or_notify_cancel()
-        inner = self._executor.submit(run_elsewhere, task, *files)
-        inner.add_done_callback(partial(_receive, task, outer))
+        inner = self._executor.submit(run_elsewhere, task, campaign, output)
+        inner.add_done_callback(partial(_receive, task, state, outer))
         return outer
 
 
-def _receive(task: Task, outer: Future[Outcome], inner: Future[tuple[Outcome, bytes]]) -> None:
+def _receive(task: Task, state: dict[str, str], outer: Future[Outcome], inner: Future[tuple[Outcome, bytes]]) -> None:
     try:
         outcome, content = inner.result()
-        outer.set_result(_recorded(task, _put(task, outcome, content)))
+        outer.set_result(_put(task, state, outcome, content))
     except (CancelledError, Exception) as error:
         outer.set_exception(error)
 
 
-def _put(task: Task, outcome: Outcome, content: bytes) -> Outcome:
-    """The results of a task where they belong, complete or not at all."""
+def _put(task: Task, state: dict[str, str], outcome: Outcome, content: bytes) -> Outcome:
+    """The results of a task where they belong, complete or not at all; the outcome as that of this machine's files.
+
+    What fails on the way is not kept: the next run tries it again.
+    """
     output = Path(task.output)
+    if not content:
+        return outcome
+    if not outcome.finished:
+        # Times of files are those of this machine's.
+        outcome = replace(outcome, inputs=state, key=calibration_key(state, task.choices))
     try:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=output.parent, prefix=UNFINISHED) as place:
-            new, old = Path(place) / "new", Path(place) / "old"
+        with FolderLock(output), tempfile.TemporaryDirectory(dir=output.parent, prefix=UNFINISHED) as place:
+            new, old = Path(place) / "new", _set_aside(output)
             unpack(content, new)
-            if outcome.finished and task.prior is None and result_digest(new / RESULT_FILE) != outcome.result_sha256:
-                return Outcome("failed", "its results arrived damaged; run the fleet again")
-            new.mkdir(exist_ok=True)
-            if output.exists():
-                os.replace(output, old)
-            os.replace(new, output)
+            if task.prior is None:
+                if outcome.finished and result_digest(new / RESULT_FILE) != outcome.result_sha256:
+                    return Outcome("failed", _DAMAGED)
+                keep(new, outcome)
+            os.replace(output, old)
+            try:
+                os.replace(new, output)
+            finally:
+                _restore(output)
+    except OutputError as error:
+        return Outcome("failed", str(error))
     except OSError as error:
         return Outcome("failed", str(cannot_write(output, error)))
     except (CampaignError, zipfile.BadZipFile):
-        return Outcome("failed", "its results arrived damaged; run the fleet again")
+        return Outcome("failed", _DAMAGED)
     return outcome
 
 
-def _recorded(task: Task, outcome: Outcome) -> Outcome:
-    """The outcome as that of the campaign on this machine, kept beside its results."""
-    if not outcome.finished:
-        # Times of files are those of this machine's.
-        inputs = folder_state(Path(task.campaign))
-        outcome = replace(outcome, inputs=inputs, key=calibration_key(inputs, task.choices))
-    if task.prior is None:
-        try:
-            keep(Path(task.output), outcome)
-        except OSError as error:
-            return Outcome("failed", str(cannot_write(Path(task.output), error)))
-    return outcome
+def _set_aside(output: Path) -> Path:
+    return output.with_name(f"{UNFINISHED}{output.name}.old")
+
+
+def _restore(output: Path) -> None:
+    """Put a folder back that was set aside and not replaced, or remove it if it was."""
+    old = _set_aside(output)
+    if old.is_dir():
+        if output.exists():
+            shutil.rmtree(old)
+        else:
+            os.replace(old, output)
 
 
 def run_elsewhere(task: Task, campaign: bytes, output: bytes) -> tuple[Outcome, bytes]:
-    """Run a task on a worker from packed files: its outcome, and the packed folder of its results."""
+    """Run a task on a worker from packed files: its outcome, and the packed results; nothing if it has no place."""
     try:
-        place = _own_folder(task, campaign)
-        shutil.rmtree(place / "campaign", ignore_errors=True)
-        unpack(campaign, place / "campaign")
-        if not (place / "output").is_dir():
-            unpack(output, place / "output")
-    except (OSError, NotPrivateError) as error:
-        return Outcome("failed", f"the worker has no folder of its own ({error})"), packed(Path())
-    here = replace(task, campaign=str(place / "campaign"), output=str(place / "output"))
-    outcome = run_task(here)
-    content = packed(place / "output")
-    shutil.rmtree(place, ignore_errors=True)
-    return outcome, content
+        with _own_folder(task, campaign) as place:
+            shutil.rmtree(place / "campaign", ignore_errors=True)
+            unpack(campaign, place / "campaign")
+            if not (place / "output").is_dir():
+                part = place / "output.part"
+                shutil.rmtree(part, ignore_errors=True)
+                unpack(output, part)
+                os.replace(part, place / "output")
+            here = replace(task, campaign=str(place / "campaign"), output=str(place / "output"))
+            outcome = run_task(here)
+            content = packed(place / "output", result_files(place / "output"))
+            shutil.rmtree(place, ignore_errors=True)
+            return outcome, content
+    except (OSError, ValueError, NotPrivateError, CampaignError) as error:
+        return Outcome("failed", f"its worker has no folder of its own ({error})"), b""
 
 
-def _own_folder(task: Task, campaign: bytes) -> Path:
-    told = {k: v for k, v in vars(task).items() if k not in (*_NOT_SENT, "run", "again", "threads")}
+@contextmanager
+def _own_folder(task: Task, campaign: bytes) -> Iterator[Path]:
+    """The private folder of a task, for this process alone: another one if somebody works in it already."""
+    told = {name: value for name, value in vars(task).items() if name not in _NOT_COMPUTED}
     name = hashlib.sha256(json.dumps(told, sort_keys=True, default=str).encode() + campaign).hexdigest()[:32]
     user = os.getuid() if hasattr(os, "getuid") else ""
-    return private_folder(Path(tempfile.gettempdir()) / f"sysid-fleet-{user}" / name)
+    above = private_folder(Path(tempfile.gettempdir()) / f"sysid-fleet-{user}")
+    place = above / name
+    lock = FolderLock(place)
+    try:
+        lock.__enter__()
+    except OutputError:
+        yield Path(tempfile.mkdtemp(dir=above))
+        return
+    try:
+        yield place
+    finally:
+        lock.__exit__(None, None, None)
 
 
-def packed(folder: Path, *, without_results: bool = False) -> bytes:
-    """The plain files below a folder in one archive, the same files in the same bytes; empty folders are left out.
+def campaign_files(folder: Path) -> list[str]:
+    """The campaign file, and every file inside its folder that a text in it names: all that a calibration may read."""
+    content = read_bytes(folder / CAMPAIGN_FILE, limits.CAMPAIGN_BYTES)
+    try:
+        texts = list(_texts(parse_toml(content or b"", CAMPAIGN_FILE)))
+    except CampaignError:
+        # The worker says the same of it.
+        texts = []
+    real = folder.resolve()
+    names = {CAMPAIGN_FILE: None} if content is not None else {}
+    for text in texts:
+        # Longer texts are no names, and neither are texts with a zero.
+        if 0 < len(text) <= limits.PATH_BYTES and "\0" not in text:
+            path = folder / text
+            if path.is_file() and path.resolve().is_relative_to(real) and ".." not in PurePosixPath(text).parts:
+                names[PurePosixPath(text).as_posix()] = None
+    return list(names)
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for part in value.values() if isinstance(value, dict) else value:
+            yield from _texts(part)
+
+
+def result_files(folder: Path) -> list[str]:
+    """The plain files of a folder of results."""
+    found = []
+    for root, folders, files in os.walk(folder):
+        folders.sort()
+        for name in sorted(files):
+            path = Path(root) / name
+            if name != LOCK_NAME and not name.startswith(UNFINISHED) and path.is_file() and not path.is_symlink():
+                found.append(path.relative_to(folder).as_posix())
+    return found
+
+
+def packed(folder: Path, names: Iterable[str]) -> bytes:
+    """Files of a folder in one archive, the same files in the same bytes.
 
     Raises
     ------
@@ -138,26 +211,13 @@ def packed(folder: Path, *, without_results: bool = False) -> bytes:
         If one cannot be read.
     """
     buffer, total = io.BytesIO(), 0
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        for path in _plain_files(folder, without_results) if folder != Path() else ():
-            total += path.stat().st_size
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name in names:
+            total += (folder / name).stat().st_size
             if total > limits.INPUT_BYTES:
                 raise CampaignError(f"more than {limits.INPUT_BYTES / 1e9:g} GB below {folder.name}/")
-            with archive.open(zipfile.ZipInfo(path.relative_to(folder).as_posix()), "w", force_zip64=True) as entry:
-                entry.write(path.read_bytes())
+            archive.writestr(zipfile.ZipInfo(name), (folder / name).read_bytes(), zipfile.ZIP_DEFLATED, 1)
     return buffer.getvalue()
-
-
-def _plain_files(folder: Path, without_results: bool) -> Iterator[Path]:
-    for root, folders, files in os.walk(folder):
-        inside = Path(root)
-        if without_results and inside != folder and _RESULTS in folders:
-            folders[:] = []
-            continue
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
-        for name in sorted(files):
-            if name != LOCK_NAME and not name.startswith(UNFINISHED) and (inside / name).is_file():
-                yield inside / name
 
 
 def unpack(content: bytes, folder: Path) -> None:
@@ -173,9 +233,9 @@ def unpack(content: bytes, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         for name in archive.namelist():
-            parts = PurePosixPath(name).parts
-            if not parts or ".." in parts or name.startswith("/") or "\\" in name or ":" in name:
+            # Path knows what the system takes for a drive or for the root.
+            path = folder / name
+            if ".." in Path(name).parts or Path(name).is_absolute() or Path(name).drive or path == folder:
                 raise CampaignError(f"'{name}' leads out of its folder.")
-            path = folder.joinpath(*parts)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(archive.read(name))

@@ -39,7 +39,8 @@ _CHILD = (sys.executable, "-m", "sysid.fleet.child")
 class Task:
     """What a worker is told: folders as text, options of the stages, threads, and the `run` of the fleet it is part of.
 
-    `again` names states of earlier outcomes that are not taken over; `command` starts the process.  With a `prior` (as
+    `again` names states of earlier outcomes that are not taken over; `command` starts the
+    process, empty for the program's own where the task runs.  With a `prior` (as
     :class:`sysid.fleet.population_prior.PopulationPrior` writes it) a finished campaign is only sampled once more.
     """
 
@@ -50,7 +51,7 @@ class Task:
     threads: int = 1
     run: str = ""
     again: tuple[str, ...] = ()
-    command: tuple[str, ...] = _CHILD
+    command: tuple[str, ...] = ()
     prior: Mapping[str, Any] | None = None
 
 
@@ -147,7 +148,7 @@ def _process(task: Task, output: Path) -> tuple[Outcome | None, int]:
     request = {"campaign": task.campaign, "output": task.output, "choices": dict(task.choices), "prior": task.prior}
     with (output / LOG_FILE).open("ab") as log:
         process = subprocess.Popen(
-            task.command,
+            task.command or _CHILD,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=log,

@@ -35,7 +35,8 @@ class Weights:
 def smoothed(log_weights: np.ndarray) -> Weights:
     """Pareto-smoothed weights (n,) and their k, infinite if a few draws have all the weight."""
     with np.errstate(all="ignore"):
-        smooth, k = array_stats.psislw(log_weights)
+        # It takes logarithms of likelihoods and changes their sign.
+        smooth, k = array_stats.psislw(-log_weights)
     share = np.exp(log_weights - log_weights.max())
     few = share.sum() ** 2 < _LEAST_EFFECTIVE * (share**2).sum()
     return Weights(np.asarray(smooth), np.inf if few or np.isnan(k) else float(k))

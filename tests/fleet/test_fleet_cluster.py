@@ -62,7 +62,7 @@ if __name__ == "__main__":
 def campaigns(root: Path, **behaviours: str) -> Path:
     for name, behaviour in behaviours.items():
         (root / name).mkdir(parents=True)
-        (root / name / "campaign.toml").write_text(f'title = "{name}"\n')
+        (root / name / "campaign.toml").write_text(f'title = "{name}"\nlog = "behaviour"\n')
         (root / name / "behaviour").write_text(behaviour)
     return root
 
@@ -94,9 +94,6 @@ def test_workers_that_do_not_see_the_folders_give_the_same(tmp_path: Path, monke
     monkeypatch.setattr(key, "program_digest", lambda: DIGEST)
     monkeypatch.setenv("SYSID_THREADS", "1")
     folder = campaigns(tmp_path / "fleet", a="done", b="not-converged", c="rejected No.", d="die", e="done")
-    # Results of an earlier run that lie in the folder of a campaign are not sent.
-    (folder / "a" / "results" / "stages").mkdir(parents=True)
-    (folder / "a" / "results" / "stages" / "fit.npz").write_bytes(b"long")
     found = on_cluster(folder, tmp_path / "cluster", tmp_path / "script.py", "send")["rows"]
     rows = run_fleet(read_fleet(folder), tmp_path / "local", RunOptions(2, command=COMMAND), lambda rows: None)
     assert found == {row.campaign: [row.state, row.outcome.result_sha256] for row in rows}

@@ -245,9 +245,11 @@ def test_workers_share_cores_and_memory(tmp_path: Path, monkeypatch) -> None:
 
 def test_processes_wait_for_memory(monkeypatch) -> None:
     monkeypatch.setattr(running, "available_bytes", lambda: 1_000)
-    assert running._room(10_000, 0)
-    assert not running._room(10_000, 1)
-    assert running._room(900, 1)
+    assert running._room(10_000, 0, RunOptions())
+    assert not running._room(10_000, 1, RunOptions())
+    assert running._room(900, 1, RunOptions())
+    # The memory of a cluster is not that of this machine.
+    assert running._room(10_000, 1, RunOptions(scheduler="tcp://somewhere"))
 
 
 @pytest.mark.parametrize(
