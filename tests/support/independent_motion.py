@@ -216,3 +216,11 @@ def peak_ratios(truck: IndependentTruck, passes: tuple[tuple[str, float], ...]) 
     force = simulate(truck, runs, seconds, interval_s=STEP_S)[:, :, 3 * len(truck.x_m) :]
     static = np.array([truck.load_cases[case][0] for case, _ in passes]) * GRAVITY
     return force.max(axis=0) / static
+
+
+def tire_forces(truck: IndependentTruck, load_case: str, speed_km_h: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times (T,) from the instant at which axle 1 meets the bump, and vertical tire forces (T, na) of one pass."""
+    speed, begin = speed_km_h / 3.6, 1.0
+    seconds = begin + (truck.x_m[-1] + LENGTH_M) / speed + 1.5
+    force = simulate(truck, [(load_case, speed, begin, 0.0)], seconds, interval_s=STEP_S)[:, 0, 3 * len(truck.x_m) :]
+    return STEP_S * np.arange(len(force)) - begin, force

@@ -8,8 +8,11 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 from independent_campaign import write_truck_campaign
+from independent_motion import tire_forces
 from independent_truck import LOWBOY, THREE_AXLES, Elements, IndependentTruck
 
 pytestmark = pytest.mark.long
@@ -83,6 +86,31 @@ def test_a_lowboy_of_which_nobody_said_that_its_frame_bends(tmp_path):
     assert worst["stiffness"] < 0.004
     assert worst["damping"] < 0.006
     assert "The frame of 'body 2' behaves as if it bends at 8.0" in " ".join(result["warnings"][:2])
+
+
+def test_wheel_forces_of_a_lowboy_of_which_nobody_said_that_its_frame_bends(tmp_path):
+    """The whole command, and a pass at a speed that nobody drove."""
+    case = next(iter(LOWBOY.load_cases))
+    write_truck_campaign(tmp_path / "campaign", LOWBOY, speeds=(12.0, 20.0), predicted=((case, 48.0),))
+    output = tmp_path / "output"
+    command = [sys.executable, "calibrate.py", "run", str(tmp_path / "campaign"), "--output", str(output)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=3600)
+    assert done.returncode == 0, done.stderr
+    result = json.loads((output / "result.json").read_text(encoding="utf-8"))
+    (file,) = {p["file"] for p in result["predictions"]}
+    ours = pd.read_csv(output / file)
+    time, force = tire_forces(LOWBOY, case, 48.0)
+    off = []
+    for shift in np.arange(-0.05, 0.0501, 0.001):
+        rms = []
+        for i in range(force.shape[1]):
+            given = np.interp(time + shift, ours["time_s"], ours[f"tire_force{i + 1}_N_q50"])
+            rms.append(np.sqrt(np.mean((given - force[:, i]) ** 2) / np.mean((force[:, i] - force[0, i]) ** 2)))
+        off.append((np.mean(rms), max(rms)))
+    mean, largest = min(off)
+    # Seen with -s, for the page of figures.
+    sys.stdout.write(f"relative RMS of the wheel forces: mean of the axles {mean:.3f}, largest {largest:.3f}\n")
+    assert mean < 0.03
 
 
 @pytest.mark.parametrize(
