@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from typing import Any, Protocol
+from typing import Any
 
 from sysid.errors import CampaignError, OutputError
 from sysid.fleet.task import PROCESSES
@@ -15,16 +15,6 @@ from sysid.fleet.task import PROCESSES
 _TRANSFER_S = 600.0
 #: How often the number of workers is asked for [s].
 _ASKED_S = 5.0
-
-
-class Workers(Protocol):
-    """An executor that knows how many tasks it can work on at a time."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """As that of :class:`concurrent.futures.Executor`; a task that is lost with its scheduler is cancelled."""
-
-    def size(self) -> int:
-        """How many tasks can run at a time now."""
 
 
 class LocalWorkers(ThreadPoolExecutor):
@@ -66,6 +56,7 @@ class ClusterWorkers(Executor):
             try:
                 self._size = sum(self._client.nthreads().values())
             except Exception:
+                # It does not answer now; if it is gone for good, its client cancels what waits.
                 self._size = 0
         return self._size
 
@@ -79,8 +70,9 @@ def _ended(remote: Any, future: Future[Any]) -> None:
             future.set_result(remote.result(timeout=_TRANSFER_S))
         else:
             future.set_exception(CancelledError())
-    except (CancelledError, Exception):
-        # The scheduler went while the result was on its way.
+    except BaseException:
+        # The scheduler went while the result was on its way.  That of asyncio is no Exception, and a future that is
+        # left open would be waited for without end.
         future.set_exception(CancelledError())
 
 

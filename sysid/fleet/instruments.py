@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sysid.fleet.running import Row, campaign_output
-from sysid.fleet.tables import campaign_rows
+from sysid.fleet.tables import channel_rows
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ def instrument_problems(rows: Iterable[Row], output: Path) -> list[InstrumentPro
     """Problems of all finished campaigns, the instrument with most campaigns first, read one by one."""
     found: dict[tuple[str, str], InstrumentProblem] = {}
     for row in rows:
-        for c in campaign_rows(row, campaign_output(output, row.campaign), output)["channels"]:
+        for c in channel_rows(row, campaign_output(output, row.campaign)):
             key = (c["channel"] or "", c["kind"] or "")
             before = found.get(key, InstrumentProblem(*key, (), 0, 0, c["message"] or ""))
             found[key] = InstrumentProblem(

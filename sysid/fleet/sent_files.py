@@ -15,7 +15,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path, PurePosixPath
@@ -29,7 +29,7 @@ from sysid.fleet.key import calibration_key, folder_state, result_digest
 from sysid.fleet.outcome import RESULT_FILE, Outcome, keep
 from sysid.fleet.read import CAMPAIGN_FILE
 from sysid.fleet.task import Task, finished_before, run_task
-from sysid.folder_lock import LOCK_NAME, FolderLock, cannot_write
+from sysid.folder_lock import LOCK_NAME, FolderInUseError, FolderLock, cannot_write
 from sysid.private_files import NotPrivateError, private_folder
 
 #: What of a task means something on the driver's machine or in one run only.
@@ -137,7 +137,7 @@ def run_elsewhere(task: Task, campaign: bytes, output: bytes) -> tuple[Outcome, 
             content = packed(place / "output", result_files(place / "output"))
             shutil.rmtree(place, ignore_errors=True)
             return outcome, content
-    except (OSError, ValueError, NotPrivateError, CampaignError) as error:
+    except (OSError, ValueError, NotPrivateError, CampaignError, OutputError) as error:
         return Outcome("failed", f"its worker has no folder of its own ({error})"), b""
 
 
@@ -149,16 +149,12 @@ def _own_folder(task: Task, campaign: bytes) -> Iterator[Path]:
     user = os.getuid() if hasattr(os, "getuid") else ""
     above = private_folder(Path(tempfile.gettempdir()) / f"sysid-fleet-{user}")
     place = above / name
-    lock = FolderLock(place)
-    try:
-        lock.__enter__()
-    except OutputError:
-        yield Path(tempfile.mkdtemp(dir=above))
-        return
-    try:
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(FolderLock(place))
+        except FolderInUseError:
+            place = Path(tempfile.mkdtemp(dir=above))
         yield place
-    finally:
-        lock.__exit__(None, None, None)
 
 
 def campaign_files(folder: Path) -> list[str]:

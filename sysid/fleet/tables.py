@@ -126,6 +126,16 @@ def campaign_rows(row: Row, output: Path, folder: Path) -> dict[str, list[dict[s
     return rows
 
 
+def channel_rows(row: Row, output: Path) -> list[dict[str, Any]]:
+    """Rows of the table ``channels`` alone, of the campaign whose results are in `output`."""
+    document = read_json(output / RESULT_FILE) if _finished(row) else {}
+    try:
+        lines = _channels(document, row)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return []
+    return lines if all(_fits("channels", line) for line in lines) else []
+
+
 def _rows_of(document: Mapping[str, Any], row: Row, output: Path) -> dict[str, list[dict[str, Any]]]:
     of_row = {"campaign": row.campaign, "truck": row.truck, "type": row.type}
     warnings = document.get("warnings", [])
@@ -141,7 +151,7 @@ def _rows_of(document: Mapping[str, Any], row: Row, output: Path) -> dict[str, l
         "draws": _draws(of_row, output) if document else [],
         "predictions": [of_row | _prediction(p) for p in document.get("predictions", [])],
         "quality": [of_row | dict(v) for v in document.get("validation", [])],
-        "channels": [of_row | _channel(c) for c in document.get("quality", [])],
+        "channels": _channels(document, row),
     }
 
 
@@ -183,8 +193,16 @@ def _prediction(p: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _channel(c: Mapping[str, Any]) -> dict[str, Any]:
-    return {**{k: c.get(k) for k in ("file", "channel", "kind", "verdict")}, "message": next(iter(c["messages"]), None)}
+def _channels(document: Mapping[str, Any], row: Row) -> list[dict[str, Any]]:
+    of_row = {"campaign": row.campaign, "truck": row.truck, "type": row.type}
+    return [
+        {
+            **of_row,
+            **{k: c.get(k) for k in ("file", "channel", "kind", "verdict")},
+            "message": next(iter(c["messages"]), None),
+        }
+        for c in document.get("quality", [])
+    ]
 
 
 def _draws(of_row: Mapping[str, Any], output: Path) -> list[dict[str, Any]]:

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from fleet_child import COMMAND, DIGEST
+from fleet_child import COMMAND, DIGEST, write_campaigns
 
 from sysid.errors import OutputError
 from sysid.fleet import key
@@ -59,14 +59,6 @@ if __name__ == "__main__":
 """
 
 
-def campaigns(root: Path, **behaviours: str) -> Path:
-    for name, behaviour in behaviours.items():
-        (root / name).mkdir(parents=True)
-        (root / name / "campaign.toml").write_text(f'title = "{name}"\nlog = "behaviour"\n')
-        (root / name / "behaviour").write_text(behaviour)
-    return root
-
-
 def on_cluster(folder: Path, output: Path, script: Path, what: str = "-", code: str = CLUSTER) -> dict:
     # A file, not -c: its workers import it.
     script.write_text(code)
@@ -82,7 +74,7 @@ def test_two_workers_give_what_this_machine_gives(tmp_path: Path, monkeypatch: p
     pytest.importorskip("distributed")
     monkeypatch.setattr(key, "program_digest", lambda: DIGEST)
     monkeypatch.setenv("SYSID_THREADS", "1")
-    folder = campaigns(tmp_path / "fleet", a="done", b="not-converged", c="rejected No.", d="die", e="done")
+    folder = write_campaigns(tmp_path / "fleet", a="done", b="not-converged", c="rejected No.", d="die", e="done")
     found = on_cluster(folder, tmp_path / "cluster", tmp_path / "script.py")["rows"]
     rows = run_fleet(read_fleet(folder), tmp_path / "local", RunOptions(2, command=COMMAND), lambda rows: None)
     assert found == {row.campaign: [row.state, row.outcome.result_sha256] for row in rows}
@@ -93,7 +85,7 @@ def test_workers_that_do_not_see_the_folders_give_the_same(tmp_path: Path, monke
     pytest.importorskip("distributed")
     monkeypatch.setattr(key, "program_digest", lambda: DIGEST)
     monkeypatch.setenv("SYSID_THREADS", "1")
-    folder = campaigns(tmp_path / "fleet", a="done", b="not-converged", c="rejected No.", d="die", e="done")
+    folder = write_campaigns(tmp_path / "fleet", a="done", b="not-converged", c="rejected No.", d="die", e="done")
     found = on_cluster(folder, tmp_path / "cluster", tmp_path / "script.py", "send")["rows"]
     rows = run_fleet(read_fleet(folder), tmp_path / "local", RunOptions(2, command=COMMAND), lambda rows: None)
     assert found == {row.campaign: [row.state, row.outcome.result_sha256] for row in rows}
@@ -153,7 +145,7 @@ if __name__ == "__main__":
 
 def test_a_scheduler_that_is_started_again_loses_nothing(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
-    folder = campaigns(tmp_path / "fleet", a="wait-once 60", b="wait-once 60", c="done", d="done")
+    folder = write_campaigns(tmp_path / "fleet", a="wait-once 60", b="wait-once 60", c="done", d="done")
     (tmp_path / "preload.py").write_text(f"from sysid.fleet import key\nkey.program_digest = lambda: {DIGEST!r}\n")
     # Before the two that wait.
     (folder / "c").rename(folder / "0c")
@@ -166,7 +158,7 @@ def test_a_scheduler_that_is_started_again_loses_nothing(tmp_path: Path) -> None
 
 def test_a_killed_worker_loses_nothing(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
-    folder = campaigns(tmp_path / "fleet", a="wait-once 60", b="done", c="done")
+    folder = write_campaigns(tmp_path / "fleet", a="wait-once 60", b="done", c="done")
     found = on_cluster(folder, tmp_path / "out", tmp_path / "script.py", "kill")
     assert found["killed"] == 1
     assert {state for state, _ in found["rows"].values()} == {"done"}

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from fleet_child import COMMAND, DIGEST
+from fleet_child import COMMAND, DIGEST, write_campaigns
 
 from sysid.errors import CampaignError, OutputError
 from sysid.fleet import key, running
@@ -30,16 +30,6 @@ def same_program(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(key, "program_digest", lambda: DIGEST)
 
 
-def make(root: Path, **behaviours: str) -> Path:
-    """A folder of campaigns that behave as told."""
-    for name, behaviour in behaviours.items():
-        folder = root / name.replace("_", "-")
-        folder.mkdir(parents=True)
-        (folder / "campaign.toml").write_text(f'title = "{name}"\n')
-        (folder / "behaviour").write_text(behaviour)
-    return root
-
-
 def run(folder: Path, output: Path, **options) -> dict[str, Row]:
     rows = run_fleet(read_fleet(folder), output, RunOptions(2, command=COMMAND, **options), lambda rows: None)
     return {row.campaign: row for row in rows}
@@ -51,7 +41,9 @@ def starts(output: Path, name: str) -> int:
 
 
 def test_one_failure_stops_no_other_and_every_failure_is_named(tmp_path: Path) -> None:
-    folder = make(tmp_path / "fleet", a="done", b="rejected Axle 2 has no load.", c="die", d="not-converged", e="done")
+    folder = write_campaigns(
+        tmp_path / "fleet", a="done", b="rejected Axle 2 has no load.", c="die", d="not-converged", e="done"
+    )
     output = tmp_path / "out"
     rows = run(folder, output)
     assert {n: r.state for n, r in rows.items()} == {
@@ -68,7 +60,10 @@ def test_one_failure_stops_no_other_and_every_failure_is_named(tmp_path: Path) -
 
 
 def test_unchanged_campaigns_are_not_computed_again(tmp_path: Path) -> None:
-    folder, output = make(tmp_path / "fleet", a="done", b="rejected No.", c="die", d="not-converged"), tmp_path / "out"
+    folder, output = (
+        write_campaigns(tmp_path / "fleet", a="done", b="rejected No.", c="die", d="not-converged"),
+        tmp_path / "out",
+    )
     run(folder, output)
     assert [starts(output, n) for n in "abcd"] == [1, 1, 2, 1]
     run(folder, output)
@@ -89,20 +84,20 @@ def test_unchanged_campaigns_are_not_computed_again(tmp_path: Path) -> None:
 
 
 def test_a_rejected_campaign_that_was_mended_is_computed(tmp_path: Path) -> None:
-    folder, output = make(tmp_path / "fleet", a="rejected No."), tmp_path / "out"
+    folder, output = write_campaigns(tmp_path / "fleet", a="rejected No."), tmp_path / "out"
     assert run(folder, output)["a"].state == "rejected"
     (folder / "a" / "behaviour").write_text("done")
     assert run(folder, output)["a"].state == "done"
 
 
 def test_a_process_that_dies_once_is_started_again(tmp_path: Path) -> None:
-    folder, output = make(tmp_path / "fleet", a="die-once"), tmp_path / "out"
+    folder, output = write_campaigns(tmp_path / "fleet", a="die-once"), tmp_path / "out"
     row = run(folder, output)["a"]
     assert (row.state, row.outcome.attempts, starts(output, "a")) == ("done", 2, 2)
 
 
 def test_a_worker_that_is_killed_in_a_stage_loses_nothing(tmp_path: Path) -> None:
-    folder, output = make(tmp_path / "fleet", a="wait-once 60", b="done"), tmp_path / "out"
+    folder, output = write_campaigns(tmp_path / "fleet", a="wait-once 60", b="done"), tmp_path / "out"
     killed = []
 
     def kill(rows: list[Row]) -> None:
@@ -118,7 +113,10 @@ def test_a_worker_that_is_killed_in_a_stage_loses_nothing(tmp_path: Path) -> Non
 
 def test_twenty_workers_that_are_killed_lose_nothing(tmp_path: Path) -> None:
     names = [f"w{n:02d}" for n in range(20)]
-    folder, output = make(tmp_path / "fleet", **dict.fromkeys(names, "wait-once 60"), x="done"), tmp_path / "out"
+    folder, output = (
+        write_campaigns(tmp_path / "fleet", **dict.fromkeys(names, "wait-once 60"), x="done"),
+        tmp_path / "out",
+    )
     killed: dict[str, int] = {}
 
     def kill(rows: list[Row]) -> None:
@@ -137,7 +135,7 @@ def test_twenty_workers_that_are_killed_lose_nothing(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_cannot_be_written_costs_its_campaign_only(tmp_path: Path) -> None:
-    folder, output = make(tmp_path / "fleet", a="done", b="done"), tmp_path / "out"
+    folder, output = write_campaigns(tmp_path / "fleet", a="done", b="done"), tmp_path / "out"
     (output / "campaigns").mkdir(parents=True)
     # A full disk for one campaign: /dev/full takes nothing.
     (output / "campaigns" / "a").mkdir()
@@ -169,7 +167,7 @@ DRIVER = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from pathlib import Path
-from fleet_child import COMMAND, DIGEST
+from fleet_child import COMMAND, DIGEST, write_campaigns
 from sysid.fleet.read import read_fleet
 from sysid.fleet.running import RunOptions, run_fleet
 run_fleet(read_fleet(Path(sys.argv[2])), Path(sys.argv[3]), RunOptions(2, command=COMMAND), lambda rows: None)
@@ -177,7 +175,10 @@ run_fleet(read_fleet(Path(sys.argv[2])), Path(sys.argv[3]), RunOptions(2, comman
 
 
 def test_a_killed_driver_goes_on_where_it_was(tmp_path: Path) -> None:
-    folder, output = make(tmp_path / "fleet", a="done", b="done", c="wait-once 60", d="wait-once 60"), tmp_path / "out"
+    folder, output = (
+        write_campaigns(tmp_path / "fleet", a="done", b="done", c="wait-once 60", d="wait-once 60"),
+        tmp_path / "out",
+    )
     driver = subprocess.Popen([sys.executable, "-c", DRIVER, str(SUPPORT), str(folder), str(output)])
     deadline = time.monotonic() + 60.0
     while (starts(output, "c"), starts(output, "d")) != (1, 1):
@@ -205,7 +206,7 @@ def _alive(process: int) -> bool:
 
 
 def test_a_second_run_on_one_folder_is_refused(tmp_path: Path) -> None:
-    folder, output = make(tmp_path / "fleet", a="done"), tmp_path / "out"
+    folder, output = write_campaigns(tmp_path / "fleet", a="done"), tmp_path / "out"
     with FolderLock(output), pytest.raises(OutputError, match="Another process"):
         run(folder, output)
     # A single campaign for another scheduler has the lock of its own folder.
@@ -216,7 +217,7 @@ def test_a_second_run_on_one_folder_is_refused(tmp_path: Path) -> None:
 
 
 def test_an_interrupt_ends_the_processes_and_keeps_what_is_done(tmp_path: Path) -> None:
-    folder, output = make(tmp_path / "fleet", a="done", b="wait 60"), tmp_path / "out"
+    folder, output = write_campaigns(tmp_path / "fleet", a="done", b="wait 60"), tmp_path / "out"
 
     def interrupt(rows: list[Row]) -> None:
         if rows[0].state == "done" and starts(output, "b"):
@@ -237,7 +238,7 @@ def test_workers_share_cores_and_memory(tmp_path: Path, monkeypatch) -> None:
     assert worker_count(None, 100) == 3
     assert worker_count(None, 2) == 2
     assert worker_count(7, 100) == 7
-    folder, output = make(tmp_path / "fleet", a="done", b="done", c="done"), tmp_path / "out"
+    folder, output = write_campaigns(tmp_path / "fleet", a="done", b="done", c="done"), tmp_path / "out"
     run(folder, output)
     # Eight threads for two processes.
     assert json.loads((output / "campaigns/a/result.json").read_text())["threads"] == "4"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import tempfile
 import zipfile
@@ -12,10 +13,11 @@ from io import BytesIO
 from pathlib import Path
 
 import pytest
-from fleet_child import COMMAND, DIGEST
+from fleet_child import COMMAND, DIGEST, write_campaigns
 
 from sysid.errors import CampaignError, OutputError
 from sysid.fleet import key, running, sent_files, task
+from sysid.fleet.executors import ClusterWorkers
 from sysid.fleet.outcome import kept
 from sysid.fleet.read import read_fleet
 from sysid.fleet.running import RunOptions, run_fleet
@@ -63,14 +65,6 @@ def cluster(monkeypatch: pytest.MonkeyPatch) -> Here:
     return here
 
 
-def fleet_of(root: Path, **behaviours: str) -> Path:
-    for name, behaviour in behaviours.items():
-        (root / name).mkdir(parents=True)
-        (root / name / "campaign.toml").write_text(f'title = "{name}"\nlog = "behaviour"\n')
-        (root / name / "behaviour").write_text(behaviour)
-    return root
-
-
 def run(folder: Path, output: Path, **options):
     options = RunOptions(2, "tcp://nowhere", send_files=True, command=COMMAND, **options)
     return {row.campaign: row for row in run_fleet(read_fleet(folder), output, options, lambda rows: None)}
@@ -116,7 +110,7 @@ def test_what_a_campaign_names_is_sent_and_nothing_else(tmp_path: Path) -> None:
 
 
 def test_a_worker_without_a_place_costs_no_results(tmp_path: Path, cluster: Here, monkeypatch) -> None:
-    folder, output = fleet_of(tmp_path / "fleet", a="not-converged"), tmp_path / "out"
+    folder, output = write_campaigns(tmp_path / "fleet", a="not-converged"), tmp_path / "out"
     assert run(folder, output)["a"].state == "not converged"
     before = {p: p.read_bytes() for p in (output / "campaigns" / "a").iterdir()}
     # Somebody else can write to the folder of the workers.
@@ -132,7 +126,7 @@ def test_a_worker_without_a_place_costs_no_results(tmp_path: Path, cluster: Here
 
 
 def test_results_that_were_set_aside_come_back(tmp_path: Path, cluster: Here) -> None:
-    folder, output = fleet_of(tmp_path / "fleet", a="done"), tmp_path / "out"
+    folder, output = write_campaigns(tmp_path / "fleet", a="done"), tmp_path / "out"
     run(folder, output)
     place = output / "campaigns" / "a"
     # Killed between the two steps of a replacement.
@@ -143,7 +137,7 @@ def test_results_that_were_set_aside_come_back(tmp_path: Path, cluster: Here) ->
 
 
 def test_damaged_results_replace_nothing(tmp_path: Path, cluster: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder, output = fleet_of(tmp_path / "fleet", a="not-converged"), tmp_path / "out"
+    folder, output = write_campaigns(tmp_path / "fleet", a="not-converged"), tmp_path / "out"
     run(folder, output)
     kept_text = (output / "campaigns/a/result.json").read_text()
 
@@ -158,7 +152,7 @@ def test_damaged_results_replace_nothing(tmp_path: Path, cluster: Here, monkeypa
 
 
 def test_two_tasks_never_share_a_folder(tmp_path: Path) -> None:
-    folder = fleet_of(tmp_path / "fleet", a="done") / "a"
+    folder = write_campaigns(tmp_path / "fleet", a="done") / "a"
     given = Task("a", str(folder), str(tmp_path / "out"), command=COMMAND)
     campaign = packed(folder, campaign_files(folder))
     with sent_files._own_folder(given, campaign) as first:
@@ -184,16 +178,77 @@ def test_the_command_of_a_task_is_that_of_the_machine_it_runs_on() -> None:
     assert task._CHILD[1:] == ("-m", "sysid.fleet.child")
 
 
+class Remote:
+    """A future of Dask's that has ended."""
+
+    def __init__(self, status: str, error: BaseException | None = None):
+        self.status, self._error = status, error
+
+    def add_done_callback(self, callback) -> None:
+        callback(self)
+
+    def exception(self, timeout: float) -> BaseException | None:
+        return self._error
+
+    def result(self, timeout: float) -> str:
+        if self._error is not None:
+            raise self._error
+        return "its result"
+
+
+class Client:
+    """A client of Dask's whose task ends at once."""
+
+    def __init__(self, ended: Remote | None):
+        self._ended = ended
+
+    def submit(self, fn, *args, pure: bool) -> Remote:
+        assert not pure
+        if self._ended is None:
+            raise OSError("the client is closed")
+        return self._ended
+
+    def nthreads(self) -> dict[str, int]:
+        if self._ended is None:
+            raise OSError("the client is closed")
+        return {"a": 2, "b": 1}
+
+
+@pytest.mark.parametrize(
+    ("ended", "error"),
+    [
+        (Remote("finished"), None),
+        (Remote("error", KeyError("x")), KeyError),
+        (Remote("cancelled"), CancelledError),
+        (Remote("lost"), CancelledError),
+        # The scheduler goes while the result is fetched.
+        (Remote("finished", OSError("connection closed")), CancelledError),
+        (Remote("finished", asyncio.CancelledError()), CancelledError),
+        (None, CancelledError),
+    ],
+)
+def test_every_future_of_a_cluster_comes_to_an_end(ended: Remote | None, error: type[BaseException] | None) -> None:
+    workers = ClusterWorkers(Client(ended))
+    future = workers.submit(len, "x")
+    assert future.done()
+    if error is None:
+        assert future.result() == "its result"
+    else:
+        with pytest.raises(error):
+            future.result()
+    assert workers.size() == (0 if ended is None else 3)
+
+
 def test_lost_tasks_are_given_to_the_next_scheduler(tmp_path: Path, cluster: Here) -> None:
     cluster.lost = 2
-    folder, output = fleet_of(tmp_path / "fleet", a="done", b="done", c="done"), tmp_path / "out"
+    folder, output = write_campaigns(tmp_path / "fleet", a="done", b="done", c="done"), tmp_path / "out"
     assert {row.state for row in run(folder, output).values()} == {"done"}
     assert [starts(output, name) for name in "abc"] == [1, 1, 1]
 
 
 def test_a_scheduler_that_is_always_lost_is_given_up(tmp_path: Path, cluster: Here) -> None:
     cluster.lost = 1000
-    folder, output = fleet_of(tmp_path / "fleet", a="done"), tmp_path / "out"
+    folder, output = write_campaigns(tmp_path / "fleet", a="done"), tmp_path / "out"
     with pytest.raises(OutputError, match="was lost 3 times before a campaign ended"):
         run(folder, output)
 
@@ -201,7 +256,7 @@ def test_a_scheduler_that_is_always_lost_is_given_up(tmp_path: Path, cluster: He
 def test_a_scheduler_without_workers_is_given_up(tmp_path: Path, cluster: Here, monkeypatch) -> None:
     monkeypatch.setattr(running, "LOST_S", 1.0)
     cluster.workers = 0
-    folder = fleet_of(tmp_path / "fleet", a="done")
+    folder = write_campaigns(tmp_path / "fleet", a="done")
     with pytest.raises(OutputError, match="has no workers"):
         run(folder, tmp_path / "out")
 
@@ -210,7 +265,7 @@ def test_a_folder_in_use_is_no_property_of_its_campaign(tmp_path: Path, monkeypa
     from sysid.fleet import child
 
     monkeypatch.setattr(child, "_PATIENCE_S", 0.5)
-    folder, output = fleet_of(tmp_path / "fleet", a="done"), tmp_path / "out"
+    folder, output = write_campaigns(tmp_path / "fleet", a="done"), tmp_path / "out"
     with FolderLock(output):
         outcome = child.calibrate(folder / "a", output, {}, lambda message, fraction: None)
     assert outcome.state == "failed"

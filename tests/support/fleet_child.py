@@ -27,6 +27,16 @@ COMMAND = (sys.executable, str(Path(__file__).resolve()))
 DIGEST = "the same program"
 
 
+def write_campaigns(root: Path, **behaviours: str) -> Path:
+    """A folder of campaigns that behave as told, by name (``a_b`` for ``a-b``)."""
+    for name, behaviour in behaviours.items():
+        folder = root / name.replace("_", "-")
+        folder.mkdir(parents=True)
+        (folder / "campaign.toml").write_text(f'title = "{name}"\nlog = "behaviour"\n')
+        (folder / "behaviour").write_text(behaviour)
+    return root
+
+
 def _leave_with_parent() -> None:
     while os.read(sys.stdin.fileno(), 4096):
         pass
