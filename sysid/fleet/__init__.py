@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from sysid.fleet.read import read_fleet
     from sysid.fleet.records import Fleet, FleetCampaign, SharedError, Truck
     from sysid.fleet.results import compute
-    from sysid.fleet.running import Row, RunOptions, run_fleet
+    from sysid.fleet.running import Row, RunOptions, recalibrate, run_fleet
     from sysid.fleet.simulate import SimulatedFleet, simulate_fleet
 
 _HOMES = {
@@ -27,6 +27,7 @@ _HOMES = {
     "TypePopulation": "sysid.fleet.population",
     "compute": "sysid.fleet.results",
     "read_fleet": "sysid.fleet.read",
+    "recalibrate": "sysid.fleet.running",
     "run_fleet": "sysid.fleet.running",
     "simulate_fleet": "sysid.fleet.simulate",
 }
@@ -43,6 +44,7 @@ __all__ = [
     "TypePopulation",
     "compute",
     "read_fleet",
+    "recalibrate",
     "run_fleet",
     "simulate_fleet",
 ]

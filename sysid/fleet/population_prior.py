@@ -57,7 +57,7 @@ class ExchangedPrior:
     new: tuple[np.ndarray, np.ndarray]
 
     def gaussian(self, mean: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """A Gaussian (p,), (p, p) of all parameters with the exchanged prior; not narrower than nothing is known.
+        """Mean (p,) and covariance (p, p) of a Gaussian of all parameters, with the exchanged prior.
 
         Along directions where the Gaussian is wider than the old prior, which rounding or a rough covariance may give,
         the data count as silent.

@@ -14,7 +14,7 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
@@ -70,7 +70,7 @@ def _receive(task: Task, state: dict[str, str], outer: Future[Outcome], inner: F
     try:
         outcome, content = inner.result()
         outer.set_result(_put(task, state, outcome, content))
-    except (CancelledError, Exception) as error:
+    except Exception as error:
         outer.set_exception(error)
 
 
@@ -82,8 +82,8 @@ def _put(task: Task, state: dict[str, str], outcome: Outcome, content: bytes) ->
     output = Path(task.output)
     if not content:
         return outcome
-    if not outcome.finished:
-        # Times of files are those of this machine's.
+    if not outcome.finished and outcome.key:
+        # Times of files are those of this machine's.  Without a key it is no property of the campaign.
         outcome = replace(outcome, inputs=state, key=calibration_key(state, task.choices))
     try:
         with FolderLock(output), tempfile.TemporaryDirectory(dir=output.parent, prefix=UNFINISHED) as place:

@@ -18,7 +18,7 @@ from fleet_child import COMMAND, DIGEST, write_campaigns
 from sysid.errors import CampaignError, OutputError
 from sysid.fleet import key, running, sent_files, task
 from sysid.fleet.executors import ClusterWorkers
-from sysid.fleet.outcome import kept
+from sysid.fleet.outcome import Outcome, kept
 from sysid.fleet.read import read_fleet
 from sysid.fleet.running import RunOptions, run_fleet
 from sysid.fleet.sent_files import campaign_files, packed, result_files, run_elsewhere, unpack
@@ -149,6 +149,20 @@ def test_damaged_results_replace_nothing(tmp_path: Path, cluster: Here, monkeypa
     row = run(folder, output, retry=("not-converged",))["a"]
     assert (row.state, row.outcome.sentence) == ("failed", "its results arrived damaged; run the fleet again")
     assert (output / "campaigns/a/result.json").read_text() == kept_text
+
+
+def test_a_failure_on_the_way_is_tried_again_and_a_rejection_is_not(tmp_path: Path, cluster: Here, monkeypatch) -> None:
+    folder, output = write_campaigns(tmp_path / "fleet", a="done", b="rejected No."), tmp_path / "out"
+
+    def in_use(given: Task, campaign: bytes, results: bytes):
+        outcome, content = run_elsewhere(given, campaign, results)
+        return (Outcome("failed", "Another process is writing there.") if given.name == "a" else outcome), content
+
+    with monkeypatch.context() as patch:
+        patch.setattr(sent_files, "run_elsewhere", in_use)
+        assert [row.state for row in run(folder, output).values()] == ["failed", "rejected"]
+    assert [row.state for row in run(folder, output).values()] == ["done", "rejected"]
+    assert starts(output, "b") == 1
 
 
 def test_two_tasks_never_share_a_folder(tmp_path: Path) -> None:
