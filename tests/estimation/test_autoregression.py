@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_toeplitz
+from scipy.linalg import solve_toeplitz, toeplitz
 from scipy.signal import freqz, lfilter
 
 from sysid.estimation.weights.autoregression import (
@@ -82,6 +82,16 @@ def test_inflation_is_the_variance_of_a_score_over_that_of_white_residuals(cycle
     exact = modelled(process(PHI, 400_000, 5)[:, None])
     found = float(variance_inflation(exact, column[:, None, None])[0])
     assert found == pytest.approx(max(ratio, 1.0), rel=0.1)
+
+
+@pytest.mark.parametrize("count", [1009, 1024])
+def test_inflation_is_that_of_the_exact_covariance(count: int):
+    """J' R J over J' J with the Toeplitz matrix of an AR(1) sequence, for prime numbers of samples too."""
+    rho = 0.8
+    column = np.hanning(count) * np.sin(2 * np.pi * 0.03 * np.arange(count))
+    exact = column @ toeplitz(rho ** np.arange(count)) @ column / (column @ column)
+    model = autoregression((rho ** np.arange(40))[:, None], np.array([10_000]))
+    assert float(variance_inflation(model, column[:, None, None])[0]) == pytest.approx(exact, rel=2e-9)
 
 
 def test_alternating_residuals_are_never_better_than_independent():

@@ -136,13 +136,16 @@ def variance_inflation(models: Autoregression, sensitivity: np.ndarray) -> np.nd
     ----------
     sensitivity : (T, ..., p) derivatives of the residuals by the parameters.
     """
-    spectrum = models.spectrum(np.fft.rfftfreq(sensitivity.shape[0]))
+    # Transforms of a prime number of samples take six times as long as those of the next number of small factors.
+    length = next_fast_len(sensitivity.shape[0], real=True)
+    spectrum = models.spectrum(np.fft.rfftfreq(length))
     total, weighted = np.empty(sensitivity.shape[1:]), np.empty(sensitivity.shape[1:])
 
     # Record by record: transforms of all of them take more memory than the derivatives.
     def add(at: tuple[int, ...]) -> None:
         record: tuple[Any, ...] = (slice(None), *at)
-        power = np.abs(rfft(sensitivity[record], axis=0)) ** 2
+        transform = rfft(sensitivity[record], length, axis=0)
+        power = transform.real**2 + transform.imag**2
         total[at], weighted[at] = power.sum(axis=0), spectrum[record] @ power
 
     side_by_side(add, np.ndindex(total.shape[:-1]))

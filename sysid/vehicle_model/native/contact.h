@@ -38,7 +38,8 @@ class WheelRoad {
  public:
   WheelRoad(const RoadTable& table, int axle) : table_(table), axle_(axle) {
     const auto felt = [&](int64_t station) {
-      const MapRow w = coefficients(station);
+      MapRow w;
+      coefficients(station, w);
       for (int row = 0; row < kMapRows; ++row)
         if (!(std::abs(w[row]) < 1e-22)) return true;
       return false;
@@ -71,21 +72,21 @@ class WheelRoad {
   }
 
  private:
-  MapRow coefficients(int64_t station) const {
+  // By reference: how a function returns so wide a vector depends on the processor.
+  void coefficients(int64_t station, MapRow& w) const {
     const int64_t at = axle_ * table_.stations + station;
-    MapRow w = {};
+    w = MapRow{};
     w[0] = table_.rise[at];
     if (table_.stretch != nullptr) {
       for (int row = 0; row < kStretchRows; ++row) w[1 + row] = table_.stretch[row * table_.stretch_stride + at];
       for (int row = 0; row < kDragRows; ++row) w[1 + kStretchRows + row] = table_.drag[row * table_.drag_stride + at];
     }
-    return w;
   }
 
   // Polynomials of the cell.
   void enter(int64_t cell) {
     MapRow weight[kCellPowers];
-    for (int k = 0; k < kCellPowers; ++k) weight[k] = coefficients(cell - 2 + k);
+    for (int k = 0; k < kCellPowers; ++k) coefficients(cell - 2 + k, weight[k]);
     cell_ = cell;
     for (int power = 0; power < kCellPowers; ++power) {
       term_[power] = MapRow{};

@@ -218,9 +218,22 @@ class Inputs {
 
   Readings readings(int64_t r, int first) const {
     const int64_t c = channels.count();
-    return {data(first + kValue) + r * c,  data(first + kMeasured) + r * c,  data(first + kCensored) + r * c,
-            data(first + kNoiseSd) + r * c, data(first + kTempering) + r * c, data(first + kGainSd),
-            clock.samples,                 runs * c};
+    const auto of_run = [&](int which) { return by_channel(data(first + which) + r * c, clock.samples, runs * c, c); };
+    return {of_run(kValue),
+            of_run(kMeasured),
+            of_run(kCensored),
+            data(first + kNoiseSd) + r * c,
+            data(first + kTempering) + r * c,
+            data(first + kGainSd),
+            clock.samples};
+  }
+
+  LocalColumns local_columns(int64_t r, int first) const {
+    const int64_t c = channels.count(), own = r * c * kMotionNumbers;
+    const double* along = data(first + kLocalResidual) + own;
+    return {by_channel(along, clock.samples, runs * c * kMotionNumbers, c, kMotionNumbers),
+            data(first + kLocalGain) + own, data(first + kLocalOffset) + r * kMotionNumbers,
+            data(first + kLocalFactor) + r * kMotionNumbers * kMotionNumbers};
   }
 
   int64_t runs, axles, sets, coordinates, body_sensors, stations, frames;
@@ -418,6 +431,12 @@ ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings se
   double* out = (*rets.get<Buffer>(kMisfitsMisfit))->typed_data();
   const int64_t channels = in.channels.count();
   const std::vector<Lanes> packs = in.packs_of_sets();
+  std::vector<Readings> readings(in.runs);
+  std::vector<LocalColumns> columns(in.runs);
+  share(in.runs, [&](int64_t r) {
+    readings[r] = in.readings(r, kMisfitsReadings);
+    columns[r] = in.local_columns(r, kMisfitsLocal);
+  });
   std::atomic<bool> known{true};
   share(packs.size(), [&](int64_t task) {
     const Lanes& lanes = packs[task];
@@ -426,13 +445,7 @@ ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings se
     known = simulate(in, in.run(r), in.laws(lanes), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
       for (int64_t c = 0; c < channels; ++c) signal[c * in.clock.samples + t] = shown[c];
     });
-    const int64_t own = r * channels * kMotionNumbers;
-    const LocalColumns columns = {in.data(kMisfitsLocal + kLocalResidual) + own,
-                                  in.data(kMisfitsLocal + kLocalGain) + own,
-                                  in.data(kMisfitsLocal + kLocalOffset) + r * kMotionNumbers,
-                                  in.data(kMisfitsLocal + kLocalFactor) + r * kMotionNumbers * kMotionNumbers,
-                                  in.runs * channels * kMotionNumbers};
-    const Pack found = misfit(in.readings(r, kMisfitsReadings), columns, signal.get(), static_cast<int>(channels));
+    const Pack found = misfit(readings[r], columns[r], signal.get(), static_cast<int>(channels));
     store(found, out, 1, 0, lanes, in.sets);
   });
   return finish(known);

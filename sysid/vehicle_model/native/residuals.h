@@ -2,18 +2,28 @@
 
 #pragma once
 
+#include <vector>
+
 #include "vehicle.h"
 
 namespace sysid {
 
-// Readings and weights of one run; rows of `value`, `measured` and `censored` are `stride` apart, C channels each.
-// `measured` holds the square roots of the weights of plain readings, 0 where there is none.
-struct Readings {
-  const double *value, *measured, *censored;
-  const double *noise_sd, *tempering, *gain_sd;
-  int64_t samples, stride;
-};
+// Rows (T, C, n) of one run, `stride` apart, as (n, C, T): what follows goes through the samples of channel after channel.
+inline std::vector<double> by_channel(const double* rows, int64_t samples, int64_t stride, int64_t channels, int n = 1) {
+  std::vector<double> all(n * channels * samples);
+  for (int64_t t = 0; t < samples; ++t)
+    for (int64_t c = 0; c < channels; ++c)
+      for (int k = 0; k < n; ++k) all[(k * channels + c) * samples + t] = rows[t * stride + c * n + k];
+  return all;
+}
 
+// Readings (C, T) and weights (C,) of one run. `measured` holds the square roots of the weights of plain readings, 0
+// where there is none.
+struct Readings {
+  std::vector<double> value, measured, censored;
+  const double *noise_sd, *tempering, *gain_sd;
+  int64_t samples;
+};
 
 template <class V>
 struct SensorFit {
@@ -35,20 +45,21 @@ template <class V>
 SensorFit<V> fit_sensor(const Readings& data, const V* signal, int c) {
   double count = 0.0, sum_d = 0.0;
   V sum_y{};
+  const double *value = &data.value[c * data.samples], *roots = &data.measured[c * data.samples];
   for (int64_t t = 0; t < data.samples; ++t) {
-    const double root = data.measured[t * data.stride + c], share = root * root;
+    const double root = roots[t], share = root * root;
     count += share;
-    sum_d += share * data.value[t * data.stride + c];
+    sum_d += share * value[t];
     sum_y += share * signal[t];
   }
   count = count > 0.0 ? count : 1.0;
   const V mean_y = (1.0 / count) * sum_y;
   V s_yy{}, s_yd{};
   for (int64_t t = 0; t < data.samples; ++t) {
-    const double root = data.measured[t * data.stride + c];
+    const double root = roots[t];
     const V centred = root * (signal[t] - mean_y);
     s_yy += centred * centred;
-    s_yd += root * data.value[t * data.stride + c] * centred;
+    s_yd += root * value[t] * centred;
   }
   const double sigma = data.noise_sd[c] / data.tempering[c], spread = data.gain_sd[c];
   const double weight = 1.0 / (sigma * sigma), prior = 1.0 / (spread * spread);
@@ -63,7 +74,7 @@ SensorFit<V> fit_sensor(const Readings& data, const V* signal, int c) {
 // (offset + gain y - d) / sigma; a clipped sample counts only where the simulation stays inside the range.
 template <class V>
 inline V residual(const Readings& data, const SensorFit<V>& fit, const V& y, int64_t t, int c) {
-  const int64_t at = t * data.stride + c;
+  const int64_t at = c * data.samples + t;
   const V difference = -data.value[at] + (fit.offset + fit.gain * y);
   V counted = data.measured[at] * difference;
   if (data.censored[at] != 0.0) counted += std::abs(data.censored[at]) * beyond(difference, data.censored[at]);
@@ -73,9 +84,8 @@ inline V residual(const Readings& data, const SensorFit<V>& fit, const V& y, int
 // Columns along which a run's own n unknowns, those of its motion, move its residuals, and the whitening factor of their
 // normal matrix.
 struct LocalColumns {
-  const double *along, *gain;  // (T, R, C, n) with rows `stride` apart, (C, n)
-  const double *offset, *factor;  // (n,), (n, n)
-  int64_t stride;
+  std::vector<double> along;              // (n, C, T)
+  const double *gain, *offset, *factor;  // (C, n), (n,), (n, n)
 };
 
 // r'r - b' N^-1 b with b = J' r + prior: the squares of a run with its own unknowns marginalised; signals (C, T).
@@ -89,11 +99,12 @@ inline Pack misfit(const Readings& data, const LocalColumns& local, const Pack* 
     const Pack g = fit.gain_residual;
     squares += g * g;
     for (int k = 0; k < n; ++k) b[k] += local.gain[n * c + k] * g;
+    const double* column[n];
+    for (int k = 0; k < n; ++k) column[k] = &local.along[(k * channels + c) * data.samples];
     for (int64_t t = 0; t < data.samples; ++t) {
       const Pack r = residual(data, fit, signal[t], t, c);
-      const double* column = local.along + t * local.stride + n * c;
       squares += r * r;
-      for (int k = 0; k < n; ++k) b[k] += column[k] * r;
+      for (int k = 0; k < n; ++k) b[k] += column[k][t] * r;
     }
   }
   for (int k = 0; k < n; ++k) {
