@@ -16,7 +16,7 @@ from sysid.fleet.outcome import kept
 from sysid.fleet.records import Fleet
 from sysid.fleet.running import Row, campaign_output
 from sysid.fleet.tables import SCHEMA, TABLES, campaign_rows
-from sysid.folder_lock import cannot_write
+from sysid.folder_lock import writing_to
 
 INDEX_FOLDER = "fleet.parquet"
 SCHEMA_FILE = "schema.json"
@@ -35,7 +35,7 @@ def write_index(fleet: Fleet, output: Path) -> Path:
         If the folder cannot be written.
     """
     target = output / INDEX_FOLDER
-    try:
+    with writing_to(output):
         target.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(dir=output, prefix=UNFINISHED))
         try:
@@ -45,8 +45,6 @@ def write_index(fleet: Fleet, output: Path) -> Path:
             write_text(target / SCHEMA_FILE, schema_text())
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
-    except OSError as error:
-        raise cannot_write(output, error) from error
     return target
 
 

@@ -22,7 +22,7 @@ from sysid.fleet.results import FleetResults
 from sysid.fleet.running import CAMPAIGNS, Row
 from sysid.fleet.status import counts
 from sysid.fleet.weights import MOST_K
-from sysid.folder_lock import cannot_write
+from sysid.folder_lock import writing_to
 from sysid.numbers import decimals, fixed, interval, number, percent
 from sysid.report.cells import Cell, Table, table
 from sysid.report.figures import Gallery, Picture
@@ -84,10 +84,8 @@ def write_fleet_page(results: FleetResults, rows: Sequence[Row], output: Path) -
         If the folder cannot be written.
     """
     text = render_fleet(results, rows, instrument_problems(rows, output))
-    try:
+    with writing_to(output):
         write_text(output / PAGE, text)
-    except OSError as error:
-        raise cannot_write(output, error) from error
     return output / PAGE
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import minimize
 
+from sysid.display import Z90
 from sysid.errors import DataRejectedError
 from sysid.fleet.draws import CampaignDraws, thinned
 from sysid.fleet.exchangeable import pooled_populations
@@ -136,7 +137,7 @@ def fit_population(
         units=tuple(units),
         truck_names=data.trucks,
         campaigns=data.campaigns,
-        alone=Quantiles(*(np.exp(alone + z * alone_sd) for z in (-1.6448536, 0.0, 1.6448536))),
+        alone=Quantiles(*(np.exp(alone + z * alone_sd) for z in (-Z90, 0.0, Z90))),
         trucks=_quantiles(np.exp(drawn.trucks)),
         mean=_quantiles(np.exp(drawn.mean)),
         new=_quantiles(np.exp(_new_trucks(drawn.mean, spread, random))),

@@ -14,7 +14,7 @@ import numpy as np
 from sysid.files import write_text
 from sysid.fleet.loads import PopulationLoad
 from sysid.fleet.population import Quantiles, TypePopulation
-from sysid.folder_lock import cannot_write
+from sysid.folder_lock import writing_to
 
 POPULATION_JSON = "fleet_population.json"
 SCHEMA = 1
@@ -43,10 +43,8 @@ def write_population(
         If the folder cannot be written.
     """
     text = json.dumps(population_document(populations, loads, said), indent=1, ensure_ascii=False, allow_nan=False)
-    try:
+    with writing_to(output):
         write_text(output / POPULATION_JSON, text + "\n")
-    except OSError as error:
-        raise cannot_write(output, error) from error
     return output / POPULATION_JSON
 
 

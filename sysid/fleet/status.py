@@ -15,7 +15,7 @@ from sysid.fleet.outcome import kept
 from sysid.fleet.records import Fleet
 from sysid.fleet.running import Row, campaign_output
 from sysid.fleet.task import PROGRESS_FILE
-from sysid.folder_lock import cannot_write
+from sysid.folder_lock import writing_to
 
 STATUS_JSON, STATUS_CSV = "fleet_status.json", "fleet_status.csv"
 SCHEMA = 1
@@ -70,9 +70,7 @@ def write_status(rows: Sequence[Row], output: Path) -> tuple[Path, Path]:
     fields = [row_fields(row) for row in rows]
     document = {"schema": SCHEMA, "counts": counts(rows), "campaigns": fields}
     cells = [["" if line[c] is None else escape_cell(str(line[c])) for c in COLUMNS] for line in fields]
-    try:
+    with writing_to(output):
         write_text(output / STATUS_JSON, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
         write_text(output / STATUS_CSV, csv_text(COLUMNS, cells))
-    except OSError as error:
-        raise cannot_write(output, error) from error
     return output / STATUS_JSON, output / STATUS_CSV
