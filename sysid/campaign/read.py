@@ -29,7 +29,7 @@ from sysid.campaign.records import (
 from sysid.campaign.statics import check_statics
 from sysid.campaign.toml.stand_ins import with_stand_ins
 from sysid.campaign.toml.todo import refuse_todos
-from sysid.campaign.units import si_factor, speed_m_s
+from sysid.campaign.units import speed_m_s
 from sysid.errors import CampaignError
 from sysid.wording import shorten
 
@@ -336,16 +336,15 @@ def _sensor(
     body: int | None,
     x_m: float | None,
 ) -> Sensor:
-    factor = si_factor(table.unit, "length" if table.kind == "suspension_deflection" else "acceleration")
-    return Sensor(
+    sensor = Sensor(
         column=column.strip(),
         kind=table.kind,
         unit=table.unit.strip(),
         axle=axle,
         body=body,
         x_m=x_m,
-        full_scale=None if table.range is None else table.range * factor,
         side=table.side,
         sign=table.sign,
         scale=table.scale,
     )
+    return sensor if table.range is None else replace(sensor, full_scale=table.range * sensor.unit_in_si)

@@ -15,7 +15,6 @@ from sysid.campaign.quality.copies import copied_columns, copied_logs
 from sysid.campaign.quality.exchanges import Suspicion
 from sysid.campaign.quality.suspects import axles_shown_falling, suspicions
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop
-from sysid.campaign.units import si_factor
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.wording import say_once, shorten
 
@@ -183,7 +182,7 @@ def _examine(channel: Channel) -> _Work:
         messages.append("the column is empty.")
         item.rejected = True
         return item
-    unit_scale = si_factor(channel.sensor.unit, "length" if channel.sensor.si_unit == "m" else "acceleration")
+    unit_scale = channel.sensor.unit_in_si
     shown = channel.sensor.unit
     if np.max(np.abs(finite)) > LARGEST:
         messages.append(
@@ -287,11 +286,9 @@ def _judge_together(
         on_plank = bump_speed is None and item.channel.sensor.kind == "suspension_deflection"
         shifted = None if on_plank else defects.level_shift(item.channel, item.rest, item.noise)
         if shifted is not None:
-            scale = si_factor(
-                item.channel.sensor.unit, "length" if item.channel.sensor.si_unit == "m" else "acceleration"
-            )
+            sensor = item.channel.sensor
             item.messages.append(
-                f"its level at the end differs by {shifted / scale:.3g} {item.channel.sensor.unit} from that at the "
+                f"its level at the end differs by {shifted / sensor.unit_in_si:.3g} {sensor.unit} from that at the "
                 "start: the sensor drifts, or its mount has slipped; check it, its readings are used."
             )
     suspected = suspicions(log, [item.channel for item in alive], vehicle, rests, bump_speed, falling)

@@ -157,11 +157,9 @@ def _explain(trio: Trio, fit: Fit, evidence: _Evidence, suspects: dict[str, list
 
 
 def _causes(sensor: Sensor) -> list[_Cause]:
-    dimension = "length" if sensor.si_unit == "m" else "acceleration"
-    declared = si_factor(sensor.unit, dimension)
     causes = [_Cause(1.0, None), _Cause(-1.0, None)]
-    for unit in _ACTUAL_UNITS[dimension]:
-        factor = declared / si_factor(unit, dimension)
+    for unit in _ACTUAL_UNITS[sensor.dimension]:
+        factor = sensor.unit_in_si / si_factor(unit, sensor.dimension)
         if abs(np.log(factor)) > 0.1:
             causes += [_Cause(factor, unit), _Cause(-factor, unit)]
     return causes
@@ -326,7 +324,7 @@ def _implausible(channel: Channel, rest: float | None, suspects: dict[str, list[
     good = channel.value[np.isfinite(channel.value)]
     if good.size < 20:
         return
-    scale = si_factor(sensor.unit, "length" if sensor.si_unit == "m" else "acceleration")
+    scale = sensor.unit_in_si
     size = float(np.max(np.abs(good - (np.median(good) if rest is None else rest))))
     low, high = _PLAUSIBLE[sensor.kind]
     if sensor.full_scale is not None and np.mean(np.abs(good) > 1.5 * sensor.full_scale) > 0.002:
