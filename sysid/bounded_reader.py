@@ -19,6 +19,7 @@ from sysid import limits
 from sysid.errors import DataRejectedError
 
 _WORKER = Path(__file__).with_name("read_worker.py")
+#: Bytes of an answer: names and units of the channels of a log take a few kilobytes.
 _LONGEST_ANSWER = 1 << 20
 
 

@@ -175,10 +175,10 @@ class StatusView:
                 self._errors.print(f"{len(self._said)}/{len(rows)} {row.campaign}: {row.state}{why}", markup=False)
 
     def _table(self, rows: Sequence[Any]) -> Table:
-        from sysid.fleet.status import counts, stage_of
+        from sysid.fleet.status import stage_of, state_counts
 
         table = Table(
-            title=", ".join(f"{n} {state}" for state, n in counts(rows).items()), box=None, title_justify="left"
+            title=", ".join(f"{n} {state}" for state, n in state_counts(rows).items()), box=None, title_justify="left"
         )
         for column in ("truck", "campaign", "state", "stage"):
             table.add_column(column)
@@ -226,7 +226,7 @@ def status(screen: Console, errors: Console, path: Path, output: Path) -> int:
     from sysid.fleet.read import read_fleet
     from sysid.fleet.status import rows_on_disk
 
-    render(screen, status_blocks(rows_on_disk(read_fleet(path), output)))
+    render(screen, status_blocks(list(rows_on_disk(read_fleet(path), output))))
     return 0
 
 
@@ -237,11 +237,11 @@ def status(screen: Console, errors: Console, path: Path, output: Path) -> int:
 @_command
 def jobs(screen: Console, errors: Console, path: Path, output: Path, **choices: Any) -> int:
     """One command per campaign, a line each, for another scheduler (Slurm arrays, Snakemake, GNU parallel)."""
-    from sysid.fleet.key import given
+    from sysid.fleet.key import typed_options
     from sysid.fleet.read import read_fleet
 
     words = [sys.executable, os.path.abspath(sys.argv[0]), "fleet", "run", str(path.resolve())]
-    for name, value in given(choices).items():
+    for name, value in typed_options(choices).items():
         flag = f"--{name.replace('_', '-')}"
         words += [flag] if value is True else [flag, str(value)]
     for _, campaign in read_fleet(path).campaigns():
@@ -318,5 +318,6 @@ def report(screen: Console, errors: Console, path: Path, output: Path) -> int:
     from sysid.fleet.status import rows_on_disk
 
     results = _computed(path, output, errors)
-    screen.print(str(write_fleet_page(results, rows_on_disk(results.fleet, output), output)), markup=False)
+    rows = list(rows_on_disk(results.fleet, output))
+    screen.print(str(write_fleet_page(results, rows, output)), markup=False)
     return 0

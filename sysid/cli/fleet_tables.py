@@ -14,7 +14,7 @@ MOST_ROWS = 60
 
 def status_blocks(rows: Sequence[Any]) -> list[TextTable | str]:
     """The final table, and a sentence for every campaign without results."""
-    from sysid.fleet.status import counts
+    from sysid.fleet.status import state_counts
 
     table = TextTable("Fleet", ("campaign", "truck", "state", "result", "time [s]", "processor [s]", "memory [MB]"))
     for row in rows[:MOST_ROWS]:
@@ -32,7 +32,7 @@ def status_blocks(rows: Sequence[Any]) -> list[TextTable | str]:
     for row in rows:
         if row.outcome is not None and row.outcome.sentence:
             blocks.append(f"{row.campaign}: {row.state}: {row.outcome.sentence}")
-    blocks.append("Campaigns: " + ", ".join(f"{n} {state}" for state, n in counts(rows).items()) + ".")
+    blocks.append("Campaigns: " + ", ".join(f"{n} {state}" for state, n in state_counts(rows).items()) + ".")
     return blocks
 
 

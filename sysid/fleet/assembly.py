@@ -12,8 +12,8 @@ import numpy as np
 from sysid.errors import DataRejectedError
 from sysid.fleet.draws import CampaignDraws, campaign_draws
 from sysid.fleet.hierarchy import HyperPriors, TypeData
-from sysid.fleet.likelihood import Likelihood, likelihood_of, moved_by, without_shared
-from sysid.fleet.outcome import kept
+from sysid.fleet.likelihood import Likelihood, likelihood_of, sensitivity_to, without_shared
+from sysid.fleet.outcome import read_outcome
 from sysid.fleet.population import TypePopulation, fit_population, stand_alone
 from sysid.fleet.records import Fleet, SharedError
 from sysid.fleet.running import campaign_output
@@ -106,7 +106,7 @@ def members(fleet: Fleet, output: Path, kind: str) -> Iterator[Member]:
     for truck in fleet.trucks:
         for campaign in truck.campaigns if truck.type == kind else ():
             folder = campaign_output(output, campaign.name)
-            outcome = kept(folder)
+            outcome = read_outcome(folder)
             if outcome is not None and outcome.finished:
                 yield Member(truck.name, campaign.name, folder)
 
@@ -178,7 +178,7 @@ def _stacked(
         placed = likelihood.placed(at, d)
         means[c, at] = prior_mean
         for s, error in enumerate(shared):
-            moved[c, :, s] = moved_by(error, member.campaign, quantities) * np.isin(np.arange(d), at)
+            moved[c, :, s] = sensitivity_to(error, member.campaign, quantities) * np.isin(np.arange(d), at)
             if error.in_intervals:
                 placed, share = without_shared(placed, moved[c, :, s], error.log_sd)
                 if share > _DOUBTFUL_SHARE:

@@ -20,7 +20,7 @@ from sysid.fleet.loads import PopulationLoad
 from sysid.fleet.population import Quantiles, TypePopulation
 from sysid.fleet.results import FleetResults
 from sysid.fleet.running import CAMPAIGNS, Row
-from sysid.fleet.status import counts
+from sysid.fleet.status import state_counts
 from sysid.fleet.weights import MOST_K
 from sysid.folder_lock import writing_to
 from sysid.numbers import decimals, fixed, interval, number, percent
@@ -53,7 +53,7 @@ class TypePart:
 def render_fleet(results: FleetResults, rows: Sequence[Row], problems_of: Sequence[InstrumentProblem] = ()) -> str:
     """The page as text; it loads nothing, and what users typed is escaped."""
     gallery = Gallery()
-    states = counts(rows)
+    states = state_counts(rows)
     problems = [row for row in rows if row.state != "done"]
     preview = any(row.outcome is not None and row.outcome.status == "preview" for row in rows)
     content = {

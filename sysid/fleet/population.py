@@ -144,7 +144,7 @@ def fit_population(
         spread=_quantiles(tau),
         scatter=_quantiles(phi),
         correlation=(spread / tau[:, :, None] / tau[:, None, :]).mean(axis=0),
-        further=further_trucks(drawn.mean, tau, alone_sd, data, drawn.shared),
+        further=further_trucks(drawn.mean, tau, alone_sd, drawn.shared),
         outliers=find_outliers(data, alone, alone_sd, priors),
         pareto_k=k,
         correction_k=correction_k,
@@ -218,7 +218,7 @@ def find_outliers(data: TypeData, value: np.ndarray, sd: np.ndarray, priors: Hyp
     return tuple(sorted(outliers, key=lambda o: o.probability))
 
 
-def further_trucks(mean: np.ndarray, tau: np.ndarray, sd: np.ndarray, data: TypeData, shared: np.ndarray) -> np.ndarray:
+def further_trucks(mean: np.ndarray, tau: np.ndarray, sd: np.ndarray, shared: np.ndarray) -> np.ndarray:
     """How many further trucks, measured as these were, halve the interval of each parameter of the type's mean (d,).
 
     A truck of spread tau and error s adds information 1/(tau^2 + s^2); half of the width needs four times what there

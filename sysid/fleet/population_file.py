@@ -17,6 +17,7 @@ from sysid.fleet.population import Quantiles, TypePopulation
 from sysid.folder_lock import writing_to
 
 POPULATION_JSON = "fleet_population.json"
+#: Version of the file; a number up whenever a key changes its meaning or goes.
 SCHEMA = 1
 
 

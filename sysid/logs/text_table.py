@@ -27,6 +27,7 @@ from sysid.logs.text_numbers import (
 )
 from sysid.wording import shorten
 
+#: Bytes in which delimiter and header are looked for.
 _HEAD_BYTES = 1 << 20
 _COMPARED = 60  # characters of a name that are compared with a misspelt one
 _COMMENT = ("#", "%", '"#')
@@ -257,7 +258,7 @@ def _parse(data: bytes, label: str, layout: Layout, use: list[str], times: set[s
     try:
         columns = read_numbers(table, {p: n for p, n in places.items() if p not in clocks}, rows, width)
         for place, name in clocks.items():
-            columns[name] = read_instants(table, place, rows, width)
+            columns[name] = read_instants(table, place, width)
     except CellError as error:
         name = layout.names[error.place]
         raise DataRejectedError(_cell_sentence(label, layout, error.row + skip + 1, name, error.text)) from None

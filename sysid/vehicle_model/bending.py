@@ -34,6 +34,7 @@ from sysid.errors import CampaignError
 
 #: First root of cos b cosh b = 1 beyond zero.
 FREE_BEAM_ROOT = 4.730040744862704
+#: Quadrature of Gauss and Legendre over the length of a frame.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(80)
 
 

@@ -12,7 +12,7 @@ from sysid.logs.channels import Clock
 
 BAD_STAMP_SHARE = 0.01  # up to this share of repeated or empty stamps is a hiccup of the logger, more is a broken log
 SAME_STEP = 1e-3  # rounding of the printed stamps
-_DAY_S = 86400.0
+_DAY_S = 86400.0  # unit of times in spreadsheets
 
 
 @dataclass(frozen=True)
