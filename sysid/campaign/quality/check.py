@@ -32,7 +32,7 @@ JITTER_SHARE = 0.2  # of the step between stamps
 
 
 @dataclass
-class _Work:
+class _ChannelCheck:
     """One channel on its way through the check."""
 
     channel: Channel
@@ -121,8 +121,8 @@ def _check_log(
     messages = list(log.messages)
     if not log.channels:
         return log, [], messages
-    clocks = _clocks(log, messages)
-    work = [_examine(channel) for channel in log.channels]
+    clocks = _timings(log, messages)
+    checks = [_examine(channel) for channel in log.channels]
     clock = min(clocks, key=lambda c: c.rate_hz)
     rows = min(channel.time_s.size for channel in log.channels)
     too_short = rows < FEWEST_SAMPLES or clock.rate_hz < SLOWEST_HZ
@@ -132,17 +132,17 @@ def _check_log(
             if rows < FEWEST_SAMPLES
             else f"is sampled at {clock.rate_hz:.3g} Hz, expected at least {SLOWEST_HZ:g} Hz"
         )
-        for item in work:
+        for item in checks:
             item.messages.append(f"the log {what}; the motion of the body cannot be seen in it.")
             item.rejected = True
     else:
-        _judge_together(log, work, vehicle, bump_speed, falling, messages)
-    findings = [_finding(log, item, timing) for item, timing in zip(work, clocks, strict=True)]
-    kept = tuple(item.channel for item in work if not item.rejected)
+        _judge_together(log, checks, vehicle, bump_speed, falling, messages)
+    findings = [_finding(log, item, timing) for item, timing in zip(checks, clocks, strict=True)]
+    kept = tuple(item.channel for item in checks if not item.rejected)
     return replace(log, channels=kept, messages=tuple(messages)), findings, messages
 
 
-def _clocks(log: Log, messages: list[str]) -> list[defects.Timing]:
+def _timings(log: Log, messages: list[str]) -> list[defects.Timing]:
     """Timing of every channel's clock, and what is to be said about it."""
     timings: list[defects.Timing] = []
     times = [channel.time_s for channel in log.channels]
@@ -170,14 +170,14 @@ def _clocks(log: Log, messages: list[str]) -> list[defects.Timing]:
     return timings
 
 
-def _examine(channel: Channel) -> _Work:
+def _examine(channel: Channel) -> _ChannelCheck:
     """Defects that the channel shows by itself; times of spans in seconds of the log."""
     value, censored = channel.value.copy(), channel.censored.copy()
     time = channel.time_s
     messages: list[str] = []
     missing = int(np.sum(~np.isfinite(value)))
     finite = value[np.isfinite(value)]
-    item = _Work(channel, missing, None, (), None, None, messages)
+    item = _ChannelCheck(channel, missing, None, (), None, None, messages)
     if finite.size == 0:
         messages.append("the column is empty.")
         item.rejected = True
@@ -259,17 +259,17 @@ def _mark_clipping(
 
 def _judge_together(
     log: Log,
-    work: Sequence[_Work],
+    checks: Sequence[_ChannelCheck],
     vehicle: Vehicle,
     bump_speed: float | None,
     falling: frozenset[int],
     messages: list[str],
 ) -> None:
-    alive = [item for item in work if not item.rejected]
+    alive = [item for item in checks if not item.rejected]
     copies = copied_columns([item.channel for item in alive])
     for item in alive:
         if item.channel.sensor.column in copies:
-            _take(item, Suspicion(copies[item.channel.sensor.column], True))
+            _add_suspicion(item, Suspicion(copies[item.channel.sensor.column], True))
     alive = [item for item in alive if not item.rejected]
     starts = defects.motion_starts([item.channel for item in alive])
     start = defects.motion_start(starts)
@@ -294,10 +294,10 @@ def _judge_together(
     suspected = suspicions(log, [item.channel for item in alive], vehicle, rests, bump_speed, falling)
     for item in alive:
         for suspicion in suspected.get(item.channel.sensor.column, ()):
-            _take(item, suspicion)
+            _add_suspicion(item, suspicion)
 
 
-def _judge_noise(item: _Work) -> None:
+def _judge_noise(item: _ChannelCheck) -> None:
     if item.rest is None or item.noise is None:
         return
     peak = float(np.nanmax(np.abs(item.channel.value - item.rest)))
@@ -308,13 +308,13 @@ def _judge_noise(item: _Work) -> None:
         item.messages.append(f"the noise is {100.0 * item.noise / peak:.0f} % of the largest reading.")
 
 
-def _take(item: _Work, suspicion: Suspicion) -> None:
+def _add_suspicion(item: _ChannelCheck, suspicion: Suspicion) -> None:
     if suspicion.sentence not in item.messages:
         item.messages.append(suspicion.sentence)
     item.rejected = item.rejected or suspicion.rejected
 
 
-def _finding(log: Log, item: _Work, clock: defects.Timing) -> ChannelFinding:
+def _finding(log: Log, item: _ChannelCheck, clock: defects.Timing) -> ChannelFinding:
     channel = item.channel
     finite = channel.value[np.isfinite(channel.value)]
     base = item.rest if item.rest is not None else (float(np.median(finite)) if finite.size else 0.0)

@@ -92,7 +92,7 @@ def find_exchanges(
         elif one.body_acceleration is not None and two.body_acceleration is not None:
             away = [_fit_with(one, two, "body_acceleration", step), _fit_with(two, one, "body_acceleration", step)]
             home = [fits[one.axle], fits[two.axle]]
-            if all(f is not None for f in (*away, *home)) and _rest(home) < _rest(away):
+            if all(f is not None for f in (*away, *home)) and _total_unexplained(home) < _total_unexplained(away):
                 pairs.append((one.body_acceleration, two.body_acceleration))
         where = " and ".join(f"'{shorten(vehicle.axles[t.axle].name)}'" for t in (one, two))
         _exchange_sentences(pairs, suspicions, f"the axles {where} meet the bump in the wrong order")
@@ -100,7 +100,7 @@ def find_exchanges(
     return settled
 
 
-def _rest(fits: Sequence[Fit | None]) -> float:
+def _total_unexplained(fits: Sequence[Fit | None]) -> float:
     return sum(f.unexplained for f in fits if f is not None)
 
 
@@ -117,7 +117,7 @@ def _explained_by_exchange(
             return None
         if before is None or (before.right and before.unexplained < 2.0 * after.unexplained):
             return None
-    return _rest(new)
+    return _total_unexplained(new)
 
 
 def _fit_with(trio: Trio, other: Trio, kind: str, step: float) -> Fit | None:
