@@ -50,18 +50,13 @@ def read_campaign(
 
     Parameters
     ----------
-    path
-        The campaign file, or the folder that holds a `campaign.toml`.
-    point_cloud_reader
-        Function (file, unit) -> points (n, 3) [m] that reads a scan; without it scans hold no points.  The file has
-        its content as `data` and can be used as a path.
-    profile_reader
-        Function (file, lateral place [m], name) -> bump that reads the profile of a prediction or of a bump that was
-        not scanned; without it such bumps have no stations.
-    planned
-        Take logs that do not exist for tests that are still to come: one blank reading of every declared sensor.
-    unfinished
-        Take a file with values that are still to be filled in, for the check of its logs only:
+    path : the campaign file, or the folder that holds a `campaign.toml`.
+    point_cloud_reader : function (file, unit) -> points (n, 3) [m] that reads a scan; without it scans hold no points.
+        The file has its content as `data` and can be used as a path.
+    profile_reader : function (file, lateral place [m], name) -> bump that reads the profile of a prediction or of a
+        bump that was not scanned; without it such bumps have no stations.
+    planned : take logs that do not exist for tests that are still to come: one blank reading of every declared sensor.
+    unfinished : take a file with values that are still to be filled in, for the check of its logs only:
         :func:`sysid.campaign.toml.stand_ins.with_stand_ins`.
 
     Returns

@@ -59,10 +59,8 @@ def read_channels(file: InputFile, label: str, request: LogRequest) -> LogConten
 
     Parameters
     ----------
-    file, label
-        The file, and its name, which begins every sentence.
-    request
-        What is wanted.
+    file, label : the file, and its name, which begins every sentence.
+    request : what is wanted.
 
     Raises
     ------

@@ -178,10 +178,8 @@ def read_numbers(table: NumberTable, places: Mapping[int, str], rows: int, width
 
     Parameters
     ----------
-    places
-        Place of every wanted column (from 0, below `width`) with its name.
-    rows, width
-        From :func:`count_rows`.
+    places : place of every wanted column (from 0, below `width`) with its name.
+    rows, width : from :func:`count_rows`.
 
     Raises
     ------

@@ -75,15 +75,11 @@ def read_columns(
 
     Parameters
     ----------
-    source
-        The file, or its path.
-    label
-        Its name for messages.
-    wanted
-        Sensor columns by name; the time column is the first of `time_names` (lower case) that there is.  Dates and
+    source : the file, or its path.
+    label : its name for messages.
+    wanted : sensor columns by name; the time column is the first of `time_names` (lower case) that there is.  Dates and
         times of day in it become seconds since the midnight before the first of them.
-    units_row
-        Whether the row below the names holds units.
+    units_row : whether the row below the names holds units.
 
     Returns
     -------

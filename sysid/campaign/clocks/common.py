@@ -52,14 +52,10 @@ def on_common_clock(
 
     Parameters
     ----------
-    runs
-        Runs with the log of the first logger.
-    others
-        Per run the logs of the other loggers, by their names.
-    loggers
-        All loggers, the first one is the reference.
-    vehicle
-        For places and speeds.
+    runs : runs with the log of the first logger.
+    others : per run the logs of the other loggers, by their names.
+    loggers : all loggers, the first one is the reference.
+    vehicle : for places and speeds.
 
     Raises
     ------

@@ -103,12 +103,9 @@ def motion_lag(
 
     Parameters
     ----------
-    first, second
-        Channels of both logs of one run, each with its own stamps, without defects.
-    vehicle
-        For the places of axles and hinges.
-    within_s
-        Expected lag (a guess by other means); it is used if it explains most of what the best lag explains.
+    first, second : channels of both logs of one run, each with its own stamps, without defects.
+    vehicle : for the places of axles and hinges.
+    within_s : expected lag (a guess by other means); it is used if it explains most of what the best lag explains.
 
     Returns
     -------

@@ -31,10 +31,8 @@ def sync_lag(first: Signal, second: Signal, within_s: tuple[float, float]) -> La
 
     Parameters
     ----------
-    first, second
-        Stamps (n,) [s] of the logger's own clock and readings (n,) in any unit.
-    within_s
-        Smallest and largest lag that is tried [s].
+    first, second : stamps (n,) [s] of the logger's own clock and readings (n,) in any unit.
+    within_s : smallest and largest lag that is tried [s].
 
     Returns
     -------

@@ -54,14 +54,10 @@ def read_log(
 
     Parameters
     ----------
-    source, name
-        The file (or its path) and its name for messages and results.
-    sensors
-        Sensors with their columns; a missing column leaves its channel out and a message in the log.
-    sample_interval_s
-        Declared sample interval [s].
-    writing
-        What the campaign says about the way the log is written.
+    source, name : the file (or its path) and its name for messages and results.
+    sensors : sensors with their columns; a missing column leaves its channel out and a message in the log.
+    sample_interval_s : declared sample interval [s].
+    writing : what the campaign says about the way the log is written.
 
     Returns
     -------

@@ -84,12 +84,9 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
 
     Parameters
     ----------
-    channels
-        Of one run; axle accelerations count, of any sign.
-    vehicle
-        For the places of the axles x_i [m].
-    listed_m_s
-        Speed around which is searched [m/s].
+    channels : of one run; axle accelerations count, of any sign.
+    vehicle : for the places of the axles x_i [m].
+    listed_m_s : speed around which is searched [m/s].
 
     Returns
     -------

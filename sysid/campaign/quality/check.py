@@ -54,8 +54,7 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
 
     Parameters
     ----------
-    campaign
-        As read; it is not changed.
+    campaign : as read; it is not changed.
 
     Returns
     -------

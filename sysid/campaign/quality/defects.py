@@ -66,8 +66,7 @@ def clip_levels(value: np.ndarray) -> tuple[float | None, float | None]:
 
     Parameters
     ----------
-    value
-        (n,) readings, NaN where missing.
+    value : (n,) readings, NaN where missing.
     """
     q = quantum(value)
     finite = value[np.isfinite(value)]
@@ -163,8 +162,7 @@ def spikes(value: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    value
-        (n,) readings, NaN where missing.
+    value : (n,) readings, NaN where missing.
     """
     n = value.size
     if n < 30:
@@ -239,8 +237,7 @@ def motion_start(starts: Sequence[float | None]) -> float | None:
 
     Parameters
     ----------
-    starts
-        Of all channels, from `motion_starts`.
+    starts : of all channels, from `motion_starts`.
     """
     finite = sorted(s for s in starts if s is not None and np.isfinite(s))
     if not finite:

@@ -45,16 +45,11 @@ def find_exchanges(
 
     Parameters
     ----------
-    suspect
-        Axles whose sensors do not agree.
-    groups, fits
-        All axles of the log and how well their sensors agree.
-    inverted
-        Two axles that arrive in the wrong order, from `inverted_axles`.
-    vehicle, step
-        For names, and the sample interval [s].
-    suspicions
-        Receives the suspicions.
+    suspect : axles whose sensors do not agree.
+    groups, fits : all axles of the log and how well their sensors agree.
+    inverted : two axles that arrive in the wrong order, from `inverted_axles`.
+    vehicle, step : for names, and the sample interval [s].
+    suspicions : receives the suspicions.
 
     Returns
     -------

@@ -95,11 +95,9 @@ def fit_factors(q: Channel, a: Channel, b: Channel | None, step_s: float) -> Fit
 
     Parameters
     ----------
-    q, a, b
-        Deflection [m], axle and frame acceleration [m/s^2]; without `b` the frame is taken as still and the band is
-        that of wheel hop.
-    step_s
-        Sample interval [s].
+    q, a, b : deflection [m], axle and frame acceleration [m/s^2]; without `b` the frame is taken as still and the band
+        is that of wheel hop.
+    step_s : sample interval [s].
 
     Returns
     -------

@@ -59,19 +59,13 @@ def suspicions(
 
     Parameters
     ----------
-    log
-        The log, for its sample interval.
-    channels
-        Its channels without dead ones.
-    vehicle
-        Says which sensors belong together.
-    rests
-        Rest level of each column [SI].
-    bump_speed
-        Nominal speed over a bump [m/s], which lifts the axles first, one after the other; None for a plank drop, where
-        the axle falls first.
-    falling
-        Axles that other runs show with the wrong sign, from `axles_shown_falling`.
+    log : the log, for its sample interval.
+    channels : its channels without dead ones.
+    vehicle : says which sensors belong together.
+    rests : rest level of each column [SI].
+    bump_speed : nominal speed over a bump [m/s], which lifts the axles first, one after the other; None for a plank
+        drop, where the axle falls first.
+    falling : axles that other runs show with the wrong sign, from `axles_shown_falling`.
 
     Returns
     -------
@@ -278,8 +272,7 @@ def axles_shown_falling(runs: Sequence[tuple[Sequence[Channel], float]], vehicle
 
     Parameters
     ----------
-    runs
-        Channels of every run and its listed speed [m/s].
+    runs : channels of every run and its listed speed [m/s].
     """
     votes: dict[int, list[bool]] = {}
     for channels, listed_m_s in runs:
