@@ -257,7 +257,7 @@ def jobs(screen: Console, errors: Console, path: Path, output: Path, **choices: 
 def population(screen: Console, errors: Console, path: Path, output: Path) -> int:
     """Mean and spread of every type, trucks drawn towards them, outliers; needs three trucks with results."""
     results = _computed(path, output, errors)
-    render(screen, population_blocks(results.populations, results.loads, results.said))
+    render(screen, population_blocks(results.populations, results.loads, results.remarks))
     screen.print(f"All numbers: {results.file}", markup=False)
     return 0 if all(p.converged for p in results.populations) else NotConvergedError.exit_code
 

@@ -49,7 +49,9 @@ def recalibration_blocks(rows: Sequence[Any], before: Sequence[Any], after: Sequ
     return [table, *said]
 
 
-def population_blocks(populations: Sequence[Any], loads: Sequence[Any], said: Sequence[str]) -> list[TextTable | str]:
+def population_blocks(
+    populations: Sequence[Any], loads: Sequence[Any], remarks: Sequence[str]
+) -> list[TextTable | str]:
     """Tables of every type, outliers and loads."""
     blocks: list[TextTable | str] = []
     for p in populations:
@@ -64,7 +66,7 @@ def population_blocks(populations: Sequence[Any], loads: Sequence[Any], said: Se
             name = f"{x.type}, {x.load_case}, {x.speed_km_h:g} km/h, axle {x.axle}"
             table.add_row(name, str(x.trucks), f"{x.q50:.3g}", f"{x.q05:.3g} to {x.q95:.3g}", f"{100 * x.spread:.2g} %")
         blocks.append(table)
-    return [*blocks, *said]
+    return [*blocks, *remarks]
 
 
 def _type_table(p: Any) -> TextTable:

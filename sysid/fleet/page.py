@@ -63,7 +63,7 @@ def render_fleet(results: FleetResults, rows: Sequence[Row], problems_of: Sequen
         "campaigns": len(rows),
         "counts": states,
         "types": [_type_part(p, results, gallery) for p in results.populations],
-        "said": results.said,
+        "said": results.remarks,
         "problems": [_listed(row) for row in problems[:MOST_LISTED]],
         "listed": [_listed(row) for row in rows[:MOST_LISTED]],
         "unlisted": max(0, len(rows) - MOST_LISTED),

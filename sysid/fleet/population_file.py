@@ -22,19 +22,19 @@ SCHEMA = 1
 
 
 def population_document(
-    populations: Sequence[TypePopulation], loads: Sequence[PopulationLoad], said: Sequence[str]
+    populations: Sequence[TypePopulation], loads: Sequence[PopulationLoad], remarks: Sequence[str]
 ) -> dict[str, Any]:
     """The content of the file as plain Python objects."""
     return {
         "schema": SCHEMA,
         "types": [_type(p) for p in populations],
         "loads": [asdict(load) for load in loads],
-        "remarks": list(said),
+        "remarks": list(remarks),
     }
 
 
 def write_population(
-    populations: Sequence[TypePopulation], loads: Sequence[PopulationLoad], said: Sequence[str], output: Path
+    populations: Sequence[TypePopulation], loads: Sequence[PopulationLoad], remarks: Sequence[str], output: Path
 ) -> Path:
     """Write the file below `output`.
 
@@ -43,7 +43,7 @@ def write_population(
     OutputError
         If the folder cannot be written.
     """
-    text = json.dumps(population_document(populations, loads, said), indent=1, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(population_document(populations, loads, remarks), indent=1, ensure_ascii=False, allow_nan=False)
     with writing_to(output):
         write_text(output / POPULATION_JSON, text + "\n")
     return output / POPULATION_JSON

@@ -71,7 +71,7 @@ def on_common_clock(
                 # A planned log has no clock yet.
                 joined[r] = _joined(joined[r], log, _as_declared(runs[r], log, logger))
         lags = [
-            _run_lag(r, runs[r], log, logger, vehicle)
+            _measured_lag(r, runs[r], log, logger, vehicle)
             for r, log in of_runs
             if log.duration_s > 0.0 and runs[r].log.duration_s > 0.0
         ]
@@ -86,7 +86,7 @@ def on_common_clock(
     return tuple(joined), tuple(finding for of_run in findings for finding in of_run)
 
 
-def _run_lag(r: int, run: BumpRun, log: Log, logger: Logger, vehicle: Vehicle) -> _RunLag:
+def _measured_lag(r: int, run: BumpRun, log: Log, logger: Logger, vehicle: Vehicle) -> _RunLag:
     apart = 0.0 if logger.clock == "per_log" else log.start_time_s - run.log.start_time_s
     # Lags are those between stamps that count from the first one of each log.
     middle, reach = logger.offset_s + apart, logger.offset_within_s + _BEYOND_S

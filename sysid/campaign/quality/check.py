@@ -39,7 +39,7 @@ class _ChannelCheck:
     missing: int
     clip_level: float | None
     dead: tuple[tuple[float, float], ...]
-    rest: float | None
+    rest_level: float | None
     noise: float | None
     messages: list[str]
     rejected: bool = False
@@ -276,14 +276,16 @@ def _judge_together(
         messages.append(f"{log.file}: the truck moves from the first sample on, so the level at rest cannot be read.")
     rests = {}
     for item, channel_start in zip(alive, starts, strict=True):
-        item.rest, item.noise = defects.rest_of(item.channel, start, channel_start)
-        rests[item.channel.sensor.column] = float(np.nanmedian(item.channel.value)) if item.rest is None else item.rest
+        item.rest_level, item.noise = defects.rest_of(item.channel, start, channel_start)
+        rests[item.channel.sensor.column] = (
+            float(np.nanmedian(item.channel.value)) if item.rest_level is None else item.rest_level
+        )
         _judge_noise(item)
     alive = [item for item in alive if not item.rejected]
     for item in alive:
         # A plank compresses the suspension until the wheels fall off it.
         on_plank = bump_speed is None and item.channel.sensor.kind == "suspension_deflection"
-        shifted = None if on_plank else defects.level_shift(item.channel, item.rest, item.noise)
+        shifted = None if on_plank else defects.level_shift(item.channel, item.rest_level, item.noise)
         if shifted is not None:
             sensor = item.channel.sensor
             item.messages.append(
@@ -297,9 +299,9 @@ def _judge_together(
 
 
 def _judge_noise(item: _ChannelCheck) -> None:
-    if item.rest is None or item.noise is None:
+    if item.rest_level is None or item.noise is None:
         return
-    peak = float(np.nanmax(np.abs(item.channel.value - item.rest)))
+    peak = float(np.nanmax(np.abs(item.channel.value - item.rest_level)))
     if peak < NO_RESPONSE * item.noise:
         item.messages.append("the reading shows noise only, no response to the test.")
         item.rejected = True
@@ -316,7 +318,7 @@ def _add_suspicion(item: _ChannelCheck, suspicion: Suspicion) -> None:
 def _finding(log: Log, item: _ChannelCheck, clock: defects.Timing) -> ChannelFinding:
     channel = item.channel
     finite = channel.value[np.isfinite(channel.value)]
-    base = item.rest if item.rest is not None else (float(np.median(finite)) if finite.size else 0.0)
+    base = item.rest_level if item.rest_level is not None else (float(np.median(finite)) if finite.size else 0.0)
     verdict: Verdict = "rejected" if item.rejected else "usable" if item.messages else "good"
     return ChannelFinding(
         file=log.file,
@@ -331,7 +333,7 @@ def _finding(log: Log, item: _ChannelCheck, clock: defects.Timing) -> ChannelFin
         clipped=int(np.sum(channel.censored != 0)),
         clip_level=item.clip_level,
         dead_spans=item.dead,
-        rest_level=item.rest,
+        rest_level=item.rest_level,
         noise_rms=item.noise,
         peak=float(np.max(np.abs(finite - base))) if finite.size else None,
         verdict=verdict,

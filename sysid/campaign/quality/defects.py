@@ -134,17 +134,17 @@ def held_spans(value: np.ndarray, full_scale: float | None) -> list[tuple[int, i
     return found if len(levels) >= 3 and moving.size and by_chance < 0.01 else []
 
 
-def level_shift(channel: Channel, rest: float | None, noise: float | None) -> float | None:
+def level_shift(channel: Channel, rest_level: float | None, noise: float | None) -> float | None:
     """How far [SI] a channel stands from its rest level at the end of its record, None where that is nothing unusual.
 
     The truck must have come to rest: the last second scatters little.  A leaf spring that rubs leaves some millimetres.
     """
     good = np.isfinite(channel.value)
-    if rest is None or noise is None or good.sum() < 100:
+    if rest_level is None or noise is None or good.sum() < 100:
         return None
     time, value = channel.time_s[good], channel.value[good]
     last = value[time > time[-1] - 1.0]
-    shift = float(np.median(last)) - rest
+    shift = float(np.median(last)) - rest_level
     limit = max(SHIFT_M if channel.sensor.si_unit == "m" else SHIFT_M_S2, 6.0 * noise)
     return shift if abs(shift) > limit and np.std(last) < 0.4 * abs(shift) else None
 

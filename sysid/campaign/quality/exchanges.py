@@ -72,9 +72,9 @@ def find_exchanges(
         best: tuple[float, Channel, Channel] | None = None
         for kind in ("deflection", "axle_acceleration", "body_acceleration"):
             x, y = getattr(one, kind), getattr(two, kind)
-            rest = _explained_by_exchange(one, two, kind, fits, step)
-            if rest is not None and (best is None or rest < best[0]):
-                best = (rest, x, y)
+            unexplained = _explained_by_exchange(one, two, kind, fits, step)
+            if unexplained is not None and (best is None or unexplained < best[0]):
+                best = (unexplained, x, y)
         if best is not None:
             _exchange_sentences([best[1:]], suspicions)
             settled |= {one.axle, two.axle}
@@ -169,5 +169,5 @@ def _swapped(values: np.ndarray, i: int, j: int) -> np.ndarray:
 def _line_misfit(x: np.ndarray, t: np.ndarray) -> float:
     """Root mean square departure [s] of arrival times from constant speed."""
     design = np.stack([np.ones_like(x), x], axis=1)
-    rest = t - design @ np.linalg.lstsq(design, t, rcond=None)[0]
-    return float(np.sqrt(np.mean(rest**2)))
+    departure = t - design @ np.linalg.lstsq(design, t, rcond=None)[0]
+    return float(np.sqrt(np.mean(departure**2)))

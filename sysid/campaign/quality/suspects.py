@@ -110,9 +110,9 @@ def suspicions(
 
 
 def _lift(channel: Channel, rests: Mapping[str, float]) -> float:
-    rest = rests.get(channel.sensor.column, 0.0)
-    time = arrival(channel, rest)
-    return 0.0 if time is None else first_lift(channel, rest, time)
+    rest_level = rests.get(channel.sensor.column, 0.0)
+    time = arrival(channel, rest_level)
+    return 0.0 if time is None else first_lift(channel, rest_level, time)
 
 
 @dataclass(frozen=True)
@@ -312,13 +312,13 @@ def _axles_flipped(
                 )
 
 
-def _implausible(channel: Channel, rest: float | None, suspects: dict[str, list[Suspicion]]) -> None:
+def _implausible(channel: Channel, rest_level: float | None, suspects: dict[str, list[Suspicion]]) -> None:
     sensor = channel.sensor
     good = channel.value[np.isfinite(channel.value)]
     if good.size < 20:
         return
     scale = sensor.unit_in_si
-    size = float(np.max(np.abs(good - (np.median(good) if rest is None else rest))))
+    size = float(np.max(np.abs(good - (np.median(good) if rest_level is None else rest_level))))
     low, high = _PLAUSIBLE[sensor.kind]
     if sensor.full_scale is not None and np.mean(np.abs(good) > 1.5 * sensor.full_scale) > 0.002:
         largest = float(np.max(np.abs(good)))
