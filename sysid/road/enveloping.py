@@ -227,12 +227,13 @@ class FootprintMap:
 
         e = u_0 + v + stretch_1 v + stretch_2 v^2 + stretch_3 v^3
 
-    and its forward force is V (drag_0 + drag_1 v + drag_2 v^2), with the vertical force V. - `station_m` (n,): from the
-    start of the bump;
+    and its forward force is V (drag_0 + drag_1 v + drag_2 v^2), with the vertical force V.
+
+    - `station_m` (n,): from the start of the bump;
     - `rise_m` (n,): effective profile;
     - `stretch`, `drag` (3, n): [1, 1/m, 1/m2];
-    - `lift_m` (n,): how much deeper than on a flat road (v = -u_0) the wheel centre is at first contact, v = lift -
-      u_0;
+    - `lift_m` (n,): how much deeper than on a flat road (v = -u_0) the wheel centre is at first contact, where
+      v = lift - u_0;
     - `misfit_m`: largest error of e over the fitted range.
     """
 
