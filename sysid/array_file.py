@@ -23,6 +23,7 @@ from sysid import limits
 from sysid.files import read_bytes, write_bytes
 
 _FIELDS = "fields.json"
+#: Characters of a SHA-256 in hexadecimal.
 _DIGEST = 64
 #: Kinds of numbers and texts; objects are never read.
 _KINDS = "biufcSU"

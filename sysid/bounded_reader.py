@@ -19,6 +19,7 @@ from sysid import limits
 from sysid.errors import DataRejectedError
 
 _WORKER = Path(__file__).with_name("read_worker.py")
+#: Bytes of an answer: names and units of the channels of a log take a few kilobytes.
 _LONGEST_ANSWER = 1 << 20
 
 
@@ -38,16 +39,12 @@ def read_in_child(
 
     Parameters
     ----------
-    function
-        Function (stream, request) -> (answer, arrays) of a module that imports little: the child loads it by its file.
-    data
-        Content of the file.
-    label
-        Name of the file, which begins every sentence.
-    libraries
-        Modules that the child loads before its memory is limited.
-    request
-        What else the function takes.
+    function : function (stream, request) -> (answer, arrays) of a module that imports little: the child loads it by its
+        file.
+    data : content of the file.
+    label : name of the file, which begins every sentence.
+    libraries : modules that the child loads before its memory is limited.
+    request : what else the function takes.
 
     Returns
     -------

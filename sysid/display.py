@@ -11,6 +11,7 @@ Z90 = 1.6448536269514722
 #: What stands in place of a number that only repeats its prior.
 NOT_DETERMINED = "not determined"
 
+#: Factor and name of the unit that people read, by SI unit.
 _UNITS = {
     "m": (1e3, "mm"),
     "m/s^2": (1.0, "m/s\u00b2"),

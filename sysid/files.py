@@ -66,10 +66,10 @@ def read_bytes(path: Path, most: int = limits.RESULT_BYTES) -> bytes | None:
         return None
 
 
-def read_json(path: Path, most: int = limits.RESULT_BYTES) -> dict[str, Any]:
-    """The table in a JSON file of at most `most` bytes; empty where there is none or it cannot be read."""
+def read_json(path: Path) -> dict[str, Any]:
+    """The table in a JSON file; empty where there is none or it cannot be read."""
     try:
-        document = json.loads(read_bytes(path, most) or b"")
+        document = json.loads(read_bytes(path) or b"")
     except (ValueError, RecursionError):
         return {}
     return document if isinstance(document, dict) else {}

@@ -17,8 +17,7 @@ def output_folder(name: str | Path) -> Path:
 
     Parameters
     ----------
-    name
-        As typed: ``Path("")`` is the current folder and cannot be told from ``Path(".")``, so give the text.
+    name : as typed: ``Path("")`` is the current folder and cannot be told from ``Path(".")``, so give the text.
 
     Raises
     ------

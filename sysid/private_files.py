@@ -11,6 +11,7 @@ import os
 import stat
 from pathlib import Path
 
+#: Read, written and run by the owner alone.
 PRIVATE_MODE = 0o700
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 

@@ -20,7 +20,7 @@ import numpy as np
 from studies.process import status
 from sysid.fleet.draws import RECORD_FILE, read_draws, write_draws
 from sysid.fleet.index import INDEX_FOLDER, write_index
-from sysid.fleet.outcome import OUTCOME_FILE, RESULT_FILE, SCHEMA, kept
+from sysid.fleet.outcome import OUTCOME_FILE, RESULT_FILE, SCHEMA, read_outcome
 from sysid.fleet.records import Fleet, FleetCampaign, Truck
 from sysid.fleet.running import campaign_output
 from sysid.fleet.tables import TABLES
@@ -31,7 +31,7 @@ DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "fleet-tables.md"
 def simulated_results(template: Path, output: Path, count: int) -> Fleet:
     """Folders of `count` campaigns, two per truck, with the numbers of a real one moved about by 10 %."""
     document = json.loads((template / RESULT_FILE).read_bytes())
-    record, outcome = read_draws(template / RECORD_FILE), kept(template)
+    record, outcome = read_draws(template / RECORD_FILE), read_outcome(template)
     if record is None or outcome is None:
         raise SystemExit(f"{template} is no folder of results of a fleet's campaign.")
     trucks = []

@@ -29,7 +29,7 @@ from sysid.campaign.records import (
 from sysid.campaign.statics import check_statics
 from sysid.campaign.toml.stand_ins import with_stand_ins
 from sysid.campaign.toml.todo import refuse_todos
-from sysid.campaign.units import si_factor, speed_m_s
+from sysid.campaign.units import speed_m_s
 from sysid.errors import CampaignError
 from sysid.wording import shorten
 
@@ -50,18 +50,13 @@ def read_campaign(
 
     Parameters
     ----------
-    path
-        The campaign file, or the folder that holds a `campaign.toml`.
-    point_cloud_reader
-        Function (file, unit) -> points (n, 3) [m] that reads a scan; without it scans hold no points.  The file has
-        its content as `data` and can be used as a path.
-    profile_reader
-        Function (file, lateral place [m], name) -> bump that reads the profile of a prediction or of a bump that was
-        not scanned; without it such bumps have no stations.
-    planned
-        Take logs that do not exist for tests that are still to come: one blank reading of every declared sensor.
-    unfinished
-        Take a file with values that are still to be filled in, for the check of its logs only:
+    path : the campaign file, or the folder that holds a `campaign.toml`.
+    point_cloud_reader : function (file, unit) -> points (n, 3) [m] that reads a scan; without it scans hold no points.
+        The file has its content as `data` and can be used as a path.
+    profile_reader : function (file, lateral place [m], name) -> bump that reads the profile of a prediction or of a
+        bump that was not scanned; without it such bumps have no stations.
+    planned : take logs that do not exist for tests that are still to come: one blank reading of every declared sensor.
+    unfinished : take a file with values that are still to be filled in, for the check of its logs only:
         :func:`sysid.campaign.toml.stand_ins.with_stand_ins`.
 
     Returns
@@ -336,16 +331,15 @@ def _sensor(
     body: int | None,
     x_m: float | None,
 ) -> Sensor:
-    factor = si_factor(table.unit, "length" if table.kind == "suspension_deflection" else "acceleration")
-    return Sensor(
+    sensor = Sensor(
         column=column.strip(),
         kind=table.kind,
         unit=table.unit.strip(),
         axle=axle,
         body=body,
         x_m=x_m,
-        full_scale=None if table.range is None else table.range * factor,
         side=table.side,
         sign=table.sign,
         scale=table.scale,
     )
+    return sensor if table.range is None else replace(sensor, full_scale=table.range * sensor.unit_in_si)

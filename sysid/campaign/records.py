@@ -14,6 +14,7 @@ import numpy as np
 
 from sysid.campaign.loggers import ClockFinding
 from sysid.campaign.priors import NamedPrior
+from sysid.campaign.units import Dimension, si_factor
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 
 #: What holds the speed: a driver or servo at once, a tow at constant speed, a cruise control slowly, or nothing.
@@ -64,9 +65,19 @@ class Sensor:
     source: str = ""
 
     @property
+    def dimension(self) -> Dimension:
+        """``length`` or ``acceleration``."""
+        return "length" if self.kind == "suspension_deflection" else "acceleration"
+
+    @property
     def si_unit(self) -> str:
         """Unit of the values in memory: ``m`` or ``m/s^2``."""
-        return "m" if self.kind == "suspension_deflection" else "m/s^2"
+        return "m" if self.dimension == "length" else "m/s^2"
+
+    @property
+    def unit_in_si(self) -> float:
+        """One `unit` of the file, in SI."""
+        return si_factor(self.unit, self.dimension)
 
 
 @dataclass(frozen=True)

@@ -62,8 +62,7 @@ def check_statics(vehicle: Vehicle, load_case: LoadCase) -> None:
 
     Parameters
     ----------
-    vehicle, load_case
-        Masses in kg, one axle load per axle and one sprung mass per body.
+    vehicle, load_case : masses in kg, one axle load per axle and one sprung mass per body.
 
     Raises
     ------
@@ -118,8 +117,7 @@ def static_equilibrium(vehicle: Vehicle, load_case: LoadCase) -> StaticEquilibri
 
     Parameters
     ----------
-    vehicle, load_case
-        Masses in kg, positions in m behind axle 1.
+    vehicle, load_case : masses in kg, positions in m behind axle 1.
 
     Returns
     -------

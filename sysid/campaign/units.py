@@ -73,10 +73,8 @@ def si_factor(unit: str, dimension: Dimension) -> float:
 
     Parameters
     ----------
-    unit
-        One of `unit_names(dimension)`, e.g. ``mm``, ``g``, ``km/h``, ``deg``, ``kPa``.
-    dimension
-        What is measured.
+    unit : one of `unit_names(dimension)`, e.g. ``mm``, ``g``, ``km/h``, ``deg``, ``kPa``.
+    dimension : what is measured.
 
     Raises
     ------

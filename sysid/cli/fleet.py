@@ -6,6 +6,7 @@ import os
 import shlex
 import sys
 from collections.abc import Callable, Sequence
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,10 +24,11 @@ from sysid.cli.output_option import OutputFolder
 from sysid.cli.tables import render
 from sysid.errors import CampaignError, NotConvergedError
 from sysid.files import write_text
-from sysid.folder_lock import cannot_write
+from sysid.folder_lock import writing_to
 from sysid.wording import shorten
 
 if TYPE_CHECKING:
+    from sysid.fleet.results import FleetResults
     from sysid.fleet.running import RunOptions
 
 DEFAULT_OUTPUT = "fleet_output"
@@ -59,29 +61,16 @@ def fleet() -> None:
     """Entry point of the commands of a fleet."""
 
 
-def _fleet_argument(command: Callable[..., Any]) -> Callable[..., Any]:
-    return click.argument("path", metavar="FLEET", type=click.Path(path_type=Path))(command)
-
-
-def _output_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    return click.option("--output", default=DEFAULT_OUTPUT, show_default=True, help="Folder for everything written.",
-                        type=OutputFolder())(command)  # fmt: skip
-
-
-def _workers_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    return click.option("--workers", default=None, type=click.IntRange(1, 1024),
-                        help="Campaigns at a time (default: as many as cores and memory allow).")(command)  # fmt: skip
-
-
-def _scheduler_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    return click.option("--scheduler", default=None, metavar="ADDRESS",
-                        help="Work on the cluster of this Dask scheduler; needs sysid[cluster].")(command)  # fmt: skip
-
-
-def _send_files_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    return click.option("--send-files", is_flag=True,
-                        help="The workers of the cluster do not see these folders: send the files of every campaign, "
-                             "and fetch its results.")(command)  # fmt: skip
+_fleet_argument = click.argument("path", metavar="FLEET", type=click.Path(path_type=Path))
+_output_option = click.option("--output", default=DEFAULT_OUTPUT, show_default=True, type=OutputFolder(),
+                              help="Folder for everything written.")  # fmt: skip
+_workers_option = click.option("--workers", default=None, type=click.IntRange(1, 1024),
+                               help="Campaigns at a time (default: as many as cores and memory allow).")  # fmt: skip
+_scheduler_option = click.option("--scheduler", default=None, metavar="ADDRESS",
+                                 help="Work on the cluster of this Dask scheduler; needs sysid[cluster].")  # fmt: skip
+_send_files_option = click.option("--send-files", is_flag=True,
+                                  help="The workers of the cluster do not see these folders: send the files of every "
+                                       "campaign, and fetch its results.")  # fmt: skip
 
 
 def _run_options(workers: int | None, scheduler: str | None, send_files: bool, **others: Any) -> RunOptions:
@@ -92,10 +81,28 @@ def _run_options(workers: int | None, scheduler: str | None, send_files: bool, *
     return RunOptions(workers, scheduler, send_files, **others)
 
 
-def _guarded(name: str, do: Callable[[Console, Console], int]) -> None:
-    """Leave with the exit code of a command of `fleet`."""
-    stopped = "Stopped. What is done is kept; the same command goes on from there."
-    sys.exit(guarded(f"fleet {name}", stopped, do))
+def _command(function: Callable[..., int]) -> Callable[..., None]:
+    """A command of `fleet` that leaves with the exit code of `function`, which prints on `screen` and `errors`."""
+
+    @wraps(function)
+    def leave(**options: Any) -> None:
+        def do(screen: Console, errors: Console) -> int:
+            return function(screen=screen, errors=errors, **options)
+
+        stopped = "Stopped. What is done is kept; the same command goes on from there."
+        sys.exit(guarded(f"fleet {function.__name__}", stopped, do))
+
+    return leave
+
+
+def _computed(path: Path, output: Path, errors: Console) -> FleetResults:
+    """Populations and loads of a fleet, with a progress bar."""
+    from sysid.cli.progress import StageProgress
+    from sysid.fleet.results import compute
+
+    with StageProgress(errors) as progress:
+        progress.stage("population")
+        return compute(path, output, progress.update)
 
 
 @fleet.command("run")
@@ -108,7 +115,10 @@ def _guarded(name: str, do: Callable[[Console, Console], int]) -> None:
 @_scheduler_option
 @_send_files_option
 @calibration_options
+@_command
 def run(
+    screen: Console,
+    errors: Console,
     path: Path,
     output: Path,
     workers: int | None,
@@ -117,26 +127,22 @@ def run(
     scheduler: str | None,
     send_files: bool,
     **choices: Any,
-) -> None:
+) -> int:
     """Calibrate every campaign into its own folder, several at a time; what is finished is not computed again."""
+    from sysid.fleet.read import read_fleet
+    from sysid.fleet.running import exit_code, run_fleet
+    from sysid.fleet.status import write_status
 
-    def do(screen: Console, errors: Console) -> int:
-        from sysid.fleet.read import read_fleet
-        from sysid.fleet.running import exit_code, run_fleet
-        from sysid.fleet.status import write_status
-
-        known = read_fleet(path)
-        options = _run_options(workers, scheduler, send_files, retry=retry, only=only, choices=choices)
-        with StatusView(errors, output) as view:
-            rows = run_fleet(known, output, options, view.show)
-        if not only:
-            files = write_status(rows, output)
-        render(screen, status_blocks(rows))
-        if not only:
-            screen.print(f"Table of all campaigns: {files[1]}", markup=False)
-        return exit_code(rows)
-
-    _guarded("run", do)
+    known = read_fleet(path)
+    options = _run_options(workers, scheduler, send_files, retry=retry, only=only, choices=choices)
+    with StatusView(errors, output) as view:
+        rows = run_fleet(known, output, options, view.show)
+    if not only:
+        files = write_status(rows, output)
+    render(screen, status_blocks(rows))
+    if not only:
+        screen.print(f"Table of all campaigns: {files[1]}", markup=False)
+    return exit_code(rows)
 
 
 class StatusView:
@@ -169,10 +175,10 @@ class StatusView:
                 self._errors.print(f"{len(self._said)}/{len(rows)} {row.campaign}: {row.state}{why}", markup=False)
 
     def _table(self, rows: Sequence[Any]) -> Table:
-        from sysid.fleet.status import counts, stage_of
+        from sysid.fleet.status import stage_of, state_counts
 
         table = Table(
-            title=", ".join(f"{n} {state}" for state, n in counts(rows).items()), box=None, title_justify="left"
+            title=", ".join(f"{n} {state}" for state, n in state_counts(rows).items()), box=None, title_justify="left"
         )
         for column in ("truck", "campaign", "state", "stage"):
             table.add_column(column)
@@ -188,18 +194,15 @@ class StatusView:
 @fleet.command("init")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--force", is_flag=True, help="Write over an existing file.")
-def init(folder: Path, force: bool) -> None:
+@_command
+def init(screen: Console, errors: Console, folder: Path, force: bool) -> int:
     """Begin a fleet.toml from the campaigns below FOLDER."""
-
-    def do(screen: Console, errors: Console) -> int:
-        target = _begun(folder, force)
-        screen.print(f"{target}\nLook at trucks, types and dates in it, then: {program()} fleet {folder}", markup=False)
-        return 0
-
-    _guarded("init", do)
+    target = _write_fleet_file(folder, force)
+    screen.print(f"{target}\nLook at trucks, types and dates in it, then: {program()} fleet {folder}", markup=False)
+    return 0
 
 
-def _begun(folder: Path, force: bool) -> Path:
+def _write_fleet_file(folder: Path, force: bool) -> Path:
     from sysid.fleet.begin import fleet_text
     from sysid.fleet.read import FLEET_FILE
 
@@ -209,70 +212,54 @@ def _begun(folder: Path, force: bool) -> Path:
     if target.exists() and not force:
         raise CampaignError(f"{shorten(target, 100)} exists; give --force to write over it.")
     text = fleet_text(folder)
-    try:
+    with writing_to(folder):
         write_text(target, text)
-    except OSError as error:
-        raise cannot_write(folder, error) from error
     return target
 
 
 @fleet.command("status")
 @_fleet_argument
 @_output_option
-def status(path: Path, output: Path) -> None:
+@_command
+def status(screen: Console, errors: Console, path: Path, output: Path) -> int:
     """What has become of every campaign, without computing anything."""
+    from sysid.fleet.read import read_fleet
+    from sysid.fleet.status import rows_on_disk
 
-    def do(screen: Console, errors: Console) -> int:
-        from sysid.fleet.read import read_fleet
-        from sysid.fleet.status import rows_on_disk
-
-        render(screen, status_blocks(rows_on_disk(read_fleet(path), output)))
-        return 0
-
-    _guarded("status", do)
+    render(screen, status_blocks(list(rows_on_disk(read_fleet(path), output))))
+    return 0
 
 
 @fleet.command("jobs")
 @_fleet_argument
 @_output_option
 @calibration_options
-def jobs(path: Path, output: Path, **choices: Any) -> None:
+@_command
+def jobs(screen: Console, errors: Console, path: Path, output: Path, **choices: Any) -> int:
     """One command per campaign, a line each, for another scheduler (Slurm arrays, Snakemake, GNU parallel)."""
+    from sysid.fleet.key import typed_options
+    from sysid.fleet.read import read_fleet
 
-    def do(screen: Console, errors: Console) -> int:
-        from sysid.fleet.key import given
-        from sysid.fleet.read import read_fleet
-
-        words = [sys.executable, os.path.abspath(sys.argv[0]), "fleet", "run", str(path.resolve())]
-        for name, value in given(choices).items():
-            flag = f"--{name.replace('_', '-')}"
-            words += [flag] if value is True else [flag, str(value)]
-        for _, campaign in read_fleet(path).campaigns():
-            line = [*words, "--output", str(output.resolve()), "--workers", "1", "--only", campaign.name]
-            screen.print(shlex.join(line), markup=False, soft_wrap=True)
-        return 0
-
-    _guarded("jobs", do)
+    words = [sys.executable, os.path.abspath(sys.argv[0]), "fleet", "run", str(path.resolve())]
+    for name, value in typed_options(choices).items():
+        flag = f"--{name.replace('_', '-')}"
+        words += [flag] if value is True else [flag, str(value)]
+    for _, campaign in read_fleet(path).campaigns():
+        line = [*words, "--output", str(output.resolve()), "--workers", "1", "--only", campaign.name]
+        screen.print(shlex.join(line), markup=False, soft_wrap=True)
+    return 0
 
 
 @fleet.command("population")
 @_fleet_argument
 @_output_option
-def population(path: Path, output: Path) -> None:
+@_command
+def population(screen: Console, errors: Console, path: Path, output: Path) -> int:
     """Mean and spread of every type, trucks drawn towards them, outliers; needs three trucks with results."""
-
-    def do(screen: Console, errors: Console) -> int:
-        from sysid.cli.progress import StageProgress
-        from sysid.fleet.results import compute
-
-        with StageProgress(errors) as progress:
-            progress.stage("population")
-            results = compute(path, output, progress.update)
-        render(screen, population_blocks(results.populations, results.loads, results.said))
-        screen.print(f"All numbers: {results.file}", markup=False)
-        return 0 if all(p.converged for p in results.populations) else NotConvergedError.exit_code
-
-    _guarded("population", do)
+    results = _computed(path, output, errors)
+    render(screen, population_blocks(results.populations, results.loads, results.remarks))
+    screen.print(f"All numbers: {results.file}", markup=False)
+    return 0 if all(p.converged for p in results.populations) else NotConvergedError.exit_code
 
 
 @fleet.command("recalibrate")
@@ -281,68 +268,56 @@ def population(path: Path, output: Path) -> None:
 @_workers_option
 @_scheduler_option
 @_send_files_option
-def recalibrate(path: Path, output: Path, workers: int | None, scheduler: str | None, send_files: bool) -> None:
+@_command
+def recalibrate(
+    screen: Console,
+    errors: Console,
+    path: Path,
+    output: Path,
+    workers: int | None,
+    scheduler: str | None,
+    send_files: bool,
+) -> int:
     """Sample campaigns once more, under the population, whose draws do not reach where it puts their trucks."""
+    from sysid.fleet.running import exit_code, recalibrate
 
-    def do(screen: Console, errors: Console) -> int:
-        from sysid.cli.progress import StageProgress
-        from sysid.fleet.results import compute
-        from sysid.fleet.running import exit_code, recalibrate
-
-        options = _run_options(workers, scheduler, send_files)
-
-        def computed() -> Any:
-            with StageProgress(errors) as progress:
-                progress.stage("population")
-                return compute(path, output, progress.update)
-
-        before = computed()
-        priors = {name: prior for p in before.populations for name, prior in p.of_others.items()}
-        if not priors:
-            screen.print("The draws of every campaign reach where the population puts its truck: nothing to do.")
-            return 0
-        with StatusView(errors, output) as view:
-            rows = recalibrate(before.fleet, output, priors, options, view.show)
-        after = computed()
-        render(screen, recalibration_blocks(rows, before.populations, after.populations))
-        screen.print(f"All numbers: {after.file}", markup=False)
-        return exit_code(rows)
-
-    _guarded("recalibrate", do)
+    options = _run_options(workers, scheduler, send_files)
+    before = _computed(path, output, errors)
+    priors = {name: prior for p in before.populations for name, prior in p.of_others.items()}
+    if not priors:
+        screen.print("The draws of every campaign reach where the population puts its truck: nothing to do.")
+        return 0
+    with StatusView(errors, output) as view:
+        rows = recalibrate(before.fleet, output, priors, options, view.show)
+    after = _computed(path, output, errors)
+    render(screen, recalibration_blocks(rows, before.populations, after.populations))
+    screen.print(f"All numbers: {after.file}", markup=False)
+    return exit_code(rows)
 
 
 @fleet.command("index")
 @_fleet_argument
 @_output_option
-def index(path: Path, output: Path) -> None:
+@_command
+def index(screen: Console, errors: Console, path: Path, output: Path) -> int:
     """Parquet tables of all campaigns, for queries by DuckDB or pandas; needs sysid[parquet]."""
+    from sysid.fleet.index import write_index
+    from sysid.fleet.read import read_fleet
 
-    def do(screen: Console, errors: Console) -> int:
-        from sysid.fleet.index import write_index
-        from sysid.fleet.read import read_fleet
-
-        screen.print(str(write_index(read_fleet(path), output)), markup=False)
-        return 0
-
-    _guarded("index", do)
+    screen.print(str(write_index(read_fleet(path), output)), markup=False)
+    return 0
 
 
 @fleet.command("report")
 @_fleet_argument
 @_output_option
-def report(path: Path, output: Path) -> None:
+@_command
+def report(screen: Console, errors: Console, path: Path, output: Path) -> int:
     """One page of all trucks: map by k and c, shrinkage, outliers, wheel loads, quality; links to all reports."""
+    from sysid.fleet.page import write_fleet_page
+    from sysid.fleet.status import rows_on_disk
 
-    def do(screen: Console, errors: Console) -> int:
-        from sysid.cli.progress import StageProgress
-        from sysid.fleet.page import write_fleet_page
-        from sysid.fleet.results import compute
-        from sysid.fleet.status import rows_on_disk
-
-        with StageProgress(errors) as progress:
-            progress.stage("population")
-            results = compute(path, output, progress.update)
-        screen.print(str(write_fleet_page(results, rows_on_disk(results.fleet, output), output)), markup=False)
-        return 0
-
-    _guarded("report", do)
+    results = _computed(path, output, errors)
+    rows = list(rows_on_disk(results.fleet, output))
+    screen.print(str(write_fleet_page(results, rows, output)), markup=False)
+    return 0

@@ -14,7 +14,7 @@ MOST_ROWS = 60
 
 def status_blocks(rows: Sequence[Any]) -> list[TextTable | str]:
     """The final table, and a sentence for every campaign without results."""
-    from sysid.fleet.status import counts
+    from sysid.fleet.status import state_counts
 
     table = TextTable("Fleet", ("campaign", "truck", "state", "result", "time [s]", "processor [s]", "memory [MB]"))
     for row in rows[:MOST_ROWS]:
@@ -32,7 +32,7 @@ def status_blocks(rows: Sequence[Any]) -> list[TextTable | str]:
     for row in rows:
         if row.outcome is not None and row.outcome.sentence:
             blocks.append(f"{row.campaign}: {row.state}: {row.outcome.sentence}")
-    blocks.append("Campaigns: " + ", ".join(f"{n} {state}" for state, n in counts(rows).items()) + ".")
+    blocks.append("Campaigns: " + ", ".join(f"{n} {state}" for state, n in state_counts(rows).items()) + ".")
     return blocks
 
 
@@ -49,7 +49,9 @@ def recalibration_blocks(rows: Sequence[Any], before: Sequence[Any], after: Sequ
     return [table, *said]
 
 
-def population_blocks(populations: Sequence[Any], loads: Sequence[Any], said: Sequence[str]) -> list[TextTable | str]:
+def population_blocks(
+    populations: Sequence[Any], loads: Sequence[Any], remarks: Sequence[str]
+) -> list[TextTable | str]:
     """Tables of every type, outliers and loads."""
     blocks: list[TextTable | str] = []
     for p in populations:
@@ -64,7 +66,7 @@ def population_blocks(populations: Sequence[Any], loads: Sequence[Any], said: Se
             name = f"{x.type}, {x.load_case}, {x.speed_km_h:g} km/h, axle {x.axle}"
             table.add_row(name, str(x.trucks), f"{x.q50:.3g}", f"{x.q05:.3g} to {x.q95:.3g}", f"{100 * x.spread:.2g} %")
         blocks.append(table)
-    return [*blocks, *said]
+    return [*blocks, *remarks]
 
 
 def _type_table(p: Any) -> TextTable:

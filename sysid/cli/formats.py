@@ -18,6 +18,7 @@ from sysid.logs.registry import FORMATS, format_of
 from sysid.logs.text_table import file_content
 from sysid.wording import shorten
 
+#: Channels of a file that are listed.
 _NAMES = 40
 
 

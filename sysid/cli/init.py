@@ -20,6 +20,7 @@ from sysid.first_look import FirstLook, campaign_text, first_look
 from sysid.output_folder import has_control_characters
 from sysid.wording import shorten
 
+#: Rows of a table on a terminal.
 _ROWS = 200
 
 

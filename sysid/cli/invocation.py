@@ -36,7 +36,7 @@ def same_command(*more: str) -> str:
     context = click.get_current_context(silent=True)
     words = program().split()
     if context is not None and context.parent is not None:
-        words += [str(context.info_name), *_given(context)]
+        words += [str(context.info_name), *_typed_words(context)]
     words += [option for option in more if option not in words]
     return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
 
@@ -66,7 +66,7 @@ def configured(say: Callable[[str], None]) -> None:
         say(str(warning.message))
 
 
-def _given(context: click.Context) -> list[str]:
+def _typed_words(context: click.Context) -> list[str]:
     words: list[str] = []
     for parameter in context.command.params:
         name = str(parameter.name)

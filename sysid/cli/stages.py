@@ -27,6 +27,7 @@ from sysid.workflow.stages import EXPORT, RECORDS
 if TYPE_CHECKING:
     from sysid.workflow import Calibration
 
+#: Exit code after Ctrl-C, as shells give it: 128 and the number of the signal.
 INTERRUPTED = 130
 #: Errors of the system that say no more than that nothing can be written here.
 _NO_WRITING = (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT)
@@ -116,7 +117,7 @@ def _run(
     typed = {option.name: typed[option.name] for option in options if option.given(typed)}
     # A seed of 0 is a choice as well, and equal to False.
     chosen = any(choices.get(option) is not None and choices[option] is not False for option in KEPT_CHOICES)
-    if _shows_what_is_there(record, typed) and not chosen:
+    if _takes_stored_options(record, typed) and not chosen:
         # Without options these take those of the run that filled the folder.
         choices |= recall(output)
     with StageProgress(errors) as progress:
@@ -152,7 +153,7 @@ def _command(record: Stage[Any] | Ending) -> Command[Any]:
     return record.command
 
 
-def _shows_what_is_there(record: Stage[Any] | Ending | None, typed: dict[str, Any]) -> bool:
+def _takes_stored_options(record: Stage[Any] | Ending | None, typed: dict[str, Any]) -> bool:
     if record is None:
         return False
     command = _command(record)

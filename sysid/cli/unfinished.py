@@ -23,7 +23,7 @@ from sysid.workflow.stages.data import quality_blocks
 def run_check(campaign: Path, output: Path, **choices: Any) -> int:
     """Check a campaign and return the exit code: 2 where values are still to be filled in, and nothing is written."""
     try:
-        todos, doubts = _left(campaign)
+        todos, doubts = _todos_and_doubts(campaign)
     except SysidError:
         # The stage says the same with all else that it says of such a file.
         todos, doubts = (), ()
@@ -32,10 +32,10 @@ def run_check(campaign: Path, output: Path, **choices: Any) -> int:
         if doubts and code != CampaignError.exit_code:
             render(console(False), _doubts(doubts))
         return code
-    return guarded("check", "Stopped; nothing was written.", partial(_check_the_rest, campaign, todos, doubts))
+    return guarded("check", "Stopped; nothing was written.", partial(_check_logs, campaign, todos, doubts))
 
 
-def _left(campaign: Path) -> tuple[tuple[Todo, ...], tuple[Doubt, ...]]:
+def _todos_and_doubts(campaign: Path) -> tuple[tuple[Todo, ...], tuple[Doubt, ...]]:
     from sysid.campaign.toml.errors import parse_toml
 
     content = campaign_file(campaign)
@@ -43,7 +43,7 @@ def _left(campaign: Path) -> tuple[tuple[Todo, ...], tuple[Doubt, ...]]:
     return find_todos(tables), find_doubts(content.data.decode("utf-8", errors="replace"))
 
 
-def _check_the_rest(
+def _check_logs(
     campaign: Path, todos: tuple[Todo, ...], doubts: tuple[Doubt, ...], screen: Console, errors: Console
 ) -> int:
     say = partial(tell, errors, "check")

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 #: Harmonic motion of the rig: a stroke and a frequency that suspensions see on a bump (damper speeds to 0.4 m/s).
 AMPLITUDE_M = 0.03
 FREQUENCY_HZ = 2.0
+#: Steps of a cycle, for smooth curves.
 _STEPS = 400
 
 

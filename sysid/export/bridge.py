@@ -102,7 +102,7 @@ def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle) -> str:
     for i, axle in enumerate(truck.axles):
         rows.append(
             {"kind": "axle", "number": i + 1, "name": escape_cell(axle.name), "body": axle.body + 1,
-             "x_m": number_cell(axle.x_m), "static_load_N": number_cell(case.axle_loads_kg[i] * truck.gravity_m_s2),
+             "x_m": number_cell(axle.x_m), "static_load_N": number_cell(statics.tire_load_N[i]),
              "mass_kg": number_cell(axle.unsprung_mass_kg), **({} if i in grouped else spring_cells(i)),
              "tire_stiffness_N_per_m": number_cell(vehicle.tire_stiffness_N_per_m[i]),
              "tire_damping_N_s_per_m": number_cell(vehicle.tire_damping_N_s_per_m[i])}

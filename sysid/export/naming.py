@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from sysid.prediction.predicted_passes import PassPrediction
 
 
+#: Characters of a file name made from a text.
 _LONGEST_NAME = 60
 
 

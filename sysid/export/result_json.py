@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sysid.prediction.predicted_passes import PassPrediction
     from sysid.validation.channel_agreement import ChannelAgreement, LeftOutRun
 
+#: A number up whenever a key changes its meaning or goes; new keys leave it.
 SCHEMA_VERSION = 1
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from sysid.errors import DataRejectedError
 from sysid.fleet.draws import CampaignDraws, campaign_draws
 from sysid.fleet.hierarchy import HyperPriors, TypeData
-from sysid.fleet.likelihood import Likelihood, likelihood_of, moved_by, without_shared
-from sysid.fleet.outcome import kept
+from sysid.fleet.likelihood import Likelihood, likelihood_of, sensitivity_to, without_shared
+from sysid.fleet.outcome import read_outcome
 from sysid.fleet.population import TypePopulation, fit_population, stand_alone
 from sysid.fleet.records import Fleet, SharedError
 from sysid.fleet.running import campaign_output
@@ -106,7 +106,7 @@ def members(fleet: Fleet, output: Path, kind: str) -> Iterator[Member]:
     for truck in fleet.trucks:
         for campaign in truck.campaigns if truck.type == kind else ():
             folder = campaign_output(output, campaign.name)
-            outcome = kept(folder)
+            outcome = read_outcome(folder)
             if outcome is not None and outcome.finished:
                 yield Member(truck.name, campaign.name, folder)
 
@@ -119,7 +119,7 @@ def assemble(fleet: Fleet, output: Path, kind: str, priors: HyperPriors) -> Asse
     DataRejectedError
         If there are not enough trucks with results.
     """
-    known, parts, remarks = [], [], []
+    with_draws, parts, remarks = [], [], []
     about: dict[str, tuple[str, str, int, str]] = {}
     laws: dict[str, set[str]] = {}
     for member in members(fleet, output, kind):
@@ -137,9 +137,9 @@ def assemble(fleet: Fleet, output: Path, kind: str, priors: HyperPriors) -> Asse
         for i, name in enumerate(names):
             about.setdefault(name, (chosen.quantities[i], chosen.units[i], chosen.axles[i], chosen.load_cases[i]))
             laws.setdefault(name, set()).add(chosen.laws[i])
-        known.append(member)
+        with_draws.append(member)
         parts.append((names, likelihood, chosen.prior_mean))
-    trucks = tuple(dict.fromkeys(m.truck for m in known))
+    trucks = tuple(dict.fromkeys(m.truck for m in with_draws))
     if len(trucks) < LEAST_TRUCKS:
         raise DataRejectedError(
             f"Type '{kind}' has {len(trucks)} trucks with draws; a population needs {LEAST_TRUCKS}."
@@ -151,34 +151,34 @@ def assemble(fleet: Fleet, output: Path, kind: str, priors: HyperPriors) -> Asse
             f"campaigns of this type have different suspension laws ({', '.join(mixed[:6])}): their k and c are "
             "not comparable; give the fleet one law by --laws declared or in the campaign files"
         )
-    data, shared = _stacked(fleet.shared, order, about, known, parts, trucks, remarks)
+    data, shared = _stacked(fleet.shared, order, about, with_draws, parts, trucks, remarks)
     data, left_out = _determined(data, priors)
     if left_out:
         remarks.append(f"{', '.join(left_out)}: determined in fewer than {LEAST_TRUCKS} trucks, left out")
-    return Assembled(data, tuple(about[n][1] for n in data.names), tuple(known), shared, tuple(remarks))
+    return Assembled(data, tuple(about[n][1] for n in data.names), tuple(with_draws), shared, tuple(remarks))
 
 
 def _stacked(
     errors: Sequence[SharedError],
     order: list[str],
     about: dict[str, tuple[str, str, int, str]],
-    known: list[Member],
+    with_draws: list[Member],
     parts: list[tuple[tuple[str, ...], Likelihood, np.ndarray]],
     trucks: tuple[str, ...],
     remarks: list[str],
 ) -> tuple[TypeData, tuple[SharedError, ...]]:
     quantities = tuple(about[n][0] for n in order)
-    shared = tuple(s for s in errors if any(m.campaign in s.campaigns for m in known))
+    shared = tuple(s for s in errors if any(m.campaign in s.campaigns for m in with_draws))
     d = len(order)
-    precision, shift = np.zeros((len(known), d, d)), np.zeros((len(known), d))
-    moved = np.zeros((len(known), d, len(shared)))
-    means = np.full((len(known), d), np.nan)
-    for c, (member, (names, likelihood, prior_mean)) in enumerate(zip(known, parts, strict=True)):
+    precision, shift = np.zeros((len(with_draws), d, d)), np.zeros((len(with_draws), d))
+    moved = np.zeros((len(with_draws), d, len(shared)))
+    means = np.full((len(with_draws), d), np.nan)
+    for c, (member, (names, likelihood, prior_mean)) in enumerate(zip(with_draws, parts, strict=True)):
         at = np.array([order.index(n) for n in names])
         placed = likelihood.placed(at, d)
         means[c, at] = prior_mean
         for s, error in enumerate(shared):
-            moved[c, :, s] = moved_by(error, member.campaign, quantities) * np.isin(np.arange(d), at)
+            moved[c, :, s] = sensitivity_to(error, member.campaign, quantities) * np.isin(np.arange(d), at)
             if error.in_intervals:
                 placed, share = without_shared(placed, moved[c, :, s], error.log_sd)
                 if share > _DOUBTFUL_SHARE:
@@ -187,9 +187,9 @@ def _stacked(
                         "already; set in_intervals = false, or give the error a smaller log_sd"
                     )
         precision[c], shift[c] = placed.precision, placed.shift
-    truck_of = np.array([trucks.index(m.truck) for m in known])
+    truck_of = np.array([trucks.index(m.truck) for m in with_draws])
     data = TypeData(
-        tuple(order), quantities, trucks, tuple(m.campaign for m in known), truck_of, precision, shift,
+        tuple(order), quantities, trucks, tuple(m.campaign for m in with_draws), truck_of, precision, shift,
         np.nanmean(means, axis=0), moved, np.array([s.log_sd for s in shared]),
     )  # fmt: skip
     return data, shared

@@ -19,6 +19,7 @@ RECORD_FILE = "fleet_draws.npz"
 POPULATION_RECORD_FILE = "fleet_draws_population.npz"
 #: Draws that are kept of a campaign: enough for a Pareto k, few enough for ten thousand campaigns.
 KEPT_DRAWS = 1000
+#: Version of the stored draws; others are not read.
 SCHEMA = 1
 #: Logarithms of numbers that a float holds are far below.
 _LARGEST = 1e4

@@ -16,6 +16,7 @@ from scipy.special import ndtr
 #: Spread of the logarithms of the spreads of a quantity's parameters about their common one (an assumption): axles of
 #: one type differ less in how much their dampers vary than eight trucks can tell.
 POOLING = 0.4
+#: Spreads of the quadrature, each 9 % above the one before.
 _POINTS = 81
 
 

@@ -227,18 +227,18 @@ class Forms:
     """Quadratic forms of campaigns, or of trucks, in theta (d,) and the shared errors e (S,).
 
     exp(-theta'L theta/2 + h'theta - theta'B e - e'D e/2 + g'e): `precision` L (n, m, d, d), `shift` h (n, m, d),
-    `moved` B (n, m, d, S), `shared` D (n, m, S, S), `known` g (n, m, S).
+    `moved` B (n, m, d, S), `shared` D (n, m, S, S), `shared_shift` g (n, m, S).
     """
 
     precision: np.ndarray
     shift: np.ndarray
     moved: np.ndarray
     shared: np.ndarray
-    known: np.ndarray
+    shared_shift: np.ndarray
 
     def summed(self, first: np.ndarray) -> Forms:
         """Trucks, from campaigns of which each truck's first is named."""
-        parts = (self.precision, self.shift, self.moved, self.shared, self.known)
+        parts = (self.precision, self.shift, self.moved, self.shared, self.shared_shift)
         return Forms(*(np.add.reduceat(part, first, axis=1) for part in parts))
 
     def mixed(self, spread: np.ndarray) -> np.ndarray:
@@ -260,7 +260,7 @@ class Forms:
     def linear(self, spread: np.ndarray) -> np.ndarray:
         """Linear term (n, m, d + S) of the same."""
         pulled = np.einsum("ntij,ntj->nti", self.gain(spread), self.shift)
-        of_shared = self.known - np.einsum("ntis,nij,ntj->nts", self.moved, spread, pulled)
+        of_shared = self.shared_shift - np.einsum("ntis,nij,ntj->nts", self.moved, spread, pulled)
         return np.concatenate([pulled, of_shared], axis=2)
 
 

@@ -12,11 +12,11 @@ from typing import Any
 
 from sysid.errors import CampaignError
 from sysid.files import UNFINISHED, write_text
-from sysid.fleet.outcome import kept
 from sysid.fleet.records import Fleet
 from sysid.fleet.running import Row, campaign_output
+from sysid.fleet.status import rows_on_disk
 from sysid.fleet.tables import SCHEMA, TABLES, campaign_rows
-from sysid.folder_lock import cannot_write
+from sysid.folder_lock import writing_to
 
 INDEX_FOLDER = "fleet.parquet"
 SCHEMA_FILE = "schema.json"
@@ -35,18 +35,16 @@ def write_index(fleet: Fleet, output: Path) -> Path:
         If the folder cannot be written.
     """
     target = output / INDEX_FOLDER
-    try:
+    with writing_to(output):
         target.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(dir=output, prefix=UNFINISHED))
         try:
-            _write(_rows(fleet, output), temporary, output)
+            _write(rows_on_disk(fleet, output), temporary, output)
             for name in TABLES:
                 os.replace(temporary / f"{name}.parquet", target / f"{name}.parquet")
             write_text(target / SCHEMA_FILE, schema_text())
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
-    except OSError as error:
-        raise cannot_write(output, error) from error
     return target
 
 
@@ -57,13 +55,6 @@ def schema_text() -> str:
         for table, columns in TABLES.items()
     }
     return json.dumps({"schema": SCHEMA, "tables": tables}, indent=1) + "\n"
-
-
-def _rows(fleet: Fleet, output: Path) -> Iterator[Row]:
-    for truck, campaign in fleet.campaigns():
-        outcome = kept(campaign_output(output, campaign.name))
-        state = "queued" if outcome is None else outcome.state
-        yield Row(truck.name, truck.type, campaign.name, campaign.date, state, outcome)
 
 
 def _write(rows: Iterable[Row], folder: Path, output: Path) -> None:

@@ -14,6 +14,7 @@ from sysid.workflow.sources import code_digest
 from sysid.workflow.stages import STAGES
 from sysid.workflow.versions import versions
 
+#: Bytes of a file that are hashed at a time.
 _BLOCK = 1 << 20
 #: Options that decide when a calibration ends, not what its numbers are: a stored chain goes on when they change.
 _ENDING = ("max_steps",)
@@ -25,11 +26,11 @@ def calibration_key(inputs: Mapping[str, str], choices: Mapping[str, Any]) -> st
     Parameters
     ----------
     inputs : SHA-256 of every input file by name.
-    choices : options of the command line; None and False count as not given.
+    choices : options of the command line; None and False count as not typed.
     """
     content = {
         "inputs": dict(sorted(inputs.items())),
-        "choices": given(choices),
+        "choices": typed_options(choices),
         "versions": versions(),
         "code": program_digest(),
     }
@@ -41,7 +42,7 @@ def chain_key(inputs: Mapping[str, str], choices: Mapping[str, Any]) -> str:
     return calibration_key(inputs, {k: v for k, v in choices.items() if k not in _ENDING})
 
 
-def given(choices: Mapping[str, Any]) -> dict[str, Any]:
+def typed_options(choices: Mapping[str, Any]) -> dict[str, Any]:
     """The options that were typed, in a fixed order."""
     return {k: v for k, v in sorted(choices.items()) if v is not None and v is not False}
 

@@ -83,7 +83,7 @@ def without_shared(likelihood: Likelihood, moved: np.ndarray, sd: float) -> tupl
     return Likelihood(precision, likelihood.shift + gain * pulled * float(moved @ likelihood.shift)), share
 
 
-def moved_by(shared: SharedError, campaign: str, quantities: tuple[str, ...]) -> np.ndarray:
+def sensitivity_to(shared: SharedError, campaign: str, quantities: tuple[str, ...]) -> np.ndarray:
     """By how much each log parameter of a campaign follows a shared error, (p,); zeros where it is not concerned."""
     if campaign not in shared.campaigns:
         return np.zeros(len(quantities))

@@ -16,6 +16,7 @@ from sysid.fleet.outcome import RESULT_FILE
 
 #: Scale of the half-Cauchy prior of the spread of the logarithm of a peak load ratio between trucks.
 _SCALE = 0.1
+#: Trucks that a population needs.
 _LEAST = 3
 
 

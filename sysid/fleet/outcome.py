@@ -21,6 +21,7 @@ FINISHED: tuple[State, ...] = ("done", "not converged")
 OUTCOME_FILE = "fleet_outcome.json"
 LOG_FILE = "fleet.log"
 RESULT_FILE = "result.json"
+#: Version of a stored outcome; others are not read.
 SCHEMA = 1
 
 
@@ -50,12 +51,12 @@ class Outcome:
         return self.state in FINISHED
 
 
-def keep(folder: Path, outcome: Outcome) -> None:
+def write_outcome(folder: Path, outcome: Outcome) -> None:
     """Write the outcome beside the results of its campaign; OSError where that is not possible."""
     write_text(folder / OUTCOME_FILE, json.dumps({"schema": SCHEMA, **asdict(outcome)}, indent=1) + "\n")
 
 
-def kept(folder: Path) -> Outcome | None:
+def read_outcome(folder: Path) -> Outcome | None:
     """The outcome that was written there; None if there is none or it cannot be read."""
     document = read_json(folder / OUTCOME_FILE)
     if document.get("schema") != SCHEMA or document.get("state") not in get_args(State):
@@ -76,7 +77,7 @@ def _is_like(value: Any, example: Any) -> bool:
 
 
 def still_valid(outcome: Outcome, campaign: Path, folder: Path, choices: Mapping[str, Any]) -> bool:
-    """Whether a kept outcome is that of the campaign as it is now: inputs, options, program, and the result on disk."""
+    """Whether an outcome is that of the campaign as it is now: inputs, options, program, and the result on disk."""
     if not outcome.finished:
         now: Mapping[str, str] = folder_state(campaign)
     else:

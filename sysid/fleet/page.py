@@ -20,9 +20,9 @@ from sysid.fleet.loads import PopulationLoad
 from sysid.fleet.population import Quantiles, TypePopulation
 from sysid.fleet.results import FleetResults
 from sysid.fleet.running import CAMPAIGNS, Row
-from sysid.fleet.status import counts
+from sysid.fleet.status import state_counts
 from sysid.fleet.weights import MOST_K
-from sysid.folder_lock import cannot_write
+from sysid.folder_lock import writing_to
 from sysid.numbers import decimals, fixed, interval, number, percent
 from sysid.report.cells import Cell, Table, table
 from sysid.report.figures import Gallery, Picture
@@ -53,7 +53,7 @@ class TypePart:
 def render_fleet(results: FleetResults, rows: Sequence[Row], problems_of: Sequence[InstrumentProblem] = ()) -> str:
     """The page as text; it loads nothing, and what users typed is escaped."""
     gallery = Gallery()
-    states = counts(rows)
+    states = state_counts(rows)
     problems = [row for row in rows if row.state != "done"]
     preview = any(row.outcome is not None and row.outcome.status == "preview" for row in rows)
     content = {
@@ -63,7 +63,7 @@ def render_fleet(results: FleetResults, rows: Sequence[Row], problems_of: Sequen
         "campaigns": len(rows),
         "counts": states,
         "types": [_type_part(p, results, gallery) for p in results.populations],
-        "said": results.said,
+        "said": results.remarks,
         "problems": [_listed(row) for row in problems[:MOST_LISTED]],
         "listed": [_listed(row) for row in rows[:MOST_LISTED]],
         "unlisted": max(0, len(rows) - MOST_LISTED),
@@ -84,10 +84,8 @@ def write_fleet_page(results: FleetResults, rows: Sequence[Row], output: Path) -
         If the folder cannot be written.
     """
     text = render_fleet(results, rows, instrument_problems(rows, output))
-    try:
+    with writing_to(output):
         write_text(output / PAGE, text)
-    except OSError as error:
-        raise cannot_write(output, error) from error
     return output / PAGE
 
 

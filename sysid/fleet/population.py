@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import minimize
 
+from sysid.display import Z90
 from sysid.errors import DataRejectedError
 from sysid.fleet.draws import CampaignDraws, thinned
 from sysid.fleet.exchangeable import pooled_populations
@@ -136,14 +137,14 @@ def fit_population(
         units=tuple(units),
         truck_names=data.trucks,
         campaigns=data.campaigns,
-        alone=Quantiles(*(np.exp(alone + z * alone_sd) for z in (-1.6448536, 0.0, 1.6448536))),
+        alone=Quantiles(*(np.exp(alone + z * alone_sd) for z in (-Z90, 0.0, Z90))),
         trucks=_quantiles(np.exp(drawn.trucks)),
         mean=_quantiles(np.exp(drawn.mean)),
         new=_quantiles(np.exp(_new_trucks(drawn.mean, spread, random))),
         spread=_quantiles(tau),
         scatter=_quantiles(phi),
         correlation=(spread / tau[:, :, None] / tau[:, None, :]).mean(axis=0),
-        further=further_trucks(drawn.mean, tau, alone_sd, data, drawn.shared),
+        further=further_trucks(drawn.mean, tau, alone_sd, drawn.shared),
         outliers=find_outliers(data, alone, alone_sd, priors),
         pareto_k=k,
         correction_k=correction_k,
@@ -217,7 +218,7 @@ def find_outliers(data: TypeData, value: np.ndarray, sd: np.ndarray, priors: Hyp
     return tuple(sorted(outliers, key=lambda o: o.probability))
 
 
-def further_trucks(mean: np.ndarray, tau: np.ndarray, sd: np.ndarray, data: TypeData, shared: np.ndarray) -> np.ndarray:
+def further_trucks(mean: np.ndarray, tau: np.ndarray, sd: np.ndarray, shared: np.ndarray) -> np.ndarray:
     """How many further trucks, measured as these were, halve the interval of each parameter of the type's mean (d,).
 
     A truck of spread tau and error s adds information 1/(tau^2 + s^2); half of the width needs four times what there

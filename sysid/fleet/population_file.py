@@ -14,26 +14,27 @@ import numpy as np
 from sysid.files import write_text
 from sysid.fleet.loads import PopulationLoad
 from sysid.fleet.population import Quantiles, TypePopulation
-from sysid.folder_lock import cannot_write
+from sysid.folder_lock import writing_to
 
 POPULATION_JSON = "fleet_population.json"
+#: Version of the file; a number up whenever a key changes its meaning or goes.
 SCHEMA = 1
 
 
 def population_document(
-    populations: Sequence[TypePopulation], loads: Sequence[PopulationLoad], said: Sequence[str]
+    populations: Sequence[TypePopulation], loads: Sequence[PopulationLoad], remarks: Sequence[str]
 ) -> dict[str, Any]:
     """The content of the file as plain Python objects."""
     return {
         "schema": SCHEMA,
         "types": [_type(p) for p in populations],
         "loads": [asdict(load) for load in loads],
-        "remarks": list(said),
+        "remarks": list(remarks),
     }
 
 
 def write_population(
-    populations: Sequence[TypePopulation], loads: Sequence[PopulationLoad], said: Sequence[str], output: Path
+    populations: Sequence[TypePopulation], loads: Sequence[PopulationLoad], remarks: Sequence[str], output: Path
 ) -> Path:
     """Write the file below `output`.
 
@@ -42,11 +43,9 @@ def write_population(
     OutputError
         If the folder cannot be written.
     """
-    text = json.dumps(population_document(populations, loads, said), indent=1, ensure_ascii=False, allow_nan=False)
-    try:
+    text = json.dumps(population_document(populations, loads, remarks), indent=1, ensure_ascii=False, allow_nan=False)
+    with writing_to(output):
         write_text(output / POPULATION_JSON, text + "\n")
-    except OSError as error:
-        raise cannot_write(output, error) from error
     return output / POPULATION_JSON
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from sysid.errors import DataRejectedError
 from sysid.fleet.draws import POPULATION_RECORD_FILE, RECORD_FILE, read_draws, record_digest, thinned, write_draws
 from sysid.fleet.key import file_digests
-from sysid.fleet.outcome import kept
+from sysid.fleet.outcome import read_outcome
 from sysid.fleet.population_prior import PopulationPrior, exchange
 from sysid.progress import Progress
 
@@ -71,7 +71,7 @@ def sample_again(campaign: Path, output: Path, prior: PopulationPrior, progress:
     from sysid.workflow.settings import recall
     from sysid.workflow.stages.posterior import log_draws
 
-    record, digest, outcome = read_draws(output / RECORD_FILE), record_digest(output), kept(output)
+    record, digest, outcome = read_draws(output / RECORD_FILE), record_digest(output), read_outcome(output)
     if record is None or outcome is None:
         raise DataRejectedError("The campaign has no draws; run the fleet first.")
     if file_digests(campaign, outcome.inputs) != dict(outcome.inputs):

@@ -21,7 +21,7 @@ class FleetResults:
     fleet: Fleet
     populations: tuple[TypePopulation, ...]
     loads: tuple[PopulationLoad, ...]
-    said: tuple[str, ...]
+    remarks: tuple[str, ...]
     file: Path
 
 
@@ -38,7 +38,7 @@ def compute(path: str | Path, output: Path, progress: Progress | None = None) ->
         If the folder cannot be written.
     """
     fleet = read_fleet(path)
-    by_type, said = populations(fleet, output, progress=progress)
+    by_type, remarks = populations(fleet, output, progress=progress)
     loads = [load for p in by_type for load in population_loads(p.type, members(fleet, output, p.type))]
-    file = write_population(by_type, loads, said, output)
-    return FleetResults(fleet, tuple(by_type), tuple(loads), tuple(said), file)
+    file = write_population(by_type, loads, remarks, output)
+    return FleetResults(fleet, tuple(by_type), tuple(loads), tuple(remarks), file)

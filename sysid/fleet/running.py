@@ -32,6 +32,7 @@ CAMPAIGNS = "campaigns"
 TASK_BYTES = 1_500_000_000
 #: How many tasks are handed over at a time, per worker: enough that none waits, few enough for any number of campaigns.
 _AHEAD = 2
+#: Time between two looks at the running tasks [s].
 _POLL_S = 0.5
 #: How long to wait for a scheduler that was lost [s].
 LOST_S = 120.0
@@ -88,7 +89,7 @@ def campaign_output(output: Path, name: str) -> Path:
     return output / CAMPAIGNS / name
 
 
-def chosen(fleet: Fleet, names: tuple[str, ...]) -> Fleet:
+def with_campaigns(fleet: Fleet, names: tuple[str, ...]) -> Fleet:
     """The fleet with the named campaigns only; all of it where none is named.
 
     Raises
@@ -139,14 +140,10 @@ def run_fleet(fleet: Fleet, output: Path, options: RunOptions, watch: Watch) -> 
     OutputError
         If the folder cannot be written, another run of a fleet writes there, or the scheduler does not answer.
     """
-    fleet = chosen(fleet, options.only)
-    workers = worker_count(options.workers, fleet.count)
-    rows = [Row(t.name, t.type, c.name, c.date, "queued") for t, c in fleet.campaigns()]
+    fleet = with_campaigns(fleet, options.only)
     # Single campaigns may be run side by side by somebody else's scheduler: each has the lock of its own folder.
     with nullcontext() if options.only else FolderLock(output):
-        _run_tasks(partial(tasks, fleet, output, options), rows, options, workers, watch)
-    watch(rows)
-    return rows
+        return _run_tasks(fleet, partial(tasks, fleet, output, options), options, watch)
 
 
 def recalibrate(
@@ -159,31 +156,30 @@ def recalibrate(
     OutputError
         If the folder cannot be written, another run of a fleet writes there, or the scheduler does not answer.
     """
-    fleet = chosen(fleet, tuple(priors))
-    workers = worker_count(options.workers, fleet.count)
-    rows = [Row(t.name, t.type, c.name, c.date, "queued") for t, c in fleet.campaigns()]
+    fleet = with_campaigns(fleet, tuple(priors))
+
+    def again(run: str, threads: int) -> Iterator[Task]:
+        return (replace(t, prior=priors[t.name].as_dict()) for t in tasks(fleet, output, options, run, threads))
+
     with FolderLock(output):
-
-        def again(run: str, threads: int) -> Iterator[Task]:
-            return (replace(t, prior=priors[t.name].as_dict()) for t in tasks(fleet, output, options, run, threads))
-
-        _run_tasks(again, rows, options, workers, watch)
-    watch(rows)
-    return rows
+        return _run_tasks(fleet, again, options, watch)
 
 
 def _run_tasks(
-    tasks_of: Callable[[str, int], Iterable[Task]], rows: list[Row], options: RunOptions, workers: int, watch: Watch
-) -> None:
-    """Run one task per row to its end; `tasks_of` makes them for a run and a number of threads.
+    fleet: Fleet, tasks_of: Callable[[str, int], Iterable[Task]], options: RunOptions, watch: Watch
+) -> list[Row]:
+    """Run one task per campaign to its end; `tasks_of` makes them for a run and a number of threads.
 
     If the scheduler of a cluster is lost, its tasks are handed to the next one that answers at its address.
     """
+    rows = [Row(t.name, t.type, c.name, c.date, "queued") for t, c in fleet.campaigns()]
     address = options.scheduler
     if address is None:
+        workers = worker_count(options.workers, fleet.count)
         with local_executor(workers) as pool:
             _drive(pool, pool.size, enumerate(tasks_of(_new_run(), threads_per_worker(workers))), rows, options, watch)
-        return
+        watch(rows)
+        return rows
     patience, without_outcome = 0.0, 0
     while any(row.outcome is None for row in rows):
         before = sum(row.outcome is not None for row in rows)
@@ -199,6 +195,8 @@ def _run_tasks(
                 f"The Dask scheduler at {address} was lost {_MOST_LOST} times before a campaign ended; look at its "
                 "memory and its log. What is done is kept, and the same command goes on."
             )
+    watch(rows)
+    return rows
 
 
 def _new_run() -> str:

@@ -26,7 +26,7 @@ from sysid.campaign.toml.errors import parse_toml
 from sysid.errors import CampaignError, OutputError
 from sysid.files import UNFINISHED, read_bytes
 from sysid.fleet.key import calibration_key, folder_state, result_digest
-from sysid.fleet.outcome import RESULT_FILE, Outcome, keep
+from sysid.fleet.outcome import RESULT_FILE, Outcome, write_outcome
 from sysid.fleet.read import CAMPAIGN_FILE
 from sysid.fleet.task import Task, finished_before, run_task
 from sysid.folder_lock import LOCK_NAME, FolderInUseError, FolderLock, cannot_write
@@ -92,7 +92,7 @@ def _put(task: Task, state: dict[str, str], outcome: Outcome, content: bytes) ->
             if task.prior is None:
                 if outcome.finished and result_digest(new / RESULT_FILE) != outcome.result_sha256:
                     return Outcome("failed", _DAMAGED)
-                keep(new, outcome)
+                write_outcome(new, outcome)
             os.replace(output, old)
             try:
                 os.replace(new, output)

@@ -19,7 +19,6 @@ from sysid.campaign.read import read_campaign
 from sysid.campaign.records import BumpRun, Campaign
 from sysid.campaign.toml.errors import parse_toml
 from sysid.campaign.toml.text import quoted, toml_key, value_text
-from sysid.campaign.units import si_factor
 from sysid.errors import CampaignError
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.map_tires import map_tires
@@ -195,12 +194,7 @@ def _scan_files(tables: Mapping[str, Any]) -> list[str]:
 def _log_text(run: BumpRun) -> str:
     channels = run.log.channels
     head = ",".join(["time_s", *(c.sensor.column for c in channels)])
-    factors = [
-        si_factor(c.sensor.unit, "length" if c.sensor.si_unit == "m" else "acceleration")
-        * c.sensor.scale
-        * c.sensor.sign
-        for c in channels
-    ]
+    factors = [c.sensor.unit_in_si * c.sensor.scale * c.sensor.sign for c in channels]
     rows = np.column_stack([channels[0].time_s, *(c.value / f for c, f in zip(channels, factors, strict=True))])
     return "\n".join([head, *(",".join(f"{v:.6g}" for v in row) for row in rows)]) + "\n"
 

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from sysid.csv_cells import csv_text, escape_cell
 from sysid.files import read_json, write_text
-from sysid.fleet.outcome import kept
+from sysid.fleet.outcome import read_outcome
 from sysid.fleet.records import Fleet
 from sysid.fleet.running import Row, campaign_output
 from sysid.fleet.task import PROGRESS_FILE
-from sysid.folder_lock import cannot_write
+from sysid.folder_lock import writing_to
 
 STATUS_JSON, STATUS_CSV = "fleet_status.json", "fleet_status.csv"
+#: Version of the table; a number up whenever a key changes its meaning or goes.
 SCHEMA = 1
 COLUMNS = (
     "truck", "type", "campaign", "date", "state", "status", "sentence", "seconds", "processor_seconds", "peak_bytes",
@@ -25,15 +26,13 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def rows_on_disk(fleet: Fleet, output: Path) -> list[Row]:
+def rows_on_disk(fleet: Fleet, output: Path) -> Iterator[Row]:
     """What is known of every campaign without computing anything; outcomes of changed inputs among them."""
-    rows = []
     for truck, campaign in fleet.campaigns():
         folder = campaign_output(output, campaign.name)
-        outcome = kept(folder)
+        outcome = read_outcome(folder)
         state = outcome.state if outcome else "running" if (folder / PROGRESS_FILE).exists() else "queued"
-        rows.append(Row(truck.name, truck.type, campaign.name, campaign.date, state, outcome))
-    return rows
+        yield Row(truck.name, truck.type, campaign.name, campaign.date, state, outcome)
 
 
 def stage_of(output: Path, name: str) -> str:
@@ -45,7 +44,7 @@ def stage_of(output: Path, name: str) -> str:
         return ""
 
 
-def counts(rows: Sequence[Row]) -> dict[str, int]:
+def state_counts(rows: Sequence[Row]) -> dict[str, int]:
     """How many campaigns are in which state, in a fixed order."""
     order = ("queued", "running", "done", "not converged", "rejected", "failed", "crashed")
     numbers = Counter(row.state for row in rows)
@@ -68,11 +67,9 @@ def write_status(rows: Sequence[Row], output: Path) -> tuple[Path, Path]:
         If the folder cannot be written.
     """
     fields = [row_fields(row) for row in rows]
-    document = {"schema": SCHEMA, "counts": counts(rows), "campaigns": fields}
+    document = {"schema": SCHEMA, "counts": state_counts(rows), "campaigns": fields}
     cells = [["" if line[c] is None else escape_cell(str(line[c])) for c in COLUMNS] for line in fields]
-    try:
+    with writing_to(output):
         write_text(output / STATUS_JSON, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
         write_text(output / STATUS_CSV, csv_text(COLUMNS, cells))
-    except OSError as error:
-        raise cannot_write(output, error) from error
     return output / STATUS_JSON, output / STATUS_CSV

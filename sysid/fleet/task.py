@@ -23,7 +23,7 @@ from typing import Any
 import sysid
 from sysid.files import read_bytes, read_json, write_text
 from sysid.fleet.key import calibration_key, folder_state
-from sysid.fleet.outcome import LOG_FILE, Outcome, keep, kept, still_valid
+from sysid.fleet.outcome import LOG_FILE, Outcome, read_outcome, still_valid, write_outcome
 from sysid.folder_lock import cannot_write
 
 #: A task whose process was killed or died this often within one run of the fleet is set aside.
@@ -105,7 +105,7 @@ def run_task(task: Task) -> Outcome:
         outcome = _without_process(task, "failed", str(cannot_write(output, error)))
     with contextlib.suppress(OSError):
         if task.prior is None:
-            keep(output, outcome)
+            write_outcome(output, outcome)
         (output / _STARTS_FILE).unlink(missing_ok=True)
         (output / PROGRESS_FILE).unlink(missing_ok=True)
     return outcome
@@ -113,7 +113,7 @@ def run_task(task: Task) -> Outcome:
 
 def finished_before(task: Task) -> Outcome | None:
     """The outcome of an earlier run that is still that of the campaign as it is now; None if it is to be computed."""
-    earlier = kept(Path(task.output)) if task.prior is None else None
+    earlier = read_outcome(Path(task.output)) if task.prior is None else None
     if earlier is None or earlier.state in task.again:
         return None
     return earlier if still_valid(earlier, Path(task.campaign), Path(task.output), task.choices) else None

@@ -22,6 +22,7 @@ FORMATS: tuple[LogFormat, ...] = (
     can_bus.FORMAT,
     text.FORMAT,
 )
+#: Bytes by which a format is recognised: marks stand at the beginning, that of MATLAB 7.3 after 512.
 _HEAD_BYTES = 4096
 #: A suffix that text logs have as well says nothing about a file that has no mark of a binary format.
 _TEXT_TOO = frozenset({".dat", ".asc"})
@@ -58,10 +59,8 @@ def read_channels(file: InputFile, label: str, request: LogRequest) -> LogConten
 
     Parameters
     ----------
-    file, label
-        The file, and its name, which begins every sentence.
-    request
-        What is wanted.
+    file, label : the file, and its name, which begins every sentence.
+    request : what is wanted.
 
     Raises
     ------

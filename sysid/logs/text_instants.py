@@ -17,7 +17,7 @@ _INSTANT = (
     r"(?:[.,](?P<fraction>\d{1,12}))?\s*(?P<zone>Z|[+-]\d\d:?\d\d)?$"
 )
 _PATTERN = re.compile(_INSTANT)
-_DAY_S = 86400.0
+_DAY_S = 86400.0  # a clock without a date starts again
 _LOOKED_AT = 200  # lines that are searched
 
 
@@ -34,7 +34,7 @@ def has_instants(table: NumberTable, place: int) -> bool:
     return False
 
 
-def read_instants(table: NumberTable, place: int, rows: int, width: int) -> np.ndarray:
+def read_instants(table: NumberTable, place: int, width: int) -> np.ndarray:
     """Seconds (n,) since the midnight before the first stamp of a column; NaN where a cell is empty.
 
     Times of day without a date may pass midnight.  Zones are taken into account.
@@ -48,7 +48,7 @@ def read_instants(table: NumberTable, place: int, rows: int, width: int) -> np.n
     """
     import pandas as pd
 
-    text = read_text(table, place, rows, width).str.strip()
+    text = read_text(table, place, width).str.strip()
     parts = text.str.extract(_INSTANT)
     strange = np.flatnonzero(parts["second"].isna().to_numpy() & ~text.str.lower().isin(MISSING).to_numpy())
     if strange.size:

@@ -23,6 +23,7 @@ MISSING = frozenset(
     ["", "nan", "+nan", "-nan", "na", "n/a", "#n/a", "<na>", "null", "none", "-", "--", "over"]
     + [sign + word for sign in ("", "+", "-") for word in ("inf", "infinity")]
 )
+#: Rows that the parser holds at a time.
 _PIECE_ROWS = 100_000
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 
@@ -177,10 +178,8 @@ def read_numbers(table: NumberTable, places: Mapping[int, str], rows: int, width
 
     Parameters
     ----------
-    places
-        Place of every wanted column (from 0, below `width`) with its name.
-    rows, width
-        From :func:`count_rows`.
+    places : place of every wanted column (from 0, below `width`) with its name.
+    rows, width : from :func:`count_rows`.
 
     Raises
     ------
@@ -199,7 +198,7 @@ def read_numbers(table: NumberTable, places: Mapping[int, str], rows: int, width
             "time of the test."
         )
     try:
-        return _filled(table, places, rows, width, _numeric)
+        return _filled(table, places, rows, width, as_text=False)
     except pd.errors.EmptyDataError:
         return {name: np.empty(0) for name in places.values()}
     except pd.errors.ParserError as error:
@@ -213,10 +212,10 @@ def read_numbers(table: NumberTable, places: Mapping[int, str], rows: int, width
         return _as_text(table, places, rows, width)
 
 
-def read_text(table: NumberTable, place: int, rows: int, width: int) -> Any:
+def read_text(table: NumberTable, place: int, width: int) -> Any:
     """Cells of the column at `place` as a pandas series of text, empty where there is none.
 
-    The other arguments are those of :func:`read_numbers`.
+    `width` is that of :func:`count_rows`.
 
     Raises
     ------
@@ -239,7 +238,7 @@ def _as_text(table: NumberTable, places: Mapping[int, str], rows: int, width: in
     import pandas as pd
 
     try:
-        return _filled(table, places, rows, width, _textual)
+        return _filled(table, places, rows, width, as_text=True)
     except (CellError, UnicodeDecodeError):
         raise
     except pd.errors.ParserError as error:
@@ -250,14 +249,18 @@ def _as_text(table: NumberTable, places: Mapping[int, str], rows: int, width: in
         ) from None
 
 
-def _filled(table: NumberTable, places: Mapping[int, str], rows: int, width: int, way: Any) -> dict[str, np.ndarray]:
+def _filled(
+    table: NumberTable, places: Mapping[int, str], rows: int, width: int, *, as_text: bool
+) -> dict[str, np.ndarray]:
     # Filled piece by piece: a large file then needs the memory of its numbers only.
     result = {name: np.full(rows, np.nan) for name in places.values()}
     filled = 0
-    with table.rows_of_text() as stream, _pieces(table, stream, places, width, way is _textual) as pieces:
+    with table.rows_of_text() as stream, _pieces(table, stream, places, width, as_text) as pieces:
         for piece in pieces:
             for place, name in places.items():
-                result[name][filled : filled + len(piece)] = way(table, piece[place], filled, place)
+                column = piece[place]
+                numbers = _from_text(table, column, filled, place) if as_text else column.to_numpy()
+                result[name][filled : filled + len(piece)] = numbers
             filled += len(piece)
     return {name: values[:filled] for name, values in result.items()}
 
@@ -285,11 +288,7 @@ def _pieces(table: NumberTable, stream: TextIO, places: Mapping[int, str], width
     )
 
 
-def _numeric(table: NumberTable, column: Any, start: int, place: int) -> np.ndarray:
-    return np.asarray(column.to_numpy())
-
-
-def _textual(table: NumberTable, column: Any, start: int, place: int) -> np.ndarray:
+def _from_text(table: NumberTable, column: Any, start: int, place: int) -> np.ndarray:
     import pandas as pd
 
     text = column.fillna("").str.strip()

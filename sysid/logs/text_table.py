@@ -27,6 +27,7 @@ from sysid.logs.text_numbers import (
 )
 from sysid.wording import shorten
 
+#: Bytes in which delimiter and header are looked for.
 _HEAD_BYTES = 1 << 20
 _COMPARED = 60  # characters of a name that are compared with a misspelt one
 _COMMENT = ("#", "%", '"#')
@@ -74,15 +75,11 @@ def read_columns(
 
     Parameters
     ----------
-    source
-        The file, or its path.
-    label
-        Its name for messages.
-    wanted
-        Sensor columns by name; the time column is the first of `time_names` (lower case) that there is.  Dates and
+    source : the file, or its path.
+    label : its name for messages.
+    wanted : sensor columns by name; the time column is the first of `time_names` (lower case) that there is.  Dates and
         times of day in it become seconds since the midnight before the first of them.
-    units_row
-        Whether the row below the names holds units.
+    units_row : whether the row below the names holds units.
 
     Returns
     -------
@@ -257,7 +254,7 @@ def _parse(data: bytes, label: str, layout: Layout, use: list[str], times: set[s
     try:
         columns = read_numbers(table, {p: n for p, n in places.items() if p not in clocks}, rows, width)
         for place, name in clocks.items():
-            columns[name] = read_instants(table, place, rows, width)
+            columns[name] = read_instants(table, place, width)
     except CellError as error:
         name = layout.names[error.place]
         raise DataRejectedError(_cell_sentence(label, layout, error.row + skip + 1, name, error.text)) from None

@@ -114,10 +114,10 @@ def _prospect(
     information: DataInformation,
     gradient: np.ndarray | None,
     run: RunInformation | None,
-    more: np.ndarray | None,
+    further: np.ndarray | None,
     sensor: str,
 ) -> Prospect:
-    covariance = information.covariance(more)
+    covariance = information.covariance(further)
     peak = float("nan") if gradient is None else float(np.sqrt(gradient @ covariance @ gradient))
     sd = np.sqrt(np.diag(covariance))
     if run is None:

@@ -33,14 +33,10 @@ def check_finite(
 
     Parameters
     ----------
-    request
-        The pass.
-    parameters, sets
-        Parameters and their logarithms (p, S) in every one of the S simulations.
-    static_N
-        (axles,) static axle loads [N].
-    histories
-        (T, axles, S) each.
+    request : the pass.
+    parameters, sets : parameters and their logarithms (p, S) in every one of the S simulations.
+    static_N : (axles,) static axle loads [N].
+    histories : (T, axles, S) each.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from sysid.tabular import Tabular
 if TYPE_CHECKING:
     import pandas as pd
 
-What = Literal["speed", "tire_deflection", "travel", "damper_speed", "lift_off"]
+Quantity = Literal["speed", "tire_deflection", "travel", "damper_speed", "lift_off"]
 #: Beyond what was driven by more than this factor is an extrapolation.
 MARGIN = 1.05
 
@@ -66,7 +66,7 @@ class Extrapolation:
     `assumed` is the travel [m] of an undeclared bump stop that acts there, None without one.
     """
 
-    what: What
+    what: Quantity
     axle: int
     reached: float
     driven: float
@@ -85,7 +85,7 @@ def extrapolations(
     beyond: list[Extrapolation] = []
     assumed = acting or {}
 
-    def compare(what: What, axle: int, value: float, limit: float) -> None:
+    def compare(what: Quantity, axle: int, value: float, limit: float) -> None:
         if value > MARGIN * limit:
             stop = assumed[axle][1] if what == "travel" and axle in assumed else None
             # The direction that is named need not be the one in which a stop acts.

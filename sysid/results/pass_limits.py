@@ -9,10 +9,10 @@ from sysid.results.contents import Results
 
 if TYPE_CHECKING:
     from sysid.prediction.predicted_passes import PassPrediction
-    from sysid.prediction.trust import What
+    from sysid.prediction.trust import Quantity
 
 #: Words for what goes beyond the driven runs, and factor and unit for people.
-TRUST_WORDS: dict[What, tuple[str, float, str]] = {
+TRUST_WORDS: dict[Quantity, tuple[str, float, str]] = {
     "speed": ("speed", 3.6, "km/h"),
     "tire_deflection": ("tire deflection", 1e3, "mm"),
     "travel": ("suspension travel", 1e3, "mm"),

@@ -11,6 +11,7 @@ from sysid.arrays import Points
 
 # Stations further apart than this belong to different bumps.
 MERGE_GAP_M = 0.3
+#: Width of a band: about that of a tire.
 _BAND_M = 0.25
 
 

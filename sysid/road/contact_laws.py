@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from sysid.road.enveloping import FootprintMap
+from sysid.road.enveloping import MAP_STEP_M, FootprintMap, map_stations
 from sysid.road.road_profile import RoadProfile
 
 ContactLaw = Literal["footprint", "cams", "point"]
@@ -23,14 +23,12 @@ ContactLaw = Literal["footprint", "cams", "point"]
 CAM_SPACING = 0.8
 CAM_AXIS = 1.0
 CAM_EXPONENT = 1.8
-_STATION_STEP_M = 0.01
+#: Points of a cam at which it may touch the road.
 _FINE_M = 0.001
 
 
 def _stations(profile: RoadProfile, reach_m: float) -> np.ndarray:
-    first = profile.station_m[0] - profile.start_m - reach_m - 0.1
-    last = profile.station_m[-1] - profile.start_m + reach_m + 0.1
-    return np.arange(np.floor(first / _STATION_STEP_M), np.ceil(last / _STATION_STEP_M) + 1) * _STATION_STEP_M
+    return map_stations(profile.station_m - profile.start_m, reach_m)
 
 
 def _height(profile: RoadProfile, station_m: np.ndarray) -> np.ndarray:
@@ -47,7 +45,7 @@ def point_map(profile: RoadProfile) -> FootprintMap:
     """The wheel centre follows the road point below it: height h(s), forward over vertical force -h'(s)."""
     station = _stations(profile, 0.0)
     rise = _height(profile, station)
-    return _map(station, rise, np.gradient(rise, _STATION_STEP_M))
+    return _map(station, rise, np.gradient(rise, MAP_STEP_M))
 
 
 def cam_map(profile: RoadProfile, radius_m: float, deflection_m: float) -> FootprintMap:

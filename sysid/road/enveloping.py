@@ -33,7 +33,8 @@ _MAP_DEPTH_PER_RADIUS = 0.12
 _DEEPEST_PER_RADIUS = 0.24
 #: Loads for which the footprint map is fitted: so many, up to so many times the static load.
 _MAP_LEVELS, _MAP_LOAD_RATIO = 24, 6.0
-_STATION_STEP_M = 0.01
+#: Distance of the stations of tables and maps; a footprint is some twenty times as long.
+MAP_STEP_M = 0.01
 #: Steps by which the road is found along a spoke, in all to 1e-7 m.
 _OUTWARDS, _HALVINGS, _STEPS = 11, 8, 11
 #: Profiles up to so many stations have their spoke geometry kept.
@@ -95,14 +96,18 @@ class _SpokeShape:
     flat_compression_m: np.ndarray
 
 
+def map_stations(road_m: np.ndarray, reach_m: float) -> np.ndarray:
+    """Uniform stations [m] of a map, which reach beyond those of a road by a wheel's reach and 0.1 m of flat road."""
+    first, last = road_m[0] - reach_m - 0.1, road_m[-1] + reach_m + 0.1
+    return np.arange(np.floor(first / MAP_STEP_M), np.ceil(last / MAP_STEP_M) + 1) * MAP_STEP_M
+
+
 # Geometry takes nearly all of the time and is the same for every exponent.
 @lru_cache(maxsize=12)
 def _known_shape(stations: bytes, heights: bytes, start_m: float, radius_m: float) -> _SpokeShape:
     station_m, height_m = np.frombuffer(stations), np.frombuffer(heights)
     reach = radius_m * np.sin(_HALF_ANGLE_RAD)
-    first = station_m[0] - start_m - reach - 0.1
-    last = station_m[-1] - start_m + reach + 0.1
-    station = np.arange(np.floor(first / _STATION_STEP_M), np.ceil(last / _STATION_STEP_M) + 1) * _STATION_STEP_M
+    station = map_stations(station_m - start_m, reach)
     deflection = _DEEPEST_PER_RADIUS * radius_m * np.linspace(0.0, 1.0, _LEVELS) ** 1.5
     road_s, road_z = station_m - start_m, height_m
 
@@ -222,12 +227,13 @@ class FootprintMap:
 
         e = u_0 + v + stretch_1 v + stretch_2 v^2 + stretch_3 v^3
 
-    and its forward force is V (drag_0 + drag_1 v + drag_2 v^2), with the vertical force V. - `station_m` (n,): from the
-    start of the bump;
+    and its forward force is V (drag_0 + drag_1 v + drag_2 v^2), with the vertical force V.
+
+    - `station_m` (n,): from the start of the bump;
     - `rise_m` (n,): effective profile;
     - `stretch`, `drag` (3, n): [1, 1/m, 1/m2];
-    - `lift_m` (n,): how much deeper than on a flat road (v = -u_0) the wheel centre is at first contact, v = lift -
-      u_0;
+    - `lift_m` (n,): how much deeper than on a flat road (v = -u_0) the wheel centre is at first contact, where
+      v = lift - u_0;
     - `misfit_m`: largest error of e over the fitted range.
     """
 

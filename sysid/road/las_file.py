@@ -15,11 +15,13 @@ from sysid.bounded_reader import read_in_child
 from sysid.errors import DataRejectedError
 from sysid.road.cloud_libraries import read_las
 
-_HEADER_BYTES = 227
-_HEADER_BYTES_1_4 = 375
+#: Lengths of the header, of versions up to 1.2 and of 1.4.
+_HEADER_BYTES, _HEADER_BYTES_1_4 = 227, 375
 #: Shortest record of point formats 0 to 10.
 _RECORD_BYTES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
+#: Bits of the point format that LASzip sets.
 _COMPRESSED = 0x80 | 0x40
+#: Headers of records of variable length, and of extended ones.
 _VLR_BYTES, _EVLR_BYTES = 54, 60
 
 

@@ -12,6 +12,7 @@ from sysid.arrays import PointsByXyz
 
 # Lasers and asphalt together are never better than this; it keeps perfect synthetic clouds away from a zero scale.
 NOISE_FLOOR_M = 5e-5
+#: Waviness of a road about its plane (an assumption).
 _ROAD_TOLERANCE_M = 0.003
 #: Planes that are tried, each through three points.
 _DRAWS = 1200

@@ -9,8 +9,8 @@ from sysid.road.road_profile import RoadProfile
 
 #: Length over which the plank's end falls off: the tread spans a gap of this size, so its exact shape is not felt.
 EDGE_M = 0.01
-_FIELD_M = 1.0
-_SPACING_M = 0.002
+#: Road on either side of the edge, longer than any footprint, and its stations.
+_FIELD_M, _SPACING_M = 1.0, 0.002
 
 
 def plank_end(height_m: float) -> RoadProfile:

@@ -13,9 +13,11 @@ from sysid.errors import DataRejectedError
 from sysid.road.cloud_libraries import read_ply
 from sysid.road.las_file import check_count
 
+#: Bytes in which the end of the header is looked for.
 _HEAD_BYTES = 65536
 _END = re.compile(rb"^end_header[ \t]*(\r\n|\n|\r)?", re.MULTILINE)
 _NAME = re.compile(r"[\w.\-]{1,100}", re.ASCII)
+#: Size of a value of each type.
 _BYTES = {
     **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
     **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),

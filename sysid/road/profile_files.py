@@ -24,6 +24,7 @@ from sysid.road.named_shapes import named_shape
 from sysid.road.shapes import START_HEIGHT_M
 from sysid.wording import shorten
 
+#: Bytes in which the mark of an OpenCRG file is looked for.
 _HEAD_BYTES = 1 << 20
 _STATION, _HEIGHT = "station_m", "height_m"
 

@@ -14,12 +14,15 @@ from sysid.road.road_frame import RoadFrame
 if TYPE_CHECKING:
     from sysid.campaign.records import Scan
 
-# Beyond these a bump is no speed bump or the unit of the file is wrong.
+#: Beyond these a bump is no speed bump or the unit of the file is wrong: extent of the cloud, its width, height and
+#: slope of the road (assumptions).
 EXTENT_M = (0.3, 200.0)
 LEAST_WIDTH_M = 0.1
 HEIGHT_M = (0.01, 0.3)
-UNUSUAL_HEIGHT_M = 0.15
 _LARGEST_TILT = 0.3
+#: Height that is worth a remark: speed bumps have 50 to 120 mm (general knowledge).
+UNUSUAL_HEIGHT_M = 0.15
+#: Units that a cloud may have been written in.
 _UNITS_M = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "ft": 0.3048}
 
 

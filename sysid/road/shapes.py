@@ -11,8 +11,8 @@ from sysid.arrays import Stations
 from sysid.errors import CampaignError
 from sysid.road.road_profile import RoadProfile
 
-STATION_STEP_M = 0.002
-FLAT_M = 0.3
+#: Distance of the stations of a shape, and flat road before and behind it.
+STATION_STEP_M, FLAT_M = 0.002, 0.3
 # The bump starts at the first station above this height: the origin of every start offset and of every time axis.
 START_HEIGHT_M = 0.001
 

@@ -21,6 +21,7 @@ from sysid.logs.text_numbers import (
     read_numbers,
 )
 
+#: Bytes in which the layout is looked for, and longest line.
 _HEAD_BYTES = 65536
 #: Lines of comment that may stand between the points.
 _COMMENT_LINES = 1000

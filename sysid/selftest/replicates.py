@@ -33,6 +33,7 @@ RANGE = 0.95
 SHOWN = ("stiffness", "damping")
 #: Those of the product, without the second solver and other laws than those that made the readings.
 OPTIONS = FitOptions(second_solver=False, laws="declared")
+#: Draws of the errors behind the expected number of intervals that hold.
 _DRAWS = 4000
 
 

@@ -23,7 +23,9 @@ class Beams:
     """Unsprung coordinates of a vehicle with axle groups, na slots for na axles.
 
     A single axle's slot is its heave. A group's first slot is the heave of the beam's middle, its second slot the
-    beam's pitch; unused slots do not move. - `wheel` (na, na) gives the rise of each wheel from the coordinates;
+    beam's pitch; unused slots do not move.
+
+    - `wheel` (na, na) gives the rise of each wheel from the coordinates;
     - `mass` (na, na) [kg, kg m, kg m2]: 1 for an unused slot;
     - `carries` (na,): 1 if a suspension is connected to the slot's heave, else 0;
     - `used` (na,) bool: False for unused slots.

@@ -34,6 +34,7 @@ from sysid.errors import CampaignError
 
 #: First root of cos b cosh b = 1 beyond zero.
 FREE_BEAM_ROOT = 4.730040744862704
+#: Quadrature of Gauss and Legendre over the length of a frame.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(80)
 
 
@@ -98,7 +99,7 @@ def _shape(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[Callable[[float
     mass, inertia = case.sprung_mass_kg[body], case.pitch_inertia_kg_m2[body]
     cg_x = float(static_equilibrium(vehicle, case).cg_x_m[body])
     half, middle = 0.5 * (high - low), 0.5 * (high + low)
-    places, shares = mass_along((cg_x - middle) / half, inertia / mass / half**2, _what(vehicle, body, case))
+    places, shares = mass_along((cg_x - middle) / half, inertia / mass / half**2, _body_words(vehicle, body, case))
     x, lumps = middle + half * places, mass * shares
 
     if declared.x_m:
@@ -125,7 +126,7 @@ def _shape(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[Callable[[float
     return rise, modal_mass
 
 
-def _what(vehicle: Vehicle, body: int, case: LoadCase) -> str:
+def _body_words(vehicle: Vehicle, body: int, case: LoadCase) -> str:
     return f"load case '{case.name}': the body '{vehicle.bodies[body].name}', whose frame bends,"
 
 

@@ -32,7 +32,7 @@ from sysid.workflow.assembly import assembled
 from sysid.workflow.earlier_files import remove_earlier
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
-from sysid.workflow.runner import NOTHING, Runner
+from sysid.workflow.runner import NO_OPTIONS, Runner
 from sysid.workflow.settings import Settings
 from sysid.workflow.stage import Aside, Ending, Itemwise, Notice, Stage
 from sysid.workflow.stage_folder import SUCCESS_MARKER, StageFolder
@@ -93,7 +93,7 @@ class Calibration:
         """Names of the stages whose results were read from the output folder instead of computed."""
         return frozenset(self._folder.read_back)
 
-    def result(self, stage: Stage[T], options: Mapping[str, Any] = NOTHING) -> T:
+    def result(self, stage: Stage[T], options: Mapping[str, Any] = NO_OPTIONS) -> T:
         """The result of any stage; for a stage with several results, the requested ones.
 
         Parameters

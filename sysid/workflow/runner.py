@@ -17,7 +17,7 @@ from sysid.workflow.stages import STAGES
 from sysid.workflow.versions import versions
 
 T = TypeVar("T")
-NOTHING: Mapping[str, Any] = {}
+NO_OPTIONS: Mapping[str, Any] = {}
 
 
 class Runner:
@@ -35,7 +35,7 @@ class Runner:
         self._inputs, self._settings, self.folder, self.steps = inputs, settings, folder, steps
         self._notice, self.resume = notice, resume
 
-    def result(self, stage: Stage[T], options: Mapping[str, Any] = NOTHING) -> T:
+    def result(self, stage: Stage[T], options: Mapping[str, Any] = NO_OPTIONS) -> T:
         """The result of a stage: known already, else computed and kept, with those that run along with it."""
         missing = self.missing((stage,), options)
         with self.steps.planned({s.name: s.effort for s in missing}):
@@ -43,7 +43,7 @@ class Runner:
                 # An unknown name is reported before anything is computed, if this needs no computation.
                 stage.chosen(self.context(stage, options, at_once=False))
             for other in missing:
-                self._result(other, options if other is stage else NOTHING)
+                self._result(other, options if other is stage else NO_OPTIONS)
             return self._result(stage, options)
 
     def known(self, stage: Stage[T]) -> T | None:
@@ -64,26 +64,26 @@ class Runner:
         with self.folder.lock:
             self.folder.forget((stage, *dependents(stage)))
 
-    def missing(self, stages: Sequence[Stage[Any]], options: Mapping[str, Any] = NOTHING) -> list[Stage[Any]]:
+    def missing(self, stages: Sequence[Stage[Any]], options: Mapping[str, Any] = NO_OPTIONS) -> list[Stage[Any]]:
         """The stages that have to be computed for some, in an order in which they can be."""
         order: list[Stage[Any]] = []
 
         def visit(stage: Stage[Any], given: Mapping[str, Any]) -> None:
             if stage in order:
                 return
-            if self._again(stage, given):
+            if self._must_compute(stage, given):
                 for before in stage.needs:
-                    visit(before, NOTHING)
+                    visit(before, NO_OPTIONS)
                 order.append(stage)
             for other in STAGES:
-                if other.along_with is stage and (stage in order or self._again(other, NOTHING)):
+                if other.along_with is stage and (stage in order or self._must_compute(other, NO_OPTIONS)):
                     order.append(other)
 
         for stage in stages:
             visit(stage, options)
         return order
 
-    def context(self, stage: Stage[Any], options: Mapping[str, Any] = NOTHING, *, at_once: bool = True) -> Context:
+    def context(self, stage: Stage[Any], options: Mapping[str, Any] = NO_OPTIONS, *, at_once: bool = True) -> Context:
         """What the functions of a stage are given; stages that it needs are computed `at_once` or when asked for."""
         results = _OnDemand(self._result, stage.needs)
         if at_once:
@@ -102,7 +102,7 @@ class Runner:
             results=results,
         )
 
-    def _again(self, stage: Stage[Any], options: Mapping[str, Any]) -> bool:
+    def _must_compute(self, stage: Stage[Any], options: Mapping[str, Any]) -> bool:
         """Whether a stage has to be computed (for an itemwise one: whether anything is requested)."""
         if isinstance(stage, Itemwise):
             return bool(options)
@@ -111,12 +111,12 @@ class Runner:
             return True
         return not stage.answers(known, options) or (self.resume and stage.unfinished(known, self._settings))
 
-    def _result(self, stage: Stage[T], options: Mapping[str, Any] = NOTHING) -> T:
+    def _result(self, stage: Stage[T], options: Mapping[str, Any] = NO_OPTIONS) -> T:
         if isinstance(stage, Itemwise):
             items: T = self._items(stage, options)
             return items
         assert isinstance(stage, Whole)
-        if self._again(stage, options):
+        if self._must_compute(stage, options):
             context = self.context(stage, options)
             # What is in memory only may be asked for beside another process that computes.
             with self.folder.lock if stage.in_file else nullcontext():

@@ -29,11 +29,11 @@ _FROM_ROOT = re.compile(rb"^\s*from\s+sysid\s+import\s+([\w, ]+)", re.MULTILINE)
 
 def code_digest(packages: Iterable[str]) -> str:
     """Hash of the sources of packages (or single modules) of `sysid` and of all that they import."""
-    digest, before = hashlib.sha256(), len(_known())
+    digest, before = hashlib.sha256(), len(_stored_hashes())
     for name in sorted(imported_by(packages)):
         digest.update(name.encode() + _hash_and_imports(name)[0])
-    if len(_known()) > before:
-        _keep()
+    if len(_stored_hashes()) > before:
+        _store_hashes()
     return digest.hexdigest()
 
 
@@ -48,28 +48,28 @@ def imported_by(packages: Iterable[str]) -> set[str]:
     return imported
 
 
-def _kept() -> Path:
+def _hash_file() -> Path:
     """The file of hashes: pairs of 32 bytes, of a text and of its meaning in this version of Python."""
     return private_cache("sources") / f"{sys.implementation.cache_tag}.hashes"
 
 
 @cache
-def _known() -> dict[bytes, bytes]:
+def _stored_hashes() -> dict[bytes, bytes]:
     """Hashes of what is meant, by those of texts: reading all files anew takes a second or two."""
     try:
-        check_private(_kept())
-        content = _kept().read_bytes()
+        check_private(_hash_file())
+        content = _hash_file().read_bytes()
     except (NotPrivateError, OSError):
         return {}
     return {content[i : i + 32]: content[i + 32 : i + 64] for i in range(0, len(content), 64)}
 
 
-def _keep() -> None:
+def _store_hashes() -> None:
     # Two processes that write at once leave files that do not fit each other, which are not read.
     with suppress(NotPrivateError, OSError):
-        for file in (_kept(), _kept().with_name(f"{_kept().name}.sha256")):
+        for file in (_hash_file(), _hash_file().with_name(f"{_hash_file().name}.sha256")):
             file.unlink(missing_ok=True)
-        write_private(_kept(), b"".join(text + meaning for text, meaning in _known().items()))
+        write_private(_hash_file(), b"".join(text + meaning for text, meaning in _stored_hashes().items()))
 
 
 @cache
@@ -96,7 +96,7 @@ def _meaning(path: Path, text: bytes) -> bytes:
     of_text = hashlib.sha256(text).digest()
     if path.suffix != ".py":
         return of_text
-    known = _known()
+    known = _stored_hashes()
     if of_text not in known:
         known[of_text] = hashlib.sha256(_without_words(text)).digest()
     return known[of_text]

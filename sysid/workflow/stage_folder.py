@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 from sysid.campaign.records import Campaign
 from sysid.errors import CampaignError
 from sysid.files import read_json, remove_unfinished, write_text
-from sysid.folder_lock import FolderLock, cannot_write
+from sysid.folder_lock import FolderLock, writing_to
 from sysid.threads import one_blas_thread
 from sysid.workflow import store
 from sysid.workflow.schema import result_hint, schema_digest
@@ -123,10 +123,8 @@ class StageFolder:
 
         Raises OutputError if the folder cannot be written.
         """
-        try:
+        with writing_to(self.path):
             action()
-        except OSError as error:
-            raise cannot_write(self.path, error) from error
 
     def fingerprint(self, stage: Stage[Any]) -> str:
         """Hash of everything that the numbers of a stage depend on."""

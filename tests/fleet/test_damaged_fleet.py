@@ -40,7 +40,7 @@ def fleet(tmp_path: Path) -> tuple[Path, Path]:
 def looked_at(folder: Path, output: Path) -> None:
     """What the commands of a fleet read of the results; raises for anything but a sentence."""
     known = read_fleet(folder)
-    list(status_blocks(rows_on_disk(known, output)))
+    list(status_blocks(list(rows_on_disk(known, output))))
     write_index(known, output)
     population_loads(KIND, members(known, output, KIND))
     said = [

@@ -83,7 +83,7 @@ def test_shared_errors_and_lost_records(fleet_folders: tuple[Path, Path], tmp_pa
 
 
 def test_the_page_is_whole_and_links_to_the_campaigns(fleet_results: FleetResults, fleet_folders) -> None:
-    page = LexborHTMLParser(render_fleet(fleet_results, rows_on_disk(fleet_results.fleet, fleet_folders[1])))
+    page = LexborHTMLParser(render_fleet(fleet_results, list(rows_on_disk(fleet_results.fleet, fleet_folders[1]))))
     assert page.css_first("h1").text() == "Small fleet"
     links = [
         a.attributes["href"] for a in page.css("#campaigns ~ .scroll a, section a") if "report" in a.attributes["href"]
@@ -101,7 +101,7 @@ def test_the_page_is_whole_and_links_to_the_campaigns(fleet_results: FleetResult
 
 
 def test_instruments_whose_channels_are_not_good_are_named(fleet_results: FleetResults, fleet_folders) -> None:
-    rows = rows_on_disk(fleet_results.fleet, fleet_folders[1])
+    rows = list(rows_on_disk(fleet_results.fleet, fleet_folders[1]))
     (problem,) = instrument_problems(rows, fleet_folders[1])
     quality = json.loads((campaign_output(fleet_folders[1], "T1-1") / "result.json").read_text())["quality"]
     assert [(c["channel"], c["verdict"]) for c in quality] == [(problem.channel, "rejected")]
@@ -122,7 +122,7 @@ def test_words_of_users_are_no_elements(fleet_results: FleetResults, tmp_path: P
     folder, _ = write_fleet_results(tmp_path, title=HOSTILE[:200], prefix=HOSTILE[:40])
     hostile = read_fleet(folder)
     changed = FleetResults(hostile, fleet_results.populations, fleet_results.loads, (HOSTILE,), fleet_results.file)
-    page = LexborHTMLParser(render_fleet(changed, rows_on_disk(hostile, fleet_folders[1])))
+    page = LexborHTMLParser(render_fleet(changed, list(rows_on_disk(hostile, fleet_folders[1]))))
     assert len(page.css("script")) == 1
     assert not [n for n in page.css("*") if any(k.lower().startswith("on") for k in n.attributes)]
 

@@ -15,7 +15,7 @@ from fleet_child import COMMAND, DIGEST, write_campaigns
 
 from sysid.errors import CampaignError, OutputError
 from sysid.fleet import key, running
-from sysid.fleet.outcome import Outcome, kept
+from sysid.fleet.outcome import Outcome, read_outcome
 from sysid.fleet.read import read_fleet
 from sysid.fleet.running import Row, RunOptions, exit_code, run_fleet, worker_count
 from sysid.fleet.status import rows_on_disk, write_status
@@ -190,7 +190,7 @@ def test_a_killed_driver_goes_on_where_it_was(tmp_path: Path) -> None:
     while any(_alive(p) for p in left):
         assert time.monotonic() < deadline, "processes outlive their driver"
         time.sleep(0.05)
-    assert {r.state for r in rows_on_disk(read_fleet(folder), output)[2:]} <= {"running", "queued"}
+    assert {r.state for r in list(rows_on_disk(read_fleet(folder), output))[2:]} <= {"running", "queued"}
     rows = run(folder, output)
     assert {row.state for row in rows.values()} == {"done"}
     # Nothing finished was computed twice, and being killed with the driver does not count against a campaign.
@@ -227,8 +227,8 @@ def test_an_interrupt_ends_the_processes_and_keeps_what_is_done(tmp_path: Path) 
     with pytest.raises(KeyboardInterrupt):
         run_fleet(read_fleet(folder), output, RunOptions(2, command=COMMAND), interrupt)
     assert time.monotonic() - begin < 30.0
-    assert kept(output / "campaigns" / "a").state == "done"
-    assert kept(output / "campaigns" / "b") is None
+    assert read_outcome(output / "campaigns" / "a").state == "done"
+    assert read_outcome(output / "campaigns" / "b") is None
     assert not _alive(int((output / "campaigns/b/starts").read_text()))
 
 

@@ -13,7 +13,7 @@ from sysid.errors import DataRejectedError
 from sysid.fleet.draws import CampaignDraws, read_draws, thinned, write_draws
 from sysid.fleet.exchangeable import pooled_populations, population
 from sysid.fleet.hierarchy import Hierarchy, HyperPriors, TypeData
-from sysid.fleet.likelihood import likelihood_of, moved_by, without_shared
+from sysid.fleet.likelihood import likelihood_of, sensitivity_to, without_shared
 from sysid.fleet.population import fit_population
 from sysid.fleet.records import SharedError
 from sysid.fleet.weights import campaign_weights
@@ -296,8 +296,8 @@ def test_a_shared_error_is_taken_out_of_the_interval_that_holds_it() -> None:
     assert share > 1.0
     assert np.linalg.eigvalsh(capped.precision).min() > 0.0
     scales = SharedError("scales", 0.01, {"stiffness": 1.0}, ("a",))
-    assert moved_by(scales, "a", ("stiffness", "damping")).tolist() == [1.0, 0.0]
-    assert moved_by(scales, "b", ("stiffness", "damping")).tolist() == [0.0, 0.0]
+    assert sensitivity_to(scales, "a", ("stiffness", "damping")).tolist() == [1.0, 0.0]
+    assert sensitivity_to(scales, "b", ("stiffness", "damping")).tolist() == [0.0, 0.0]
 
 
 def test_a_shared_error_does_not_shrink_with_more_trucks() -> None:

@@ -24,7 +24,7 @@ from sysid.fleet.draws import (
 from sysid.fleet.hierarchy import TypeData
 from sysid.fleet.key import file_digests
 from sysid.fleet.likelihood import likelihood_of
-from sysid.fleet.outcome import Outcome, keep, kept
+from sysid.fleet.outcome import Outcome, read_outcome, write_outcome
 from sysid.fleet.population import TypePopulation, fit_population
 from sysid.fleet.population_prior import ExchangedPrior, PopulationPrior, exchange, prior_of_others
 from sysid.fleet.read import read_fleet
@@ -179,13 +179,13 @@ def test_campaigns_are_sampled_again_and_their_outcomes_stay(tmp_path: Path, mon
         (tmp_path / "fleet" / name / "behaviour").write_text("done")
     fleet, output, options = read_fleet(tmp_path / "fleet"), tmp_path / "out", RunOptions(2, command=COMMAND)
     run_fleet(fleet, output, options, lambda rows: None)
-    before = kept(output / "campaigns" / "b")
+    before = read_outcome(output / "campaigns" / "b")
     prior = PopulationPrior(("k_1",), np.zeros(1), np.eye(1))
     (row,) = recalibrate(fleet, output, {"b": prior}, options, lambda rows: None)
     assert (row.campaign, row.state) == ("b", "done")
     assert json.loads((output / "campaigns/b/prior.json").read_text()) == prior.as_dict()
     assert not (output / "campaigns/a/prior.json").exists()
-    assert kept(output / "campaigns" / "b") == before
+    assert read_outcome(output / "campaigns" / "b") == before
 
 
 def test_a_campaign_without_draws_is_refused_in_a_sentence(tmp_path: Path) -> None:
@@ -198,7 +198,7 @@ def test_a_campaign_that_has_changed_is_not_sampled_again(tmp_path: Path) -> Non
     (tmp_path / "campaign.toml").write_text("schema = 1\n")
     inputs = file_digests(tmp_path, ["campaign.toml"])
     output = tmp_path / "out"
-    keep(output, Outcome("done", status="converged", inputs=inputs))
+    write_outcome(output, Outcome("done", status="converged", inputs=inputs))
     own = record(np.random.default_rng(1), 0.01 * np.eye(5), np.zeros(5), np.zeros(5), PRIOR)
     write_draws(output / RECORD_FILE, own)
     (tmp_path / "campaign.toml").write_text("schema = 1 # corrected\n")

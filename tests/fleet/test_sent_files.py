@@ -18,7 +18,7 @@ from fleet_child import COMMAND, DIGEST, write_campaigns
 from sysid.errors import CampaignError, OutputError
 from sysid.fleet import key, running, sent_files, task
 from sysid.fleet.executors import ClusterWorkers
-from sysid.fleet.outcome import Outcome, kept
+from sysid.fleet.outcome import Outcome, read_outcome
 from sysid.fleet.read import read_fleet
 from sysid.fleet.running import RunOptions, run_fleet
 from sysid.fleet.sent_files import campaign_files, packed, result_files, run_elsewhere, unpack
@@ -294,4 +294,4 @@ def test_results_are_sent_without_locks_and_links(tmp_path: Path) -> None:
     (tmp_path / "out" / "link").symlink_to("/etc/passwd")
     assert result_files(tmp_path / "out") == ["result.json", "stages/fit.npz"]
     assert result_files(tmp_path / "none") == []
-    assert kept(tmp_path / "none") is None
+    assert read_outcome(tmp_path / "none") is None

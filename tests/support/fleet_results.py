@@ -11,7 +11,7 @@ from small_results import small_results
 from sysid.export import result_document
 from sysid.fleet.draws import RECORD_FILE, CampaignDraws, write_draws
 from sysid.fleet.key import result_digest
-from sysid.fleet.outcome import RESULT_FILE, Outcome, keep
+from sysid.fleet.outcome import RESULT_FILE, Outcome, write_outcome
 from sysid.fleet.running import campaign_output
 
 NAMES = ("k_1", "k_2", "c_1", "c_2", "kt_1")
@@ -60,4 +60,6 @@ def _write(output: Path, campaign: str, document: dict, truck: np.ndarray, rando
     write_draws(place / RECORD_FILE, record)
     (place / RESULT_FILE).write_text(json.dumps(document), encoding="utf-8")
     digest = result_digest(place / RESULT_FILE)
-    keep(place, Outcome("done", status="converged", result_sha256=digest, seconds=12.0, peak_bytes=900_000_000))
+    write_outcome(
+        place, Outcome("done", status="converged", result_sha256=digest, seconds=12.0, peak_bytes=900_000_000)
+    )

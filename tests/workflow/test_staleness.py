@@ -171,7 +171,7 @@ def test_other_code_makes_those_stale_that_use_it(tmp_path: Path, monkeypatch) -
 
     def digests() -> dict[str, str]:
         sources._hash_and_imports.cache_clear()
-        sources._known.cache_clear()
+        sources._stored_hashes.cache_clear()
         return {name: sources.code_digest((name,)) for name in ("upper", "lower", "apart", "late", "alone")}
 
     try:

@@ -26,10 +26,8 @@ def arrival_lag(first: Sequence[Channel], second: Sequence[Channel], vehicle: Ve
 
     Parameters
     ----------
-    first, second
-        Channels of both logs, each with its own stamps; axle accelerations count.
-    run
-        For the nominal speed and what is known of it.
+    first, second : channels of both logs, each with its own stamps; axle accelerations count.
+    run : for the nominal speed and what is known of it.
 
     Returns
     -------

@@ -28,7 +28,7 @@ _BEYOND_S = 60.0
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _RunLag:
     """Result of one run for one logger: difference of the first stamps [s] of both logs, and the lag between them."""
 
     run: int
@@ -52,14 +52,10 @@ def on_common_clock(
 
     Parameters
     ----------
-    runs
-        Runs with the log of the first logger.
-    others
-        Per run the logs of the other loggers, by their names.
-    loggers
-        All loggers, the first one is the reference.
-    vehicle
-        For places and speeds.
+    runs : runs with the log of the first logger.
+    others : per run the logs of the other loggers, by their names.
+    loggers : all loggers, the first one is the reference.
+    vehicle : for places and speeds.
 
     Raises
     ------
@@ -74,26 +70,30 @@ def on_common_clock(
             if log.duration_s == 0.0 or runs[r].log.duration_s == 0.0:
                 # A planned log has no clock yet.
                 joined[r] = _joined(joined[r], log, _as_declared(runs[r], log, logger))
-        seen = [
-            _look(r, runs[r], log, logger, vehicle)
+        lags = [
+            _measured_lag(r, runs[r], log, logger, vehicle)
             for r, log in of_runs
             if log.duration_s > 0.0 and runs[r].log.duration_s > 0.0
         ]
-        settled = _along_line(seen, logger, runs) if logger.clock == "continuous" else _one_by_one(seen, logger, runs)
-        for one, finding in zip(seen, settled, strict=True):
+        settled = (
+            _continuous_clock(lags, logger, runs)
+            if logger.clock == "continuous"
+            else _clocks_per_log(lags, logger, runs)
+        )
+        for one, finding in zip(lags, settled, strict=True):
             findings[one.run].append(finding)
             joined[one.run] = _joined(joined[one.run], one.log, finding)
     return tuple(joined), tuple(finding for of_run in findings for finding in of_run)
 
 
-def _look(r: int, run: BumpRun, log: Log, logger: Logger, vehicle: Vehicle) -> _Seen:
+def _measured_lag(r: int, run: BumpRun, log: Log, logger: Logger, vehicle: Vehicle) -> _RunLag:
     apart = 0.0 if logger.clock == "per_log" else log.start_time_s - run.log.start_time_s
     # Lags are those between stamps that count from the first one of each log.
     middle, reach = logger.offset_s + apart, logger.offset_within_s + _BEYOND_S
     if run.log.sync is not None and log.sync is not None:
         lag = sync_lag(run.log.sync, log.sync, (middle - reach, middle + reach))
         if lag is not None:
-            return _Seen(r, log, apart, lag, "sync")
+            return _RunLag(r, log, apart, lag, "sync")
     first, second = (tuple(s for c in x.channels if (s := screened(c)) is not None) for x in (run.log, log))
     by_arrivals = arrival_lag(first, second, vehicle, run)
     near = None
@@ -101,26 +101,26 @@ def _look(r: int, run: BumpRun, log: Log, logger: Logger, vehicle: Vehicle) -> _
         near = by_arrivals.lag_s - 5.0 * by_arrivals.sd_s, by_arrivals.lag_s + 5.0 * by_arrivals.sd_s
     lag = motion_lag(first, second, vehicle, near)
     if lag is not None:
-        return _Seen(r, log, apart, lag, "motion")
-    return _Seen(r, log, apart, by_arrivals, "arrivals")
+        return _RunLag(r, log, apart, lag, "motion")
+    return _RunLag(r, log, apart, by_arrivals, "arrivals")
 
 
-def _one_by_one(seen: Sequence[_Seen], logger: Logger, runs: Sequence[BumpRun]) -> list[ClockFinding]:
+def _clocks_per_log(lags: Sequence[_RunLag], logger: Logger, runs: Sequence[BumpRun]) -> list[ClockFinding]:
     """Clocks that start again with every log, or are shared."""
     result = []
-    for one in seen:
+    for one in lags:
         run, lag = runs[one.run], one.lag
         if logger.clock == "shared":
             result.append(_shared(one, logger, run))
             continue
         if lag is None:
-            result.append(_unknown(one, logger, run))
+            result.append(_without_lag(one, logger, run))
             continue
         _check_bounds(lag.lag_s, lag.sd_s, logger, run, one)
         # The rate acts on both sides of the time at which the offset was found.
         sd = float(np.hypot(lag.sd_s, _half_length(one.log) * logger.rate_within / np.sqrt(3.0)))
         result.append(
-            _judged(
+            _with_remark(
                 ClockFinding(
                     run.log.file, one.log.file, logger.name, one.method, lag.lag_s, sd, lag.at_s,
                     logger.rate, logger.rate_within / np.sqrt(3.0),
@@ -135,7 +135,7 @@ def _half_length(log: Log) -> float:
     return 0.25 * log.duration_s
 
 
-def _shared(one: _Seen, logger: Logger, run: BumpRun) -> ClockFinding:
+def _shared(one: _RunLag, logger: Logger, run: BumpRun) -> ClockFinding:
     lag = one.lag
     apart = one.start_apart_s
     finding = _as_declared(run, one.log, logger, apart)
@@ -143,8 +143,8 @@ def _shared(one: _Seen, logger: Logger, run: BumpRun) -> ClockFinding:
     if lag is not None and abs(off) > max(SURE * lag.sd_s, APART_S):
         sentence = (
             f"{one.log.file}: the clock of the logger '{shorten(logger.name)}' is declared as shared, but the "
-            f"{_by(one.method)} shows it {1e3 * off:.1f} ms (standard deviation {1e3 * lag.sd_s:.1f} ms) apart from "
-            f'that of {run.log.file}; set clock = "per_log" or "continuous" for this logger.'
+            f"{_source(one.method)} shows it {1e3 * off:.1f} ms (standard deviation {1e3 * lag.sd_s:.1f} ms) apart "
+            f'from that of {run.log.file}; set clock = "per_log" or "continuous" for this logger.'
         )
         return replace(finding, complaint=sentence)
     return finding
@@ -154,11 +154,11 @@ def _as_declared(run: BumpRun, log: Log, logger: Logger, offset_s: float = 0.0) 
     return ClockFinding(run.log.file, log.file, logger.name, "declared", offset_s, 0.0, 0.0, 0.0, 0.0)
 
 
-def _by(method: ClockMethod) -> str:
+def _source(method: ClockMethod) -> str:
     return {"sync": "common signal", "motion": "motion that both loggers see"}.get(method, "arrival of the axles")
 
 
-def _unknown(one: _Seen, logger: Logger, run: BumpRun) -> ClockFinding:
+def _without_lag(one: _RunLag, logger: Logger, run: BumpRun) -> ClockFinding:
     sentence = (
         f"{one.log.file}: the clock of the logger '{shorten(logger.name)}' cannot be compared with that of "
         f"{run.log.file}: neither a common signal nor common motion nor arrivals of axles show its offset; its "
@@ -170,13 +170,13 @@ def _unknown(one: _Seen, logger: Logger, run: BumpRun) -> ClockFinding:
     )  # fmt: skip
 
 
-def _judged(finding: ClockFinding) -> ClockFinding:
+def _with_remark(finding: ClockFinding) -> ClockFinding:
     """The finding, with a sentence if it is too uncertain."""
     if finding.sd_s <= DOUBTFUL_S:
         return finding
     what = (
         f"{finding.other_file}: the clock of the logger '{shorten(finding.logger)}' is known to "
-        f"{1e3 * finding.sd_s:.0f} ms only (standard deviation, by the {_by(finding.method)})"
+        f"{1e3 * finding.sd_s:.0f} ms only (standard deviation, by the {_source(finding.method)})"
     )
     remedy = "record one signal on both loggers and name it by sync."
     if finding.sd_s > USELESS_S:
@@ -184,27 +184,27 @@ def _judged(finding: ClockFinding) -> ClockFinding:
     return replace(finding, caution=f"{what}; k and c of its axles may be off by more than their intervals: {remedy}")
 
 
-def _check_bounds(offset_s: float, sd_s: float, logger: Logger, run: BumpRun, one: _Seen) -> None:
+def _check_bounds(offset_s: float, sd_s: float, logger: Logger, run: BumpRun, one: _RunLag) -> None:
     off = offset_s - logger.offset_s
     if abs(off) <= logger.offset_within_s + 3.0 * sd_s:
         return
     raise DataRejectedError(
         f"{one.log.file}: the clock of the logger '{shorten(logger.name)}' is {offset_s:.3f} s (standard deviation "
-        f"{1e3 * sd_s:.1f} ms, by the {_by(one.method)}) from that of {run.log.file}, and "
+        f"{1e3 * sd_s:.1f} ms, by the {_source(one.method)}) from that of {run.log.file}, and "
         f"offset_s = {logger.offset_s:g} with offset_within_s = {logger.offset_within_s:g} is declared; "
         "check that both are logs of the same run, or correct offset_s."
     )
 
 
-def _along_line(seen: Sequence[_Seen], logger: Logger, runs: Sequence[BumpRun]) -> list[ClockFinding]:
+def _continuous_clock(lags: Sequence[_RunLag], logger: Logger, runs: Sequence[BumpRun]) -> list[ClockFinding]:
     """A clock that runs on: offset and rate from all runs."""
-    known = [one for one in seen if one.lag is not None]
+    known = [one for one in lags if one.lag is not None]
     if not known:
-        return [_unknown(one, logger, runs[one.run]) for one in seen]
-    when = np.array([one.log.start_time_s + (one.lag.at_s if one.lag else 0.5 * one.log.duration_s) for one in seen])
-    usable = np.array([one.lag is not None for one in seen])
-    offset = np.array([one.lag.lag_s - one.start_apart_s if one.lag else 0.0 for one in seen])
-    sd = np.array([one.lag.sd_s if one.lag else np.inf for one in seen])
+        return [_without_lag(one, logger, runs[one.run]) for one in lags]
+    when = np.array([one.log.start_time_s + (one.lag.at_s if one.lag else 0.5 * one.log.duration_s) for one in lags])
+    usable = np.array([one.lag is not None for one in lags])
+    offset = np.array([one.lag.lag_s - one.start_apart_s if one.lag else 0.0 for one in lags])
+    sd = np.array([one.lag.sd_s if one.lag else np.inf for one in lags])
     line, covariance, used = _line(when, offset, sd, usable, logger)
     (level, rate), centre = line, float(when[used].mean())
     rate_sd = float(np.sqrt(covariance[1, 1]))
@@ -217,7 +217,7 @@ def _along_line(seen: Sequence[_Seen], logger: Logger, runs: Sequence[BumpRun]) 
             'set clock = "per_log" if it is set or restarted between runs.'
         )
     result = []
-    for k, one in enumerate(seen):
+    for k, one in enumerate(lags):
         run = runs[one.run]
         here = np.array([1.0, when[k] - centre])
         value, value_sd = float(here @ np.array([level, rate])), float(np.sqrt(here @ covariance @ here))
@@ -225,7 +225,7 @@ def _along_line(seen: Sequence[_Seen], logger: Logger, runs: Sequence[BumpRun]) 
         off = offset[k] - value
         if usable[k] and not used[k] and abs(off) > APART_S:
             sentence = (
-                f"{one.log.file}: by the {_by(one.method)} the clock of the logger '{shorten(logger.name)}' is "
+                f"{one.log.file}: by the {_source(one.method)} the clock of the logger '{shorten(logger.name)}' is "
                 f"{1e3 * off:.1f} ms away from a clock that runs on from the other runs; its channels are left "
                 'out of this run. Set clock = "per_log" if it is restarted between runs, or check that this is '
                 "the log of that run."
@@ -238,7 +238,7 @@ def _along_line(seen: Sequence[_Seen], logger: Logger, runs: Sequence[BumpRun]) 
             run.log.file, one.log.file, logger.name, method, value + one.start_apart_s, value_sd, float(at), rate,
             rate_sd, complaint=sentence,
         )  # fmt: skip
-        result.append(finding if sentence else _judged(finding))
+        result.append(finding if sentence else _with_remark(finding))
     return result
 
 

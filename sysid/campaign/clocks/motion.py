@@ -35,15 +35,20 @@ MODEL_SD_S = 5e-4
 LEAST_SHARE = 0.5
 #: If another lag explains more than this share of what the best one explains, the motion is periodic.
 RIVAL = 0.93
+#: Lags further apart than this, about a cycle of the highest frequency of the band, are other lags.
 _APART_S = 0.15
+#: Parts of the band that the jackknife leaves out in turn.
 _BLOCKS = 8
+#: Length over which records fade in and out, less than a cycle of body motion: ends do not look like steps.
 _TAPER_S = 0.2
-_MOST_LEFT_OUT = 3
-#: A sensor is left out if this much less remains unexplained without it.
-_BETTER = 0.6
+#: Most sensors that may disagree with the others, and the share of what remains unexplained that must go with each
+#: (assumptions).
+_MOST_LEFT_OUT, _BETTER = 3, 0.6
+#: Longest sample interval: six samples per cycle of the highest frequency of the band.
 _SLOWEST_S = 0.02
 #: Longest records together: ten minutes at 200 Hz.
 _MOST_STEPS = 120_000
+#: Range about the coarse lag, which is right to a sample, in which the fine one is searched for: three slow samples.
 _NEAR_S = 0.06
 
 
@@ -98,12 +103,9 @@ def motion_lag(
 
     Parameters
     ----------
-    first, second
-        Channels of both logs of one run, each with its own stamps, without defects.
-    vehicle
-        For the places of axles and hinges.
-    within_s
-        Expected lag (a guess by other means); it is used if it explains most of what the best lag explains.
+    first, second : channels of both logs of one run, each with its own stamps, without defects.
+    vehicle : for the places of axles and hinges.
+    within_s : expected lag (a guess by other means); it is used if it explains most of what the best lag explains.
 
     Returns
     -------
@@ -118,7 +120,7 @@ def motion_lag(
     length = sum(max(float(c.time_s[-1]) for c in cs) - min(float(c.time_s[0]) for c in cs) for cs in (first, second))
     if step > _SLOWEST_S or length / step > _MOST_STEPS:
         return None
-    coarse = _coarse(observations, vehicle, (first, second), step, within_s)
+    coarse = _coarse(observations, (first, second), step, within_s)
     return None if coarse is None else _fine(*coarse, (first, second), step)
 
 
@@ -215,7 +217,6 @@ def _span(channels: Sequence[Channel]) -> tuple[float, float]:
 
 def _coarse(
     observations: list[_Observation],
-    vehicle: Vehicle,
     logs: tuple[Sequence[Channel], Sequence[Channel]],
     step: float,
     within_s: tuple[float, float] | None,
@@ -279,9 +280,9 @@ def _fine(
     if count < 100:
         return None
     spectra = _spectra(observations, ((begin, end), (begin - lag, end - lag)), step, count)
-    every = np.ones(spectra.omega.size, bool)
-    block = np.arange(every.size) * _BLOCKS // every.size
-    rest = _lowest(spectra, every)
+    count_of_frequencies = spectra.omega.size
+    block = np.arange(count_of_frequencies) * _BLOCKS // count_of_frequencies
+    rest = _lowest(spectra, block >= 0)
     left_out = np.array([_lowest(spectra, block != k) for k in range(_BLOCKS)])
     jackknife = np.sqrt((_BLOCKS - 1) / _BLOCKS * np.sum((left_out - left_out.mean()) ** 2))
     turned = spectra.product * np.exp(-1j * spectra.omega * rest)
@@ -290,7 +291,7 @@ def _fine(
     if curvature <= 0.0:
         return None
     redundant = len(observations) - np.linalg.matrix_rank(np.array([o.row for o in observations]), tol=1e-6)
-    formula = np.sqrt(remaining / (2.0 * every.size * redundant) * 2.0 / curvature)
+    formula = np.sqrt(remaining / (2.0 * count_of_frequencies * redundant) * 2.0 / curvature)
     sd = float(np.hypot(max(jackknife, formula), MODEL_SD_S))
     return Lag(lag + rest, sd, _middle(spectra, count, step) + begin - lag)
 

@@ -20,6 +20,7 @@ _MOST_STEPS = 4_000_000
 LEAST_CORRELATION, RIVAL = 0.5, 0.95
 #: Lags at which a smaller share of both signals' power is common are not used.
 _LEAST_COMMON = 0.2
+#: Readings with which a common signal can be told from chance (an assumption).
 _FEWEST = 50
 
 Signal = tuple[np.ndarray, np.ndarray]
@@ -30,10 +31,8 @@ def sync_lag(first: Signal, second: Signal, within_s: tuple[float, float]) -> La
 
     Parameters
     ----------
-    first, second
-        Stamps (n,) [s] of the logger's own clock and readings (n,) in any unit.
-    within_s
-        Smallest and largest lag that is tried [s].
+    first, second : stamps (n,) [s] of the logger's own clock and readings (n,) in any unit.
+    within_s : smallest and largest lag that is tried [s].
 
     Returns
     -------

@@ -12,7 +12,7 @@ from sysid.logs.channels import Clock
 
 BAD_STAMP_SHARE = 0.01  # up to this share of repeated or empty stamps is a hiccup of the logger, more is a broken log
 SAME_STEP = 1e-3  # rounding of the printed stamps
-_DAY_S = 86400.0
+_DAY_S = 86400.0  # unit of times in spreadsheets
 
 
 @dataclass(frozen=True)
@@ -29,14 +29,10 @@ def clean_clock(clock: Clock, declared_s: float, label: str, messages: list[str]
 
     Parameters
     ----------
-    clock
-        Stamps as the file has them.
-    declared_s
-        Declared sample interval [s], taken as the step where the stamps agree with it but for rounding.
-    label
-        Name of the file.
-    messages
-        Receives what was left out, and a step that differs from the declared one.
+    clock : stamps as the file has them.
+    declared_s : declared sample interval [s], taken as the step where the stamps agree with it but for rounding.
+    label : name of the file.
+    messages : receives what was left out, and a step that differs from the declared one.
 
     Raises
     ------

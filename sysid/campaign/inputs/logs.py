@@ -11,7 +11,7 @@ import numpy as np
 from sysid.campaign.inputs.log_clocks import CleanClock, clean_clock
 from sysid.campaign.inputs.log_sides import join_sides
 from sysid.campaign.records import Channel, Log, Sensor
-from sysid.campaign.units import contradiction, si_factor
+from sysid.campaign.units import contradiction
 from sysid.errors import DataRejectedError
 from sysid.logs.channels import LogContent, LogRequest, RawChannel
 from sysid.logs.input_file import InputFile
@@ -54,14 +54,10 @@ def read_log(
 
     Parameters
     ----------
-    source, name
-        The file (or its path) and its name for messages and results.
-    sensors
-        Sensors with their columns; a missing column leaves its channel out and a message in the log.
-    sample_interval_s
-        Declared sample interval [s].
-    writing
-        What the campaign says about the way the log is written.
+    source, name : the file (or its path) and its name for messages and results.
+    sensors : sensors with their columns; a missing column leaves its channel out and a message in the log.
+    sample_interval_s : declared sample interval [s].
+    writing : what the campaign says about the way the log is written.
 
     Returns
     -------
@@ -140,8 +136,7 @@ def _channel(sensor: Sensor, time: np.ndarray, raw: RawChannel, rows: np.ndarray
             f"'{shorten(against, 30)}', campaign.toml says '{sensor.unit}'; correct the unit there, or give "
             "the sensor a scale if its readings are scaled."
         )
-    factor = si_factor(sensor.unit, "length" if sensor.si_unit == "m" else "acceleration")
-    value = raw.values[rows] * (sensor.sign * sensor.scale * factor)
+    value = raw.values[rows] * (sensor.sign * sensor.scale * sensor.unit_in_si)
     censored = np.zeros(value.size, np.int8)
     if sensor.full_scale is not None:
         limit = sensor.full_scale * (1.0 - CLIP_TOLERANCE)

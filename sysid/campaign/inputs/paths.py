@@ -51,14 +51,10 @@ def input_file(folder: Path, name: str, key: str, limit_bytes: int) -> InputFile
 
     Parameters
     ----------
-    folder
-        Folder of the campaign file.
-    name
-        Relative name with forward slashes, as written in the campaign file.
-    key
-        Key path for messages.
-    limit_bytes
-        Largest size that will be read.
+    folder : folder of the campaign file.
+    name : relative name with forward slashes, as written in the campaign file.
+    key : key path for messages.
+    limit_bytes : largest size that will be read.
 
     Raises
     ------

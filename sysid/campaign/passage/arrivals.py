@@ -15,16 +15,20 @@ from sysid.campaign.vehicle_records import Vehicle
 HIGH_PASS_HZ = 0.4
 #: Speeds that are tried: listed speed times exp(-1.6) to exp(1.6), so that m/s and mph are among them.
 _REACH, _SPEEDS = 1.6, 121
+#: Interval at which motions are added up: 8 cm of travel at 15 km/h, far less than a bump.
 _COARSE_S = 0.02
 #: Shares of the listed speed that are tried as well.
 _NEAR_LISTED = (0.9, 1.0, 1.1)
 #: Range in which the edge of the bump is searched for, around the time at which an axle is highest [m of travel], and
 #: then around the line through all axles.
 _BEFORE_M, _BEHIND_M, _NEAR_M = 1.3, 0.5, 0.45
-_JUST_BEFORE, _JUST_BEHIND = 0.15, 0.25
+#: Range around the expected time in which the motion of the bump itself is looked for [m of travel].
+_JUST_BEFORE_M, _JUST_BEHIND_M = 0.15, 0.25
 #: An axle that is lifted has reached this share of its largest speed.
 _SHARE = 0.45
+#: An axle that rises with less than this share of its speed at its first arrival stands still there (an assumption).
 _STILL = 0.2
+#: Speeds above this many times the listed one do not decide how far the axles move on the bump (an assumption).
 _FAR = 1.6
 #: For axles at equal distances both directions are the same: the one against the list counts less.
 _BACKWARDS = 0.97
@@ -80,12 +84,9 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
 
     Parameters
     ----------
-    channels
-        Of one run; axle accelerations count, of any sign.
-    vehicle
-        For the places of the axles x_i [m].
-    listed_m_s
-        Speed around which is searched [m/s].
+    channels : of one run; axle accelerations count, of any sign.
+    vehicle : for the places of the axles x_i [m].
+    listed_m_s : speed around which is searched [m/s].
 
     Returns
     -------
@@ -240,7 +241,7 @@ def _lifted(
         begin = int(np.argmax(np.abs(part) > _SHARE * largest))
     else:
         # The axles in front have set it in motion already; the bump itself is what moves it fastest about that time.
-        reach = np.array([-_JUST_BEFORE, _JUST_BEHIND]) * 0.5 * (window[1] - window[0]) / _NEAR_M
+        reach = np.array([-_JUST_BEFORE_M, _JUST_BEHIND_M]) * 0.5 * (window[1] - window[0]) / _NEAR_M
         near = np.flatnonzero((grid[inside] >= expected + reach[0]) & (grid[inside] <= expected + reach[1]))
         if near.size == 0:
             return None

@@ -15,6 +15,7 @@ DOUBTFUL, HOPELESS = 0.12, 0.3
 _AGREEMENT = 0.1
 #: Share of the axles with sensors that must be seen to arrive.
 _SEEN = 0.75
+#: km/h in units that a speed may have been noted in by mistake.
 _UNITS = {"m/s": 3.6, "mph": 1.609344}
 
 

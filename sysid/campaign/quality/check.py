@@ -15,7 +15,6 @@ from sysid.campaign.quality.copies import copied_columns, copied_logs
 from sysid.campaign.quality.exchanges import Suspicion
 from sysid.campaign.quality.suspects import axles_shown_falling, suspicions
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop
-from sysid.campaign.units import si_factor
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.wording import say_once, shorten
 
@@ -33,14 +32,14 @@ JITTER_SHARE = 0.2  # of the step between stamps
 
 
 @dataclass
-class _Work:
+class _ChannelCheck:
     """One channel on its way through the check."""
 
     channel: Channel
     missing: int
     clip_level: float | None
     dead: tuple[tuple[float, float], ...]
-    rest: float | None
+    rest_level: float | None
     noise: float | None
     messages: list[str]
     rejected: bool = False
@@ -55,8 +54,7 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
 
     Parameters
     ----------
-    campaign
-        As read; it is not changed.
+    campaign : as read; it is not changed.
 
     Returns
     -------
@@ -122,8 +120,8 @@ def _check_log(
     messages = list(log.messages)
     if not log.channels:
         return log, [], messages
-    clocks = _clocks(log, messages)
-    work = [_examine(channel) for channel in log.channels]
+    clocks = _timings(log, messages)
+    checks = [_examine(channel) for channel in log.channels]
     clock = min(clocks, key=lambda c: c.rate_hz)
     rows = min(channel.time_s.size for channel in log.channels)
     too_short = rows < FEWEST_SAMPLES or clock.rate_hz < SLOWEST_HZ
@@ -133,17 +131,17 @@ def _check_log(
             if rows < FEWEST_SAMPLES
             else f"is sampled at {clock.rate_hz:.3g} Hz, expected at least {SLOWEST_HZ:g} Hz"
         )
-        for item in work:
+        for item in checks:
             item.messages.append(f"the log {what}; the motion of the body cannot be seen in it.")
             item.rejected = True
     else:
-        _judge_together(log, work, vehicle, bump_speed, falling, messages)
-    findings = [_finding(log, item, timing) for item, timing in zip(work, clocks, strict=True)]
-    kept = tuple(item.channel for item in work if not item.rejected)
+        _judge_together(log, checks, vehicle, bump_speed, falling, messages)
+    findings = [_finding(log, item, timing) for item, timing in zip(checks, clocks, strict=True)]
+    kept = tuple(item.channel for item in checks if not item.rejected)
     return replace(log, channels=kept, messages=tuple(messages)), findings, messages
 
 
-def _clocks(log: Log, messages: list[str]) -> list[defects.Timing]:
+def _timings(log: Log, messages: list[str]) -> list[defects.Timing]:
     """Timing of every channel's clock, and what is to be said about it."""
     timings: list[defects.Timing] = []
     times = [channel.time_s for channel in log.channels]
@@ -171,19 +169,19 @@ def _clocks(log: Log, messages: list[str]) -> list[defects.Timing]:
     return timings
 
 
-def _examine(channel: Channel) -> _Work:
+def _examine(channel: Channel) -> _ChannelCheck:
     """Defects that the channel shows by itself; times of spans in seconds of the log."""
     value, censored = channel.value.copy(), channel.censored.copy()
     time = channel.time_s
     messages: list[str] = []
     missing = int(np.sum(~np.isfinite(value)))
     finite = value[np.isfinite(value)]
-    item = _Work(channel, missing, None, (), None, None, messages)
+    item = _ChannelCheck(channel, missing, None, (), None, None, messages)
     if finite.size == 0:
         messages.append("the column is empty.")
         item.rejected = True
         return item
-    unit_scale = si_factor(channel.sensor.unit, "length" if channel.sensor.si_unit == "m" else "acceleration")
+    unit_scale = channel.sensor.unit_in_si
     shown = channel.sensor.unit
     if np.max(np.abs(finite)) > LARGEST:
         messages.append(
@@ -260,17 +258,17 @@ def _mark_clipping(
 
 def _judge_together(
     log: Log,
-    work: Sequence[_Work],
+    checks: Sequence[_ChannelCheck],
     vehicle: Vehicle,
     bump_speed: float | None,
     falling: frozenset[int],
     messages: list[str],
 ) -> None:
-    alive = [item for item in work if not item.rejected]
+    alive = [item for item in checks if not item.rejected]
     copies = copied_columns([item.channel for item in alive])
     for item in alive:
         if item.channel.sensor.column in copies:
-            _take(item, Suspicion(copies[item.channel.sensor.column], True))
+            _add_suspicion(item, Suspicion(copies[item.channel.sensor.column], True))
     alive = [item for item in alive if not item.rejected]
     starts = defects.motion_starts([item.channel for item in alive])
     start = defects.motion_start(starts)
@@ -278,32 +276,32 @@ def _judge_together(
         messages.append(f"{log.file}: the truck moves from the first sample on, so the level at rest cannot be read.")
     rests = {}
     for item, channel_start in zip(alive, starts, strict=True):
-        item.rest, item.noise = defects.rest_of(item.channel, start, channel_start)
-        rests[item.channel.sensor.column] = float(np.nanmedian(item.channel.value)) if item.rest is None else item.rest
+        item.rest_level, item.noise = defects.rest_of(item.channel, start, channel_start)
+        rests[item.channel.sensor.column] = (
+            float(np.nanmedian(item.channel.value)) if item.rest_level is None else item.rest_level
+        )
         _judge_noise(item)
     alive = [item for item in alive if not item.rejected]
     for item in alive:
         # A plank compresses the suspension until the wheels fall off it.
         on_plank = bump_speed is None and item.channel.sensor.kind == "suspension_deflection"
-        shifted = None if on_plank else defects.level_shift(item.channel, item.rest, item.noise)
+        shifted = None if on_plank else defects.level_shift(item.channel, item.rest_level, item.noise)
         if shifted is not None:
-            scale = si_factor(
-                item.channel.sensor.unit, "length" if item.channel.sensor.si_unit == "m" else "acceleration"
-            )
+            sensor = item.channel.sensor
             item.messages.append(
-                f"its level at the end differs by {shifted / scale:.3g} {item.channel.sensor.unit} from that at the "
+                f"its level at the end differs by {shifted / sensor.unit_in_si:.3g} {sensor.unit} from that at the "
                 "start: the sensor drifts, or its mount has slipped; check it, its readings are used."
             )
     suspected = suspicions(log, [item.channel for item in alive], vehicle, rests, bump_speed, falling)
     for item in alive:
         for suspicion in suspected.get(item.channel.sensor.column, ()):
-            _take(item, suspicion)
+            _add_suspicion(item, suspicion)
 
 
-def _judge_noise(item: _Work) -> None:
-    if item.rest is None or item.noise is None:
+def _judge_noise(item: _ChannelCheck) -> None:
+    if item.rest_level is None or item.noise is None:
         return
-    peak = float(np.nanmax(np.abs(item.channel.value - item.rest)))
+    peak = float(np.nanmax(np.abs(item.channel.value - item.rest_level)))
     if peak < NO_RESPONSE * item.noise:
         item.messages.append("the reading shows noise only, no response to the test.")
         item.rejected = True
@@ -311,16 +309,16 @@ def _judge_noise(item: _Work) -> None:
         item.messages.append(f"the noise is {100.0 * item.noise / peak:.0f} % of the largest reading.")
 
 
-def _take(item: _Work, suspicion: Suspicion) -> None:
+def _add_suspicion(item: _ChannelCheck, suspicion: Suspicion) -> None:
     if suspicion.sentence not in item.messages:
         item.messages.append(suspicion.sentence)
     item.rejected = item.rejected or suspicion.rejected
 
 
-def _finding(log: Log, item: _Work, clock: defects.Timing) -> ChannelFinding:
+def _finding(log: Log, item: _ChannelCheck, clock: defects.Timing) -> ChannelFinding:
     channel = item.channel
     finite = channel.value[np.isfinite(channel.value)]
-    base = item.rest if item.rest is not None else (float(np.median(finite)) if finite.size else 0.0)
+    base = item.rest_level if item.rest_level is not None else (float(np.median(finite)) if finite.size else 0.0)
     verdict: Verdict = "rejected" if item.rejected else "usable" if item.messages else "good"
     return ChannelFinding(
         file=log.file,
@@ -335,7 +333,7 @@ def _finding(log: Log, item: _Work, clock: defects.Timing) -> ChannelFinding:
         clipped=int(np.sum(channel.censored != 0)),
         clip_level=item.clip_level,
         dead_spans=item.dead,
-        rest_level=item.rest,
+        rest_level=item.rest_level,
         noise_rms=item.noise,
         peak=float(np.max(np.abs(finite - base))) if finite.size else None,
         verdict=verdict,

@@ -66,8 +66,7 @@ def clip_levels(value: np.ndarray) -> tuple[float | None, float | None]:
 
     Parameters
     ----------
-    value
-        (n,) readings, NaN where missing.
+    value : (n,) readings, NaN where missing.
     """
     q = quantum(value)
     finite = value[np.isfinite(value)]
@@ -135,17 +134,17 @@ def held_spans(value: np.ndarray, full_scale: float | None) -> list[tuple[int, i
     return found if len(levels) >= 3 and moving.size and by_chance < 0.01 else []
 
 
-def level_shift(channel: Channel, rest: float | None, noise: float | None) -> float | None:
+def level_shift(channel: Channel, rest_level: float | None, noise: float | None) -> float | None:
     """How far [SI] a channel stands from its rest level at the end of its record, None where that is nothing unusual.
 
     The truck must have come to rest: the last second scatters little.  A leaf spring that rubs leaves some millimetres.
     """
     good = np.isfinite(channel.value)
-    if rest is None or noise is None or good.sum() < 100:
+    if rest_level is None or noise is None or good.sum() < 100:
         return None
     time, value = channel.time_s[good], channel.value[good]
     last = value[time > time[-1] - 1.0]
-    shift = float(np.median(last)) - rest
+    shift = float(np.median(last)) - rest_level
     limit = max(SHIFT_M if channel.sensor.si_unit == "m" else SHIFT_M_S2, 6.0 * noise)
     return shift if abs(shift) > limit and np.std(last) < 0.4 * abs(shift) else None
 
@@ -163,8 +162,7 @@ def spikes(value: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    value
-        (n,) readings, NaN where missing.
+    value : (n,) readings, NaN where missing.
     """
     n = value.size
     if n < 30:
@@ -239,8 +237,7 @@ def motion_start(starts: Sequence[float | None]) -> float | None:
 
     Parameters
     ----------
-    starts
-        Of all channels, from `motion_starts`.
+    starts : of all channels, from `motion_starts`.
     """
     finite = sorted(s for s in starts if s is not None and np.isfinite(s))
     if not finite:

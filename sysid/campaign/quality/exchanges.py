@@ -45,16 +45,11 @@ def find_exchanges(
 
     Parameters
     ----------
-    suspect
-        Axles whose sensors do not agree.
-    groups, fits
-        All axles of the log and how well their sensors agree.
-    inverted
-        Two axles that arrive in the wrong order, from `inverted_axles`.
-    vehicle, step
-        For names, and the sample interval [s].
-    suspicions
-        Receives the suspicions.
+    suspect : axles whose sensors do not agree.
+    groups, fits : all axles of the log and how well their sensors agree.
+    inverted : two axles that arrive in the wrong order, from `inverted_axles`.
+    vehicle, step : for names, and the sample interval [s].
+    suspicions : receives the suspicions.
 
     Returns
     -------
@@ -77,9 +72,9 @@ def find_exchanges(
         best: tuple[float, Channel, Channel] | None = None
         for kind in ("deflection", "axle_acceleration", "body_acceleration"):
             x, y = getattr(one, kind), getattr(two, kind)
-            rest = _explained_by_exchange(one, two, kind, fits, step)
-            if rest is not None and (best is None or rest < best[0]):
-                best = (rest, x, y)
+            unexplained = _explained_by_exchange(one, two, kind, fits, step)
+            if unexplained is not None and (best is None or unexplained < best[0]):
+                best = (unexplained, x, y)
         if best is not None:
             _exchange_sentences([best[1:]], suspicions)
             settled |= {one.axle, two.axle}
@@ -92,7 +87,7 @@ def find_exchanges(
         elif one.body_acceleration is not None and two.body_acceleration is not None:
             away = [_fit_with(one, two, "body_acceleration", step), _fit_with(two, one, "body_acceleration", step)]
             home = [fits[one.axle], fits[two.axle]]
-            if all(f is not None for f in (*away, *home)) and _rest(home) < _rest(away):
+            if all(f is not None for f in (*away, *home)) and _total_unexplained(home) < _total_unexplained(away):
                 pairs.append((one.body_acceleration, two.body_acceleration))
         where = " and ".join(f"'{shorten(vehicle.axles[t.axle].name)}'" for t in (one, two))
         _exchange_sentences(pairs, suspicions, f"the axles {where} meet the bump in the wrong order")
@@ -100,7 +95,7 @@ def find_exchanges(
     return settled
 
 
-def _rest(fits: Sequence[Fit | None]) -> float:
+def _total_unexplained(fits: Sequence[Fit | None]) -> float:
     return sum(f.unexplained for f in fits if f is not None)
 
 
@@ -117,7 +112,7 @@ def _explained_by_exchange(
             return None
         if before is None or (before.right and before.unexplained < 2.0 * after.unexplained):
             return None
-    return _rest(new)
+    return _total_unexplained(new)
 
 
 def _fit_with(trio: Trio, other: Trio, kind: str, step: float) -> Fit | None:
@@ -174,5 +169,5 @@ def _swapped(values: np.ndarray, i: int, j: int) -> np.ndarray:
 def _line_misfit(x: np.ndarray, t: np.ndarray) -> float:
     """Root mean square departure [s] of arrival times from constant speed."""
     design = np.stack([np.ones_like(x), x], axis=1)
-    rest = t - design @ np.linalg.lstsq(design, t, rcond=None)[0]
-    return float(np.sqrt(np.mean(rest**2)))
+    departure = t - design @ np.linalg.lstsq(design, t, rcond=None)[0]
+    return float(np.sqrt(np.mean(departure**2)))

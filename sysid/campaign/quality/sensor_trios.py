@@ -95,11 +95,9 @@ def fit_factors(q: Channel, a: Channel, b: Channel | None, step_s: float) -> Fit
 
     Parameters
     ----------
-    q, a, b
-        Deflection [m], axle and frame acceleration [m/s^2]; without `b` the frame is taken as still and the band is
-        that of wheel hop.
-    step_s
-        Sample interval [s].
+    q, a, b : deflection [m], axle and frame acceleration [m/s^2]; without `b` the frame is taken as still and the band
+        is that of wheel hop.
+    step_s : sample interval [s].
 
     Returns
     -------
@@ -135,8 +133,8 @@ def fit_factors(q: Channel, a: Channel, b: Channel | None, step_s: float) -> Fit
     solution, _, rank, _ = np.linalg.lstsq(design / scale, target, rcond=1e-8)
     if rank < design.shape[1]:
         return None
-    rest = target - design / scale @ solution
-    variance = float(rest @ rest) / max(1, target.size - design.shape[1])
+    residual = target - design / scale @ solution
+    variance = float(residual @ residual) / max(1, target.size - design.shape[1])
     error = np.sqrt(np.diag(np.linalg.inv((design / scale).T @ (design / scale))) * variance) / scale
     solution = solution / scale
     return Fit(
@@ -144,7 +142,7 @@ def fit_factors(q: Channel, a: Channel, b: Channel | None, step_s: float) -> Fit
         alpha_se=float(error[0]),
         beta=float(solution[1]) if b is not None else 1.0,
         beta_se=float(error[1]) if b is not None else np.inf,
-        unexplained=float(rest @ rest) / size,
+        unexplained=float(residual @ residual) / size,
     )
 
 
@@ -160,23 +158,23 @@ def hop_size(channel: Channel, step_s: float) -> float:
     return float(np.sqrt(2.0 * np.sum(np.abs(spectrum[band]) ** 2)) / grid.size)
 
 
-def arrival(channel: Channel, rest: float) -> float | None:
-    """Time [s] at which an axle acceleration first exceeds a third of its largest departure from `rest`."""
-    departure = np.abs(channel.value - rest)
+def arrival(channel: Channel, rest_level: float) -> float | None:
+    """Time [s] at which an axle acceleration first exceeds a third of its largest departure from `rest_level`."""
+    departure = np.abs(channel.value - rest_level)
     good = np.isfinite(departure)
     if good.sum() < 20:
         return None
     return float(channel.time_s[np.argmax(np.where(good, departure, 0.0) > np.nanmax(departure) / 3.0)])
 
 
-def first_lift(channel: Channel, rest: float, arrival_s: float) -> float:
+def first_lift(channel: Channel, rest_level: float, arrival_s: float) -> float:
     """How clearly an axle rises (towards +1) or falls (towards -1) when it meets the obstacle.
 
     The acceleration is integrated twice over 0.35 s around the arrival; the largest departure of the displacement
     from zero decides, relative to the largest one of the other sign.
     """
     inside = (channel.time_s > arrival_s - 0.15) & (channel.time_s < arrival_s + 0.2) & np.isfinite(channel.value)
-    time, value = channel.time_s[inside], channel.value[inside] - rest
+    time, value = channel.time_s[inside], channel.value[inside] - rest_level
     if time.size < 6:
         return 0.0
     steps = np.diff(time)

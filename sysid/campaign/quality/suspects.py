@@ -59,19 +59,13 @@ def suspicions(
 
     Parameters
     ----------
-    log
-        The log, for its sample interval.
-    channels
-        Its channels without dead ones.
-    vehicle
-        Says which sensors belong together.
-    rests
-        Rest level of each column [SI].
-    bump_speed
-        Nominal speed over a bump [m/s], which lifts the axles first, one after the other; None for a plank drop, where
-        the axle falls first.
-    falling
-        Axles that other runs show with the wrong sign, from `axles_shown_falling`.
+    log : the log, for its sample interval.
+    channels : its channels without dead ones.
+    vehicle : says which sensors belong together.
+    rests : rest level of each column [SI].
+    bump_speed : nominal speed over a bump [m/s], which lifts the axles first, one after the other; None for a plank
+        drop, where the axle falls first.
+    falling : axles that other runs show with the wrong sign, from `axles_shown_falling`.
 
     Returns
     -------
@@ -116,9 +110,9 @@ def suspicions(
 
 
 def _lift(channel: Channel, rests: Mapping[str, float]) -> float:
-    rest = rests.get(channel.sensor.column, 0.0)
-    time = arrival(channel, rest)
-    return 0.0 if time is None else first_lift(channel, rest, time)
+    rest_level = rests.get(channel.sensor.column, 0.0)
+    time = arrival(channel, rest_level)
+    return 0.0 if time is None else first_lift(channel, rest_level, time)
 
 
 @dataclass(frozen=True)
@@ -157,11 +151,9 @@ def _explain(trio: Trio, fit: Fit, evidence: _Evidence, suspects: dict[str, list
 
 
 def _causes(sensor: Sensor) -> list[_Cause]:
-    dimension = "length" if sensor.si_unit == "m" else "acceleration"
-    declared = si_factor(sensor.unit, dimension)
     causes = [_Cause(1.0, None), _Cause(-1.0, None)]
-    for unit in _ACTUAL_UNITS[dimension]:
-        factor = declared / si_factor(unit, dimension)
+    for unit in _ACTUAL_UNITS[sensor.dimension]:
+        factor = sensor.unit_in_si / si_factor(unit, sensor.dimension)
         if abs(np.log(factor)) > 0.1:
             causes += [_Cause(factor, unit), _Cause(-factor, unit)]
     return causes
@@ -280,8 +272,7 @@ def axles_shown_falling(runs: Sequence[tuple[Sequence[Channel], float]], vehicle
 
     Parameters
     ----------
-    runs
-        Channels of every run and its listed speed [m/s].
+    runs : channels of every run and its listed speed [m/s].
     """
     votes: dict[int, list[bool]] = {}
     for channels, listed_m_s in runs:
@@ -321,13 +312,13 @@ def _axles_flipped(
                 )
 
 
-def _implausible(channel: Channel, rest: float | None, suspects: dict[str, list[Suspicion]]) -> None:
+def _implausible(channel: Channel, rest_level: float | None, suspects: dict[str, list[Suspicion]]) -> None:
     sensor = channel.sensor
     good = channel.value[np.isfinite(channel.value)]
     if good.size < 20:
         return
-    scale = si_factor(sensor.unit, "length" if sensor.si_unit == "m" else "acceleration")
-    size = float(np.max(np.abs(good - (np.median(good) if rest is None else rest))))
+    scale = sensor.unit_in_si
+    size = float(np.max(np.abs(good - (np.median(good) if rest_level is None else rest_level))))
     low, high = _PLAUSIBLE[sensor.kind]
     if sensor.full_scale is not None and np.mean(np.abs(good) > 1.5 * sensor.full_scale) > 0.002:
         largest = float(np.max(np.abs(good)))

@@ -25,10 +25,8 @@ def parse_toml(content: bytes, label: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    content
-        The bytes of the file: UTF-8 with or without byte order mark, or UTF-16 with one.
-    label
-        Name of the file for messages.
+    content : the bytes of the file: UTF-8 with or without byte order mark, or UTF-16 with one.
+    label : name of the file for messages.
 
     Raises
     ------

@@ -10,6 +10,7 @@ from sysid.campaign.units import unit_names
 from sysid.logs.registry import FORMATS
 from sysid.wording import nearest
 
+#: Characters of a name, which stands in messages and tables, and of a title or notes.
 NAME_LENGTH = 200
 TEXT_LENGTH = 20_000
 

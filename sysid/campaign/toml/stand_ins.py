@@ -35,10 +35,8 @@ def with_stand_ins(tables: dict[str, Any], label: str) -> tuple[dict[str, Any], 
 
     Parameters
     ----------
-    tables
-        As parsed; they are not changed.
-    label
-        Name of the campaign file.
+    tables : as parsed; they are not changed.
+    label : name of the campaign file.
     """
     result: dict[str, Any] = copy.deepcopy(tables)
     paths = [todo.path for todo in find_todos(tables)]

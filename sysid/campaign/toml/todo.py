@@ -17,6 +17,7 @@ _CONFIRM_LINE = re.compile(rf"^(?P<entry>.*?)#\s*{CONFIRM}:?\s*(?P<what>.*)$")
 _HEADER = re.compile(r"^\s*\[+([^\]]+)\]+")
 _NAME = re.compile(r'^\s*name\s*=\s*"([^"]*)"')
 _FILE = re.compile(r'\bfile = "([^"]*)"')
+#: Values to fill in that one message names.
 _SHOWN = 5
 
 

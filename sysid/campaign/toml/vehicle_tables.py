@@ -32,6 +32,7 @@ _PRIOR_QUANTITIES = {
     "tire_stiffness_N_per_m": "tire_stiffness",
     "tire_damping_N_s_per_m": "tire_damping",
 }
+#: Positions that differ by less are the same but for rounding.
 _SAME_PLACE_M = 1e-6
 #: Share of a tire's vertical stiffness that its structure keeps without pressure: an assumption, general knowledge of
 #: truck tires, whose load is carried by the air almost alone.

@@ -15,7 +15,7 @@ from sysid.campaign.vehicle_records import Vehicle
 from sysid.estimation.parameters.parameter_set import SHARE_ODDS, ParameterSet, bending_names
 from sysid.estimation.parameters.suspension_curves import (
     SuspensionCurves,
-    joined,
+    joined_ramps,
     joined_stops,
     lash_ramps,
     stop_ramps,
@@ -238,7 +238,7 @@ def _suspension(
     return SuspensionLaw(
         base,
         damping if damper is None else damping * damper.share,
-        ramps=joined(ramps),
+        ramps=joined_ramps(ramps) if ramps else None,
         stops=None if stops is None or stop is None else stop_ramps(stops, stop),
         rate_ramps=None if damper is None else table_ramps(damper, damping),
         frames=frames,

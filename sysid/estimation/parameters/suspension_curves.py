@@ -154,7 +154,7 @@ def stop_ramps(stops: HostOrDevice, stiffness: RunsByAxlesBySets) -> Ramps:
     slopes = np.append(np.diff(curve) / np.diff(knots), 1.0 + 2.0 * knots[-1] / STOP_LENGTH_M)
     side = np.array([1.0, -1.0])[:, None, None, None]
     shape = (2, *stiffness.shape)
-    return joined_parts(
+    return joined_ramps(
         [
             Ramps(
                 jnp.broadcast_to(stops + side * knot, shape),
@@ -180,11 +180,6 @@ def lash_ramps(lash: np.ndarray, stiffness: RunsByAxlesBySets, carried: np.ndarr
     return Ramps(at, jnp.stack([-slope, slope]), jnp.ones_like(at))
 
 
-def joined(parts: list[Ramps]) -> Ramps | None:
-    """All ramps of several parts, None of none."""
-    return joined_parts(parts) if parts else None
-
-
-def joined_parts(parts: list[Ramps]) -> Ramps:
+def joined_ramps(parts: list[Ramps]) -> Ramps:
     """All ramps of one or more parts."""
     return Ramps(*(jnp.concatenate(arrays) for arrays in zip(*parts, strict=True)))

@@ -49,9 +49,9 @@ class DataInformation:
             others = self.sd.size - self.masses
             object.__setattr__(self, "kinds", (MASSES,) * self.masses + (TIRES,) * others)
 
-    def precision(self, more: np.ndarray | None = None) -> np.ndarray:
-        """Precision (p, p) of the parameters by the data alone; `more` (p + q, p + q) is the information of others."""
-        matrix = self.matrix if more is None else self.matrix + more / self.factor
+    def precision(self, further: np.ndarray | None = None) -> np.ndarray:
+        """Precision (p, p) of the parameters by the data alone; `further` (p + q, p + q) that of other data."""
+        matrix = self.matrix if further is None else self.matrix + further / self.factor
         left = integrated(matrix, self.prior.shape[0], self.sd).information
         adjusted = self.flattening.T @ left @ self.flattening
         adjusted = adjusted @ self._between_laws(adjusted)
@@ -74,6 +74,6 @@ class DataInformation:
         inner = np.eye(len(rows)) + rows @ precision @ rows.T
         return np.asarray(np.eye(precision.shape[0]) - rows.T @ np.linalg.solve(inner, rows @ precision))
 
-    def covariance(self, more: np.ndarray | None = None) -> np.ndarray:
-        """Covariance (p, p) of the log parameters, priors included; `more` as in :meth:`precision`."""
-        return np.linalg.inv(self.precision(more) + self.prior)
+    def covariance(self, further: np.ndarray | None = None) -> np.ndarray:
+        """Covariance (p, p) of the log parameters, priors included; `further` as in :meth:`precision`."""
+        return np.linalg.inv(self.precision(further) + self.prior)

@@ -43,6 +43,7 @@ from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty
 PLAUSIBLE = {ENVELOPE: 1.0, FOOTPRINT: 0.2, SPOKES: 0.2, TIRE_LOAD: 0.1, FRICTION: 0.03}
 #: Readings of a weighing scale are assumed to be off by no more than this many times their tolerance.
 MOST_GROWN = 3.0
+#: Rounds of expectation-maximisation, which ends when no scale changes by a thousandth.
 _ROUNDS = 200
 
 
@@ -72,7 +73,7 @@ def departure_columns(
     columns = empty_columns(model, count)
     if count == 0:
         return columns
-    log_factors, here_now = allowances.split(amounts)
+    log_factors, present = allowances.split(amounts)
 
     cases = [np.array([p.load_case for p in passes]) for passes in model.passes]
     # One simulation moves an axle in all load cases, because their runs are independent.
@@ -80,9 +81,9 @@ def departure_columns(
     for j, d in enumerate(known.directions):
         if d.axle is not None:
             together.setdefault((d.kind, d.axle), []).append(j)
-    amplitudes = [here_now]
+    amplitudes = [present]
     for (kind, _), members in together.items():
-        moved = here_now.copy()
+        moved = present.copy()
         moved[members] += STEP[kind]
         amplitudes.append(moved)
     trials = (allowances.moved(model, np.concatenate([log_factors, a])) for a in amplitudes)
@@ -133,9 +134,9 @@ def departure_scale(
     cross = information[:count, count:]
     remaining = information[count:, count:] - cross.T @ np.linalg.solve(information[:count, :count] + prior, cross)
     here = np.zeros(remaining.shape[0]) if amounts is None else amounts
-    own = np.linalg.solve(information[:count, :count] + prior, score[:count])
+    towards_optimum = np.linalg.solve(information[:count, :count] + prior, score[:count])
     # The parameters at their best for it, a parabola about `here` has this gradient at 0.
-    right = score[count:] - cross.T @ own - remaining @ here
+    gradient = score[count:] - cross.T @ towards_optimum - remaining @ here
     groups = np.array([d.group for d in directions])
     of_group = (groups[:, None] == groups).astype(float)
     mean_of_group = of_group / of_group.sum(axis=1, keepdims=True)
@@ -146,7 +147,7 @@ def departure_scale(
         sd = np.concatenate([mass_sd, tau])
         # In units of their scales the unknowns have the unit matrix as prior: safe for scales that go to zero.
         left = np.linalg.inv(sd[:, None] * remaining * sd + np.eye(sd.size))
-        estimate = -(left @ (sd * right)) * sd
+        estimate = -(left @ (sd * gradient)) * sd
         variance = (np.diag(left) * sd**2)[masses:]
         before = tau
         if readings is not None and readings.any():

@@ -145,23 +145,23 @@ def information_with(
     blocks: list[tuple[Hashable, ...]] = []
     of_cases: dict[str, np.ndarray] = {}
     shared = problem.count + sum(columns[0].gain.shape[-1] for columns in kinds)
-    following: list[tuple[tuple[int, ...], ClockScores]] = []
+    of_clocks: list[tuple[tuple[int, ...], ClockScores]] = []
     for position, group in enumerate(problem.model.groups):
         of_group = [columns[position] for columns in kinds]
         if clocks is None:
-            found = run_scores(problem, vector, position, of_group, with_parts)
+            scored = run_scores(problem, vector, position, of_group, with_parts)
         else:
-            found, by_clocks = run_scores_with_clocks(problem, vector, position, of_group, with_parts, clocks)
-            following.append((group.runs, by_clocks))
-        parts += found.parts
+            scored, by_clocks = run_scores_with_clocks(problem, vector, position, of_group, with_parts, clocks)
+            of_clocks.append((group.runs, by_clocks))
+        parts += scored.parts
         measured = np.asarray(group.measured.any(axis=0))
-        for run, used, of_run, information in zip(group.runs, measured, found.scores, found.information, strict=True):
+        for run, used, of_run, information in zip(group.runs, measured, scored.scores, scored.information, strict=True):
             record = campaign.bump_runs[run]
             of_cases[record.load_case] = of_cases.get(record.load_case, 0.0) + information
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
             scores += [of_run[c] for c in np.flatnonzero(used)]
             blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
-    for _, by_clocks in following:
+    for _, by_clocks in of_clocks:
         scores.append(by_clocks.score.sum(axis=0))
         parts += [by_clocks.information.sum(axis=0)] if with_parts else []
         blocks.append(("clocks", ""))
@@ -170,17 +170,17 @@ def information_with(
         np.array(scores),
         tuple(blocks),
         np.array(parts) if with_parts else None,
-        None if clocks is None else _in_order(clocks, following, shared),
+        None if clocks is None else _in_order(clocks, of_clocks, shared),
         of_cases,
     )
 
 
-def _in_order(clocks: RunClocks, following: Sequence[tuple[Sequence[int], ClockScores]], shared: int) -> ClockFollowing:
+def _in_order(clocks: RunClocks, of_clocks: Sequence[tuple[Sequence[int], ClockScores]], shared: int) -> ClockFollowing:
     """How clocks follow, in the order of the campaign's runs; those of runs left out do not."""
     size = len(clocks.sd), clocks.count
     alone, response, sd = np.zeros(size), np.zeros((*size, shared)), np.ones(size)
-    for runs, found in following:
-        alone[list(runs)], response[list(runs)], sd[list(runs)] = found.alone, found.response, found.sd
+    for runs, scored in of_clocks:
+        alone[list(runs)], response[list(runs)], sd[list(runs)] = scored.alone, scored.response, scored.sd
     return ClockFollowing(alone, response, sd)
 
 
@@ -273,7 +273,7 @@ def model_error(
     pull: Parameters,
     allowances: Allowances,
     amounts: np.ndarray,
-    following: np.ndarray | None = None,
+    footprint_response: np.ndarray | None = None,
 ) -> ModelError:
     """By how much model error widens all variances.
 
@@ -286,7 +286,7 @@ def model_error(
     ----------
     data : with the parts of all blocks, at `amounts` (q,).
     prior : (p, p) P; pull : (p,) gradient of half the sum of squares of the priors.
-    following : (p + q, p + q) of :func:`footprints_following`, None where footprints stay.
+    footprint_response : (p + q, p + q) of :func:`footprints_following`, None where footprints stay.
     """
     assert data.parts is not None
     masses, directions = allowances.masses, allowances.departures.directions
@@ -302,19 +302,19 @@ def model_error(
         sd = np.concatenate([departed.mass_sd, departed.sd])
         # What cannot move on, as friction that would push, must not carry the others along.
         step = bounded_step(
-            partial(joint_step, matrix, score, prior, pull, amounts=amounts, following=following),
+            partial(joint_step, matrix, score, prior, pull, amounts=amounts, footprint_response=footprint_response),
             sd,
             partial(_held, allowances, amounts),
         )
         change = np.concatenate([step.parameters, step.amounts])
-        there = scores + parts @ (change if following is None else change + following @ change)
+        at_optimum = scores + parts @ (change if footprint_response is None else change + footprint_response @ change)
         unit, covariance = joint_scale(matrix, prior, sd), joint_covariance(matrix, prior, sd)
-        white = there * unit
-        carried = covariance @ (parts * np.outer(unit, unit)) / factor
-        found = np.einsum("bi,ij,bj->", white, covariance, white) / factor
-        expected = np.einsum("bii->", carried) - np.einsum("bij,bji->", carried, carried)
-        factor = max(1.0, float(found / max(expected, 1e-12)))
-    return ModelError(factor, sd, step, there)
+        white = at_optimum * unit
+        absorbed = covariance @ (parts * np.outer(unit, unit)) / factor
+        scatter = np.einsum("bi,ij,bj->", white, covariance, white) / factor
+        expected = np.einsum("bii->", absorbed) - np.einsum("bij,bji->", absorbed, absorbed)
+        factor = max(1.0, float(scatter / max(expected, 1e-12)))
+    return ModelError(factor, sd, step, at_optimum)
 
 
 def _held(allowances: Allowances, amounts: np.ndarray, step: JointStep) -> np.ndarray:
@@ -334,10 +334,10 @@ def footprints_following(problem: Problem, log_parameters: Parameters, allowance
     if model.tires is None or not directions:
         return None
     count, masses = problem.count, allowances.masses.sd.size
-    following = np.zeros((count + allowances.count,) * 2)
-    following[count + masses :, :count] = footprints_by_tires(model.parameters, log_parameters, directions)
-    following[count + masses :, count : count + masses] = _footprints_by_loads(allowances)
-    return following
+    footprint_response = np.zeros((count + allowances.count,) * 2)
+    footprint_response[count + masses :, :count] = footprints_by_tires(model.parameters, log_parameters, directions)
+    footprint_response[count + masses :, count : count + masses] = _footprints_by_loads(allowances)
+    return footprint_response
 
 
 def _kinds(allowances: Allowances) -> tuple[str, ...]:

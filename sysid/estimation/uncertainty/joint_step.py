@@ -72,7 +72,7 @@ def joint_step(
     pull: Parameters,
     sd: np.ndarray,
     amounts: np.ndarray,
-    following: np.ndarray | None = None,
+    footprint_response: np.ndarray | None = None,
 ) -> JointStep:
     """One Gauss-Newton step.
 
@@ -81,7 +81,7 @@ def joint_step(
     information : (p + q, p + q) of the data; score : (p + q,) gradient of half the sum of squares of the data.
     prior : (p, p) prior precision of the parameters; pull : (p,) gradient of their prior's half sum of squares.
     sd : (q,) prior standard deviations of masses and departures; amounts : (q,) where they are.
-    following : (p + q, p + q) F, None where footprints stay.
+    footprint_response : (p + q, p + q) F, None where footprints stay.
     """
     count = prior.shape[0]
     scale, inverse = joint_scale(information, prior, sd), joint_covariance(information, prior, sd)
@@ -89,8 +89,8 @@ def joint_step(
     gradient[:count] += scale[:count] * pull
     gradient[count:] += amounts / np.where(sd > 0.0, sd, 1.0)
     whole = np.linalg.inv(inverse)
-    if following is not None:
-        whole += (information @ following) * np.outer(scale, scale)
+    if footprint_response is not None:
+        whole += (information @ footprint_response) * np.outer(scale, scale)
     step = -np.linalg.solve(whole, gradient)
     spread = np.sqrt(np.diag(inverse)[count:])
     return JointStep(step[:count] * scale[:count], step[count:] * sd, step[count:] / spread)

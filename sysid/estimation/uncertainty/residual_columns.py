@@ -88,16 +88,20 @@ def _residuals(
 
 
 def channel_columns(
-    linearisation: Linearisation, run: int, channel: int, *kinds: ResidualColumns, own: ResidualColumns | None = None
+    linearisation: Linearisation,
+    run: int,
+    channel: int,
+    *kinds: ResidualColumns,
+    clocks: ResidualColumns | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives (T, p + m + l) of a channel's residuals, (p + m + l,) of its gain, m further columns among them.
 
-    They stand between the derivatives by the parameters and those by the run's own unknowns: its motion, then `own`.
-    One channel at a time: joined columns of whole runs fill the memory of a small computer.
+    They stand between the derivatives by the parameters and those by the run's own unknowns: its motion, then its
+    clocks. One channel at a time: joined columns of whole runs fill the memory of a small computer.
     """
     rows, gain = linearisation.residual_jacobian[:, run, channel], linearisation.gain_jacobian[run, channel]
     more, of_gain = [k.residual[:, run, channel] for k in kinds], [k.gain[run, channel] for k in kinds]
-    last, of_last = ([], []) if own is None else ([own.residual[:, run, channel]], [own.gain[run, channel]])
+    last, of_last = ([], []) if clocks is None else ([clocks.residual[:, run, channel]], [clocks.gain[run, channel]])
     return (
         np.concatenate([rows[:, :-RUN_UNKNOWNS], *more, rows[:, -RUN_UNKNOWNS:], *last], axis=1),
         np.concatenate([gain[:-RUN_UNKNOWNS], *of_gain, gain[-RUN_UNKNOWNS:], *of_last]),

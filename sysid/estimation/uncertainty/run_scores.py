@@ -17,13 +17,6 @@ from sysid.estimation.uncertainty.sandwich import BlockScores, block_scores
 from sysid.vehicle_model.engines.protocol import Linearisation
 
 
-def run_scores(
-    problem: Problem, vector: UnknownsOfFit, position: int, columns: Sequence[ResidualColumns], with_parts: bool
-) -> BlockScores:
-    """Scores and information of the runs of a group, whose derivatives are in memory no longer than that takes."""
-    return _scores(problem, vector, position, columns, with_parts, None)
-
-
 @dataclass(frozen=True)
 class ClockScores:
     """What the priors of the clocks of R runs add, e clocks each, and where these go.
@@ -53,32 +46,38 @@ def run_scores_with_clocks(
 ) -> tuple[BlockScores, ClockScores]:
     """As :func:`run_scores`, the clocks of further loggers eliminated with the motions."""
     group, (_, motion) = problem.model.groups[position], problem.unpack(vector)
-    found = _scores(problem, vector, position, columns, with_parts, clocks)
+    of_group = run_scores(problem, vector, position, columns, with_parts, clocks)
     of_motion, by_unknowns = problem.expected.rows(motion, group.runs)
     pull = np.concatenate([np.einsum("rjk,rj->rk", by_unknowns, of_motion), clocks.pull(group.runs)], axis=1)
-    of_clocks, response = clocks.pull(group.runs), found.own_response[:, RUN_UNKNOWNS:]
-    return found, ClockScores(
+    of_clocks, response = clocks.pull(group.runs), of_group.own_response[:, RUN_UNKNOWNS:]
+    return of_group, ClockScores(
         -np.einsum("rkp,rk->rp", response, of_clocks),
         np.einsum("rkp,rkq->rpq", response, response),
-        -np.linalg.solve(found.own_normal, (found.own_score + pull)[..., None])[:, RUN_UNKNOWNS:, 0],
+        -np.linalg.solve(of_group.own_normal, (of_group.own_score + pull)[..., None])[:, RUN_UNKNOWNS:, 0],
         response,
-        np.sqrt(np.diagonal(np.linalg.inv(found.own_normal), axis1=1, axis2=2)[:, RUN_UNKNOWNS:]),
+        np.sqrt(np.diagonal(np.linalg.inv(of_group.own_normal), axis1=1, axis2=2)[:, RUN_UNKNOWNS:]),
     )
 
 
-def _scores(
+def run_scores(
     problem: Problem,
     vector: UnknownsOfFit,
     position: int,
     columns: Sequence[ResidualColumns],
     with_parts: bool,
-    clocks: RunClocks | None,
+    clocks: RunClocks | None = None,
 ) -> BlockScores:
+    """Scores and information of the runs of a group, whose derivatives are in memory no longer than that takes.
+
+    Parameters
+    ----------
+    clocks : those of further loggers, eliminated with the motions; None for clocks that stay.
+    """
     group, (_, motion) = problem.model.groups[position], problem.unpack(vector)
     here = Linearisation(*map(np.asarray, problem.linearise_one(vector, position)))
-    prior, own = problem.expected.precision(motion, group.runs), None
+    prior, by_clocks = problem.expected.precision(motion, group.runs), None
     if clocks is not None:
-        own = clock_columns(problem, position, here, clocks)
+        by_clocks = clock_columns(problem, position, here, clocks)
         whole = np.zeros((len(group.runs), *(RUN_UNKNOWNS + clocks.count,) * 2))
         whole[:, :RUN_UNKNOWNS, :RUN_UNKNOWNS] = prior
         whole[:, RUN_UNKNOWNS:, RUN_UNKNOWNS:] = np.eye(clocks.count)
@@ -88,5 +87,5 @@ def _scores(
         prior,
         np.asarray(group.measured.any(axis=0)) if with_parts else None,
         columns,
-        own,
+        by_clocks,
     )

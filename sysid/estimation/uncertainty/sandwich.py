@@ -61,7 +61,7 @@ def block_scores(
     local_prior: np.ndarray,
     parts_of: np.ndarray | None = None,
     kinds: Sequence[ResidualColumns] = (),
-    own: ResidualColumns | None = None,
+    clocks: ResidualColumns | None = None,
 ) -> BlockScores:
     """Scores and information of a group of runs about p unknowns, with each run's own unknowns eliminated.
 
@@ -71,11 +71,13 @@ def block_scores(
     local_prior : (R, l, l) prior precision of the run's own unknowns.
     parts_of : (R, C) bool, channels whose information is wanted one by one, run after run; None for none.
     kinds : derivatives by further unknowns, which come after those of the parameters.
-    own : derivatives by unknowns that every run has of its own beside its motion.
+    clocks : derivatives by the clocks of every run, which are its own unknowns beside its motion; None for none.
     """
     runs = range(linearisation.residual.shape[1])
     each = side_by_side(
-        lambda r: _run_scores(linearisation, r, local_prior[r], None if parts_of is None else parts_of[r], kinds, own),
+        lambda r: _run_scores(
+            linearisation, r, local_prior[r], None if parts_of is None else parts_of[r], kinds, clocks
+        ),
         runs,
     )
     scores, information, parts, *of_own = zip(*each, strict=True)
@@ -89,14 +91,14 @@ def _run_scores(
     local_prior: np.ndarray,
     parts_of: np.ndarray | None,
     kinds: Sequence[ResidualColumns],
-    own: ResidualColumns | None,
+    clocks: ResidualColumns | None,
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
     """What :class:`BlockScores` has of one run, information of the channels `parts_of` (C,)."""
     scores, by_channel = [], []
     normal: np.ndarray | float = 0.0
     # Channel by channel: einsum over all of them goes through the columns with strides that cost ten times as much.
     for c in range(linearisation.residual.shape[2]):
-        columns, gain = channel_columns(linearisation, r, c, *kinds, own=own)
+        columns, gain = channel_columns(linearisation, r, c, *kinds, clocks=clocks)
         scores.append(gain * linearisation.gain_residual[r, c] + linearisation.residual[:, r, c] @ columns)
         squares = columns.T @ columns + np.outer(gain, gain)
         normal = normal + squares
@@ -136,15 +138,15 @@ def _root(matrix: np.ndarray) -> np.ndarray:
         return np.asarray((np.sign(np.diag(upper))[:, None] * upper).T)
 
 
-def flattening(information: np.ndarray, wanted: ParametersByParameters) -> ParametersByParameters:
-    """C (p, p) with C' H C = `wanted` (p, p), for the data information H (p, p), symmetric where H is the unit matrix.
+def flattening(information: np.ndarray, target: ParametersByParameters) -> ParametersByParameters:
+    """C (p, p) with C' H C = `target` (p, p), for the data information H (p, p), symmetric where H is the unit matrix.
 
-    With L L' = H: C = L^-T (L^-1 wanted L^-T)^1/2 L'.
+    With L L' = H: C = L^-T (L^-1 target L^-T)^1/2 L'.
     """
     scale = np.sqrt(np.diag(information))
     scale = np.where(scale > 0.0, scale, 1.0)
     factor = _root(information / np.outer(scale, scale))
-    white = np.linalg.solve(factor, np.linalg.solve(factor, wanted / np.outer(scale, scale)).T)
+    white = np.linalg.solve(factor, np.linalg.solve(factor, target / np.outer(scale, scale)).T)
     values, vectors = np.linalg.eigh(0.5 * (white + white.T))
     root = (vectors * np.sqrt(np.clip(values, 1e-12, None))) @ vectors.T
     return np.asarray(np.linalg.solve(factor.T, root @ factor.T) * (scale[None, :] / scale[:, None]))

@@ -27,12 +27,15 @@ _NEIGHBOURS = np.array([-1.0, 4.0, 0.0, 4.0, -1.0]) / 6.0
 #: Gain in the criterion from which on tails count as heavy. Tails are always a little heavier, because surroundings are
 #: estimates.
 DECISIVE = 20.0
+#: Readings that are the surroundings of one, and distances over their median from which on they do not raise its mean
+#: further (assumptions).
 _SURROUNDINGS, _CUT = 81, 4.0
 #: Surroundings below this share of the record's root mean square are at rest.
 _SHARE = 0.3
 #: A weight is low below this; a bad reading spoils the comparison of two neighbours on either side,
 #: and two that are near each other are still bad readings.
 _LOW, _LONGEST = 0.5, 8
+#: Readings from which tails can be told: ten in the outer 5 %.
 _FEWEST = 200
 
 

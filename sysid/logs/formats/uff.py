@@ -14,6 +14,7 @@ from sysid.logs.by_library import library_format
 from sysid.logs.selection import FileChannel, RefusedError
 
 _HEAD = re.compile(rb"^\s*-1[ \t]*\r?\n\s{0,5}(15|55|58b?|82|15[01]|164|18|1858|24\d\d)\b")
+#: Kind of abscissa that is time, and directions of a node (data set 58, records 6 and 8).
 _TIME = 17
 _DIRECTIONS = {0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z", 4: "+RX", -4: "-RX", 5: "+RY",
                -5: "-RY", 6: "+RZ", -6: "-RZ"}  # fmt: skip

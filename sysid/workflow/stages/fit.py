@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from sysid.display import NOT_DETERMINED, CommandHint, TextTable, shown_unit
-from sysid.errors import CampaignError, DataRejectedError, NotConvergedError, SysidError
+from sysid.errors import CampaignError, DataRejectedError, NotConvergedError
 from sysid.workflow.stage import Blocks, Command, Context, Itemwise, Option, Whole
 from sysid.workflow.stages.cells import finite_cell, value_cell
 from sysid.workflow.stages.data import CHECK, DROPS, SCAN
@@ -59,10 +59,6 @@ def fit_state(context: Context) -> FitState:
     from sysid.estimation.fit.state import restored
 
     return restored(context.campaign, profiles(context), context[FIT].point)
-
-
-def _fit_fault(kept: KeptFit) -> type[SysidError] | None:
-    return None if kept.fit.converged else NotConvergedError
 
 
 def show_fit(kept: KeptFit, results: Results) -> Blocks:
@@ -145,7 +141,7 @@ FIT = Whole(
     command=Command(
         help="Least-squares calibration of the vehicle model against all bump runs.",
         show=show_fit,
-        fault=_fit_fault,
+        fault=lambda kept: None if kept.fit.converged else NotConvergedError,
     ),
 )
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sysid.display import NOT_DETERMINED, TextTable, shown_unit
-from sysid.errors import NotConvergedError, SysidError
+from sysid.errors import NotConvergedError
 from sysid.workflow.sources import code_digest
 from sysid.workflow.stage import Blocks, Command, Context, Whole
 from sysid.workflow.stages.data import SCAN
@@ -83,10 +83,6 @@ def _sample_warnings(posterior: Posterior, quick: bool) -> Sequence[str]:
     return (*said, *posterior.warnings)
 
 
-def _sample_fault(posterior: Posterior) -> type[SysidError] | None:
-    return None if posterior.converged else NotConvergedError
-
-
 def show_sample(posterior: Posterior, results: Results) -> Blocks:
     """Posterior medians with 90 % credible intervals; those that repeat the prior are named as such."""
     columns = ("parameter", "median", "90 % credible interval", "unit", "effective draws", "R-hat")
@@ -133,7 +129,7 @@ SAMPLE = Whole(
     command=Command(
         help="Posterior of all parameters by emcee, continued until it has converged.",
         show=show_sample,
-        fault=_sample_fault,
+        fault=lambda posterior: None if posterior.converged else NotConvergedError,
     ),
 )
 
@@ -194,14 +190,6 @@ def _crosscheck(context: Context) -> CrossCheck:
     )
 
 
-def _crosscheck_warnings(checked: CrossCheck, quick: bool) -> Sequence[str]:
-    return () if checked.agrees else (checked.message,)
-
-
-def _crosscheck_fault(checked: CrossCheck) -> type[SysidError] | None:
-    return None if checked.agrees else NotConvergedError
-
-
 def show_crosscheck(checked: CrossCheck, results: Results) -> Blocks:
     """Both samplers' means and spreads, parameter by parameter."""
     table = TextTable(
@@ -225,12 +213,12 @@ CROSSCHECK = Whole(
     settings=("sampling.seed",),
     code=("posterior",),
     put=lambda results, checked: replace(results, crosscheck=checked),
-    warnings=_crosscheck_warnings,
+    warnings=lambda checked, quick: () if checked.agrees else (checked.message,),
     effort=60.0,
     command=Command(
         help="The posterior again by a gradient-based sampler, and how well both agree; needs nutpie.",
         show=show_crosscheck,
         recalls=True,
-        fault=_crosscheck_fault,
+        fault=lambda checked: None if checked.agrees else NotConvergedError,
     ),
 )
