@@ -58,10 +58,11 @@ def tire_complaint(runs: Sequence[BumpRun], passages: Mapping[str, Passage | Non
     if TIRE_LOW < middle < TIRE_HIGH:
         return _unsprung_exchanged(ratios, vehicle)
     likely = _tire_words(middle / 1.2)
+    pressures = any(axle.inflation_pressure_Pa is not None for axle in vehicle.axles)
     return (
         f"The frequency of wheel hop is that of {middle:.2g} times the declared tire stiffness (with the suspension): "
-        f"tire_stiffness_N_per_m{likely} or unsprung_mass_kg is wrong (both are per axle: all tires together, in N/m "
-        "and kg)."
+        f"tire_stiffness_N_per_m{likely}{', an inflation pressure (in kPa)' if pressures else ''} or unsprung_mass_kg "
+        "is wrong (stiffness and mass are per axle: all tires together, in N/m and kg)."
     )
 
 

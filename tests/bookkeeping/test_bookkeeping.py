@@ -102,6 +102,41 @@ def test_one_run_of_another_load_case_is_named() -> None:
     assert text.count("the frames move as") == 1
 
 
+def test_axle_loads_from_the_rear_are_no_other_load_case() -> None:
+    def turned(case):
+        return replace(case, axle_loads_kg=case.axle_loads_kg[::-1])
+
+    text = said(with_cases(truck(), turned))
+    assert "axle_loads_kg in the opposite order" in text
+    assert "load cases of the bump runs seem exchanged" not in text
+    assert "exchanging the loads" not in text
+
+
+def test_readings_of_one_side_are_named() -> None:
+    under = [sum(a.unsprung_mass_kg for a in truck().vehicle.axles if a.body == b) for b in range(2)]
+
+    def of_one_side(case):
+        # As a person fills it in: half of every reading, and that less the unsprung masses.
+        sprung = tuple(0.5 * (m + u) - u for m, u in zip(case.sprung_mass_kg, under, strict=True))
+        return replace(case, axle_loads_kg=tuple(0.5 * m for m in case.axle_loads_kg), sprung_mass_kg=sprung)
+
+    text = said(with_cases(truck(), of_one_side))
+    assert "twice the axle_loads_kg" in text
+    assert "the centre of gravity is" not in text
+
+
+def test_a_load_case_with_the_readings_of_another_is_named() -> None:
+    empty, laden = truck().load_cases
+    copied = replace(
+        truck().load_cases[laden],
+        axle_loads_kg=truck().load_cases[empty].axle_loads_kg,
+        sprung_mass_kg=truck().load_cases[empty].sprung_mass_kg,
+    )
+    text = said(replace(truck(), load_cases={**truck().load_cases, laden: copied}))
+    assert f"'{empty}' and '{laden}' have the same axle_loads_kg" in text
+    assert "the centre of gravity is" not in text
+
+
 @pytest.mark.parametrize("factor", [1e-3, 10.0])
 def test_inertia_in_another_unit_is_named(factor: float) -> None:
     def wrong(case):
@@ -176,6 +211,14 @@ def test_all_masses_in_pounds_show_in_the_hop_of_the_wheels() -> None:
 def test_stiffness_of_one_tire_is_named(factor: float) -> None:
     soft = with_axles(truck(), lambda i, a: replace(a, tire_stiffness_N_per_m=factor * a.tire_stiffness_N_per_m))
     assert "tire_stiffness_N_per_m" in said(soft)
+
+
+def test_tires_that_are_too_soft_for_their_pressure_are_named_with_it() -> None:
+    # 120 psi for 827 kPa, at which the stiffness was measured: tires a sixth as stiff.
+    def in_psi(i, axle):
+        return replace(axle, tire_stiffness_N_per_m=axle.tire_stiffness_N_per_m / 6.0, inflation_pressure_Pa=120e3)
+
+    assert "an inflation pressure (in kPa)" in said(with_axles(truck(), in_psi))
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.1, 1.2])
