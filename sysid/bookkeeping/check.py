@@ -10,7 +10,7 @@ from sysid.bookkeeping.drops import drop_complaints
 from sysid.bookkeeping.force_balance import run_spectra
 from sysid.bookkeeping.masses import mass_complaints
 from sysid.bookkeeping.names import name_complaints
-from sysid.bookkeeping.places import place_complaints
+from sysid.bookkeeping.places import place_complaints, runs_without_bump, second_passes
 from sysid.bookkeeping.sensors import place_of_frame_sensors, sensor_complaints
 from sysid.bookkeeping.wheels import bump_complaints, filter_complaint, tire_complaint
 from sysid.campaign.findings import QualityReport, RunSpeed, ScanFinding
@@ -53,7 +53,7 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
     said = [*refused, *(m for s in scans.values() for m in s.messages)]
     said += name_complaints(read)
     places = place_complaints(runs, passages, vehicle)
-    said += places
+    said += [*places, *second_passes(runs, passages), *runs_without_bump(runs, passages)]
     said += _sentences(lambda: sensor_complaints(runs, vehicle))
     said += _sentences(lambda: place_of_frame_sensors(runs, vehicle))
     said += _sentences(lambda: filter_complaint(runs, campaign.acquisition.filter))

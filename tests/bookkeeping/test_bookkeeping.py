@@ -83,6 +83,37 @@ def test_one_axle_off_is_named_with_its_place() -> None:
     assert "instead of 13.63" in text
 
 
+def test_two_passes_in_one_log_are_named() -> None:
+    def twice(channel: Channel) -> Channel:
+        length = channel.time_s[-1] + 0.005
+        time = np.concatenate([channel.time_s, channel.time_s + length])
+        return replace(channel, time_s=time, value=np.tile(channel.value, 2), censored=np.tile(channel.censored, 2))
+
+    runs = list(truck().bump_runs)
+    whole = runs[3].log
+    runs[3] = replace(runs[3], log=replace(whole, channels=tuple(map(twice, whole.channels))))
+    text = said(replace(truck(), bump_runs=tuple(runs)))
+    (found,) = re.findall(rf"{whole.file}: \d axles shake again from (\d+\.\d) s on", text)
+    # The first axle meets the bump as long after the joint as after the begin of the log.
+    begin = next(c for c in whole.channels if c.sensor.kind == "axle_acceleration" and c.sensor.axle == 0)
+    size = np.abs(begin.value - np.median(begin.value))
+    first = begin.time_s[size > 0.3 * size.max()][0]
+    assert float(found) == pytest.approx(begin.time_s[-1] + first, abs=0.3)
+    assert text.count("shake again") == 1
+
+
+def test_a_log_of_a_truck_that_stands_is_named() -> None:
+    # The quiet second before the bump, again and again.
+    def standing(channel: Channel) -> Channel:
+        return replace(channel, value=np.resize(channel.value[channel.time_s < 0.8], channel.value.size))
+
+    runs = list(truck().bump_runs)
+    runs[3] = replace(runs[3], log=replace(runs[3].log, channels=tuple(map(standing, runs[3].log.channels))))
+    text = said(replace(truck(), bump_runs=tuple(runs)))
+    assert f"{runs[3].log.file}: the axles hardly move" in text
+    assert text.count("the axles hardly move") == 1
+
+
 def test_axles_from_the_rear_are_named() -> None:
     turned = with_axles(truck(), lambda i, a: replace(a, x_m=-a.x_m))
     assert "listed from the rear" in said(turned)
