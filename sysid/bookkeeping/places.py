@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.campaign.passage.arrivals import Passage
 from sysid.campaign.passage.speed import DOUBTFUL, believed_speed
-from sysid.campaign.records import BumpRun
+from sysid.campaign.records import BumpRun, Channel
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.wording import shorten
 
@@ -82,12 +82,12 @@ def second_passes(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None
         for channel in run.log.channels:
             if channel.sensor.kind != "axle_acceleration" or channel.sensor.axle is None:
                 continue
-            size = np.abs(channel.value - np.nanmedian(channel.value))
-            late = channel.time_s > over
+            time, size = _sizes(channel)
+            late = time > over
             if late.any() and not late.all():
-                shaken = late & (size > _AGAIN * np.nanmax(size[~late]))
+                shaken = late & (size > _AGAIN * size[~late].max())
                 if shaken.any():
-                    again[channel.sensor.axle] = float(channel.time_s[shaken][0])
+                    again[channel.sensor.axle] = float(time[shaken][0])
         if len(again) > max(1.0, 0.5 * len(passage.arrivals)):
             said.append(
                 f"{shorten(run.log.file, 100)}: {len(again)} axles shake again from {min(again.values()):.1f} s on, as "
@@ -96,14 +96,21 @@ def second_passes(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None
     return said
 
 
+def _sizes(channel: Channel) -> tuple[np.ndarray, np.ndarray]:
+    """Times of the readings that are there, and how far each is from their median."""
+    there = np.isfinite(channel.value)
+    value = channel.value[there]
+    return channel.time_s[there], np.abs(value - np.median(value)) if value.size else value
+
+
 def runs_without_bump(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None]) -> list[str]:
     """Sentences about logs in which the axles hardly move, though they do in other runs over the same bump."""
     peaks = {}
     for run in runs:
-        channels = [c for c in run.log.channels if c.sensor.kind == "axle_acceleration"]
-        sizes = [float(np.nanmax(np.abs(c.value - np.nanmedian(c.value)))) for c in channels]
-        if sizes:
-            peaks[run.log.file] = max(sizes) / run.nominal_speed_m_s**2
+        sizes = [_sizes(c)[1] for c in run.log.channels if c.sensor.kind == "axle_acceleration"]
+        peak = max((float(size.max()) for size in sizes if size.size), default=None)
+        if peak is not None:
+            peaks[run.log.file] = peak / run.nominal_speed_m_s**2
     said = []
     for run in runs:
         others = [peaks[r.log.file] for r in runs if r.bump == run.bump and r is not run and r.log.file in peaks]
