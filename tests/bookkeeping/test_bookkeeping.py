@@ -15,7 +15,7 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from sysid.bookkeeping import check_bookkeeping
-from sysid.bookkeeping.wheels import _hop_frequency
+from sysid.bookkeeping.wheels import _hop_frequency, radius_complaint
 from sysid.campaign import read_campaign
 from sysid.campaign.passage.arrivals import Arrival, Passage
 from sysid.campaign.quality import suspects
@@ -242,6 +242,17 @@ def test_all_masses_in_pounds_show_in_the_hop_of_the_wheels() -> None:
 def test_stiffness_of_one_tire_is_named(factor: float) -> None:
     soft = with_axles(truck(), lambda i, a: replace(a, tire_stiffness_N_per_m=factor * a.tire_stiffness_N_per_m))
     assert "tire_stiffness_N_per_m" in said(soft)
+
+
+def test_a_diameter_for_the_radius_is_named() -> None:
+    # 315/80 R 22.5: 22.5 inches and twice 0.8 of 315 mm.
+    diameter = 22.5 * 0.0254 + 2.0 * 0.8 * 0.315
+    for radius, wrong in ((0.5 * diameter, False), (diameter, True)):
+        vehicle = replace(truck().vehicle, axles=tuple(replace(a, tire_radius_m=radius) for a in truck().vehicle.axles))
+        sentence = radius_complaint(vehicle)
+        assert (sentence is not None) == wrong
+    assert f"and {len(vehicle.axles) - 1} more is 1.08 m" in str(sentence)
+    assert str(sentence) in said(replace(truck(), vehicle=vehicle))
 
 
 def test_tires_that_are_too_soft_for_their_pressure_are_named_with_it() -> None:
