@@ -10,9 +10,9 @@ from sysid.bookkeeping.drops import drop_complaints
 from sysid.bookkeeping.force_balance import run_spectra
 from sysid.bookkeeping.masses import mass_complaints
 from sysid.bookkeeping.names import name_complaints
-from sysid.bookkeeping.places import place_complaints
+from sysid.bookkeeping.places import place_complaints, runs_without_bump, second_passes
 from sysid.bookkeeping.sensors import place_of_frame_sensors, sensor_complaints
-from sysid.bookkeeping.wheels import bump_complaints, filter_complaint, tire_complaint
+from sysid.bookkeeping.wheels import bump_complaints, filter_complaint, radius_complaint, tire_complaint
 from sysid.campaign.findings import QualityReport, RunSpeed, ScanFinding
 from sysid.campaign.passage.arrivals import find_passage
 from sysid.campaign.passage.speed import believed_speed
@@ -52,8 +52,9 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
     runs, vehicle = campaign.bump_runs, campaign.vehicle
     said = [*refused, *(m for s in scans.values() for m in s.messages)]
     said += name_complaints(read)
+    said += _sentences(lambda: radius_complaint(vehicle))
     places = place_complaints(runs, passages, vehicle)
-    said += places
+    said += [*places, *second_passes(runs, passages), *runs_without_bump(runs, passages)]
     said += _sentences(lambda: sensor_complaints(runs, vehicle))
     said += _sentences(lambda: place_of_frame_sensors(runs, vehicle))
     said += _sentences(lambda: filter_complaint(runs, campaign.acquisition.filter))

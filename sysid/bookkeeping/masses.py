@@ -19,6 +19,9 @@ from sysid.wording import shorten
 OTHER_CASE = 0.55
 #: Of most runs: less than this.
 ALL_CASES = 0.8
+#: Axle loads in another order, or of one side, leave less than this share of what the listed ones leave unexplained,
+#: and no more than this multiple of what a free inertia or centre of gravity leaves.
+OTHER_LOADS, AS_GOOD = 0.5, 1.5
 #: More than this unexplained and nothing is said: friction, stops, or sensors that are wrong.
 HOPELESS = 0.35
 #: Inertias are found within a third, those of a short tractor within a half.
@@ -43,6 +46,9 @@ def mass_complaints(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list[s
     by_case: dict[str, list[RunSpectra]] = {}
     for run in spectra:
         by_case.setdefault(run.load_case, []).append(run)
+    copied = _copied_loads({name: campaign.load_cases[name] for name in by_case})
+    if copied:
+        return copied
     wrong = _wrong_load_cases(campaign, spectra)
     if wrong:
         return wrong
@@ -51,6 +57,31 @@ def mass_complaints(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list[s
         for sentence in _of_load_case(campaign.vehicle, campaign.load_cases[name], runs):
             said.setdefault(sentence, []).append(name)
     return [f"Load case {' and '.join(repr(shorten(n)) for n in names)}: {text}" for text, names in said.items()]
+
+
+def _copied_loads(cases: Mapping[str, LoadCase]) -> list[str]:
+    """Load cases with the same readings of the scale at every axle, which no two weighings give."""
+    return [
+        f"The load cases '{shorten(one)}' and '{shorten(two)}' have the same axle_loads_kg: the readings of one are "
+        "probably copied. Give each its own readings, and its own sprung_mass_kg."
+        for one, two in combinations(cases, 2)
+        if cases[one].axle_loads_kg == cases[two].axle_loads_kg
+    ]
+
+
+def _other_loads(vehicle: Vehicle, load_case: LoadCase) -> dict[str, LoadCase]:
+    """The load case as it would be if its axle loads were listed or weighed wrongly, by what is then said."""
+    loads = load_case.axle_loads_kg
+    unsprung = [sum(a.unsprung_mass_kg for a in vehicle.axles if a.body == b) for b in range(len(vehicle.bodies))]
+    doubled = tuple(2.0 * m + u for m, u in zip(load_case.sprung_mass_kg, unsprung, strict=True))
+    return {
+        "the frames move as with axle_loads_kg in the opposite order, so they are probably listed from the rear; list "
+        "them from front to rear, like the axles": replace(load_case, axle_loads_kg=loads[::-1]),
+        "the frames move as with twice the axle_loads_kg, so these are probably readings of one side; give the sums of "
+        "both sides, and sprung_mass_kg to match": replace(
+            load_case, axle_loads_kg=tuple(2.0 * m for m in loads), sprung_mass_kg=doubled
+        ),
+    }
 
 
 def _solved(
@@ -81,6 +112,11 @@ def _wrong_load_cases(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list
             for free in ("inertia", "moment")
             if (f := _solved([run], vehicle, cases[run.load_case], free))
         ]
+        listed_wrongly = [
+            f.unexplained
+            for case in _other_loads(vehicle, cases[run.load_case]).values()
+            if (f := _solved([run], vehicle, case)) and np.all(f.stiffness > 0.0)
+        ]
         # Masses with which a spring would have to push the wrong way are not those of the run.
         if others[best].unexplained > HOPELESS or np.any(others[best].stiffness < 0.0):
             gains[run.file] = (1.0, best)
@@ -88,6 +124,9 @@ def _wrong_load_cases(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list
         # Freeing an inertia explains a little more in any case; much more than another load case means that it is that.
         ratio = others[best].unexplained / declared.unexplained
         if freed and min(freed) < 0.5 * others[best].unexplained and not _makes_sense_instead(declared, others[best]):
+            ratio = 1.0
+        # Nothing is free here, so that the better one is the likelier one.
+        if listed_wrongly and min(listed_wrongly) < others[best].unexplained:
             ratio = 1.0
         gains[run.file] = (ratio, best)
     wrong = [file for file, (ratio, _) in gains.items() if ratio < OTHER_CASE]
@@ -159,11 +198,28 @@ def _of_load_case(vehicle: Vehicle, load_case: LoadCase, runs: Sequence[RunSpect
         )
     centre = _centres(vehicle, load_case, as_listed, moment, arms)
     remedy = "check the inertias about the bodies' own centres of gravity, in kg m2."
+    loads = _loads_instead(vehicle, load_case, runs, as_listed, min(inertia.unexplained, moment.unexplained))
+    if loads:
+        surely = loads[1] < 0.7 * inertia.unexplained or not turning
+        return [f"{loads[0]}." if surely else f"either {loads[0]}; or {turning}: {remedy}"]
     if turning and centre and moment.unexplained < 2.0 * inertia.unexplained:
         return [f"either {centre}; or {turning}. Check axle_loads_kg, sprung_mass_kg and x_m, and {remedy}"]
     if turning:
         return [f"{turning}; {remedy}"]
     return [f"{centre}. Check axle_loads_kg, sprung_mass_kg and x_m."] if centre else []
+
+
+def _loads_instead(
+    vehicle: Vehicle, load_case: LoadCase, runs: Sequence[RunSpectra], as_listed: Balance, freed: float
+) -> tuple[str, float] | None:
+    """What is wrong with the axle loads as a whole if that explains the motion, and what it leaves unexplained.
+
+    `freed` is what remains unexplained where an inertia or a centre of gravity is free.
+    """
+    found = {said: f for said, c in _other_loads(vehicle, load_case).items() if (f := _solved(runs, vehicle, c))}
+    enough = min(OTHER_LOADS * as_listed.unexplained, AS_GOOD * freed, HOPELESS)
+    good = {said: f.unexplained for said, f in found.items() if f.unexplained < enough and np.all(f.stiffness > 0.0)}
+    return min(good.items(), key=lambda item: item[1]) if good else None
 
 
 def _inertia_words(vehicle: Vehicle, body: int, explained: float, declared: float) -> str:

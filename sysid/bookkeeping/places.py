@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.campaign.passage.arrivals import Passage
 from sysid.campaign.passage.speed import DOUBTFUL, believed_speed
-from sysid.campaign.records import BumpRun
+from sysid.campaign.records import BumpRun, Channel
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.wording import shorten
 
@@ -21,6 +21,12 @@ SURE = 3.0
 PLACE_OFF_M = 0.12
 #: A record holds at least this before the first and after the last axle [s].
 _AROUND_S = 0.2
+#: An axle at rest again that shakes by this share of its largest acceleration is on a bump again (an assumption:
+#: wheel hop has died away within this time, and a road that rough would hide the bump).
+_AGAIN, _DIED_AWAY_S = 0.6, 3.0
+#: Axles are shaken by at least this share of what other runs and the square of the speed say, or not by the bump; that
+#: is far less than the ratio of empty and laden trucks.
+_SHAKEN = 0.1
 #: Share of the runs in which an axle is out of place.
 MOST_RUNS = 0.6
 #: Without this axle the others are at their places within this.
@@ -62,6 +68,60 @@ def _cut_off(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
         for run in runs
         if run.log.duration_s < way / run.nominal_speed_m_s + _AROUND_S
     ]
+
+
+def second_passes(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None]) -> list[str]:
+    """Sentences about logs in which most axles shake a second time, long after the last one has left the bump."""
+    said = []
+    for run in runs:
+        passage = passages.get(run.log.file)
+        if passage is None:
+            continue
+        over = max(arrival.time_s for arrival in passage.arrivals.values()) + _DIED_AWAY_S
+        again: dict[int, float] = {}
+        for channel in run.log.channels:
+            if channel.sensor.kind != "axle_acceleration" or channel.sensor.axle is None:
+                continue
+            time, size = _sizes(channel)
+            late = time > over
+            if late.any() and not late.all():
+                shaken = late & (size > _AGAIN * size[~late].max())
+                if shaken.any():
+                    again[channel.sensor.axle] = float(time[shaken][0])
+        if len(again) > max(1.0, 0.5 * len(passage.arrivals)):
+            said.append(
+                f"{shorten(run.log.file, 100)}: {len(again)} axles shake again from {min(again.values()):.1f} s on, as "
+                "much as on the bump: the log seems to hold a second pass. Cut it into one log for each pass."
+            )
+    return said
+
+
+def _sizes(channel: Channel) -> tuple[np.ndarray, np.ndarray]:
+    """Times of the readings that are there, and how far each is from their median."""
+    there = np.isfinite(channel.value)
+    value = channel.value[there]
+    return channel.time_s[there], np.abs(value - np.median(value)) if value.size else value
+
+
+def runs_without_bump(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None]) -> list[str]:
+    """Sentences about logs in which the axles hardly move, though they do in other runs over the same bump."""
+    peaks = {}
+    for run in runs:
+        sizes = [_sizes(c)[1] for c in run.log.channels if c.sensor.kind == "axle_acceleration"]
+        peak = max((float(size.max()) for size in sizes if size.size), default=None)
+        if peak is not None:
+            peaks[run.log.file] = peak / run.nominal_speed_m_s**2
+    said = []
+    for run in runs:
+        others = [peaks[r.log.file] for r in runs if r.bump == run.bump and r is not run and r.log.file in peaks]
+        if run.log.file not in peaks or passages.get(run.log.file) is not None or len(others) < 2:
+            continue
+        if peaks[run.log.file] < _SHAKEN * min(others):
+            said.append(
+                f"{shorten(run.log.file, 100)}: the axles hardly move, so the truck does not seem to pass the bump in "
+                "this log. Give the log of that run, or delete its line in tests.bump_run."
+            )
+    return said
 
 
 def _all_speeds(seen: Sequence[tuple[BumpRun, Passage]], vehicle: Vehicle) -> list[str]:

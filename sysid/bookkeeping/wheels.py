@@ -14,6 +14,8 @@ from sysid.campaign.vehicle_records import Vehicle
 from sysid.road.road_profile import RoadProfile
 from sysid.wording import shorten
 
+#: The largest tires on roads, 16.00 R 20, have a radius of 0.67 m; the smallest of trucks a diameter of 0.71 m.
+LARGEST_RADIUS_M = 0.7
 #: Hop frequencies give (k + kt) / kt of 0.9 to 1.5 with the declared kt, as the median of a vehicle's axles.
 TIRE_LOW, TIRE_HIGH = 0.5, 1.75
 HOP_HZ = (5.0, 22.0)
@@ -58,10 +60,24 @@ def tire_complaint(runs: Sequence[BumpRun], passages: Mapping[str, Passage | Non
     if TIRE_LOW < middle < TIRE_HIGH:
         return _unsprung_exchanged(ratios, vehicle)
     likely = _tire_words(middle / 1.2)
+    pressures = any(axle.inflation_pressure_Pa is not None for axle in vehicle.axles)
     return (
         f"The frequency of wheel hop is that of {middle:.2g} times the declared tire stiffness (with the suspension): "
-        f"tire_stiffness_N_per_m{likely} or unsprung_mass_kg is wrong (both are per axle: all tires together, in N/m "
-        "and kg)."
+        f"tire_stiffness_N_per_m{likely}{', an inflation pressure (in kPa)' if pressures else ''} or unsprung_mass_kg "
+        "is wrong (stiffness and mass are per axle: all tires together, in N/m and kg)."
+    )
+
+
+def radius_complaint(vehicle: Vehicle) -> str | None:
+    """A sentence where tires are larger than those of road vehicles, as with diameters in place of radii."""
+    large = [a for a in vehicle.axles if a.tire_radius_m > LARGEST_RADIUS_M]
+    if not large:
+        return None
+    one = max(large, key=lambda a: a.tire_radius_m)
+    more = f" and {len(large) - 1} more" if len(large) > 1 else ""
+    return (
+        f"tire_radius_m of '{shorten(one.name)}'{more} is {one.tire_radius_m:.3g} m; tires of road vehicles have less "
+        f"than {LARGEST_RADIUS_M:g} m. Give the radius, not the diameter, unless the tires are that large."
     )
 
 

@@ -51,13 +51,19 @@ def _axle_lines(look: FirstLook, chosen: Template, index: int, axle: Mapping[str
 def _position(look: FirstLook, chosen: Template, index: int) -> tuple[float, str]:
     assumed = chosen.positions_m[index]
     if look.measured_m is None:
-        return assumed, f"{CONFIRM}: assumed; measure it"
+        return assumed, f"{CONFIRM}: assumed; {_measure(look)}"
     measured = look.measured_m[index]
     if look.template_given:
         near = abs(measured - assumed) < max(0.15, 0.04 * assumed)
         so = "arrivals agree" if near else f"arrivals at the speeds in the names say {measured:.2f}"
-        return assumed, f"{CONFIRM}: assumed, {so}; measure it"
-    return round(measured, 2), f"{CONFIRM}: by arrivals at the speeds in the names; measure it"
+        return assumed, f"{CONFIRM}: assumed, {so}; {_measure(look)}"
+    return round(measured, 2), f"{CONFIRM}: by arrivals at the speeds in the names; {_measure(look)}"
+
+
+def _measure(look: FirstLook) -> str:
+    """What to do about a guessed place, which stands at the frame sensor above the axle a second time."""
+    frames = any(s.kind == "body_acceleration" and s.axle is not None for s in look.run_sensors)
+    return "measure it, and give the frame sensor above it the same x_m" if frames else "measure it"
 
 
 def _unknown_vehicle(look: FirstLook) -> str:

@@ -15,7 +15,7 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from sysid.bookkeeping import check_bookkeeping
-from sysid.bookkeeping.wheels import _hop_frequency
+from sysid.bookkeeping.wheels import _hop_frequency, radius_complaint
 from sysid.campaign import read_campaign
 from sysid.campaign.passage.arrivals import Arrival, Passage
 from sysid.campaign.quality import suspects
@@ -83,6 +83,37 @@ def test_one_axle_off_is_named_with_its_place() -> None:
     assert "instead of 13.63" in text
 
 
+def test_two_passes_in_one_log_are_named() -> None:
+    def twice(channel: Channel) -> Channel:
+        length = channel.time_s[-1] + 0.005
+        time = np.concatenate([channel.time_s, channel.time_s + length])
+        return replace(channel, time_s=time, value=np.tile(channel.value, 2), censored=np.tile(channel.censored, 2))
+
+    runs = list(truck().bump_runs)
+    whole = runs[3].log
+    runs[3] = replace(runs[3], log=replace(whole, channels=tuple(map(twice, whole.channels))))
+    text = said(replace(truck(), bump_runs=tuple(runs)))
+    (found,) = re.findall(rf"{whole.file}: \d axles shake again from (\d+\.\d) s on", text)
+    # The first axle meets the bump as long after the joint as after the begin of the log.
+    begin = next(c for c in whole.channels if c.sensor.kind == "axle_acceleration" and c.sensor.axle == 0)
+    size = np.abs(begin.value - np.median(begin.value))
+    first = begin.time_s[size > 0.3 * size.max()][0]
+    assert float(found) == pytest.approx(begin.time_s[-1] + first, abs=0.3)
+    assert text.count("shake again") == 1
+
+
+def test_a_log_of_a_truck_that_stands_is_named() -> None:
+    # The quiet second before the bump, again and again.
+    def standing(channel: Channel) -> Channel:
+        return replace(channel, value=np.resize(channel.value[channel.time_s < 0.8], channel.value.size))
+
+    runs = list(truck().bump_runs)
+    runs[3] = replace(runs[3], log=replace(runs[3].log, channels=tuple(map(standing, runs[3].log.channels))))
+    text = said(replace(truck(), bump_runs=tuple(runs)))
+    assert f"{runs[3].log.file}: the axles hardly move" in text
+    assert text.count("the axles hardly move") == 1
+
+
 def test_axles_from_the_rear_are_named() -> None:
     turned = with_axles(truck(), lambda i, a: replace(a, x_m=-a.x_m))
     assert "listed from the rear" in said(turned)
@@ -100,6 +131,41 @@ def test_one_run_of_another_load_case_is_named() -> None:
     text = said(replace(truck(), bump_runs=tuple(runs)))
     assert f"{runs[2].log.file}: the frames move as with the masses of the load case 'unloaded'" in text
     assert text.count("the frames move as") == 1
+
+
+def test_axle_loads_from_the_rear_are_no_other_load_case() -> None:
+    def turned(case):
+        return replace(case, axle_loads_kg=case.axle_loads_kg[::-1])
+
+    text = said(with_cases(truck(), turned))
+    assert "axle_loads_kg in the opposite order" in text
+    assert "load cases of the bump runs seem exchanged" not in text
+    assert "exchanging the loads" not in text
+
+
+def test_readings_of_one_side_are_named() -> None:
+    under = [sum(a.unsprung_mass_kg for a in truck().vehicle.axles if a.body == b) for b in range(2)]
+
+    def of_one_side(case):
+        # As a person fills it in: half of every reading, and that less the unsprung masses.
+        sprung = tuple(0.5 * (m + u) - u for m, u in zip(case.sprung_mass_kg, under, strict=True))
+        return replace(case, axle_loads_kg=tuple(0.5 * m for m in case.axle_loads_kg), sprung_mass_kg=sprung)
+
+    text = said(with_cases(truck(), of_one_side))
+    assert "twice the axle_loads_kg" in text
+    assert "the centre of gravity is" not in text
+
+
+def test_a_load_case_with_the_readings_of_another_is_named() -> None:
+    empty, laden = truck().load_cases
+    copied = replace(
+        truck().load_cases[laden],
+        axle_loads_kg=truck().load_cases[empty].axle_loads_kg,
+        sprung_mass_kg=truck().load_cases[empty].sprung_mass_kg,
+    )
+    text = said(replace(truck(), load_cases={**truck().load_cases, laden: copied}))
+    assert f"'{empty}' and '{laden}' have the same axle_loads_kg" in text
+    assert "the centre of gravity is" not in text
 
 
 @pytest.mark.parametrize("factor", [1e-3, 10.0])
@@ -176,6 +242,25 @@ def test_all_masses_in_pounds_show_in_the_hop_of_the_wheels() -> None:
 def test_stiffness_of_one_tire_is_named(factor: float) -> None:
     soft = with_axles(truck(), lambda i, a: replace(a, tire_stiffness_N_per_m=factor * a.tire_stiffness_N_per_m))
     assert "tire_stiffness_N_per_m" in said(soft)
+
+
+def test_a_diameter_for_the_radius_is_named() -> None:
+    # 315/80 R 22.5: 22.5 inches and twice 0.8 of 315 mm.
+    diameter = 22.5 * 0.0254 + 2.0 * 0.8 * 0.315
+    for radius, wrong in ((0.5 * diameter, False), (diameter, True)):
+        vehicle = replace(truck().vehicle, axles=tuple(replace(a, tire_radius_m=radius) for a in truck().vehicle.axles))
+        sentence = radius_complaint(vehicle)
+        assert (sentence is not None) == wrong
+    assert f"and {len(vehicle.axles) - 1} more is 1.08 m" in str(sentence)
+    assert str(sentence) in said(replace(truck(), vehicle=vehicle))
+
+
+def test_tires_that_are_too_soft_for_their_pressure_are_named_with_it() -> None:
+    # 120 psi for 827 kPa, at which the stiffness was measured: tires a sixth as stiff.
+    def in_psi(i, axle):
+        return replace(axle, tire_stiffness_N_per_m=axle.tire_stiffness_N_per_m / 6.0, inflation_pressure_Pa=120e3)
+
+    assert "an inflation pressure (in kPa)" in said(with_axles(truck(), in_psi))
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.1, 1.2])

@@ -264,7 +264,18 @@ FAULTS = [
      ["vehicle.axle[1]", "'front'", "tyre_radius_m", "did you mean 'tire_radius_m'"]),
     ("unknown table", [("[acquisition]", "[aquisition]")], ["aquisition", "did you mean 'acquisition'"]),
     ("missing key", [("x_m = 4.0\n", "")], ["vehicle.axle[2]", "x_m", "missing"]),
-    ("text for number", [("x_m = 4.0", 'x_m = "4.0"')], ["vehicle.axle[2].x_m", "'4.0'", "expected a number"]),
+    ("text for number", [("x_m = 4.0", 'x_m = "4.0"')],
+     ["vehicle.axle[2].x_m", "'4.0'", "expected a number; write 4.0 without quotes"]),
+    ("decimal comma in quotes", [("x_m = 4.0", 'x_m = "4,0"')], ["expected a number; write 4.0 without quotes"]),
+    ("list in quotes", [("[4000, 3500]", '"4000, 3500"')], ["expected a list; write [4000, 3500] without quotes"]),
+    ("no filter", [("[acquisition]\n", '[acquisition]\nfilter = "none"\n')],
+     ["acquisition.filter", "'none'", "delete this line if there is none"]),
+    ("decimal comma", [("x_m = 4.0", "x_m = 4,25")], ["not valid TOML", "line 25", "write a decimal point: 4.25"]),
+    ("decimal comma among keys", [('axle = "front", unit = "g"', 'axle = "front", range = 2,5, unit = "g"')],
+     ["not valid TOML", "write a decimal point: 2.5"]),
+    ("decimal comma at the end", [('axle = "front", unit = "g"', 'axle = "front", unit = "g", range = 2,5')],
+     ["not valid TOML", "write a decimal point: 2.5"]),
+    ("path of Windows", [('"run.csv"', '"logs\\xrun.csv"')], ["not valid TOML", "write / in place of \\"]),
     ("number for text", [('title = "small"', "title = 3")], ["campaign.title", "3", "expected text in quotes"]),
     ("boolean for number", [("x_m = 4.0", "x_m = true")], ["x_m", "true", "expected a number"]),
     ("NaN", [("unsprung_mass_kg = 500", "unsprung_mass_kg = nan")], ["unsprung_mass_kg", "expected a finite number"]),
@@ -312,6 +323,7 @@ FAULTS = [
     ("hidden parent path", [('"run.csv"', '"a/../../run.csv"')], ["leads outside"]),
     ("backslash", [('"run.csv"', "'logs\\run.csv'")], ["forward slashes"]),
     ("long name", [('"run.csv"', '"' + "a" * 300 + '.csv"')], ["304 characters"]),
+    ("backslash that TOML reads", [('"run.csv"', '"logs\\run.csv"')], ["control characters", "/ between folders"]),
     ("control character", [('"run.csv"', '"run\\u0000.csv"')], ["control characters"]),
     ("missing file", [('"run.csv"', '"runn.csv"')], ["'runn.csv'", "did you mean 'run.csv'"]),
     ("another missing file", [('"run.csv"', '"slope.csv"')], ["'slope.csv'", "check the name, relative to"]),
@@ -358,6 +370,16 @@ def test_missing_campaign_file_and_folder(tmp_path):
         with pytest.raises(CampaignError) as error:
             read_campaign(path)
         one_sentence(error)
+
+
+def test_a_file_with_a_hidden_ending_is_to_be_renamed(tmp_path):
+    for name in ("a.toml", "campaign.toml.txt"):
+        (tmp_path / name).write_text("", encoding="utf-8")
+    with pytest.raises(
+        CampaignError, match=r"the folder has campaign\.toml\.txt: rename it to campaign\.toml"
+    ) as error:
+        read_campaign(tmp_path)
+    one_sentence(error)
 
 
 def test_link_out_of_the_folder(small, tmp_path):

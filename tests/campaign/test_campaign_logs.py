@@ -179,6 +179,10 @@ FAULTS = {
     "too many cells": (table().replace("2.5000", "2,5,0"), ["row 3"]),
     "open quote": (table().replace("2.5000", '"2.5'), ["log.csv"]),
     "backward": (_times([0.0, 0.01, 0.02, 0.015, 0.03]), ["runs backward in row 5", "0.02 s to 0.015 s"]),
+    "midnight": (
+        _times([86399.98, 86399.99, 0.0, 0.01]),
+        ["runs backward in row 4", "add 86400 s", "from that row on"],
+    ),
     "constant time": (_times([1.0] * 9), ["repeat"]),
     "coarse stamps": (_times([0.0, 0.0, 0.0, 0.1, 0.1, 0.1, 0.2, 0.2]), ["repeat", "row 3", "more digits"]),
     "empty time": (HEADER + "\n0.0,1,1\n" + ",1,1\n" * 9 + "0.1,1,1\n", ["9 of 11 rows", "row 3"]),

@@ -115,6 +115,21 @@ def test_undeclared_clipping_becomes_censored(campaign, checked):
     assert (after.censored == -1).sum() == np.sum(before.value < 1e-6 - level) > 0
 
 
+def test_clipping_of_a_sensor_without_a_range_asks_for_it(campaign):
+    """Amplifier at 4.5 g, as made; where the full scale of 10 g is declared, there is nothing to add."""
+    file = "bump_runs/case3_unloaded_32kmh_run1.csv"
+    (run,) = (r for r in campaign.bump_runs if r.log.file == file)
+    for full_scale in (None, 10 * 9.80665):
+        channels = tuple(
+            replace(c, sensor=replace(c.sensor, full_scale=full_scale)) if c.sensor.column == "axle1_accel_g" else c
+            for c in run.log.channels
+        )
+        changed = replace(campaign, bump_runs=(replace(run, log=replace(run.log, channels=channels)),), plank_drops=())
+        (said,) = finding(check_quality(changed)[1], "axle1_accel_g").messages
+        assert "clipped at 4.5 g" in said
+        assert ("add range = 4.5 to its entry in [sensors]" in said) == (full_scale is None)
+
+
 def test_rest_level_and_noise_of_the_quiet_start(checked):
     """Instrument truth: noise 0.3242 mm and 0.0184 g, offset 3.646 mm and bias -0.0005 g in this run."""
     report = checked[1]

@@ -37,6 +37,15 @@ def test_the_shipped_logs_are_read_without_a_person(tmp_path: Path) -> None:
     assert (found.to_fill, found.check) == (7, 0)
 
 
+def test_a_place_that_stands_twice_is_said_to(tmp_path: Path) -> None:
+    for without in ("", "body_acceleration"):
+        written = write_variant(DATA, tmp_path / f"logs{without}", Variant("", without=without))
+        text = campaign_text(first_look(written.folder, None), "logs", "campaign.toml")
+        places = [line for line in text.splitlines() if line.startswith("x_m = ") and "measure it" in line]
+        assert len(places) == 5
+        assert all(("the frame sensor above it the same x_m" in line) == (not without) for line in places)
+
+
 @pytest.mark.parametrize(
     ("title", "marked"),
     [

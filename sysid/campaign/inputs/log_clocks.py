@@ -13,6 +13,7 @@ from sysid.logs.channels import Clock
 BAD_STAMP_SHARE = 0.01  # up to this share of repeated or empty stamps is a hiccup of the logger, more is a broken log
 SAME_STEP = 1e-3  # rounding of the printed stamps
 _DAY_S = 86400.0  # unit of times in spreadsheets
+_NEAR_MIDNIGHT_S = 60.0  # a step back of a day but for this is midnight on a clock that shows the time of day
 
 
 @dataclass(frozen=True)
@@ -75,9 +76,15 @@ def _clean_stamps(
     back = np.flatnonzero(steps < 0.0)
     if back.size:
         row = rows[back[0] + 1]
+        midnight = abs(steps[back[0]] + _DAY_S) < _NEAR_MIDNIGHT_S
+        remedy = (
+            f"it passes midnight there: add {_DAY_S:.0f} s to the stamps from that row on"
+            if midnight
+            else "put the rows in order of time or split the log"
+        )
         raise DataRejectedError(
             f"{label}: the time in column '{column}' runs backward in row {row + first_row} (from "
-            f"{stamps[rows[back[0]]]:.10g} s to {stamps[row]:.10g} s); put the rows in order of time or split the log."
+            f"{stamps[rows[back[0]]]:.10g} s to {stamps[row]:.10g} s); {remedy}."
         )
     repeated = np.flatnonzero(steps == 0.0) + 1
     if repeated.size > allowed or rows.size - repeated.size < 2:

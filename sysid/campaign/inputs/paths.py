@@ -89,7 +89,9 @@ def check_name(name: str, key: str) -> None:
         raise CampaignError(f"{shown}; write the path with forward slashes.")
     pure = PurePosixPath(name)
     if not name.strip() or has_control_characters(name):
-        raise CampaignError(f"{shown}, which is empty or contains control characters; give the name of a file.")
+        raise CampaignError(
+            f"{shown}, which is empty or contains control characters; give the name of a file, with / between folders."
+        )
     if pure.is_absolute() or PureWindowsPath(name).drive or name.startswith("~"):
         raise CampaignError(f"{shown}, an absolute path; file names are relative to the campaign file.")
     if ".." in pure.parts:
@@ -128,11 +130,14 @@ def _reason(error: BaseException) -> str:
 
 def _near_sibling(file: Path) -> str:
     try:
-        names = (
-            sorted(p.name for p in file.parent.iterdir() if p.suffix == ".toml")[:50] if file.parent.is_dir() else []
-        )
+        names = sorted(p.name for p in file.parent.iterdir() if ".toml" in p.name) if file.parent.is_dir() else []
     except OSError:
         names = []
+    # Editors that hide endings save 'campaign.toml' as 'campaign.toml.txt'.
+    longer = next((n for n in names if n.lower().startswith(f"{file.name.lower()}.")), None)
+    if longer is not None:
+        return f"the folder has {shorten(longer)}: rename it to {shorten(file.name)}"
+    names = [n for n in names if n.endswith(".toml")]
     return f"the folder has {', '.join(shorten(n) for n in names[:3])}" if names else "check the path"
 
 

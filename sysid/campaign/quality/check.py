@@ -244,9 +244,12 @@ def _mark_clipping(
         if level is not None:
             declared = channel.sensor.full_scale
             against = "" if declared is None else f", far below its range of {declared / unit_scale:.4g} {unit}"
+            # Two or three readings in a row at full scale are seen only where the full scale is known.
+            scale = f"{level / unit_scale:.4g}"
+            declare = f" If {scale} {unit} is its full scale, add range = {scale} to its entry in [sensors]."
             messages.append(
-                f"{int(np.sum(censored != 0))} samples are clipped at {level / unit_scale:.4g} {unit}{against}; they "
-                "are used as bounds."
+                f"{int(np.sum(censored != 0))} samples are clipped at {scale} {unit}{against}; they are used as bounds."
+                f"{declare if declared is None else ''}"
             )
     else:
         messages.append(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 import types
 import typing
@@ -42,11 +43,24 @@ def parse_toml(content: bytes, label: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text.replace("\r\n", "\n"))
     except tomllib.TOMLDecodeError as error:
-        raise CampaignError(f"{label} is not valid TOML: {shorten(error, 200)}; correct that line.") from None
+        remedy = _remedy(text, str(error))
+        raise CampaignError(f"{label} is not valid TOML: {shorten(error, 200)}; {remedy}.") from None
     except (ValueError, OverflowError, RecursionError):
         raise CampaignError(
             f"{label} is not valid TOML: a number is too long or tables are nested too deeply; correct it."
         ) from None
+
+
+def _remedy(text: str, error: str) -> str:
+    """What to do about the line that an error names: decimal commas and paths of Windows are told apart."""
+    at = re.search(r"at line (\d+)", error)
+    lines = text.splitlines()
+    line = lines[int(at[1]) - 1] if at and int(at[1]) <= len(lines) else ""
+    # Behind an equals sign and no bracket, a comma between digits separates nothing.
+    comma = re.search(r"=\s*([+-]?\d+),(\d+)\s*(?:[,}#]|$)", line)
+    if comma:
+        return f"write a decimal point: {comma[1]}.{comma[2]}"
+    return "write / in place of \\ in the names of files" if "\\" in line else "correct that line"
 
 
 def validate(data: dict[str, Any], label: str) -> CampaignFile:
@@ -135,7 +149,22 @@ def _sentence(error: Any, loc: tuple[str | int, ...], data: dict[str, Any], mode
         expected = expected.replace("input should be ", "").replace(" should have", " with")
         if expected.startswith(("greater", "less")):
             expected = f"a number {expected}"
-    return f"{where} is {given}, expected {shorten(expected, 120)}"
+    return f"{where} is {given}, expected {shorten(expected, 120)}{_without_quotes(error.get('input'), expected)}"
+
+
+def _without_quotes(value: object, expected: str) -> str:
+    """What to do with text where a number, a list or a table is expected; empty where nothing is known to do."""
+    if not isinstance(value, str):
+        return ""
+    if expected == "a table":
+        none = value.strip().lower() in ("", "none", "no", "nothing")
+        return "; delete this line if there is none" if none else "; write it in braces without quotes"
+    number = r"[+-]?\d+(?:\.\d+)?"
+    if expected == "a list":
+        numbers = re.fullmatch(rf"\s*\[?\s*({number}(?:\s*[,;\s]\s*{number})*)\s*\]?\s*", value)
+        return f"; write [{', '.join(re.findall(number, numbers[1]))}] without quotes" if numbers else ""
+    bare = expected.endswith("number") and re.fullmatch(rf"\s*({number})\s*", value.replace(",", "."))
+    return f"; write {bare[1]} without quotes" if bare else ""
 
 
 def _as_written(value: object) -> str:
