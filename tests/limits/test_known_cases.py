@@ -68,6 +68,8 @@ CASES: dict[str, tuple[str, Callable[[Path], bytes], str]] = {
     "key of 200,000 parts": ("campaign", key_of_parts(200_000), "more than 8 parts"),
     "39,000 unknown keys": (
         "campaign", fixed((CAMPAIGN + "".join(f"k{i} = 1\n" for i in range(39_000))).encode()), "and 38997 more"),
+    "text of 100,000 blanks for a list": (
+        "campaign", fixed(CAMPAIGN.replace("[4000, 3500]", f"'1{' ' * 100_000}x'").encode()), "a list"),
     "clock that jumps by 30 years": ("drop", drop_with_jump, "jumps by 1e+09 s in row 1502"),
     "scan points of 1e300": ("scan", scan_of_huge_coordinates, "no point with three numbers"),
 }  # fmt: skip

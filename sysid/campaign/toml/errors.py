@@ -18,6 +18,7 @@ from sysid.wording import finish, nearest, shorten
 
 SHOWN = 3  # problems named in one error
 _COMPARED = 100  # unknown keys compared with missing ones
+_LONGEST_SLIP = 200  # characters of a text or line that a remedy is looked for in: patterns take the square of it
 _Model = typing.TypeVar("_Model", bound=BaseModel)
 
 
@@ -57,7 +58,7 @@ def _remedy(text: str, error: str) -> str:
     lines = text.splitlines()
     line = lines[int(at[1]) - 1] if at and int(at[1]) <= len(lines) else ""
     # Behind an equals sign and no bracket, a comma between digits separates nothing.
-    comma = re.search(r"=\s*([+-]?\d+),(\d+)\s*(?:[,}#]|$)", line)
+    comma = re.search(r"=\s*([+-]?\d+),(\d+)\s*(?:[,}#]|$)", line) if len(line) < _LONGEST_SLIP else None
     if comma:
         return f"write a decimal point: {comma[1]}.{comma[2]}"
     return "write / in place of \\ in the names of files" if "\\" in line else "correct that line"
@@ -154,7 +155,7 @@ def _sentence(error: Any, loc: tuple[str | int, ...], data: dict[str, Any], mode
 
 def _without_quotes(value: object, expected: str) -> str:
     """What to do with text where a number, a list or a table is expected; empty where nothing is known to do."""
-    if not isinstance(value, str):
+    if not isinstance(value, str) or len(value) > _LONGEST_SLIP:
         return ""
     if expected == "a table":
         none = value.strip().lower() in ("", "none", "no", "nothing")
