@@ -41,7 +41,8 @@ _OUTWARDS, _HALVINGS, _STEPS = 11, 8, 11
 _KEPT_STATIONS = 1000
 
 
-@dataclass(frozen=True)
+# Compared by identity: tables of one wheel over one profile are made once.
+@dataclass(frozen=True, eq=False)
 class SpokeTable:
     """Force of a unit-stiffness radial-spring wheel over one profile.
 
@@ -212,7 +213,7 @@ def effective_profile(
     flat = np.interp(target, table.flat_force, table.deflection_m)
     # Interpolating the deflection in force^(2/3), in which it is nearly straight, keeps the coarse levels exact enough.
     power = 2.0 / 3.0
-    deflection = np.array([np.interp(target**power, row**power, table.deflection_m) for row in table.force])
+    deflection = _interpolated_rows(np.array([target**power]), table.force**power, table.deflection_m)[:, 0]
     flat = np.interp(target**power, table.flat_force**power, table.deflection_m)
     rise = table.contact_height_m - deflection - (table.radius_m - flat)
     return table.station_m, np.where(np.abs(rise) < 1e-7, 0.0, rise)
@@ -268,6 +269,8 @@ class FootprintMap:
         )
 
 
+# Every stage needs the maps of the same tires again; one takes 20 kB.
+@lru_cache(maxsize=1024)
 def footprint_map(table: SpokeTable, load_N: float, reference_load_N: float, stiffness_N_per_m: float) -> FootprintMap:
     """Fit the footprint map of a tire over a profile between lift-off and `_MAP_LOAD_RATIO` times its static load.
 
@@ -283,7 +286,7 @@ def footprint_map(table: SpokeTable, load_N: float, reference_load_N: float, sti
     largest = min(_MAP_LOAD_RATIO * load_N / spoke_stiffness, max(deepest, 2.0 * load_N / spoke_stiffness))
     target = largest * np.linspace(0.0, 1.0, _MAP_LEVELS + 1)[1:] ** 1.2
     equivalent = np.interp(target**power, flat, table.deflection_m)
-    deflection = np.array([np.interp(target**power, row**power, table.deflection_m) for row in table.force])
+    deflection = _interpolated_rows(target**power, table.force**power, table.deflection_m)
     height = table.contact_height_m[:, None] - deflection
     below = rise[:, None] + (table.radius_m - static) - height
     extra = equivalent - static - below
@@ -293,8 +296,7 @@ def footprint_map(table: SpokeTable, load_N: float, reference_load_N: float, sti
     weight = np.ones(_MAP_LEVELS)
     coefficients = _fit_rows(basis / scale, extra, weight) / scale
     misfit = float(np.abs((basis * coefficients[:, None, :]).sum(axis=-1) - extra).max())
-    rows = zip(deflection, table.forward_force, table.force, strict=True)
-    ratio = np.array([np.interp(d, table.deflection_m[1:], f[1:] / v[1:]) for d, f, v in rows])
+    ratio = _at_levels(deflection, table.deflection_m[1:], table.forward_force[:, 1:] / table.force[:, 1:])
     drag_scale = np.array([1.0, static, static**2])
     drag_basis = np.stack([np.ones_like(below), below, below**2], axis=-1)
     drag = _fit_rows(drag_basis / drag_scale, ratio, target / target.max()) / drag_scale
@@ -302,6 +304,26 @@ def footprint_map(table: SpokeTable, load_N: float, reference_load_N: float, sti
     coefficients[on_flat], drag[on_flat] = 0.0, 0.0
     lift = rise - (table.contact_height_m - table.radius_m)
     return FootprintMap(station, rise, coefficients.T, drag.T, lift, misfit)
+
+
+def _interpolated_rows(values: np.ndarray, rows: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    """Levels (n, k) at which every row (n, m), which does not fall, has the `values` (k,); the ends beyond them.
+
+    As :func:`numpy.interp` row by row, for all of them together.
+    """
+    after = np.clip((rows[:, None, :] <= values[:, None]).sum(axis=-1), 1, rows.shape[1] - 1)
+    low, high = (np.take_along_axis(rows, i, axis=1) for i in (after - 1, after))
+    rise = high - low
+    share = np.clip((values - low) / np.where(rise > 0.0, rise, 1.0), 0.0, 1.0)
+    return np.asarray(levels[after - 1] + share * (levels[after] - levels[after - 1]))
+
+
+def _at_levels(where: np.ndarray, levels: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Values of every row (n, m) given at `levels` (m,), at its own places `where` (n, k); the ends beyond them."""
+    after = np.clip(np.searchsorted(levels, where, side="right"), 1, levels.size - 1)
+    low, high = (np.take_along_axis(rows, i, axis=1) for i in (after - 1, after))
+    share = np.clip((where - levels[after - 1]) / (levels[after] - levels[after - 1]), 0.0, 1.0)
+    return np.asarray(low + share * (high - low))
 
 
 def _fit_rows(basis: np.ndarray, values: np.ndarray, weight: np.ndarray) -> np.ndarray:

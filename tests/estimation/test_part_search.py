@@ -308,7 +308,9 @@ def test_shapes_of_frames_settle_before_other_masses_move(monkeypatch):
     def step(*unused, kind: str):
         name, largest = next(steps)
         assert name == kind
-        return SimpleNamespace(joint=SimpleNamespace(takes_back=lambda before: False), largest=largest, kind=kind)
+        taken = SimpleNamespace(largest=largest, kind=kind)
+        taken.damped = lambda before: taken
+        return taken
 
     def improved(campaign, optimum, taken, *rest, **how):
         done.append(taken.kind)

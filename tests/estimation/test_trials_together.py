@@ -12,7 +12,7 @@ from sysid.campaign.vehicle_records import Equaliser, MassTolerances
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
-from sysid.estimation.residuals.signals import TOGETHER, simulate_runs, simulate_trials
+from sysid.estimation.residuals.signals import TOGETHER, each, simulate_runs, simulate_trials
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 
 ROCKER = Equaliser("tandem", (1, 2), 0.6)
@@ -51,7 +51,7 @@ def test_trials_together_are_the_trials_alone(trials, engine, monkeypatch):
     monkeypatch.setenv("SYSID_ENGINE", engine)
     parameters, models = trials
     models = models if engine == "native" else models[:7]
-    shown = list(simulate_trials(iter(models), parameters.start, MOTION))
+    shown = list(simulate_trials(iter(models), parameters.start, MOTION, each))
     expected = alone(models, parameters.start)
     assert len(shown) == len(models)
     for one, two in zip(shown, expected, strict=True):
@@ -65,4 +65,4 @@ def test_trials_together_are_the_trials_alone(trials, engine, monkeypatch):
 
 
 def test_no_trials_are_no_signals():
-    assert list(simulate_trials([], np.zeros(3), MOTION)) == []
+    assert list(simulate_trials([], np.zeros(3), MOTION, each)) == []

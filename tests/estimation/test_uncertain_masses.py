@@ -13,6 +13,7 @@ from scipy.optimize import lsq_linear
 from synthetic_fit import synthetic_campaign
 
 from sysid.campaign.vehicle_records import AxleGroup, FrameBending, FrameMass, MassTolerances
+from sysid.estimation.fit import joint_optimum
 from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.minimiser import minimise
 from sysid.estimation.fit.options import FitOptions
@@ -305,3 +306,14 @@ def test_a_step_takes_back_the_one_before_where_it_points_the_other_way():
     sideways = replace(there, over_sd=np.array([-1.0, 3.0]))
     assert not sideways.takes_back(there)
     assert there.times(-0.5).largest == 1.5
+
+
+def test_the_clocks_of_a_run_that_go_back_and_forth_are_damped_alone():
+    still = JointStep(np.zeros(1), np.zeros(2), np.zeros(2))
+    before = joint_optimum._Step(still, np.array([[[0.2, -1.0]], [[0.0, 1.0]], [[0.0, 0.0]]]), 1.0)
+    here = np.array([[[-0.2, 0.8]], [[0.1, 0.5]], [[0.3, 0.0]]])
+    damped = joint_optimum._Step(still, here, 0.8).damped(before)
+    np.testing.assert_array_equal(damped.clocks, here * np.array([0.5, 1.0, 1.0])[:, None, None])
+    # What is left to go is not less for that.
+    assert damped.largest == 0.8
+    assert joint_optimum._Step(still, None, 0.8).damped(before).clocks is None

@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+from sysid.road import enveloping
 from sysid.road.enveloping import (
     SPOKE_EXPONENT,
     FootprintMap,
@@ -197,3 +198,16 @@ def test_symmetry_and_load():
         assert rise[0] == rise[-1] == 0.0
     assert heavy[1].max() < light[1].max() < 0.06
     assert np.interp(-0.08, *light) > 1e-3
+
+
+def test_rows_are_interpolated_together_as_numpy_does_one_by_one():
+    random = np.random.default_rng(5)
+    # Rows begin with several equal values, as forces before contact do; some values lie beyond them.
+    rows = np.concatenate([np.zeros((20, 3)), np.cumsum(random.exponential(size=(20, 9)), axis=1)], axis=1)
+    levels, values = np.cumsum(random.exponential(size=12)), np.linspace(0.1, 15.0, 40)
+    by_value = enveloping._interpolated_rows(values, rows, levels)
+    np.testing.assert_allclose(by_value, [np.interp(values, row, levels) for row in rows], rtol=1e-12)
+    where = random.uniform(-1.0, levels[-1] + 1.0, (20, 7))
+    by_level = enveloping._at_levels(where, levels, rows)
+    one_by_one = [np.interp(w, levels, row) for w, row in zip(where, rows, strict=True)]
+    np.testing.assert_allclose(by_level, one_by_one, rtol=1e-12)

@@ -40,8 +40,8 @@ from sysid.road.road_profile import RoadProfile
 
 #: Rounds end when no mass, departure or clock moves further than this many of its standard deviations, or after this
 #: number of rounds.
-NEAR_SD = 0.3
-ROUNDS = 8
+NEAR_SD = 0.1
+ROUNDS = 12
 #: Beyond this many standard deviations, the last round has not settled.
 SETTLED_SD = 1.0
 #: Rounds in which residuals get new weights. Later the weights stay, because they can go back and forth with the
@@ -71,6 +71,15 @@ class _Step:
         clocks = None if self.clocks is None else share * self.clocks
         return _Step(self.joint.times(share), clocks, share * self.largest)
 
+    def damped(self, before: _Step) -> _Step:
+        """Half of it where it takes back most of the step before; so are the clocks of every run on their own."""
+        step = self.times(0.5) if self.joint.takes_back(before.joint) else self
+        if step.clocks is None or before.clocks is None:
+            return step
+        lengths = np.linalg.norm(step.clocks, axis=(1, 2)) * np.linalg.norm(before.clocks, axis=(1, 2))
+        back = -np.sum(step.clocks * before.clocks, axis=(1, 2)) > 0.5 * lengths
+        return replace(step, clocks=np.where(back, 0.5, 1.0)[:, None, None] * step.clocks)
+
 
 def joint_optimum(
     campaign: Campaign,
@@ -90,14 +99,13 @@ def joint_optimum(
     rough = replace(options, weight_rounds=0, tolerance=max(options.tolerance, _ROUGH_TOLERANCE))
     reweighted, final = replace(rough, weight_rounds=min(options.weight_rounds, 1)), replace(options, weight_rounds=0)
     optimum = _with_frame_shapes(campaign, optimum, profiles, reweighted, report)
-    before: JointStep | None = None
+    before: _Step | None = None
     for number in range(ROUNDS):
         report("masses and tires", 0.9)
         allowances = _allowances(campaign, optimum.problem.model)
         step = _step(campaign, optimum, allowances)
-        if before is not None and step.joint.takes_back(before):
-            step = step.times(0.5)
-        before = step.joint
+        step = step if before is None else step.damped(before)
+        before = step
         near = number >= REWEIGHTED and step.largest < NEAR_SD
         last = near or number == ROUNDS - 1
         how = final if last else (reweighted if number < REWEIGHTED else rough)

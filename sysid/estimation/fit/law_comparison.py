@@ -69,9 +69,12 @@ def compare_laws(
         # One axle may reach its stops and another not: each has to show its own.
         without = without_stops(campaign.vehicle, trials.laws, axle)
         trials.judge_without(without, f"stops of axle {axle + 1} within the travel that the runs reach")
-    # Trials ran under the rich laws' weights and with larger steps; the result stands on its own.
     laws, undecided = trials.chosen()
-    chosen = fitted(laws, poor if laws == poor_laws else trials.best.optimum)
+    if laws == rich_laws and trials.best.optimum is rich and rich.minimum.converged:
+        chosen = rich
+    else:
+        # Trials ran under the rich laws' weights and maps; the result stands on its own.
+        chosen = fitted(laws, poor if laws == poor_laws else trials.best.optimum)
     undecided += by_score(campaign, laws, richest, chosen, _families_in(campaign.vehicle, rich_laws))
     return chosen, LawComparison(tuple(trials.made), _names(laws), undecided)
 

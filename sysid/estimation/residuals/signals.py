@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from itertools import groupby, islice
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +21,10 @@ from sysid.vehicle_model.contact import EffectiveRoad, roads_side_by_side
 from sysid.vehicle_model.device_arrays import ChannelHistories, ParametersBySets
 from sysid.vehicle_model.engine import WheelRoad
 from sysid.vehicle_model.stacked_matrices import StackedMatrices, runs_side_by_side
+
+_Shown = TypeVar("_Shown")
+#: What becomes of the signals (T, R, K, C) of a group, by its position, in runs of K models: one result each.
+Shown = Callable[[int, np.ndarray], Sequence[_Shown]]
 
 #: Trial models that are simulated in one call: a vector register of the native engine holds the same run of all.
 TOGETHER = 8
@@ -57,22 +62,33 @@ def simulate_runs(model: BumpModel, log_parameters: Parameters, motion: RunMotio
 
 
 def simulate_trials(
-    trials: Iterable[BumpModel], log_parameters: Parameters, motion: RunMotion
-) -> Iterator[tuple[np.ndarray, ...]]:
-    """Sensor signals (T, R, C) of every group in SI for each of several models of the same runs.
+    trials: Iterable[BumpModel], log_parameters: Parameters, motion: RunMotion, shown: Shown[_Shown]
+) -> Iterator[tuple[_Shown, ...]]:
+    """What is made of the sensor signals [SI] of every group, for each of several models of the same runs.
 
     Masses, laws and roads of the models may differ. Those that one compiled function takes are simulated together;
     no more than :data:`TOGETHER` models are in memory at a time.
+
+    Parameters
+    ----------
+    shown : called by the thread that simulated a group; :func:`each` for the signals (T, R, C) themselves.
     """
     for _, alike in groupby(trials, key=_structure):
         while some := list(islice(alike, TOGETHER)):
-            if len(some) == 1:
-                yield simulate_runs(some[0], log_parameters, motion)
-                continue
-            # The last one repeated: one number of models is compiled once.
-            signals = _simulate_together([*some, *[some[-1]] * (TOGETHER - len(some))], log_parameters, motion)
+            if len(some) > 1:
+                # The last one repeated: one number of models is compiled once.
+                models = [*some, *[some[-1]] * (TOGETHER - len(some))]
+                made = _simulate_together(models, log_parameters, motion, shown)
+            else:
+                signals = simulate_runs(some[0], log_parameters, motion)
+                made = tuple(shown(position, of_group[:, :, None]) for position, of_group in enumerate(signals))
             for k in range(len(some)):
-                yield tuple(of_group[:, :, k] for of_group in signals)
+                yield tuple(of_group[k] for of_group in made)
+
+
+def each(_: int, signals: np.ndarray) -> Sequence[np.ndarray]:
+    """Signals (T, R, C) of single models."""
+    return [signals[:, :, k] for k in range(signals.shape[2])]
 
 
 def _structure(model: BumpModel) -> object:
@@ -85,11 +101,11 @@ def _structure(model: BumpModel) -> object:
 
 
 def _simulate_together(
-    models: Sequence[BumpModel], log_parameters: Parameters, motion: RunMotion
-) -> tuple[np.ndarray, ...]:
-    """Signals (T, R, K, C) of every group for K models of one structure."""
+    models: Sequence[BumpModel], log_parameters: Parameters, motion: RunMotion, shown: Shown[_Shown]
+) -> tuple[Sequence[_Shown], ...]:
+    """What is made of the signals of every group for K models of one structure."""
 
-    def one(position: int) -> np.ndarray:
+    def one(position: int) -> Sequence[_Shown]:
         shape, runs = models[0].shapes[position], list(models[0].groups[position].runs)
         arrays = [m.arrays[position] for m in models]
         matrices = jax.tree.map(lambda *parts: runs_side_by_side(parts), *[a.matrices for a in arrays])
@@ -99,7 +115,7 @@ def _simulate_together(
         wheels = wheel_road(arrays[0]._replace(matrices=matrices), road, moved, shape)
         signals = _signals_together(matrices, laws, wheels, log_parameters, shape=shape)
         whole = np.asarray(jax.block_until_ready(signals))
-        return whole.reshape(shape.samples, len(runs), len(models), -1)
+        return shown(position, whole.reshape(shape.samples, len(runs), len(models), -1))
 
     return side_by_side(one, range(len(models[0].groups)))
 

@@ -43,7 +43,7 @@ def allowance_columns(
     # Towards the declared value: the simulation does not follow a mass beyond its allowed range.
     steps = np.where(here > 0.0, -STEP, STEP)
     units = steps[:, None] * np.eye(here.size)
-    trials = [(allowances.moved(model, here + units[j], here), float(steps[j])) for j in range(count)]
     start = allowances.moved(model, here)
+    trials = [(allowances.on_same_roads(start, here + units[j]), float(steps[j])) for j in range(count)]
     by_masses = difference_columns(model, start, weights, log_parameters, motion, trials)
     return by_masses, departure_columns(model, allowances, weights, log_parameters, motion, here)

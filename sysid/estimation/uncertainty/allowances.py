@@ -45,17 +45,22 @@ class Allowances:
         least = np.array([0.0 if d.kind == FRICTION else -REACH[d.kind] for d in self.departures.directions])
         return np.concatenate([np.clip(masses, -far, far), np.clip(amplitudes, least, reach)])
 
-    def moved(self, model: BumpModel, amounts: np.ndarray, loads_of: np.ndarray | None = None) -> BumpModel:
-        """The model with other masses and departures than those it was made with; (m + n,).
+    def moved(self, model: BumpModel, amounts: np.ndarray) -> BumpModel:
+        """The model with other masses and departures than those it was made with; (m + n,)."""
+        return self.departed(self.with_masses(model, amounts), amounts)
 
-        Parameters
-        ----------
-        loads_of : amounts (m + n,) whose axle loads determine the footprints, None for `amounts`.
-        """
+    def with_masses(self, model: BumpModel, amounts: np.ndarray) -> BumpModel:
+        """The model with the masses of `amounts` (m + n,) and no departures, but for its roads, which stay."""
+        return model.with_vehicle(*self.masses.applied(self.split(amounts)[0]))
+
+    def on_same_roads(self, model: BumpModel, amounts: np.ndarray) -> BumpModel:
+        """The model with other masses and departures (m + n,), but for its roads, which stay."""
+        return self.departures.on_same_roads(self.with_masses(model, amounts), self.split(amounts)[1])
+
+    def departed(self, model: BumpModel, amounts: np.ndarray) -> BumpModel:
+        """A model with the masses of `amounts` (m + n,) moved by their departures, its footprints by its loads."""
         log_factors, amplitudes = self.split(amounts)
-        vehicle, load_cases = self.masses.applied(log_factors)
-        changed = partial(self.masses.load_changes, log_factors if loads_of is None else self.split(loads_of)[0])
-        return self.departures.model(model.with_vehicle(vehicle, load_cases), amplitudes, changed)
+        return self.departures.model(model, amplitudes, partial(self.masses.load_changes, log_factors))
 
     def road(self, passes: Sequence[Pass], amounts: np.ndarray) -> EffectiveRoad:
         """Effective roads of the wheels in passes; amounts (m + n,)."""

@@ -24,7 +24,6 @@ from sysid.arrays import Masses, Parameters, ParametersByParameters
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
-from sysid.estimation.residuals.signals import simulate_trials
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departures import (
     ENVELOPE,
@@ -35,7 +34,7 @@ from sysid.estimation.uncertainty.departures import (
     TIRE_LOAD,
     Departure,
 )
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, signal_residuals
+from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, trial_residuals
 
 #: Scales at which the search begins, and which it does not exceed: plausible values without any data. Assumptions: the
 #: whole way to another contact law; 0.2 in the footprint's log stiffness and in the spokes' exponent; 10 % of a tire's
@@ -83,25 +82,25 @@ def departure_columns(
             together.setdefault((d.kind, d.axle), []).append(j)
     amplitudes = [present]
     for (kind, _), members in together.items():
-        moved = present.copy()
-        moved[members] += STEP[kind]
-        amplitudes.append(moved)
-    trials = (allowances.moved(model, np.concatenate([log_factors, a])) for a in amplitudes)
-    signals = simulate_trials(trials, log_parameters, motion)
-    base = signal_residuals(model, weights, next(signals))
-    for ((kind, _), members), shown in zip(together.items(), signals, strict=True):
-        changed = signal_residuals(model, weights, shown)
-        for column, (residual, gain), (here, gain_here), case_of_run in zip(columns, changed, base, cases, strict=True):
+        further = present.copy()
+        further[members] += STEP[kind]
+        amplitudes.append(further)
+    of_masses = allowances.with_masses(model, amounts)
+    trials = (allowances.departed(of_masses, np.concatenate([log_factors, a])) for a in amplitudes)
+    residuals = trial_residuals(model, weights, trials, log_parameters, motion)
+    base = next(residuals)
+    for ((kind, _), members), moved in zip(together.items(), residuals, strict=True):
+        for column, there, here, case_of_run in zip(columns, moved, base, cases, strict=True):
             for j in members:
                 case = known.directions[j].load_case
                 runs = np.ones(case_of_run.size, bool) if case is None else case_of_run == case
-                column.residual[..., j][:, runs] = (residual - here)[:, runs] / STEP[kind]
-                column.gain[..., j][runs] = (gain - gain_here)[runs] / STEP[kind]
+                column.by_channel[runs, :, j] = (there.residual[runs] - here.residual[runs]) / STEP[kind]
+                column.gain[runs, :, j] = (there.gain[runs] - here.gain[runs]) / STEP[kind]
     for j, d in enumerate(known.directions):
         if d.axle is None:
             members = [i for i, m in enumerate(known.directions) if m.kind == d.kind and m.axle is not None]
             for column in columns:
-                column.residual[..., j] = column.residual[..., members].sum(axis=-1)
+                column.by_channel[:, :, j] = column.by_channel[:, :, members].sum(axis=2)
                 column.gain[..., j] = column.gain[..., members].sum(axis=-1)
     return columns
 

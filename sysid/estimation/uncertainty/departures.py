@@ -154,12 +154,20 @@ class Departures:
         ----------
         load_changes : logarithms of the axle loads over the declared ones in load cases, None for loads as declared.
         """
-        arrays, roads = [], []
-        for old, passes in zip(model.arrays, model.passes, strict=True):
-            cases = [p.load_case for p in passes]
-            arrays.append(old._replace(laws=self.laws(old.laws, amplitudes, cases)))
-            roads.append(self.road(passes, amplitudes, None if load_changes is None else load_changes(cases)))
-        return replace(model, arrays=tuple(arrays), roads=tuple(roads))
+        roads = []
+        for passes in model.passes:
+            changes = None if load_changes is None else load_changes([p.load_case for p in passes])
+            roads.append(self.road(passes, amplitudes, changes))
+        return replace(self.on_same_roads(model, amplitudes), roads=tuple(roads))
+
+    def on_same_roads(self, model: BumpModel, amplitudes: np.ndarray) -> BumpModel:
+        """The model of bump runs moved along the directions of tires and friction by `amplitudes`, (n,)."""
+        of_groups = zip(model.arrays, model.passes, strict=True)
+        arrays = (
+            old._replace(laws=self.laws(old.laws, amplitudes, [p.load_case for p in passes]))
+            for old, passes in of_groups
+        )
+        return replace(model, arrays=tuple(arrays))
 
     @cached_property
     def sources(self) -> tuple[EffectiveRoads, ...]:

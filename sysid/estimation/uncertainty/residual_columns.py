@@ -6,10 +6,11 @@ everywhere else, so the columns stand beside those of the parameters.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import Parameters, RunsByChannels
@@ -27,11 +28,38 @@ class ResidualColumns(NamedTuple):
     residual: np.ndarray
     gain: np.ndarray
 
+    @property
+    def by_channel(self) -> np.ndarray:
+        """The derivatives of the residuals, (R, C, m, T)."""
+        return np.moveaxis(self.residual, 0, -1)
+
+
+class TrialResiduals(NamedTuple):
+    """Weighted residuals (R, C, T) and gain residuals (R, C) of a group for one of several models."""
+
+    residual: np.ndarray
+    gain: np.ndarray
+
 
 def empty_columns(model: BumpModel, count: int) -> tuple[ResidualColumns, ...]:
-    """Zero columns of every group for `count` amplitudes."""
+    """Zero columns of every group for `count` amplitudes; the samples of a channel lie next to each other."""
     shapes = [group.value.shape for group in model.groups]
-    return tuple(ResidualColumns(np.zeros((*s, count)), np.zeros((*s[1:], count))) for s in shapes)
+    return tuple(
+        ResidualColumns(np.moveaxis(np.zeros((*s[1:], count, s[0])), -1, 0), np.zeros((*s[1:], count))) for s in shapes
+    )
+
+
+def trial_residuals(
+    model: BumpModel, weights: Weights, trials: Iterable[BumpModel], log_parameters: Parameters, motion: RunMotion
+) -> Iterator[tuple[TrialResiduals, ...]]:
+    """Residuals of every group for each of several models of the runs whose readings `model` holds."""
+
+    def shown(position: int, signals: np.ndarray) -> list[TrialResiduals]:
+        scales = weights.noise_sd[position], weights.tempering[position]
+        residual, gain = _residuals_of_trials(weights.on(model.arrays, position), *scales, signals)
+        return [TrialResiduals(r, g) for r, g in zip(np.asarray(residual), np.asarray(gain), strict=True)]
+
+    return simulate_trials(trials, log_parameters, motion, shown)
 
 
 def signal_residuals(
@@ -69,13 +97,13 @@ def difference_columns(
     columns = empty_columns(model, len(trials))
     if not trials:
         return columns
-    signals = simulate_trials([start, *(trial for trial, _ in trials)], log_parameters, motion)
-    base = signal_residuals(model, weights, next(signals))
-    for k, ((_, step), shown) in enumerate(zip(trials, signals, strict=True)):
-        moved = signal_residuals(model, weights, shown)
-        for column, (residual, gain), (here, gain_here) in zip(columns, moved, base, strict=True):
-            column.residual[..., k] = (residual - here) / step
-            column.gain[..., k] = (gain - gain_here) / step
+    models = [start, *(trial for trial, _ in trials)]
+    residuals = trial_residuals(model, weights, models, log_parameters, motion)
+    base = next(residuals)
+    for k, ((_, step), moved) in enumerate(zip(trials, residuals, strict=True)):
+        for column, there, here in zip(columns, moved, base, strict=True):
+            column.by_channel[:, :, k] = (there.residual - here.residual) / step
+            column.gain[..., k] = (there.gain - here.gain) / step
     return columns
 
 
@@ -85,6 +113,15 @@ def _residuals(
 ) -> tuple[jax.Array, jax.Array]:
     residual, gain = group_residuals(arrays, noise_sd, tempering, signals[..., None])
     return residual[..., 0], gain[..., 0]
+
+
+@jax.jit
+def _residuals_of_trials(
+    arrays: GroupArrays, noise_sd: RunsByChannels, tempering: RunsByChannels, signals: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """Residuals (K, R, C, T) and gain residuals (K, R, C) of signals (T, R, K, C)."""
+    residual, gain = group_residuals(arrays, noise_sd, tempering, jnp.moveaxis(signals, 2, -1))
+    return jnp.transpose(residual, (3, 1, 2, 0)), jnp.moveaxis(gain, -1, 0)
 
 
 def channel_columns(
