@@ -37,7 +37,7 @@ _MAP_LEVELS, _MAP_LOAD_RATIO = 24, 6.0
 MAP_STEP_M = 0.01
 #: Steps by which the road is found along a spoke, in all to 1e-7 m.
 _OUTWARDS, _HALVINGS, _STEPS = 11, 8, 11
-#: Profiles up to so many stations have their spoke geometry kept.
+#: Profiles up to so many stations have their spoke geometry and their footprint maps kept.
 _KEPT_STATIONS = 1000
 
 
@@ -269,13 +269,18 @@ class FootprintMap:
         )
 
 
-# Every stage needs the maps of the same tires again; one takes 20 kB.
-@lru_cache(maxsize=1024)
 def footprint_map(table: SpokeTable, load_N: float, reference_load_N: float, stiffness_N_per_m: float) -> FootprintMap:
     """Fit the footprint map of a tire over a profile between lift-off and `_MAP_LOAD_RATIO` times its static load.
 
     Parameters as in :func:`effective_profile`.
     """
+    # Every stage needs the maps of the same tires again. Those of long roads are large, and needed once.
+    map_of = _known_map if table.station_m.size <= _KEPT_STATIONS else _known_map.__wrapped__
+    return map_of(table, load_N, reference_load_N, stiffness_N_per_m)
+
+
+@lru_cache(maxsize=128)
+def _known_map(table: SpokeTable, load_N: float, reference_load_N: float, stiffness_N_per_m: float) -> FootprintMap:
     station, rise = effective_profile(table, load_N, reference_load_N, stiffness_N_per_m)
     power = 2.0 / 3.0
     reference = static_deflection(table, reference_load_N, stiffness_N_per_m)

@@ -50,15 +50,15 @@ class Allowances:
         return self.departed(self.with_masses(model, amounts), amounts)
 
     def with_masses(self, model: BumpModel, amounts: np.ndarray) -> BumpModel:
-        """The model with the masses of `amounts` (m + n,) and no departures, but for its roads, which stay."""
+        """The model with the masses of `amounts` (m + n,) and without departures; its roads stay."""
         return model.with_vehicle(*self.masses.applied(self.split(amounts)[0]))
 
     def on_same_roads(self, model: BumpModel, amounts: np.ndarray) -> BumpModel:
-        """The model with other masses and departures (m + n,), but for its roads, which stay."""
+        """The model with other masses and departures (m + n,); its roads stay."""
         return self.departures.on_same_roads(self.with_masses(model, amounts), self.split(amounts)[1])
 
     def departed(self, model: BumpModel, amounts: np.ndarray) -> BumpModel:
-        """A model with the masses of `amounts` (m + n,) moved by their departures, its footprints by its loads."""
+        """A model that has the masses of `amounts` (m + n,) already, with their departures, on roads that follow."""
         log_factors, amplitudes = self.split(amounts)
         return self.departures.model(model, amplitudes, partial(self.masses.load_changes, log_factors))
 

@@ -30,7 +30,7 @@ class ResidualColumns(NamedTuple):
 
     @property
     def by_channel(self) -> np.ndarray:
-        """The derivatives of the residuals, (R, C, m, T)."""
+        """A view of the derivatives of the residuals, (R, C, m, T)."""
         return np.moveaxis(self.residual, 0, -1)
 
 
