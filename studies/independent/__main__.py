@@ -15,7 +15,7 @@ from studies.independent.table import tables, write
 
 def main(arguments: list[str] | None = None) -> None:
     """Fill the shards and show what they say."""
-    run_cases(__doc__, "run", replicate, tables, write, arguments, folder="build/independent", count=80, seed=SEED)
+    run_cases(__doc__, "run", replicate, tables, write, arguments, folder="build/independent", count=96, seed=SEED)
 
 
 if __name__ == "__main__":

@@ -21,29 +21,21 @@ SEED = 20261125
 LIMIT_S = 3600.0
 #: Three-axle trucks that come before each lowboy: one of those takes about as long as three of these.
 THREE_AXLE_TRUCKS = 3
-#: Kinds of `tests/support/independent_physics.py`, in turn for each vehicle.
-KINDS = (
-    "linear",
-    "2 % friction",
-    "7 % friction",
-    "10 % friction",
-    "saturating dampers",
-    "asymmetric dampers",
-    "progressive air springs",
-    "worn",
-    "full rocker",
-    "half a rocker that rubs",
-    "short travels",
-    "frame bends at 7 Hz",
-    "frame bends at 12 Hz",
-    "bends and rubs",
-    "axle loads 1 % off",
-    "speed falls by 5 %",
-    "rough road",
-    "flat tire law",
-    "steep tire law",
-    "2 % outliers",
-)
+#: Kinds of trucks, each with the physics of `tests/support/independent_physics.py` that it takes in turn.
+KINDS = {
+    "linear": ("linear",),
+    "friction": ("2 % friction", "7 % friction", "10 % friction"),
+    "air springs and dampers": ("saturating dampers", "asymmetric dampers", "progressive air springs"),
+    "worn": ("worn",),
+    "rockers": ("full rocker", "half a rocker that rubs"),
+    "short travels": ("short travels",),
+    "frames that bend": ("frame bends at 7 Hz", "frame bends at 12 Hz", "bends and rubs"),
+    "axle loads 1 % off": ("axle loads 1 % off",),
+    "speed falls by 5 %": ("speed falls by 5 %",),
+    "rough road": ("rough road",),
+    "other tires": ("flat tire law", "steep tire law"),
+    "outliers": ("2 % outliers",),
+}
 #: Quantities of parameters by the part of a suspension law that they belong to.
 LAWS = {
     "friction": "friction",
@@ -55,12 +47,23 @@ LAWS = {
 
 
 def draw(number: int) -> tuple[str, str]:
-    """Vehicle and physics of a case."""
+    """Vehicle and physics of a case: all kinds come equally often, and so do the physics of a kind."""
     turn, place = divmod(number, THREE_AXLE_TRUCKS + 1)
     if place == THREE_AXLE_TRUCKS:
-        # Begun elsewhere than the three-axle trucks, so that few cases hold many kinds.
-        return "lowboy", KINDS[(7 * turn + 7) % len(KINDS)]
-    return "three axles", KINDS[(turn * THREE_AXLE_TRUCKS + place) % len(KINDS)]
+        # Begun elsewhere than the three-axle trucks, so that few cases hold many kinds and physics.
+        return "lowboy", _physics(7 * turn + 7, turn // len(KINDS) + 1)
+    count = turn * THREE_AXLE_TRUCKS + place
+    return "three axles", _physics(count, count // len(KINDS))
+
+
+def _physics(kind: int, turn: int) -> str:
+    every = KINDS[list(KINDS)[kind % len(KINDS)]]
+    return every[turn % len(every)]
+
+
+def kind_of(physics: str) -> str:
+    """The kind of trucks that has this physics."""
+    return next(kind for kind, every in KINDS.items() if physics in every)
 
 
 def replicate(number: int, seed: int = SEED) -> Record:
@@ -77,6 +80,7 @@ def replicate(number: int, seed: int = SEED) -> Record:
         if code != 0:
             return {**record, "linear": truth["linear"], "failed": said[-2000:], "entries": []}
         result = json.loads((output / "result.json").read_text(encoding="utf-8"))
+        normal = _normal_peaks(folder, output)
     return {
         **record,
         "linear": truth["linear"],
@@ -85,7 +89,7 @@ def replicate(number: int, seed: int = SEED) -> Record:
         "reasons": result["verdict"]["reasons"],
         "laws": sorted({LAWS[p["quantity"]] for p in result["parameters"] if p["quantity"] in LAWS}),
         "parts": len(result["rockers"]) + sum(p["quantity"] == "bending_frequency" for p in result["parameters"]),
-        "entries": _parameters(result, truth) + _peaks(result, truth),
+        "entries": _parameters(result, truth) + _peaks(result, truth, normal),
     }
 
 
@@ -122,16 +126,21 @@ def _normal(value: float, sd: float) -> list[float]:
     return [float(value * np.exp(z * sd / value)) for z in norm.ppf([0.05, 0.5, 0.95])]
 
 
-def _peaks(result: dict[str, Any], truth: dict[str, Any]) -> list[Record]:
+def _normal_peaks(folder: Path, output: Path) -> list[list[list[float]]]:
+    command = [sys.executable, "-m", "studies.independent.normal_peaks", str(folder), str(output)]
+    done = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+    quantiles: list[list[list[float]]] = json.loads(done.stdout)
+    return quantiles
+
+
+def _peaks(result: dict[str, Any], truth: dict[str, Any], normal: list[list[list[float]]]) -> list[Record]:
     order = list(dict.fromkeys((p["load_case"], p["speed_km_h"]) for p in result["predictions"]))
-    return [
-        _entry(
-            "peak",
-            truth["peaks"][order.index((p["load_case"], p["speed_km_h"]))][p["axle"] - 1],
-            p["peak_dynamic_load_ratio"],
-        )
-        for p in result["predictions"]
-    ]
+    entries = []
+    for p in result["predictions"]:
+        number, axle = order.index((p["load_case"], p["speed_km_h"])), p["axle"] - 1
+        entry = _entry("peak", truth["peaks"][number][axle], p["peak_dynamic_load_ratio"])
+        entries.append({**entry, "normal": normal[number][axle]})
+    return entries
 
 
 def _entry(kind: str, true: float, interval: dict[str, float]) -> Record:

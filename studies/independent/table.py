@@ -9,8 +9,9 @@ import numpy as np
 
 from studies.coverage.shards import Record
 from studies.documents import write_between_marks
+from studies.independent.case import KINDS
 
-_KINDS = {"stiffness": "k", "damping": "c", "peak": "peak load ratios"}
+_QUANTITIES = {"stiffness": "k", "damping": "c", "peak": "peak load ratios"}
 
 
 def holds(entry: Record) -> bool:
@@ -27,25 +28,26 @@ def _half_width(interval: Sequence[float]) -> float:
 
 
 def tables(records: Sequence[Record]) -> str:
-    """Markdown: how often 90 % intervals hold and how wide they are, by quantity, by vehicle and by physics."""
+    """Markdown: how often 90 % intervals hold and how wide they are, by quantity, by vehicle and by kind."""
     good = [r for r in records if r["failed"] is None]
     lines = [
         "| 90 % interval of | intervals | hold | median half-width | median error | 95 % of errors below "
         "| normal approximation: hold, half-width |"
     ]
     lines.append("|---|---:|---:|---:|---:|---:|---:|")
-    for kind, name in _KINDS.items():
+    for kind, name in _QUANTITIES.items():
         lines.append(_row(name, [e for r in good for e in r["entries"] if e["kind"] == kind]))
     for vehicle in dict.fromkeys(r["vehicle"] for r in good):
         lines.append(_row(vehicle, [e for r in good if r["vehicle"] == vehicle for e in r["entries"]]))
     lines.append(_row("all", [e for r in good for e in r["entries"]]))
-    lines += [
-        "",
-        "| true physics | campaigns | k held | c held | peaks held | largest error of k, c, peaks | verdict |",
-    ]
-    lines.append("|---|---:|---:|---:|---:|---:|---|")
-    for name in dict.fromkeys(r["physics"] for r in good):
-        lines.append(_physics_row(name, [r for r in good if r["physics"] == name]))
+    lines += ["", *_physics_head("kind of trucks")]
+    for kind, every in KINDS.items():
+        if of_kind := [r for r in good if r["physics"] in every]:
+            lines.append(_physics_row(kind, of_kind))
+    parts = [name for every in KINDS.values() if len(every) > 1 for name in every]
+    if of_parts := {name: of for name in parts if (of := [r for r in good if r["physics"] == name])}:
+        lines += ["", *_physics_head("of these kinds")]
+        lines += [_physics_row(name, of) for name, of in of_parts.items()]
     linear = [r for r in good if r["linear"]]
     false = sum(bool(set(r["laws"]) - {"stops"}) for r in linear)
     missed = sum(sum(map(holds, r["entries"])) < 0.5 * len(r["entries"]) for r in good)
@@ -77,15 +79,21 @@ def _by_normal(entries: Sequence[Record]) -> str:
     return f"{100.0 * held:.0f} %, {100.0 * np.median([_half_width(e['normal']) for e in entries]):.1f} %"
 
 
+def _physics_head(name: str) -> list[str]:
+    head = f"| {name} | campaigns | hold | k held | c held | peaks held | largest error of k, c, peaks | verdict |"
+    return [head, "|---|---:|---:|---:|---:|---:|---:|---|"]
+
+
 def _physics_row(name: str, records: Sequence[Record]) -> str:
     held, worst = [], []
-    for kind in _KINDS:
+    for kind in _QUANTITIES:
         of = [e for r in records for e in r["entries"] if e["kind"] == kind]
         held.append(f"{sum(map(holds, of))} of {len(of)}")
         worst.append(f"{100.0 * max(abs(e['reported'][1] / e['truth'] - 1.0) for e in of):.1f}")
+    whole = 100.0 * np.mean([holds(e) for r in records for e in r["entries"]])
     trust = [r["trust"].replace("_", " ") for r in records]
     verdict = ", ".join(f"{t}: {trust.count(t)}" for t in dict.fromkeys(trust))
-    return f"| {name} | {len(records)} | " + " | ".join(held) + f" | {', '.join(worst)} % | {verdict} |"
+    return f"| {name} | {len(records)} | {whole:.0f} % | " + " | ".join(held) + f" | {', '.join(worst)} % | {verdict} |"
 
 
 def write(records: Sequence[Record], seed: int, document: Path) -> None:

@@ -17,8 +17,10 @@ import pytest
 import xarray as xr
 from keyword_reader import read_deck
 
+from studies.independent.normal_peaks import normal_peaks
 from sysid.cli.stages import run_stage
 from sysid.export import result_schema
+from sysid.workflow.settings import make_settings
 
 DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 KEPT_RUNS = ("case3_unloaded_32kmh_run2", "case5_loaded_16kmh_run1")
@@ -65,6 +67,17 @@ def test_predicted_passes_are_tables_on_a_millisecond_grid(finished: Path) -> No
     assert table["time_s"].min() < -0.5
     assert {"tire_force1_N_q05", "tire_force6_N_q95"} <= set(table.columns)
     assert (table["tire_force1_N_q05"] <= table["tire_force1_N_q95"]).all()
+
+
+def test_peaks_by_the_normal_at_the_optimum_are_those_of_the_same_passes(finished: Path) -> None:
+    document = json.loads((finished / "result.json").read_text(encoding="utf-8"))
+    normal = normal_peaks(finished.parent / "campaign", finished, make_settings(quick=True, seed=3, max_steps=4))
+    ratios = [p["peak_dynamic_load_ratio"] for p in document["predictions"]]
+    sampled = np.array([[r[q] for q in ("q05", "q50", "q95")] for r in ratios]).reshape(2, 6, 3)
+    half_width = 0.5 * (sampled[..., 2] - sampled[..., 0])
+    # The walkers of the preview start twice as far apart as the normal, and have made four steps.
+    assert np.all(np.abs(np.array(normal)[..., 1] - sampled[..., 1]) < half_width)
+    np.testing.assert_allclose(np.array(normal)[..., 2] - np.array(normal)[..., 0], 2.0 * half_width, rtol=0.6)
 
 
 def test_the_posterior_file_agrees_with_result_json(finished: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,12 +17,20 @@ from studies.independent.table import holds, tables, write
 
 
 def test_kinds_of_the_study_are_those_that_can_be_simulated() -> None:
-    assert tuple(KINDS) == case.KINDS
+    assert sorted(KINDS) == sorted(name for every in case.KINDS.values() for name in every)
+    assert case.kind_of("7 % friction") == "friction"
 
 
-def test_every_kind_comes_for_both_vehicles() -> None:
-    drawn = {case.draw(number) for number in range(80)}
-    assert drawn == {(vehicle, kind) for vehicle in ("three axles", "lowboy") for kind in case.KINDS}
+def test_every_kind_comes_equally_often_for_both_vehicles() -> None:
+    drawn = [case.draw(number) for number in range(96)]
+    for vehicle, each in (("three axles", 6), ("lowboy", 2)):
+        counts = Counter(case.kind_of(physics) for v, physics in drawn if v == vehicle)
+        assert counts == dict.fromkeys(case.KINDS, each)
+    # All physics of a kind come too, and as often as each other to within one.
+    for every in case.KINDS.values():
+        times = [sum(physics == name for _, physics in drawn) for name in every]
+        assert max(times) - min(times) <= 1
+        assert min(times) > 0
 
 
 def test_forces_of_springs_dampers_and_stops() -> None:
@@ -123,13 +132,40 @@ def test_tables_count_what_holds(tmp_path: Path) -> None:
     assert not holds(records[1]["entries"][0])
     text = tables(records)
     assert "| k | 3 | 33 % | 2.2 % | 10.0 % | 10.0 % |" in text
-    assert "| linear | 2 | 1 of 2 | 1 of 2 | 1 of 2 | 10.0, 10.0, 10.0 % | with care: 2 |" in text
+    assert "| linear | 2 | 50 % | 1 of 2 | 1 of 2 | 1 of 2 | 10.0, 10.0, 10.0 % | with care: 2 |" in text
     assert "Laws that are not there: in 1 of 2 campaigns" in text
     assert "intervals hold in 2 of 3 campaigns. Not converged or refused: 1 of 4." in text
     page = tmp_path / "page.md"
     page.write_text("<!-- independent trucks: begin -->\n<!-- independent trucks: end -->\n", encoding="utf-8")
     write(records, 5, page)
     assert "4 campaigns of seed 5, 4 of them tractors" in page.read_text(encoding="utf-8")
+
+
+def test_kinds_with_several_physics_are_shown_by_physics_too() -> None:
+    records = [_record(0, "2 % friction", hold=True), _record(1, "7 % friction", hold=False)]
+    lines = tables(records).splitlines()
+    assert any(line.startswith("| friction | 2 | 50 % | 1 of 2 |") for line in lines)
+    assert any(line.startswith("| 2 % friction | 1 | 100 % | 1 of 1 |") for line in lines)
+    assert any(line.startswith("| 7 % friction | 1 | 0 % | 0 of 1 |") for line in lines)
+
+
+def test_peaks_by_the_normal_stand_beside_those_of_the_same_pass_and_axle() -> None:
+    result = {
+        "predictions": [
+            {
+                "load_case": c,
+                "speed_km_h": v,
+                "axle": a,
+                "peak_dynamic_load_ratio": {"q05": 1.0, "q50": 2.0, "q95": 3.0},
+            }
+            for c, v in (("empty", 48.0), ("laden", 32.0))
+            for a in (1, 2)
+        ]
+    }
+    normal = [[[10 * p + a + q / 10 for q in range(3)] for a in range(2)] for p in range(2)]
+    found = case._peaks(result, {"peaks": [[2.1, 2.2], [2.3, 2.4]]}, normal)
+    assert [e["truth"] for e in found] == [2.1, 2.2, 2.3, 2.4]
+    np.testing.assert_allclose([e["normal"][1] for e in found], [0.1, 1.1, 10.1, 11.1])
 
 
 def test_normal_approximation_stands_beside_the_sampled_intervals() -> None:
