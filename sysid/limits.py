@@ -70,6 +70,12 @@ LOG_PAUSE_S: Final = 60.0
 #: Steps of an even grid over a record, where its readings are resampled or smoothed.
 GRID_STEPS: Final = 2_000_000
 
+# ---------------------------------------------------------------- memory of a fit
+#: Derivatives of the residuals of all runs that are held at a time; where they are more, runs are taken in turn.
+DERIVATIVES_BYTES: Final = 400_000_000
+#: Readings of runs that are simulated together; a run that has more is alone.
+GROUP_READINGS: Final = 400_000
+
 #: Longest predicted pass [s]: a road train at walking speed takes less.
 PASS_SECONDS: Final = 300.0
 

@@ -6,7 +6,7 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -51,8 +51,8 @@ def without_correlation() -> AbstractContextManager[Any]:
     """Residuals as if each were independent of those before it."""
     from sysid.estimation.weights import reweighting
 
-    def ones(problem: Any, linearisations: Sequence[Any], models: Sequence[Any]) -> list[np.ndarray]:
-        return [np.ones(lin.residual.shape[1:]) for lin in linearisations]
+    def ones(problem: Any, linearisation: Any, model: Any) -> np.ndarray:
+        return np.ones(linearisation.residual.shape[1:])
 
     return _patches((reweighting, "_inflation", ones))
 

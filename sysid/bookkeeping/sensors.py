@@ -44,14 +44,15 @@ def sensor_complaints(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
     sensors: dict[int, tuple[Sensor, ...]] = {}
     leaks: dict[int, list[dict[str, np.ndarray]]] = {}
     for run in runs:
+        spectra = _Spectra()
         for trio in trios(run.log.channels, vehicle):
-            made = _equation(trio, run)
+            made = _equation(trio, run, spectra)
             if made is None:
                 continue
             equation, grid, band = made
             equations.setdefault(trio.axle, []).append(equation)
             sensors[trio.axle] = tuple(c.sensor for c in trio.channels)
-            leaks.setdefault(trio.axle, []).append(_others(trio, run, grid, band))
+            leaks.setdefault(trio.axle, []).append(_others(trio, run, grid, band, spectra))
     said = []
     for axle in sorted(equations):
         sentence = _fault(equations[axle], sensors[axle], leaks[axle])
@@ -60,7 +61,21 @@ def sensor_complaints(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
     return said
 
 
-def _equation(trio: Trio, run: BumpRun) -> tuple[Equation, np.ndarray, np.ndarray] | None:
+class _Spectra:
+    """Spectra of the channels of one run: a channel stands beside every axle."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, int], np.ndarray] = {}
+
+    def of(self, channel: Channel, grid: np.ndarray) -> np.ndarray:
+        """Spectrum of a channel on a time grid from 0."""
+        key = channel.sensor.column, grid.size
+        if key not in self._known:
+            self._known[key] = _spectrum(channel, grid)
+        return self._known[key]
+
+
+def _equation(trio: Trio, run: BumpRun, spectra: _Spectra) -> tuple[Equation, np.ndarray, np.ndarray] | None:
     """The equation of one axle in one run, with its time grid and band; None where a sensor clips or lacks readings."""
     if trio.body_acceleration is None or any(not _whole(c) for c in trio.channels):
         return None
@@ -74,7 +89,7 @@ def _equation(trio: Trio, run: BumpRun) -> tuple[Equation, np.ndarray, np.ndarra
     if band.sum() < 20:
         return None
     omega = 2.0 * np.pi * frequency[band]
-    q, a, b = (_spectrum(c, grid)[band] for c in trio.channels)
+    q, a, b = (spectra.of(c, grid)[band] for c in trio.channels)
     parts = (-omega * q, -a / omega, b / omega)
     return Equation(omega, parts), grid, band
 
@@ -94,11 +109,11 @@ def _spectrum(channel: Channel, grid: np.ndarray) -> np.ndarray:
     return np.asarray(np.fft.rfft((value - np.median(value)) * window))
 
 
-def _others(trio: Trio, run: BumpRun, grid: np.ndarray, band: np.ndarray) -> dict[str, np.ndarray]:
+def _others(trio: Trio, run: BumpRun, grid: np.ndarray, band: np.ndarray, spectra: _Spectra) -> dict[str, np.ndarray]:
     """Spectra of the sensors of the same kinds at other axles."""
     compared = {c.sensor.column for c in trio.channels}
     return {
-        f"{c.sensor.kind} {c.sensor.column}": _spectrum(c, grid)[band]
+        f"{c.sensor.kind} {c.sensor.column}": spectra.of(c, grid)[band]
         for c in run.log.channels
         if c.sensor.column not in compared and np.isfinite(c.value).mean() > 0.97
     }

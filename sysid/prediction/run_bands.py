@@ -9,12 +9,16 @@ import numpy as np
 
 from sysid.arrays import DrawsByParameters
 from sysid.estimation.fit.state import FitState
+from sysid.estimation.residuals.bump_model import BumpModel
+from sysid.estimation.residuals.by_group import each_group, too_many
 from sysid.estimation.residuals.histories import shown_signals
+from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_history import HistoryBand, RunHistory
 from sysid.progress import Progress, unwatched
 
 #: Number of posterior draws behind the bands.
 DRAWS = 64
+_WORDS = "posterior bands of the driven runs"
 
 
 def run_bands(
@@ -39,21 +43,41 @@ def run_bands(
         draws = draws[random.choice(draws.shape[0], DRAWS, replace=False)]
     response = state.point.mass_response
     amounts = None if response is None else response.draws(draws, random)
-    shown: list[list[np.ndarray]] = [[] for _ in state.model.groups]
+
+    model, weights = state.model, state.point.weights
+    if not too_many(model, len(draws)):
+        bands = _bands(state, model, weights, draws, amounts, progress)
+        return tuple(bands[run] for run in sorted(bands))
+
+    def of_group(k: int) -> dict[int, HistoryBand]:
+        progress(_WORDS, k / len(model.groups))
+        return _bands(state, model.part(k), weights.part(k), draws, amounts, unwatched)
+
+    bands = {run: band for part in each_group(of_group, len(model.groups)) for run, band in part.items()}
+    return tuple(bands[run] for run in sorted(bands))
+
+
+def _bands(
+    state: FitState,
+    model: BumpModel,
+    weights: Weights,
+    draws: DrawsByParameters,
+    amounts: np.ndarray | None,
+    progress: Progress,
+) -> dict[int, HistoryBand]:
+    """Bands by run of all runs of a model, or of a part of it, with the masses and departures of the draws (n, q)."""
+    shown: list[list[np.ndarray]] = [[] for _ in model.groups]
     for i, draw in enumerate(draws):
-        progress("posterior bands of the driven runs", i / len(draws))
-        model = state.model
-        if amounts is not None:
-            model = state.allowances.moved(model, amounts[i])
-        simulated = shown_signals(model, state.point.weights, state.point.motion, draw)
-        for of_group, one in zip(shown, simulated, strict=True):
+        progress(_WORDS, i / len(draws))
+        moved = model if amounts is None else state.allowances.moved(model, amounts[i])
+        for of_group, one in zip(shown, shown_signals(moved, weights, state.point.motion, draw), strict=True):
             of_group.append(one.signals)
     bands: dict[int, HistoryBand] = {}
-    for group, signals in zip(state.model.groups, shown, strict=True):
+    for group, signals in zip(model.groups, shown, strict=True):
         for r, run in enumerate(group.runs):
             low, high = np.quantile(np.array([of_draw[:, r] for of_draw in signals]), [0.05, 0.95], axis=0)
             bands[run] = HistoryBand(low.T, high.T)
-    return tuple(bands[run] for run in sorted(bands))
+    return bands
 
 
 def with_bands(histories: Sequence[RunHistory], bands: Sequence[HistoryBand]) -> tuple[RunHistory, ...]:

@@ -19,7 +19,7 @@ from sysid.prediction.driven_range import spring_deflection
 from sysid.vehicle_model.contact import EffectiveRoad, roads_side_by_side
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.motion import Motion
-from sysid.vehicle_model.passes import Pass, PassBatch, pass_matrices
+from sysid.vehicle_model.passes import Pass, PassBatch, load_case_matrices, pass_matrices
 from sysid.vehicle_model.stacked_matrices import StackedMatrices, runs_side_by_side
 
 #: Passes that are simulated side by side.
@@ -78,7 +78,7 @@ def drawn_vehicles(
         for draw in chosen:
             log_factors, amplitudes = vehicles.allowances.split(vehicles.amounts[draw])
             vehicle, cases = masses.applied(log_factors)
-            of_draw = replace(batch, matrices=pass_matrices(vehicle, cases, [driven], []))
+            of_draw = replace(batch, matrices=pass_matrices(load_case_matrices(vehicle, cases, [driven]), [driven], []))
             matrices.append(of_draw.matrices)
             inputs = law_inputs(vehicle, parameters, of_draw, [driven.load_case])
             inputs = departures.laws(inputs, amplitudes, [driven.load_case])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,7 +14,7 @@ from sysid.road.contact_laws import CONTACT_LAWS, ContactLaw
 from sysid.road.enveloping import SPOKE_EXPONENT, FootprintMap, SpokeTable, footprint_map, spoke_table
 from sysid.road.road_profile import RoadProfile
 from sysid.threads import side_by_side
-from sysid.vehicle_model.assembly import assemble
+from sysid.vehicle_model.assembly import PlanarMatrices, assemble
 from sysid.vehicle_model.contact import EffectiveRoad, effective_road
 from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, StackedMatrices, stack_matrices
 
@@ -135,15 +135,18 @@ class EffectiveRoads:
         return effective_road(np.arange(first, last + 1) * step, stack("rise_m"), stretch, drag)
 
 
-def pass_matrices(
-    vehicle: Vehicle,
-    load_cases: Mapping[str, LoadCase],
-    passes: Sequence[Pass],
-    body_points: list[tuple[int, float]],
-) -> StackedMatrices:
-    """Matrices of several passes, with body accelerometers at (body, x_m) `body_points`."""
+def load_case_matrices(
+    vehicle: Vehicle, load_cases: Mapping[str, LoadCase], passes: Iterable[Pass]
+) -> dict[str, PlanarMatrices]:
+    """Matrices of the vehicle in every load case of the passes."""
     first = next(iter(load_cases.values()))
-    matrices = {name: assemble(vehicle, load_cases[name], first) for name in {p.load_case for p in passes}}
+    return {name: assemble(vehicle, load_cases[name], first) for name in {p.load_case for p in passes}}
+
+
+def pass_matrices(
+    matrices: Mapping[str, PlanarMatrices], passes: Sequence[Pass], body_points: list[tuple[int, float]]
+) -> StackedMatrices:
+    """Matrices of several passes from those of their load cases; `body_points` (body, x_m) have accelerometers."""
     return stack_matrices([matrices[p.load_case] for p in passes], body_points, [HOLD_S[p.speed_held] for p in passes])
 
 
@@ -157,7 +160,7 @@ def make_pass_batch(
     """The batch of several passes, with body accelerometers at (body, x_m) `body_points`."""
     first = next(iter(load_cases.values()))
     return PassBatch(
-        matrices=pass_matrices(vehicle, load_cases, passes, body_points),
+        matrices=pass_matrices(load_case_matrices(vehicle, load_cases, passes), passes, body_points),
         road=roads.stacked(passes),
         axle_x=np.array([a.x_m for a in vehicle.axles])[:, None],
         reference_load=np.tile(np.array(first.axle_loads_kg)[:, None] * vehicle.gravity_m_s2, (len(passes), 1, 1)),

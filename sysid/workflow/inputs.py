@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
 from sysid.campaign.findings import QualityReport
+from sysid.campaign.passage.cut import cut_to_passages
 from sysid.campaign.quality.check import check_quality
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
@@ -36,14 +38,24 @@ class Inputs:
         return self.read.input_sha256
 
     @property
-    def campaign(self) -> Campaign:
+    def whole(self) -> Campaign:
         """The campaign with rejected channels removed and clipped samples marked."""
         return self._screened[0]
 
     @property
+    def campaign(self) -> Campaign:
+        """The same with long records cut to the passage."""
+        return self._cut[0]
+
+    @property
     def quality(self) -> QualityReport:
-        """What the check found in every channel."""
-        return self._screened[1]
+        """What the check found in every channel, and which records were cut."""
+        report, sentence = self._screened[1], self._cut[1]
+        return replace(report, messages=(*report.messages, sentence)) if sentence else report
+
+    @cached_property
+    def _cut(self) -> tuple[Campaign, str]:
+        return cut_to_passages(self.whole)
 
     @cached_property
     def _screened(self) -> tuple[Campaign, QualityReport]:

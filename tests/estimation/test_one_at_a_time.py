@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import weakref
+from time import sleep
 
 import numpy as np
 import pytest
 from fit_states import state_at
 from rigid_truck import bump, campaign, empty_run, true_log_parameters
 
+from sysid import limits
+from sysid.campaign.records import Campaign
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals import problem as problem_module
 from sysid.estimation.residuals.bump_model import bump_model
+from sysid.estimation.residuals.by_group import AT_ONCE, each_group
 from sysid.estimation.residuals.compressed import run_normals
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, RunMotion
+from sysid.estimation.uncertainty.allowances import campaign_allowances
+from sysid.estimation.uncertainty.information import BlockInformation, optimum_information
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, channel_columns
+from sysid.estimation.weights.reweighting import reweighted
 from sysid.vehicle_model.engines.protocol import Linearisation
 
 #: Three hundred samples are more than go through one block, and no multiple of them.
@@ -30,11 +37,14 @@ def linearisation() -> Linearisation:
     return Linearisation(*(random.normal(size=shape) for shape in shapes), random.normal(size=shapes[0]))
 
 
+def two_runs() -> Campaign:
+    return campaign([empty_run("a.csv", 6.0, samples=300), empty_run("b.csv", 8.5, samples=900)])
+
+
 @pytest.fixture
 def problem() -> Problem:
     """Two runs so unlike in length that they make two groups."""
-    runs = [empty_run("a.csv", 6.0, samples=300), empty_run("b.csv", 8.5, samples=900)]
-    data = campaign(runs)
+    data = two_runs()
     model = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
     assert len(model.groups) == 2
     shapes = [group.value.shape[1:] for group in model.groups]
@@ -75,6 +85,69 @@ def test_one_group_is_linearised_as_among_all_and_not_kept(problem: Problem) -> 
     for one, other in zip(alone, together, strict=True):
         np.testing.assert_array_equal(np.asarray(one.residual_jacobian), np.asarray(other.residual_jacobian))
     assert problem.linearise_one(vector, 1) is together[1]
+
+
+@pytest.fixture
+def little_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "DERIVATIVES_BYTES", 0)
+
+
+def test_group_by_group_the_compressed_problem_is_the_same_and_nothing_is_kept(
+    problem: Problem, little_memory: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vector = problem.vector(problem.model.parameters.start) + 1e-3
+    assert problem.by_group
+    in_turn = problem.compressed(vector)
+    assert problem._latest is None
+    monkeypatch.undo()
+    whole = Problem(problem.model, two_runs(), problem.reference_motion, problem.weights)
+    assert not whole.by_group
+    together = whole.compressed(vector)
+    np.testing.assert_array_equal(in_turn.residual, together.residual)
+    np.testing.assert_array_equal(in_turn.jacobian, together.jacobian)
+    # The small problem is stored for its point and for no other.
+    assert whole.compressed(vector) is together
+    assert whole.compressed(vector + 1e-3) is not together
+
+
+def test_group_by_group_masses_and_departures_give_the_same_information_and_weights(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data, vector = two_runs(), problem.vector(problem.model.parameters.start)
+    allowances = campaign_allowances(data, problem.model.parameters, problem.model.felt)
+    amounts = 0.3 * np.concatenate([allowances.masses.sd, np.full(len(allowances.departures.directions), 0.01)])
+
+    def found() -> tuple[BlockInformation, Weights]:
+        information = optimum_information(data, problem, vector, allowances, amounts)
+        return information, reweighted(problem, problem.linearise(vector))
+
+    together, weights = found()
+    monkeypatch.setattr(limits, "DERIVATIVES_BYTES", 0)
+    del problem.__dict__["by_group"]
+    in_turn, of_groups = found()
+    assert problem.by_group
+    np.testing.assert_allclose(in_turn.matrix, together.matrix, rtol=1e-9, atol=1e-9 * np.abs(together.matrix).max())
+    np.testing.assert_allclose(in_turn.scores, together.scores, rtol=1e-9, atol=1e-9 * np.abs(together.scores).max())
+    assert in_turn.blocks == together.blocks
+    for one, other in zip(of_groups.noise_sd, weights.noise_sd, strict=True):
+        np.testing.assert_array_equal(one, other)
+    for one, other in zip(of_groups.tempering, weights.tempering, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+
+
+def test_no_more_than_two_groups_are_in_memory(problem: Problem, little_memory: None) -> None:
+    alive, most = 0, 0
+
+    def one(k: int) -> int:
+        nonlocal alive, most
+        alive += 1
+        most = max(most, alive)
+        sleep(0.01)
+        alive -= 1
+        return k
+
+    assert each_group(one, 7) == tuple(range(7))
+    assert most <= AT_ONCE
 
 
 def test_derivatives_of_the_last_point_go_before_those_of_the_next_are_made(

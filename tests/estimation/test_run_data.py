@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from rigid_truck import SENSORS, campaign, empty_run, with_values
 
+from sysid import limits
 from sysid.campaign.records import BumpRun, Channel
 from sysid.errors import DataRejectedError
 from sysid.estimation.residuals.run_data import channel_layout, grid_phase, group_runs, on_grid
@@ -108,6 +109,16 @@ def test_runs_of_similar_length_share_a_group_and_are_padded():
     assert found[0].measured[:, 0].all()
     assert found[0].measured[:380, 1].all()
     assert not found[0].measured[380:, 1].any()
+
+
+def test_runs_with_very_many_readings_are_apart(monkeypatch):
+    runs = [run(f"{k}.csv", 400) for k in range(5)]
+    monkeypatch.setattr(limits, "GROUP_READINGS", 2 * 400 * len(SENSORS))
+    assert [len(group.runs) for group in groups(runs)] == [2, 2, 1]
+    assert sorted(k for group in groups(runs) for k in group.runs) == list(range(5))
+    # A single run is never divided.
+    monkeypatch.setattr(limits, "GROUP_READINGS", 10)
+    assert [group.runs for group in groups(runs)] == [(k,) for k in range(5)]
 
 
 def test_runs_of_different_interval_never_share_a_group():

@@ -29,7 +29,7 @@ def test_changes_act_inside_and_end_with_their_block():
         assert allowances.departures(None, ["empty"], [False]).directions == ()
         assert law_evidence.departures(None, ["empty"], [False]).directions == ()
     with without_correlation():
-        (found,) = reweighting._inflation(None, [SimpleNamespace(residual=np.zeros((9, 2, 3)))], [None])
+        found = reweighting._inflation(None, SimpleNamespace(residual=np.zeros((9, 2, 3))), None)
         np.testing.assert_array_equal(found, np.ones((2, 3)))
     assert (allowances.departures, law_evidence.departures, reweighting._inflation) == before
 

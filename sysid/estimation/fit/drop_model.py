@@ -18,7 +18,7 @@ from sysid.errors import DataRejectedError, SysidError
 from sysid.estimation.fit.optimum import Optimum, parameter_sd
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.reweighted_search import optimise_from
-from sysid.estimation.fit.start_search import best_shift
+from sysid.estimation.fit.start_search import Record
 from sysid.estimation.parameters.campaign_parameters import (
     DOUBTFUL_DAMPING_SD,
     DOUBTFUL_STIFFNESS_SD,
@@ -267,16 +267,20 @@ def _search(
     reach = np.array([r.speed_sd for r in runs])
     best = np.full(count, np.inf)
     speed, begin = nominal.copy(), released_s.copy()
+    # The same for every trial: these change the road alone.
+    records: list[list[Record]] = []
 
     def trial(speeds: np.ndarray) -> None:
         starts = released_s + FOOT_M / speeds
         model = model_at(speeds, starts)
-        noise = _instrument_noise(model, runs)
         signals = simulate_runs(model, start, RunMotion.steady(speeds, starts))
+        if not records:
+            noise = _instrument_noise(model, runs)
+            records.extend([Record(g, r, noise[k][r]) for r in range(len(g.runs))] for k, g in enumerate(model.groups))
         for position, group in enumerate(model.groups):
             for r, run in enumerate(group.runs):
                 samples = SLACK_S / group.interval_s
-                cost, shift = best_shift(group, r, signals[position][:, r], noise[position][r], (-samples, samples))
+                cost, shift = records[position][r].best_shift(signals[position][:, r], (-samples, samples))
                 cost += float(((speeds[run] / nominal[run] - 1.0) / reach[run]) ** 2)
                 if cost < best[run]:
                     best[run], speed[run] = cost, speeds[run]

@@ -132,9 +132,12 @@ class _AtOptimum:
 
     @classmethod
     def of(cls, problem: Problem, vector: UnknownsOfFit) -> _AtOptimum:
-        lin = problem.linearise(vector)
-        simulated = [np.asarray(one.simulated) for one in lin]
-        return cls(simulated, residual_inflation(problem, lin), residual_evidence(problem, lin))
+        simulated, residuals, inflation = [], [], []
+        for position, lin in enumerate(problem.linearise(vector)):
+            simulated.append(np.asarray(lin.simulated))
+            residuals.append(np.asarray(lin.residual))
+            inflation.append(residual_inflation(problem, position, lin))
+        return cls(simulated, inflation, residual_evidence(problem, residuals))
 
     def typical_inflation(self, weights: Weights) -> float:
         """Median variance inflation of all channels that are used."""

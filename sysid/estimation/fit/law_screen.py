@@ -159,7 +159,7 @@ class Screen:
 
 def candidate_columns(
     campaign: Campaign, optimum: Optimum, listed: Sequence[LawCandidate], reached: Mapping[tuple[str, int], float]
-) -> tuple[ResidualColumns, ...]:
+) -> Sequence[ResidualColumns]:
     """Derivatives of every group's residuals by the candidates, in units of their prior scales.
 
     Parameters

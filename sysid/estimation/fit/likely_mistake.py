@@ -24,6 +24,7 @@ from sysid.estimation.fit.law_evidence import eliminated
 from sysid.estimation.fit.mistake_candidates import WHOLE, Directions, MistakeCandidate
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.thresholds import MISFIT
+from sysid.estimation.residuals.by_group import too_many
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
@@ -78,7 +79,8 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
     known = allowance_columns(model, allowances, problem.weights, values, motion)
     directions = iter(Directions(campaign, model, problem.weights, values, motion))
     scored = []
-    while chosen := list(islice(directions, _AT_ONCE)):
+    at_once = _AT_ONCE if not too_many(model, _AT_ONCE) else 1
+    while chosen := list(islice(directions, at_once)):
         data = information_with(campaign, problem, optimum.vector, *known, *(columns for _, columns in chosen))
         score = data.score
         score[: problem.count] += rows.T @ (rows @ values - targets)

@@ -10,7 +10,7 @@ import numpy as np
 from sysid.arrays import Parameters, RunsByChannels
 from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
-from sysid.estimation.fit.start_search import best_shift
+from sysid.estimation.fit.start_search import Record
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
@@ -80,5 +80,5 @@ def misfits(
         reach = _SLACK_S / group.interval_s
         for r, run in enumerate(group.runs):
             simulated = np.nan_to_num(signals[position][:, r], nan=1e6, posinf=1e6, neginf=-1e6)
-            misfit[run] = best_shift(group, r, simulated, noise_sd[position][r], (-reach, reach))[0]
+            misfit[run] = Record(group, r, noise_sd[position][r]).best_shift(simulated, (-reach, reach))[0]
     return misfit

@@ -55,27 +55,29 @@ def search_motion(
     factors = 1.0 + np.arange(-SPEED_REACH, SPEED_REACH + 1e-9, SPEED_STEP)
     nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
     trial_start = 1.0 + 0.5 / nominal
-    signals = [simulate_runs(model, log_parameters, RunMotion.steady(nominal * f, trial_start)) for f in factors]
-    _check_finite(campaign, model, signals)
-    for position, group in enumerate(model.groups):
-        for r, run in enumerate(group.runs):
-            # Axle 1 meets the bump inside its own record, whatever fits elsewhere.
-            length = np.flatnonzero(group.measured[:, r].any(axis=1))[-1]
-            trial = trial_start[run] / group.interval_s
-            best = min(
-                (*best_shift(group, r, signal[position][:, r], noise_sd[position][r], (-trial, length - trial)), k)
-                for k, signal in enumerate(signals)
-            )
-            speed[run] = nominal[run] * factors[best[2]]
-            start[run] = trial_start[run] + best[1] * group.interval_s
+    lowest = np.full(count, np.inf)
+    records = [[Record(g, r, noise_sd[k][r]) for r in range(len(g.runs))] for k, g in enumerate(model.groups)]
+    # One speed at a time: signals of all would be the largest memory of a fit.
+    for factor in factors:
+        signals = simulate_runs(model, log_parameters, RunMotion.steady(nominal * factor, trial_start))
+        _check_finite(campaign, model, signals)
+        for position, group in enumerate(model.groups):
+            for r, run in enumerate(group.runs):
+                # Axle 1 meets the bump inside its own record, whatever fits elsewhere.
+                length = np.flatnonzero(group.measured[:, r].any(axis=1))[-1]
+                trial = trial_start[run] / group.interval_s
+                reach = (-trial, length - trial)
+                misfit, shift = records[position][r].best_shift(signals[position][:, r], reach)
+                if misfit < lowest[run] or np.isnan(speed[run]):
+                    lowest[run], speed[run] = misfit, nominal[run] * factor
+                    start[run] = trial_start[run] + shift * group.interval_s
     return RunMotion.steady(speed, start)
 
 
-def _check_finite(campaign: Campaign, model: BumpModel, signals: Sequence[Sequence[np.ndarray]]) -> None:
+def _check_finite(campaign: Campaign, model: BumpModel, signals: Sequence[np.ndarray]) -> None:
     for position, group in enumerate(model.groups):
         for r, run in enumerate(group.runs):
-            largest = max(float(np.max(np.abs(signal[position][:, r]))) for signal in signals)
-            if not largest < LARGEST:
+            if not float(np.max(np.abs(signals[position][:, r]))) < LARGEST:
                 listed = campaign.bump_runs[run]
                 raise DataRejectedError(
                     f"{listed.log.file}: a vehicle as declared, driven over the scanned bump at "
@@ -85,36 +87,41 @@ def _check_finite(campaign: Campaign, model: BumpModel, signals: Sequence[Sequen
                 )
 
 
-def best_shift(
-    group: RunGroup, r: int, simulated: np.ndarray, noise: Channels, reach: tuple[float, float] | None = None
-) -> tuple[float, float]:
-    """Smallest misfit over all time shifts of the simulation (T, C), and that shift in samples; `reach` bounds it."""
-    mask = group.measured[:, r].astype(float)
-    counts = mask.sum(axis=0)
-    rest = np.array([np.median(group.value[mask[:, c] > 0, r, c]) if counts[c] else 0.0 for c in range(mask.shape[1])])
-    data = mask * (group.value[:, r] - rest)
-    rms = np.sqrt((data**2).sum(axis=0) / np.maximum(counts, 1.0))
-    weight = np.where(np.isfinite(noise), 1.0 / (noise**2 + (0.1 * rms) ** 2 + 1e-300), 0.0)
-    samples = mask.shape[0]
-    length = next_fast_len(2 * samples, real=True)
-    spectrum = rfft(simulated, length, axis=0)
-    cross = irfft(rfft(data, length, axis=0) * spectrum.conj(), length, axis=0)
-    energy = irfft(rfft(mask, length, axis=0) * rfft(simulated**2, length, axis=0).conj(), length, axis=0)
-    # Parameters may be far off at this stage: a response of the wrong size must not be taken for one at another time.
-    gain = np.clip(cross / np.maximum(energy, 1e-12 * energy.max(axis=0) + 1e-300), *GAIN_RANGE)
-    cost = ((gain**2 * energy - 2.0 * gain * cross + (data**2).sum(axis=0)) * weight).sum(axis=1)
-    lags = np.arange(length)
-    lags = np.where(lags > length // 2, lags - length, lags)
-    # A response that is shifted out of the record altogether contradicts nothing.
-    inside = (energy * weight).sum(axis=1)
-    cost[inside < SEEN_SHARE * inside.max()] = np.inf
-    if reach is not None:
-        cost[(lags < reach[0]) | (lags > reach[1])] = np.inf
-    k = int(np.argmin(cost))
-    around = cost[[k - 1, k, (k + 1) % length]]
-    curvature = around[0] - 2.0 * around[1] + around[2] if np.isfinite(around).all() else 0.0
-    fine = 0.5 * (around[0] - around[2]) / curvature if curvature > 0 else 0.0
-    fine = float(np.clip(fine, -0.5, 0.5))
-    # The parabola's own minimum: between samples, so that a speed is not judged by where its start happens to fall.
-    smallest = float(cost[k]) - (0.25 * float(around[0] - around[2]) * fine if fine else 0.0)
-    return smallest, float(lags[k]) + fine
+class Record:
+    """One run of a group, compared with simulations of it at any shift in time."""
+
+    def __init__(self, group: RunGroup, r: int, noise: Channels):
+        """`noise` (C,) of the instruments [SI], not finite for channels that do not count."""
+        mask = group.measured[:, r].astype(float)
+        counts = mask.sum(axis=0)
+        rest = [np.median(group.value[mask[:, c] > 0, r, c]) if counts[c] else 0.0 for c in range(mask.shape[1])]
+        data = mask * (group.value[:, r] - np.array(rest))
+        self._square = (data**2).sum(axis=0)
+        rms = np.sqrt(self._square / np.maximum(counts, 1.0))
+        self._weight = np.where(np.isfinite(noise), 1.0 / (noise**2 + (0.1 * rms) ** 2 + 1e-300), 0.0)
+        self._length = next_fast_len(2 * mask.shape[0], real=True)
+        self._data, self._mask = (rfft(values, self._length, axis=0) for values in (data, mask))
+        lags = np.arange(self._length)
+        self._lags = np.where(lags > self._length // 2, lags - self._length, lags)
+
+    def best_shift(self, simulated: np.ndarray, reach: tuple[float, float]) -> tuple[float, float]:
+        """Smallest misfit over all time shifts within `reach` of a simulation (T, C), and that shift, in samples."""
+        length = self._length
+        cross = irfft(self._data * rfft(simulated, length, axis=0).conj(), length, axis=0)
+        energy = irfft(self._mask * rfft(simulated**2, length, axis=0).conj(), length, axis=0)
+        # Parameters may be far off at this stage: a response of the wrong size must not be taken for one at another
+        # time.
+        gain = np.clip(cross / np.maximum(energy, 1e-12 * energy.max(axis=0) + 1e-300), *GAIN_RANGE)
+        cost = (gain**2 * energy - 2.0 * gain * cross + self._square) @ self._weight
+        # A response that is shifted out of the record altogether contradicts nothing.
+        inside = energy @ self._weight
+        cost[inside < SEEN_SHARE * inside.max()] = np.inf
+        cost[(self._lags < reach[0]) | (self._lags > reach[1])] = np.inf
+        k = int(np.argmin(cost))
+        around = cost[[k - 1, k, (k + 1) % length]]
+        curvature = around[0] - 2.0 * around[1] + around[2] if np.isfinite(around).all() else 0.0
+        fine = 0.5 * (around[0] - around[2]) / curvature if curvature > 0 else 0.0
+        fine = float(np.clip(fine, -0.5, 0.5))
+        # The parabola's own minimum: between samples, so that a speed is not judged by where its start happens to fall.
+        smallest = float(cost[k]) - (0.25 * float(around[0] - around[2]) * fine if fine else 0.0)
+        return smallest, float(self._lags[k]) + fine

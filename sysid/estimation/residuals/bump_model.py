@@ -22,7 +22,15 @@ from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.device_arrays import HostOrDevice
 from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.filters import FilterRecursion, discretise
-from sysid.vehicle_model.passes import EffectiveRoads, MapTires, Pass, PassBatch, make_pass_batch, pass_matrices
+from sysid.vehicle_model.passes import (
+    EffectiveRoads,
+    MapTires,
+    Pass,
+    PassBatch,
+    load_case_matrices,
+    make_pass_batch,
+    pass_matrices,
+)
 from sysid.vehicle_model.readings import Readings
 from sysid.vehicle_model.simulation import SensorLayout
 from sysid.vehicle_model.stacked_matrices import StackedMatrices
@@ -107,11 +115,25 @@ class BumpModel:
         shapes = tuple(s._replace(substeps=s.substeps * factor) for s in self.shapes)
         return replace(self, shapes=shapes)
 
+    def part(self, position: int) -> BumpModel:
+        """The model of the runs of one group alone."""
+        one = slice(position, position + 1)
+        return replace(
+            self,
+            groups=self.groups[one],
+            arrays=self.arrays[one],
+            roads=self.roads[one],
+            batches=self.batches[one],
+            shapes=self.shapes[one],
+            passes=self.passes[one],
+        )
+
     def with_vehicle(self, vehicle: Vehicle, load_cases: Mapping[str, LoadCase]) -> BumpModel:
         """The same runs of another vehicle: its matrices assembled again, what its wheels feel as before."""
         arrays, batches = [], []
+        of_load_cases = load_case_matrices(vehicle, load_cases, (p for passes in self.passes for p in passes))
         for old, batch, passes in zip(self.arrays, self.batches, self.passes, strict=True):
-            matrices = pass_matrices(vehicle, load_cases, passes, self.layout.body_points)
+            matrices = pass_matrices(of_load_cases, passes, self.layout.body_points)
             batch = replace(batch, matrices=matrices)
             laws = law_inputs(vehicle, self.parameters, batch, [p.load_case for p in passes])
             arrays.append(old._replace(matrices=matrices, laws=laws))

@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid.arrays import Parameters, Residuals, ResidualsByUnknowns
 from sysid.estimation.residuals.bump_model import BumpModel
+from sysid.estimation.residuals.by_group import ByGroup, each_group
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, MotionPrior, RunMotion
 from sysid.threads import side_by_side
 from sysid.vehicle_model.engines.protocol import Linearisation
@@ -89,7 +90,11 @@ def compress(
     count = log_parameters.shape[0]
     order = run_order(model)
     width = count + RUN_UNKNOWNS * len(order)
-    factors = (square_factor(normal) for lin in linearisations for normal in run_normals(lin))
+    if isinstance(linearisations, ByGroup):
+        normals = each_group(lambda k: run_normals(linearisations[k]), len(linearisations))
+    else:
+        normals = tuple(map(run_normals, linearisations))
+    factors = (square_factor(normal) for of_group in normals for normal in of_group)
     residuals, jacobians = [], []
     for position, factor in enumerate(factors):
         wide = np.zeros((factor.shape[0], width))

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
+from functools import cached_property
 
 import numpy as np
 
 from sysid.arrays import Parameters, UnknownsOfFit
 from sysid.campaign.records import Campaign
 from sysid.estimation.residuals.bump_model import BumpModel
+from sysid.estimation.residuals.by_group import ByGroup, too_many
 from sysid.estimation.residuals.compressed import Compressed, compress, run_order
 from sysid.estimation.residuals.linearisation import linearise, linearise_one
 from sysid.estimation.residuals.residual_weights import Weights
@@ -25,7 +28,8 @@ class Problem:
         self.order = run_order(model)
         self.count = len(model.parameters.parameters)
         # Checks, covariance and the next round ask for the same point again.
-        self._latest: tuple[bytes, Weights, tuple[Linearisation, ...]] | None = None
+        self._latest: tuple[bytes, Weights, Sequence[Linearisation]] | None = None
+        self._small: tuple[bytes, Weights, Compressed] | None = None
 
     def vector(self, log_parameters: Parameters) -> UnknownsOfFit:
         """The vector of log parameters (p,) and the motions about which the unknowns are measured."""
@@ -41,15 +45,26 @@ class Problem:
         """The same residuals under other weights."""
         other = copy(self)
         other.weights = weights
-        other._latest = None
+        other._latest = other._small = None
         return other
 
     def forget(self) -> None:
         """Delete the derivatives that are stored for the last point."""
         self._latest = None
 
-    def linearise(self, vector: UnknownsOfFit) -> tuple[Linearisation, ...]:
-        """Linearisation of every group at a vector, stored until another vector is requested."""
+    @cached_property
+    def by_group(self) -> bool:
+        """Whether the derivatives of all groups are too many to be held together."""
+        return too_many(self.model, self.count + RUN_UNKNOWNS)
+
+    def linearise(self, vector: UnknownsOfFit) -> Sequence[Linearisation]:
+        """Linearisation of every group at a vector, stored until another vector is requested.
+
+        Where they are too many, each is computed whenever it is asked for.
+        """
+        if self.by_group:
+            at = self.unpack(vector)
+            return ByGroup(len(self.model.groups), lambda k: linearise_one(self.model, self.weights, *at, k))
         if not self._is_kept(vector):
             # Two of them at the same time would be the largest memory of a fit.
             self.forget()
@@ -73,7 +88,13 @@ class Problem:
         return problem.residual, problem.jacobian
 
     def compressed(self, vector: UnknownsOfFit) -> Compressed:
-        """Compressed residuals and Jacobian with respect to the vector."""
+        """Compressed residuals and Jacobian with respect to the vector, stored until another vector is requested."""
+        small = self._small
+        if small is None or small[0] != vector.tobytes() or small[1] is not self.weights:
+            small = self._small = vector.tobytes(), self.weights, self._compressed(vector)
+        return small[2]
+
+    def _compressed(self, vector: UnknownsOfFit) -> Compressed:
         parameters, motion = self.unpack(vector)
         problem = compress(self.model, self.linearise(vector), parameters, motion, self.expected)
         # The tangents are in units of the current speed, but the vector is in units of the reference speed.

@@ -19,6 +19,11 @@ class Weights:
     tempering: tuple[RunsByChannels, ...]
     reading: tuple[SamplesByRunsByChannels, ...] | None = None
 
+    def part(self, position: int) -> Weights:
+        """The weights of one group alone."""
+        one = slice(position, position + 1)
+        return Weights(self.noise_sd[one], self.tempering[one], None if self.reading is None else self.reading[one])
+
     def on(self, arrays: Sequence[GroupArrays], position: int) -> GroupArrays:
         """The arrays of a group, one of all, with the weights of single readings in them."""
         of_group = arrays[position]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from sysid import limits
 from sysid.arrays import SamplesByRunsByChannels
 from sysid.campaign.records import BumpRun, Campaign, Channel, Sensor
 from sysid.errors import DataRejectedError
@@ -132,6 +133,8 @@ def on_grid(
 def group_runs(campaign: Campaign, layout: ChannelLayout) -> tuple[RunGroup, ...]:
     """Group runs whose lengths differ by less than `_WASTE`, so that padding costs little simulation time.
 
+    A group has no more readings than :data:`sysid.limits.GROUP_READINGS`, unless a single run has.
+
     Raises
     ------
     DataRejectedError
@@ -154,7 +157,14 @@ def group_runs(campaign: Campaign, layout: ChannelLayout) -> tuple[RunGroup, ...
                 members[-1].append(i)
                 continue
         members.append([i])
-    return tuple(_group(campaign, layout, tuple(m), max(count[i] for i in m)) for m in members)
+    groups = []
+    for alike in members:
+        samples = max(count[i] for i in alike)
+        most = max(1, limits.GROUP_READINGS // (samples * len(layout.sensors)))
+        # Parts of equal size where that is possible: each size is compiled.
+        parts = np.array_split(np.array(alike), -(-len(alike) // most))
+        groups += [_group(campaign, layout, tuple(part.tolist()), samples) for part in parts]
+    return tuple(groups)
 
 
 def _group(campaign: Campaign, layout: ChannelLayout, members: tuple[int, ...], samples: int) -> RunGroup:

@@ -6,6 +6,8 @@ rounding, and small enough for a linear effect.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sysid.arrays import Parameters
@@ -27,7 +29,7 @@ def allowance_columns(
     log_parameters: Parameters,
     motion: RunMotion,
     amounts: np.ndarray | None = None,
-) -> tuple[tuple[ResidualColumns, ...], tuple[ResidualColumns, ...]]:
+) -> tuple[Sequence[ResidualColumns], Sequence[ResidualColumns]]:
     """Derivatives of every group's residuals and gains by masses, and those by departures: q columns together.
 
     Footprints do not change, as in derivatives by the parameters: a truck with all masses, loads, stiffnesses and

@@ -22,6 +22,7 @@ import numpy as np
 
 from sysid.arrays import Masses, Parameters, ParametersByParameters
 from sysid.estimation.residuals.bump_model import BumpModel
+from sysid.estimation.residuals.by_group import ByGroup, too_many
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.uncertainty.allowances import Allowances
@@ -65,10 +66,20 @@ def departure_columns(
     log_parameters: Parameters,
     motion: RunMotion,
     amounts: np.ndarray,
-) -> tuple[ResidualColumns, ...]:
-    """Derivatives of every group's residuals (T, R, C, n) and gains (R, C, n) by n amplitudes, at `amounts` (q,)."""
+) -> Sequence[ResidualColumns]:
+    """Derivatives of every group's residuals (T, R, C, n) and gains (R, C, n) by n amplitudes, at `amounts` (q,).
+
+    They are made when they are asked for if they are too many.
+    """
     known = allowances.departures
     count = len(known.directions)
+    if too_many(model, count):
+
+        def of(position: int) -> ResidualColumns:
+            part = model.part(position), allowances, weights.part(position)
+            return departure_columns(*part, log_parameters, motion, amounts)[0]
+
+        return ByGroup(len(model.groups), of)
     columns = empty_columns(model, count)
     if count == 0:
         return columns

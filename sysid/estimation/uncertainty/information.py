@@ -15,6 +15,7 @@ import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters, UnknownsOfFit
 from sysid.campaign.records import Campaign
+from sysid.estimation.residuals.by_group import ByGroup, each_group
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.run_clocks import RunClocks, run_clocks
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
@@ -33,7 +34,7 @@ from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns
 from sysid.estimation.uncertainty.run_scores import ClockScores, run_scores, run_scores_with_clocks
-from sysid.estimation.uncertainty.sandwich import Adjustment, adjust, flattening
+from sysid.estimation.uncertainty.sandwich import Adjustment, BlockScores, adjust, flattening
 
 #: Rounds in which the factor of model error, and the scales of departures that go with it, are found.
 _FACTOR_ROUNDS = 4
@@ -144,14 +145,19 @@ def information_with(
     parts: list[np.ndarray] = []
     blocks: list[tuple[Hashable, ...]] = []
     of_cases: dict[str, np.ndarray] = {}
-    shared = problem.count + sum(columns[0].gain.shape[-1] for columns in kinds)
     of_clocks: list[tuple[tuple[int, ...], ClockScores]] = []
-    for position, group in enumerate(problem.model.groups):
-        of_group = [columns[position] for columns in kinds]
+
+    def of_group(position: int) -> tuple[BlockScores, ClockScores | None]:
+        columns = [of_kind[position] for of_kind in kinds]
         if clocks is None:
-            scored = run_scores(problem, vector, position, of_group, with_parts)
-        else:
-            scored, by_clocks = run_scores_with_clocks(problem, vector, position, of_group, with_parts, clocks)
+            return run_scores(problem, vector, position, columns, with_parts), None
+        return run_scores_with_clocks(problem, vector, position, columns, with_parts, clocks)
+
+    groups = problem.model.groups
+    in_turn = problem.by_group or any(isinstance(of_kind, ByGroup) for of_kind in kinds)
+    each = each_group(of_group, len(groups)) if in_turn else map(of_group, range(len(groups)))
+    for group, (scored, by_clocks) in zip(groups, each, strict=True):
+        if by_clocks is not None:
             of_clocks.append((group.runs, by_clocks))
         parts += scored.parts
         measured = np.asarray(group.measured.any(axis=0))
@@ -161,16 +167,17 @@ def information_with(
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
             scores += [of_run[c] for c in np.flatnonzero(used)]
             blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
-    for _, by_clocks in of_clocks:
-        scores.append(by_clocks.score.sum(axis=0))
-        parts += [by_clocks.information.sum(axis=0)] if with_parts else []
+    for _, of_runs in of_clocks:
+        scores.append(of_runs.score.sum(axis=0))
+        parts += [of_runs.information.sum(axis=0)] if with_parts else []
         blocks.append(("clocks", ""))
+    matrix = np.sum(list(of_cases.values()), axis=0)
     return BlockInformation(
-        np.sum(list(of_cases.values()), axis=0),
+        matrix,
         np.array(scores),
         tuple(blocks),
         np.array(parts) if with_parts else None,
-        None if clocks is None else _in_order(clocks, of_clocks, shared),
+        None if clocks is None else _in_order(clocks, of_clocks, matrix.shape[0]),
         of_cases,
     )
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from sysid.arrays import Parameters, RunsByChannels
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays
+from sysid.estimation.residuals.by_group import ByGroup, too_many
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, RunMotion
 from sysid.estimation.residuals.sensor_residuals import group_residuals
@@ -85,8 +86,8 @@ def difference_columns(
     log_parameters: Parameters,
     motion: RunMotion,
     trials: Sequence[tuple[BumpModel, float]],
-) -> tuple[ResidualColumns, ...]:
-    """Forward differences of every group's residuals by amplitudes.
+) -> Sequence[ResidualColumns]:
+    """Forward differences of every group's residuals by amplitudes, made when they are asked for if they are too many.
 
     Parameters
     ----------
@@ -94,6 +95,14 @@ def difference_columns(
     log_parameters : (p,); motion : of all runs.
     trials : per amplitude the same runs with that amplitude moved, and by how much.
     """
+    if too_many(model, len(trials)):
+
+        def of(position: int) -> ResidualColumns:
+            known = weights.part(position), log_parameters, motion
+            parts = [(trial.part(position), step) for trial, step in trials]
+            return difference_columns(model.part(position), start.part(position), *known, parts)[0]
+
+        return ByGroup(len(model.groups), of)
     columns = empty_columns(model, len(trials))
     if not trials:
         return columns

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import welch
 
-from sysid.arrays import Channels
+from sysid.arrays import Channels, SamplesByRunsByChannels
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.weights.autoregression import autocorrelation
 from sysid.estimation.weights.heavy_tails import heavy_tails
-from sysid.estimation.weights.reweighting import lags_of, plain_residual, residual_models
-from sysid.vehicle_model.engines.protocol import Linearisation
+from sysid.estimation.weights.reweighting import lags_of, plain_residual, residual_model
 
 #: Samples per segment of Welch's spectrum: 64 bands, enough to see body modes and wheel hop apart.
 _SEGMENT = 128
@@ -42,8 +41,8 @@ class ResidualEvidence:
     degrees_of_freedom: Channels
 
 
-def residual_evidence(problem: Problem, linearisations: Sequence[Linearisation]) -> ResidualEvidence:
-    """Spectra of residuals and innovations per kind of sensor, their correlation, orders and tails."""
+def residual_evidence(problem: Problem, residuals: Sequence[SamplesByRunsByChannels]) -> ResidualEvidence:
+    """Spectra of residuals (T, R, C) of every group and their innovations per kind of sensor, correlation and tails."""
     model, weights = problem.model, problem.weights
     first = model.groups[0]
     lag = np.arange(min(lags_of(g.samples) for g in model.groups)) * first.interval_s
@@ -55,8 +54,8 @@ def residual_evidence(problem: Problem, linearisations: Sequence[Linearisation])
     order: list[int] = []
     before: list[np.ndarray] = []
     after: list[np.ndarray] = []
-    residuals = [np.asarray(lin.residual) for lin in linearisations]
-    for group, residual, noise_model in zip(model.groups, residuals, residual_models(problem, residuals), strict=True):
+    for group, residual in zip(model.groups, residuals, strict=True):
+        noise_model = residual_model(group, residual)
         innovation = noise_model.innovations(group.measured, residual)
         depth = noise_model.coefficients.shape[0]
         kept = np.isfinite(innovation)
@@ -72,7 +71,7 @@ def residual_evidence(problem: Problem, linearisations: Sequence[Linearisation])
             for r, c in np.argwhere(used):
                 sums[which, of_kind[c]] += spectrum[:, r, c]
         np.add.at(counts, of_kind[np.nonzero(used)[1]], 1)
-    raw = [plain_residual(weights, i, lin) for i, lin in enumerate(linearisations)]
+    raw = [plain_residual(weights, i, residual) for i, residual in enumerate(residuals)]
     tails = [heavy_tails(g.measured, r, g.value).degrees_of_freedom for g, r in zip(model.groups, raw, strict=True)]
     return ResidualEvidence(
         kinds=kinds,

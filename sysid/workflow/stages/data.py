@@ -28,7 +28,7 @@ def _check(context: Context) -> QualityReport:
     from sysid.bookkeeping import check_bookkeeping
 
     report = context.inputs.quality
-    crossed = check_bookkeeping(context.campaign, context.inputs.read)
+    crossed = check_bookkeeping(context.inputs.whole, context.inputs.read)
     return replace(
         report,
         messages=(*report.messages, *(m for m in crossed.messages if m not in report.messages)),
