@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sysid.campaign import read_campaign
+from sysid.campaign.passage.arrivals import find_passage
 from sysid.campaign.passage.cut import cut_to_passages
 from sysid.campaign.records import BumpRun, Campaign
 from sysid.workflow.inputs import Inputs
@@ -57,6 +58,11 @@ def test_a_long_record_is_cut_to_its_passage(campaign):
         {id(c.time_s) for c in long.bump_runs[0].log.channels}
     )
     moved = first.log.start_time_s - run.log.start_time_s
+    passage = find_passage(run.log.channels, campaign.vehicle, run.nominal_speed_m_s)
+    assert passage is not None
+    arrivals = [25.0 + arrival.time_s - moved for arrival in passage.arrivals.values()]
+    assert min(arrivals) == pytest.approx(2.0, abs=0.03)
+    assert first.log.duration_s - max(arrivals) == pytest.approx(8.0, abs=0.03)
     for c, o, source in zip(first.log.channels, run.log.channels, long.bump_runs[0].log.channels, strict=True):
         assert c.value.size == c.time_s.size == c.censored.size
         # Each reading keeps its time.

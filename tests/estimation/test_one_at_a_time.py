@@ -8,7 +8,7 @@ from time import sleep
 import numpy as np
 import pytest
 from fit_states import state_at
-from rigid_truck import bump, campaign, empty_run, true_log_parameters
+from rigid_truck import EMPTY, LADEN, bump, campaign, empty_run, true_log_parameters
 
 from sysid import limits
 from sysid.campaign.records import Campaign
@@ -38,7 +38,8 @@ def linearisation() -> Linearisation:
 
 
 def two_runs() -> Campaign:
-    return campaign([empty_run("a.csv", 6.0, samples=300), empty_run("b.csv", 8.5, samples=900)])
+    runs = [empty_run("a.csv", 6.0, samples=300), empty_run("b.csv", 8.5, samples=900, load_case="laden")]
+    return campaign(runs, load_cases=(EMPTY, LADEN))
 
 
 @pytest.fixture
@@ -48,7 +49,9 @@ def problem() -> Problem:
     model = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
     assert len(model.groups) == 2
     shapes = [group.value.shape[1:] for group in model.groups]
-    weights = Weights(tuple(np.full(s, 0.1) for s in shapes), tuple(np.ones(s) for s in shapes))
+    weights = Weights(
+        tuple(np.full(s, 0.1) for s in shapes), tuple(np.full(s, 1.0 - 0.3 * k) for k, s in enumerate(shapes))
+    )
     motion = RunMotion(np.array([6.1, 8.3]), np.array([0.44, 0.61]), np.zeros(2))
     return state_at(data, model, true_log_parameters(model.parameters.names), motion, weights).problem()
 
@@ -108,6 +111,11 @@ def test_group_by_group_the_compressed_problem_is_the_same_and_nothing_is_kept(
     # The small problem is stored for its point and for no other.
     assert whole.compressed(vector) is together
     assert whole.compressed(vector + 1e-3) is not together
+    # Nor under other weights.
+    first = whole.compressed(vector)
+    halved = tuple(0.5 * of_group for of_group in problem.weights.tempering)
+    whole.weights = Weights(problem.weights.noise_sd, halved)
+    assert not np.allclose(whole.compressed(vector).jacobian, first.jacobian, rtol=1e-3)
 
 
 def test_group_by_group_masses_and_departures_give_the_same_information_and_weights(

@@ -11,6 +11,7 @@ from rigid_truck import true_log_parameters
 from scipy import stats
 from synthetic_fit import NOISE, SPEED_M_S, START_S, synthetic_campaign
 
+from sysid import limits
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import MassTolerances
 from sysid.estimation.fit.state import FitState
@@ -162,3 +163,22 @@ def test_long_chains_are_thinned(fit, monkeypatch):
     run_bands(fit.state, np.tile(fit.truth, (10, 1)), progress=lambda message, share: seen.append(share))
     assert len(seen) == 3
     assert DRAWS >= 64
+
+
+def test_group_by_group_the_bands_are_the_same(fit, monkeypatch):
+    monkeypatch.setattr(limits, "GROUP_READINGS", 10)
+    model = bump_model(fit.campaign, fit.parameters, fit.profiles)
+    assert len(model.groups) == 2
+    ((scale,), (tempering,)) = fit.state.point.weights.noise_sd, fit.state.point.weights.tempering
+    order = [list(fit.state.model.groups[0].runs).index(g.runs[0]) for g in model.groups]
+    weights = Weights(tuple(scale[r : r + 1] for r in order), tuple(tempering[r : r + 1] * (1 + r) for r in order))
+    state = state_at(fit.campaign, model, fit.truth, fit.state.point.motion, weights)
+    draws = fit.truth + 0.02 * np.random.default_rng(6).normal(size=(5, len(fit.truth)))
+    together = run_bands(state, draws)
+    monkeypatch.setattr(limits, "DERIVATIVES_BYTES", 0)
+    heard: list[float] = []
+    in_turn = run_bands(state, draws, progress=lambda _, done: heard.append(done))
+    for one, other in zip(in_turn, together, strict=True):
+        np.testing.assert_allclose(one.low, other.low, rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(one.high, other.high, rtol=1e-12, atol=1e-14)
+    assert sorted(heard) == [0.0, 0.5]
