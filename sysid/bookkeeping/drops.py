@@ -13,7 +13,7 @@ import numpy as np
 from sysid.bookkeeping.force_balance import RunSpectra, frame_rise
 from sysid.bookkeeping.masses import stiffness_of
 from sysid.campaign.records import Campaign, PlankDrop
-from sysid.campaign.vehicle_records import LoadCase, Vehicle
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.wording import shorten
 
 #: Shares of the plank height: measured ones repeat within 0.03 (0.15 where friction holds), those
@@ -92,7 +92,7 @@ def _expected(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list[float] 
     found = next((b for n in cases if (b := stiffness_of(spectra, campaign, n)) is not None), None)
     if found is None or found.unexplained > 0.2 or np.any(found.stiffness <= 0.0):
         return None
-    return compressions(campaign.vehicle, campaign.load_cases[name], _alike(campaign.vehicle, found.stiffness))
+    return compressions(campaign.vehicle, _alike(campaign.vehicle, found.stiffness))
 
 
 def _alike(vehicle: Vehicle, stiffness: np.ndarray) -> np.ndarray:
@@ -110,7 +110,7 @@ def _alike(vehicle: Vehicle, stiffness: np.ndarray) -> np.ndarray:
     return result
 
 
-def compressions(vehicle: Vehicle, load_case: LoadCase, stiffness: np.ndarray) -> list[float]:
+def compressions(vehicle: Vehicle, stiffness: np.ndarray) -> list[float]:
     """Compression of each axle's suspension over the height of a plank under its wheels alone, from static balance.
 
     Parameters

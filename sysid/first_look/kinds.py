@@ -69,7 +69,7 @@ def guess_kinds(
     signs = {c: s for three in threes for c, s in _signs(three).items()}
     result = {}
     for column, of_logs in seen.items():
-        told = _told_unit(column, of_logs, said[column])
+        told = _told_unit(of_logs, said[column])
         role = roles.get(column)
         elsewhere = told is not None and told[0] is None
         if role is None and (said[column].other or elsewhere):
@@ -99,11 +99,11 @@ _NOUN: dict[SensorKind, str] = {
 
 def told_dimensions(seen: Mapping[str, Sequence[Look]], said: Mapping[str, NameSays]) -> dict[str, str]:
     """``length`` or ``acceleration`` of the columns whose unit their file or name says."""
-    told = {column: _told_unit(column, of_logs, said[column]) for column, of_logs in seen.items()}
+    told = {column: _told_unit(of_logs, said[column]) for column, of_logs in seen.items()}
     return {column: _dimension(unit[0]) for column, unit in told.items() if unit is not None and unit[0] is not None}
 
 
-def _told_unit(column: str, of_logs: Sequence[Look], said: NameSays) -> tuple[str | None] | None:
+def _told_unit(of_logs: Sequence[Look], said: NameSays) -> tuple[str | None] | None:
     """Unit that file or name say; (None,) for that of another quantity, None where nothing is said."""
     written = next((look.unit for look in of_logs if look.unit), None)
     if written is not None:

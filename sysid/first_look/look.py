@@ -153,8 +153,8 @@ def _first_look(
     count = len(wanted.axles) if wanted else max(len(order.share), *(n + 1 for n in named.values()), _dropped(logs))
     chosen = wanted or _fitting(count, order)
     axle_of, agree = _axle_columns(order, named, count, chosen)
-    run_sensors = sensor_guesses(run_layouts, named, axle_of, agree, count, drops=False)
-    drop_sensors = sensor_guesses(drop_layouts, named, axle_of, agree, count, drops=True)
+    run_sensors = sensor_guesses(run_layouts, named, axle_of, agree, drops=False)
+    drop_sensors = sensor_guesses(drop_layouts, named, axle_of, agree, drops=True)
     speeds = {log.file: log.said.speed_km_h for log in logs}
     timed = {file: axle_times(p, axle_of) for file, p in passages.items()}
     known = [(timed[f], speed / 3.6) for f, speed in speeds.items() if speed is not None and f in timed]

@@ -15,7 +15,6 @@ def sensor_guesses(
     named: Mapping[str, int],
     axle_of: Mapping[str, int],
     agree: bool,
-    count: int,
     *,
     drops: bool,
 ) -> tuple[SensorGuess, ...]:

@@ -86,7 +86,7 @@ def posterior_dataset(posterior: Draws, about: Mapping[str, Mapping[str, Any]] |
     # xarray takes half a second to import; stages that export no draws need not wait for it.
     import xarray as xr
 
-    flat = _ordered(posterior, posterior.draws)
+    flat = _ordered(posterior.draws)
     summaries = {s.name: s for s in posterior.summaries}
     variables = {}
     for index, (variable, name) in enumerate(zip(variable_names(posterior.names), posterior.names, strict=True)):
@@ -101,7 +101,7 @@ def sample_stats(posterior: Draws) -> xr.Dataset:
     """Variable ``lp``, the log-probability up to a constant, (chain, draw)."""
     import xarray as xr
 
-    lp = _ordered(posterior, posterior.log_probability)
+    lp = _ordered(posterior.log_probability)
     return xr.Dataset({"lp": xr.Variable(("chain", "draw"), lp)}, _coordinates(posterior))
 
 
@@ -120,7 +120,7 @@ def arviz_data(posterior: Draws) -> Any:
     return xr.DataTree.from_dict(groups) if container is xr.DataTree else container(**groups)
 
 
-def _ordered(posterior: Draws, values: np.ndarray) -> np.ndarray:
+def _ordered(values: np.ndarray) -> np.ndarray:
     ensembles, steps, walkers = values.shape[:3]
     flat = values.reshape(ensembles, steps * walkers, *values.shape[3:])
     return np.asarray(flat[:, draw_order(steps, walkers)])

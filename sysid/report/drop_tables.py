@@ -68,7 +68,7 @@ def _plus_minus(value: float, sd: float) -> str:
     return fixed(value, places) + (f" ± {number(sd, 2)}" if math.isfinite(sd) else "")
 
 
-def files_table(results: Results, drops: DropSummary) -> Table:
+def files_table(drops: DropSummary) -> Table:
     """What peak-picking read off every single drop."""
     rows = []
     for a in drops.files:

@@ -81,7 +81,7 @@ def _measurements(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
         "all_channels": tables.quality_table(channels, "All channels"),
         "pooled": None if results.drops is None else drop_tables.pooled_drops_table(results, results.drops),
         "drop_notes": [] if results.drops is None else drop_tables.pooled_notes(results.drops),
-        "drop_files": None if results.drops is None else drop_tables.files_table(results, results.drops),
+        "drop_files": None if results.drops is None else drop_tables.files_table(results.drops),
         "indicator": None if results.drops is None else drop_tables.indicator_table(results, results.drops),
         "scan_pictures": figures.scan_pictures(results, gallery),
         "residuals": figures.residual_picture(results, gallery),

@@ -251,7 +251,7 @@ def _quantities(fit: MixtureFit) -> tuple[np.ndarray, np.ndarray]:
     slope[0, OMEGA], slope[0, 4] = -2.0 * np.pi * omega / damped**3, 2.0 * np.pi * beta / damped**3
     slope[1, OMEGA], slope[1, 4] = -2.0 * np.pi * beta * omega / damped**3, 2.0 * np.pi * omega**2 / damped**3
     slope[2, 5] = slope[3, 6] = 1.0
-    of_free = correlated_covariance(fit.jacobian, fit.whitened, np.arange(fit.whitened.size))
+    of_free = correlated_covariance(fit.jacobian, fit.whitened)
     return values, slope[:, fit.free] @ of_free @ slope[:, fit.free].T
 
 

@@ -195,7 +195,7 @@ def fit_modes(
     )
     p = solution.x
     rescale = np.concatenate([np.full(count, 1.0 / scale), np.ones(linear.size)])
-    covariance = scale**2 * correlated_covariance(jacobian(p), solution.fun, u) * np.outer(rescale, rescale)
+    covariance = scale**2 * correlated_covariance(jacobian(p), solution.fun) * np.outer(rescale, rescale)
     linear = scale * p[count:]
     baseline = 2 * modes
     variances = np.diagonal(covariance)
@@ -242,7 +242,7 @@ def mode_curve(fit: ModeFit, time_s: Samples, mode: int) -> Samples:
     return np.asarray(np.exp(-fit.decay_rate[mode] * u) * (cosine * np.cos(phase) + sine * np.sin(phase)))
 
 
-def correlated_covariance(jacobian: np.ndarray, residual: Samples, time_s: Samples) -> UnknownsByUnknowns:
+def correlated_covariance(jacobian: np.ndarray, residual: Samples) -> UnknownsByUnknowns:
     """Covariance of least-squares estimates whose residuals are autocorrelated.
 
     (J'J)^-1 J' Sigma J (J'J)^-1 with Sigma the Toeplitz matrix of the residual's autocovariance under a Bartlett taper
@@ -251,8 +251,8 @@ def correlated_covariance(jacobian: np.ndarray, residual: Samples, time_s: Sampl
 
     Parameters
     ----------
-    jacobian, residual, time_s
-        (n, p), (n,), (n,); lags are counted in samples.
+    jacobian, residual
+        (n, p), (n,) at even steps of time.
     """
     samples, count = jacobian.shape
     scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)

@@ -77,7 +77,7 @@ def test_autocorrelated_residuals_widen_the_error_of_a_mean():
         shocks = rng.standard_normal(count)
         for i in range(1, count):
             noise[i] = phi * noise[i - 1] + shocks[i]
-        covariance = correlated_covariance(np.ones((count, 1)), noise - noise.mean(), np.arange(count))
+        covariance = correlated_covariance(np.ones((count, 1)), noise - noise.mean())
         found.append(covariance[0, 0] * count / noise.var())
     assert np.mean(found) == pytest.approx((1 + phi) / (1 - phi), rel=0.25)
 

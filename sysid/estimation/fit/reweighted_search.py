@@ -83,7 +83,7 @@ def noise_before(model: BumpModel, motion: RunMotion) -> tuple[tuple[np.ndarray,
 def _before_the_bump(
     noise: Callable[[RunGroup, float], np.ndarray], model: BumpModel, motion: RunMotion
 ) -> tuple[np.ndarray, ...]:
-    return tuple(noise(g, noise_model.quiet_time(model, g, motion.start_s, motion.speed_m_s)) for g in model.groups)
+    return tuple(noise(g, noise_model.quiet_time(g, motion.start_s, motion.speed_m_s)) for g in model.groups)
 
 
 def _report_iteration(report: Progress, number: int, rounds: int, iteration: int, cost: float) -> None:

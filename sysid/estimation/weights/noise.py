@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from sysid.arrays import Runs, SamplesByRunsByChannels
-from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.run_data import RunGroup
 
 #: Smallest residual scale as a fraction of a channel's RMS, so that no channel can decide alone.
@@ -68,7 +67,7 @@ def residual_scale(group: RunGroup, residual_si: SamplesByRunsByChannels) -> np.
     return np.where(count > 0, np.maximum(rms, _floor(group)), np.inf)
 
 
-def quiet_time(model: BumpModel, group: RunGroup, start_s: Runs, speed_m_s: Runs) -> float:
+def quiet_time(group: RunGroup, start_s: Runs, speed_m_s: Runs) -> float:
     """Shortest time [s] before any run of the group meets the bump, for noise estimates."""
     runs = list(group.runs)
     return float(max(0.2, np.min(start_s[runs] - 1.0 / speed_m_s[runs])))
