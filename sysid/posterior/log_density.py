@@ -28,6 +28,7 @@ from sysid.arrays import Parameters, RunsByChannels
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import axle_laws
 from sysid.estimation.residuals.bump_model import GroupArrays, GroupShape
+from sysid.estimation.residuals.fewer_samples import with_fewer_samples
 from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.linearisation import linearise_one
 from sysid.estimation.residuals.run_motion import motion_prior
@@ -119,13 +120,16 @@ class LogDensity:
     def with_larger_steps(self) -> LogDensity:
         """The same density with larger integration steps, and its value and gradient at the centre: less work.
 
-        Records and tilt take up what larger steps change there
-        (:mod:`sysid.estimation.residuals.larger_steps`).
+        Records and tilt take up what larger steps change there (:mod:`sysid.estimation.residuals.larger_steps`).
+        Readings that are closer to each other than such steps are joined
+        (:mod:`sysid.estimation.residuals.fewer_samples`).
         """
-        model = with_larger_steps(self._model, self.centre, self._point.motion)
+        point = self._point
+        fewer = with_fewer_samples(self._model, point.weights, self.centre, point.motion)
+        model, weights = fewer or (with_larger_steps(self._model, self.centre, point.motion), point.weights)
         if model is self._model:
             return self
-        other = LogDensity(replace(self._state, model=model))
+        other = LogDensity(replace(self._state, model=model, point=replace(point, weights=weights)))
         other._tilt = other._tilt + other.gradient(self.centre)[1] - self.gradient(self.centre)[1]
         return other
 

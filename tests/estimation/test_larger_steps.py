@@ -62,5 +62,5 @@ def test_steps_that_change_too_much_are_not_taken(fit, monkeypatch):
 def test_a_simulation_that_breaks_down_is_no_small_change():
     signals = np.ones((4, 1, 2))
     change = np.full_like(signals, np.nan)
-    assert larger_steps._relative(change, signals) == np.inf
-    assert larger_steps._relative(0.01 * signals, signals) == pytest.approx(0.01)
+    assert larger_steps.relative_change(change, signals) == np.inf
+    assert larger_steps.relative_change(0.01 * signals, signals) == pytest.approx(0.01)

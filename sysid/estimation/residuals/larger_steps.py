@@ -50,7 +50,7 @@ def with_larger_steps(
             break
         exact = exact or simulate_runs(model, log_parameters, motion)
         change = [b - a for a, b in zip(exact, simulate_runs(larger, log_parameters, motion), strict=True)]
-        if max(map(_relative, change, exact)) <= MOST_CHANGE:
+        if max(map(relative_change, change, exact)) <= MOST_CHANGE:
             moved = [old._replace(value=old.value + d) for old, d in zip(model.arrays, change, strict=True)]
             return replace(larger, arrays=tuple(moved))
     return model
@@ -61,7 +61,7 @@ def _stretched(shape: GroupShape, step_s: float) -> GroupShape:
     return shape._replace(substeps=min(shape.substeps, fewest))
 
 
-def _relative(change: np.ndarray, signals: np.ndarray) -> float:
+def relative_change(change: np.ndarray, signals: np.ndarray) -> float:
     """Largest RMS of a change over that of its signal; infinite where a simulation breaks down."""
     size = np.sqrt((signals**2).mean(axis=0))
     ratio = np.sqrt((change**2).mean(axis=0)) / np.maximum(size, 1e-12)
