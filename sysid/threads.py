@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -60,8 +61,28 @@ def side_by_side(
     workers = min(thread_count(), len(work), at_most or len(work))
     if workers <= 1:
         return tuple(map(function, work))
-    with ThreadPoolExecutor(max_workers=workers) as pool:
-        return tuple(pool.map(function, work))
+    # Work inside of work does not wait for the threads that wait for it.
+    if getattr(_OF_THREAD, "kept", False) or workers < min(thread_count(), len(work)):
+        with ThreadPoolExecutor(max_workers=workers) as pool:
+            return tuple(pool.map(function, work))
+    return tuple(_kept_pool(thread_count(), os.getpid()).map(function, work))
+
+
+#: Whether this thread belongs to the kept ones.
+_OF_THREAD = threading.local()
+
+
+@lru_cache(maxsize=1)
+def _kept_pool(workers: int, process: int) -> ThreadPoolExecutor:
+    """Threads that stay: a fit works side by side thousands of times, and to start threads takes some milliseconds.
+
+    A process has its own: the threads of its parent are not in it.
+    """
+
+    def begin() -> None:
+        _OF_THREAD.kept = True
+
+    return ThreadPoolExecutor(max_workers=workers, thread_name_prefix="sysid", initializer=begin)
 
 
 @contextmanager

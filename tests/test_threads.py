@@ -61,6 +61,50 @@ def test_so_many_work_at_once_and_results_keep_their_order(monkeypatch, count, a
     assert most[0] == expected
 
 
+def test_the_same_threads_work_again_and_work_inside_of_work_ends(monkeypatch):
+    monkeypatch.setenv("SYSID_THREADS", "2")
+    barrier = threading.Barrier(2)
+
+    def who(_: int) -> int:
+        barrier.wait(timeout=30.0)
+        return threading.get_ident()
+
+    first, second = (set(threads.side_by_side(who, range(2))) for _ in range(2))
+    assert first == second
+    assert len(first) == 2
+    # Both threads wait for work that they have asked for themselves.
+    inner = threads.side_by_side(lambda i: threads.side_by_side(lambda k: 10 * i + k, range(3)), range(4))
+    assert inner == tuple(tuple(10 * i + k for k in range(3)) for i in range(4))
+
+
+def test_an_error_of_one_ends_the_call_and_not_the_threads(monkeypatch):
+    monkeypatch.setenv("SYSID_THREADS", "2")
+
+    def work(i: int) -> int:
+        if i == 1:
+            raise ValueError("one of them")
+        return i
+
+    with pytest.raises(ValueError, match="one of them"):
+        threads.side_by_side(work, range(4))
+    assert threads.side_by_side(abs, range(4)) == (0, 1, 2, 3)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+def test_a_forked_process_has_threads_of_its_own():
+    code = (
+        "import os; from sysid.threads import side_by_side\n"
+        "side_by_side(abs, range(4)); child = os.fork()\n"
+        "if child == 0: os._exit(sum(side_by_side(abs, range(4))))\n"
+        "print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))"
+    )
+    environment = {**os.environ, "SYSID_THREADS": "2", "PYTHONWARNINGS": "ignore"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout.split() == ["6"]
+
+
 def blas_threads() -> set[int]:
     """Threads of every linear algebra library that is loaded: NumPy's and SciPy's."""
     return {found["num_threads"] for found in threadpool_info() if found["user_api"] == "blas"}
