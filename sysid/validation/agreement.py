@@ -12,6 +12,8 @@ from sysid.validation.objective_rating import objective_ratings
 
 #: Above this share of missing or clipped samples a channel gets no objective rating: interpolation would rate itself.
 _MOST_MISSING = 0.05
+#: Samples of a rated history: the time of a rating grows with their square. At 200 Hz that is 20 s.
+_MOST_RATED = 4000
 
 
 def validate(fit: FitResult, limits: ValidationLimits | None = None) -> Validation:
@@ -20,13 +22,23 @@ def validate(fit: FitResult, limits: ValidationLimits | None = None) -> Validati
     return Validation(rows, limits or ValidationLimits())
 
 
+def _joined(histories: np.ndarray) -> np.ndarray:
+    """Histories (C, n) as means of so many neighbours that no more than :data:`_MOST_RATED` samples are left."""
+    together = -(-histories.shape[1] // _MOST_RATED)
+    if together <= 1:
+        return histories
+    whole = histories[:, : histories.shape[1] // together * together]
+    return np.asarray(whole.reshape(len(histories), -1, together).mean(axis=2))
+
+
 def history_agreement(history: RunHistory, out_of_sample: bool = False) -> list[ChannelAgreement]:
     """Agreement of every channel of one run that has a reading; `out_of_sample` marks a run that no fit has seen."""
     plain = np.where(history.censored == 0, history.measured, np.nan)
     lost = np.mean(~np.isfinite(plain), axis=1)
     rated = [c for c in range(len(history.columns)) if lost[c] <= _MOST_MISSING]
     filled = np.array([filled_in(plain[c]) for c in rated]).reshape(len(rated), -1)
-    ratings = dict(zip(rated, objective_ratings(filled, history.simulated[rated]), strict=True))
+    pair = _joined(filled), _joined(history.simulated[rated])
+    ratings = dict(zip(rated, objective_ratings(*pair), strict=True))
     rows = []
     for c, column in enumerate(history.columns):
         measured, simulated = plain[c], history.simulated[c]

@@ -11,12 +11,14 @@ from small_results import small_fit
 
 from sysid.validation import (
     ValidationLimits,
+    agreement,
     dominant_frequency,
     fit_percent,
     peak_error,
     sprague_geers,
     validate,
 )
+from sysid.validation.objective_rating import objective_ratings
 
 TIME = np.arange(4000) * 1e-3
 WAVE = np.sin(2.0 * np.pi * 2.5 * TIME)
@@ -113,3 +115,23 @@ def test_limits_are_those_of_the_caller():
     strict = validate(small_fit(), ValidationLimits(nrmse=1e-6))
     assert len(strict.outside) == len(strict.channels)
     assert validate(small_fit()).outside == ()
+
+
+def test_histories_of_many_samples_are_rated_by_means_of_neighbours(monkeypatch):
+    # Motion that dies away, at 1 kHz and at 333 Hz, beside one that is late or larger.
+    def motion(late: float) -> np.ndarray:
+        time = np.clip(TIME - 0.5 - late, 0.0, None)
+        return np.exp(-time) * np.sin(2.0 * np.pi * 2.5 * time) + np.exp(-3.0 * time) * np.sin(2.0 * np.pi * 6.3 * time)
+
+    measured, simulated = np.stack([motion(0.0), motion(0.0)]), np.stack([motion(0.006), 1.1 * motion(0.0)])
+    fine = objective_ratings(measured, simulated)
+    monkeypatch.setattr(agreement, "_MOST_RATED", 1500)
+    joined = [agreement._joined(values) for values in (measured, simulated)]
+    assert joined[0].shape == (2, 1333)
+    np.testing.assert_allclose(joined[0][0, :3], measured[0, :9].reshape(3, 3).mean(axis=1), rtol=1e-12)
+    for one, other in zip(objective_ratings(*joined), fine, strict=True):
+        assert one is not None
+        assert other is not None
+        assert one.overall == pytest.approx(other.overall, abs=0.01)
+    monkeypatch.setattr(agreement, "_MOST_RATED", 4000)
+    assert agreement._joined(measured) is measured
