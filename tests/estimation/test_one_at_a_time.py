@@ -134,6 +134,10 @@ def test_group_by_group_masses_and_departures_give_the_same_information_and_weig
     del problem.__dict__["by_group"]
     in_turn, of_groups = found()
     assert problem.by_group
+    # What was asked for under other weights stays what it was.
+    asked, before = problem.linearise(vector), problem.linearise(vector)[0]
+    problem.weights = weights
+    np.testing.assert_array_equal(np.asarray(asked[0].residual), np.asarray(before.residual))
     np.testing.assert_allclose(in_turn.matrix, together.matrix, rtol=1e-9, atol=1e-9 * np.abs(together.matrix).max())
     np.testing.assert_allclose(in_turn.scores, together.scores, rtol=1e-9, atol=1e-9 * np.abs(together.scores).max())
     assert in_turn.blocks == together.blocks

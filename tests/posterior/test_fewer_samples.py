@@ -75,7 +75,7 @@ def test_the_log_density_falls_as_with_all_samples(state):
     exact, found = differences(density, points), differences(fewer, points)
     assert exact.max() < -1.0
     # 1.5 standard deviations in all of 12 directions: the log-density falls by ten and more.
-    np.testing.assert_allclose(found, exact, atol=0.1, rtol=0.01)
+    np.testing.assert_allclose(found, exact, atol=0.05, rtol=0.005)
     np.testing.assert_allclose(
         fewer.gradient(fewer.centre)[1], density.gradient(density.centre)[1], rtol=1e-6, atol=1e-6
     )
@@ -97,7 +97,7 @@ def test_readings_beside_gaps_keep_their_weight_and_residual(state):
     assert plain.reading is None
     whole = weights.on(model.arrays, 0).measured ** 2
     # All the weight is there, but for what lies beside the gap and the ends.
-    np.testing.assert_allclose((arrays.measured**2).sum(axis=0), whole.sum(axis=0), rtol=0.005)
+    np.testing.assert_allclose((arrays.measured**2).sum(axis=0), whole.sum(axis=0), rtol=1e-12)
     assert not arrays.measured[182:186, :, 2].any()
     # The mean residual, an offset here, is that of all readings.
     (signals,) = simulate_runs(model, state.point.log_parameters, state.point.motion)
@@ -105,7 +105,7 @@ def test_readings_beside_gaps_keep_their_weight_and_residual(state):
     before = (whole * (signals - model.arrays[0].value)).sum(axis=0) / whole.sum(axis=0)
     after = (arrays.measured**2 * (kept - arrays.value)).sum(axis=0) / (arrays.measured**2).sum(axis=0)
     size = np.abs(before).max(axis=0)
-    np.testing.assert_allclose(after / size, before / size, atol=0.01)
+    np.testing.assert_allclose(after / size, before / size, atol=0.001)
 
 
 def test_clipped_readings_and_slow_logs_stay_as_they_are(state):

@@ -10,7 +10,6 @@ from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.threads import side_by_side
 
 T = TypeVar("T")
-R = TypeVar("R")
 
 #: Groups that are in memory at the same time where not all fit.
 AT_ONCE = 2
@@ -48,6 +47,6 @@ def too_many(model: BumpModel, numbers: int) -> bool:
     return len(model.groups) > 1 and 8 * readings * numbers > limits.DERIVATIVES_BYTES
 
 
-def each_group(function: Callable[[int], R], groups: int) -> tuple[R, ...]:
+def each_group(function: Callable[[int], T], groups: int) -> tuple[T, ...]:
     """Results of a function of the position for all groups; at most :data:`AT_ONCE` at the same time."""
     return side_by_side(function, range(groups), at_most=AT_ONCE)

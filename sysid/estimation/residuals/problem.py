@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -63,8 +63,9 @@ class Problem:
         Where they are too many, each is computed whenever it is asked for.
         """
         if self.by_group:
-            at = self.unpack(vector)
-            return ByGroup(len(self.model.groups), lambda k: linearise_one(self.model, self.weights, *at, k))
+            # Under the weights of now, whatever they are when it is asked for.
+            one = partial(linearise_one, self.model, self.weights, *self.unpack(vector))
+            return ByGroup(len(self.model.groups), one)
         if not self._is_kept(vector):
             # Two of them at the same time would be the largest memory of a fit.
             self.forget()
