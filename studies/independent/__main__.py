@@ -9,13 +9,14 @@ writes it into FILE.  A study that was stopped goes on where it was.
 from __future__ import annotations
 
 from studies.cases import run_cases
-from studies.independent.case import SEED, replicate
+from studies.independent.case import EACH, KINDS, SEED, replicate
 from studies.independent.table import tables, write
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Fill the shards and show what they say."""
-    run_cases(__doc__, "run", replicate, tables, write, arguments, folder="build/independent", count=96, seed=SEED)
+    count = EACH * len(KINDS)
+    run_cases(__doc__, "run", replicate, tables, write, arguments, folder="build/independent", count=count, seed=SEED)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import pytest
 from independent_motion import INTERVAL_S, LENGTH_M, STEP_S, element_force, peak_ratios, rough_road, simulate
 from independent_physics import KINDS, PASSES, declared_truck, true_truck
 from independent_truck import GRAVITY, LOWBOY, THREE_AXLES, Elements, Equations
+from scipy.stats import norm
 
 from studies.independent import case
 from studies.independent.table import holds, tables, write
@@ -22,8 +23,8 @@ def test_kinds_of_the_study_are_those_that_can_be_simulated() -> None:
 
 
 def test_every_kind_comes_equally_often_for_both_vehicles() -> None:
-    drawn = [case.draw(number) for number in range(96)]
-    for vehicle, each in (("three axles", 6), ("lowboy", 2)):
+    drawn = [case.draw(number) for number in range(case.EACH * len(case.KINDS))]
+    for vehicle, each in (("three axles", 4), ("lowboy", 2)):
         counts = Counter(case.kind_of(physics) for v, physics in drawn if v == vehicle)
         assert counts == dict.fromkeys(case.KINDS, each)
     # All physics of a kind come too, and as often as each other to within one.
@@ -31,6 +32,34 @@ def test_every_kind_comes_equally_often_for_both_vehicles() -> None:
         times = [sum(physics == name for _, physics in drawn) for name in every]
         assert max(times) - min(times) <= 1
         assert min(times) > 0
+
+
+def test_scales_of_a_kind_cover_all_equally_likely_errors() -> None:
+    numbers = range(case.EACH * len(case.KINDS))
+    errors = np.array([case.scale_error(number, 11) for number in numbers])
+    of = np.array([case.kind_of(case.draw(number)[1]) for number in numbers])
+    for kind in case.KINDS:
+        parts = np.floor(case.EACH * norm.cdf(errors[of == kind]))
+        assert sorted(parts) == list(range(case.EACH))
+    # In another order for another kind, another seed and another table, and about as wide as they should be.
+    first = {kind: tuple(errors[of == kind].argsort()) for kind in case.KINDS}
+    assert len(set(first.values())) > len(case.KINDS) // 2
+    assert case.scale_error(0, 12) != errors[0]
+    assert case.scale_error(len(numbers), 11) != errors[0]
+    assert 0.85 < errors.std() < 1.15
+
+
+def test_a_scale_is_off_by_what_is_asked_for() -> None:
+    declared = declared_truck("three axles", replace(KINDS["linear"], reading=0.0))
+    for asked in (-2.0, 0.5):
+        physics = replace(KINDS["linear"], reading=0.0)
+        truck = true_truck(declared, physics, np.random.default_rng(3), asked)
+        ratio = np.array(truck.load_cases["empty"][0]) / np.array(declared.load_cases["empty"][0])
+        np.testing.assert_allclose(ratio, 1.0 + 0.005 * asked, rtol=1e-12)
+        # All else is drawn as without it.
+        other = true_truck(declared, physics, np.random.default_rng(3))
+        assert truck.stiffness == other.stiffness
+        assert truck.load_cases != other.load_cases
 
 
 def test_forces_of_springs_dampers_and_stops() -> None:

@@ -94,8 +94,13 @@ def declared_truck(vehicle: str, physics: Physics) -> IndependentTruck:
     return truck
 
 
-def true_truck(declared: IndependentTruck, physics: Physics, rng: np.random.Generator) -> IndependentTruck:
-    """A truck of some physics, as far from the declared one as such things are."""
+def true_truck(
+    declared: IndependentTruck, physics: Physics, rng: np.random.Generator, scale_error: float | None = None
+) -> IndependentTruck:
+    """A truck of some physics, as far from the declared one as such things are.
+
+    `scale_error` is the common error of the scale in its standard deviations, None for a random one.
+    """
 
     def about(values: tuple[float, ...], sd: float) -> np.ndarray:
         return np.array(values) * np.exp(sd * rng.normal(size=len(values)))
@@ -103,7 +108,8 @@ def true_truck(declared: IndependentTruck, physics: Physics, rng: np.random.Gene
     axles = len(declared.x_m)
     air = np.array([s == "air" for s in declared.suspension])
     unsprung = about(declared.unsprung_kg, UNSPRUNG)
-    scale = 1.0 + SCALE * rng.normal()
+    random_error = rng.normal()
+    scale = 1.0 + SCALE * (random_error if scale_error is None else scale_error)
     inertia, height = (np.exp(sd * rng.normal(size=declared.bodies)) for sd in (INERTIA, HEIGHT))
     cases = {}
     for name, (loads, sprung, pitch, tall) in declared.load_cases.items():
@@ -152,11 +158,11 @@ def true_truck(declared: IndependentTruck, physics: Physics, rng: np.random.Gene
     )
 
 
-def write(folder: Path, vehicle: str, kind: str, seed: int) -> None:
+def write(folder: Path, vehicle: str, kind: str, seed: int, scale_error: float | None = None) -> None:
     """A campaign folder and its truth."""
     physics, rng = KINDS[kind], np.random.default_rng([seed, 71])
     declared = declared_truck(vehicle, physics)
-    truck = true_truck(declared, physics, rng)
+    truck = true_truck(declared, physics, rng, scale_error)
     write_truck_campaign(
         folder,
         truck,
@@ -186,10 +192,11 @@ def main() -> None:
     parser.add_argument("--vehicle", choices=list(SPEEDS), required=True)
     parser.add_argument("--physics", choices=list(KINDS), required=True)
     parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--scale-error", type=float, help="of the scale, in its standard deviations; random without")
     parser.add_argument("--output", type=Path, required=True)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    write(options.output, options.vehicle, options.physics, options.seed)
+    write(options.output, options.vehicle, options.physics, options.seed, options.scale_error)
 
 
 if __name__ == "__main__":
