@@ -208,9 +208,13 @@ def finished_fit(campaign: Path, folder: Path) -> Target:
     fit = calibration.fit()
     state = fit_state(calibration._runner.context(SAMPLE))
     density = LogDensity(state).with_larger_steps()
-    sampled = calibration._runner.known(SAMPLE)
-    sd = None if sampled is None or not sampled.converged else np.log(sampled.draws).std(axis=(0, 1, 2))
-    return Target(density, fit.names, np.asarray(state.point.log_parameters, float), np.asarray(fit.covariance), sd)
+    sampled, point = calibration._runner.known(SAMPLE), state.point
+    sd = None
+    if sampled is not None and sampled.converged:
+        draws = np.log(sampled.draws)
+        own = draws if point.spread is None else point.spread.taken_away(draws, sampled.seed, sampled.burn_in)
+        sd = own.std(axis=(0, 1, 2))
+    return Target(density, fit.names, np.asarray(point.log_parameters, float), np.asarray(point.covariance), sd)
 
 
 def measure(target: Target, name: str, limit_s: float, seed: int) -> Outcome:

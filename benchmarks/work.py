@@ -113,9 +113,9 @@ def make_work(point: Point, runs: Sequence[int], laws: Sequence[frozenset[str]] 
     sd = tuple(noise.instrument_noise(group, QUIET_S) for group in model.groups)
     chosen = list(runs)
     weights = Weights(sd, tuple(np.ones_like(s) for s in sd))
-    # Exact masses and independent noise: nothing flattens the likelihood.
-    flat = np.eye(point.log_parameters.size)
-    end = fit_point(model, point.log_parameters, point.motion.of(chosen), weights, flat)
+    # Its covariance is of no use here.
+    unknown = np.eye(point.log_parameters.size)
+    end = fit_point(model, point.log_parameters, point.motion.of(chosen), weights, unknown)
     return Work(campaign, model, FitState(campaign, end, model))
 
 

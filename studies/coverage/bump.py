@@ -95,7 +95,8 @@ def ranks(number: int, planned: Campaign, sensors: Instruments, seed: int) -> Re
         return {"number": number, "failed": str(error), "entries": []}
     density, options = LogDensity(state).with_larger_steps(), SamplingOptions(seed=number)
     centre = state.point.log_parameters
-    posterior = sample_posterior(density, parameters.names, centre, fit.covariance, LIKELIHOOD, options)
+    own, spread = state.point.covariance, state.point.spread
+    posterior = sample_posterior(density, parameters.names, centre, own, LIKELIHOOD, options, spread=spread)
     pooled = np.log(posterior.draws.reshape(-1, centre.size))
     draws = pooled[random.choice(len(pooled), DRAWS, replace=False)]
     sd = np.sqrt(np.diag(fit.covariance))

@@ -78,14 +78,15 @@ def replicate(number: int) -> Record:
             LogDensity(state).with_larger_steps(),
             fit.names,
             state.point.log_parameters,
-            fit.covariance,
+            state.point.covariance,
             LIKELIHOOD,
             SamplingOptions(seed=number),
+            spread=state.point.spread,
         )
     except SysidError as error:
         return {**record, "failed": str(error), "entries": []}
     sampled = np.log(posterior.draws.reshape(-1, len(fit.names)))
-    mode = posterior_mode(fit, state)
+    mode = posterior_mode(state)
     normal = mode + random.standard_normal((DRAWS, mode.size)) @ np.linalg.cholesky(fit.covariance).T
     requests = campaign.predictions
     passes = [predict(state, draws, requests, seed=number, sweep_km_h=()) for draws in (sampled, normal)]
@@ -117,17 +118,10 @@ def _band(draws: np.ndarray) -> list[float]:
     return [float(v) for v in np.exp(np.quantile(draws, (0.05, 0.5, 0.95)))]
 
 
-def posterior_mode(fit: FitResult, state: FitState) -> np.ndarray:
-    """Mode (p,) of the density that is sampled, one Newton step from the optimum.
-
-    The likelihood has the gradient s there, with model error allowed for, and the priors pull by g: the mode is off by
-    (Q + P)^-1 (s - g), with the covariance (Q + P)^-1.
-    """
-    rows, targets = state.model.parameters.prior_rows()
-    point = state.point
-    pull = rows.T @ (rows @ point.log_parameters - targets)
-    slope = pull if point.slope is None else point.slope
-    return np.asarray(point.log_parameters + fit.covariance @ (slope - pull))
+def posterior_mode(state: FitState) -> np.ndarray:
+    """Mode (p,) of the normal approximation of the posterior: the optimum, and where model error leaves it."""
+    spread = state.point.spread
+    return np.asarray(state.point.log_parameters + (0.0 if spread is None else spread.shift))
 
 
 def _peaks(plan: Plan, world: World, reported: Predictions, normal: Predictions) -> list[Record]:

@@ -2,7 +2,8 @@
 
 Three simulated three-axle trucks with one campaign each are calibrated.  Then all parameters of all campaigns, the
 type's mean, spreads and correlations are sampled together, by Metropolis within Gibbs, from the densities that the
-campaigns themselves were sampled from: no campaign is replaced by its draws or by a Gaussian.
+campaigns themselves were sampled from: no campaign is replaced by its draws or by a Gaussian.  A campaign's parameters
+are x + d, with x from the density of its fit and d from its spread: both are proposed together, d given x.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from studies.documents import write_between_marks
+from sysid.estimation.uncertainty.spread import covariance_root
 from sysid.fleet.assembly import assemble
 from sysid.fleet.draws import RECORD_FILE, CampaignDraws, read_draws
 from sysid.fleet.hierarchy import HyperPriors
 from sysid.fleet.population import Quantiles, TypePopulation, fit_population
+from sysid.fleet.population_prior import Fitted
 from sysid.fleet.read import read_fleet
-from sysid.fleet.resample import Fitted, read_fitted
+from sysid.fleet.resample import read_fitted
 from sysid.fleet.running import RunOptions, campaign_output, run_fleet
 from sysid.fleet.simulate import simulate_fleet
 from sysid.progress import unwatched
@@ -36,29 +39,23 @@ _WIDTH = 2.0 * 1.6448536
 
 @dataclass(frozen=True)
 class Member:
-    """One campaign: its density, its record, places of the shared parameters, and a Gaussian without their prior.
+    """One campaign: its density and spread, places of the shared parameters, and their prior's mean and precision.
 
-    `precision` (p, p) and `linear` (p,): of its draws, with the prior of the shared parameters divided out.
+    `centre` (p,) and `precision` (p, p) of the draws x of the density, which proposals begin with.
     """
 
     fitted: Fitted
     at: np.ndarray
     prior: tuple[np.ndarray, np.ndarray]
+    centre: np.ndarray
     precision: np.ndarray
-    linear: np.ndarray
 
 
 def member(fitted: Fitted, record: CampaignDraws, names: tuple[str, ...]) -> Member:
     """What the sampler needs of a campaign."""
     at = np.array([record.names.index(name) for name in names])
-    prior = record.prior_mean[at], record.prior_covariance[np.ix_(at, at)]
-    data = np.linalg.inv(np.cov(record.draws.T))
-    linear, of_prior = data @ record.draws.mean(axis=0), np.linalg.inv(prior[1])
-    data[np.ix_(at, at)] -= of_prior
-    linear[at] -= of_prior @ prior[0]
-    size, directions = np.linalg.eigh(data)
-    precision = (directions * np.maximum(size, 0.0)) @ directions.T
-    return Member(fitted, at, prior, precision, directions @ np.where(size > 0.0, directions.T @ linear, 0.0))
+    prior = record.prior_mean[at], np.linalg.inv(record.prior_covariance[np.ix_(at, at)])
+    return Member(fitted, at, prior, fitted.centre, np.linalg.inv(fitted.covariance))
 
 
 def log_normal(x: np.ndarray, mean: np.ndarray, precision: np.ndarray) -> np.ndarray:
@@ -87,6 +84,7 @@ class JointSampler:
         self._odds = self._random.standard_normal((chains, len(self._groups)))
         self._mean = np.tile(np.mean([m.fitted.centre[m.at] for m in members], axis=0), (chains, 1))
         self._x = [np.tile(m.fitted.centre, (chains, 1)) for m in members]
+        self._total = [x + m.fitted.spread.shift for m, x in zip(members, self._x, strict=True)]
         self._density = [m.fitted.density(x) for m, x in zip(members, self._x, strict=True)]
         self.accepted = np.zeros(len(members))
 
@@ -110,7 +108,7 @@ class JointSampler:
             between = np.linalg.inv(self.covariance(self._log_spread, self._odds))
             for number in range(len(self._members)):
                 self._move_campaign(number, between)
-            trucks = np.stack([x[:, m.at] for x, m in zip(self._x, self._members, strict=True)], axis=1)
+            trucks = np.stack([x[:, m.at] for x, m in zip(self._total, self._members, strict=True)], axis=1)
             self._move_spreads(trucks)
             self._draw_mean(trucks)
             if step >= steps // 5:
@@ -122,13 +120,29 @@ class JointSampler:
         return {name: np.concatenate(values) for name, values in kept.items()}
 
     def _move_campaign(self, number: int, between: np.ndarray) -> None:
-        """Metropolis-Hastings of all parameters of a campaign, given the population."""
+        """Metropolis-Hastings of all parameters of a campaign, given the population: x, and d as it is given x."""
         m, x = self._members[number], self._x[number]
         chains, p = x.shape
-        precision, linear = np.tile(m.precision, (chains, 1, 1)), np.tile(m.linear, (chains, 1))
-        precision[:, m.at[:, None], m.at] += between
-        linear[:, m.at] += np.einsum("nij,nj->ni", between, self._mean)
-        mean = np.linalg.solve(precision, linear[..., None])[..., 0]
+        # The population in place of the prior: a quadratic form h'y - y'K y / 2 of y = x + d.
+        k, h = np.zeros((chains, p, p)), np.zeros((chains, p))
+        k[:, m.at[:, None], m.at] = between - m.prior[1]
+        h[:, m.at] = np.einsum("nij,nj->ni", between, self._mean) - m.prior[1] @ m.prior[0]
+        shift, wide = m.fitted.spread.shift, m.fitted.spread.covariance
+        v = np.linalg.solve(np.eye(p) + wide @ k, np.tile(wide, (chains, 1, 1)))
+        v = 0.5 * (v + v.transpose(0, 2, 1))
+
+        def pull(at: np.ndarray) -> np.ndarray:
+            return np.asarray(h - np.einsum("nij,nj->ni", k, at + shift))
+
+        def log_population(at: np.ndarray) -> np.ndarray:
+            y, g = at + shift, pull(at)
+            square = np.einsum("ni,nij,nj->n", y, k, y)
+            return np.asarray((h * y).sum(axis=1) - 0.5 * square + 0.5 * np.einsum("ni,nij,nj->n", g, v, g))
+
+        left = np.eye(p) - k @ v
+        precision = m.precision + 0.5 * (left @ k + (left @ k).transpose(0, 2, 1))
+        step = np.einsum("nij,nj->ni", left, pull(np.tile(m.centre, (chains, 1))))
+        mean = m.centre + np.linalg.solve(precision, step[..., None])[..., 0]
         root = np.linalg.inv(np.linalg.cholesky(precision)).transpose(0, 2, 1)
         scale = np.sqrt(_FREEDOM / self._random.chisquare(_FREEDOM, (chains, 1)))
         proposed = mean + scale * np.einsum("nij,nj->ni", root, self._random.standard_normal((chains, p)))
@@ -137,17 +151,15 @@ class JointSampler:
             square = np.einsum("ni,nij,nj->n", at - mean, precision, at - mean)
             return np.asarray(-0.5 * (_FREEDOM + p) * np.log1p(square / _FREEDOM))
 
-        old = np.tile(np.linalg.inv(m.prior[1]), (chains, 1, 1))
-
-        def log_population(at: np.ndarray) -> np.ndarray:
-            some = at[:, m.at]
-            return log_normal(some, self._mean, between) - log_normal(some, m.prior[0], old)
-
         density = m.fitted.density(proposed)
         ratio = density + log_population(proposed) - log_proposal(proposed)
         ratio -= self._density[number] + log_population(x) - log_proposal(x)
         better = np.log(self._random.uniform(size=chains)) < ratio
+        roots = np.stack([covariance_root(one) for one in v])
+        d = shift + np.einsum("nij,nj->ni", v, pull(proposed))
+        d += np.einsum("nij,nj->ni", roots, self._random.standard_normal((chains, p)))
         self._x[number] = np.where(better[:, None], proposed, x)
+        self._total[number] = np.where(better[:, None], proposed + d, self._total[number])
         self._density[number] = np.where(better, density, self._density[number])
         self.accepted[number] += better.mean()
 

@@ -19,10 +19,10 @@ from studies.coverage.shards import Record
 ROOT = Path(__file__).resolve().parents[2]
 SEED = 20261125
 LIMIT_S = 3600.0
-#: Three-axle trucks that come before each lowboy: one of those takes about as long as three of these.
-THREE_AXLE_TRUCKS = 2
+#: Three-axle trucks that come before each lowboy: one of those takes about as long as two of these.
+THREE_AXLE_TRUCKS = 4
 #: Trucks of each kind in a whole table.
-EACH = 6
+EACH = 5
 #: Kinds of trucks, each with the physics of `tests/support/independent_physics.py` that it takes in turn.
 KINDS = {
     "linear": ("linear",),
@@ -61,10 +61,10 @@ def draw(number: int) -> tuple[str, str]:
 def scale_error(number: int, seed: int) -> float:
     """Common error of a case's scale, in its standard deviations: the trucks of a kind cover all equally likely parts.
 
-    Most of the error of k and c is this one, so that a campaign mostly holds all of its values or hardly any.  Six
-    random errors would decide the row of a kind.  One from each of six parts of the same probability, in random order
-    (M. D. McKay, R. J. Beckman, W. J. Conover, Technometrics 21, 1979, doi:10.1080/00401706.1979.10489755), leave the
-    mean share of intervals that hold as it is, and reduce its scatter.
+    Most of the error of k and c is this one, so that a campaign mostly holds all of its values or hardly any.  A few
+    random errors would decide the row of a kind.  One from each of :data:`EACH` parts of the same probability, in
+    random order (M. D. McKay, R. J. Beckman, W. J. Conover, Technometrics 21, 1979,
+    doi:10.1080/00401706.1979.10489755), leave the mean share of intervals that hold as it is, and reduce its scatter.
     """
     table, place = divmod(number, EACH * len(KINDS))
     kind = kind_of(draw(number)[1])

@@ -29,7 +29,9 @@ DRAWS = 2000
 _WEIGHTED = 400
 _WEIGHTED_PAIRS = 20_000
 #: Sampling of hyperparameters: a density that takes a millisecond may be drawn from for long.
-SAMPLING = SamplingOptions(ensembles=4, segment_steps=100, min_steps=300, max_steps=6000, min_effective=1000.0)
+SAMPLING = SamplingOptions(
+    ensembles=4, segment_steps=100, adapting_steps=0, min_steps=300, max_steps=6000, min_effective=1000.0
+)
 
 
 @dataclass(frozen=True)

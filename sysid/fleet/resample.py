@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sysid.errors import DataRejectedError
+from sysid.estimation.uncertainty.spread import Spread
 from sysid.fleet.draws import POPULATION_RECORD_FILE, RECORD_FILE, read_draws, record_digest, thinned, write_draws
 from sysid.fleet.key import file_digests
 from sysid.fleet.outcome import read_outcome
-from sysid.fleet.population_prior import PopulationPrior, exchange
+from sysid.fleet.population_prior import Fitted, PopulationPrior, exchange
 from sysid.progress import Progress
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """The log-density of a calibrated campaign, (n, p) -> (n,), and its optimum (p,) and covariance (p, p)."""
-
-    density: Callable[[np.ndarray], np.ndarray]
-    centre: np.ndarray
-    covariance: np.ndarray
 
 
 def read_fitted(campaign: Path, output: Path, progress: Progress) -> Fitted:
@@ -51,7 +42,9 @@ def read_fitted(campaign: Path, output: Path, progress: Progress) -> Fitted:
     fitted = calibration.result(FIT)
     profiles = {name: analysis.profile for name, analysis in calibration.scan().items()}
     state = restored(calibration.campaign, profiles, fitted.point)
-    return Fitted(LogDensity(state).with_larger_steps(), state.point.log_parameters, fitted.fit.covariance)
+    point, count = state.point, state.point.log_parameters.size
+    spread = point.spread or Spread(np.zeros(count), np.zeros((count, count)))
+    return Fitted(LogDensity(state).with_larger_steps(), point.log_parameters, point.covariance, spread)
 
 
 def sample_again(campaign: Path, output: Path, prior: PopulationPrior, progress: Progress) -> bool:
@@ -77,12 +70,15 @@ def sample_again(campaign: Path, output: Path, prior: PopulationPrior, progress:
     if file_digests(campaign, outcome.inputs) != dict(outcome.inputs):
         raise DataRejectedError("The campaign has changed since it was calibrated; run the fleet first.")
     fitted, exchanged = read_fitted(campaign, output, progress), exchange(record, prior)
+    density, centre, covariance, spread = exchanged.sampled(fitted)
     posterior = sample_posterior(
-        exchanged.density(fitted.density),
+        density,
         record.names,
-        *exchanged.gaussian(fitted.centre, fitted.covariance),
+        centre,
+        covariance,
         LIKELIHOOD,
         replace(SamplingOptions(), seed=recall(output).get("seed", 0)),
+        spread=spread,
         progress=progress,
     )
     if not posterior.converged:

@@ -15,6 +15,7 @@ import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
 from sysid.errors import CampaignError
+from sysid.estimation.uncertainty.spread import Spread
 from sysid.posterior.diagnostics import effective_draws
 from sysid.posterior.inference_data import draw_order, without_arviz_notice
 from sysid.progress import Progress, unwatched
@@ -89,6 +90,7 @@ def cross_check(
     centre: Parameters,
     covariance: ParametersByParameters,
     *,
+    spread: Spread | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> CrossCheck:
@@ -99,6 +101,7 @@ def cross_check(
     gradient : log-density of log parameters (p,) and its gradient.
     posterior : draws of the ensembles, in natural units.
     centre, covariance : Laplace approximation (p,), (p, p) in log space: the sampler's coordinates.
+    spread : what the posterior's draws got in addition to the density; it is taken away before.
 
     Raises
     ------
@@ -106,13 +109,16 @@ def cross_check(
         If nutpie is not installed.
     """
     draws, divergences = gradient_draws(gradient, centre, covariance, seed=seed, progress=progress)
-    return compared(posterior, draws, divergences)
+    return compared(posterior, draws, divergences, spread)
 
 
-def compared(posterior: Posterior, draws: np.ndarray, divergences: int = 0) -> CrossCheck:
-    """Compare draws (chains, n, p) of log parameters with a posterior."""
+def compared(posterior: Posterior, draws: np.ndarray, divergences: int = 0, spread: Spread | None = None) -> CrossCheck:
+    """Compare draws (chains, n, p) of log parameters with a posterior, without the `spread` that it was given."""
     ensembles, steps, walkers, count = posterior.draws.shape
-    ours = np.log(posterior.draws).reshape(ensembles, -1, count)[:, draw_order(steps, walkers)]
+    logs = np.log(posterior.draws)
+    if spread is not None:
+        logs = spread.taken_away(logs, posterior.seed, posterior.burn_in)
+    ours = logs.reshape(ensembles, -1, count)[:, draw_order(steps, walkers)]
     compared_parameters = []
     for i, name in enumerate(posterior.names):
         pair = draws[..., i], ours[..., i]

@@ -5,14 +5,11 @@ their Gaussian priors leaves, per run,
 
     -1/2 (r'r - b' N^-1 b),   b = J_eta' r + prior,   N = J_eta' J_eta + prior precision,
 
-so the sampler sees global parameters only. Residuals are tempered by their variance inflation, the likelihood is
-flattened around the optimum for model error and tolerances of masses
-(:mod:`sysid.estimation.uncertainty.sandwich`), and the Gaussian priors of the log parameters are added.
-
-The flattened likelihood stands for one with masses and departures integrated out.  Its gradient at the optimum is not
-C' times that of the likelihood itself, as C only has the right curvature: a linear term makes up the difference.
-Sensor offsets and gains are eliminated
-inside the residuals.
+so the sampler sees global parameters only. Residuals are tempered by their variance inflation, sensor offsets and gains
+are eliminated inside them, and the Gaussian priors of the log parameters are added.  Masses and departures stay where
+the fit ends: what they and model error add is given to the draws afterwards
+(:mod:`sysid.estimation.uncertainty.spread`).  Footprint maps stay too, but changes of parameters are taken as maps that
+follow the tires would act.
 """
 
 from __future__ import annotations
@@ -40,9 +37,9 @@ from sysid.vehicle_model.engines.protocol import LocalColumns
 #: Description of the likelihood, for the user.
 LIKELIHOOD = (
     "Gaussian residuals, heavy tails by weights of single readings; scale per run and channel from the least-squares "
-    "residuals; residuals correlated in time are tempered by their variance inflation; the likelihood is flattened for "
-    "model error, departures from the model and tolerances of declared masses by a sandwich over blocks of channel and "
-    "case (curvature adjustment); run motions marginalised, sensor offset and gain eliminated"
+    "residuals; residuals correlated in time are tempered by their variance inflation; run motions marginalised, "
+    "sensor offset and gain eliminated; tolerances of declared masses, departures from the model and model error (a "
+    "sandwich over blocks of channel and case) add a normal deviation to every draw"
 )
 
 
@@ -86,12 +83,10 @@ class LogDensity:
         self._state, self._model, self._point = state, state.model, point
         self.names = state.parameters.names
         self.centre = np.asarray(point.log_parameters, float)
-        self._adjustment = np.asarray(point.adjustment, float)
         self._rows, self._targets = state.parameters.prior_rows()
-        # At the optimum the data pull as hard as the priors, the other way.
-        pull = self._rows.T @ (self._rows @ self.centre - self._targets)
-        flattened = self._adjustment.T @ pull
-        self._tilt = np.zeros_like(pull) if point.slope is None else flattened - point.slope
+        self._following = np.eye(self.centre.size) if point.following is None else np.asarray(point.following, float)
+        # A linear term that makes up for larger integration steps.
+        self._tilt = np.zeros_like(self.centre)
         self.rejected: list[np.ndarray] = []
         self.rejected_count = 0
         expected = motion_prior(state.campaign.bump_runs)
@@ -136,8 +131,8 @@ class LogDensity:
     def __call__(self, log_parameters: Parameters) -> np.ndarray:
         """Log-density (n,) of parameter sets (n, p)."""
         points = np.atleast_2d(np.asarray(log_parameters, float))
-        # The likelihood is flattened around the optimum; the priors are not.
-        sets = (self.centre + (points - self.centre) @ self._adjustment.T).T
+        # As if the footprint maps followed the tires.
+        sets = (self.centre + (points - self.centre) @ self._following.T).T
         misfit = np.zeros(points.shape[0])
         for inputs, shape in zip(self._inputs, self._model.shapes, strict=True):
             misfit = misfit + np.asarray(_group_misfit(inputs, sets, shape=shape))
@@ -159,10 +154,10 @@ class LogDensity:
         gradient 2 (J' r - J' J_eta N^-1 b).
         """
         x, point = np.asarray(log_parameters, float), self._point
-        flattened = self.centre + self._adjustment @ (x - self.centre)
+        there = self.centre + self._following @ (x - self.centre)
         misfit, slope = 0.0, np.zeros_like(x)
         for position, inputs in enumerate(self._inputs):
-            lin = linearise_one(self._model, point.weights, flattened, point.motion, position)
+            lin = linearise_one(self._model, point.weights, there, point.motion, position)
             residual, gain = np.asarray(lin.residual), np.asarray(lin.gain_residual)
             columns = np.asarray(lin.residual_jacobian)[..., : x.size]
             gain_columns = np.asarray(lin.gain_jacobian)[..., : x.size]
@@ -177,4 +172,4 @@ class LogDensity:
             slope += 2.0 * (np.tensordot(pull, columns, axes=3) + np.tensordot(gain_pull, gain_columns, axes=2))
         off = self._rows @ x - self._targets
         density = -0.5 * (misfit + off @ off) - (x - self.centre) @ self._tilt
-        return float(density), -0.5 * self._adjustment.T @ slope - self._rows.T @ off - self._tilt
+        return float(density), -0.5 * self._following.T @ slope - self._rows.T @ off - self._tilt

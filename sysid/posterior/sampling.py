@@ -5,15 +5,16 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import emcee
 import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
+from sysid.estimation.uncertainty.spread import Spread
 from sysid.posterior.checkpoint import Checkpoint, Resumed, read_chain
-from sysid.posterior.diagnostics import Diagnosis, diagnose, standstills, summarise
+from sysid.posterior.diagnostics import Diagnosis, convergence, diagnose, standstills, summarise
 from sysid.posterior.ensembles import Density, Ensemble, advance, first, restored
 from sysid.posterior.history import History
 from sysid.posterior.moves import fitted_to_walkers, posterior_moves
@@ -28,10 +29,7 @@ Notice = Callable[[str], None]
 _DENSE_SEGMENTS = 50
 #: Share of proposals without a finite density above which the user is warned.
 _MANY_REJECTED = 0.01
-#: A chain that has not converged after this many times its first adapting steps gets proposals fitted again: a long
-#: tail of a posterior is not reached in the first ones.
-ADAPTED_AGAIN = 4
-#: Every how many steps proposals that are fitted again look at the walkers.
+#: Every how many steps proposals that are fitted to draws look at the walkers.
 _APART = 5
 
 
@@ -41,17 +39,17 @@ class SamplingOptions:
 
     `ensembles` independent ensembles of `walkers_per_parameter` walkers per parameter; sampling goes on in stretches of
     `segment_steps` until R-hat < `rhat_limit` and at least `min_effective` effective draws for every parameter, or
-    `max_steps`.  `start_inflation` widens the Laplace covariance from which the walkers start.  In the first
-    `adapting_steps` the independence proposals follow the walkers after every stretch. Where that was not enough, they
-    are fitted again after :data:`ADAPTED_AGAIN` times as many steps, and at every doubling. Draws before the last of
-    these steps are in no posterior that is called converged.
+    `max_steps`.  `start_inflation` widens the Laplace covariance from which the walkers start.  Independence proposals
+    are those of the Laplace approximation. Where the chain has not converged after `adapting_steps` with them, they are
+    fitted to its second half, and again at every doubling. Draws before the last of these steps are in no posterior
+    that is called converged.
     """
 
     ensembles: int = 4
     walkers_per_parameter: float = 2.1
     segment_steps: int = 10
-    adapting_steps: int = 30
-    min_steps: int = 60
+    adapting_steps: int = 60
+    min_steps: int = 30
     max_steps: int = 1500
     rhat_limit: float = 1.01
     min_effective: float = 400.0
@@ -69,6 +67,7 @@ def sample_posterior(
     likelihood: str,
     options: SamplingOptions | None = None,
     *,
+    spread: Spread | None = None,
     folder: Path | None = None,
     fingerprint: dict[str, str] | None = None,
     resume: bool = False,
@@ -83,6 +82,7 @@ def sample_posterior(
         density and are counted.
     names : (p,) names; draws are returned in natural units.
     centre, covariance : Laplace approximation (p,), (p, p) in log space.
+    spread : what every draw gets in addition to what the density says, None for nothing. Convergence is judged without.
     folder, fingerprint, resume : where the chain is kept, what ties it to data and settings, and whether to go on.
     progress, notice : callbacks for progress (message, fraction), and for what the user should know about a checkpoint.
 
@@ -116,14 +116,19 @@ def sample_posterior(
                 checkpoint.append(segment)
             history.append(segment)
             diagnosis = _judged(history, options) if _due(history.steps, options) else diagnosis
-            if history.steps <= options.adapting_steps or history.steps == _adapted(history.steps, options):
+            if history.steps == _adapted(history.steps, options):
                 proposals = _proposals(history, centre, covariance, options)
                 ensembles = [ensemble.with_moves(posterior_moves(*proposals)) for ensemble in ensembles]
-    return _posterior(names, history, diagnosis or _judged(history, options), likelihood, options)
+    return _posterior(names, history, diagnosis or _judged(history, options), likelihood, options, spread)
 
 
 def posterior_so_far(
-    folder: Path, identity: dict[str, str], names: tuple[str, ...], likelihood: str, options: SamplingOptions
+    folder: Path,
+    identity: dict[str, str],
+    names: tuple[str, ...],
+    likelihood: str,
+    options: SamplingOptions,
+    spread: Spread | None = None,
 ) -> Posterior | None:
     """Draws of a chain that is still being written, or was stopped; None if there is none of these data and settings.
 
@@ -133,7 +138,7 @@ def posterior_so_far(
     if stored is None or stored[0] != identity:
         return None
     history = History(stored[1])
-    return _posterior(names, history, _judged(history, options), likelihood, options, finished=False)
+    return _posterior(names, history, _judged(history, options), likelihood, options, spread, finished=False)
 
 
 def chain_identity(
@@ -172,23 +177,17 @@ def _proposals(
 
     They depend on these steps alone, not on where a run was interrupted.
     """
-    stretch, again = options.segment_steps, _adapted(history.steps, options)
-    if again > options.adapting_steps:
-        return fitted_to_walkers(covariance, history.draws[:, again // 2 : again : _APART])
-    last = min(history.steps, options.adapting_steps) // stretch * stretch
+    last = _adapted(history.steps, options)
     if last == 0:
         return centre, covariance
-    return fitted_to_walkers(covariance, history.draws[:, last - -(-stretch // 2) : last])
+    return fitted_to_walkers(covariance, history.draws[:, last // 2 : last : _APART])
 
 
 def _adapted(steps: int, options: SamplingOptions) -> int:
-    """The step up to which proposals have followed the walkers, of a chain of so many steps."""
-    last, stretch = options.adapting_steps, options.segment_steps
-    if last < stretch:
-        return last
-    again = ADAPTED_AGAIN * last
+    """The step at which proposals were last fitted to draws, of a chain of so many steps; 0 before."""
+    last, again, stretch = 0, options.adapting_steps, options.segment_steps
     # At the end of a stretch: only there the moves can change.
-    while -(-again // stretch) * stretch <= steps:
+    while 0 < -(-again // stretch) * stretch <= steps:
         last, again = -(-again // stretch) * stretch, 2 * again
     return last
 
@@ -223,9 +222,9 @@ def _finished(diagnosis: Diagnosis | None, done: int, options: SamplingOptions) 
 
 
 def _kept_enough(done: int, options: SamplingOptions) -> bool:
-    """Whether there are enough steps behind those in which proposals followed the walkers."""
+    """Whether there are enough steps behind the one at which proposals were last fitted to draws."""
     adapted = _adapted(done - 1, options)
-    return done >= max(options.min_steps, adapted + options.adapting_steps, -(-5 * adapted // 4))
+    return done >= max(adapted + options.min_steps, -(-5 * adapted // 4))
 
 
 def _words(diagnosis: Diagnosis | None, done: int) -> str:
@@ -249,11 +248,18 @@ def _posterior(
     diagnosis: Diagnosis,
     likelihood: str,
     options: SamplingOptions,
+    spread: Spread | None,
     *,
     finished: bool = True,
 ) -> Posterior:
     draws, steps = history.draws, history.steps
-    kept = np.exp(draws[:, diagnosis.burn_in :])
+    kept = draws[:, diagnosis.burn_in :].copy()
+    of_draws = diagnosis
+    if spread is not None:
+        kept = spread.added(kept, options.seed, diagnosis.burn_in)
+        ess, rhat = convergence(kept)
+        of_draws = replace(diagnosis, ess=ess, rhat=rhat)
+    kept = np.exp(kept)
     converged = finished and _kept_enough(steps, options) and _converged(diagnosis, options) and not options.preview
     worst = int(np.argmax(diagnosis.rhat))
     proposals, rejected = history.accepted.size * steps, int(history.rejected.sum())
@@ -279,7 +285,7 @@ def _posterior(
         thin=1,
         autocorrelation_time=diagnosis.autocorrelation_time,
         acceptance=history.accepted.mean(axis=1) / steps,
-        summaries=summarise(names, kept.reshape(-1, len(names)), diagnosis),
+        summaries=summarise(names, kept.reshape(-1, len(names)), of_draws),
         converged=converged,
         preview=options.preview,
         likelihood=likelihood,

@@ -74,13 +74,19 @@ def test_the_likelihood_has_its_maximum_where_the_data_have_theirs(fit, found):
     rows, targets = fit.parameters.prior_rows()
     pull = rows.T @ (rows @ fit.state.point.log_parameters - targets)
     left = integrated(data.matrix, count, data.sd).information
-    assert np.allclose(found.adjustment.inflation, data.factor)  # no direction of its own
+    assert np.allclose(found.inflation, data.factor)  # no direction of its own
     expected = np.linalg.solve(data.flattening, np.linalg.solve(data.factor * left, pull))
-    np.testing.assert_allclose(np.linalg.solve(found.adjustment.information, found.slope), expected, rtol=1e-6)
+    np.testing.assert_allclose(np.linalg.solve(found.information, found.slope), expected, rtol=1e-6)
 
 
-def test_the_engine_s_likelihood_is_flattened_to_the_precision_of_the_data(found):
-    np.testing.assert_allclose(found.adjustment.information, found.data.precision(), rtol=1e-9)
+def test_the_information_is_the_precision_of_the_data_and_the_likelihood_s_own_is_more(fit, found):
+    np.testing.assert_allclose(found.information, found.data.precision(), rtol=1e-9)
+    count = fit.truth.size
+    # Masses and departures held, noise as the fit has it: the block of the parameters, with maps that follow the tires.
+    block = found.data.factor * found.data.matrix[:count, :count]
+    np.testing.assert_allclose(found.own_information, found.following.T @ block @ found.following, rtol=1e-9)
+    less = np.linalg.eigvalsh(np.linalg.solve(found.own_information, found.information))
+    assert less.max() < 1.0
     assert found.response.amounts.shape == found.data.sd.shape
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from sysid.estimation.uncertainty.information import BlockInformation, model_error
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns
-from sysid.estimation.uncertainty.sandwich import adjust, block_scores, flattening
+from sysid.estimation.uncertainty.sandwich import adjust, block_scores
 from sysid.vehicle_model.engines.protocol import Linearisation
 
 
@@ -161,14 +161,3 @@ def test_model_error_is_the_factor_by_which_blocks_scatter_more_than_noise():
     assert np.mean(factors) == pytest.approx(together, rel=0.04)
     # Noise alone: one, but for what scatters above it.
     assert 1.0 <= np.mean(noise) < 1.15
-
-
-def test_flattening_turns_one_information_into_another() -> None:
-    """C' H C is what was wanted, one direction without data; C = I where nothing is to change."""
-    random = np.random.default_rng(13)
-    root, less = random.normal(size=(4, 4)), np.diag([0.2, 0.5, 0.9, 1.0])
-    information = np.pad(root.T @ root, (0, 1))
-    wanted = np.pad(root.T @ less @ root, (0, 1))
-    matrix = flattening(information, wanted)
-    np.testing.assert_allclose(matrix.T @ information @ matrix, wanted, rtol=1e-6, atol=1e-8)
-    np.testing.assert_allclose(flattening(root.T @ root, root.T @ root), np.eye(4), atol=1e-7)

@@ -11,7 +11,9 @@ from sysid.fleet import population
 from sysid.fleet.results import FleetResults, compute
 from sysid.posterior.sampling import SamplingOptions
 
-SHORT = SamplingOptions(ensembles=4, segment_steps=100, min_steps=200, max_steps=1500, min_effective=200.0)
+SHORT = SamplingOptions(
+    ensembles=4, segment_steps=100, adapting_steps=0, min_steps=200, max_steps=1500, min_effective=200.0
+)
 
 
 @pytest.fixture(scope="session")

@@ -20,7 +20,9 @@ from sysid.fleet.weights import campaign_weights
 from sysid.posterior.sampling import SamplingOptions
 
 POSTERIORDB = Path(__file__).resolve().parents[1] / "data" / "posteriordb"
-SHORT = SamplingOptions(ensembles=4, segment_steps=100, min_steps=200, max_steps=2000, min_effective=1000.0)
+SHORT = SamplingOptions(
+    ensembles=4, segment_steps=100, adapting_steps=0, min_steps=200, max_steps=2000, min_effective=1000.0
+)
 
 
 def spd(random: np.random.Generator, d: int, scale: float) -> np.ndarray:
@@ -184,7 +186,9 @@ def sampled(model: Hierarchy, count: int) -> np.ndarray:
     from sysid.fleet.population import laplace
     from sysid.posterior.sampling import sample_posterior
 
-    options = SamplingOptions(ensembles=4, segment_steps=200, min_steps=600, max_steps=6000, min_effective=2500.0)
+    options = SamplingOptions(
+        ensembles=4, segment_steps=200, adapting_steps=0, min_steps=600, max_steps=6000, min_effective=2500.0
+    )
     posterior = sample_posterior(model, model.names, *laplace(model), "test", options)
     assert posterior.converged, posterior.message
     draws = np.log(posterior.draws.reshape(-1, len(model.names)))

@@ -11,6 +11,7 @@ import pytest
 from fleet_child import COMMAND, DIGEST
 from scipy.stats import multivariate_normal
 
+from sysid.estimation.uncertainty.spread import Spread
 from sysid.fleet import key
 from sysid.fleet.child import recalibrate as recalibrate_one
 from sysid.fleet.draws import (
@@ -26,13 +27,15 @@ from sysid.fleet.key import file_digests
 from sysid.fleet.likelihood import likelihood_of
 from sysid.fleet.outcome import Outcome, read_outcome, write_outcome
 from sysid.fleet.population import TypePopulation, fit_population
-from sysid.fleet.population_prior import ExchangedPrior, PopulationPrior, exchange, prior_of_others
+from sysid.fleet.population_prior import ExchangedPrior, Fitted, PopulationPrior, exchange, prior_of_others
 from sysid.fleet.read import read_fleet
 from sysid.fleet.running import RunOptions, recalibrate, run_fleet
 from sysid.posterior.sampling import SamplingOptions
 
 NAMES = ("k_1", "k_2", "c_1", "c_2", "kt_1")
-SHORT = SamplingOptions(ensembles=4, segment_steps=100, min_steps=200, max_steps=2000, min_effective=400.0)
+SHORT = SamplingOptions(
+    ensembles=4, segment_steps=100, adapting_steps=0, min_steps=200, max_steps=2000, min_effective=400.0
+)
 #: A campaign's own prior, correlated as that of two load cases of one spring.
 PRIOR = np.diag([0.5, 0.5, 0.7, 0.7, 0.1]) ** 2
 PRIOR[0, 1] = PRIOR[1, 0] = 0.2
@@ -84,11 +87,22 @@ def test_exchanging_a_prior_is_exact_for_gaussians() -> None:
     assert found_mean == pytest.approx(
         expected @ (np.linalg.solve(prior, prior_mean) + np.linalg.solve(likelihood, value))
     )
-    # And its density, but for a constant.
+    # Sampled as x + d: x from a density, of which two thirds of the covariance come, and d from the rest.
+    shift = np.array([0.05, 0.0, -0.1, 0.02, 0.0])
+    fitted = Fitted(
+        multivariate_normal(centre - shift, 2.0 / 3.0 * posterior).logpdf,
+        centre - shift,
+        2.0 / 3.0 * posterior,
+        Spread(shift, posterior / 3.0),
+    )
+    density, x_mean, x_covariance, spread = exchanged.sampled(fitted)
     points = np.random.default_rng(3).standard_normal((20, 5))
-    changed = exchanged.density(multivariate_normal(centre, posterior).logpdf)(points)
-    off = changed - multivariate_normal(found_mean, expected).logpdf(points)
-    assert np.ptp(off) < 1e-6 * np.ptp(changed)
+    off = density(points) - multivariate_normal(x_mean, x_covariance).logpdf(points)
+    assert np.ptp(off) < 1e-6 * np.ptp(density(points))
+    # Mean and covariance of x + d, with d ~ N(shift - lever x, V).
+    through = np.eye(5) - spread.lever
+    assert through @ x_mean + spread.shift == pytest.approx(found_mean)
+    assert through @ x_covariance @ through.T + spread.covariance == pytest.approx(expected)
 
 
 def test_a_posterior_wider_than_its_prior_is_no_negative_information() -> None:

@@ -57,7 +57,9 @@ def exact_quantiles(grid: np.ndarray, log: np.ndarray, priors: HyperPriors) -> t
 def test_campaigns_that_are_not_gaussian_are_corrected_for() -> None:
     data, records, grid, log = skewed_fleet(2)
     mean, spread = exact_quantiles(grid, log, HyperPriors())
-    sampling = SamplingOptions(ensembles=4, segment_steps=100, min_steps=400, max_steps=4000, min_effective=2000.0)
+    sampling = SamplingOptions(
+        ensembles=4, segment_steps=100, adapting_steps=0, min_steps=400, max_steps=4000, min_effective=2000.0
+    )
     found = fit_population("t", data, ("1",), records, sampling=sampling)
     gaussian = fit_population("t", data, ("1",), [None] * len(records), sampling=sampling)
     assert found.corrected

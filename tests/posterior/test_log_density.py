@@ -27,8 +27,8 @@ def fit() -> SyntheticFit:
 
 @pytest.fixture(scope="session")
 def density(fit) -> LogDensity:
-    """The density as it is without flattening for model error."""
-    return LogDensity(replace(fit.state, point=replace(fit.state.point, adjustment=np.eye(fit.truth.size), slope=None)))
+    """The density under fixed footprint maps."""
+    return LogDensity(replace(fit.state, point=replace(fit.state.point, following=None)))
 
 
 def in_batches(density: LogDensity, points: np.ndarray) -> np.ndarray:
@@ -104,19 +104,9 @@ def test_marginalisation_equals_brute_force_integration(fit, density):
     assert np.ptp(brute) > 1.0
 
 
-def test_curvature_is_the_covariance_of_the_fit(fit):
-    """One standard deviation along any principal axis of the covariance costs half a unit of log-density."""
-    flattened = LogDensity(fit.state)
-    values, vectors = np.linalg.eigh(fit.result.covariance)
-    step = (vectors * np.sqrt(values)).T
-    centre = fit.state.point.log_parameters
-    up, down, here = (in_batches(flattened, x) for x in (centre + step, centre - step, centre[None]))
-    np.testing.assert_allclose(0.5 * (up + down) - here, -0.5, rtol=0.04)
-
-
-def test_flattening_moves_the_likelihood_and_not_the_priors(fit, density):
-    matrix, slope = np.diag(np.linspace(0.4, 1.0, 13)), np.linspace(-3.0, 2.0, 13)
-    flattened = LogDensity(replace(fit.state, point=replace(fit.state.point, adjustment=matrix, slope=slope)))
+def test_maps_that_follow_the_tires_act_as_a_change_of_the_parameters(fit, density):
+    following = np.eye(13) + 0.3 * np.random.default_rng(2).normal(size=(13, 13))
+    followed = LogDensity(replace(fit.state, point=replace(fit.state.point, following=following)))
     centre = fit.state.point.log_parameters
     points = centre + 0.01 * np.random.default_rng(4).normal(size=(5, 13))
     rows, targets = fit.parameters.prior_rows()
@@ -124,12 +114,25 @@ def test_flattening_moves_the_likelihood_and_not_the_priors(fit, density):
     def prior(x: np.ndarray) -> np.ndarray:
         return -0.5 * ((x @ rows.T - targets) ** 2).sum(axis=1)
 
-    pulled = centre + (points - centre) @ matrix.T
-    # At the optimum the likelihood pulls as hard as the priors; C' times that is not the slope that is wanted.
-    pull = rows.T @ (rows @ centre - targets)
-    tilt = (points - centre) @ (matrix @ pull - slope)
-    expected = density(pulled) - prior(pulled) - tilt
-    np.testing.assert_allclose(flattened(points) - prior(points), expected, rtol=1e-9)
+    # The priors are those of the parameters themselves.
+    there = centre + (points - centre) @ following.T
+    np.testing.assert_allclose(followed(points) - prior(points), density(there) - prior(there), rtol=1e-9)
+
+
+def test_curvature_is_the_covariance_that_is_kept_with_the_fit(fit):
+    """One standard deviation along any principal axis of the covariance costs half a unit of log-density."""
+    values, vectors = np.linalg.eigh(fit.state.point.covariance)
+    step = (vectors * np.sqrt(values)).T
+    centre, density = fit.state.point.log_parameters, LogDensity(fit.state)
+    up, down, here = (in_batches(density, x) for x in (centre + step, centre - step, centre[None]))
+    np.testing.assert_allclose(0.5 * (up + down) - here, -0.5, rtol=0.04)
+
+
+def test_covariance_and_spread_make_up_that_of_the_fit(fit):
+    point = fit.state.point
+    np.testing.assert_allclose(point.covariance + point.spread.covariance, fit.result.covariance, rtol=1e-6, atol=1e-14)
+    # Masses, departures and model error leave k, c and tires less certain, and none more.
+    assert (np.diag(point.spread.covariance) > 0.0).all()
 
 
 def test_batches_and_single_points_agree(fit, density):
@@ -151,10 +154,11 @@ def test_a_point_without_a_finite_simulation_is_rejected_and_kept(fit):
 
 
 def test_gradient_is_that_of_the_density(fit):
-    """Against central differences of the vectorised density, with flattening and tilt, away from the optimum."""
+    """Against central differences away from the optimum, with maps that follow the tires and a linear term."""
     density = LogDensity(fit.state)
     random = np.random.default_rng(7)
-    x = fit.state.point.log_parameters + np.linalg.cholesky(fit.result.covariance) @ random.standard_normal(
+    density._tilt = 0.1 * random.standard_normal(fit.truth.size) / np.sqrt(np.diag(fit.state.point.covariance))
+    x = fit.state.point.log_parameters + np.linalg.cholesky(fit.state.point.covariance) @ random.standard_normal(
         fit.truth.size
     )
     value, gradient = density.gradient(x)
@@ -172,7 +176,7 @@ def test_larger_steps_keep_value_and_gradient_at_the_centre_and_nearly_all_aroun
     # The gains of the sensors, which are eliminated, follow the signals: nothing else changes.
     np.testing.assert_allclose(values[1], values[0], rtol=0.0, atol=0.02)
     np.testing.assert_allclose(slopes[1], slopes[0], rtol=0.0, atol=1e-12)
-    factor = np.linalg.cholesky(fit.result.covariance)
+    factor = np.linalg.cholesky(fit.state.point.covariance)
     points = exact.centre + np.random.default_rng(9).normal(size=(20, 13)) @ factor.T
     fine = in_batches(exact, points)
     off = in_batches(larger, points) - fine

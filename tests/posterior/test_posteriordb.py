@@ -23,7 +23,9 @@ def sampled(posterior: ReferencePosterior, steps: int) -> np.ndarray:
     """Parameters (n, q) by the sampling stage with all its moves."""
     centre, covariance = posterior.laplace()
     names = tuple(f"x_{i}" for i in range(centre.size))
-    options = SamplingOptions(segment_steps=500, max_steps=steps, min_steps=steps, seed=3, walkers_per_parameter=4.0)
+    options = SamplingOptions(
+        segment_steps=500, adapting_steps=0, max_steps=steps, min_steps=steps, seed=3, walkers_per_parameter=4.0
+    )
     found = sample_posterior(vectorised(posterior), names, centre, covariance, "reference", options)
     return posterior.parameters(np.log(found.draws.reshape(-1, centre.size)))
 

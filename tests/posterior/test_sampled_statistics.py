@@ -23,7 +23,7 @@ SAMPLED = 6
 
 def chain(density, centre: np.ndarray, covariance: np.ndarray, steps: int, seed: int = 1) -> Posterior:
     names = tuple(f"x_{i}" for i in range(centre.size))
-    options = SamplingOptions(segment_steps=50, max_steps=steps, min_steps=steps, seed=seed)
+    options = SamplingOptions(segment_steps=50, adapting_steps=0, max_steps=steps, min_steps=steps, seed=seed)
     return sample_posterior(density, names, centre, covariance, "test", options)
 
 
@@ -94,7 +94,7 @@ def doubled(fit: SyntheticFit) -> LogDensity:
 
 @pytest.mark.long
 def test_doubled_data_shrink_standard_deviations_by_the_square_root_of_two(fit):
-    once = LogDensity(replace(fit.state, point=replace(fit.state.point, adjustment=np.eye(fit.truth.size), slope=None)))
+    once = LogDensity(replace(fit.state, point=replace(fit.state.point, following=None)))
     centre, covariance = fit.state.point.log_parameters[:SAMPLED], conditional_covariance(fit)
     first = chain(slice_of(fit, once), centre, covariance, 400)
     second = chain(slice_of(fit, doubled(fit)), centre, covariance / 2, 400, seed=2)

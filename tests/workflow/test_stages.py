@@ -56,7 +56,7 @@ def stubbed(tmp_path: Path, monkeypatch) -> Callable[..., Calibration]:
             log_parameters=np.zeros(count),
             motion=RunMotion.steady(np.ones(2), np.zeros(2)),
             weights=Weights((), ()),
-            adjustment=np.eye(count),
+            covariance=np.eye(count),
         )
     )
     at_hand = {CHECK: small.quality, DROPS: small.drops, SCAN: dict(small.scans)}

@@ -41,7 +41,7 @@ from sysid.estimation.uncertainty.frame_shapes import FRAME_SD
 from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, Identifiability, assess
 from sysid.estimation.uncertainty.information import AdjustedInformation, adjusted_information
 from sysid.estimation.uncertainty.mass_response import MassResponse
-from sysid.estimation.uncertainty.sandwich import Adjustment
+from sysid.estimation.uncertainty.spread import spread_between
 from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
 from sysid.estimation.weights.residual_evidence import ResidualEvidence, residual_evidence
 from sysid.estimation.weights.reweighting import residual_inflation
@@ -79,8 +79,7 @@ def evaluate_optimum(
     allowances = campaign_allowances(campaign, model.parameters, model.felt)
     spread = spread_rows(undecided, model.parameters.names)
     adjusted = adjusted_information(campaign, problem, vector, allowances, optimum.amounts, spread)
-    adjustment = adjusted.adjustment
-    covariance = _covariance(problem, compressed, adjustment)
+    covariance = _covariance(problem, compressed, adjusted.information)
     condition = np.linalg.cond(compressed.jacobian / np.linalg.norm(compressed.jacobian, axis=0))
 
     report("step-halving check", 0.96)
@@ -90,7 +89,7 @@ def evaluate_optimum(
     determined = assess(estimates, shared, adjusted.data)
     warnings = fit_warnings(minimum, (optimum.misfit, optimum.over_instruments), halving, difference, determined)
     checks = _mass_checks(allowances.masses, adjusted.response, shared)
-    point = replace(_fit_point(problem, vector, adjusted), clocks=optimum.clocks)
+    point = replace(_fit_point(problem, vector, adjusted, shared), clocks=optimum.clocks)
     fit = FitResult(
         parameters=estimates,
         run_parameters=runs,
@@ -107,7 +106,7 @@ def evaluate_optimum(
         step_halving_error=halving,
         scipy_max_difference_sd=difference,
         variance_inflation=at_optimum.typical_inflation(weights),
-        model_error_inflation=float(np.sqrt(np.mean(adjustment.inflation))),
+        model_error_inflation=float(np.sqrt(np.mean(adjusted.inflation))),
         contact=CONTACT_LAWS[options.contact].meaning,
         residual_evidence=at_optimum.evidence,
         warnings=(*warnings, *_mass_warnings(checks)),
@@ -145,13 +144,21 @@ class _AtOptimum:
         return float(np.median(np.concatenate([v[u] for v, u in zip(self.inflation, used, strict=True)])))
 
 
-def _fit_point(problem: Problem, vector: np.ndarray, adjusted: AdjustedInformation) -> FitPoint:
-    """Everything that is stored of the end of the fit, at the unknowns `vector`."""
+def _fit_point(
+    problem: Problem, vector: np.ndarray, adjusted: AdjustedInformation, covariance: ParametersByParameters
+) -> FitPoint:
+    """Everything that is stored of the end of the fit, at the unknowns `vector`; `covariance` (p, p) of parameters."""
     parameters, motion = problem.unpack(vector)
-    point = fit_point(problem.model, parameters, motion, problem.weights, adjusted.adjustment.matrix)
+    rows, targets = problem.model.parameters.prior_rows()
+    own = np.linalg.inv(adjusted.own_information + rows.T @ rows)
+    # At the optimum the data pull as hard as the priors, the other way; with model error they pull less.
+    pull = rows.T @ (rows @ parameters - targets)
+    shift = covariance @ (adjusted.slope - pull) - own @ (adjusted.following.T @ pull - pull)
+    point = fit_point(problem.model, parameters, motion, problem.weights, own, spread_between(own, covariance, shift))
+    point = replace(point, following=adjusted.following)
     if not adjusted.response.amounts.size:
-        return replace(point, slope=adjusted.slope)
-    return replace(point, slope=adjusted.slope, amounts=adjusted.response.amounts, mass_response=adjusted.response)
+        return point
+    return replace(point, amounts=adjusted.response.amounts, mass_response=adjusted.response)
 
 
 def _mass_checks(
@@ -196,12 +203,12 @@ def _check_runs_are_seen(campaign: Campaign, problem: Problem, compressed: Compr
         )
 
 
-def _covariance(problem: Problem, compressed: Compressed, adjustment: Adjustment) -> np.ndarray:
-    """Covariance of all unknowns: adjusted information of the globals, conditional information of the runs' own."""
+def _covariance(problem: Problem, compressed: Compressed, information: ParametersByParameters) -> np.ndarray:
+    """Covariance of all unknowns: `information` (p, p) of the globals, conditional information of the runs' own."""
     count = problem.count
     rows, _ = problem.model.parameters.prior_rows()
     normal = compressed.jacobian.T @ compressed.jacobian
-    shared = np.linalg.inv(adjustment.information + rows.T @ rows)
+    shared = np.linalg.inv(information + rows.T @ rows)
     local = np.linalg.inv(normal[count:, count:])
     lever = local @ normal[count:, :count]
     covariance = np.zeros_like(normal)

@@ -20,6 +20,7 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
 from sysid.estimation.uncertainty.mass_response import MassResponse
+from sysid.estimation.uncertainty.spread import Spread
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.passes import MapTires
@@ -34,8 +35,10 @@ class FitPoint:
       describe the simulation;
     - `log_parameters` (p,) and `motion`: the optimum;
     - `weights`: of the residuals at the optimum;
-    - `adjustment` (p, p) flattens the likelihood, and `slope` (p,) is the gradient of its logarithm at the optimum
-      (:mod:`sysid.estimation.uncertainty.information`), None to use the gradient of the flattened likelihood;
+    - `covariance` (p, p) of the log parameters with masses, departures and clocks where they are, and the `spread` that
+      these add to draws (:mod:`sysid.estimation.uncertainty.spread`), None for nothing;
+    - `following` (p, p): changes of parameters are taken times this under the fixed footprint maps, as maps that follow
+      the tires would act (:mod:`sysid.estimation.uncertainty.map_following`), None for fixed maps;
     - `amounts` (q,): masses and departures at the optimum, and `mass_response`: how they depend on the parameters; both
       None for the vehicle as declared;
     - `parts` were added to the declared vehicle;
@@ -49,8 +52,9 @@ class FitPoint:
     log_parameters: Parameters
     motion: RunMotion
     weights: Weights
-    adjustment: ParametersByParameters
-    slope: Parameters | None = None
+    covariance: ParametersByParameters
+    spread: Spread | None = None
+    following: ParametersByParameters | None = None
     amounts: np.ndarray | None = None
     mass_response: MassResponse | None = None
     parts: UndeclaredParts = NO_PARTS
@@ -96,7 +100,8 @@ def fit_point(
     log_parameters: Parameters,
     motion: RunMotion,
     weights: Weights,
-    adjustment: ParametersByParameters,
+    covariance: ParametersByParameters,
+    spread: Spread | None = None,
 ) -> FitPoint:
     """What is stored of a fit of `model`, with exact masses."""
     return FitPoint(
@@ -107,7 +112,8 @@ def fit_point(
         log_parameters=log_parameters,
         motion=motion,
         weights=weights,
-        adjustment=adjustment,
+        covariance=covariance,
+        spread=spread,
     )
 
 

@@ -34,7 +34,7 @@ from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns
 from sysid.estimation.uncertainty.run_scores import ClockScores, run_scores, run_scores_with_clocks
-from sysid.estimation.uncertainty.sandwich import Adjustment, BlockScores, adjust, flattening
+from sysid.estimation.uncertainty.sandwich import BlockScores, adjust
 
 #: Rounds in which the factor of model error, and the scales of departures that go with it, are found.
 _FACTOR_ROUNDS = 4
@@ -195,14 +195,20 @@ def _in_order(clocks: RunClocks, of_clocks: Sequence[tuple[Sequence[int], ClockS
 class AdjustedInformation:
     """What the data say at a joint optimum of p parameters and q masses and departures.
 
-    - `adjustment`: flattens the likelihood at these masses and departures, so that it represents the likelihood with
-      them integrated out;
-    - `slope` (p,): gradient of that log-likelihood at the optimum;
+    - `information` (p, p): of the parameters, with masses and departures integrated out and model error allowed for;
+    - `following` (p, p): changes of parameters times this act under fixed footprint maps as they do by themselves under
+      maps that follow the tires;
+    - `own_information` (p, p): of that likelihood alone, which holds masses, departures and clocks at this optimum;
+    - `inflation` (p,): of variances by model error, in the directions of the sandwich;
+    - `slope` (p,): gradient of the log-likelihood with all that integrated out, at the optimum;
     - `data`: for computing what more data would add;
     - `response`: of masses and departures to the parameters.
     """
 
-    adjustment: Adjustment
+    information: ParametersByParameters
+    following: ParametersByParameters
+    own_information: ParametersByParameters
+    inflation: Parameters
     slope: Parameters
     data: DataInformation
     response: MassResponse
@@ -246,18 +252,13 @@ def adjusted_information(
     flat = of_blocks.matrix @ follow
     undecided = np.zeros((0, count)) if laws is None else laws
     known = DataInformation(matrix, flat, prior, sd, masses.sd.size, factor, undecided, _kinds(allowances))
-    # The likelihood that is flattened leaves the clocks where they are.
+    # The likelihood leaves the clocks where they are.
     as_clocked = data.matrix if data.clocks is None else information_with(campaign, problem, vector).matrix
-    adjustment = Adjustment(
-        flattening(as_clocked[:count, :count], known.precision()),
-        known.precision(),
-        factor * of_blocks.inflation,
-        of_blocks.blocks,
-    )
     slope = follow.T @ of_blocks.matrix.T @ of_blocks.matrix.T @ pull / factor
     slope = known.slope(slope)
     response = MassResponse(parameters, left.response, left.factor, here)
-    return AdjustedInformation(adjustment, slope, known, response)
+    own = follow.T @ as_clocked[:count, :count] @ follow
+    return AdjustedInformation(known.precision(), follow, own, factor * of_blocks.inflation, slope, known, response)
 
 
 @dataclass(frozen=True)

@@ -138,20 +138,6 @@ def _root(matrix: np.ndarray) -> np.ndarray:
         return np.asarray((np.sign(np.diag(upper))[:, None] * upper).T)
 
 
-def flattening(information: np.ndarray, target: ParametersByParameters) -> ParametersByParameters:
-    """C (p, p) with C' H C = `target` (p, p), for the data information H (p, p), symmetric where H is the unit matrix.
-
-    With L L' = H: C = L^-T (L^-1 target L^-T)^1/2 L'.
-    """
-    scale = np.sqrt(np.diag(information))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    factor = _root(information / np.outer(scale, scale))
-    white = np.linalg.solve(factor, np.linalg.solve(factor, target / np.outer(scale, scale)).T)
-    values, vectors = np.linalg.eigh(0.5 * (white + white.T))
-    root = (vectors * np.sqrt(np.clip(values, 1e-12, None))) @ vectors.T
-    return np.asarray(np.linalg.solve(factor.T, root @ factor.T) * (scale[None, :] / scale[:, None]))
-
-
 def adjust(
     scores: np.ndarray,
     keys: Sequence[Hashable],

@@ -41,9 +41,10 @@ def _sample(context: Context) -> Posterior:
         density,
         fit.names,
         optimum,
-        fit.covariance,
+        state.point.covariance,
         LIKELIHOOD,
         context.settings.sampling,
+        spread=state.point.spread,
         folder=context.folder / CHAIN,
         fingerprint=_chain_inputs(context),
         resume=context.resume,
@@ -69,8 +70,9 @@ def _sampled_so_far(context: Context) -> Posterior | None:
     from sysid.posterior.sampling import chain_identity, posterior_so_far
 
     kept, options = context[FIT], context.settings.sampling
-    identity = chain_identity(options, kept.point.log_parameters, kept.fit.covariance, _chain_inputs(context))
-    return posterior_so_far(context.folder / CHAIN, identity, kept.fit.names, LIKELIHOOD, options)
+    point = kept.point
+    identity = chain_identity(options, point.log_parameters, point.covariance, _chain_inputs(context))
+    return posterior_so_far(context.folder / CHAIN, identity, kept.fit.names, LIKELIHOOD, options, point.spread)
 
 
 def _can_go_on(posterior: Posterior, settings: Settings) -> bool:
@@ -184,7 +186,8 @@ def _crosscheck(context: Context) -> CrossCheck:
         LogDensity(state).with_larger_steps().gradient,
         context[SAMPLE],
         state.point.log_parameters,
-        context[FIT].fit.covariance,
+        state.point.covariance,
+        spread=state.point.spread,
         seed=context.settings.seed,
         progress=context.progress,
     )
