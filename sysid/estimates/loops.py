@@ -91,6 +91,28 @@ def calibrated_laws(
     return law, tire, np.asarray(matrices.carried_load[0, :, 0])
 
 
+@jax.jit
+def _forces(law: SuspensionLaw, extension: np.ndarray, rate: np.ndarray, step_s: float) -> jax.Array:
+    """Forces (n - 1, suspensions) [N] at all but the first of n extensions [m] and rates [m/s], friction at zero first.
+
+    Parameters
+    ----------
+    law : of one load case and one parameter set, arrays (1, suspensions, 1).
+    """
+    shape = law.stiffness.shape
+
+    def at(k: jax.Array) -> tuple[jax.Array, jax.Array]:
+        return jnp.broadcast_to(jnp.asarray(extension)[k], shape), jnp.broadcast_to(jnp.asarray(rate)[k], shape)
+
+    def step(slip: jax.Array | None, k: jax.Array) -> tuple[jax.Array | None, jax.Array]:
+        if slip is not None:
+            slip = slip_after_step(law, slip, at(k - 1), at(k), step_s)
+        return slip, suspension_force(law, *at(k), slip)[0, :, 0]
+
+    first = None if law.friction is None else jnp.zeros(shape)
+    return jax.lax.scan(step, first, jnp.arange(1, len(extension)))[1]
+
+
 def suspension_loops(
     campaign: Campaign,
     drops: DropSummary | None,
@@ -115,23 +137,14 @@ def suspension_loops(
     time = np.arange(2 * _STEPS + 1) / (_STEPS * FREQUENCY_HZ)
     turn = 2.0 * np.pi * FREQUENCY_HZ
     extension, rate = AMPLITUDE_M * np.sin(turn * time), AMPLITUDE_M * turn * np.cos(turn * time)
-    shape = law.stiffness.shape
-    slip = None if law.friction is None else jnp.zeros(shape)
-    forces = []
-    for k, (e, v) in enumerate(zip(extension, rate, strict=True)):
-        now = jnp.full(shape, e), jnp.full(shape, v)
-        if slip is not None and k:
-            before = jnp.full(shape, extension[k - 1]), jnp.full(shape, rate[k - 1])
-            slip = slip_after_step(law, slip, before, now, float(time[1]))
-        if k >= _STEPS:
-            forces.append(np.asarray(suspension_force(law, *now, slip))[0, :, 0])
+    forces = np.asarray(_forces(law, extension, rate, float(time[1])))[_STEPS - 1 :]
     # Suspensions of grouped axles stand at the first axle of their group.
     suspended = sorted(set(vehicle.suspension_axle))
     return SuspensionLoops(
         load_case,
         extension[_STEPS:],
         rate[_STEPS:],
-        np.array(forces).T,
+        forces.T,
         tuple(suspended),
         fit.laws,
     )
