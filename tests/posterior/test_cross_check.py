@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from scipy.signal import lfilter
 
 from sysid.errors import CampaignError
+from sysid.estimation.uncertainty.spread import Spread
 from sysid.posterior.cross_check import compared, cross_check, gradient_draws
 from sysid.posterior.sampled_posterior import Posterior, PosteriorSummary
 
@@ -57,6 +59,16 @@ def test_the_same_distribution_agrees(draws: np.ndarray):
     assert found.agrees
     assert "agrees within Monte Carlo error" in found.message
     assert list(found.summary()["name"]) == list(NAMES)
+
+
+def test_what_masses_add_to_draws_is_taken_away_before(draws: np.ndarray):
+    spread = Spread(np.array([0.02, 0.0, 0.01]), 4.0 * COVARIANCE)
+    plain = posterior()
+    added = replace(plain, draws=np.exp(spread.added(np.log(plain.draws), plain.seed, plain.burn_in)))
+    assert not compared(added, draws).agrees
+    found = compared(added, draws, spread=spread)
+    assert found.agrees
+    assert [p.shift for p in found.parameters] == pytest.approx([p.shift for p in compared(plain, draws).parameters])
 
 
 @pytest.mark.parametrize(
