@@ -40,25 +40,20 @@ def diagnose(draws: WalkerDraws, least_burn_in: int = 0) -> Diagnosis:
     ``posterior.nc``. tau of a short run is not used to count draws: there the walkers are each taken about their own
     mean, and tau is too small.
     """
-    steps = draws.shape[1]
+    ensembles, steps, walkers, count = draws.shape
     least = least_burn_in if 5 * least_burn_in <= 4 * steps else steps // 2
     tau = _autocorrelation_time(draws[:, least:])
     burn_in = int(max(least, min(steps // 2, np.ceil(5.0 * tau.max()))))
     kept = draws[:, burn_in:]
     if burn_in != least:
         tau = _autocorrelation_time(kept)
-    return Diagnosis(burn_in, tau, *convergence(kept))
-
-
-def convergence(draws: WalkerDraws) -> tuple[Parameters, Parameters]:
-    """Effective draws and R-hat (p,) of draws (E, n, W, p), ensembles as chains, as :func:`diagnose` gives them."""
-    ensembles, steps, walkers, count = draws.shape
-    chains = draws.reshape(ensembles, -1, count)[:, draw_order(steps, walkers)]
+    chains = kept.reshape(ensembles, -1, count)[:, draw_order(kept.shape[1], walkers)]
     ess = np.array([effective_draws(chains[..., i]) for i in range(count)])
     # Ranks of millions of draws take seconds and say no more than those of some ten thousand.
-    thin = -(-walkers * steps // _RANKED)
-    ranked = [draws[:, ::thin, :, i].reshape(ensembles, -1) for i in range(count)]
-    return ess, np.array([float(array_stats.rhat(chains, chain_axis=0, draw_axis=1)) for chains in ranked])
+    thin = -(-walkers * kept.shape[1] // _RANKED)
+    ranked = [kept[:, ::thin, :, i].reshape(ensembles, -1) for i in range(count)]
+    rhat = np.array([float(array_stats.rhat(chains, chain_axis=0, draw_axis=1)) for chains in ranked])
+    return Diagnosis(burn_in, tau, ess, rhat)
 
 
 def effective_draws(chains: np.ndarray) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import emcee
@@ -14,7 +14,7 @@ import numpy as np
 from sysid.arrays import Parameters, ParametersByParameters
 from sysid.estimation.uncertainty.spread import Spread
 from sysid.posterior.checkpoint import Checkpoint, Resumed, read_chain
-from sysid.posterior.diagnostics import Diagnosis, convergence, diagnose, standstills, summarise
+from sysid.posterior.diagnostics import Diagnosis, diagnose, standstills, summarise
 from sysid.posterior.ensembles import Density, Ensemble, advance, first, restored
 from sysid.posterior.history import History
 from sysid.posterior.moves import fitted_to_walkers, posterior_moves
@@ -41,8 +41,8 @@ class SamplingOptions:
     `segment_steps` until R-hat < `rhat_limit` and at least `min_effective` effective draws for every parameter, or
     `max_steps`.  `start_inflation` widens the Laplace covariance from which the walkers start.  Independence proposals
     are those of the Laplace approximation. Where the chain has not converged after `adapting_steps` with them, they are
-    fitted to its second half, and again at every doubling. Draws before the last of these steps are in no posterior
-    that is called converged.
+    fitted to its second half, and again at every doubling. Convergence is judged from `min_steps` after the last change
+    of the proposals on, and draws before that change are in no posterior that is called converged.
     """
 
     ensembles: int = 4
@@ -108,18 +108,23 @@ def sample_posterior(
         proposals = _proposals(history, centre, covariance, options)
         ensembles = [Ensemble(density, posterior_moves(*proposals), state) for state in states]
         # A chain that had already converged when it is resumed must not grow.
-        diagnosis = _judged(history, options) if _due(history.steps, options) else None
+        judged_at = history.steps if _due(history.steps, options) else 0
+        diagnosis = _judged(history, options) if judged_at else None
         while not _finished(diagnosis, history.steps, options):
             report(_words(diagnosis, history.steps), _fraction(diagnosis, history.steps, options))
             segment = advance(ensembles, options.segment_steps)
             if checkpoint is not None:
                 checkpoint.append(segment)
             history.append(segment)
-            diagnosis = _judged(history, options) if _due(history.steps, options) else diagnosis
+            if _due(history.steps, options):
+                diagnosis, judged_at = _judged(history, options), history.steps
             if history.steps == _adapted(history.steps, options):
                 proposals = _proposals(history, centre, covariance, options)
                 ensembles = [ensemble.with_moves(posterior_moves(*proposals)) for ensemble in ensembles]
-    return _posterior(names, history, diagnosis or _judged(history, options), likelihood, options, spread)
+        if diagnosis is None or judged_at < history.steps:
+            # The limit lies where convergence is not judged.
+            diagnosis = _judged(history, options)
+    return _posterior(names, history, diagnosis, likelihood, options, spread)
 
 
 def posterior_so_far(
@@ -253,13 +258,9 @@ def _posterior(
     finished: bool = True,
 ) -> Posterior:
     draws, steps = history.draws, history.steps
-    kept = draws[:, diagnosis.burn_in :].copy()
-    of_draws = diagnosis
-    if spread is not None:
-        kept = spread.added(kept, options.seed, diagnosis.burn_in)
-        ess, rhat = convergence(kept)
-        of_draws = replace(diagnosis, ess=ess, rhat=rhat)
-    kept = np.exp(kept)
+    kept = draws[:, diagnosis.burn_in :]
+    kept = kept.copy() if spread is None else spread.added(kept, options.seed, diagnosis.burn_in)
+    np.exp(kept, out=kept)
     converged = finished and _kept_enough(steps, options) and _converged(diagnosis, options) and not options.preview
     worst = int(np.argmax(diagnosis.rhat))
     proposals, rejected = history.accepted.size * steps, int(history.rejected.sum())
@@ -285,7 +286,7 @@ def _posterior(
         thin=1,
         autocorrelation_time=diagnosis.autocorrelation_time,
         acceptance=history.accepted.mean(axis=1) / steps,
-        summaries=summarise(names, kept.reshape(-1, len(names)), of_draws),
+        summaries=summarise(names, kept.reshape(-1, len(names)), diagnosis),
         converged=converged,
         preview=options.preview,
         likelihood=likelihood,

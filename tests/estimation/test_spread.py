@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import norm
 
 from sysid.estimation.uncertainty.spread import Spread, covariance_root, spread_between
-from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.posterior.diagnostics import effective_draws
+from sysid.posterior.sampling import SamplingOptions, chain_identity, posterior_so_far, sample_posterior
 
 
 def test_the_spread_of_a_linear_model_is_how_parameters_follow_masses() -> None:
@@ -56,6 +57,18 @@ def test_a_step_gets_the_same_however_long_the_chain_and_wherever_it_begins() ->
         Spread(np.zeros(2), np.eye(2), np.eye(2)).taken_away(x, 3)
 
 
+def test_campaigns_with_one_seed_get_deviations_of_their_own() -> None:
+    x = np.zeros((2, 5, 20, 2))
+    one, two = (Spread(np.zeros(2), np.diag([1.0, 0.25]) * size).added(x, 3).ravel() for size in (1.0, 1.1))
+    assert abs(np.corrcoef(one, two)[0, 1]) < 0.2
+
+
+def test_the_root_does_not_depend_on_the_order_of_equal_eigenvectors() -> None:
+    covariance = np.diag([1.0, 4.0, 9.0])
+    turned = covariance + 1e-15 * np.random.default_rng(2).normal(size=(3, 3))
+    np.testing.assert_allclose(covariance_root(turned + turned.T), covariance_root(2.0 * covariance), atol=1e-12)
+
+
 def test_a_scale_that_no_motion_shows_leaves_the_shape_of_the_posterior() -> None:
     """log k follows a scale error s ~ N(0, 0.5 %) one to one, and curves with a damper's knee, as narrow as 0.05 %.
 
@@ -78,15 +91,12 @@ def test_a_scale_that_no_motion_shows_leaves_the_shape_of_the_posterior() -> Non
     exact = norm.cdf((at[:, None] + bend * knee**2) / np.hypot(narrow, of_scale)).mean(axis=1)
     for share in (0.05, 0.5, 0.95):
         assert np.quantile(k, share) == pytest.approx(np.interp(share, exact, at), abs=0.04 * of_scale)
-    # Convergence is that of the sampled part, effective draws those of what is kept: more, for they scatter more.
-    assert found.converged
-    assert found.summaries[0].ess > 3000
-    assert min(s.rhat for s in found.summaries) < 1.01
+    # Effective draws are those of the sampled part: what is kept scatters more, and is less correlated.
+    kept = effective_draws(np.log(found.draws[..., 0]).reshape(4, -1))
+    assert found.summaries[0].ess < 0.5 * kept
 
 
 def test_draws_of_a_chain_that_is_still_written_are_those_of_the_finished_one(tmp_path) -> None:
-    from sysid.posterior.sampling import chain_identity, posterior_so_far
-
     centre, own = np.zeros(2), np.diag([0.01, 0.04])
     spread = spread_between(own, 3.0 * own, np.array([0.1, 0.0]))
 

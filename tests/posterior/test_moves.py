@@ -191,6 +191,16 @@ def test_a_chain_that_was_stopped_there_goes_on_as_if_it_had_not_been(tmp_path, 
     np.testing.assert_array_equal(never_converged(tmp_path / "b", 110, resume=True).draws, whole.draws)
 
 
+def test_a_limit_where_convergence_is_not_judged_yet_gets_a_judgement_of_its_own(tmp_path):
+    """Steps 80 to 100 follow proposals that were fitted at 80: a chain that ends there is judged as a whole."""
+    whole = never_converged(tmp_path / "a", 90)
+    assert whole.burn_in >= 45
+    never_converged(tmp_path / "b", 50)
+    resumed = never_converged(tmp_path / "b", 90, resume=True)
+    np.testing.assert_array_equal(resumed.draws, whole.draws)
+    assert resumed.message == whole.message
+
+
 def test_proposals_are_fitted_at_the_end_of_stretches_and_draws_before_are_not_kept():
     options = SamplingOptions(adapting_steps=50, segment_steps=50)
     assert [sampling._adapted(n, options) for n in (49, 50, 99, 100, 200, 399, 400)] == [0, 50, 50, 100, 200, 200, 400]

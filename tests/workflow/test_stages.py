@@ -95,7 +95,7 @@ def stubbed(tmp_path: Path, monkeypatch) -> Callable[..., Calibration]:
 
 def test_what_the_draws_say_about_the_optimum_is_a_warning(stubbed, monkeypatch) -> None:
     monkeypatch.setattr(
-        "sysid.posterior.sampled_posterior.optimum_warnings", lambda draws, at, density: (f"{density:+.1f}",)
+        "sysid.posterior.sampled_posterior.optimum_warnings", lambda draws, at, density, spread: (f"{density:+.1f}",)
     )
     assert stubbed().sample().warnings[-1] == "-0.0"
 

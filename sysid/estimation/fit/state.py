@@ -36,7 +36,7 @@ class FitPoint:
     - `log_parameters` (p,) and `motion`: the optimum;
     - `weights`: of the residuals at the optimum;
     - `covariance` (p, p) of the log parameters with masses, departures and clocks where they are, and the `spread` that
-      these add to draws (:mod:`sysid.estimation.uncertainty.spread`), None for nothing;
+      these, model error and undecided laws add to draws (:mod:`sysid.estimation.uncertainty.spread`), None for nothing;
     - `following` (p, p): changes of parameters are taken times this under the fixed footprint maps, as maps that follow
       the tires would act (:mod:`sysid.estimation.uncertainty.map_following`), None for fixed maps;
     - `amounts` (q,): masses and departures at the optimum, and `mass_response`: how they depend on the parameters; both

@@ -14,7 +14,8 @@ class MassResponse:
     """Masses and departures y (q,) given the global log parameters x (p,): normal, with a mean that follows these.
 
     mean = `amounts` + `response` (x - `centre`), covariance `factor` `factor`'; `amounts` and `centre` are the joint
-    optimum.  Priors of x play no part given x.
+    optimum.  Priors of x play no part given x.  It is the response of a linear model, also where the posterior of x is
+    curved.
     """
 
     centre: Parameters

@@ -2,8 +2,7 @@
 
 If the model were right, the scores g_b = J_b' r_b of blocks b (one channel in all repeats of one case) would scatter
 about zero with the covariance of the information H they carry.  Model error makes them scatter more: G = sum g_b g_b'
-exceeds H.  The likelihood is then flattened so that its curvature becomes H G^-1 H: parameters theta enter it as
-theta_hat + C (theta - theta_hat) with C' H C = H G^-1 H (the curvature adjustment of M. Ribatet, D. Cooley and A. C.
+exceeds H.  The information is then H G^-1 H = C' H C (the curvature adjustment of M. Ribatet, D. Cooley and A. C.
 Davison, Bayesian inference from composite likelihoods, Statistica Sinica 22 (2012), doi:10.5705/ss.2009.248).
 Directions in which G does not exceed H by more than blocks of pure noise scatter keep H, so nothing becomes more
 certain than independent noise allows.

@@ -51,7 +51,7 @@ def _sample(context: Context) -> Posterior:
         progress=context.progress,
         notice=context.notice,
     )
-    of_optimum = optimum_warnings(posterior, np.exp(optimum), float(density(optimum[None])[0]))
+    of_optimum = optimum_warnings(posterior, np.exp(optimum), float(density(optimum[None])[0]), state.point.spread)
     return replace(posterior, warnings=(*posterior.warnings, *of_optimum))
 
 
