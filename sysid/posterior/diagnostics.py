@@ -8,7 +8,7 @@ import emcee
 import numpy as np
 from arviz_stats.base import array_stats  # type: ignore[attr-defined]  # its way of naming what is public
 
-from sysid.arrays import DrawsByParameters, Parameters, WalkerDraws
+from sysid.arrays import DrawsByParameters, EnsemblesByStepsByWalkers, Parameters, WalkerDraws
 from sysid.posterior.inference_data import draw_order
 from sysid.posterior.sampled_posterior import PosteriorSummary
 
@@ -22,16 +22,28 @@ _CHANCE = 1e-3
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """State of a run: `burn_in` steps to drop, `autocorrelation_time`, `ess`, `rhat` (p,)."""
+    """State of a run: `burn_in` steps to drop, `autocorrelation_time`, `ess`, `rhat` (p,).
+
+    `density_rhat` is the R-hat of the log-density: ensembles that all still climb agree with each other in every
+    parameter, and show it there.
+    """
 
     burn_in: int
     autocorrelation_time: Parameters
     ess: Parameters
     rhat: Parameters
+    density_rhat: float = 1.0
+
+    @property
+    def worst_rhat(self) -> float:
+        """The largest R-hat, that of the log-density included."""
+        return max(float(self.rhat.max()), self.density_rhat)
 
 
-def diagnose(draws: WalkerDraws, least_burn_in: int = 0) -> Diagnosis:
-    """Judge draws (E, steps, W, p).
+def diagnose(
+    draws: WalkerDraws, least_burn_in: int = 0, log_probability: EnsemblesByStepsByWalkers | None = None
+) -> Diagnosis:
+    """Judge draws (E, steps, W, p) and, where it is given, their log-density (E, steps, W).
 
     tau is averaged over the ensembles. Burn-in is five times the largest tau of the steps behind `least_burn_in`, at
     most half of the run, and at least `least_burn_in` if that leaves a fifth of the run. Effective draws (bulk) and
@@ -40,20 +52,27 @@ def diagnose(draws: WalkerDraws, least_burn_in: int = 0) -> Diagnosis:
     ``posterior.nc``. tau of a short run is not used to count draws: there the walkers are each taken about their own
     mean, and tau is too small.
     """
-    ensembles, steps, walkers, count = draws.shape
+    steps = draws.shape[1]
     least = least_burn_in if 5 * least_burn_in <= 4 * steps else steps // 2
     tau = _autocorrelation_time(draws[:, least:])
     burn_in = int(max(least, min(steps // 2, np.ceil(5.0 * tau.max()))))
     kept = draws[:, burn_in:]
     if burn_in != least:
         tau = _autocorrelation_time(kept)
+    ensembles, _, walkers, count = kept.shape
     chains = kept.reshape(ensembles, -1, count)[:, draw_order(kept.shape[1], walkers)]
     ess = np.array([effective_draws(chains[..., i]) for i in range(count)])
+    rhat = np.array([_rhat(kept[..., i]) for i in range(count)])
+    density = np.zeros(1) if log_probability is None else log_probability[:, burn_in:]
+    # A density that is the same everywhere has no R-hat.
+    return Diagnosis(burn_in, tau, ess, rhat, 1.0 if np.ptp(density) == 0.0 else _rhat(density))
+
+
+def _rhat(values: EnsemblesByStepsByWalkers) -> float:
+    """R-hat of one quantity (E, n, W)."""
     # Ranks of millions of draws take seconds and say no more than those of some ten thousand.
-    thin = -(-walkers * kept.shape[1] // _RANKED)
-    ranked = [kept[:, ::thin, :, i].reshape(ensembles, -1) for i in range(count)]
-    rhat = np.array([float(array_stats.rhat(chains, chain_axis=0, draw_axis=1)) for chains in ranked])
-    return Diagnosis(burn_in, tau, ess, rhat)
+    thin = -(-values.shape[1] * values.shape[2] // _RANKED)
+    return float(array_stats.rhat(values[:, ::thin].reshape(len(values), -1), chain_axis=0, draw_axis=1))
 
 
 def effective_draws(chains: np.ndarray) -> float:

@@ -199,7 +199,7 @@ def _adapted(steps: int, options: SamplingOptions) -> int:
 
 def _judged(history: History, options: SamplingOptions) -> Diagnosis:
     # Proposals that are fitted at the last of the steps have made none of them.
-    return diagnose(history.draws, _adapted(history.steps - 1, options))
+    return diagnose(history.draws, _adapted(history.steps - 1, options), history.log_probability)
 
 
 def _due(done: int, options: SamplingOptions) -> bool:
@@ -217,7 +217,7 @@ def _due(done: int, options: SamplingOptions) -> bool:
 
 
 def _converged(diagnosis: Diagnosis, options: SamplingOptions) -> bool:
-    return bool(diagnosis.rhat.max() < options.rhat_limit and diagnosis.ess.min() >= options.min_effective)
+    return bool(diagnosis.worst_rhat < options.rhat_limit and diagnosis.ess.min() >= options.min_effective)
 
 
 def _finished(diagnosis: Diagnosis | None, done: int, options: SamplingOptions) -> bool:
@@ -235,14 +235,14 @@ def _kept_enough(done: int, options: SamplingOptions) -> bool:
 def _words(diagnosis: Diagnosis | None, done: int) -> str:
     if diagnosis is None:
         return f"sampling, step {done}"
-    return f"sampling, step {done}, R-hat {diagnosis.rhat.max():.3f}, effective draws {diagnosis.ess.min():.0f}"
+    return f"sampling, step {done}, R-hat {diagnosis.worst_rhat:.3f}, effective draws {diagnosis.ess.min():.0f}"
 
 
 def _fraction(diagnosis: Diagnosis | None, done: int, options: SamplingOptions) -> float:
     """Share of the work that is done: R-hat - 1 and the missing draws both fall about as 1 / steps."""
     if diagnosis is None or done == 0:
         return min(done / max(min(2 * options.min_steps, options.max_steps), 1), 0.99)
-    excess = max((diagnosis.rhat.max() - 1.0) / (options.rhat_limit - 1.0), options.min_effective / diagnosis.ess.min())
+    excess = max((diagnosis.worst_rhat - 1.0) / (options.rhat_limit - 1.0), options.min_effective / diagnosis.ess.min())
     needed = float(np.clip(done * excess, options.min_steps, options.max_steps))
     return min(done / max(needed, 1.0), 0.99)
 
@@ -262,11 +262,13 @@ def _posterior(
     kept = kept.copy() if spread is None else spread.added(kept, options.seed, diagnosis.burn_in)
     np.exp(kept, out=kept)
     converged = finished and _kept_enough(steps, options) and _converged(diagnosis, options) and not options.preview
-    worst = int(np.argmax(diagnosis.rhat))
+    # The log-density comes behind the parameters.
+    worst = int(np.argmax([*diagnosis.rhat, diagnosis.density_rhat]))
     proposals, rejected = history.accepted.size * steps, int(history.rejected.sum())
     figures = (
         f"{draws.shape[0]} ensembles of {draws.shape[2]} walkers, {steps} steps: R-hat at most "
-        f"{diagnosis.rhat[worst]:.3f} ({names[worst]}), at least {diagnosis.ess.min():.0f} effective draws"
+        f"{diagnosis.worst_rhat:.3f} ({(*names, 'log-density')[worst]}), "
+        f"at least {diagnosis.ess.min():.0f} effective draws"
     )
     if rejected:
         figures += f", {rejected} of {proposals} proposals without a finite simulation"

@@ -117,6 +117,19 @@ def test_sampling_goes_on_until_it_has_converged():
     assert ((found.acceptance > 0.2) & (found.acceptance < 0.99)).all()
 
 
+def test_ensembles_that_all_still_climb_have_not_converged():
+    """Draws of every parameter agree, as in a wide space; the log-density of all walkers rises by half its scatter."""
+    random = np.random.default_rng(6)
+    draws, log_density = random.normal(size=(4, 30, 60, 3)), 5.0 * random.normal(size=(4, 30, 60))
+    rising = log_density + 2.5 * np.linspace(0.0, 2.0, 30)[:, None]
+    assert diagnose(draws, 10).worst_rhat < 1.01
+    assert diagnose(draws, 10, log_density).worst_rhat < 1.01
+    climbing = diagnose(draws, 10, rising)
+    assert climbing.rhat.max() < 1.01 < 1.015 < climbing.density_rhat == climbing.worst_rhat
+    # The same density everywhere is no sign of anything.
+    assert diagnose(draws, 10, np.zeros((4, 30, 60))).density_rhat == 1.0
+
+
 def test_a_limit_that_is_too_short_is_said():
     found = sampled(SamplingOptions(seed=1, max_steps=40, min_effective=1e6))
     assert not found.converged
