@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from synthetic_fit import synthetic_fit
 
 from sysid.campaign.loggers import ClockFinding
+from sysid.estimation.fit.evaluation import _fit_point
 from sysid.estimation.fit.joint_optimum import NEAR_SD
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.residuals.bump_model import bump_model
@@ -205,3 +207,44 @@ def test_clocks_follow_as_in_one_dense_least_squares_problem(fit):
 def test_one_logger_has_no_clock_to_follow(fit):
     assert run_clocks(fit.state.campaign) is None
     assert fit.state.point.clocks == ()
+
+
+@pytest.mark.parametrize("maps_follow", [False, True])
+def test_draws_with_their_spread_have_the_mean_of_the_posterior(maps_follow: bool):
+    """A linear model whose noise is nine times as large in variance as the likelihood has it; priors pull strongly."""
+    random, factor = np.random.default_rng(8), 9.0
+    root = random.normal(size=(6, 3))
+    data, rows = root.T @ root, np.diag([1.0, 2.0, 0.7])
+    value, targets = random.normal(size=3), random.normal(size=3)
+    follow = np.eye(3) + 0.3 * maps_follow * random.normal(size=(3, 3))
+    prior = rows.T @ rows
+    optimum = np.linalg.solve(data + prior, data @ value + rows.T @ targets)
+
+    def mode(larger: float) -> np.ndarray:
+        """Of the density with residuals taken at the optimum plus `follow` times the change."""
+        information = follow.T @ data @ follow / larger
+        gradient = follow.T @ data @ (value - optimum) / larger + rows.T @ (targets - rows @ optimum)
+        return optimum + np.linalg.solve(information + prior, gradient)
+
+    pull = rows.T @ (rows @ optimum - targets)
+    own = follow.T @ data @ follow
+    known = AdjustedInformation(
+        information=own / factor,
+        following=follow,
+        own_information=own,
+        inflation=np.full(3, factor),
+        slope=follow.T @ pull / factor,
+        data=None,
+        response=SimpleNamespace(amounts=np.zeros(0)),
+    )
+    model = SimpleNamespace(
+        parameters=SimpleNamespace(prior_rows=lambda: (rows, targets)),
+        felt=SimpleNamespace(contact="footprint"),
+        tires=None,
+        target_step_s=0.001,
+    )
+    problem = SimpleNamespace(model=model, weights=None, unpack=lambda vector: (vector, None))
+    point = _fit_point(problem, optimum, known, np.linalg.inv(own / factor + prior))
+    np.testing.assert_allclose(mode(1.0) + point.spread.shift, mode(factor), rtol=1e-10)
+    assert np.abs(mode(1.0) - mode(factor)).max() > 0.1
+    np.testing.assert_allclose(point.covariance + point.spread.covariance, np.linalg.inv(own / factor + prior))

@@ -20,9 +20,10 @@ from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_history import HistoryBand
 from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.uncertainty.spread import Spread
 from sysid.posterior import sampling
 from sysid.posterior.sampling import SamplingOptions
-from sysid.workflow import Calibration, Settings
+from sysid.workflow import Calibration, Settings, stages
 from sysid.workflow.progress import Steps
 from sysid.workflow.stages import BANDS, CHECK, DROPS, FIT, PREDICT, SAMPLE, SCAN, STAGES
 
@@ -91,6 +92,16 @@ def stubbed(tmp_path: Path, monkeypatch) -> Callable[..., Calibration]:
         return found
 
     return made
+
+
+def test_draws_get_the_spread_that_is_kept_with_the_fit(stubbed) -> None:
+    state = stages.posterior.fit_state(None)
+    count = state.point.log_parameters.size
+    state.point = replace(state.point, spread=Spread(np.full(count, 2.0), 8.0 * np.eye(count)))
+    draws = np.log(stubbed(max_steps=30).sample().draws)
+    # The standard normal that is sampled, three times as wide in all.
+    assert draws.mean() == pytest.approx(2.0, abs=0.1)
+    assert draws.std() == pytest.approx(3.0, abs=0.1)
 
 
 def test_what_the_draws_say_about_the_optimum_is_a_warning(stubbed, monkeypatch) -> None:

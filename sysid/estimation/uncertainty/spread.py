@@ -5,7 +5,7 @@ residuals for noise of the size that they have.  With those free, the parameters
 response that hardly depends on x: the posterior of x keeps its shape and is shifted.  Model error that no departure
 describes and laws that the data do not decide shift it as well.  So a draw of the parameters is
 
-    theta = x + v,    v ~ N(shift, Sigma - Q),
+    theta = x + d,    d ~ N(shift, Sigma - Q),
 
 with Q the covariance of x at the optimum, and Sigma that of the parameters with everything else integrated out
 (:mod:`sysid.estimation.uncertainty.data_information`).  For a linear model without model error this is the exact
@@ -24,7 +24,7 @@ from sysid.arrays import Parameters, ParametersByParameters, WalkerDraws
 
 @dataclass(frozen=True)
 class Spread:
-    """The normal distribution of v for p log parameters x: mean `shift` - `lever` x, covariance `covariance`.
+    """The normal distribution of d for p log parameters x: mean `shift` - `lever` x, covariance `covariance`.
 
     `shift` (p,), `covariance` (p, p); `lever` (p, p), None for a mean that does not depend on x.
     """
@@ -34,7 +34,7 @@ class Spread:
     lever: ParametersByParameters | None = None
 
     def added(self, draws: WalkerDraws, seed: int, first: int = 0) -> WalkerDraws:
-        """Draws (E, n, W, p) of x, each with one of v; step `first` + i of a chain always gets the same.
+        """Draws (E, n, W, p) of x, each with one of d; step `first` + i of a chain always gets the same.
 
         Parameters
         ----------
