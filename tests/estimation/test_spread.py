@@ -38,8 +38,8 @@ def test_draws_get_the_mean_and_covariance_that_are_said() -> None:
     spread = Spread(np.array([1.0, -2.0, 0.5]), half @ half.T, 0.3 * random.normal(size=(3, 3)))
     x = np.tile(np.array([0.2, 0.1, -0.4]), (4, 200, 50, 1))
     d = (spread.added(x, 5) - x).reshape(-1, 3)
-    np.testing.assert_allclose(d.mean(axis=0), spread.shift - spread.lever @ x[0, 0, 0], atol=0.03)
-    np.testing.assert_allclose(np.cov(d.T), spread.covariance, atol=0.06)
+    np.testing.assert_allclose(d.mean(axis=0), spread.shift - spread.lever @ x[0, 0, 0], atol=0.01)
+    np.testing.assert_allclose(np.cov(d.T), spread.covariance, atol=0.015)
     silent = np.linalg.svd(half)[0][:, 2]
     assert np.std(d @ silent) < 1e-7
     np.testing.assert_allclose(covariance_root(half @ half.T) @ covariance_root(half @ half.T).T, half @ half.T)
@@ -90,10 +90,10 @@ def test_a_scale_that_no_motion_shows_leaves_the_shape_of_the_posterior() -> Non
     at = np.linspace(-0.03, 0.03, 4001)
     exact = norm.cdf((at[:, None] + bend * knee**2) / np.hypot(narrow, of_scale)).mean(axis=1)
     for share in (0.05, 0.5, 0.95):
-        assert np.quantile(k, share) == pytest.approx(np.interp(share, exact, at), abs=0.04 * of_scale)
+        assert np.quantile(k, share) == pytest.approx(np.interp(share, exact, at), abs=0.02 * of_scale)
     # Effective draws are those of the sampled part: what is kept scatters more, and is less correlated.
     kept = effective_draws(np.log(found.draws[..., 0]).reshape(4, -1))
-    assert found.summaries[0].ess < 0.5 * kept
+    assert found.summaries[0].ess < 0.2 * kept
 
 
 def test_draws_of_a_chain_that_is_still_written_are_those_of_the_finished_one(tmp_path) -> None:

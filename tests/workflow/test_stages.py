@@ -100,8 +100,8 @@ def test_draws_get_the_spread_that_is_kept_with_the_fit(stubbed) -> None:
     state.point = replace(state.point, spread=Spread(np.full(count, 2.0), 8.0 * np.eye(count)))
     draws = np.log(stubbed(max_steps=30).sample().draws)
     # The standard normal that is sampled, three times as wide in all.
-    assert draws.mean() == pytest.approx(2.0, abs=0.1)
-    assert draws.std() == pytest.approx(3.0, abs=0.1)
+    assert draws.mean() == pytest.approx(2.0, abs=0.05)
+    assert draws.std() == pytest.approx(3.0, abs=0.05)
 
 
 def test_what_the_draws_say_about_the_optimum_is_a_warning(stubbed, monkeypatch) -> None:
