@@ -5,7 +5,7 @@
 feeds every reader, or those that are named, with contents that atheris (libFuzzer) makes from real files, guided by the
 code that they reach, for N seconds of processor time each.  What is found is read once more as the product reads it.
 What libFuzzer keeps in DIR/TARGET/corpus is where the next call goes on; the figures of a reader stay in FILE until it
-is fuzzed again.
+is fuzzed again.  A call that was stopped is continued by the next one with the same DIR.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ _OPTIONS = ("-timeout=60", "-rss_limit_mb=1000", "-max_len=10000000", "-print_fi
 _SUMS = ("inputs", "refused", "stopped", "processor_s")
 _COVERAGE = re.compile(r"^#\d+\s+\w+\s+cov: (\d+)", re.MULTILINE)
 _ROOT = Path(__file__).resolve().parents[2]
+#: Figures of a call before its last process, in the folder of a reader until its time is used.
+_STOPPED = "stopped.json"
 #: So many processes in a row that end before they count anything: more would not end either.
 _MOST_FAILED = 5
 
@@ -41,17 +43,18 @@ def fuzz(name: str, folder: Path, seconds: float) -> dict[str, Any]:
         (folder / part).mkdir(parents=True, exist_ok=True)
     for seed, content in TARGETS[name].seeds().items():
         (folder / "seeds" / seed).write_bytes(content)
-    totals: dict[str, Any] = dict.fromkeys((*_SUMS, "slowest_s", "peak_MB", "died"), 0)
-    # The seeds alone: what they reach is where the count begins.
-    said = _run(name, folder, ("-runs=0", str(folder / "seeds")))
-    places, failed = [int(count) for count in _COVERAGE.findall(said)], 0
+    totals, places = _continued(folder)
+    if not places:
+        # The seeds alone: what they reach is where the count begins.
+        places = [int(count) for count in _COVERAGE.findall(_run(name, folder, ("-runs=0", str(folder / "seeds"))))]
+    failed = 0
     # libFuzzer counts time on the clock, so it is started again until the processor time is used.
     while (left := seconds - totals["processor_s"]) > max(5.0, 0.01 * seconds):
         for kept in (folder / "corpus").iterdir():
             if kept.stat().st_size > _KEPT_BYTES:
                 kept.unlink()
         before = set((folder / "findings").glob("native-*"))
-        (folder / "worker.json").unlink(missing_ok=True)
+        _keep(folder, totals, places)
         options = (f"-max_total_time={left:.0f}", f"-artifact_prefix={folder}/findings/native-")
         said = _run(name, folder, (*options, str(folder / "corpus"), str(folder / "seeds")))
         failed = 0 if _add(totals, folder / "worker.json") else failed + 1
@@ -66,7 +69,23 @@ def fuzz(name: str, folder: Path, seconds: float) -> dict[str, Any]:
         "findings": _replayed(name, folder),
     }
     (folder / "figures.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
+    (folder / _STOPPED).unlink(missing_ok=True)
     return found
+
+
+def _continued(folder: Path) -> tuple[dict[str, Any], list[int]]:
+    """Totals and places of a call that was stopped, with those of its last process; nothing if there is none."""
+    if not (folder / _STOPPED).exists():
+        return dict.fromkeys((*_SUMS, "slowest_s", "peak_MB", "died"), 0), []
+    kept = json.loads((folder / _STOPPED).read_text(encoding="utf-8"))
+    _add(kept["totals"], folder / "worker.json")
+    return kept["totals"], kept["places"]
+
+
+def _keep(folder: Path, totals: dict[str, Any], places: list[int]) -> None:
+    """Leave the figures so far for a call that continues this one; those of the next process come beside them."""
+    (folder / "worker.json").unlink(missing_ok=True)
+    (folder / _STOPPED).write_text(json.dumps({"totals": totals, "places": places}), encoding="utf-8")
 
 
 def _run(name: str, folder: Path, options: tuple[str, ...]) -> str:

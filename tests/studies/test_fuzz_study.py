@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from studies.fuzz import __main__ as command
 from studies.fuzz import replay as replaying
 from studies.fuzz.replay import replay
 from studies.fuzz.table import table
@@ -66,3 +67,27 @@ def test_the_table_has_rows_of_this_call_and_keeps_those_of_the_page(tmp_path: P
     page = f"| text log | other table |\n<!-- fuzz: begin -->\n| reader | x |\n{kept}\n{old}\n<!-- fuzz: end -->\n"
     rows = table(tmp_path, page).splitlines()[2:]
     assert rows == ["| PLY | 60 | 1,200 | 1,000 | 10, 1,020 | 7 | 0.5 | 300 | 3 | 1 |", kept]
+
+
+def test_a_call_that_was_stopped_is_continued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Every process is said to take 40 s of processor time and to read ten contents; the second one is interrupted.
+    calls: list[tuple[str, ...]] = []
+
+    def process(name: str, folder: Path, options: tuple[str, ...]) -> str:
+        calls.append(options)
+        if options[0] != "-runs=0":
+            figures = {"inputs": 10, "refused": 9, "stopped": 0, "slowest_s": 0.1, "peak_MB": 50, "processor_s": 40.0}
+            (folder / "worker.json").write_text(json.dumps(figures), encoding="utf-8")
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return f"#9 DONE cov: {100 + len(calls)} ft: 1"
+
+    monkeypatch.setattr(command, "_run", process)
+    with pytest.raises(KeyboardInterrupt):
+        command.fuzz("log", tmp_path, 120.0)
+    assert not (tmp_path / "figures.json").exists()
+    found = command.fuzz("log", tmp_path, 120.0)
+    assert (found["inputs"], found["processor_s"], found["places"]) == (30, 120.0, [101, 104])
+    # The seeds were read once, and a call after a finished one begins again.
+    assert [options[0] for options in calls].count("-runs=0") == 1
+    assert command.fuzz("log", tmp_path, 40.0)["inputs"] == 10
