@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.rounds import Contender, run_rounds, spread, timed
 from benchmarks.work import Point, Work, density, engine, make_work
 from sysid.estimation.residuals.bump_model import GroupShape
-from sysid.posterior.log_density import _group_misfit, _GroupInputs
+from sysid.estimation.residuals.set_misfits import GroupInputs, group_misfits
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import wheel_road
 from sysid.vehicle_model.stacked_matrices import StackedMatrices
@@ -59,21 +59,21 @@ def _likelihood(work: Work, sets: int) -> Callable[[], object]:
     return lambda: ours(points)
 
 
-def _group(work: Work) -> tuple[_GroupInputs, GroupShape]:
+def _group(work: Work) -> tuple[GroupInputs, GroupShape]:
     return density(work, "native")._inputs[0], work.model.shapes[0]
 
 
-def _of_group(work: Work, inputs: _GroupInputs, shape: GroupShape) -> Callable[[], object]:
+def _of_group(work: Work, inputs: GroupInputs, shape: GroupShape) -> Callable[[], object]:
     sets = jnp.asarray(work.sets(SETS).T)
 
     def call() -> object:
-        return np.asarray(_group_misfit(inputs, sets, shape=shape))
+        return np.asarray(group_misfits(inputs, sets, shape=shape))
 
     call()
     return call
 
 
-def _more_samples(inputs: _GroupInputs, shape: GroupShape, factor: int) -> tuple[_GroupInputs, GroupShape]:
+def _more_samples(inputs: GroupInputs, shape: GroupShape, factor: int) -> tuple[GroupInputs, GroupShape]:
     """The same passage sampled `factor` times as often, with as many steps per sample."""
     arrays = inputs.arrays
 
@@ -85,7 +85,7 @@ def _more_samples(inputs: _GroupInputs, shape: GroupShape, factor: int) -> tuple
     return inputs._replace(arrays=dense, local=inputs.local._replace(residual=often(inputs.local.residual))), changed
 
 
-def _more_axles(inputs: _GroupInputs, shape: GroupShape, count: int) -> tuple[_GroupInputs, GroupShape]:
+def _more_axles(inputs: GroupInputs, shape: GroupShape, count: int) -> tuple[GroupInputs, GroupShape]:
     """The same truck with its axles repeated until it has `count`; the sensors stay at the first ones."""
     arrays = inputs.arrays
     now = arrays.axle_x.shape[0]

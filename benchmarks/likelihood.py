@@ -13,8 +13,9 @@ from benchmarks.bare_kernel import BareKernel
 from benchmarks.rounds import Contender, Sample, timed
 from benchmarks.work import Work, density, engine
 from sysid.estimation.residuals.linearisation import linearise
+from sysid.estimation.residuals.set_misfits import group_misfits
 from sysid.estimation.residuals.signals import simulate_runs
-from sysid.posterior.log_density import LogDensity, _group_misfit
+from sysid.posterior.log_density import LogDensity
 from sysid.posterior.moves import posterior_moves
 
 BATCHES = (1, 16, 64, 256)
@@ -69,7 +70,7 @@ def gradient(work: Work, ours: LogDensity, every: int) -> Contender:
     @jax.jit
     def slope(x: jax.Array) -> jax.Array:
         groups = zip(ours._inputs, work.model.shapes, strict=True)
-        return jax.grad(lambda v: sum(_group_misfit(i, v[:, None], shape=s).sum() for i, s in groups))(x)
+        return jax.grad(lambda v: sum(group_misfits(i, v[:, None], shape=s).sum() for i, s in groups))(x)
 
     return _in_engine("jax gradient", "jax", every, 1)(
         lambda: jax.block_until_ready(slope(jnp.asarray(work.state.point.log_parameters)))

@@ -1,38 +1,26 @@
 """Log-density of the global parameters: the least-squares residuals with the runs' own unknowns marginalised.
 
-At the optimum the motion of a run moves its residuals along the columns J_eta.  Integrating them out with
-their Gaussian priors leaves, per run,
-
-    -1/2 (r'r - b' N^-1 b),   b = J_eta' r + prior,   N = J_eta' J_eta + prior precision,
-
-so the sampler sees global parameters only. Residuals are tempered by their variance inflation, sensor offsets and gains
-are eliminated inside them, and the Gaussian priors of the log parameters are added.  Masses and departures stay where
-the fit ends: what they and model error add is given to the draws afterwards
-(:mod:`sysid.estimation.uncertainty.spread`).  Footprint maps stay too, but changes of parameters are taken as maps that
-follow the tires would act.
+The motions of the runs are integrated out with the columns of the optimum
+(:mod:`sysid.estimation.residuals.set_misfits`), so the sampler sees global parameters only. Residuals are tempered by
+their variance inflation, sensor offsets and gains are eliminated inside them, and the Gaussian priors of the log
+parameters are added.  Masses and departures stay where the fit ends: what they and model error add is given to the
+draws afterwards (:mod:`sysid.estimation.uncertainty.spread`).  Footprint maps stay too, but changes of parameters are
+taken as maps that follow the tires would act.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
-from typing import NamedTuple
 
-import jax
 import numpy as np
 
-from sysid.arrays import Parameters, RunsByChannels
+from sysid.arrays import Parameters
 from sysid.estimation.fit.state import FitState
-from sysid.estimation.parameters.axle_laws import axle_laws
-from sysid.estimation.residuals.bump_model import GroupArrays, GroupShape
 from sysid.estimation.residuals.fewer_samples import with_fewer_samples
 from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.linearisation import linearise_one
 from sysid.estimation.residuals.run_motion import motion_prior
-from sysid.estimation.residuals.run_unknowns import run_normal
-from sysid.estimation.residuals.signals import wheel_road
-from sysid.vehicle_model.engine import WheelRoad
-from sysid.vehicle_model.engines.protocol import LocalColumns
+from sysid.estimation.residuals.set_misfits import group_inputs, group_misfits
 
 #: Description of the likelihood, for the user.
 LIKELIHOOD = (
@@ -41,34 +29,6 @@ LIKELIHOOD = (
     "sensor offset and gain eliminated; tolerances of declared masses, departures from the model and model error (a "
     "sandwich over blocks of channel and case) add a normal deviation to every draw"
 )
-
-
-class _GroupInputs(NamedTuple):
-    arrays: GroupArrays
-    road: WheelRoad
-    noise_sd: RunsByChannels
-    tempering: RunsByChannels
-    local: LocalColumns
-
-
-@partial(jax.jit, static_argnames=("shape",))
-def _group_misfit(inputs: _GroupInputs, log_parameters: jax.Array, *, shape: GroupShape) -> jax.Array:
-    """Sum over runs of r'r - b' N^-1 b for every parameter set, (S,)."""
-    arrays, road = inputs.arrays, inputs.road
-    suspension, tire = axle_laws(arrays.laws, log_parameters)
-    readings = arrays.readings(inputs.noise_sd, inputs.tempering)
-    misfits = road.engine.misfits(
-        arrays.matrices,
-        suspension,
-        tire,
-        road,
-        shape.timing,
-        shape.sensors,
-        shape.recursion,
-        readings,
-        inputs.local,
-    )
-    return misfits.sum(axis=0)
 
 
 class LogDensity:
@@ -90,27 +50,10 @@ class LogDensity:
         self.rejected: list[np.ndarray] = []
         self.rejected_count = 0
         expected = motion_prior(state.campaign.bump_runs)
-        count = self.centre.size
         self._inputs = []
-        for position, group in enumerate(state.model.groups):
-            runs = list(group.runs)
+        for position in range(len(state.model.groups)):
             lin = linearise_one(state.model, point.weights, self.centre, point.motion, position)
-            # Copies, which do not keep the columns of the parameters.
-            local = np.array(np.asarray(lin.residual_jacobian)[..., count:])
-            gain = np.array(np.asarray(lin.gain_jacobian)[..., count:])
-            normal = run_normal(local, gain, expected.precision(point.motion, runs))
-            pull = np.einsum("rj,rjk->rk", *expected.rows(point.motion, runs))
-            arrays, shape = point.weights.on(state.model.arrays, position), state.model.shapes[position]
-            road = wheel_road(arrays, state.model.roads[position], point.motion.of(runs), shape)
-            self._inputs.append(
-                _GroupInputs(
-                    arrays,
-                    road,
-                    point.weights.noise_sd[position],
-                    point.weights.tempering[position],
-                    LocalColumns(local, gain, pull, np.linalg.inv(np.linalg.cholesky(normal))),
-                )
-            )
+            self._inputs.append(group_inputs(state.model, point.weights, point.motion, expected, position, lin))
 
     def with_larger_steps(self) -> LogDensity:
         """The same density with larger integration steps, and its value and gradient at the centre: less work.
@@ -135,7 +78,7 @@ class LogDensity:
         sets = (self.centre + (points - self.centre) @ self._following.T).T
         misfit = np.zeros(points.shape[0])
         for inputs, shape in zip(self._inputs, self._model.shapes, strict=True):
-            misfit = misfit + np.asarray(_group_misfit(inputs, sets, shape=shape))
+            misfit = misfit + np.asarray(group_misfits(inputs, sets, shape=shape))
         # Not by a matrix product, whose rounding depends on how many points there are.
         off = (points[:, None, :] * self._rows).sum(axis=-1) - self._targets
         prior = (off**2).sum(axis=1)

@@ -10,11 +10,13 @@ import pytest
 from rigid_truck import AXLES, SENSORS, STIFFNESS, VEHICLE, bump, campaign, empty_run, true_log_parameters, with_values
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.fit import law_comparison, law_screen, stop_search
+from sysid.estimation.fit import law_comparison, law_screen, stop_search, travel_scan
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.law_screen import promising, reached_travels
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.reweighted_search import optimise_from
+from sysid.estimation.fit.travel_scan import with_touched_stops
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.law_families import STOPS, Laws
 from sysid.estimation.parameters.map_tires import map_tires
@@ -33,15 +35,11 @@ JOUNCE_M, REBOUND_M = (0.062, 0.088, 0.07), (0.068, 0.061, 0.072)
 STOP_N_PER_M = 2.4e6
 
 
-def recorded(stops: bool, share: float = 1.0, profiles=PROFILES) -> Campaign:
-    """Two runs of a truck with or without stops; the campaign that is fitted says nothing about them.
-
-    `share` of the travels above.
-    """
+def recorded(stops: bool, jounce_m=JOUNCE_M, rebound_m=REBOUND_M, profiles=PROFILES) -> Campaign:
+    """Two runs of a truck with or without stops; the campaign that is fitted says nothing about them."""
     runs = [empty_run(f, v, samples=400) for f, v in (("slow.csv", 6.0), ("fast.csv", 9.0))]
     axles = tuple(
-        replace(a, jounce_travel_m=share * j, rebound_travel_m=share * r)
-        for a, j, r in zip(AXLES, JOUNCE_M, REBOUND_M, strict=True)
+        replace(a, jounce_travel_m=j, rebound_travel_m=r) for a, j, r in zip(AXLES, jounce_m, rebound_m, strict=True)
     )
     true = campaign(runs, vehicle=replace(VEHICLE, axles=axles) if stops else VEHICLE)
     parameters = campaign_parameters(true, None)
@@ -78,7 +76,8 @@ def test_stops_are_found_with_their_travels(found):
 def test_stops_much_nearer_than_usual_are_promised(monkeypatch):
     """At 31 to 44 mm; the runs never get to where stops usually are."""
     low = {"bump": bump(0.06, 0.9)}
-    data = recorded(True, share=0.5, profiles=low)
+    jounce_m, rebound_m = (tuple(0.5 * travel for travel in of) for of in (JOUNCE_M, REBOUND_M))
+    data = recorded(True, jounce_m, rebound_m, profiles=low)
     laws = (frozenset(),) * 3
     optimum = optimise(data, campaign_parameters(data, None), low, OPTIONS, unwatched, rough=True)
     reached = reached_travels(optimum)
@@ -113,6 +112,7 @@ def test_stops_are_fitted_before_what_imitates_them(monkeypatch):
     monkeypatch.setattr(law_comparison, "promising", lambda *unused: promises.pop(0))
     for name in ("with_nearer_stops", "with_released_stops"):
         monkeypatch.setattr(law_comparison, name, lambda laws, optimum, fitted: optimum)
+    monkeypatch.setattr(law_comparison, "with_touched_stops", lambda optimum, searched: optimum)
     asked: list[Laws] = []
     law_comparison._enriched(
         None, (frozenset(),), (gas | stop,), None, lambda laws, near, how="final": asked.append(laws)
@@ -213,3 +213,48 @@ def test_none_are_found_on_a_truck_without_stops():
     fit, _ = fit_with_laws(recorded(False), None, PROFILES, replace(OPTIONS, laws="compare"))
     assert set(fit.laws) == {"linear"}
     assert max(abs(p.value / k - 1.0) for p, k in zip(fit.parameters[:3], STIFFNESS, strict=True)) < 0.01
+
+
+@pytest.fixture(scope="module")
+def touched():
+    """Data with a stop of axle 2 at 71 mm that the runs just reach, and optima by searches from within and beyond."""
+    data = recorded(True, (0.2, JOUNCE_M[1], 0.2), (0.2, 0.071, 0.2))
+    parameters = campaign_parameters(data, None, (frozenset(), frozenset({STOPS}), frozenset()))
+    how = replace(OPTIONS, weight_rounds=0)
+
+    def searched(near):
+        problem, (values, motion) = near.problem, near.problem.unpack(near.vector)
+        noise, weights = near.instrument, near.problem.weights
+        return optimise_from(data, problem.model, motion, noise, values, how, unwatched, weights=weights)
+
+    optimum = optimise(data, parameters, PROFILES, OPTIONS, unwatched)
+    place = parameters.index("rebound_travel", 1)
+    beyond = optimum.vector.copy()
+    beyond[place] = np.log(0.09)
+    return SimpleNamespace(
+        optimum=optimum, stuck=searched(replace(optimum, vector=beyond)), searched=searched, place=place
+    )
+
+
+def test_a_stop_that_the_runs_just_reach_is_found_by_a_scan(touched):
+    reached = reached_travels(touched.stuck)["rebound_travel", 1]
+    assert 0.071 < reached < 0.075
+    # The search from beyond goes where the prior has its median: no derivative says anything else.
+    assert np.exp(touched.stuck.vector[touched.place]) == pytest.approx(0.085, rel=1e-6)
+    found = with_touched_stops(touched.stuck, touched.searched)
+    assert np.exp(found.vector[touched.place]) == pytest.approx(0.071, abs=1e-4)
+    assert found.minimum.cost == pytest.approx(touched.optimum.minimum.cost, abs=0.01)
+    assert touched.stuck.minimum.cost > found.minimum.cost + 1000.0
+
+
+def test_a_scan_that_finds_nothing_leaves_the_optimum(touched, monkeypatch):
+    def never(near):
+        raise AssertionError
+
+    # All travels are determined.
+    assert with_touched_stops(touched.optimum, never) is touched.optimum
+    # A search that ends higher is not taken.
+    assert with_touched_stops(touched.stuck, lambda near: touched.stuck) is touched.stuck
+    # All values of the scan are beyond reach, 77 mm at least.
+    monkeypatch.setattr(travel_scan, "_VALUES", 9)
+    assert with_touched_stops(touched.stuck, never) is touched.stuck

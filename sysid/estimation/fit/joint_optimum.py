@@ -21,7 +21,8 @@ from sysid.campaign.clocks.moved import on_moved_clocks
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
-from sysid.estimation.fit.reweighted_search import optimise_from
+from sysid.estimation.fit.reweighted_search import continued, optimise_from
+from sysid.estimation.fit.travel_scan import with_touched_stops
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.larger_steps import with_larger_steps
@@ -99,6 +100,7 @@ def joint_optimum(
     rough = replace(options, weight_rounds=0, tolerance=max(options.tolerance, _ROUGH_TOLERANCE))
     reweighted, final = replace(rough, weight_rounds=min(options.weight_rounds, 1)), replace(options, weight_rounds=0)
     optimum = _with_frame_shapes(campaign, optimum, profiles, reweighted, report)
+    optimum = with_touched_stops(optimum, lambda near: _again(campaign, near, rough, report))
     before: _Step | None = None
     for number in range(ROUNDS):
         report("masses and tires", 0.9)
@@ -163,6 +165,15 @@ def _improved(
         if moved.misfit <= worse * optimum.misfit:
             return moved
     return None
+
+
+def _again(campaign: Campaign, near: Optimum, options: FitOptions, report: Progress) -> Optimum:
+    """The optimum from the vector of another one, all else as it is there."""
+    problem, campaign = near.problem, on_moved_clocks(campaign, near.clocks)
+    values, motion = problem.unpack(near.vector)
+    weights, noise = problem.weights, near.instrument
+    found = optimise_from(campaign, problem.model, motion, noise, values, options, report, weights=weights)
+    return replace(continued(found, near), amounts=near.amounts, clocks=near.clocks)
 
 
 def _unsettled(optimum: Optimum) -> Optimum:
@@ -244,8 +255,4 @@ def _moved(
     model = allowances.moved(model, amounts)
     model = with_larger_steps(model, values, motion) if larger_steps else model
     after = optimise_from(campaign, model, motion, before.instrument, values, options, report, weights=problem.weights)
-    # The second solver starts from where the search for all began.
-    first = after.problem.vector(before.first[: problem.count])
-    iterations = before.minimum.iterations + after.minimum.iterations
-    minimum = replace(after.minimum, iterations=iterations)
-    return replace(after, first=first, minimum=minimum, amounts=amounts, clocks=clocks)
+    return replace(continued(after, before), amounts=amounts, clocks=clocks)

@@ -16,7 +16,7 @@ from sysid.estimation.fit.joint_optimum import joint_optimum
 from sysid.estimation.fit.load_case_check import check_load_cases
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
-from sysid.estimation.fit.reweighted_search import instrument_noise, optimise_from
+from sysid.estimation.fit.reweighted_search import continued, instrument_noise, optimise_from
 from sysid.estimation.fit.start_search import search_motion
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.map_tires import map_tires
@@ -152,10 +152,7 @@ def _with_own_maps(
     model, weights = prepared(map_tires(before.problem.model.parameters, values)), before.problem.weights
     model = with_larger_steps(model, values, motion) if larger_steps else model
     again = optimise_from(campaign, model, motion, before.instrument, values, options, report, weights=weights)
-    # The second solver starts from where the search for all began.
-    first = again.problem.vector(before.first[: before.problem.count])
-    iterations = before.minimum.iterations + again.minimum.iterations
-    return replace(again, first=first, minimum=replace(again.minimum, iterations=iterations))
+    return continued(again, before)
 
 
 def _start_from(parameters: ParameterSet, near: Optimum) -> np.ndarray:

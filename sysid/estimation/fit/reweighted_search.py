@@ -70,6 +70,14 @@ def optimise_from(
     return Optimum(problem, vector, first, replace(minimum, iterations=iterations), instrument, rolling)
 
 
+def continued(optimum: Optimum, before: Optimum) -> Optimum:
+    """An optimum whose search continued that of another: it began where that one did, and iterations are summed."""
+    # The second solver starts from where the search for all began.
+    first = optimum.problem.vector(before.first[: before.problem.count])
+    iterations = before.minimum.iterations + optimum.minimum.iterations
+    return replace(optimum, first=first, minimum=replace(optimum.minimum, iterations=iterations))
+
+
 def instrument_noise(model: BumpModel, motion: RunMotion) -> tuple[np.ndarray, ...]:
     """Instrument noise (R, C) per group [SI], from the records before their runs meet the bump."""
     return _before_the_bump(noise_model.instrument_noise, model, motion)
