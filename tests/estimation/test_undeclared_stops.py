@@ -10,6 +10,7 @@ import pytest
 from rigid_truck import AXLES, SENSORS, STIFFNESS, VEHICLE, bump, campaign, empty_run, true_log_parameters, with_values
 
 from sysid.campaign.records import Campaign
+from sysid.campaign.vehicle_records import MassTolerances
 from sysid.estimation.fit import law_comparison, law_screen, stop_search, travel_scan
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.law_screen import promising, reached_travels
@@ -25,6 +26,10 @@ from sysid.estimation.parameters.suspension_elements import TRAVELS
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
+from sysid.estimation.uncertainty import allowance_columns, departure_scale
+from sysid.estimation.uncertainty.allowances import campaign_allowances
+from sysid.estimation.uncertainty.information import optimum_information
+from sysid.estimation.uncertainty.joint_step import joint_covariance, joint_scale
 from sysid.progress import unwatched
 
 PROFILES = {"bump": bump(0.1, 0.9)}
@@ -258,3 +263,48 @@ def test_a_scan_that_finds_nothing_leaves_the_optimum(touched, monkeypatch):
     # All values of the scan are beyond reach, 77 mm at least.
     monkeypatch.setattr(travel_scan, "_VALUES", 9)
     assert with_touched_stops(touched.stuck, never) is touched.stuck
+
+
+def just_untouched(optimum, place: int) -> np.ndarray:
+    """The vector of an optimum with a travel that the runs miss by less than two millionths of it."""
+    model = optimum.problem.model
+    base = simulate_runs(model, *optimum.problem.unpack(optimum.vector))
+    near, far = optimum.vector[place] - 0.3, optimum.vector[place]
+    while far - near > 2e-6:
+        vector = optimum.vector.copy()
+        vector[place] = middle = 0.5 * (near + far)
+        shown = simulate_runs(model, *optimum.problem.unpack(vector))
+        same = all(np.array_equal(a, b) for a, b in zip(shown, base, strict=True))
+        near, far = (near, middle) if same else (middle, far)
+    vector = optimum.vector.copy()
+    vector[place] = far
+    return vector
+
+
+def known_scale(optimum, vector) -> float:
+    """Standard deviation of the scale's common error, with all parameters and masses free, over its tolerance."""
+    problem = optimum.problem
+    runs = [empty_run(f, v, samples=400) for f, v in (("slow.csv", 6.0), ("fast.csv", 9.0))]
+    data = campaign(runs, vehicle=replace(VEHICLE, tolerances=MassTolerances()))
+    allowances = campaign_allowances(data, problem.model.parameters, problem.model.felt)
+    masses, count = allowances.masses, problem.count
+    information = optimum_information(data, problem, vector, allowances, np.zeros(allowances.count)).matrix
+    size = count + masses.sd.size
+    rows, _ = problem.model.parameters.prior_rows()
+    arguments = information[:size, :size], rows.T @ rows, masses.sd
+    sd = joint_scale(*arguments) * np.sqrt(np.diag(joint_covariance(*arguments)))
+    return float(sd[count:][masses.scales][0] / masses.sd[masses.scales][0])
+
+
+def test_a_run_that_just_misses_a_stop_does_not_tell_the_error_of_the_scale(touched, monkeypatch):
+    """A truck with all masses, loads, springs, dampers and stops larger by the same share moves in the same way."""
+    stuck, corner = touched.stuck, just_untouched(touched.stuck, touched.place)
+    # Tolerances of other masses say a little: they weigh the axle beams.
+    far = known_scale(stuck, stuck.vector)
+    assert 0.95 < far < 1.0
+    assert known_scale(stuck, corner) == pytest.approx(far, abs=1e-5)
+    # Negative controls: steps that cross the corner, with derivatives from both sides.
+    for step, at_most in ((1e-4, far - 0.004), (1e-3, 0.6)):
+        monkeypatch.setattr(allowance_columns, "STEP", step)
+        monkeypatch.setattr(departure_scale, "STEP", step)
+        assert known_scale(stuck, corner) < at_most

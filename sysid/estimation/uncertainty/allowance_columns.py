@@ -16,10 +16,7 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import departure_columns
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns, difference_columns
-
-#: Step of the derivatives, as a share of a mass.
-STEP = 1e-4
+from sysid.estimation.uncertainty.residual_columns import STEP, ResidualColumns, difference_columns
 
 
 def allowance_columns(

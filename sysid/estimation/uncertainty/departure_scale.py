@@ -31,11 +31,10 @@ from sysid.estimation.uncertainty.departures import (
     FOOTPRINT,
     FRICTION,
     SPOKES,
-    STEP,
     TIRE_LOAD,
     Departure,
 )
-from sysid.estimation.uncertainty.residual_columns import ResidualColumns, empty_columns, trial_residuals
+from sysid.estimation.uncertainty.residual_columns import STEP, ResidualColumns, empty_columns, trial_residuals
 
 #: Scales at which the search begins, and which it does not exceed: plausible values without any data. Assumptions: the
 #: whole way to another contact law; 0.2 in the footprint's log stiffness and in the spokes' exponent; 10 % of a tire's
@@ -92,21 +91,21 @@ def departure_columns(
         if d.axle is not None:
             together.setdefault((d.kind, d.axle), []).append(j)
     amplitudes = [present]
-    for (kind, _), members in together.items():
+    for members in together.values():
         further = present.copy()
-        further[members] += STEP[kind]
+        further[members] += STEP
         amplitudes.append(further)
     of_masses = allowances.with_masses(model, amounts)
     trials = (allowances.departed(of_masses, np.concatenate([log_factors, a])) for a in amplitudes)
     residuals = trial_residuals(model, weights, trials, log_parameters, motion)
     base = next(residuals)
-    for ((kind, _), members), moved in zip(together.items(), residuals, strict=True):
+    for members, moved in zip(together.values(), residuals, strict=True):
         for column, there, here, case_of_run in zip(columns, moved, base, cases, strict=True):
             for j in members:
                 case = known.directions[j].load_case
                 runs = np.ones(case_of_run.size, bool) if case is None else case_of_run == case
-                column.by_channel[runs, :, j] = (there.residual[runs] - here.residual[runs]) / STEP[kind]
-                column.gain[runs, :, j] = (there.gain[runs] - here.gain[runs]) / STEP[kind]
+                column.by_channel[runs, :, j] = (there.residual[runs] - here.residual[runs]) / STEP
+                column.gain[runs, :, j] = (there.gain[runs] - here.gain[runs]) / STEP
     for j, d in enumerate(known.directions):
         if d.axle is None:
             members = [i for i, m in enumerate(known.directions) if m.kind == d.kind and m.axle is not None]

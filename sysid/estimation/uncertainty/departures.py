@@ -32,8 +32,6 @@ LoadChanges: TypeAlias = Callable[[Sequence[str]], RunsByAxles]
 #: (exponent in addition to that of the law); tire stiffness in a further load case, and friction over the carried load
 #: (logarithms).
 ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD, FRICTION = "envelope", "footprint", "spokes", "tire_load", "friction"
-#: Amplitudes at which the directions are taken: large compared with rounding, small enough for a linear effect.
-STEP = {ENVELOPE: 0.1, FOOTPRINT: 0.02, SPOKES: 0.02, TIRE_LOAD: 0.01, FRICTION: 0.005}
 #: No draw of a vehicle departs further than this, two to three and a third times the scale that is plausible without
 #: data (:data:`sysid.estimation.uncertainty.departure_scale.PLAUSIBLE`): an assumption, as a
 #: direction holds near the model only.

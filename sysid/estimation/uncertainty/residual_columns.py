@@ -22,6 +22,12 @@ from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import simulate_trials
 from sysid.vehicle_model.engines.protocol import Linearisation
 
+#: Step of the derivatives: a share of a mass, or the amplitude of a departure.  Where a run just reaches a stop, the
+#: derivatives are others on either side.  A search can end that near to such a corner, so a step that is a thousand
+#: times larger may cross it.  Derivatives from different sides contradict each other: together they seem to tell what
+#: no motion shows, the common error of a scale for one.  Rounding is 1e-6 of a derivative.
+STEP = 1e-7
+
 
 class ResidualColumns(NamedTuple):
     """Derivatives of the residuals (T, R, C, m) and gain residuals (R, C, m) of a group by m amplitudes."""
