@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from synthetic_campaign import Physics, write_campaign
 
 from sysid.campaign import check_quality, read_campaign
-from sysid.estimation.fit import law_comparison
+from sysid.estimation.fit import law_choice, law_comparison
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.law_evidence import Evidence, Judged, LawEvidence
 from sysid.estimation.fit.law_screen import promising
@@ -165,6 +166,24 @@ def test_inertias_that_are_ten_per_cent_off_promise_no_law(tmp_path, monkeypatch
     # Negative control: were the declared masses exact, the same readings would ask for elements.
     monkeypatch.setattr(LawEvidence, "sd", property(lambda self: np.full(self.count, 1e-9)))
     assert promising(campaign, declared, rich, optimum) != ()
+
+
+@pytest.mark.parametrize(
+    ("misfit", "share", "how", "compared"),
+    [(1.31, 0.0, "auto", True), (1.2, 0.011, "auto", True), (1.2, 0.009, "auto", False), (1.0, 0.0, "compare", True)],
+)
+def test_laws_are_compared_where_they_may_explain_something(misfit, share, how, compared, monkeypatch):
+    """`share` of the sum of squares, 2 x 500, is what the best family is expected to explain."""
+    poor, rich = (frozenset(),), (frozenset({"friction"}),)
+    monkeypatch.setattr(law_choice, "largest_gain", lambda campaign, laws, rich_laws, optimum: 1000.0 * share)
+    monkeypatch.setattr(law_choice, "compare_laws", lambda *rest: ("compared", None))
+    monkeypatch.setattr(law_choice, "declared_laws", lambda campaign: poor)
+    monkeypatch.setattr(law_choice, "richest_laws", lambda axles, declared: rich)
+    monkeypatch.setattr(law_choice._Choice, "fitted", lambda self, laws, near, *, how: "linear")
+    campaign = SimpleNamespace(vehicle=SimpleNamespace(axles=()))
+    choice = law_choice._Choice(campaign, None, {}, replace(OPTIONS, laws=how), unwatched)
+    linear = SimpleNamespace(misfit=misfit, minimum=SimpleNamespace(cost=500.0))
+    assert choice.chosen(linear)[0] == ("compared" if compared else "linear")
 
 
 def test_a_linear_truck_stays_linear(tmp_path):

@@ -40,6 +40,10 @@ from sysid.sdof.drop_results import DropSummary
 #: Iterations after which the fit ends with which trials are compared. Parameters about which the data say little move
 #: slowly for a long time, and change the cost by far less than a deciding gain.
 BASE_ITERATIONS = 20
+#: Share of the sum of squares that one family of elements is expected to explain, from which on laws are compared also
+#: where residuals are near the noise.  Without it a law of one axle can hide: it shows in few channels, and the median
+#: stays below :data:`MISFIT`.  Errors of the contact model alone can have decisive gains of 1e-3 (an assumption).
+WORTH_COMPARING = 0.01
 #: One that the joint optimum begins from, one to judge residuals by, one that trials are compared with, or one under
 #: the weights and maps of its neighbour.
 How = Literal["final", "rough", "base", "trial", "rough trial"]
@@ -55,8 +59,9 @@ def fit_with_laws(
     """Least-squares calibration with declared suspension laws and parts, or with those that the data support.
 
     Linear laws come first. If they leave residuals of :data:`MISFIT` times the noise or more (of the instruments, or of
-    the records before the bump if that is larger; or on request), axles without a declared law get further elements:
-    those with a decisive expected gain, by a test on the present fit (:mod:`sysid.estimation.fit.law_screen`). Elements
+    the records before the bump if that is larger; or if a law is expected to explain :data:`WORTH_COMPARING` of the
+    residuals; or on request), axles without a declared law get further elements: those with a decisive expected gain,
+    by a test on the present fit (:mod:`sysid.estimation.fit.law_screen`). Elements
     without which the criterion does not become worse are removed again, one element of one kind of suspension at a
     time. If a test shows clearly that an element is needed, no fit without it is made. Rockers and bending frames that
     explain the residuals better than any law are added before the laws are compared. If one is found only together with
@@ -132,10 +137,17 @@ class _Choice:
         """The final optimum, and what was tried on the way from that of the declared laws."""
         if not self.is_open:
             return linear, None
-        if self.options.laws != "compare" and linear.misfit < MISFIT:
+        if self.options.laws != "compare" and not self._leaves_laws(linear):
             return self.fitted(self.declared, linear, how="final"), None
         tried = partial(self.fitted, comparing=True)
         return compare_laws(self.campaign, self.declared, self.richest, linear, tried)
+
+    def _leaves_laws(self, linear: Optimum) -> bool:
+        """Whether the residuals by the declared laws are so large that richer laws may explain them."""
+        if linear.misfit >= MISFIT:
+            return True
+        gain = largest_gain(self.campaign, self.declared, self.richest, linear)
+        return gain >= WORTH_COMPARING * 2.0 * linear.minimum.cost
 
     def by_declared_laws(self, near: Optimum | None) -> Optimum:
         """The optimum of the laws of the campaign file, good enough to judge its residuals where any law is open."""
