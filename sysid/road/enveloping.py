@@ -301,7 +301,10 @@ def _known_map(table: SpokeTable, load_N: float, reference_load_N: float, stiffn
     weight = np.ones(_MAP_LEVELS)
     coefficients = _fit_rows(basis / scale, extra, weight) / scale
     misfit = float(np.abs((basis * coefficients[:, None, :]).sum(axis=-1) - extra).max())
-    ratio = _at_levels(deflection, table.deflection_m[1:], table.forward_force[:, 1:] / table.force[:, 1:])
+    # Between two spokes a peak of a rough road touches none at first.
+    force, forward = table.force[:, 1:], table.forward_force[:, 1:]
+    slope = np.divide(forward, force, out=np.zeros_like(force), where=force > 0.0)
+    ratio = _at_levels(deflection, table.deflection_m[1:], slope)
     drag_scale = np.array([1.0, static, static**2])
     drag_basis = np.stack([np.ones_like(below), below, below**2], axis=-1)
     drag = _fit_rows(drag_basis / drag_scale, ratio, target / target.max()) / drag_scale
