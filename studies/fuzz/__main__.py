@@ -5,17 +5,21 @@
 feeds every reader, or those that are named, with contents that atheris (libFuzzer) makes from real files, guided by the
 code that they reach, for N seconds of processor time each.  What is found is read once more as the product reads it.
 What libFuzzer keeps in DIR/TARGET/corpus is where the next call goes on; the figures of a reader stay in FILE until it
-is fuzzed again.  A call that was stopped is continued by the next one with the same DIR.
+is fuzzed again.  A call that was stopped is continued by the next one with the same DIR and the same code; before that,
+end what it left running (`pkill -f studies.fuzz`).
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
+import os
 import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -53,13 +57,13 @@ def fuzz(name: str, folder: Path, seconds: float) -> dict[str, Any]:
         for kept in (folder / "corpus").iterdir():
             if kept.stat().st_size > _KEPT_BYTES:
                 kept.unlink()
-        before = set((folder / "findings").glob("native-*"))
+        before = _ended_processes(folder)
         _keep(folder, totals, places)
         options = (f"-max_total_time={left:.0f}", f"-artifact_prefix={folder}/findings/native-")
         said = _run(name, folder, (*options, str(folder / "corpus"), str(folder / "seeds")))
         failed = 0 if _add(totals, folder / "worker.json") else failed + 1
         places += [int(count) for count in _COVERAGE.findall(said)]
-        totals["died"] += len(set((folder / "findings").glob("native-*")) - before)
+        totals["died"] += len(_ended_processes(folder) - before)
         if not places or failed == _MOST_FAILED:
             raise SystemExit(f"The fuzzer of {name} does not run: {said[-2000:]}")
     found = {
@@ -75,17 +79,37 @@ def fuzz(name: str, folder: Path, seconds: float) -> dict[str, Any]:
 
 def _continued(folder: Path) -> tuple[dict[str, Any], list[int]]:
     """Totals and places of a call that was stopped, with those of its last process; nothing if there is none."""
+    begun = dict.fromkeys((*_SUMS, "slowest_s", "peak_MB", "died"), 0)
     if not (folder / _STOPPED).exists():
-        return dict.fromkeys((*_SUMS, "slowest_s", "peak_MB", "died"), 0), []
+        return begun, []
     kept = json.loads((folder / _STOPPED).read_text(encoding="utf-8"))
+    if kept["sources"] != _sources():
+        return begun, []
     _add(kept["totals"], folder / "worker.json")
+    kept["totals"]["died"] += len(_ended_processes(folder)) - kept["ended"]
     return kept["totals"], kept["places"]
 
 
 def _keep(folder: Path, totals: dict[str, Any], places: list[int]) -> None:
     """Leave the figures so far for a call that continues this one; those of the next process come beside them."""
+    kept = {"totals": totals, "places": places, "ended": len(_ended_processes(folder)), "sources": _sources()}
+    part = folder / f"{_STOPPED}.part"
+    part.write_text(json.dumps(kept), encoding="utf-8")
+    # Rather a lost process than one that counts twice.
     (folder / "worker.json").unlink(missing_ok=True)
-    (folder / _STOPPED).write_text(json.dumps({"totals": totals, "places": places}), encoding="utf-8")
+    os.replace(part, folder / _STOPPED)
+
+
+def _ended_processes(folder: Path) -> set[Path]:
+    """Contents that ended the process of the fuzzer."""
+    return set((folder / "findings").glob("native-*"))
+
+
+@lru_cache
+def _sources() -> str:
+    """Hash of the program and of the fuzzer: figures of other code are not continued."""
+    files = sorted([*(_ROOT / "sysid").rglob("*.py"), *Path(__file__).parent.glob("*.py")])
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 
 def _run(name: str, folder: Path, options: tuple[str, ...]) -> str:

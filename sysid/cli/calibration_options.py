@@ -29,8 +29,9 @@ def calibration_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--max-steps", default=None, help="Limit of sampling steps per ensemble (default: 1500).",
                      type=click.IntRange(1)),
         click.option("--laws", default=None, type=click.Choice(["auto", "compare", "declared"]),
-                     help="Suspension laws of axles without a declared one: richer ones where linear ones leave "
-                          "residuals (auto), compared in any case, or as declared (default: auto)."),
+                     help="Suspension laws of axles without a declared one: richer ones where linear ones "
+                          "leave residuals that they may explain (auto), compared in any case, or as declared "
+                          "(default: auto)."),
         click.option("--contact", default=None, type=click.Choice(["footprint", "cams", "point"]),
                      help="Contact law of the tires: radial springs over the footprint, tandem elliptical cams, or a "
                           "point follower (default: footprint)."),

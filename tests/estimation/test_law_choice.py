@@ -81,7 +81,6 @@ def test_poor_laws_are_compared_under_the_maps_of_the_rich_ones(monkeypatch, con
         return {"rough trial": under_rich_maps, "rough": rough, "base": rich, "final": final}[how]
 
     monkeypatch.setattr(law_comparison, "_trial", lambda laws, optimum, gain: gain)
-    monkeypatch.setattr(law_comparison, "with_touched_stops", lambda optimum, searched: optimum)
     monkeypatch.setattr(law_comparison, "_sure", lambda *rest: True)
     monkeypatch.setattr(law_comparison, "promising", lambda *rest: promises.pop(0))
     monkeypatch.setattr(law_comparison, "LawEvidence", lambda campaign, optimum: SimpleNamespace(judge=as_it_is))

@@ -320,7 +320,7 @@ def test_shapes_of_frames_settle_before_other_masses_move(monkeypatch):
     monkeypatch.setattr(joint_optimum, "_shape_step", partial(step, kind="shapes"))
     monkeypatch.setattr(joint_optimum, "_step", partial(step, kind="all"))
     monkeypatch.setattr(joint_optimum, "_improved", improved)
-    monkeypatch.setattr(joint_optimum, "with_touched_stops", lambda optimum, searched: optimum)
+    monkeypatch.setattr(joint_optimum, "with_touched_stops", lambda campaign, optimum, *rest: optimum)
     start = SimpleNamespace(problem=SimpleNamespace(model=None))
     assert joint_optimum.joint_optimum(None, start, PROFILES, OPTIONS, unwatched) is start
     assert done == ["shapes", "shapes", "all", "all", "all"]

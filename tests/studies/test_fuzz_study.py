@@ -88,6 +88,11 @@ def test_a_call_that_was_stopped_is_continued(tmp_path: Path, monkeypatch: pytes
     assert not (tmp_path / "figures.json").exists()
     found = command.fuzz("log", tmp_path, 120.0)
     assert (found["inputs"], found["processor_s"], found["places"]) == (30, 120.0, [101, 104])
-    # The seeds were read once, and a call after a finished one begins again.
+    # The seeds were read once, and a call after a finished one begins again; so does one with other code.
     assert [options[0] for options in calls].count("-runs=0") == 1
+    assert command.fuzz("log", tmp_path, 40.0)["inputs"] == 10
+    command._keep(tmp_path, {**found, "inputs": 500, "processor_s": 20.0}, [7, 8])
+    assert command.fuzz("log", tmp_path, 60.0)["inputs"] == 510
+    command._keep(tmp_path, {**found, "inputs": 500, "processor_s": 20.0}, [7, 8])
+    monkeypatch.setattr(command, "_sources", lambda: "other")
     assert command.fuzz("log", tmp_path, 40.0)["inputs"] == 10

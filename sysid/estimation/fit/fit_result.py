@@ -130,7 +130,7 @@ class FitResult(Tabular):
       optimum;
     - `scipy_max_difference_sd`: the largest difference between the optimum found by SciPy's trust-region solver and
       this one, in standard deviations;
-    - `law_comparison`: the laws that were tried if linear laws did not fit, or None;
+    - `law_comparison`: the laws that were compared, None if none were;
     - `contact_trials`: the fits with every contact law, if requested, beginning with that of the result;
     - `masses`: what the data say about declared masses; `covariance` includes their tolerances;
     - `identifiability`: what the data determine (:mod:`sysid.estimation.uncertainty.identifiability`);

@@ -6,6 +6,9 @@ round has three parts:
 1. a Gauss-Newton step of all unknowns together (:mod:`sysid.estimation.uncertainty.joint_step`);
 2. vehicle and footprint maps made again at the new values, and records put on the moved clocks;
 3. a search for the parameters with these.
+
+Before the first round, and before the first one in which the weights stay, travels of stops that no run reaches are
+scanned (:mod:`sysid.estimation.fit.travel_scan`).
 """
 
 from __future__ import annotations
@@ -100,9 +103,10 @@ def joint_optimum(
     rough = replace(options, weight_rounds=0, tolerance=max(options.tolerance, _ROUGH_TOLERANCE))
     reweighted, final = replace(rough, weight_rounds=min(options.weight_rounds, 1)), replace(options, weight_rounds=0)
     optimum = _with_frame_shapes(campaign, optimum, profiles, reweighted, report)
-    optimum = with_touched_stops(optimum, lambda near: _again(campaign, near, rough, report))
     before: _Step | None = None
     for number in range(ROUNDS):
+        if number in (0, REWEIGHTED):
+            optimum = with_touched_stops(campaign, optimum, rough, report)
         report("masses and tires", 0.9)
         allowances = _allowances(campaign, optimum.problem.model)
         step = _step(campaign, optimum, allowances)
@@ -165,15 +169,6 @@ def _improved(
         if moved.misfit <= worse * optimum.misfit:
             return moved
     return None
-
-
-def _again(campaign: Campaign, near: Optimum, options: FitOptions, report: Progress) -> Optimum:
-    """The optimum from the vector of another one, all else as it is there."""
-    problem, campaign = near.problem, on_moved_clocks(campaign, near.clocks)
-    values, motion = problem.unpack(near.vector)
-    weights, noise = problem.weights, near.instrument
-    found = optimise_from(campaign, problem.model, motion, noise, values, options, report, weights=weights)
-    return replace(continued(found, near), amounts=near.amounts, clocks=near.clocks)
 
 
 def _unsettled(optimum: Optimum) -> Optimum:

@@ -1,7 +1,7 @@
 """The fit as users ask for it: suspension laws and undeclared parts that the data support.
 
-Linear laws come first. If they leave residuals well above the noise, undeclared rockers and bending frames are searched
-for (:mod:`sysid.estimation.fit.part_search`), and richer laws are compared
+Linear laws come first. If they leave residuals that undeclared rockers and bending frames may explain, these are
+searched for (:mod:`sysid.estimation.fit.part_search`). Then richer laws are compared, if those may explain what is left
 (:mod:`sysid.estimation.fit.law_comparison`).
 """
 
@@ -22,11 +22,12 @@ from sysid.estimation.fit.law_comparison import compare_laws
 from sysid.estimation.fit.law_screen import largest_gain
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.likely_mistake import likely_mistake
-from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.fit.optimum import Optimum, worth_a_search
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.part_search import undeclared_parts
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.fit.thresholds import MISFIT
+from sysid.estimation.fit.travel_scan import with_touched_stops
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters, declared_laws
 from sysid.estimation.parameters.law_families import Laws, richest_laws
 from sysid.estimation.parameters.rockers import load_shares
@@ -40,10 +41,6 @@ from sysid.sdof.drop_results import DropSummary
 #: Iterations after which the fit ends with which trials are compared. Parameters about which the data say little move
 #: slowly for a long time, and change the cost by far less than a deciding gain.
 BASE_ITERATIONS = 20
-#: Share of the sum of squares that one family of elements is expected to explain, from which on laws are compared also
-#: where residuals are near the noise.  Without it a law of one axle can hide: it shows in few channels, and the median
-#: stays below :data:`MISFIT`.  Errors of the contact model alone can have decisive gains of 1e-3 (an assumption).
-WORTH_COMPARING = 0.01
 #: One that the joint optimum begins from, one to judge residuals by, one that trials are compared with, or one under
 #: the weights and maps of its neighbour.
 How = Literal["final", "rough", "base", "trial", "rough trial"]
@@ -58,10 +55,10 @@ def fit_with_laws(
 ) -> tuple[FitResult, FitState]:
     """Least-squares calibration with declared suspension laws and parts, or with those that the data support.
 
-    Linear laws come first. If they leave residuals of :data:`MISFIT` times the noise or more (of the instruments, or of
-    the records before the bump if that is larger; or if a law is expected to explain :data:`WORTH_COMPARING` of the
-    residuals; or on request), axles without a declared law get further elements: those with a decisive expected gain,
-    by a test on the present fit (:mod:`sysid.estimation.fit.law_screen`). Elements
+    Linear laws come first. If they leave residuals that richer laws may explain
+    (:func:`sysid.estimation.fit.optimum.worth_a_search`), or on request, axles without a declared law get further
+    elements: those with a decisive expected gain, by a test on the present fit
+    (:mod:`sysid.estimation.fit.law_screen`). Elements
     without which the criterion does not become worse are removed again, one element of one kind of suspension at a
     time. If a test shows clearly that an element is needed, no fit without it is made. Rockers and bending frames that
     explain the residuals better than any law are added before the laws are compared. If one is found only together with
@@ -143,11 +140,10 @@ class _Choice:
         return compare_laws(self.campaign, self.declared, self.richest, linear, tried)
 
     def _leaves_laws(self, linear: Optimum) -> bool:
-        """Whether the residuals by the declared laws are so large that richer laws may explain them."""
+        """Whether richer laws may explain the residuals by the declared ones."""
         if linear.misfit >= MISFIT:
             return True
-        gain = largest_gain(self.campaign, self.declared, self.richest, linear)
-        return gain >= WORTH_COMPARING * 2.0 * linear.minimum.cost
+        return worth_a_search(linear, largest_gain(self.campaign, self.declared, self.richest, linear))
 
     def by_declared_laws(self, near: Optimum | None) -> Optimum:
         """The optimum of the laws of the campaign file, good enough to judge its residuals where any law is open."""
@@ -189,17 +185,24 @@ class _Choice:
         if near is not None and parameters.names != near.problem.model.parameters.names:
             # Functions compiled for other laws are not needed again, and take hundreds of megabytes together.
             forget_compiled()
-        return optimise(
+        report = self._comparing if comparing else self.report
+        search = partial(
+            optimise,
             self.campaign,
             parameters,
             self.profiles,
             under,
-            self._comparing if comparing else self.report,
-            near=near,
+            report,
             keep_maps=trial,
             rough=how == "rough",
             larger_steps=comparing or how == "final",
         )
+        found = search(near=near)
+        if how != "base":
+            return found
+        touched = with_touched_stops(self.campaign, found, under, report)
+        # Its residuals, and so the weights under which laws are compared, are other ones.
+        return found if touched is found else search(near=touched)
 
     def _comparing(self, message: str, fraction: float) -> None:
         self.report(f"comparing suspension laws, {message}", fraction)

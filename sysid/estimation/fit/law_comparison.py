@@ -32,7 +32,6 @@ from sysid.estimation.fit.stop_search import (
     without_stops,
 )
 from sysid.estimation.fit.thresholds import DECISIVE
-from sysid.estimation.fit.travel_scan import with_touched_stops
 from sysid.estimation.fit.undecided_laws import by_score, by_trial, family_words
 from sysid.estimation.parameters.law_families import FAMILIES, STOPS, Laws, without_family
 from sysid.estimation.parameters.suspension_elements import law_name, quantities
@@ -182,8 +181,7 @@ def _enriched(
             optimum = with_nearer_stops(laws, optimum, fitted)
     if laws == start:
         return laws, None
-    released = with_released_stops(laws, fitted(laws, optimum, how="base"), fitted)
-    return laws, with_touched_stops(released, lambda near: fitted(laws, near, how="trial"))
+    return laws, with_released_stops(laws, fitted(laws, optimum, how="base"), fitted)
 
 
 def _sure(judged: Judged, laws: Laws, without: Laws, size: float) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from sysid.arrays import RunsByChannels, UnknownsOfFit
 from sysid.campaign.loggers import ClockFinding
 from sysid.estimation.fit.minimiser import Minimum
+from sysid.estimation.fit.thresholds import MISFIT, WORTH
 from sysid.estimation.residuals.problem import Problem
 
 
@@ -53,6 +54,11 @@ class Optimum:
         pairs = zip(self.problem.weights.noise_sd, noise, strict=True)
         known = [(n, i, np.isfinite(n) & np.isfinite(i)) for n, i in pairs]
         return float(np.median(np.concatenate([n[k] / i[k] for n, i, k in known])))
+
+
+def worth_a_search(optimum: Optimum, gain: float) -> bool:
+    """Whether the residuals are so large, or what a law or part is expected to gain over them, that it is tried."""
+    return optimum.misfit >= MISFIT or gain >= WORTH * 2.0 * optimum.minimum.cost
 
 
 def effective_residuals(optimum: Optimum) -> float:

@@ -18,7 +18,8 @@ class FitOptions:
     - `tolerance`: relative change of the cost that ends a round;
     - `target_step_s`: the largest integration step [s];
     - `laws` says how the suspension laws of axles without a declared one are found: ``auto`` compares richer laws where
-      linear ones leave residuals that those may explain, ``compare`` always, ``declared`` never (:mod:`sysid.estimation.fit.law_choice`);
+      linear ones leave residuals that those may explain, ``compare`` always, ``declared`` never
+      (:mod:`sysid.estimation.fit.law_choice`);
     - `contact` is the tires' contact law (:mod:`sysid.road.contact_laws`);
     - `contact_spread` repeats the fit with the other contact laws.
     """

@@ -10,11 +10,11 @@ import numpy as np
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.frame_search import frame_candidates, modal_mass_candidates
 from sysid.estimation.fit.least_squares import optimise
-from sysid.estimation.fit.optimum import Optimum, effective_residuals
+from sysid.estimation.fit.optimum import Optimum, effective_residuals, worth_a_search
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.part_score import PartCandidate, part_scores
 from sysid.estimation.fit.rocker_search import rocker_candidates
-from sysid.estimation.fit.thresholds import DECISIVE, MISFIT
+from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.law_families import Laws
 from sysid.estimation.parameters.undeclared_parts import UndeclaredParts
@@ -40,7 +40,8 @@ def undeclared_parts(
     """Parts that the residuals of a fit require, and an optimum with them under the same weights and maps.
 
     A part is fitted if its expected gain by a score test is decisive, and larger than that of any richer suspension
-    law. The gain of this fit decides. If the residuals are hardly larger than the noise, no part is searched for.
+    law. The gain of this fit decides. If the residuals are near the noise, the part must be expected to explain a good
+    share of them (:func:`sysid.estimation.fit.optimum.worth_a_search`).
 
     Parameters
     ----------
@@ -50,12 +51,12 @@ def undeclared_parts(
     """
     parts = UndeclaredParts()
     for _ in range(_MOST):
-        if optimum.misfit < MISFIT:
-            break
         decides = DECISIVE + float(np.log(effective_residuals(optimum)))
         scores = part_scores(campaign, optimum, candidates_of(campaign))
         promising = [s for s in scores if s.amplitude > s.candidate.least and s.gain > decides]
-        if not promising or promising[0].gain < law_gain(campaign, optimum):
+        if not promising or not worth_a_search(optimum, promising[0].gain):
+            break
+        if promising[0].gain < law_gain(campaign, optimum):
             break
         best = promising[0].candidate
         report(best.words, 0.5)

@@ -2,73 +2,98 @@
 
 A stop beyond the largest travel of the runs has no effect. The derivative by its travel is zero there, so no search
 moves it, even if the runs would fit much better with the stop a little nearer. So the cost is computed at many shorter
-travels, with all other parameters as they are and the motions of the runs following.
+travels, with all other parameters as they are and the motions of the runs following: first at values from that of the
+optimum down to improbable ones, then closely between the last of them that the runs do not reach and the next one. A
+stop that is touched by a tenth of a millimetre can show, and one at half a millimetre can already be much too near.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from sysid.arrays import UnknownsOfFit
+from sysid.campaign.clocks.moved import on_moved_clocks
+from sysid.campaign.records import Campaign
 from sysid.estimation.fit.optimum import Optimum, parameter_sd
+from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.reweighted_search import continued, optimise_from
 from sysid.estimation.fit.stop_search import IDLE_SHRINKAGE
 from sysid.estimation.fit.thresholds import DECISIVE
-from sysid.estimation.parameters.suspension_elements import TRAVELS
+from sysid.estimation.parameters.suspension_elements import TRAVEL_SD, TRAVELS
 from sysid.estimation.residuals.set_misfits import group_inputs, group_misfits
+from sysid.progress import Progress
 
-#: Step of the scan in the logarithm of a travel, 1 mm or less; what the runs just reach falls within a few of them.
-_STEP = 0.0125
-#: Values of each travel, the first one that of the optimum; together five standard deviations of the prior.
+#: Values of a travel that are tried side by side, and how far they go in its logarithm.
 _VALUES = 48
+_FURTHEST = 5.0 * TRAVEL_SD
 #: Fall of the cost from which on a nearer stop is searched for: as large as laws are decided by.
 _LEAST = 0.5 * DECISIVE
+#: Relative change of the sum of squares above rounding.
+_ROUNDING = 1e-12
 #: Searches at most; each may bring another stop within reach.
 _MOST = 3
 
 
-def with_touched_stops(optimum: Optimum, searched: Callable[[Optimum], Optimum]) -> Optimum:
+def with_touched_stops(campaign: Campaign, optimum: Optimum, options: FitOptions, report: Progress) -> Optimum:
     """The best of an optimum and of searches from shorter values of travels that the runs do not reach there.
 
     Parameters
     ----------
-    searched : the optimum of a search that begins at the vector of another one, under its weights and maps.
+    campaign : screened, its clocks as read.
+    options, report : of the searches, which keep model and weights of the optimum.
     """
     for _ in range(_MOST):
         nearer = _nearer_stops(optimum)
         if nearer is None:
             break
-        again = searched(replace(optimum, vector=nearer))
+        again = _searched(campaign, replace(optimum, vector=nearer), options, report)
         if again.minimum.cost >= optimum.minimum.cost:
             break
         optimum = again
     return optimum
 
 
+def _searched(campaign: Campaign, near: Optimum, options: FitOptions, report: Progress) -> Optimum:
+    """The optimum of a search that begins at the vector of another one, all else as it is there."""
+    problem, how = near.problem, replace(options, weight_rounds=0)
+    values, motion = problem.unpack(near.vector)
+    campaign, noise, weights = on_moved_clocks(campaign, near.clocks), near.instrument, problem.weights
+    found = optimise_from(campaign, problem.model, motion, noise, values, how, report, weights=weights)
+    return replace(continued(found, near), amounts=near.amounts, clocks=near.clocks)
+
+
 def _nearer_stops(optimum: Optimum) -> UnknownsOfFit | None:
-    """The vector of an optimum with all travels that a scan finds at shorter values; None if it finds none."""
+    """The vector of an optimum with the travels that a scan finds at shorter values; None if it finds none."""
     parameters = optimum.problem.model.parameters.parameters
-    travels = [i for i, p in enumerate(parameters) if p.quantity in TRAVELS]
-    if not travels:
+    if not any(p.quantity in TRAVELS for p in parameters):
         return None
     sd = parameter_sd(optimum)
-    unreached = [i for i in travels if sd[i] >= IDLE_SHRINKAGE * parameters[i].prior_sd]
-    costs = _Costs(optimum) if unreached else None
-    vector, found = optimum.vector.copy(), False
+    unreached = [i for i, p in enumerate(parameters) if p.quantity in TRAVELS and sd[i] >= IDLE_SHRINKAGE * p.prior_sd]
+    if not unreached:
+        return None
+    costs = _Costs(optimum)
+    found: dict[int, float] = {}
+    falls: dict[int, float] = {}
     for i in unreached:
-        assert costs is not None
-        values = vector[i] - _STEP * np.arange(_VALUES)
-        along = costs.along(i, values)
-        best = int(np.argmin(np.where(np.isfinite(along), along, np.inf)))
-        if along[best] < along[0] - _LEAST:
-            vector[i], found = values[best], True
-    return vector if found else None
+        value, fall = costs.lowest(i)
+        if fall > _LEAST:
+            found[i], falls[i] = value, fall
+    if not found:
+        return None
+    best = max(falls, key=lambda i: falls[i])
+    vector = optimum.vector.copy()
+    vector[list(found)] = list(found.values())
+    # Two stops that explain the same residuals are not both moved.
+    if len(found) > 1 and not costs.fall(vector) > falls[best]:
+        vector = optimum.vector.copy()
+        vector[best] = found[best]
+    return vector
 
 
 class _Costs:
-    """Costs along single parameters through an optimum."""
+    """Costs of parameter sets near an optimum, without derivatives."""
 
     def __init__(self, optimum: Optimum):
         problem = optimum.problem
@@ -87,10 +112,33 @@ class _Costs:
             for position in range(len(problem.model.groups))
         ]
 
-    def along(self, parameter: int, values: np.ndarray) -> np.ndarray:
-        """Costs (n,) with one log parameter at some values (n,)."""
+    def lowest(self, parameter: int) -> tuple[float, float]:
+        """The value of a log parameter, not above that of the optimum, with the lowest cost; the fall of the cost."""
+        values = self._centre[parameter] - np.linspace(0.0, _FURTHEST, _VALUES)
+        misfits, costs = self._along(parameter, values)
+        felt = np.flatnonzero(~(np.abs(misfits - misfits[0]) <= _ROUNDING * misfits[0]))
+        if not felt.size:
+            return float(values[0]), 0.0
+        closely = np.linspace(values[felt[0] - 1], values[felt[0]], _VALUES) if felt[0] else values
+        values = np.concatenate([values, closely])
+        falls = costs[0] - np.concatenate([costs, self._along(parameter, closely)[1]])
+        best = int(np.argmax(np.where(np.isfinite(falls), falls, -np.inf)))
+        return float(values[best]), float(falls[best])
+
+    def fall(self, vector: UnknownsOfFit) -> float:
+        """By how much the cost is lower at the log parameters of a vector than at the optimum."""
+        sets = np.stack([self._centre, vector[: self._centre.size]], axis=1)
+        costs = self._of(sets)[1]
+        return float(costs[0] - costs[1])
+
+    def _along(self, parameter: int, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         sets = np.repeat(self._centre[:, None], values.size, axis=1)
         sets[parameter] = values
-        prior = ((self._rows @ sets - self._targets[:, None]) ** 2).sum(axis=0)
+        return self._of(sets)
+
+    def _of(self, sets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Sums of squares (S,) of the residuals, and costs (S,), of sets (p, S)."""
         every = zip(self._inputs, self._model.shapes, strict=True)
-        return np.asarray(0.5 * (prior + sum(np.asarray(group_misfits(of, sets, shape=shape)) for of, shape in every)))
+        misfits = np.sum([np.asarray(group_misfits(of, sets, shape=shape)) for of, shape in every], axis=0)
+        prior = ((self._rows @ sets - self._targets[:, None]) ** 2).sum(axis=0)
+        return np.asarray(misfits), np.asarray(0.5 * (misfits + prior))

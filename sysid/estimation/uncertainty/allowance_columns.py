@@ -1,7 +1,7 @@
 """Derivatives of the residuals by the allowances of a fit: mass properties, then departures from the model.
 
-Derivatives by masses are forward differences with the matrices assembled again. A step of 1e-4 of a mass is far above
-rounding, and small enough for a linear effect.
+Derivatives by masses are forward differences with the matrices assembled again; their step:
+:data:`sysid.estimation.uncertainty.residual_columns.STEP`.
 """
 
 from __future__ import annotations
