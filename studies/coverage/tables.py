@@ -195,7 +195,8 @@ _MASSES = """\
 Masses, inertia, height and axle loads differ from the declared ones by their default tolerances. The fit estimates them
 and integrates them out.""".splitlines()
 _ROUGH = """\
-Noise that is correlated from one reading to the next (0.6), 1 % of readings off by ten times the noise.""".splitlines()
+Noise that is correlated from one reading to the next (0.6), 1 % of readings off by ten times the noise. Correlation and
+tails are estimated from the residuals, and intervals come out somewhat wider than necessary.""".splitlines()
 _MISFIT = """\
 The default path of `run`: laws undeclared, the posterior sampled, passes predicted from its draws. Vehicles take
 turns: the six-axle tractor and lowboy of `examples/linear_truck` and a three-axle truck with an air-sprung tandem,
