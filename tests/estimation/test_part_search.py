@@ -11,7 +11,7 @@ import pytest
 from rigid_truck import AXLES, DAMPING, EMPTY, LADEN, STIFFNESS, VEHICLE, bump, campaign, empty_run, with_values
 
 from sysid.campaign.vehicle_records import AxleGroup, Equaliser, FrameBending, FrameMass
-from sysid.estimation.fit import joint_optimum, law_choice
+from sysid.estimation.fit import joint_optimum, law_choice, part_search
 from sysid.estimation.fit.fit_result import LawComparison
 from sysid.estimation.fit.frame_search import (
     LEAST_AMPLITUDE,
@@ -25,7 +25,7 @@ from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.law_evidence import LawEvidence
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.options import FitOptions
-from sysid.estimation.fit.part_score import _by_load_case, part_scores
+from sysid.estimation.fit.part_score import PartCandidate, PartScore, _by_load_case, part_scores
 from sysid.estimation.fit.part_search import undeclared_parts
 from sysid.estimation.fit.rocker_search import joined_axles
 from sysid.estimation.fit.state import restored
@@ -109,6 +109,26 @@ def test_friction_that_is_not_modelled_is_no_rocker():
     optimum = optimise(data, campaign_parameters(data, None), PROFILES, OPTIONS, unwatched)
     assert optimum.misfit > MISFIT
     assert fit.undeclared_rockers == ()
+
+
+@pytest.mark.parametrize(("misfit", "gain", "fitted"), [(1.31, 50.0, True), (1.2, 110.0, True), (1.2, 90.0, False)])
+def test_a_part_near_the_noise_has_to_explain_a_hundredth_of_the_residuals(misfit, gain, fitted, monkeypatch):
+    """Twice the cost is 10,000 before it, and 100 less with it: enough to stay."""
+
+    def stub(cost):
+        problem = SimpleNamespace(forget=lambda: None)
+        return SimpleNamespace(misfit=misfit, minimum=SimpleNamespace(cost=cost), problem=problem)
+
+    part = PartCandidate("a part", NO_PARTS, NO_PARTS, 1.0, 0.1, lambda optimum: True)
+    scores = [(PartScore(part, gain, 0.3),), ()]
+    monkeypatch.setattr(part_search, "part_scores", lambda *unused: scores.pop(0))
+    monkeypatch.setattr(part_search, "candidates_of", lambda campaign: ())
+    monkeypatch.setattr(part_search, "effective_residuals", lambda optimum: 1000.0)
+    better = stub(4950.0)
+    monkeypatch.setattr(part_search, "_fitted", lambda *unused: better)
+    given = measured(0.0, 0.0), (), stub(5000.0), None, PROFILES, OPTIONS, unwatched
+    _, optimum = undeclared_parts(*given, law_gain=lambda *unused: 0.0)
+    assert (optimum is better) is fitted
 
 
 def test_a_frame_that_nobody_declared_to_bend_is_part_of_the_fit():
