@@ -185,6 +185,29 @@ def test_laws_are_compared_where_they_may_explain_something(misfit, share, how, 
     assert choice.chosen(linear)[0] == ("compared" if compared else "linear")
 
 
+@pytest.mark.parametrize(("how", "near"), [("base", ["poor", "scanned"]), ("rough", ["poor"]), ("trial", ["poor"])])
+def test_optima_that_trials_are_compared_with_have_their_stops_and_weights(how, near, monkeypatch):
+    """After a scan has found a stop, the search goes on from there, so that its residuals are weighed again."""
+    asked = []
+
+    def optimise(*given, near, **options):
+        asked.append(near)
+        return SimpleNamespace(number=len(asked))
+
+    monkeypatch.setattr(law_choice, "optimise", optimise)
+    monkeypatch.setattr(law_choice, "campaign_parameters", lambda *given: SimpleNamespace(names=()))
+    monkeypatch.setattr(law_choice, "with_touched_stops", lambda campaign, optimum, *rest: scanned)
+    monkeypatch.setattr(law_choice, "forget_compiled", lambda: None)
+    by_name = {
+        name: SimpleNamespace(problem=SimpleNamespace(model=SimpleNamespace(parameters=SimpleNamespace(names=()))))
+        for name in ("poor", "scanned")
+    }
+    scanned = by_name["scanned"]
+    found = law_choice._Choice(None, None, {}, OPTIONS, unwatched).fitted((), by_name["poor"], how=how)
+    assert asked == [by_name[name] for name in near]
+    assert found.number == len(near)
+
+
 def test_a_linear_truck_stays_linear(tmp_path):
     fit, truth = fitted(tmp_path, SMALL, "compare", spread=True)
     assert fit.laws == ("linear",) * 3
