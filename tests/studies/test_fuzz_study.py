@@ -78,6 +78,8 @@ def test_a_call_that_was_stopped_is_continued(tmp_path: Path, monkeypatch: pytes
         if options[0] != "-runs=0":
             figures = {"inputs": 10, "refused": 9, "stopped": 0, "slowest_s": 0.1, "peak_MB": 50, "processor_s": 40.0}
             (folder / "worker.json").write_text(json.dumps(figures), encoding="utf-8")
+        if len(calls) in (2, 3):
+            (folder / "findings" / f"native-{len(calls)}").write_bytes(b"nothing")
         if len(calls) == 3:
             raise KeyboardInterrupt
         return f"#9 DONE cov: {100 + len(calls)} ft: 1"
@@ -88,6 +90,8 @@ def test_a_call_that_was_stopped_is_continued(tmp_path: Path, monkeypatch: pytes
     assert not (tmp_path / "figures.json").exists()
     found = command.fuzz("log", tmp_path, 120.0)
     assert (found["inputs"], found["processor_s"], found["places"]) == (30, 120.0, [101, 104])
+    # Contents that ended the first process and the interrupted one.
+    assert found["died"] == 2
     # The seeds were read once, and a call after a finished one begins again; so does one with other code.
     assert [options[0] for options in calls].count("-runs=0") == 1
     assert command.fuzz("log", tmp_path, 40.0)["inputs"] == 10

@@ -58,11 +58,10 @@ def fit_with_laws(
     Linear laws come first. If they leave residuals that richer laws may explain
     (:func:`sysid.estimation.fit.optimum.worth_a_search`), or on request, axles without a declared law get further
     elements: those with a decisive expected gain, by a test on the present fit
-    (:mod:`sysid.estimation.fit.law_screen`). Elements
-    without which the criterion does not become worse are removed again, one element of one kind of suspension at a
-    time. If a test shows clearly that an element is needed, no fit without it is made. Rockers and bending frames that
-    explain the residuals better than any law are added before the laws are compared. If one is found only together with
-    the laws, the comparison begins again with it.
+    (:mod:`sysid.estimation.fit.law_screen`). Elements without which the criterion does not become worse are removed
+    again, one element of one kind of suspension at a time. If a test shows clearly that an element is needed, no fit
+    without it is made. Rockers and bending frames that explain the residuals better than any law are added before the
+    laws are compared. If one is found only together with the laws, the comparison begins again with it.
 
     Parameters
     ----------
@@ -142,6 +141,7 @@ class _Choice:
     def _leaves_laws(self, linear: Optimum) -> bool:
         """Whether richer laws may explain the residuals by the declared ones."""
         if linear.misfit >= MISFIT:
+            # Then the gain, which takes a second or two, does not matter.
             return True
         return worth_a_search(linear, largest_gain(self.campaign, self.declared, self.richest, linear))
 

@@ -9,7 +9,7 @@ import numpy as np
 from sysid.arrays import RunsByChannels, UnknownsOfFit
 from sysid.campaign.loggers import ClockFinding
 from sysid.estimation.fit.minimiser import Minimum
-from sysid.estimation.fit.thresholds import MISFIT, WORTH
+from sysid.estimation.fit.thresholds import LEAST_SHARE, MISFIT
 from sysid.estimation.residuals.problem import Problem
 
 
@@ -58,7 +58,7 @@ class Optimum:
 
 def worth_a_search(optimum: Optimum, gain: float) -> bool:
     """Whether the residuals are so large, or what a law or part is expected to gain over them, that it is tried."""
-    return optimum.misfit >= MISFIT or gain >= WORTH * 2.0 * optimum.minimum.cost
+    return optimum.misfit >= MISFIT or gain >= LEAST_SHARE * 2.0 * optimum.minimum.cost
 
 
 def effective_residuals(optimum: Optimum) -> float:

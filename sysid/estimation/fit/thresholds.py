@@ -9,7 +9,7 @@ MISFIT = 1.3
 #: residuals are below :data:`MISFIT`.  What acts on one axle shows in few channels, and the median hides it.  On linear
 #: trucks, errors of the contact model alone had expected gains of up to 0.0005 of the sum of squares, one truck with a
 #: progressive air spring 0.06.
-WORTH = 0.01
+LEAST_SHARE = 0.01
 #: Relative RMS change of a channel when the integration step is halved: values of k and c move by about as much, and
 #: this is a tenth of the narrowest intervals that a campaign yields.
 STEP_HALVING = 2e-3

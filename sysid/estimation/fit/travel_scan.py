@@ -74,22 +74,16 @@ def _nearer_stops(optimum: Optimum) -> UnknownsOfFit | None:
     if not unreached:
         return None
     costs = _Costs(optimum)
-    found: dict[int, float] = {}
-    falls: dict[int, float] = {}
-    for i in unreached:
-        value, fall = costs.lowest(i)
-        if fall > _LEAST:
-            found[i], falls[i] = value, fall
+    # Value and fall of the cost of each.
+    found = {i: lowest for i in unreached if (lowest := costs.lowest(i))[1] > _LEAST}
     if not found:
         return None
-    best = max(falls, key=lambda i: falls[i])
-    vector = optimum.vector.copy()
-    vector[list(found)] = list(found.values())
+    best = max(found, key=lambda i: found[i][1])
+    together, alone = optimum.vector.copy(), optimum.vector.copy()
+    together[list(found)] = [value for value, _ in found.values()]
+    alone[best] = found[best][0]
     # Two stops that explain the same residuals are not both moved.
-    if len(found) > 1 and not costs.fall(vector) > falls[best]:
-        vector = optimum.vector.copy()
-        vector[best] = found[best]
-    return vector
+    return together if len(found) > 1 and costs.fall(together) > found[best][1] else alone
 
 
 class _Costs:
