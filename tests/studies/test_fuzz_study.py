@@ -85,6 +85,7 @@ def test_a_call_that_was_stopped_is_continued(tmp_path: Path, monkeypatch: pytes
         return f"#9 DONE cov: {100 + len(calls)} ft: 1"
 
     monkeypatch.setattr(command, "_run", process)
+    monkeypatch.setattr(command, "replay", lambda name, file: {"outcome": "sentence"})
     with pytest.raises(KeyboardInterrupt):
         command.fuzz("log", tmp_path, 120.0)
     assert not (tmp_path / "figures.json").exists()
