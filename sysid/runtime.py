@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from sysid.errors import SysidError
 from sysid.private_files import NotPrivateError, check_owner_of_all, private_folder
@@ -83,7 +84,7 @@ def cache_folder() -> Path:
 
 
 def configure() -> None:
-    """Switch JAX to 64-bit floats, keep its compiled functions between runs, and share few heaps.
+    """Switch JAX to 64-bit floats and the processor, keep its compiled functions between runs, and share few heaps.
 
     A cache folder that cannot be written is done without, and so is, with a warning, one that others can write to
     (:func:`private_cache`).
@@ -92,12 +93,47 @@ def configure() -> None:
     import jax
 
     jax.config.update("jax_enable_x64", True)
+    _use_the_processor()
     try:
         folder = cache_folder()
     except (NotPrivateError, OSError):
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+
+
+def _use_the_processor() -> None:
+    """Let JAX compute on the processor where it would take a graphics card, unless the user chose the platform.
+
+    The native engine runs on the processor alone, and time steps of a few numbers gain nothing from a card.  A process
+    of our own does not open the card at all; in one that may run other code, as a notebook, the processor becomes the
+    default device.
+    """
+    import jax
+
+    if _setting("jax_platforms") or _setting("jax_default_device") is not None:
+        return
+    if _Process.ours:
+        jax.config.update("jax_platforms", "cpu")
+    elif jax.default_backend() != "cpu":
+        jax.config.update("jax_default_device", jax.devices("cpu")[0])
+
+
+def platform_of_process() -> str:
+    """Name of the platform on which JAX computes here if it is not told where: ``cpu``, ``gpu`` or ``tpu``."""
+    import jax
+
+    device = _setting("jax_default_device")
+    if device is None:
+        return jax.default_backend()
+    return device if isinstance(device, str) else str(device.platform)
+
+
+def _setting(name: str) -> Any:
+    """A setting of JAX that its types do not list, as made by the environment, the user's code or `configure`."""
+    import jax
+
+    return getattr(jax.config, name)
 
 
 def return_memory() -> None:

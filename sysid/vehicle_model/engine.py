@@ -11,10 +11,10 @@ import logging
 import os
 from functools import cache
 
-import jax
 import numpy as np
 
 from sysid.errors import SysidError
+from sysid.runtime import platform_of_process
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engines.native import NATIVE
 from sysid.vehicle_model.engines.protocol import Engine, Timing, WheelRoad
@@ -26,6 +26,16 @@ from sysid.vehicle_model.stacked_matrices import StackedMatrices
 
 _LOGGER = logging.getLogger(__name__)
 _CHOICES = ("auto", "native", "reference", "jax")
+
+#: What is lost without the native engine, and how to get it back: with JAX on the processor and on another device.
+_COMPILER = (
+    "a simulation takes about twelve times as long. Install a C++ compiler (Debian, Ubuntu: apt install g++; without "
+    "administrator: pip install ziglang)"
+)
+_DEVICE = (
+    "steps of so few numbers are slow there. Unset JAX_PLATFORMS, or make the processor JAX's default device "
+    "(jax.config.update('jax_default_device', jax.devices('cpu')[0]))"
+)
 
 __all__ = ["Timing", "WheelRoad", "engine_name", "engine_of_process", "engine_versions", "wheel_road"]
 
@@ -47,12 +57,13 @@ def engine_of_process(coordinates: int | None = None) -> Engine:
         raise SysidError(f"SYSID_ENGINE is '{choice}'; set it to auto, native or reference.")
     if choice in ("reference", "jax"):
         return REFERENCE
-    problem = _problem(coordinates)
+    platform = platform_of_process()
+    problem = _problem(coordinates) if platform == "cpu" else f"JAX computes on {platform} here"
     if problem is None:
         return NATIVE
     if choice == "native":
         raise SysidError(f"The native engine cannot be used: {problem}; set SYSID_ENGINE=auto to do without it.")
-    _say_once(problem)
+    _say_once(problem, _COMPILER if platform == "cpu" else _DEVICE)
     return REFERENCE
 
 
@@ -71,20 +82,18 @@ def engine_versions() -> dict[str, str]:
 
 
 @cache
-def _say_once(problem: str) -> None:
+def _say_once(problem: str, loss_and_remedy: str) -> None:
     _LOGGER.warning(
-        "The native engine cannot be used: %s. JAX computes instead: the same results, but a simulation takes about "
-        "twelve times as long. Install a C++ compiler (Debian, Ubuntu: apt install g++; without administrator: pip "
-        "install ziglang), or set SYSID_ENGINE=reference to go without this note.",
+        "The native engine cannot be used: %s. JAX computes instead: the same results, but %s, or set "
+        "SYSID_ENGINE=reference to go without this note.",
         problem,
+        loss_and_remedy,
     )
 
 
 @cache
 def _problem(coordinates: int | None) -> str | None:
-    """Why the native engine cannot be used here, None if it can."""
-    if jax.default_backend() != "cpu":
-        return f"JAX computes on {jax.default_backend()} here"
+    """Why the native engine cannot be used on this machine's processor, None if it can."""
     try:
         kernel.prepare(coordinates)
     except BuildError as error:
