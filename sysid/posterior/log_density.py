@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.arrays import Parameters
+from sysid.arrays import Parameters, ParametersByParameters
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.residuals.fewer_samples import with_fewer_samples
 from sysid.estimation.residuals.larger_steps import with_larger_steps
@@ -56,11 +56,11 @@ class LogDensity:
             self._inputs.append(group_inputs(state.model, point.weights, point.motion, expected, position, lin))
 
     def with_larger_steps(self) -> LogDensity:
-        """The same density with larger integration steps, and its value and gradient at the centre: less work.
+        """Nearly the same density with larger integration steps: less work.
 
-        Records and tilt take up what larger steps change there (:mod:`sysid.estimation.residuals.larger_steps`).
-        Readings that are closer to each other than such steps are joined
-        (:mod:`sysid.estimation.residuals.fewer_samples`).
+        At the centre, records take up what larger steps change (:mod:`sysid.estimation.residuals.larger_steps`). Around
+        it, a linear term does (:func:`_common_slope`). Readings that are closer to each other than such steps are
+        joined (:mod:`sysid.estimation.residuals.fewer_samples`).
         """
         point = self._point
         fewer = with_fewer_samples(self._model, point.weights, self.centre, point.motion)
@@ -68,7 +68,9 @@ class LogDensity:
         if model is self._model:
             return self
         other = LogDensity(replace(self._state, model=model, point=replace(point, weights=weights)))
-        other._tilt = other._tilt + other.gradient(self.centre)[1] - self.gradient(self.centre)[1]
+        sides = _principal_axes(np.asarray(point.covariance, float))
+        sets = np.concatenate([self.centre[None], self.centre + sides, self.centre - sides])
+        other._tilt = _common_slope(other(sets) - self(sets), sides)
         return other
 
     def __call__(self, log_parameters: Parameters) -> np.ndarray:
@@ -116,3 +118,29 @@ class LogDensity:
         off = self._rows @ x - self._targets
         density = -0.5 * (misfit + off @ off) - (x - self.centre) @ self._tilt
         return float(density), -0.5 * self._following.T @ slope - self._rows.T @ off - self._tilt
+
+
+def _principal_axes(covariance: ParametersByParameters) -> ParametersByParameters:
+    """Principal axes (p, p) of a normal distribution, one per row and one standard deviation long."""
+    scale = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return np.asarray((vectors * np.sqrt(np.maximum(values, np.finfo(float).tiny))).T * scale)
+
+
+def _common_slope(values: np.ndarray, axes: ParametersByParameters) -> Parameters:
+    """Slope (p,) that a function has on both sides of a point: along each axis the smaller one, 0 if signs differ.
+
+    Where a run just reaches a stop, the log-density has a corner, a little elsewhere for other integration steps.  The
+    derivative of their difference can then be large on one side, over a distance of micrometres, and says nothing of
+    what is beyond.
+
+    Parameters
+    ----------
+    values : (1 + 2 p,) at the point, and at the ends of the axes forth and back.
+    axes : (p, p), one per row, linearly independent.
+    """
+    count = len(axes)
+    forth, back = values[1 : 1 + count] - values[0], values[0] - values[1 + count :]
+    agree = np.isfinite(forth) & np.isfinite(back) & (forth * back > 0.0)
+    smaller = np.where(np.abs(forth) < np.abs(back), forth, back)
+    return np.asarray(np.linalg.solve(axes, np.where(agree, smaller, 0.0)))

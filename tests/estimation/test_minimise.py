@@ -159,6 +159,20 @@ def test_a_corner_is_a_minimum_if_neither_side_goes_down():
     np.testing.assert_allclose(corner.point, [1.0, 0.0], atol=1e-4)
 
 
+@pytest.mark.parametrize(("off", "height"), [(1e-7, 30.0), (0.1, 3.0)])
+def test_the_other_unknowns_are_searched_to_their_end_at_a_corner(off: float, height: float):
+    """Rosenbrock's valley beside a corner, whose damping makes the steps along the valley short."""
+
+    def evaluate(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        slope = -1.0 if y[1] < 0.0 else 1.0
+        residual = np.array([30.0 * (y[2] - y[0] ** 2), 1.0 - y[0], height + slope * y[1]])
+        return residual, np.array([[-60.0 * y[0], 0.0, 30.0], [-1.0, 0.0, 0.0], [0.0, slope, 0.0]])
+
+    found = minimise(evaluate, np.array([-1.2, off, 1.0]), corners=[1], relative_tolerance=1e-7, max_iterations=40)
+    assert found.converged
+    np.testing.assert_allclose(found.point, [1.0, 0.0, 1.0], atol=1e-3)
+
+
 def test_an_unknown_that_can_still_fall_is_at_no_corner():
     """Of two travels one is at a corner, and the other on a slope: only the first is held, and the second found."""
 

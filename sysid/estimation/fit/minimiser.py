@@ -31,8 +31,12 @@ _GOOD_STEP = 0.75
 _NEGLIGIBLE_FALL, _TOLERANCES = 1e-5, 10.0
 #: Shares of its Gauss-Newton step, either way, of which none may lower the cost for an unknown at a corner.
 _CORNER_SHARES = (1.0, 0.1, 0.01, 1e-3)
-#: Iterations in which the other unknowns are searched with those at corners held.
-_CORNER_ITERATIONS = 10
+#: Share of a negligible fall of the cost that shows that an unknown is at no corner.
+_STILL_FALLS = 0.1
+#: Turns in which those at corners are held and then free, and iterations of each.
+_CORNER_TURNS, _CORNER_ITERATIONS = 4, 40
+#: Tolerance of these searches over that of the whole one: they begin with short steps, which lower the cost little.
+_CORNER_TOLERANCE = 0.01
 
 #: What optimistix keeps between two steps has no public type.
 _Solver: TypeAlias = "optx.LevenbergMarquardt[Any, Any, Any]"
@@ -89,7 +93,7 @@ def unknowns_at_corners(
     Parameters
     ----------
     point : (p,); residual : (m,) and jacobian : (m, p) there; corners : unknowns whose derivatives may jump.
-    negligible : fall of the cost that does not count; a hundredth of it shows that an unknown can still move.
+    negligible : fall of the cost that does not count; :data:`_STILL_FALLS` of it shows that an unknown can still move.
     """
     cost, held = 0.5 * float(residual @ residual), []
     for j in corners:
@@ -100,7 +104,7 @@ def unknowns_at_corners(
         steps = [sign * share * pull / square for share in _CORNER_SHARES for sign in (-1.0, 1.0)]
         trials = [evaluate(point + step * np.eye(1, point.size, j)[0])[0] for step in steps]
         costs = np.array([0.5 * float(r @ r) for r in trials])
-        if np.isfinite(costs).all() and costs.min() >= cost - 0.01 * negligible:
+        if np.isfinite(costs).all() and costs.min() >= cost - _STILL_FALLS * negligible:
             held.append(j)
     return held
 
@@ -181,28 +185,53 @@ def minimise(
     better = replace(better, iterations=done + again.iterations)
     if better.converged or not len(corners):
         return better
+    return _through_corners(evaluate, better, corners, by_columns, tolerances)
 
-    residual, jacobian = evaluate(better.point)
-    negligible = max(_NEGLIGIBLE_FALL, _TOLERANCES * relative_tolerance) * better.cost
-    stuck = unknowns_at_corners(evaluate, better.point, residual, jacobian, corners, negligible)
-    if not stuck:
-        return better
 
-    def held(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        residual, jacobian = evaluate(vector)
-        jacobian = jacobian.copy()
-        jacobian[:, stuck] = 0.0
-        return residual, jacobian
+def _through_corners(
+    evaluate: Evaluation,
+    found: Minimum,
+    corners: Sequence[int],
+    scale: UnknownsOfFit,
+    tolerances: tuple[float, float],
+) -> Minimum:
+    """The end of a search that goes on with unknowns at corners held, then with all of them, in turn.
 
-    # Damping that holds an unknown at its corner holds the others as well: they are searched again without it.
-    rest = _search(
-        held, better.point, held(better.point), by_columns, tolerances, _CORNER_ITERATIONS, lambda i, cost: None
-    )
-    still = unknowns_at_corners(evaluate, rest.point, *evaluate(rest.point), stuck, negligible)
-    if not rest.converged or still != stuck:
-        return better
-    why = "the least cost is where a run just reaches a stop"
-    return replace(rest, iterations=better.iterations + rest.iterations, message=why)
+    It has also converged where no step along the unknowns at corners lowers the cost, and where the others, with these
+    held, have converged.
+    """
+    negligible = max(_NEGLIGIBLE_FALL, _TOLERANCES * tolerances[0]) * found.cost
+
+    def at_corners(point: UnknownsOfFit, among: Sequence[int]) -> list[int]:
+        return unknowns_at_corners(evaluate, point, *evaluate(point), among, negligible)
+
+    finer = _CORNER_TOLERANCE * tolerances[0], tolerances[1]
+
+    def searched(evaluate: Evaluation, before: Minimum) -> Minimum:
+        start = before.point
+        after = _search(evaluate, start, evaluate(start), scale, finer, _CORNER_ITERATIONS, lambda i, cost: None)
+        return replace(after, iterations=before.iterations + after.iterations)
+
+    for _ in range(_CORNER_TURNS):
+        stuck = at_corners(found.point, corners)
+        if not stuck:
+            break
+
+        def held(vector: np.ndarray, columns: list[int] = stuck) -> tuple[np.ndarray, np.ndarray]:
+            residual, jacobian = evaluate(vector)
+            jacobian = jacobian.copy()
+            jacobian[:, columns] = 0.0
+            return residual, jacobian
+
+        # Damping that holds an unknown at its corner holds the others as well: they are searched without it.
+        rest = searched(held, found)
+        if rest.converged and at_corners(rest.point, stuck) == stuck:
+            return replace(rest, message="the least cost is where a run just reaches a stop")
+        # With the others elsewhere, a corner is elsewhere too.
+        found = searched(evaluate, rest)
+        if found.converged:
+            break
+    return found
 
 
 def _search(
