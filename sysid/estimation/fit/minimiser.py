@@ -35,8 +35,9 @@ _CORNER_SHARES = (1.0, 0.1, 0.01, 1e-3)
 _STILL_FALLS = 0.1
 #: Turns in which those at corners are held and then free, and iterations of each.
 _CORNER_TURNS, _CORNER_ITERATIONS = 4, 40
-#: Tolerance of these searches over that of the whole one: they begin with short steps, which lower the cost little.
-_CORNER_TOLERANCE = 0.01
+#: Share of the tolerance down to which a search goes on while the linearised model predicts a further fall: in narrow
+#: curved valleys, and after a start with strong damping, steps are short.
+_SHORT_STEPS = 0.01
 
 #: What optimistix keeps between two steps has no public type.
 _Solver: TypeAlias = "optx.LevenbergMarquardt[Any, Any, Any]"
@@ -147,7 +148,8 @@ def minimise(
     ----------
     evaluate : returns residuals (m,) and Jacobian (m, p) at y (p,), m the same at every call.
     start : (p,) start vector.
-    relative_tolerance : an accepted step ends the search when it lowers the cost by less than this fraction.
+    relative_tolerance : an accepted step ends the search when it lowers the cost by less than this fraction; by less
+        than a hundredth of it while the search has not converged.
     step_tolerance : so does a proposed step that changes every component by less than this fraction.
     max_iterations : limit on evaluations of the Jacobian.
     on_iteration : called with the number of the iteration and the best cost so far.
@@ -172,17 +174,16 @@ def minimise(
     by_columns = 1.0 / np.where(norms > 0.0, norms, 1.0)
     report = on_iteration or (lambda iteration, cost: None)
     tolerances = relative_tolerance, step_tolerance
-    first = _search(evaluate, start, here, by_columns, tolerances, max_iterations, report)
-    done = first.iterations
-    if first.converged or done >= max_iterations:
-        return first
-    # An unknown that matters only away from the start was hardly damped: once more, with steps in shares of the start.
-    by_start = np.where(start != 0.0, np.abs(start), 1.0)
-    again = _search(
-        evaluate, start, here, by_start, tolerances, max_iterations - done, lambda i, cost: report(done + i, cost)
-    )
-    better = again if again.converged or again.cost < first.cost else first
-    better = replace(better, iterations=done + again.iterations)
+    better = _search(evaluate, start, here, by_columns, tolerances, max_iterations, report)
+    done = better.iterations
+    if not better.converged and done < max_iterations:
+        # An unknown that matters only away from the start was hardly damped: once more, in shares of the start.
+        by_start = np.where(start != 0.0, np.abs(start), 1.0)
+        again = _search(
+            evaluate, start, here, by_start, tolerances, max_iterations - done, lambda i, cost: report(done + i, cost)
+        )
+        better = again if again.converged or again.cost < better.cost else better
+        better = replace(better, iterations=done + again.iterations)
     if better.converged or not len(corners):
         return better
     return _through_corners(evaluate, better, corners, by_columns, tolerances)
@@ -205,11 +206,9 @@ def _through_corners(
     def at_corners(point: UnknownsOfFit, among: Sequence[int]) -> list[int]:
         return unknowns_at_corners(evaluate, point, *evaluate(point), among, negligible)
 
-    finer = _CORNER_TOLERANCE * tolerances[0], tolerances[1]
-
     def searched(evaluate: Evaluation, before: Minimum) -> Minimum:
         start = before.point
-        after = _search(evaluate, start, evaluate(start), scale, finer, _CORNER_ITERATIONS, lambda i, cost: None)
+        after = _search(evaluate, start, evaluate(start), scale, tolerances, _CORNER_ITERATIONS, lambda i, cost: None)
         return replace(after, iterations=before.iterations + after.iterations)
 
     for _ in range(_CORNER_TURNS):
@@ -290,7 +289,9 @@ def _search(
         on_iteration(iteration, best)
         proposed = np.abs(np.asarray(state.y_eval) - np.asarray(point))
         if 0.0 <= gain <= relative_tolerance * best:
-            return ended(iteration, "the cost no longer falls")
+            end = ended(iteration, "the cost no longer falls")
+            if end.converged or gain <= _SHORT_STEPS * relative_tolerance * best:
+                return end
         if np.all(proposed <= step_tolerance * (np.abs(np.asarray(point)) + step_tolerance)):
             return ended(iteration, "the step has become negligible")
         if rejections >= _PATIENCE:
