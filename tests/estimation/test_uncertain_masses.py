@@ -55,6 +55,9 @@ def test_one_step_reaches_the_joint_optimum_of_a_dense_problem():
     # An exact mass stays where it is, and does not divide by zero.
     held = joint_step(jacobian.T @ jacobian, score, prior, prior @ here, np.array([0.03, 0.0]), amounts * [1.0, 0.0])
     assert held.amounts[1] == 0.0
+    # One that is held away from zero, at a bound, is not on its way either.
+    held = joint_step(jacobian.T @ jacobian, score, prior, prior @ here, np.array([0.03, 0.0]), amounts * [1.0, 1e6])
+    assert held.amounts[1] == held.over_sd[1] == 0.0
 
 
 def test_what_leaves_its_bound_only_when_another_is_held_is_held_too():

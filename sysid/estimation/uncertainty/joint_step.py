@@ -80,14 +80,14 @@ def joint_step(
     ----------
     information : (p + q, p + q) of the data; score : (p + q,) gradient of half the sum of squares of the data.
     prior : (p, p) prior precision of the parameters; pull : (p,) gradient of their prior's half sum of squares.
-    sd : (q,) prior standard deviations of masses and departures; amounts : (q,) where they are.
+    sd : (q,) prior standard deviations of masses and departures, 0 for those that stay; amounts : (q,) where they are.
     footprint_response : (p + q, p + q) F, None where footprints stay.
     """
     count = prior.shape[0]
     scale, inverse = joint_scale(information, prior, sd), joint_covariance(information, prior, sd)
     gradient = scale * score
     gradient[:count] += scale[:count] * pull
-    gradient[count:] += amounts / np.where(sd > 0.0, sd, 1.0)
+    gradient[count:] += np.divide(amounts, sd, where=sd > 0.0, out=np.zeros(sd.size))
     whole = np.linalg.inv(inverse)
     if footprint_response is not None:
         whole += (information @ footprint_response) * np.outer(scale, scale)
