@@ -121,10 +121,15 @@ class LogDensity:
 
 
 def _principal_axes(covariance: ParametersByParameters) -> ParametersByParameters:
-    """Principal axes (p, p) of a normal distribution, one per row and one standard deviation long."""
+    """Principal axes (p, p) of a normal distribution, one per row and one standard deviation long.
+
+    Parameters
+    ----------
+    covariance : (p, p) of the log parameters.
+    """
     scale = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    return np.asarray((vectors * np.sqrt(np.maximum(values, np.finfo(float).tiny))).T * scale)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))).T * scale)
 
 
 def _common_slope(values: np.ndarray, axes: ParametersByParameters) -> Parameters:

@@ -176,7 +176,7 @@ def test_larger_steps_nearly_keep_value_and_gradient_at_the_centre_and_all_aroun
     # The gains of the sensors, which are eliminated, follow the signals: nothing else changes.
     np.testing.assert_allclose(values[1], values[0], rtol=0.0, atol=0.02)
     factor = np.linalg.cholesky(fit.state.point.covariance)
-    np.testing.assert_allclose(slopes[1] @ factor, slopes[0] @ factor, rtol=0.0, atol=0.02)
+    np.testing.assert_allclose(slopes[1] @ factor, slopes[0] @ factor, rtol=0.0, atol=0.005)
     points = exact.centre + np.random.default_rng(9).normal(size=(20, 13)) @ factor.T
     fine = in_batches(exact, points)
     off = in_batches(larger, points) - fine
@@ -200,4 +200,4 @@ def test_the_linear_term_is_what_both_sides_have_in_common():
     across = points @ np.linalg.solve(covariance, first)
     corner = points @ slope + 300.0 * np.minimum(0.0, across * np.sign(first @ slope) + 1e-6)
     found = _common_slope(corner, axes)
-    np.testing.assert_allclose(found, slope, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(found, slope, rtol=1e-9)
