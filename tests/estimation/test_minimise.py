@@ -27,14 +27,18 @@ def test_a_linear_problem_ends_at_once():
     assert found.iterations < 15
 
 
-def test_the_limit_of_iterations_is_not_convergence():
+@pytest.mark.parametrize(("most", "converged"), [(3, False), (21, True)])
+def test_at_the_limit_of_iterations_only_a_minimum_is_convergence(most: int, converged: bool):
+    """Without a limit the search ends after 23 evaluations; the last two do not move any more."""
+
     def rosenbrock(b: jax.Array) -> jax.Array:
-        return jnp.stack([1.0 - b[0], 10.0 * (b[1] - b[0] ** 2)])
+        return jnp.stack([1.0 - b[0], 10.0 * (b[1] - b[0] ** 2), jnp.asarray(0.1)])
 
     jacobian = jax.jacfwd(rosenbrock)
     start = np.array([-1.2, 1.0])
-    found = minimise(lambda b: (np.asarray(rosenbrock(b)), np.asarray(jacobian(b))), start, max_iterations=3)
-    assert not found.converged
+    found = minimise(lambda b: (np.asarray(rosenbrock(b)), np.asarray(jacobian(b))), start, max_iterations=most)
+    assert found.converged == converged
+    assert found.iterations == most
     assert "limit" in found.message
 
 

@@ -296,4 +296,4 @@ def _search(
             return ended(iteration, "the step has become negligible")
         if rejections >= _PATIENCE:
             return ended(iteration, "no smaller cost is found nearby")
-    return Minimum(np.asarray(point) * scale, best, False, max_iterations, "the limit of iterations was reached")
+    return ended(max_iterations, "the limit of iterations was reached")
