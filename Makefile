@@ -69,7 +69,7 @@ first-look: $(VENV)/.installed
 
 # Three hours on one core: plausible faults through the whole command.
 faults: $(VENV)/.installed
-	$(BIN)/python -m studies.faults --output build/faults --document docs/robustness.md
+	$(BIN)/python -m studies.faults --count 300 --seed 3024 --output build/faults --document docs/robustness.md
 
 # An hour on one core: damaged, foreign and forged result folders.
 damages: $(VENV)/.installed
@@ -85,15 +85,16 @@ soak: $(VENV)/.installed
 
 # Some ten minutes on one core: populations of simulated fleets with known truth.
 fleets: $(VENV)/.installed
-	$(BIN)/python -m studies.fleets --output build/fleets --document docs/fleet.md
+	$(BIN)/python -m studies.fleets --seed 7411 --output build/fleets --document docs/fleet.md
 
 # Two hours on two quiet cores: trucks of equations of their own through `run`; can be stopped and goes on.
 independent: $(VENV)/.installed
-	$(BIN)/python -m studies.independent --output build/independent --document docs/statistics.md
+	$(BIN)/python -m studies.independent --seed 23060631 --output build/independent --document docs/statistics.md
 
 # Ten minutes on one core: mistakes that `check` must name, and healthy campaigns that it must not accuse.
 check-faults: $(VENV)/.installed
-	$(BIN)/python -m studies.check_faults --output build/check_faults --document docs/check-faults.md
+	$(BIN)/python -m studies.check_faults --count 144 --seed 9157 --healthy 0 --effects --output build/check_faults --document docs/check-faults.md
+	$(BIN)/python -m studies.check_faults --count 0 --healthy 40 --seed 3391 --output build/check_faults --document docs/check-faults.md
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

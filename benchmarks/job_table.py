@@ -15,8 +15,8 @@ def write_table(found: dict[str, Any], document: Path) -> None:
 
 def _jobs(found: dict[str, Any]) -> str:
     lines = [
-        "`calibrate.py run CAMPAIGN --output FOLDER`. *Cold* begins with an empty cache, so that the engine and JAX's",
-        "functions are compiled. Wall time is that of a shared machine where the load says so.",
+        "`calibrate.py run CAMPAIGN --output FOLDER`, with engine and JAX's functions compiled before (but for rows",
+        "called *cold*). Wall time is that of a shared machine where the load says so.",
         "",
         "| campaign | what | ends | wall [s] | processor [s] | peak memory [GB] | load |",
         "|---|---|---|---|---|---|---|",

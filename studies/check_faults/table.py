@@ -66,11 +66,11 @@ def effect_table(records: Sequence[dict[str, Any]]) -> str:
         elif r["ends"] == "no fit":
             lines.append(f"| {r['said']} | stopped there | |")
     measured = [r for r in records if r["ends"] in ("fitted", "same readings")]
-    small = sum(r["k"] <= HARMLESS_K or r["c"] <= HARMLESS_C for r in measured)
-    both = sum(r["k"] <= HARMLESS_K and r["c"] <= HARMLESS_C for r in measured)
+    harmless = sum(r["k"] <= HARMLESS_K and r["c"] <= HARMLESS_C for r in measured)
+    both = sum(r["k"] > HARMLESS_K and r["c"] > HARMLESS_C for r in measured)
     said = (
-        f"Of {len(measured)} faults that passed somewhere, {both} change neither a k by more than "
-        f"{100 * HARMLESS_K:.0f} % nor a c by more than {100 * HARMLESS_C:.0f} %, {small} not both:"
+        f"{len(measured)} faults passed on some campaign: {harmless} change no k by more than {100 * HARMLESS_K:.0f} % "
+        f"and no c by more than {100 * HARMLESS_C:.0f} %, {both} change both by more."
     )
     return "\n".join([said, "", *lines])
 

@@ -29,8 +29,8 @@ _CHOICES = ("auto", "native", "reference", "jax")
 
 #: What is lost without the native engine, and how to get it back: with JAX on the processor and on another device.
 _COMPILER = (
-    "a simulation takes about twelve times as long. Install a C++ compiler (Debian, Ubuntu: apt install g++; without "
-    "administrator: pip install ziglang)"
+    "a likelihood takes about twelve times as long, and the derivatives of the fit a hundred times. Install a C++ "
+    "compiler (Debian, Ubuntu: apt install g++; without administrator: pip install ziglang)"
 )
 _DEVICE = (
     "steps of so few numbers are slow there. Unset JAX_PLATFORMS, or make the processor JAX's default device "

@@ -81,7 +81,7 @@ def test_shares_are_counted_and_written(tmp_path: Path) -> None:
     write(made[:3], [{"number": 1, "accusing": [], "rejected": [], "records": 5}], effects, 3, page)
     text = page.read_text(encoding="utf-8")
     assert "3 cases with 3 faults, seed 3" in text
-    assert "Of 2 faults that passed somewhere, 1 change neither" in text
+    assert "2 faults passed on some campaign: 1 change no k" in text
     assert "| x | 1 % | 20 % |" in text
     assert "old" not in text
     assert text.endswith("tail\n")
