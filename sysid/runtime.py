@@ -111,7 +111,9 @@ def _use_the_processor() -> None:
     """
     import jax
 
-    if _setting("jax_platforms") or _setting("jax_default_device") is not None:
+    # JAX_PLATFORM_NAME is the older name of JAX_PLATFORMS, without a setting that could be read.
+    chosen = _setting("jax_platforms") or os.environ.get("JAX_PLATFORM_NAME")
+    if chosen or _setting("jax_default_device") is not None:
         return
     if _Process.ours:
         jax.config.update("jax_platforms", "cpu")

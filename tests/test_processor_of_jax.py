@@ -22,6 +22,7 @@ def with_card(monkeypatch: pytest.MonkeyPatch):
     before = {name: getattr(jax.config, name) for name in ("jax_platforms", "jax_default_device")}
     for name in before:
         jax.config.update(name, None)
+    monkeypatch.delenv("JAX_PLATFORM_NAME", raising=False)
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
     monkeypatch.setattr("sysid.runtime._Process.ours", False)
     engine._say_once.cache_clear()
@@ -55,6 +56,15 @@ def test_what_the_user_chose_stays(with_card, name: str, value: str, ours: bool)
     jax.config.update(name, value)
     configure()
     assert getattr(jax.config, name) == value
+    assert platform_of_process() == "gpu"
+
+
+@pytest.mark.parametrize("ours", [False, True])
+def test_so_does_what_the_user_chose_by_the_older_variable(with_card, ours: bool) -> None:
+    with_card.setattr("sysid.runtime._Process.ours", ours)
+    with_card.setenv("JAX_PLATFORM_NAME", "gpu")
+    configure()
+    assert jax.config.jax_platforms is None
     assert platform_of_process() == "gpu"
 
 

@@ -200,8 +200,42 @@ def test_clocks_follow_as_in_one_dense_least_squares_problem(fit):
     np.testing.assert_allclose(found.clocks.step(step[:count]), of_clocks, rtol=1e-6, atol=1e-9)
     covariance = np.linalg.inv(dense.T @ dense)[:count, :count]
     np.testing.assert_allclose(np.linalg.inv(found.matrix), covariance, rtol=1e-5, atol=1e-12)
-    assert found.blocks[-1] == ("clocks", "")
+    np.testing.assert_allclose(-np.linalg.solve(found.matrix, found.score), step[:count], rtol=1e-4, atol=1e-9)
     assert len(found.blocks) == len(found.scores) == len(found.parts)
+    np.testing.assert_allclose(found.parts.sum(axis=0), found.matrix, rtol=1e-6, atol=1e-6 * np.abs(found.matrix).max())
+
+
+@pytest.mark.parametrize("faster", [1.0, 1.03])
+def test_the_pull_on_speeds_counts_as_in_one_dense_least_squares_problem(fit, faster: float):
+    """Runs whose nominal speeds are a standard deviation off pull k and c along: the step of the parameters alone."""
+    state = fit.state
+    campaign = replace(
+        state.campaign,
+        bump_runs=tuple(replace(r, nominal_speed_m_s=r.nominal_speed_m_s * faster) for r in state.campaign.bump_runs),
+    )
+    problem = Problem(state.model, campaign, state.point.motion, state.point.weights)
+    vector = problem.vector(state.point.log_parameters)
+    found = information_with(campaign, problem, vector, with_parts=True)
+    count, runs = problem.count, len(campaign.bump_runs)
+    _, motion = problem.unpack(vector)
+    rows, values = [], []
+    for position, group in enumerate(problem.model.groups):
+        here = problem.linearise_one(vector, position)
+        prior, by_motion = problem.expected.rows(motion, group.runs)
+        for r, run in enumerate(group.runs):
+            of_run = slice(count + RUN_UNKNOWNS * run, count + RUN_UNKNOWNS * (run + 1))
+            of_data = [np.asarray(here.residual_jacobian)[:, r].reshape(-1, count + RUN_UNKNOWNS)]
+            of_data.append(np.asarray(here.gain_jacobian)[r])
+            block = np.zeros((sum(map(len, of_data)) + len(by_motion[r]), count + RUN_UNKNOWNS * runs))
+            block[: -len(by_motion[r]), :count] = np.concatenate(of_data)[:, :count]
+            block[: -len(by_motion[r]), of_run] = np.concatenate(of_data)[:, count:]
+            block[-len(by_motion[r]) :, of_run] = by_motion[r]
+            rows.append(block)
+            values += [np.asarray(here.residual)[:, r].ravel(), np.asarray(here.gain_residual)[r], prior[r]]
+    dense, value = np.vstack(rows), np.concatenate(values)
+    step = -np.linalg.solve(dense.T @ dense, dense.T @ value)[:count]
+    np.testing.assert_allclose(-np.linalg.solve(found.matrix, found.score), step, rtol=1e-4, atol=1e-9)
+    np.testing.assert_allclose(found.parts.sum(axis=0), found.matrix, rtol=1e-6, atol=1e-6 * np.abs(found.matrix).max())
 
 
 def test_one_logger_has_no_clock_to_follow(fit):

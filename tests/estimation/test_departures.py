@@ -14,10 +14,11 @@ from sysid.campaign.vehicle_records import AxleGroup
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
+from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
-from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE, departure_scale
+from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE, departure_columns, departure_scale
 from sysid.estimation.uncertainty.departures import ENVELOPE, FRICTION, REACH, SPOKES, TIRE_LOAD, Departure, Departures
 from sysid.vehicle_model.passes import EffectiveRoads
 
@@ -150,7 +151,38 @@ def test_stiffening_spokes_are_the_maps_of_their_exponent(model):
 def test_amounts_stay_within_reach_and_friction_does_not_push():
     masses = SimpleNamespace(sd=np.array([0.03]), factors=("one",))
     directions = (Departure(FRICTION, 0), Departure(ENVELOPE, 0), Departure(TIRE_LOAD, 0, "laden"))
-    allowances = Allowances(masses, SimpleNamespace(directions=directions))
+    allowances = Allowances(masses, Departures(None, directions))
     found = allowances.within_reach(np.array([-0.5, -0.02, -9.0, 0.1]))
     np.testing.assert_allclose(found, [-0.12, 0.0, -REACH[ENVELOPE], 0.1])
     np.testing.assert_allclose(allowances.within_reach(np.full(4, 9.0)), [0.12, *(REACH[d.kind] for d in directions)])
+
+
+def test_an_axle_goes_no_further_than_its_reach_together_with_what_all_have_in_common():
+    masses = SimpleNamespace(sd=np.zeros(0), factors=())
+    directions = tuple(Departure(kind, axle) for kind in (FRICTION, ENVELOPE) for axle in (0, 1, None))
+    allowances = Allowances(masses, Departures(None, directions))
+    found = allowances.within_reach(np.array([0.05, 0.01, 0.06, -1.5, 0.4, -1.0]))
+    np.testing.assert_allclose(found, [0.04, 0.01, 0.06, -1.0, 0.4, -1.0])
+    np.testing.assert_array_equal(allowances.within_reach(found), found)
+
+
+@pytest.mark.parametrize(("own", "common"), [(0.1, 0.0), (0.04, 0.06)])
+def test_derivatives_do_not_vanish_at_the_end_of_the_reach(model, own: float, common: float):
+    """Friction of a tenth of the load, in two ways, against a little less of it."""
+    data, parameters, ours = model
+    allowances = campaign_allowances(data, parameters, ours.felt)
+    names = [*range(len(allowances.masses.factors)), *allowances.departures.directions]
+    axle = names.index(Departure(FRICTION, 0))
+    amounts = np.zeros(allowances.count)
+    amounts[axle], amounts[names.index(Departure(FRICTION, None))] = own, common
+    np.testing.assert_array_equal(allowances.within_reach(amounts), amounts)
+    ones = tuple(np.ones(g.measured.shape[1:]) for g in ours.groups)
+
+    def column(less: float) -> np.ndarray:
+        there = amounts - less * (np.arange(amounts.size) == axle)
+        found = departure_columns(ours, allowances, Weights(ones, ones), parameters.start, MOTION, there)
+        return found[0].by_channel[..., axle - len(allowances.masses.factors)]
+
+    inside = column(1e-5)
+    assert np.abs(inside).max() > 1e-3
+    np.testing.assert_allclose(column(0.0), inside, atol=1e-3 * np.abs(inside).max())

@@ -111,9 +111,17 @@ def test_friction_that_is_not_modelled_is_no_rocker():
     assert fit.undeclared_rockers == ()
 
 
-@pytest.mark.parametrize(("misfit", "gain", "fitted"), [(1.31, 50.0, True), (1.2, 110.0, True), (1.2, 90.0, False)])
-def test_a_part_near_the_noise_has_to_explain_a_hundredth_of_the_residuals(misfit, gain, fitted, monkeypatch):
-    """Twice the cost is 10,000 before it, and 100 less with it: enough to stay."""
+@pytest.mark.parametrize(
+    ("misfit", "gain", "end", "fitted"),
+    [
+        (1.31, 50.0, 5000.0, True),
+        (1.31, 50.0, 4955.0, False),
+        (1.2, 110.0, 5000.0, True),
+        (1.2, 90.0, 5000.0, False),
+    ],
+)
+def test_a_part_near_the_noise_has_to_explain_a_hundredth_of_the_residuals(misfit, gain, end, fitted, monkeypatch):
+    """Twice the cost is 10,000 before it, and 100 less with it: enough to stay, unless going on finds it as well."""
 
     def stub(cost):
         problem = SimpleNamespace(forget=lambda: None)
@@ -126,6 +134,7 @@ def test_a_part_near_the_noise_has_to_explain_a_hundredth_of_the_residuals(misfi
     monkeypatch.setattr(part_search, "effective_residuals", lambda optimum: 1000.0)
     better = stub(4950.0)
     monkeypatch.setattr(part_search, "_fitted", lambda *unused: better)
+    monkeypatch.setattr(part_search, "_cost_at_end", lambda optimum: end)
     given = measured(0.0, 0.0), (), stub(5000.0), None, PROFILES, OPTIONS, unwatched
     _, optimum = undeclared_parts(*given, law_gain=lambda *unused: 0.0)
     assert (optimum is better) is fitted

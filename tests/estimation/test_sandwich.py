@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sysid.estimation.fit.optimum import parameter_sd
+from sysid.estimation.residuals.run_unknowns import run_normal
 from sysid.estimation.uncertainty.information import BlockInformation, model_error
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns
 from sysid.estimation.uncertainty.sandwich import adjust, block_scores
@@ -74,6 +76,25 @@ def test_a_run_s_own_unknowns_are_eliminated_like_a_schur_complement() -> None:
     total = dense.T @ residual[:, 0].ravel()
     expected = total[:3] - normal[:3, 3:] @ np.linalg.solve(normal[3:, 3:], total[3:])
     assert np.allclose(scores[0].sum(axis=0), expected, rtol=1e-8)
+
+
+def test_a_run_that_says_nothing_about_its_own_start_does_no_harm():
+    random = np.random.default_rng(7)
+    columns, gains, prior = random.normal(size=(50, 2, 3, 3)), random.normal(size=(2, 3, 3)), np.zeros((2, 3, 3))
+    columns[:, 1, :, 1] = gains[1, :, 1] = 0.0
+    first, second = run_normal(columns, gains, prior)
+    assert np.all(np.linalg.eigvalsh(second) > 0.0)
+    written_out = np.concatenate([columns[:, 0].reshape(-1, 3), gains[0]])
+    np.testing.assert_allclose(first, written_out.T @ written_out, rtol=1e-10)
+    jacobian = random.normal(size=(40, 7))
+    jacobian[:, 5] = 0.0
+    problem = SimpleNamespace(
+        compressed=lambda vector: SimpleNamespace(jacobian=jacobian), count=4, forget=lambda: None
+    )
+    seen = jacobian[:, [0, 1, 2, 3, 4, 6]]
+    expected = np.sqrt(np.diag(np.linalg.inv(seen.T @ seen))[:4])
+    found = parameter_sd(SimpleNamespace(problem=problem, vector=None))
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 def test_further_columns_count_like_those_of_parameters() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import astuple, replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from scipy.optimize import lsq_linear
 from synthetic_fit import synthetic_campaign
 
 from sysid.campaign.vehicle_records import AxleGroup, FrameBending, FrameMass, MassTolerances
+from sysid.errors import DataRejectedError
 from sysid.estimation.fit import joint_optimum
 from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.minimiser import minimise
@@ -27,6 +29,7 @@ from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.estimation.uncertainty.joint_step import JointStep, bounded_step, integrated, joint_step
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.uncertain_masses import AXLE_LOAD, SCALE, uncertain_masses
+from sysid.progress import unwatched
 from sysid.vehicle_model.assembly import assemble
 
 OPTIONS = FitOptions(weight_rounds=1, second_solver=False)
@@ -320,3 +323,52 @@ def test_the_clocks_of_a_run_that_go_back_and_forth_are_damped_alone():
     # What is left to go is not less for that.
     assert damped.largest == 0.8
     assert joint_optimum._Step(still, None, 0.8).damped(before).clocks is None
+
+
+def test_a_step_after_which_residuals_are_larger_is_shortened(monkeypatch):
+    """Weights that stay say nothing about residuals; the whole step leaves the range of the simulation."""
+    still, options = joint_optimum._Step(JointStep(np.zeros(1), np.ones(1), np.ones(1)), None, 1.0), FitOptions()
+    costs = {0.5: 2000.0, 0.25: 1010.0}
+
+    def moved(campaign, optimum, step, *rest, larger_steps):
+        if step.largest == 1.0:
+            raise DataRejectedError("not finite")
+        return SimpleNamespace(minimum=SimpleNamespace(cost=costs[step.largest]), misfit=1.0)
+
+    def shares(weight_rounds: int) -> float | None:
+        how = replace(options, weight_rounds=weight_rounds)
+        found = joint_optimum._improved(
+            None, before, still, {}, how, unwatched, larger_steps=True, worse=joint_optimum.WORSE
+        )
+        return None if found is None else found.minimum.cost
+
+    monkeypatch.setattr(joint_optimum, "_moved", moved)
+    before = SimpleNamespace(minimum=SimpleNamespace(cost=1000.0), misfit=1.0)
+    assert shares(0) == 1010.0
+    # Under new weights costs differ anyway, and their scales tell.
+    assert shares(1) == 2000.0
+    costs[0.25] = 1500.0
+    assert shares(0) is None
+
+
+@pytest.mark.parametrize(("found_in", "weighed"), [(None, [1, 1, 0, 0]), (0, [1, 1, 0, 0]), (2, [1, 1, 1, 0])])
+def test_a_stop_that_is_found_late_asks_for_weights_once_more(monkeypatch, found_in: int | None, weighed: list[int]):
+    rounds: list[int] = []
+
+    def touched(campaign, optimum, options, report):
+        return SimpleNamespace(**vars(optimum)) if len(rounds) == found_in else optimum
+
+    def improved(campaign, optimum, step, profiles, options, report, **how):
+        rounds.append(options.weight_rounds)
+        return optimum
+
+    lengths = iter([1.0, 1.0, 0.5, 0.01])
+    step = JointStep(np.zeros(1), np.ones(1), np.ones(1))
+    monkeypatch.setattr(joint_optimum, "with_touched_stops", touched)
+    monkeypatch.setattr(joint_optimum, "_with_frame_shapes", lambda campaign, optimum, *rest: optimum)
+    monkeypatch.setattr(joint_optimum, "_allowances", lambda *given: None)
+    monkeypatch.setattr(joint_optimum, "_step", lambda *given: joint_optimum._Step(step, None, next(lengths)))
+    monkeypatch.setattr(joint_optimum, "_improved", improved)
+    start = SimpleNamespace(problem=SimpleNamespace(model=None))
+    joint_optimum.joint_optimum(None, start, {}, FitOptions(weight_rounds=3), unwatched)
+    assert rounds == weighed

@@ -22,6 +22,7 @@ import numpy as np
 from sysid.arrays import Parameters, ParametersByParameters
 from sysid.campaign.clocks.moved import on_moved_clocks
 from sysid.campaign.records import Campaign
+from sysid.errors import DataRejectedError
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.reweighted_search import continued, optimise_from
@@ -49,11 +50,13 @@ ROUNDS = 12
 #: Beyond this many standard deviations, the last round has not settled.
 SETTLED_SD = 1.0
 #: Rounds in which residuals get new weights. Later the weights stay, because they can go back and forth with the
-#: optimum.
+#: optimum; a stop that the runs turn out to touch only then asks for them once more.
 REWEIGHTED = 2
 #: Fractions of a step that are tried until one does not make the residuals larger than this many times their size
 #: before.
 SHARES, WORSE = (1.0, 0.5, 0.25), 1.05
+#: Costs that differ by this much are the same: a step of masses moves the parameters along.
+_SAME_COST = 1.0
 #: Before the last round searches need not be exact.
 _ROUGH_TOLERANCE = 1e-5
 _UNSETTLED = "masses and tires did not settle: another model may be needed"
@@ -104,17 +107,20 @@ def joint_optimum(
     reweighted, final = replace(rough, weight_rounds=min(options.weight_rounds, 1)), replace(options, weight_rounds=0)
     optimum = _with_frame_shapes(campaign, optimum, profiles, reweighted, report)
     before: _Step | None = None
+    weighed = REWEIGHTED
     for number in range(ROUNDS):
         if number in (0, REWEIGHTED):
-            optimum = with_touched_stops(campaign, optimum, rough, report)
+            touched = with_touched_stops(campaign, optimum, rough, report)
+            weighed = max(weighed, number + 1) if touched is not optimum else weighed
+            optimum = touched
         report("masses and tires", 0.9)
         allowances = _allowances(campaign, optimum.problem.model)
         step = _step(campaign, optimum, allowances)
         step = step if before is None else step.damped(before)
         before = step
-        near = number >= REWEIGHTED and step.largest < NEAR_SD
+        near = number >= weighed and step.largest < NEAR_SD
         last = near or number == ROUNDS - 1
-        how = final if last else (reweighted if number < REWEIGHTED else rough)
+        how = final if last else (reweighted if number < weighed else rough)
         moved = _improved(campaign, optimum, step, profiles, how, report, larger_steps=not last, worse=WORSE)
         if moved is None:
             # No step is an improvement: the search ends where it is, by exact steps.
@@ -165,10 +171,24 @@ def _improved(
 ) -> Optimum | None:
     """The optimum after the largest share of a step that leaves residuals below `worse` times theirs; None for none."""
     for share in SHARES:
-        moved = _moved(campaign, optimum, step.times(share), profiles, options, report, larger_steps=larger_steps)
-        if moved.misfit <= worse * optimum.misfit:
+        try:
+            moved = _moved(campaign, optimum, step.times(share), profiles, options, report, larger_steps=larger_steps)
+        except DataRejectedError:
+            # The simulation is not finite there: no improvement.
+            continue
+        if _not_larger(moved, optimum, options, worse):
             return moved
     return None
+
+
+def _not_larger(moved: Optimum, before: Optimum, options: FitOptions, worse: float) -> bool:
+    """Whether the residuals of an optimum are below `worse` times those of the one before.
+
+    Scales of residuals follow them only where weights are made again. Under the same weights costs are compared.
+    """
+    if options.weight_rounds > 0:
+        return moved.misfit <= worse * before.misfit
+    return moved.minimum.cost <= worse**2 * before.minimum.cost + _SAME_COST
 
 
 def _unsettled(optimum: Optimum) -> Optimum:

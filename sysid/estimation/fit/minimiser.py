@@ -27,7 +27,7 @@ _PATIENCE = 20
 #: Share of the predicted fall of the cost above which the damping is relaxed.
 _GOOD_STEP = 0.75
 #: A point is a minimum if the expected decrease by the linear model is not larger than this fraction of the cost, or
-#: than this many times the decrease that ends the search.
+#: than this many times the decrease that ends the search. A search ends there only below the second limit.
 _NEGLIGIBLE_FALL, _TOLERANCES = 1e-5, 10.0
 #: Shares of its Gauss-Newton step, either way, of which none may lower the cost for an unknown at a corner.
 _CORNER_SHARES = (1.0, 0.1, 0.01, 1e-3)
@@ -149,9 +149,9 @@ def minimise(
     evaluate : returns residuals (m,) and Jacobian (m, p) at y (p,), m the same at every call.
     start : (p,) start vector.
     relative_tolerance : an accepted step ends the search when it lowers the cost by less than this fraction; by less
-        than a hundredth of it while the search has not converged.
+        than a hundredth of it while the expected decrease is larger than ten times this fraction.
     step_tolerance : so does a proposed step that changes every component by less than this fraction.
-    max_iterations : limit on evaluations of the Jacobian.
+    max_iterations : limit on evaluations of the Jacobian; unknowns at corners may take more.
     on_iteration : called with the number of the iteration and the best cost so far.
     corners : unknowns in which derivatives may jump, see :func:`unknowns_at_corners`.
 
@@ -182,7 +182,8 @@ def minimise(
         again = _search(
             evaluate, start, here, by_start, tolerances, max_iterations - done, lambda i, cost: report(done + i, cost)
         )
-        better = again if again.converged or again.cost < better.cost else better
+        as_low = again.cost <= better.cost * (1.0 + relative_tolerance)
+        better = again if again.cost < better.cost or (again.converged and as_low) else better
         better = replace(better, iterations=done + again.iterations)
     if better.converged or not len(corners):
         return better
@@ -281,17 +282,16 @@ def _search(
             args = _Affine(state.y_eval, residual, jacobian * scale)
         cost = 0.5 * float(residual @ residual)
         point, state, _ = _step(solver, point, args, state)
+        # A step is rejected also if it keeps little of its promise.
+        gain, rejections = -np.inf, rejections + 1
         if np.array_equal(np.asarray(point), np.asarray(args.point)):
-            here = residual, jacobian
-        gain = best - cost
-        rejections = 0 if gain > 0.0 else rejections + 1
-        best = min(best, cost)
+            here, gain, best, rejections = (residual, jacobian), best - cost, cost, 0
         on_iteration(iteration, best)
         proposed = np.abs(np.asarray(state.y_eval) - np.asarray(point))
         if 0.0 <= gain <= relative_tolerance * best:
-            end = ended(iteration, "the cost no longer falls")
-            if end.converged or gain <= _SHORT_STEPS * relative_tolerance * best:
-                return end
+            enough = promised_fall(*here) <= _TOLERANCES * relative_tolerance * best
+            if enough or gain <= _SHORT_STEPS * relative_tolerance * best:
+                return ended(iteration, "the cost no longer falls")
         if np.all(proposed <= step_tolerance * (np.abs(np.asarray(point)) + step_tolerance)):
             return ended(iteration, "the step has become negligible")
         if rejections >= _PATIENCE:

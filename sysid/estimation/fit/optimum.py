@@ -71,6 +71,10 @@ def effective_residuals(optimum: Optimum) -> float:
 
 def parameter_sd(optimum: Optimum) -> np.ndarray:
     """Standard deviations (p,) of the log parameters from the curvature of the cost at the optimum alone."""
-    jacobian = optimum.problem.compressed(optimum.vector).jacobian
+    jacobian, count = optimum.problem.compressed(optimum.vector).jacobian, optimum.problem.count
     optimum.problem.forget()
-    return np.asarray(np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian))[: optimum.problem.count]))
+    normal = jacobian.T @ jacobian
+    # A run that left its record says nothing about its own unknowns.
+    own = np.diag(normal)[count:]
+    normal[count:, count:] += 1e-12 * np.diag(np.maximum(own, own.mean()))
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(normal))[:count]))

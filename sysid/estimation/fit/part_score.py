@@ -89,7 +89,8 @@ def _alike(candidate: PartCandidate, k: int, pull: np.ndarray, information: np.n
     """Score of candidate number `k` with one amplitude in all load cases."""
     own = slice(k * cases, (k + 1) * cases)
     u, v = float(pull[own].sum()), float(information[own, own].sum())
-    return PartScore(candidate, u**2 / v, -u / v)
+    # A part without any effect gains nothing.
+    return PartScore(candidate, u**2 / v, -u / v) if v > 0.0 else PartScore(candidate, 0.0, 0.0)
 
 
 def _by_load_case(

@@ -10,6 +10,7 @@ import numpy as np
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.frame_search import frame_candidates, modal_mass_candidates
 from sysid.estimation.fit.least_squares import optimise
+from sysid.estimation.fit.minimiser import promised_fall
 from sysid.estimation.fit.optimum import Optimum, effective_residuals, worth_a_search
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.part_score import PartCandidate, part_scores
@@ -40,8 +41,9 @@ def undeclared_parts(
     """Parts that the residuals of a fit require, and an optimum with them under the same weights and maps.
 
     A part is fitted if its expected gain by a score test is decisive, and larger than that of any richer suspension
-    law. The gain of this fit decides. If the residuals are near the noise, the part must be expected to explain a good
-    share of them (:func:`sysid.estimation.fit.optimum.worth_a_search`).
+    law. The gain of this fit decides, over the cost at which a search without the part would end. If the residuals are
+    near the noise, the part must be expected to explain a good share of them
+    (:func:`sysid.estimation.fit.optimum.worth_a_search`).
 
     Parameters
     ----------
@@ -62,7 +64,7 @@ def undeclared_parts(
         report(best.words, 0.5)
         added = best.unknown.in_campaign(campaign)
         trial = _fitted(added, laws, optimum, drops, profiles, options, report)
-        stays = 2.0 * (optimum.minimum.cost - trial.minimum.cost) >= decides and best.plausible(trial)
+        stays = 2.0 * (_cost_at_end(optimum) - trial.minimum.cost) >= decides and best.plausible(trial)
         trial.problem.forget()
         if not stays:
             break
@@ -82,7 +84,14 @@ def _fitted(
     """The optimum with a part, under the weights and maps of the one without, so that costs can be compared."""
     how = replace(options, weight_rounds=0, tolerance=max(options.tolerance, 1e-6))
     parameters = campaign_parameters(campaign, drops, laws)
-    return optimise(campaign, parameters, profiles, how, report, near=near, keep_maps=True)
+    return optimise(campaign, parameters, profiles, how, report, near=near, keep_maps=True, larger_steps=True)
+
+
+def _cost_at_end(optimum: Optimum) -> float:
+    """What the cost of a search that may have ended early would fall to, by the linearised model."""
+    here = optimum.problem.compressed(optimum.vector)
+    optimum.problem.forget()
+    return optimum.minimum.cost - promised_fall(here.residual, here.jacobian)
 
 
 def candidates_of(campaign: Campaign) -> tuple[PartCandidate, ...]:

@@ -24,7 +24,7 @@ def run_normal(
     """
     normal = np.einsum("trck,trcl->rkl", residual_columns, residual_columns)
     normal += np.einsum("rck,rcl->rkl", gain_columns, gain_columns)
-    return np.asarray(normal + prior)
+    return _never_singular(normal + prior)
 
 
 def without_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> RunsByUnknownsByUnknowns:
@@ -47,7 +47,10 @@ def response_of_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUn
 def own_normal(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> RunsByUnknownsByUnknowns:
     """N (R, l, l) of the runs' own unknowns with their priors; as `without_runs`."""
     count = normal.shape[-1] - prior.shape[-1]
-    of_runs = normal[:, count:, count:] + prior
-    # A run whose data say nothing about its own unknowns must not divide by zero.
-    of_runs += 1e-12 * np.trace(of_runs, axis1=1, axis2=2)[:, None, None] * np.eye(prior.shape[-1])
-    return np.asarray(of_runs)
+    return _never_singular(normal[:, count:, count:] + prior)
+
+
+def _never_singular(normal: RunsByUnknownsByUnknowns) -> RunsByUnknownsByUnknowns:
+    """Normal matrices of runs, of which one whose data say nothing about its own unknowns must not divide by zero."""
+    little = 1e-12 * np.trace(normal, axis1=1, axis2=2)
+    return np.asarray(normal + little[:, None, None] * np.eye(normal.shape[-1]))

@@ -38,12 +38,19 @@ class Allowances:
         return amounts[:masses], amounts[masses:]
 
     def within_reach(self, amounts: np.ndarray) -> np.ndarray:
-        """Amounts (m + n,) within the range that the simulation follows; friction is not negative."""
+        """Amounts (m + n,) within the range that the simulation follows; friction is not negative.
+
+        An axle's own part goes no further than that range leaves beside the part that all axles have in common.
+        """
         masses, amplitudes = self.split(amounts)
         far = REACH_SD * self.masses.sd
-        reach = np.array([REACH[d.kind] for d in self.departures.directions])
-        least = np.array([0.0 if d.kind == FRICTION else -REACH[d.kind] for d in self.departures.directions])
-        return np.concatenate([np.clip(masses, -far, far), np.clip(amplitudes, least, reach)])
+        directions = self.departures.directions
+        reach = np.array([REACH[d.kind] for d in directions])
+        least = np.array([0.0 if d.kind == FRICTION else -REACH[d.kind] for d in directions])
+        bounded = np.clip(amplitudes, least, reach)
+        common = self.departures.common(bounded)
+        bounded = np.clip(bounded, np.maximum(least, -reach - common), np.minimum(reach, reach - common))
+        return np.concatenate([np.clip(masses, -far, far), bounded])
 
     def moved(self, model: BumpModel, amounts: np.ndarray) -> BumpModel:
         """The model with other masses and departures than those it was made with; (m + n,)."""

@@ -68,7 +68,8 @@ def departure_columns(
 ) -> Sequence[ResidualColumns]:
     """Derivatives of every group's residuals (T, R, C, n) and gains (R, C, n) by n amplitudes, at `amounts` (q,).
 
-    They are made when they are asked for if they are too many.
+    They are made when they are asked for if they are too many.  Where an axle departs already, steps go back towards
+    the model: at the end of its reach it cannot go further.
     """
     known = allowances.departures
     count = len(known.directions)
@@ -90,10 +91,11 @@ def departure_columns(
     for j, d in enumerate(known.directions):
         if d.axle is not None:
             together.setdefault((d.kind, d.axle), []).append(j)
+    steps = np.where(present + known.common(present) > 0.0, -STEP, STEP)
     amplitudes = [present]
     for members in together.values():
         further = present.copy()
-        further[members] += STEP
+        further[members] += steps[members]
         amplitudes.append(further)
     of_masses = allowances.with_masses(model, amounts)
     trials = (allowances.departed(of_masses, np.concatenate([log_factors, a])) for a in amplitudes)
@@ -104,8 +106,8 @@ def departure_columns(
             for j in members:
                 case = known.directions[j].load_case
                 runs = np.ones(case_of_run.size, bool) if case is None else case_of_run == case
-                column.by_channel[runs, :, j] = (there.residual[runs] - here.residual[runs]) / STEP
-                column.gain[runs, :, j] = (there.gain[runs] - here.gain[runs]) / STEP
+                column.by_channel[runs, :, j] = (there.residual[runs] - here.residual[runs]) / steps[j]
+                column.gain[runs, :, j] = (there.gain[runs] - here.gain[runs]) / steps[j]
     for j, d in enumerate(known.directions):
         if d.axle is None:
             members = [i for i, m in enumerate(known.directions) if m.kind == d.kind and m.axle is not None]
@@ -158,13 +160,13 @@ def departure_scale(
         left = np.linalg.inv(sd[:, None] * remaining * sd + np.eye(sd.size))
         estimate = -(left @ (sd * gradient)) * sd
         variance = (np.diag(left) * sd**2)[masses:]
-        before = tau
+        before = np.concatenate([tau, mass_sd])
         if readings is not None and readings.any():
             square = np.mean(estimate[:masses][readings] ** 2 + (np.diag(left) * sd**2)[:masses][readings])
             mass_sd[readings] = np.clip(np.sqrt(square), tolerance[readings], MOST_GROWN * tolerance[readings])
             if scales is not None:
                 mass_sd[scales] = tolerance[scales] * float(np.max(mass_sd[readings] / tolerance[readings]))
         tau = np.minimum(np.sqrt(mean_of_group @ (estimate[masses:] ** 2 + variance)), largest)
-        if np.all(np.abs(tau - before) <= 1e-8 + 1e-3 * before):
+        if np.all(np.abs(np.concatenate([tau, mass_sd]) - before) <= 1e-8 + 1e-3 * before):
             break
     return DepartureScale(tau, estimate, mass_sd)

@@ -78,6 +78,11 @@ class Departures:
     # Maps of a bump take a while: they are made once.
     _blends: dict[tuple[Pass, ...], BlendedRoad] = field(default_factory=dict, repr=False, compare=False)
 
+    def common(self, amplitudes: np.ndarray) -> np.ndarray:
+        """What every direction of an axle (n,) has in common with the others of its kind; 0 for the common parts."""
+        shared = {d.kind: float(a) for d, a in zip(self.directions, amplitudes, strict=True) if d.axle is None}
+        return np.array([0.0 if d.axle is None else shared.get(d.kind, 0.0) for d in self.directions])
+
     def spread(self, kind: str, amplitudes: np.ndarray, load_cases: Sequence[str]) -> np.ndarray:
         """Amplitudes (R, na) of one kind in passes of the given load cases, from those of all directions (n,)."""
         by_pass = np.zeros((len(load_cases), len(self.roads.vehicle.axles)))

@@ -33,7 +33,7 @@ from sysid.estimation.uncertainty.joint_step import (
 from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_following
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns
-from sysid.estimation.uncertainty.run_scores import ClockScores, run_scores, run_scores_with_clocks
+from sysid.estimation.uncertainty.run_scores import ClockScores, PriorScores, run_scores
 from sysid.estimation.uncertainty.sandwich import BlockScores, adjust
 
 #: Rounds in which the factor of model error, and the scales of departures that go with it, are found.
@@ -63,12 +63,11 @@ class BlockInformation:
 
     - `matrix` (p + m, p + m);
     - `scores` (n, p + m): of single runs and channels, and `blocks`: the block of each (one channel in all repeats of
-      one case);
+      one case). The priors of the runs' own motions, which were eliminated, are one more block for each load case;
     - `parts` (n, p + m, p + m): the terms whose sum is the matrix, None unless requested;
     - `of_load_cases`: the share of the matrix that comes from the runs in each load case.
 
-    `clocks`: how the clocks of further loggers follow, if they were eliminated as well; their priors are one more
-    block.
+    `clocks`: how the clocks of further loggers follow, if they were eliminated as well.
     """
 
     matrix: np.ndarray
@@ -147,16 +146,13 @@ def information_with(
     of_cases: dict[str, np.ndarray] = {}
     of_clocks: list[tuple[tuple[int, ...], ClockScores]] = []
 
-    def of_group(position: int) -> tuple[BlockScores, ClockScores | None]:
-        columns = [of_kind[position] for of_kind in kinds]
-        if clocks is None:
-            return run_scores(problem, vector, position, columns, with_parts), None
-        return run_scores_with_clocks(problem, vector, position, columns, with_parts, clocks)
+    def of_group(position: int) -> tuple[BlockScores, PriorScores, ClockScores | None]:
+        return run_scores(problem, vector, position, [of_kind[position] for of_kind in kinds], with_parts, clocks)
 
     groups = problem.model.groups
     in_turn = problem.by_group or any(isinstance(of_kind, ByGroup) for of_kind in kinds)
     each = each_group(of_group, len(groups)) if in_turn else map(of_group, range(len(groups)))
-    for group, (scored, by_clocks) in zip(groups, each, strict=True):
+    for group, (scored, by_priors, by_clocks) in zip(groups, each, strict=True):
         if by_clocks is not None:
             of_clocks.append((group.runs, by_clocks))
         parts += scored.parts
@@ -167,10 +163,9 @@ def information_with(
             case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
             scores += [of_run[c] for c in np.flatnonzero(used)]
             blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
-    for _, of_runs in of_clocks:
-        scores.append(of_runs.score.sum(axis=0))
-        parts += [of_runs.information.sum(axis=0)] if with_parts else []
-        blocks.append(("clocks", ""))
+        scores += list(by_priors.score)
+        parts += list(by_priors.information) if with_parts else []
+        blocks += [("priors of the runs", campaign.bump_runs[run].load_case) for run in group.runs]
     matrix = np.sum(list(of_cases.values()), axis=0)
     return BlockInformation(
         matrix,

@@ -18,45 +18,28 @@ from sysid.vehicle_model.engines.protocol import Linearisation
 
 
 @dataclass(frozen=True)
-class ClockScores:
-    """What the priors of the clocks of R runs add, e clocks each, and where these go.
+class PriorScores:
+    """What the priors of the own unknowns of R runs add, which follow the p unknowns that all runs share.
 
-    `score` (R, p) gradient of half the sum of squares of the priors by the p unknowns that all runs share, and
-    `information` (R, p, p) of them: the clocks follow these.
-
-    - `alone` (R, e) is the step of the clocks, in prior standard deviations, while the others stay;
-    - `response` (R, e, p): how the clocks follow the p unknowns, with opposite sign;
-    - `sd` (R, e): their remaining standard deviations.
+    `score` (R, p) gradient of half the sum of squares of these priors by the p unknowns, and `information` (R, p, p).
     """
 
     score: np.ndarray
     information: np.ndarray
+
+
+@dataclass(frozen=True)
+class ClockScores:
+    """Where the clocks of R runs go, e clocks each.
+
+    - `alone` (R, e) is the step of the clocks, in prior standard deviations, while the others stay;
+    - `response` (R, e, p): how the clocks follow the p unknowns that all runs share, with opposite sign;
+    - `sd` (R, e): their remaining standard deviations.
+    """
+
     alone: np.ndarray
     response: np.ndarray
     sd: np.ndarray
-
-
-def run_scores_with_clocks(
-    problem: Problem,
-    vector: UnknownsOfFit,
-    position: int,
-    columns: Sequence[ResidualColumns],
-    with_parts: bool,
-    clocks: RunClocks,
-) -> tuple[BlockScores, ClockScores]:
-    """As :func:`run_scores`, the clocks of further loggers eliminated with the motions."""
-    group, (_, motion) = problem.model.groups[position], problem.unpack(vector)
-    of_group = run_scores(problem, vector, position, columns, with_parts, clocks)
-    of_motion, by_unknowns = problem.expected.rows(motion, group.runs)
-    pull = np.concatenate([np.einsum("rjk,rj->rk", by_unknowns, of_motion), clocks.pull(group.runs)], axis=1)
-    of_clocks, response = clocks.pull(group.runs), of_group.own_response[:, RUN_UNKNOWNS:]
-    return of_group, ClockScores(
-        -np.einsum("rkp,rk->rp", response, of_clocks),
-        np.einsum("rkp,rkq->rpq", response, response),
-        -np.linalg.solve(of_group.own_normal, (of_group.own_score + pull)[..., None])[:, RUN_UNKNOWNS:, 0],
-        response,
-        np.sqrt(np.diagonal(np.linalg.inv(of_group.own_normal), axis1=1, axis2=2)[:, RUN_UNKNOWNS:]),
-    )
 
 
 def run_scores(
@@ -66,8 +49,12 @@ def run_scores(
     columns: Sequence[ResidualColumns],
     with_parts: bool,
     clocks: RunClocks | None = None,
-) -> BlockScores:
+) -> tuple[BlockScores, PriorScores, ClockScores | None]:
     """Scores and information of the runs of a group, whose derivatives are in memory no longer than that takes.
+
+    With own unknowns u of a run that follow the p shared ones x by -E, the gradient by x of the data and of the priors
+    of u is g_x - E' (g_u + pull): the second part is that of the priors, at the optimum the negative of what the data
+    have with it.
 
     Parameters
     ----------
@@ -75,17 +62,29 @@ def run_scores(
     """
     group, (_, motion) = problem.model.groups[position], problem.unpack(vector)
     here = Linearisation(*map(np.asarray, problem.linearise_one(vector, position)))
-    prior, by_clocks = problem.expected.precision(motion, group.runs), None
+    rows, by_motion = problem.expected.rows(motion, group.runs)
+    pull, prior = np.einsum("rjk,rj->rk", by_motion, rows), problem.expected.precision(motion, group.runs)
+    by_clocks = None
     if clocks is not None:
         by_clocks = clock_columns(problem, position, here, clocks)
+        pull = np.concatenate([pull, clocks.pull(group.runs)], axis=1)
         whole = np.zeros((len(group.runs), *(RUN_UNKNOWNS + clocks.count,) * 2))
         whole[:, :RUN_UNKNOWNS, :RUN_UNKNOWNS] = prior
         whole[:, RUN_UNKNOWNS:, RUN_UNKNOWNS:] = np.eye(clocks.count)
         prior = whole
-    return block_scores(
-        here,
-        prior,
-        np.asarray(group.measured.any(axis=0)) if with_parts else None,
-        columns,
-        by_clocks,
+    measured = np.asarray(group.measured.any(axis=0)) if with_parts else None
+    scored = block_scores(here, prior, measured, columns, by_clocks)
+    response = scored.own_response
+    of_priors = PriorScores(
+        -np.einsum("rkp,rk->rp", response, pull), np.einsum("rkp,rkl,rlq->rpq", response, prior, response)
+    )
+    return scored, of_priors, None if clocks is None else _of_clocks(scored, pull)
+
+
+def _of_clocks(scored: BlockScores, pull: np.ndarray) -> ClockScores:
+    """Where clocks go, from `pull` (R, l): gradient of half the sum of squares of the priors by the own unknowns."""
+    return ClockScores(
+        -np.linalg.solve(scored.own_normal, (scored.own_score + pull)[..., None])[:, RUN_UNKNOWNS:, 0],
+        scored.own_response[:, RUN_UNKNOWNS:],
+        np.sqrt(np.diagonal(np.linalg.inv(scored.own_normal), axis1=1, axis2=2)[:, RUN_UNKNOWNS:]),
     )
