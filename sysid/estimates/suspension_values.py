@@ -82,8 +82,10 @@ def suspension_estimates(
         for e in pooled:
             if e.axle == key[0] and e.load_case == keys[key]:
                 by_source[e.method] = _from_drop(e, quantity)
-        for p in fitted:
-            if (p.axle, p.load_case) == key and "fitted" not in by_source:
+        # Drops of a further load case stand beside the value that all load cases share.
+        of_row = [p for p in fitted if (p.axle, p.load_case) == key]
+        for p in of_row or [p for p in fitted if (p.axle, p.load_case) == (key[0], None)]:
+            if "fitted" not in by_source:
                 by_source["fitted"] = _from_fit(p)
                 if p.name in summaries:
                     s = summaries[p.name]

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 #: Identifiers of axle i (from 1) are _FIRST + 10 i and the following ones; _FIRST itself is the section.
 _FIRST = 9000
-#: Points into which LS-DYNA resamples a curve: 1 mm and 5 mm/s, so that the friction's ramp survives.
+#: Points into which LS-DYNA resamples a curve: 0.3 mm and 5 mm/s, so that the friction's ramp survives.
 _RESAMPLED = 1201
 
 

@@ -184,7 +184,8 @@ def predict_pass(
     assumed = stops if vehicles is None else vehicles.stops
     acting = {} if assumed is None else assumed.acting(*travel)
     trust = () if driven is None else extrapolations(p.reached(request.speed_m_s), driven, request.load_case, acting)
-    together = float(np.median(p.tire_N.sum(axis=1).mean(axis=0))) / float(p.static_N.sum())
+    # Over the loads of each draw: where the scale was wrong, the truck at rest does not weigh what was read.
+    together = float(np.median(p.tire_N.sum(axis=1).mean(axis=0) / p.drawn_static_N.sum(axis=0)))
     return PassPrediction(
         load_case=request.load_case,
         speed_m_s=request.speed_m_s,

@@ -29,7 +29,9 @@ def answer_table(results: Results) -> Table | None:
     kinds: dict[str, None] = {}
     for axle in sorted({row.axle for row in (*stiffness, *damping)}):
         of_axle = [r for r in (*stiffness, *damping) if r.axle == axle]
-        for case in dict.fromkeys(r.load_case or r.drop_load_case for r in of_axle) if axle in several else (None,):
+        cases = dict.fromkeys(r.load_case or r.drop_load_case for r in of_axle) if axle in several else {}
+        # A value that all load cases share has a row of its own only where there is no other.
+        for case in [c for c in cases if c is not None] or (None,):
             pair = [_best(quantity, axle, case) for quantity in (stiffness, damping)]
             if not any(pair):
                 continue

@@ -10,7 +10,7 @@ from typing import Literal
 from sysid.estimates.suspension_values import Quantity
 from sysid.numbers import count, interval, listing, number, percent, speed
 from sysid.results import pass_limits
-from sysid.results.contents import Results, Trust
+from sysid.results.contents import Judgement, Results, Trust
 from sysid.results.judgement import judge, relative_half_width, unidentified_values
 
 Tone = Literal["good", "caution", "stop"]
@@ -52,7 +52,7 @@ def verdict(results: Results) -> Verdict:
         answer="Not for decisions" if results.status == "preview" else answer,
         what=tuple(_what(results)),
         use=judgement.reasons,
-        todo=tuple(_todo(results)),
+        todo=tuple(_todo(results, judgement)),
         synthetic=is_synthetic(results),
     )
 
@@ -120,15 +120,15 @@ def _wheel_loads(results: Results) -> list[str]:
         high = None if p.peak_ratio_q95 is None else float(p.peak_ratio_q95[axle])
         band = interval(low, high, 2)
         sentences.append(
-            f"At {speed(p.speed_m_s)}\u00a0km/h ({p.load_case}) the largest wheel load is "
-            f"{number(float(p.peak_ratio_q50[axle]))} times the static one, on axle {axle + 1}"
+            f"At {speed(p.speed_m_s)}\u00a0km/h ({p.load_case}) the largest ratio of a wheel load to the static one is "
+            f"{number(float(p.peak_ratio_q50[axle]))}, on axle {axle + 1}"
             + (f" (90\u00a0% interval {band})" if band else "")
             + (": an extrapolation, see the caution." if any(e.axle == axle for e in p.trust) else ".")
         )
     return sentences
 
 
-def _todo(results: Results) -> list[str]:
+def _todo(results: Results, judgement: Judgement) -> list[str]:
     steps = []
     if results.fit is None:
         steps.append("Run the stage 'fit': it corrects the drop values with the full vehicle model and the bump runs.")
@@ -165,10 +165,11 @@ def _todo(results: Results) -> list[str]:
     steps += pass_limits.remedies(results)
     if results.fit is not None and results.predictions is None and results.campaign.predictions:
         steps.append("Run the stage 'predict' for the wheel loads of the passes in the campaign file.")
-    if results.status == "converged" and results.posterior is not None:
+    if results.status == "converged" and results.posterior is not None and not judgement.forbids:
+        passes = results.predictions is not None and results.predictions.passes
         steps.append(
             "Take k and c from parameters.csv"
-            + (" and wheel-load histories from predictions/*.csv" if results.predictions is not None else "")
+            + (" and wheel-load histories from predictions/*.csv" if passes else "")
             + "; they are the numbers of this report."
         )
     return steps

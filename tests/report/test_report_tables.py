@@ -158,6 +158,21 @@ def test_answer_has_one_row_per_axle_and_load_case_with_the_best_value():
     assert [row[1].text for row in first.rows] == ["380"]
     assert "repeats and tolerances" in first.caption
     assert answer.answer_table(small_results(drops=None, fit=None, posterior=None)) is None
+    # Without drops no row of its own is left for what the load cases share.
+    alone = answer.answer_table(small_results(drops=None))
+    assert [(row[0].text, row[0].note) for row in alone.rows] == names
+
+
+def test_drops_of_a_second_load_case_do_not_replace_what_all_load_cases_share():
+    results = small_results()
+    pooled = results.drops.pooled
+    more = tuple(replace(e, load_case="laden", damping=15e3) for e in pooled if e.axle == pooled[0].axle)
+    results = small_results(drops=replace(results.drops, pooled=(*pooled, *more)))
+    rows = [r for r in results.suspension("damping") if r.axle == more[0].axle]
+    assert {r.drop_load_case for r in rows} == {pooled[0].load_case, "laden"}
+    assert len({r.best.value for r in rows}) == 1
+    assert {r.best.source for r in rows} == {"posterior"}
+    assert rows[-1].estimates[more[0].method].value == 15e3
 
 
 def test_axle_loads_of_the_model_at_rest_stand_beside_the_scales():

@@ -61,6 +61,7 @@ def test_one_verdict_of_the_first_screen_and_of_the_files(change, trust, answer,
     judgement, screen = judge(results), verdict(results)
     assert (judgement.trust, judgement.forbids, screen.answer) == (trust, forbids, answer)
     assert judgement.reasons == screen.use
+    assert not (judgement.forbids and any("Take k and c" in step for step in screen.todo))
 
 
 def test_least_squares_that_did_not_converge_are_not_sampled_longer():
@@ -115,7 +116,7 @@ def test_next_steps_follow_from_what_is_missing():
 def test_wheel_loads_are_said_and_extrapolations_called_so():
     said = " ".join(verdict(small_results()).what).replace("\xa0", " ")
     assert "48 km/h (empty)" in said
-    assert "3.60 times the static one, on axle 2 (90 % interval [3.40, 3.80]): an extrapolation" in said
+    assert "static one is 3.60, on axle 2 (90 % interval [3.40, 3.80]): an extrapolation" in said
     assert "extrapolation" not in " ".join(verdict(blameless()).what)
 
 
