@@ -20,8 +20,8 @@ Do the intervals hold what they promise? Data are simulated from a truth that is
 measured ones, and the truth is ranked among 99 draws of the result (S. Talts et al., Validating Bayesian inference
 algorithms with simulation-based calibration, 2018, arXiv:1804.06788). Ranks should be uniform (chi-square over 20
 bins), and 50 and 90 % intervals should hold the truth in 50 and 90 % of the replicates. *Within limits* says yes if p
-is above 0.001 over the number of quantities, and if both shares are as near to 50 and 90 % as chance leaves them (99.9
-% range over all quantities). The tables are written by
+is above 0.001 over the number of quantities, and if both shares are as near to 50 and 90 % as chance leaves them
+(99.9 % range over all quantities). The tables are written by
 
     python -m studies.coverage --output build/coverage --document docs/statistics.md
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -94,6 +95,14 @@ def suspension_estimates(
                     )
         result.append(AxleEstimates(key[0], key[1], keys[key], by_source))
     return tuple(result)
+
+
+def distinct(rows: Sequence[AxleEstimates]) -> list[AxleEstimates]:
+    """Rows with a best estimate of their own: one that load cases share counts once."""
+    found: dict[tuple[int, Estimate | None], AxleEstimates] = {}
+    for row in rows:
+        found.setdefault((row.axle, row.best), row)
+    return list(found.values())
 
 
 def _from_drop(e: DropEstimate, quantity: Quantity) -> Estimate:

@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from sysid.estimates.suspension_values import Quantity
+from sysid.estimates.suspension_values import Quantity, distinct
 from sysid.numbers import count, interval, listing, number, percent, speed
 from sysid.results import pass_limits
 from sysid.results.contents import Judgement, Results, Trust
@@ -82,7 +82,7 @@ def _badge_tone(results: Results) -> Tone:
 def _what(results: Results) -> list[str]:
     sentences = []
     for quantity, name, unit in _QUANTITIES:
-        rows = results.suspension(quantity)
+        rows = distinct(results.suspension(quantity))
         estimates = [e for e in (row.best for row in rows) if e is not None]
         best = [e for e in estimates if e.identified]
         if estimates and not best:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from sysid.estimates.suspension_values import AxleEstimates, Estimate, Quantity
+from sysid.estimates.suspension_values import AxleEstimates, Estimate, Quantity, distinct
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.numbers import count, listing, number, percent
 from sysid.results import pass_limits
@@ -85,7 +85,7 @@ def _cautions(results: Results) -> list[str]:
 def _best_rows(results: Results) -> list[tuple[str, AxleEstimates, Estimate]]:
     rows: list[tuple[str, AxleEstimates, Estimate]] = []
     for quantity, symbol in _SYMBOLS:
-        for row in results.suspension(quantity):
+        for row in distinct(results.suspension(quantity)):
             if row.best is not None:
                 rows.append(
                     (

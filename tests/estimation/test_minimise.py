@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from sysid.errors import SysidError
-from sysid.estimation.fit.minimiser import minimise, promised_fall, unknowns_at_corners
+from sysid.estimation.fit import minimiser
+from sysid.estimation.fit.minimiser import Minimum, minimise, promised_fall, unknowns_at_corners
 
 
 def quadratic(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -40,6 +41,27 @@ def test_at_the_limit_of_iterations_only_a_minimum_is_convergence(most: int, con
     assert found.converged == converged
     assert found.iterations == most
     assert "limit" in found.message
+
+
+@pytest.mark.parametrize(("second", "chosen"), [(2.0, 1.0), (0.5, 0.5), (1.0, 1.0)])
+def test_a_second_search_counts_only_if_it_ends_as_low(monkeypatch, second: float, chosen: float):
+    """The first did not converge; the second, with other units, ends at a minimum."""
+    ends = [Minimum(np.zeros(2), 1.0, False, 5, "first"), Minimum(np.ones(2), second, True, 5, "second")]
+    monkeypatch.setattr(minimiser, "_search", lambda *unused: ends.pop(0))
+    found = minimise(quadratic, np.array([3.0, -2.0]))
+    assert (found.cost, found.converged) == (chosen, second <= 1.0)
+
+
+def test_the_cost_is_that_of_the_point():
+    """A kink where a step is rejected although it lowers the cost a little: that cost is of no point that is kept."""
+
+    def kinked(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        slope = -1.0 if point[0] < 1.0 else 0.98
+        return np.array([1.0 + slope * (point[0] - 1.0)]), np.array([[slope]])
+
+    for start in np.linspace(0.05, 0.995, 150)[90:96]:
+        found = minimise(kinked, np.array([start]), max_iterations=30)
+        assert found.cost == 0.5 * float(kinked(found.point)[0][0]) ** 2
 
 
 def test_a_trial_outside_the_domain_is_only_a_rejected_step():

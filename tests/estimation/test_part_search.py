@@ -11,7 +11,7 @@ import pytest
 from rigid_truck import AXLES, DAMPING, EMPTY, LADEN, STIFFNESS, VEHICLE, bump, campaign, empty_run, with_values
 
 from sysid.campaign.vehicle_records import AxleGroup, Equaliser, FrameBending, FrameMass
-from sysid.estimation.fit import joint_optimum, law_choice, part_search
+from sysid.estimation.fit import joint_optimum, law_choice, part_score, part_search
 from sysid.estimation.fit.fit_result import LawComparison
 from sysid.estimation.fit.frame_search import (
     LEAST_AMPLITUDE,
@@ -34,6 +34,7 @@ from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.rockers import LoadShare, load_shares, share_from_fit
 from sysid.estimation.parameters.undeclared_parts import NO_PARTS, UndeclaredParts
 from sysid.estimation.residuals.bump_model import bump_model
+from sysid.estimation.residuals.compressed import Compressed
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.residual_columns import difference_columns
@@ -138,6 +139,21 @@ def test_a_part_near_the_noise_has_to_explain_a_hundredth_of_the_residuals(misfi
     given = measured(0.0, 0.0), (), stub(5000.0), None, PROFILES, OPTIONS, unwatched
     _, optimum = undeclared_parts(*given, law_gain=lambda *unused: 0.0)
     assert (optimum is better) is fitted
+
+
+def test_the_cost_at_the_end_of_a_search_is_that_of_the_linear_problem():
+    random = np.random.default_rng(4)
+    jacobian, residual = random.normal(size=(12, 3)), random.normal(size=12)
+    problem = SimpleNamespace(compressed=lambda vector: Compressed(residual, jacobian), forget=lambda: None)
+    optimum = SimpleNamespace(problem=problem, vector=None, minimum=SimpleNamespace(cost=0.5 * residual @ residual))
+    left = residual - jacobian @ np.linalg.lstsq(jacobian, residual, rcond=None)[0]
+    assert part_search._cost_at_end(optimum) == pytest.approx(0.5 * left @ left, rel=1e-12)
+
+
+def test_a_part_without_any_effect_gains_nothing():
+    part = PartCandidate("a part", NO_PARTS, NO_PARTS, 1.0, 0.1, lambda optimum: True)
+    found = part_score._alike(part, 0, np.zeros(2), np.zeros((2, 2)), 2)
+    assert (found.gain, found.amplitude) == (0.0, 0.0)
 
 
 def test_a_frame_that_nobody_declared_to_bend_is_part_of_the_fit():

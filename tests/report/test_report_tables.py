@@ -7,6 +7,7 @@ import pytest
 from small_results import DECREMENT, PERIOD, decaying_drop, small_campaign, small_results
 
 from sysid.estimates.calibrated_truck_modes import calibrated_modes
+from sysid.estimates.suspension_values import distinct
 from sysid.report import agreement, answer, drop_tables, knowledge, load_tables, tables
 from sysid.report.figures import Gallery, drop_pictures
 from sysid.validation import ChannelAgreement, Validation
@@ -173,6 +174,8 @@ def test_drops_of_a_second_load_case_do_not_replace_what_all_load_cases_share():
     assert len({r.best.value for r in rows}) == 1
     assert {r.best.source for r in rows} == {"posterior"}
     assert rows[-1].estimates[more[0].method].value == 15e3
+    # It is one value, and counts once where values are counted.
+    assert [r for r in distinct(rows) if r.axle == more[0].axle] == rows[:1]
 
 
 def test_axle_loads_of_the_model_at_rest_stand_beside_the_scales():

@@ -55,7 +55,7 @@ REWEIGHTED = 2
 #: Fractions of a step that are tried until one does not make the residuals larger than this many times their size
 #: before.
 SHARES, WORSE = (1.0, 0.5, 0.25), 1.05
-#: Costs that differ by this much are the same: a step of masses moves the parameters along.
+#: A cost that grows by no more than this is not larger: where the model fits perfectly, ratios of costs are rounding.
 _SAME_COST = 1.0
 #: Before the last round searches need not be exact.
 _ROUGH_TOLERANCE = 1e-5

@@ -86,12 +86,10 @@ class Departures:
     def spread(self, kind: str, amplitudes: np.ndarray, load_cases: Sequence[str]) -> np.ndarray:
         """Amplitudes (R, na) of one kind in passes of the given load cases, from those of all directions (n,)."""
         by_pass = np.zeros((len(load_cases), len(self.roads.vehicle.axles)))
-        of = [(d, v) for d, v in zip(self.directions, amplitudes, strict=True) if d.kind == kind]
-        common = sum(v for d, v in of if d.axle is None)
-        for direction, value in of:
-            if direction.axle is not None:
+        for direction, value in zip(self.directions, amplitudes + self.common(amplitudes), strict=True):
+            if direction.kind == kind and direction.axle is not None:
                 affected = [direction.load_case in (None, case) for case in load_cases]
-                by_pass[affected, direction.axle] = min(max(common + value, -REACH[kind]), REACH[kind])
+                by_pass[affected, direction.axle] = min(max(value, -REACH[kind]), REACH[kind])
         return by_pass
 
     def laws(self, inputs: LawInputs, amplitudes: np.ndarray, load_cases: Sequence[str]) -> LawInputs:

@@ -52,13 +52,22 @@ def run_scores(
 ) -> tuple[BlockScores, PriorScores, ClockScores | None]:
     """Scores and information of the runs of a group, whose derivatives are in memory no longer than that takes.
 
-    With own unknowns u of a run that follow the p shared ones x by -E, the gradient by x of the data and of the priors
-    of u is g_x - E' (g_u + pull): the second part is that of the priors, at the optimum the negative of what the data
-    have with it.
+    The own unknowns u of a run follow the p shared ones x by -E. With u eliminated, the gradient by x is
+
+        (g_x - E' g_u) + (-E' pull)
+
+    with g of the data and `pull` of the priors of u. The first part is returned by channel, the second by run.
 
     Parameters
     ----------
+    vector : the unknowns of `problem`; position : of the group.
+    columns : derivatives of the group's residuals by further shared unknowns, kind after kind.
+    with_parts : whether the information of single channels is wanted.
     clocks : those of further loggers, eliminated with the motions; None for clocks that stay.
+
+    Returns
+    -------
+    Of the data, of the priors of the runs' own unknowns, and where the clocks go (None for clocks that stay).
     """
     group, (_, motion) = problem.model.groups[position], problem.unpack(vector)
     here = Linearisation(*map(np.asarray, problem.linearise_one(vector, position)))
