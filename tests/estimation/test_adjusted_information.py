@@ -202,7 +202,7 @@ def test_clocks_follow_as_in_one_dense_least_squares_problem(fit):
     np.testing.assert_allclose(np.linalg.inv(found.matrix), covariance, rtol=1e-5, atol=1e-12)
     np.testing.assert_allclose(-np.linalg.solve(found.matrix, found.score), step[:count], rtol=2e-5)
     assert len(found.blocks) == len(found.scores) == len(found.parts)
-    np.testing.assert_allclose(found.parts.sum(axis=0), found.matrix, atol=1e-11 * np.abs(found.matrix).max())
+    np.testing.assert_allclose(found.parts.sum(axis=0), found.matrix, atol=2e-10 * np.abs(found.matrix).max())
 
 
 @pytest.mark.parametrize("faster", [1.0, 1.03])
@@ -235,7 +235,7 @@ def test_the_pull_on_speeds_counts_as_in_one_dense_least_squares_problem(fit, fa
     dense, value = np.vstack(rows), np.concatenate(values)
     step = -np.linalg.solve(dense.T @ dense, dense.T @ value)[:count]
     np.testing.assert_allclose(-np.linalg.solve(found.matrix, found.score), step, rtol=1e-8)
-    np.testing.assert_allclose(found.parts.sum(axis=0), found.matrix, atol=1e-11 * np.abs(found.matrix).max())
+    np.testing.assert_allclose(found.parts.sum(axis=0), found.matrix, atol=2e-10 * np.abs(found.matrix).max())
 
 
 def test_one_logger_has_no_clock_to_follow(fit):
