@@ -18,8 +18,9 @@ import os
 import re
 import subprocess
 import sys
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,8 @@ _COVERAGE = re.compile(r"^#\d+\s+\w+\s+cov: (\d+)", re.MULTILINE)
 _ROOT = Path(__file__).resolve().parents[2]
 #: Figures of a call before its last process, in the folder of a reader until its time is used.
 _STOPPED = "stopped.json"
+#: What is kept of the lines that a process prints last: so many, and so many bytes of each.
+_LAST_LINES, _LINE_BYTES = 200, 4096
 #: So many processes in a row that end before they count anything: more would not end either.
 _MOST_FAILED = 5
 
@@ -114,10 +117,24 @@ def _sources() -> str:
 
 def _run(name: str, folder: Path, options: tuple[str, ...]) -> str:
     command = [sys.executable, "-m", "studies.fuzz.worker", name, str(folder), *_OPTIONS, *options]
-    done = subprocess.run(command, cwd=_ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
-    said = done.stdout.decode("utf-8", "replace")
+    said = _said(command)
     (folder / "last.log").write_text(said, encoding="utf-8")
     return said
+
+
+def _said(command: list[str]) -> str:
+    """What a process prints: the lines that count coverage, then the last ones.
+
+    libFuzzer also prints contents, of megabytes each. If this process kept them, its memory would count as that of every
+    process that it starts later, and these would stop at their limit at once.
+    """
+    counted: list[bytes] = []
+    last: deque[bytes] = deque(maxlen=_LAST_LINES)
+    with subprocess.Popen(command, cwd=_ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+        assert process.stdout is not None
+        for line in iter(partial(process.stdout.readline, _LINE_BYTES), b""):
+            (counted if _COVERAGE.match(line.decode("utf-8", "replace")) else last).append(line)
+    return b"".join([*counted, *last]).decode("utf-8", "replace")
 
 
 def _add(totals: dict[str, Any], file: Path) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -101,3 +102,17 @@ def test_a_call_that_was_stopped_is_continued(tmp_path: Path, monkeypatch: pytes
     command._keep(tmp_path, {**found, "inputs": 500, "processor_s": 20.0}, [7, 8])
     monkeypatch.setattr(command, "_sources", lambda: "other")
     assert command.fuzz("log", tmp_path, 40.0)["inputs"] == 10
+
+
+def test_long_contents_that_a_fuzzer_prints_are_not_kept():
+    """Two lines that count coverage, 300 MB in one line between them, a last word."""
+    program = (
+        "import sys\n"
+        "print('#12 INITED cov: 34 ft: 5')\n"
+        "for _ in range(300): sys.stdout.write('x' * 1_000_000)\n"
+        "print('\\n#99 DONE cov: 56 ft: 7\\nthe end')"
+    )
+    said = command._said([sys.executable, "-c", program])
+    assert command._COVERAGE.findall(said) == ["34", "56"]
+    assert said.endswith("the end\n")
+    assert len(said) < 1e6
