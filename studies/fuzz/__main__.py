@@ -125,8 +125,8 @@ def _run(name: str, folder: Path, options: tuple[str, ...]) -> str:
 def _said(command: list[str]) -> str:
     """What a process prints: the lines that count coverage, then the last ones.
 
-    libFuzzer also prints contents, of megabytes each. If this process kept them, its memory would count as that of every
-    process that it starts later, and these would stop at their limit at once.
+    libFuzzer also prints contents, of megabytes each. If this process kept them, its memory would count as that of
+    every process that it starts later, and these would stop at their limit at once.
     """
     counted: list[bytes] = []
     last: deque[bytes] = deque(maxlen=_LAST_LINES)
