@@ -125,6 +125,31 @@ def test_gaps_change_an_inflation_little(missing: float):
     assert np.median(found) == pytest.approx(np.median(whole), rel=0.05 + missing)
 
 
+@pytest.mark.parametrize(("before", "after"), [(0, 600), (600, 0), (200, 1500)])
+def test_time_without_readings_changes_no_model(before: int, after: int):
+    """A run that is shorter than the others of its load case, or begins later, has the model of its own readings."""
+    sequences = 3.0 + np.stack([process(PHI, 800, seed) for seed in range(8)], axis=1)
+    padding = ((before, after), (0, 0))
+    measured = np.pad(np.ones(sequences.shape, bool), padding)
+    padded = fitted_autoregression(measured, np.pad(sequences, padding), 60)
+    whole = modelled(sequences)
+    np.testing.assert_array_equal(padded.order, whole.order)
+    np.testing.assert_allclose(padded.coefficients, whole.coefficients, rtol=0.0, atol=1e-11)
+    np.testing.assert_allclose(padded.innovation, whole.innovation, rtol=1e-12)
+
+
+@pytest.mark.parametrize("gap", [100, 400])
+def test_a_long_gap_correlates_no_white_residuals(gap: int):
+    """Only the mean of what was measured correlates independent residuals: inflations stay within its rounding of 1."""
+    noise = np.random.default_rng(9).normal(size=(1000, 40))
+    measured = np.ones(noise.shape, bool)
+    measured[300 : 300 + gap] = False
+    slow = np.hanning(1000)[:, None, None] * measured[..., None]
+    found = variance_inflation(fitted_autoregression(measured, noise * measured, 60), slow)
+    assert np.median(found) == 1.0
+    assert found.max() < 1.5
+
+
 @pytest.mark.parametrize("size", [3.0, 10.0, 30.0, 100.0, 1000.0])
 def test_smooth_errors_of_any_size_inflate(size: float):
     """A swing that dies away, in units of the noise: the larger it is, the less is a reading worth; never more."""

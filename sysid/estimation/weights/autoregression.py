@@ -68,22 +68,27 @@ def autocorrelation(measured: np.ndarray, residual: np.ndarray, lags: int) -> np
 
 
 def bridged(measured: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """Residuals (T, ...) with straight lines over what was not `measured`, without their mean over what was.
+    """Residuals (T, ...) without their mean, with straight lines over short gaps and zeros elsewhere.
 
     The products of a sequence that has values everywhere are an autocorrelation of something, whatever its gaps; pairs
-    of measured samples alone need not be.
+    of measured samples alone need not be. Short gaps are those that a model of the highest order reaches over. Zeros
+    add no product to any lag: a record that begins late or ends early has the autocorrelation of its measured part.
     """
     time, filled = np.arange(residual.shape[0]), np.zeros(residual.shape)
     for index in np.ndindex(residual.shape[1:]):
         place = (slice(None), *index)
-        known = measured[place]
-        if known.any():
-            filled[place] = np.interp(time, time[known], residual[place][known] - residual[place][known].mean())
+        known = np.flatnonzero(measured[place])
+        if not known.size:
+            continue
+        values = residual[place][known]
+        filled[place] = np.interp(time, known, values - values.mean(), left=0.0, right=0.0)
+        for last in np.flatnonzero(np.diff(known) > MAX_ORDER):
+            filled[(slice(known[last] + 1, known[last + 1]), *index)] = 0.0
     return filled
 
 
 def fitted_autoregression(measured: np.ndarray, residual: np.ndarray, lags: int) -> Autoregression:
-    """Autoregressive models of residuals (T, ...), gaps bridged, by :func:`autoregression`."""
+    """Autoregressive models of residuals (T, ...), short gaps bridged, by :func:`autoregression`."""
     full = bridged(measured, residual)
     everywhere = np.ones(residual.shape, bool)
     # Products over their full number fall off with the lag: so they stay positive definite.
