@@ -15,12 +15,12 @@ from sysid.campaign import check_quality, read_campaign
 from sysid.estimation.fit import law_choice, law_comparison
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.law_evidence import Evidence, Judged, LawEvidence
-from sysid.estimation.fit.law_screen import promising
+from sysid.estimation.fit.law_screen import candidates, promising
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters, declared_laws
-from sysid.estimation.parameters.law_families import richest_laws
+from sysid.estimation.parameters.law_families import richest_laws, without_knees
 from sysid.progress import unwatched
 from sysid.road import analyse_scan, read_point_cloud
 from sysid.sdof.summary import analyse_drops
@@ -152,6 +152,52 @@ def test_the_preferred_law_finds_stiffness_and_secant_damping(worn):
             assert p.value == pytest.approx(truth[p.name], rel=0.05)
         if p.quantity == "damping":  # the secant at 0.5 m/s
             assert p.value == pytest.approx(truth[p.name], rel=0.12)
+
+
+def test_dampers_that_do_not_saturate_lose_their_knees(tmp_path):
+    """Two slopes in the truth: the laws found say so, and no knee is left undetermined."""
+    fit, truth = fitted(tmp_path, Physics(**{**SMALL.__dict__, "suspension_law": "bilinear_damper"}), "auto")
+    assert fit.laws == ("bilinear_damper",) * 3
+    for p in fit.parameters:
+        if p.quantity in ("stiffness", "damping", "damper_asymmetry"):
+            assert p.value == pytest.approx(truth[p.name], rel=0.05)
+    trials = {t.laws: t for t in fit.law_comparison.trials}
+    kneed = trials[("asymmetric_damper",) * 3]
+    assert kneed.parameters - trials[fit.laws].parameters == 5
+    assert kneed.gain < trials[fit.laws].gain
+
+
+def test_what_a_bilinear_damper_keeps_is_not_lost_with_the_knee():
+    """By hand: a tail of 0.25 known to 10 % raises the sum of squares by (1 - 4)^2 / 0.1^2 = 900 when it becomes 1.
+
+    The asymmetry stays, so that it does not count, however well it is known.
+    """
+    listed = [("damper_asymmetry", 0, 3.0), ("damper_knee", 0, 0.6), ("damper_tail", None, 0.25)]
+    quantities = [SimpleNamespace(quantity=quantity, axle=axle) for quantity, axle, _ in listed]
+    model = SimpleNamespace(parameters=SimpleNamespace(parameters=quantities))
+    vector = np.log([value for *_, value in listed])
+    optimum = SimpleNamespace(problem=SimpleNamespace(model=model), vector=vector)
+    laws, without = ((frozenset({element}),) for element in ("asymmetric_damper", "bilinear_damper"))
+    for sd, sure in ((0.1, True), (1.0, False)):
+        judged = Judged(optimum, Evidence(0.0, np.diag([1e-3, 1.0, sd]) ** 2, np.zeros(3)))
+        assert law_comparison._sure(judged, laws, without, 1000.0) is sure
+        # Without any damper law, the asymmetry is sure.
+        assert law_comparison._sure(judged, laws, (frozenset(),), 1000.0)
+
+
+def test_a_knee_that_is_declared_stays():
+    kneed, friction = frozenset({"asymmetric_damper"}), frozenset({"friction"})
+    laws = (kneed | friction, kneed, friction)
+    found = without_knees(laws, (frozenset(), kneed, frozenset()))
+    assert found == (friction | {"bilinear_damper"}, kneed, friction)
+
+
+def test_only_a_knee_can_be_added_to_a_bilinear_damper():
+    """Its asymmetry is a parameter already: moved once more it would change nothing."""
+    vehicle = SimpleNamespace(axles=[SimpleNamespace(suspension="leaf")] * 2, suspension_axle=(0, 1))
+    poor, rich = (frozenset({"bilinear_damper"}), frozenset()), (frozenset({"asymmetric_damper"}),) * 2
+    found = [(c.quantity.quantity, c.axles) for c in candidates(vehicle, poor, rich)]
+    assert found == [("damper_asymmetry", (1,)), ("damper_tail", (0, 1))]
 
 
 def test_inertias_that_are_ten_per_cent_off_promise_no_law(tmp_path, monkeypatch):

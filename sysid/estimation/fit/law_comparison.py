@@ -33,7 +33,14 @@ from sysid.estimation.fit.stop_search import (
 )
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.fit.undecided_laws import by_score, by_trial, family_words
-from sysid.estimation.parameters.law_families import FAMILIES, STOPS, Laws, without_family
+from sysid.estimation.parameters.law_families import (
+    BILINEAR_FAMILIES,
+    FAMILIES,
+    STOPS,
+    Laws,
+    without_family,
+    without_knees,
+)
 from sysid.estimation.parameters.suspension_elements import law_name, quantities
 from sysid.estimation.weights.reweighting import reweighted
 
@@ -61,6 +68,10 @@ def compare_laws(
     size = effective_residuals(rich)
     trials = _Trials(LawEvidence(campaign, rich), fitted, rich_laws, rich, poor_laws, poor, size)
     for family in FAMILIES:
+        without = without_family(campaign.vehicle.axles, trials.laws, poor_laws, family)
+        trials.judge_without(without, family_words(family))
+    trials.judge_without(without_knees(trials.laws, poor_laws), "knees in the laws of dampers")
+    for family in BILINEAR_FAMILIES:
         without = without_family(campaign.vehicle.axles, trials.laws, poor_laws, family)
         trials.judge_without(without, family_words(family))
     acting = with_stops_that_act(trials.laws, trials.best.optimum)
@@ -193,19 +204,19 @@ def _sure(judged: Judged, laws: Laws, without: Laws, size: float) -> bool:
     elements have no effect. Far from the optimum the cost is not a parabola, so only :data:`SURE` times the deciding
     value is clear.
     """
-    gone = [more - less for more, less in zip(laws, without, strict=True)]
+    had, kept = ([frozenset(quantities(law)) for law in side] for side in (laws, without))
+    # A shared parameter goes with the last axle that has it.
+    gone_everywhere = frozenset().union(*had).difference(*kept)
     optimum = judged.optimum
     parameters = optimum.problem.model.parameters.parameters
     index, distance = [], []
     for position, p in enumerate(parameters):
-        # A shared parameter goes with the last axle that has its element.
-        elements = frozenset().union(*gone).difference(*without) if p.axle is None else gone[p.axle]
-        for q in quantities(elements):
-            if q.quantity == p.quantity and q.decides:
-                value = float(np.exp(optimum.vector[position]))
-                index.append(position)
-                # Relative to the value, as the covariance of its logarithm is.
-                distance.append(1.0 - q.neutral / value)
+        gone = gone_everywhere if p.axle is None else had[p.axle] - kept[p.axle]
+        neutral = next((q.neutral for q in gone if q.quantity == p.quantity and q.decides), None)
+        if neutral is not None:
+            index.append(position)
+            # Relative to the value, as the covariance of its logarithm is.
+            distance.append(1.0 - neutral / float(np.exp(optimum.vector[position])))
     if not index:
         return False
     covariance = judged.evidence.covariance[np.ix_(index, index)]

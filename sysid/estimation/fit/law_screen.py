@@ -116,14 +116,16 @@ def candidates(vehicle: Vehicle, poor: Laws, rich: Laws) -> list[LawCandidate]:
     """
     owner, listed = vehicle.suspension_axle, []
     for element in sorted(frozenset().union(*rich)):
-        having = [i for i in range(len(owner)) if element in rich[i] - poor[i]]
-        together = [tuple(i for i in having if owner[i] == first) for first in dict.fromkeys(owner[i] for i in having)]
-        kinds = dict.fromkeys(vehicle.axles[i].suspension for i in having)
         for q in quantities(frozenset({element})):
+            # A bilinear damper has the asymmetry of one with a knee already.
+            having = [i for i in range(len(owner)) if element in rich[i] - poor[i] and q not in quantities(poor[i])]
             if q.decides and q.shared:
+                kinds = dict.fromkeys(vehicle.axles[i].suspension for i in having)
                 alike = [tuple(i for i in having if vehicle.axles[i].suspension == kind) for kind in kinds]
                 listed += [LawCandidate(element, q, members) for members in alike]
             elif q.decides:
+                firsts = dict.fromkeys(owner[i] for i in having)
+                together = [tuple(i for i in having if owner[i] == first) for first in firsts]
                 listed += [LawCandidate(element, q, members) for members in together]
     return listed
 

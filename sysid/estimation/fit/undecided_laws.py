@@ -24,14 +24,15 @@ from sysid.estimation.fit.law_evidence import Judged, LawEvidence
 from sysid.estimation.fit.law_screen import LawCandidate, Screen, families_of
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
-from sysid.estimation.parameters.law_families import STOPS, Laws
+from sysid.estimation.parameters.law_families import BILINEAR, KNEED, STOPS, Laws
 from sysid.estimation.parameters.suspension_elements import ELEMENTS, quantities
 
 #: Weight of the choice that was not made below which it is left out.
 LEAST_WEIGHT = 0.05
 _WORDS = {
     "friction": "friction",
-    "asymmetric_damper": "dampers that are not linear",
+    KNEED: "dampers that are not linear",
+    BILINEAR: "dampers that are not symmetric",
     "gas_spring": "springs that stiffen when compressed",
     STOPS: "stops within the travels that the runs reach",
 }

@@ -74,6 +74,7 @@ NO_STOP_M = 1e3
 #: are generally known of leaf packs.
 FRICTION_SHARE = {"leaf": 0.05, "air": 0.02, "other": 0.03}
 
+_ASYMMETRY = ElementQuantity("damper_asymmetry", "q", "1", False, lambda axle, carried: 1.5, 0.7, 1.0, "asymmetry")
 _STOP = ElementQuantity("stop_stiffness", "stop", "N/m", False, lambda axle, carried: STOP_STIFFNESS, 0.7, 0.0)
 
 
@@ -112,7 +113,7 @@ ELEMENTS = {
             "asymmetric_damper",
             "damper with different rebound and compression and a knee",
             (
-                ElementQuantity("damper_asymmetry", "q", "1", False, lambda axle, carried: 1.5, 0.7, 1.0, "asymmetry"),
+                _ASYMMETRY,
                 ElementQuantity(
                     "damper_knee",
                     "knee",
@@ -138,6 +139,9 @@ ELEMENTS = {
                 # Axles without the element have a tail of one, which makes the damper linear.
                 ElementQuantity("damper_tail", "tail", "1", True, lambda axle, carried: 0.2, 1.0, 1.0, "tail"),
             ),
+        ),
+        Element(
+            "bilinear_damper", "damper with different rates in rebound and compression, without a knee", (_ASYMMETRY,)
         ),
         Element(
             "gas_spring",
@@ -209,10 +213,10 @@ def law_name(elements: frozenset[str]) -> str:
 
 
 def quantities(elements: frozenset[str]) -> list[ElementQuantity]:
-    """Parameters of all elements of a law."""
-    return [q for name, element in ELEMENTS.items() if name in elements for q in element.quantities]
+    """Parameters of all elements of a law; what two elements share counts once."""
+    return list(dict.fromkeys(q for name, element in ELEMENTS.items() if name in elements for q in element.quantities))
 
 
 def coefficients() -> list[ElementQuantity]:
     """Parameters of all elements that are coefficients of the suspension law."""
-    return [q for element in ELEMENTS.values() for q in element.quantities if q.field is not None]
+    return [q for q in quantities(frozenset(ELEMENTS)) if q.field is not None]
