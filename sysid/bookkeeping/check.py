@@ -35,7 +35,7 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
     Returns
     -------
     QualityReport
-        Without channels; `left_out` are the scans that cannot be used.
+        Without channels; `left_out` are the scans that cannot be used, `contradictions` what does not fit together.
     """
     passages = {
         run.log.file: find_passage(run.log.channels, campaign.vehicle, run.nominal_speed_m_s)
@@ -50,8 +50,7 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
     scans, refused = _scans(campaign.scans)
     profiles: dict[str, RoadProfile] = {name: scan.profile for name, scan in scans.items()}
     runs, vehicle = campaign.bump_runs, campaign.vehicle
-    said = [*refused, *(m for s in scans.values() for m in s.messages)]
-    said += name_complaints(read)
+    said = name_complaints(read)
     said += _sentences(lambda: radius_complaint(vehicle))
     places = place_complaints(runs, passages, vehicle)
     said += [*places, *second_passes(runs, passages), *runs_without_bump(runs, passages)]
@@ -67,7 +66,8 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
         said += _sentences(lambda: bump_complaints(runs, passages, profiles))
         said += _sentences(lambda: drop_complaints(campaign, [] if masses else spectra))
     findings = tuple(_scan_finding(name, campaign.scans[name], scan) for name, scan in scans.items())
-    return QualityReport((), tuple(said), tuple(refused), speeds, findings)
+    of_scans = [*refused, *(m for s in scans.values() for m in s.messages)]
+    return QualityReport((), (*of_scans, *said), tuple(refused), speeds, findings, contradictions=tuple(said))
 
 
 def _sentences(compare: Callable[[], Sequence[str] | str | None]) -> list[str]:

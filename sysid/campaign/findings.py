@@ -77,6 +77,7 @@ class QualityReport(Tabular):
 
     `left_out` are runs that contradict what the campaign file says of them, logs whose clock is unknown, and scans that
     show no bump, with the reason.  `speeds` of the runs, the bumps of the `scans`, and the `clocks` of further loggers.
+    `contradictions` are those `messages` that say that campaign file and records do not fit together.
     """
 
     channels: tuple[ChannelFinding, ...]
@@ -85,6 +86,7 @@ class QualityReport(Tabular):
     speeds: tuple[RunSpeed, ...] = ()
     scans: tuple[ScanFinding, ...] = ()
     clocks: tuple[ClockFinding, ...] = ()
+    contradictions: tuple[str, ...] = ()
 
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""

@@ -42,7 +42,8 @@ class Posterior(Tabular):
     before masses and model error were added to the draws (:mod:`sysid.estimation.uncertainty.spread`);
     `autocorrelation_time` (parameters,) in steps; `acceptance` (ensembles,).  `converged` is the verdict over
     independent ensembles (R-hat and effective draws of every parameter, before that addition), `message` says it in
-    words.  `rejected` counts proposals without a finite simulation.
+    words.  `rejected` counts proposals without a finite simulation.  `against_intervals` are those `warnings` that
+    speak against relying on the intervals.
     """
 
     names: tuple[str, ...]
@@ -60,6 +61,7 @@ class Posterior(Tabular):
     seed: int
     warnings: tuple[str, ...] = ()
     rejected: int = 0
+    against_intervals: tuple[str, ...] = ()
 
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""

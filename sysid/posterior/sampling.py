@@ -280,6 +280,7 @@ def _posterior(
         message = f"Converged. {figures}."
     else:
         message = f"Not converged at the limit of {options.max_steps} steps. {figures}; go on with a larger limit."
+    stuck = _stuck_walkers(history, diagnosis)
     return Posterior(
         names=names,
         draws=kept,
@@ -294,25 +295,29 @@ def _posterior(
         likelihood=likelihood,
         message=message,
         seed=options.seed,
-        warnings=_warnings(history, diagnosis, rejected / proposals),
+        warnings=(*_rejections(rejected / proposals), *stuck),
         rejected=rejected,
+        against_intervals=stuck,
     )
 
 
-def _warnings(history: History, diagnosis: Diagnosis, rejected_share: float) -> tuple[str, ...]:
-    sentences = []
-    if rejected_share > _MANY_REJECTED:
-        sentences.append(
-            f"{100 * rejected_share:.0f} % of the parameter sets that the sampler proposed have no finite simulation: "
-            "the posterior includes values with which the vehicle model fails; give priors to the parameters with the "
-            "widest intervals."
-        )
+def _rejections(rejected_share: float) -> tuple[str, ...]:
+    if rejected_share <= _MANY_REJECTED:
+        return ()
+    return (
+        f"{100 * rejected_share:.0f} % of the parameter sets that the sampler proposed have no finite simulation: "
+        "the posterior includes values with which the vehicle model fails; give priors to the parameters with the "
+        "widest intervals.",
+    )
+
+
+def _stuck_walkers(history: History, diagnosis: Diagnosis) -> tuple[str, ...]:
     stuck = standstills(history.draws, diagnosis.burn_in)
-    if stuck.any():
-        ensemble, walker = np.unravel_index(int(stuck.argmax()), stuck.shape)
-        sentences.append(
-            f"{np.count_nonzero(stuck)} of {stuck.size} walkers are stuck: walker {walker + 1} of ensemble "
-            f"{ensemble + 1} did not move for {stuck.max()} steps while the others did; the posterior may have a "
-            "second mode there: do not trust its intervals before another --seed gives the same."
-        )
-    return tuple(sentences)
+    if not stuck.any():
+        return ()
+    ensemble, walker = np.unravel_index(int(stuck.argmax()), stuck.shape)
+    return (
+        f"{np.count_nonzero(stuck)} of {stuck.size} walkers are stuck: walker {walker + 1} of ensemble "
+        f"{ensemble + 1} did not move for {stuck.max()} steps while the others did; the posterior may have a "
+        "second mode there: do not trust its intervals before another --seed gives the same.",
+    )

@@ -7,6 +7,7 @@ the driven runs reached, which the fit explains without stops.  Every draw has t
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,8 @@ from scipy.special import ndtr, ndtri
 from sysid.arrays import Axles, AxlesBySets
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.estimation.parameters.axle_laws import ElementIndex, LawInputs
-from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.parameters.estimate import ParameterEstimate
+from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet
 from sysid.estimation.parameters.suspension_elements import ELEMENTS, ElementQuantity, law_elements
 from sysid.prediction.trust import DrivenRange
 
@@ -69,7 +71,14 @@ def axles_without_stops(vehicle: Vehicle, parameters: ParameterSet) -> tuple[int
 
     A declared `suspension_law` is taken at its word.
     """
-    laws = {p.axle: law_elements(p.law) for p in parameters.parameters if p.quantity == "stiffness"}
+    return axles_with_assumed_stops(vehicle, parameters.parameters)
+
+
+def axles_with_assumed_stops(
+    vehicle: Vehicle, parameters: Iterable[Parameter] | Iterable[ParameterEstimate]
+) -> tuple[int, ...]:
+    """Those of :func:`axles_without_stops` from the parameters of a fit, before or after it."""
+    laws = {p.axle: law_elements(p.law) for p in parameters if p.quantity == "stiffness"}
     return tuple(
         i
         for i in sorted(set(vehicle.suspension_axle))

@@ -14,7 +14,7 @@ from sysid.numbers import number
 from sysid.report import agreement, answer, cells, drop_tables, explorer, figures, knowledge, load_tables, tables
 from sysid.report.skeleton import render_page
 from sysid.report.verdict import verdict
-from sysid.results.pass_limits import undeclared_travel
+from sysid.results.pass_limits import half_declared_travel, undeclared_travel
 
 _QUANTITIES: tuple[Quantity, ...] = ("stiffness", "damping")
 
@@ -132,6 +132,7 @@ def _loads(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
         "sweep_pictures": figures.sweep_pictures(results, gallery),
         "sweep_tables": load_tables.sweep_tables(results),
         "undeclared": [f"axle {i + 1}" for i in undeclared_travel(results)],
+        "half_declared": [f"axle {i + 1}" for i in half_declared_travel(results)],
     }
 
 

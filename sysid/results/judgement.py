@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from sysid.estimates.suspension_values import AxleEstimates, Estimate, Quantity, distinct
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.numbers import count, listing, number, percent
 from sysid.results import pass_limits
 from sysid.results.contents import Judgement, Results
+
+if TYPE_CHECKING:
+    from sysid.estimation.fit.fit_result import FitResult
+    from sysid.estimation.uncertainty.identifiability import Identifiability
 
 #: Half width of a 90 % interval, relative to the value, above which a parameter is called poorly known.
 WIDE = 0.2
@@ -17,7 +22,10 @@ _SYMBOLS: tuple[tuple[Quantity, str], ...] = (("stiffness", "k"), ("damping", "c
 
 
 def judge(results: Results) -> Judgement:
-    """Whether the numbers of all stages that have run may be used, and why."""
+    """Whether the numbers of all stages that have run may be used, and why; the severest reason decides.
+
+    Warnings of what was left out of the data (rows, channels, runs) are no reasons: the intervals do without it.
+    """
     against, unexplained, cautions = _against(results), _unexplained(results), _cautions(results)
     reasons = (*against, *unexplained, *cautions)
     if against:
@@ -55,6 +63,16 @@ def _against(results: Results) -> list[str]:
 
 
 def _unexplained(results: Results) -> list[str]:
+    """Why values may be wrong by more than their intervals."""
+    sentences = _misfit(results)
+    if results.posterior is not None:
+        sentences += results.posterior.against_intervals
+        if results.crosscheck is not None and not results.crosscheck.agrees:
+            sentences.append(results.crosscheck.message)
+    return sentences
+
+
+def _misfit(results: Results) -> list[str]:
     if results.fit is None or not is_misfit(results.fit.misfit):
         return []
     return [
@@ -65,11 +83,17 @@ def _unexplained(results: Results) -> list[str]:
 
 
 def _cautions(results: Results) -> list[str]:
-    sentences = [] if results.fit is None else list(results.fit.proposals)
+    sentences = [] if results.fit is None else [*results.fit.proposals, *results.fit.doubts]
+    if results.quality is not None:
+        sentences += results.quality.contradictions
+    if results.posterior is not None:
+        sentences += [w for w in results.posterior.warnings if w not in results.posterior.against_intervals]
     if results.fit is not None and results.posterior is None:
         sentences.append("The posterior has not been sampled: intervals come from the least-squares covariance.")
     if names := unidentified_values(results):
         sentences.append(f"The data do not determine {listing(names)}: these values repeat the prior.")
+    if results.fit is not None and results.fit.identifiability is not None:
+        sentences += _undetermined(results.fit, results.fit.identifiability)
     if wide := _wide(results):
         sentences.append(f"The 90\u00a0% interval is wider than \u00b1{percent(WIDE)} for {listing(wide)}.")
     if results.validation is not None and (rows := results.validation.channels):
@@ -100,6 +124,20 @@ def _best_rows(results: Results) -> list[tuple[str, AxleEstimates, Estimate]]:
 def unidentified_values(results: Results) -> list[str]:
     """Names of the fitted k and c that the data do not determine."""
     return [] if results.fit is None else [name for name, _, best in _best_rows(results) if not best.identified]
+
+
+def _undetermined(fit: FitResult, determined: Identifiability) -> tuple[str, ...]:
+    """What the data do not determine beside single values of k and c and beside tires."""
+    from sysid.estimation.uncertainty.identifiability import group_statements, is_tire
+
+    said = {p.name for p in fit.parameters if p.quantity in ("stiffness", "damping")}
+    return group_statements(
+        [
+            g
+            for g in determined.groups
+            if not (all(is_tire(name) for name in g.names) or (g.known == 0 and said.issuperset(g.names)))
+        ]
+    )
 
 
 def _wide(results: Results) -> list[str]:

@@ -27,9 +27,17 @@ def pass_name(p: PassPrediction) -> str:
 
 
 def undeclared_travel(results: Results) -> list[int]:
-    """Axles (indices) without `jounce_travel_m` or without `rebound_travel_m`."""
+    """Axles (indices) whose travel nobody declared, so that predicted passes assume bump stops there."""
+    from sysid.prediction.assumed_stops import axles_with_assumed_stops
+
+    vehicle = results.campaign.vehicle
+    return [] if results.fit is None else list(axles_with_assumed_stops(vehicle, results.fit.parameters))
+
+
+def half_declared_travel(results: Results) -> list[int]:
+    """Axles (indices) of which only one travel is declared: no bump stop acts in the other direction."""
     axles = results.campaign.vehicle.axles
-    return [i for i, a in enumerate(axles) if a.jounce_travel_m is None or a.rebound_travel_m is None]
+    return [i for i, a in enumerate(axles) if a.has_stops and None in (a.jounce_travel_m, a.rebound_travel_m)]
 
 
 def cautions(results: Results) -> list[str]:
@@ -41,7 +49,8 @@ def cautions(results: Results) -> list[str]:
             f"Predicted passes go beyond what the driven runs reached ({'; '.join(beyond)}). There the wheel loads "
             "are an extrapolation of the fitted laws."
         )
-    return sentences
+    # Where the runs reached as far, a pass may still cross another bump, meet an assumed stop or end before rest.
+    return sentences + [w for p in passes if not p.trust for w in p.warnings]
 
 
 def _beyond(p: PassPrediction) -> str:
@@ -68,10 +77,18 @@ def remedies(results: Results) -> list[str]:
             "loads matter."
         )
     if unknown := undeclared_travel(results):
-        every_axle = len(unknown) == len(results.campaign.vehicle.axles)
-        axles = "every axle" if every_axle else listing([f"axle {i + 1}" for i in unknown])
         steps.append(
-            f"Declare jounce_travel_m and rebound_travel_m of {axles}: bump stops then act there, not at usual travels "
-            "that the model assumes."
+            f"Declare jounce_travel_m and rebound_travel_m of {_listed(results, unknown)}: bump stops then act there, "
+            "not at usual travels that the model assumes."
+        )
+    if half := half_declared_travel(results):
+        steps.append(
+            f"Declare both jounce_travel_m and rebound_travel_m of {_listed(results, half)}: in the direction without "
+            "a travel no bump stop acts."
         )
     return steps
+
+
+def _listed(results: Results, axles: list[int]) -> str:
+    every_axle = len(axles) == len(results.campaign.vehicle.axles)
+    return "every axle" if every_axle else listing([f"axle {i + 1}" for i in axles])

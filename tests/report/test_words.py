@@ -6,10 +6,13 @@ from dataclasses import replace
 import pytest
 from small_results import Words, before_sampling, campaign_only, small_fit, small_results, with_estimates
 
+from sysid.campaign.findings import QualityReport
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.parameters.rockers import LoadShare
 from sysid.estimation.parameters.undeclared_parts import UndeclaredFrame
+from sysid.estimation.uncertainty.identifiability import UndeterminedGroup
 from sysid.numbers import decimals, fixed, interval, listing, number, percent
+from sysid.posterior.cross_check import CheckedParameter, CrossCheck
 from sysid.prediction.trust import Extrapolation
 from sysid.report.figures import representative_run
 from sysid.report.verdict import verdict
@@ -26,7 +29,7 @@ def blameless():
     campaign = replace(results.campaign, vehicle=replace(results.campaign.vehicle, axles=axles))
     agreement = tuple(replace(c, residual_over_noise=1.0) for c in results.validation.channels)
     good = tuple(replace(c, verdict="good") for c in results.quality.channels)
-    passes = tuple(replace(p, trust=(), beyond=None) for p in results.predictions.passes)
+    passes = tuple(replace(p, trust=(), beyond=None, warnings=()) for p in results.predictions.passes)
     return replace(
         results,
         campaign=campaign,
@@ -62,6 +65,69 @@ def test_one_verdict_of_the_first_screen_and_of_the_files(change, trust, answer,
     assert (judgement.trust, judgement.forbids, screen.answer) == (trust, forbids, answer)
     assert judgement.reasons == screen.use
     assert not (judgement.forbids and any("Take k and c" in step for step in screen.todo))
+
+
+def with_fit(**changes):
+    return {"fit": replace(small_fit(), **changes)}
+
+
+def with_posterior(*, against=(), **changes):
+    return {"posterior": replace(small_results().posterior, warnings=(*changes.get("warnings", ()), *against),
+                                 against_intervals=against)}  # fmt: skip
+
+
+def checked_against(shift):
+    """Two samplers whose means of k_1 are `shift` standard deviations apart, known to a tenth of one each."""
+    found = CheckedParameter("k_1", shift, 0.1, 1.0, 0.1, 300.0)
+    return CrossCheck("NUTS (nutpie)", (found,), 2, "The two samplers were compared.")
+
+
+def with_groups(*groups):
+    return with_fit(identifiability=replace(small_fit().identifiability, groups=groups))
+
+
+def with_pass_warning(sentence):
+    predictions = blameless().predictions
+    return {
+        "predictions": replace(predictions, passes=tuple(replace(p, warnings=(sentence,)) for p in predictions.passes))
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "trust", "sentence"),
+    [
+        (with_fit(doubts=("An independent solver ends 3.0 standard deviations away.",)), "with_care", "solver ends 3"),
+        (with_posterior(warnings=("The posterior fits better than the optimum.",)), "with_care", "fits better than"),
+        (with_posterior(against=("7 of 64 walkers are stuck.",)), "do_not_bet", "walkers are stuck"),
+        ({"crosscheck": checked_against(0.5)}, "do_not_bet", "samplers were compared"),
+        ({"crosscheck": checked_against(0.3)}, "use", "converged"),
+        (with_groups(UndeterminedGroup(("stop_1", "k_1"), 1, "sum", 0.02)), "with_care", "stop_1 and k_1 are only"),
+        (with_groups(UndeterminedGroup(("stop_1",), 0, "none", math.nan)), "with_care", "do not determine stop_1"),
+        # Tires are known from elsewhere.
+        (with_groups(UndeterminedGroup(("kt_1", "kt_2"), 1, "sum", 0.02)), "use", "converged"),
+        ({"quality": QualityReport((), ("x", "Drops are exchanged."), contradictions=("Drops are exchanged.",))},
+         "with_care", "Drops are exchanged"),
+        # A remark on the data that was dealt with.
+        ({"quality": QualityReport((), ("20 rows are missing.",))}, "use", "converged"),
+        (with_pass_warning("No run crossed this bump: an extrapolation."), "with_care", "No run crossed"),
+    ],
+)  # fmt: skip
+def test_what_fit_sampler_and_bookkeeping_warn_of_lowers_the_verdict(change, trust, sentence):
+    judgement = judge(with_estimates(replace(blameless(), **change)))
+    assert judgement.trust == trust
+    (said,) = judgement.reasons
+    assert sentence in said
+
+
+def test_a_value_that_repeats_its_prior_is_said_once():
+    fit = small_fit()
+    parameters = tuple(replace(p, identified=p.name != "k_1") for p in fit.parameters)
+    groups = (UndeterminedGroup(("k_1",), 0, "none", math.nan),)
+    fit = replace(fit, parameters=parameters, identifiability=replace(fit.identifiability, groups=groups))
+    judgement = judge(with_estimates(replace(blameless(), fit=fit)))
+    assert [s for s in judgement.reasons if "determine" in s] == [
+        "The data do not determine k of axle 1: these values repeat the prior."
+    ]
 
 
 def test_least_squares_that_did_not_converge_are_not_sampled_longer():
@@ -128,10 +194,33 @@ def with_axles(**changes):
 
 
 def test_undeclared_travel_is_asked_for():
-    (step,) = [s for s in verdict(with_axles(rebound_travel_m=None)).todo if "jounce_travel_m" in s]
+    (step,) = travel_steps(jounce_travel_m=None, rebound_travel_m=None)
     assert "every axle" in step
     assert "bump stops then act there" in step
     assert "assumes" in step
+
+
+def travel_steps(fit=None, **declared):
+    results = with_axles(**declared)
+    results = results if fit is None else replace(results, fit=fit)
+    return [s for s in verdict(results).todo if "jounce_travel_m" in s]
+
+
+def test_no_travel_is_asked_for_where_no_stop_is_assumed():
+    """A declared law is taken at its word, and stops that the runs have shown need no declaration."""
+    nowhere = {"jounce_travel_m": None, "rebound_travel_m": None}
+    assert travel_steps(**nowhere, suspension_law="friction") == []
+    fit = small_fit()
+    stops = tuple(replace(p, law="estimated_bump_stops") if p.axle == 0 else p for p in fit.parameters)
+    (step,) = travel_steps(replace(fit, parameters=stops), **nowhere)
+    assert "of axle 2: " in step
+
+
+def test_where_one_travel_is_declared_nothing_is_called_assumed():
+    """The other direction has no stop at all: neither the fit nor a prediction assumes one."""
+    (step,) = travel_steps(rebound_travel_m=None)
+    assert "every axle: in the direction without a travel no bump stop acts" in step
+    assert "assume" not in step
 
 
 def test_what_a_pass_goes_beyond_is_said_once_with_its_axles():

@@ -87,8 +87,8 @@ def evaluate_optimum(
     estimates, runs = _estimates(campaign, problem, parameters, motion, covariance)
     shared = covariance[: problem.count, : problem.count]
     determined = assess(estimates, shared, adjusted.data)
-    warnings = fit_warnings(minimum, (optimum.misfit, optimum.over_instruments), halving, difference, determined)
     checks = _mass_checks(allowances.masses, adjusted.response, shared)
+    warnings = fit_warnings(minimum, (optimum.misfit, optimum.over_instruments), halving, difference, determined)
     point = replace(_fit_point(problem, vector, adjusted, shared), clocks=optimum.clocks)
     fit = FitResult(
         parameters=estimates,
@@ -110,6 +110,7 @@ def evaluate_optimum(
         contact=CONTACT_LAWS[options.contact].meaning,
         residual_evidence=at_optimum.evidence,
         warnings=(*warnings, *_mass_warnings(checks)),
+        doubts=(*numerical_doubts(halving, difference), *_mass_warnings(checks)),
         masses=checks,
         identifiability=determined,
         misfit=optimum.misfit,
@@ -380,6 +381,14 @@ def fit_warnings(
             f"Residuals are {size} (median over channels): the model does not explain everything the sensors saw. "
             "Intervals are widened accordingly, but may still be too narrow."
         )
+    sentences += numerical_doubts(halving, apart_sd)
+    sentences += determined.warnings
+    return tuple(sentences)
+
+
+def numerical_doubts(halving: float, apart_sd: float) -> list[str]:
+    """Warnings about the numerical solution; arguments as for :func:`fit_warnings`."""
+    sentences = []
     if halving > STEP_HALVING:
         sentences.append(
             f"Halving the integration step changes a channel by {100.0 * halving:.2g} % of its size, more than "
@@ -389,5 +398,4 @@ def fit_warnings(
         sentences.append(
             f"An independent solver ends {apart_sd:.1f} standard deviations away; the optimum may not be unique."
         )
-    sentences += determined.warnings
-    return tuple(sentences)
+    return sentences

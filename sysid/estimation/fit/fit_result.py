@@ -137,6 +137,8 @@ class FitResult(Tabular):
     - `load_shares` of the declared rockers between springs;
     - `undeclared_rockers` and `undeclared_frames` are rockers and bending frames that the campaign file does not
       declare but the residuals show (:mod:`sysid.estimation.fit.part_search`): they are part of the model;
+    - `doubts` are those `warnings` that make the values doubtful and that none of the other fields says: numerical
+      errors, declared masses that the data contradict, a likely mistake in the campaign file;
     - `misfit` is the median over channels and runs of residual over noise. The noise is that of the instruments, or
       what the channels show before the bump.
     """
@@ -166,6 +168,7 @@ class FitResult(Tabular):
     undeclared_rockers: tuple[LoadShare, ...] = ()
     misfit: float = float("nan")
     undeclared_frames: tuple[UndeclaredFrame, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     @property
     def laws(self) -> tuple[str, ...]:

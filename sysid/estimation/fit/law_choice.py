@@ -99,8 +99,9 @@ def fit_with_laws(
         law_comparison=comparison,
         contact_trials=trials,
     )
-    warnings = (*fit.proposals, *([mistake] if mistake else []), *fit.warnings)
-    return replace(fit, warnings=warnings), state
+    mistakes = (mistake,) if mistake else ()
+    warnings = (*fit.proposals, *mistakes, *fit.warnings)
+    return replace(fit, warnings=warnings, doubts=(*mistakes, *fit.doubts)), state
 
 
 @dataclass(frozen=True)

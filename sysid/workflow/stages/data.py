@@ -35,6 +35,7 @@ def _check(context: Context) -> QualityReport:
         left_out=(*report.left_out, *crossed.left_out),
         speeds=crossed.speeds,
         scans=crossed.scans,
+        contradictions=crossed.contradictions,
     )
 
 
