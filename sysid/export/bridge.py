@@ -41,10 +41,11 @@ VEHICLE_COLUMNS = (
     "bending_modal_mass_kg",
     "load_case",
     "source",
+    "verdict",
 )
 
 
-def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle) -> str:
+def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle, judgement: Judgement | None = None) -> str:
     """The vehicle of a load case: rows of bodies, groups and axles in SI units, cells empty where nothing belongs.
 
     A body has its mass, its pitch inertia about its centre of gravity, which stands at `x_m` behind axle 1, and the
@@ -53,7 +54,7 @@ def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle) -> str:
     suspension, and its beam's mass and inertia.  An equaliser, a massless rocker between the springs of its axles, has
     its load share s, and its axles' rows their own suspensions: with spring forces S_i each axle feels
     S_i + s (mean S - S_i).  A body whose frame bends has the frequency, damping ratio and modal mass of its first free
-    mode.
+    mode.  The last column says in every row whether the values may be used, as `result.json` does.
     """
     case, truck = campaign.load_cases[vehicle.load_case], campaign.vehicle
     statics = static_equilibrium(truck, case)
@@ -110,7 +111,8 @@ def vehicle_csv(campaign: Campaign, vehicle: CalibratedVehicle) -> str:
     stream = io.StringIO()
     writer = csv.DictWriter(stream, VEHICLE_COLUMNS, restval="", lineterminator="\n")
     writer.writeheader()
-    about = {"load_case": escape_cell(case.name), "source": vehicle.source}
+    verdict = "" if judgement is None else judgement.trust
+    about = {"load_case": escape_cell(case.name), "source": vehicle.source, "verdict": verdict}
     writer.writerows(row | about for row in rows)
     return stream.getvalue()
 

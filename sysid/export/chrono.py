@@ -15,6 +15,7 @@ from sysid.errors import CampaignError
 
 if TYPE_CHECKING:
     from sysid.estimates.calibrated_elements import CalibratedSuspension, CalibratedVehicle
+    from sysid.results.contents import Judgement
 
 _COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*|/\*.*?\*/', re.DOTALL)
 #: Where springs end in the templates of Chrono that have one apart.
@@ -35,13 +36,15 @@ _DECIDING = (
 _STOPS = ("Minimum Length", "Maximum Length")
 
 
-def chrono_suspension(vehicle: CalibratedVehicle, s: CalibratedSuspension) -> dict[str, Any]:
+def chrono_suspension(
+    vehicle: CalibratedVehicle, s: CalibratedSuspension, judgement: Judgement | None = None
+) -> dict[str, Any]:
     """Objects ``Spring`` and ``Shock`` of one suspension, values of one side, as a JSON merge patch (RFC 7396).
 
     The keys are those that Chrono's ``ReadTSDAFunctorJSON`` reads.  The deformation counts from static rest, where
     ``Preload`` carries the static load: F = Preload - K(length - free length) with the free length at rest
     (:func:`chrono_merged`).  A key set to null removes what the template says otherwise: another kind of element, and
-    its stops where the law has some of its own.
+    its stops where the law has some of its own.  The comment ends with the verdict of a `judgement`.
     """
     spring: dict[str, Any] = {"Preload": s.static_load_N / 2.0}
     shock: dict[str, Any]
@@ -55,14 +58,18 @@ def chrono_suspension(vehicle: CalibratedVehicle, s: CalibratedSuspension) -> di
     gone = dict.fromkeys((*_DECIDING, *(_STOPS if "bump_stops" in s.law else ())))
     about = f"axle {s.axle + 1} {s.name}, load case {vehicle.load_case}, {vehicle.source}, law {s.law}; one side, SI"
     about += "".join(f". {remark}" for remark in vehicle.remarks(s.axle))
-    return {"Comment": about, "Spring": gone | spring, "Shock": gone | shock}
+    return {"Comment": _judged(about, judgement), "Spring": gone | spring, "Shock": gone | shock}
 
 
-def chrono_tire(vehicle: CalibratedVehicle, axle: int) -> dict[str, Any]:
+def _judged(about: str, judgement: Judgement | None) -> str:
+    return about if judgement is None else f"{about.rstrip('.')}. {judgement.remark}"
+
+
+def chrono_tire(vehicle: CalibratedVehicle, axle: int, judgement: Judgement | None = None) -> dict[str, Any]:
     """Vertical stiffness and damping of the tires of one side as a JSON merge patch for a ``FialaTire`` file.
 
     Tangents at the static load; dual tires share them.  A curve of the template, which Chrono takes before the
-    stiffness, is removed.
+    stiffness, is removed.  The comment ends with the verdict of a `judgement`.
     """
     about = f"axle {axle + 1}, load case {vehicle.load_case}, {vehicle.source}; all tires of one side, SI"
     vertical = {
@@ -70,7 +77,7 @@ def chrono_tire(vehicle: CalibratedVehicle, axle: int) -> dict[str, Any]:
         "Vertical Damping": float(vehicle.tire_damping_N_s_per_m[axle]) / 2.0,
         "Vertical Curve Data": None,
     }
-    return {"Comment": about, "Fiala Parameters": vertical}
+    return {"Comment": _judged(about, judgement), "Fiala Parameters": vertical}
 
 
 def chrono_text(document: Mapping[str, Any]) -> str:

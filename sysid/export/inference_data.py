@@ -20,7 +20,8 @@ def posterior_tree(results: Results) -> xr.DataTree:
     over the second.  Every parameter is a variable of its own, in its natural unit (attribute ``units``), with the
     ``effective_draws`` and ``rhat`` of result.json; ``/`` in a name, which HDF5 reserves, becomes ``|``.
     ``sample_stats.lp`` is the log-probability up to a constant of what was sampled, before masses and model error were
-    added to the draws.
+    added to the draws.  Attributes ``verdict`` and ``verdict_reasons`` say whether the draws may be used, as
+    result.json does.
 
     Raises CampaignError if the posterior has not been sampled.
     """
@@ -48,6 +49,8 @@ def posterior_tree(results: Results) -> xr.DataTree:
         "thinning_steps": int(posterior.thin),
         "draw_order": "first half of the steps walker after walker, then the second half",
     }
+    if results.judgement is not None:
+        attrs |= {"verdict": results.judgement.trust, "verdict_reasons": list(results.judgement.reasons)}
     groups = {"posterior": posterior_dataset(posterior, about), "sample_stats": sample_stats(posterior)}
     return xr.DataTree.from_dict({name: group.assign_attrs(attrs) for name, group in groups.items()})
 

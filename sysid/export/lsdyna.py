@@ -9,6 +9,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from sysid.estimates.calibrated_elements import CalibratedSuspension, CalibratedVehicle
+    from sysid.results.contents import Judgement
 
 #: Identifiers of axle i (from 1) are _FIRST + 10 i and the following ones; _FIRST itself is the section.
 _FIRST = 9000
@@ -16,13 +17,14 @@ _FIRST = 9000
 _RESAMPLED = 1201
 
 
-def lsdyna_text(vehicle: CalibratedVehicle) -> str:
+def lsdyna_text(vehicle: CalibratedVehicle, judgement: Judgement | None = None) -> str:
     """Keyword include with section, materials, curves and parts of every suspension and tire, units kg, m, s, N.
 
     Linear suspensions are ``*MAT_SPRING_ELASTIC`` and ``*MAT_DAMPER_VISCOUS``, others
     ``*MAT_SPRING_NONLINEAR_ELASTIC`` and ``*MAT_DAMPER_NONLINEAR_VISCOUS`` with ``*DEFINE_CURVE``, extension positive;
     friction is part of the damper's curve.  Tires are linear.  Identifiers of axle i: 9000 + 10 i + 1 spring, + 2
-    damper, + 3 tire spring, + 4 tire damper, each for part, material and curve; 9000 the section.
+    damper, + 3 tire spring, + 4 tire damper, each for part, material and curve; 9000 the section.  A comment says
+    whether the values may be used, if there is a `judgement`.
 
     References
     ----------
@@ -32,6 +34,7 @@ def lsdyna_text(vehicle: CalibratedVehicle) -> str:
     lines = [
         "*KEYWORD",
         *_comment(f"Calibrated suspensions and tires, load case {vehicle.load_case}, {vehicle.source}."),
+        *([] if judgement is None else _comment(judgement.remark)),
         *_comment("Units: kg, m, s, N.  Values are of the axle, both sides together: halve them for one side."),
         *_comment("Lengths count from rest under the static load, and forces leave the static load out."),
         "*SECTION_DISCRETE",

@@ -20,19 +20,23 @@ if TYPE_CHECKING:
     from sysid.results.contents import Judgement
 
 
-def model_texts(campaign: Campaign, vehicles: Iterable[CalibratedVehicle]) -> dict[str, str]:
+def model_texts(
+    campaign: Campaign, vehicles: Iterable[CalibratedVehicle], judgement: Judgement | None = None
+) -> dict[str, str]:
     """Texts by file name below the output folder: LS-DYNA, Chrono::Vehicle and vehicle-bridge interaction."""
     vehicles = tuple(vehicles)
     folders = distinct(file_stem(v.load_case) for v in vehicles)
     texts = {}
     for vehicle, name in zip(vehicles, folders, strict=True):
         folder = f"models/{name}"
-        texts[f"{folder}/lsdyna.k"] = lsdyna_text(vehicle)
-        texts[f"{folder}/vehicle.csv"] = vehicle_csv(campaign, vehicle)
+        texts[f"{folder}/lsdyna.k"] = lsdyna_text(vehicle, judgement)
+        texts[f"{folder}/vehicle.csv"] = vehicle_csv(campaign, vehicle, judgement)
         for s in vehicle.suspensions:
-            texts[f"{folder}/chrono_suspension{s.axle + 1}.json"] = chrono_text(chrono_suspension(vehicle, s))
+            texts[f"{folder}/chrono_suspension{s.axle + 1}.json"] = chrono_text(
+                chrono_suspension(vehicle, s, judgement)
+            )
         for i in range(len(campaign.vehicle.axles)):
-            texts[f"{folder}/chrono_tire{i + 1}.json"] = chrono_text(chrono_tire(vehicle, i))
+            texts[f"{folder}/chrono_tire{i + 1}.json"] = chrono_text(chrono_tire(vehicle, i, judgement))
     return texts
 
 
@@ -59,9 +63,10 @@ def write_models(
     Parameters
     ----------
     vehicles : calibrated vehicle of every load case (:func:`sysid.estimates.calibrated.calibrated_vehicle`).
-    predictions : predicted passes, None for none; judgement : whether they may be used.
+    predictions : predicted passes, None for none.
+    judgement : whether vehicles and passes may be used; every file says so.
     """
-    texts = model_texts(campaign, vehicles)
+    texts = model_texts(campaign, vehicles, judgement)
     if predictions is not None:
         texts |= moving_force_texts(campaign, predictions, judgement)
     paths = tuple(Path(folder) / name for name in texts)

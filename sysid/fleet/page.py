@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote
 
@@ -19,14 +20,16 @@ from sysid.fleet.instruments import InstrumentProblem, instrument_problems
 from sysid.fleet.loads import PopulationLoad
 from sysid.fleet.population import Quantiles, TypePopulation
 from sysid.fleet.results import FleetResults
-from sysid.fleet.running import CAMPAIGNS, Row
+from sysid.fleet.running import CAMPAIGNS, Row, campaign_output
 from sysid.fleet.status import state_counts
+from sysid.fleet.tables import verdict_of
 from sysid.fleet.weights import MOST_K
 from sysid.folder_lock import writing_to
 from sysid.numbers import decimals, fixed, interval, number, percent
 from sysid.report.cells import Cell, Table, table
 from sysid.report.figures import Gallery, Picture
 from sysid.report.skeleton import render_page
+from sysid.results.contents import FORBIDDING
 from sysid.workflow.versions import versions
 
 PAGE = "fleet.html"
@@ -50,11 +53,22 @@ class TypePart:
     remarks: tuple[str, ...]
 
 
-def render_fleet(results: FleetResults, rows: Sequence[Row], problems_of: Sequence[InstrumentProblem] = ()) -> str:
-    """The page as text; it loads nothing, and what users typed is escaped."""
+def render_fleet(
+    results: FleetResults,
+    rows: Sequence[Row],
+    problems_of: Sequence[InstrumentProblem] = (),
+    verdicts: Mapping[str, tuple[str, str]] = MappingProxyType({}),
+) -> str:
+    """The page as text; it loads nothing, and what users typed is escaped.
+
+    Parameters
+    ----------
+    verdicts : of finished campaigns by name, and the first reason of each (:func:`sysid.fleet.tables.verdict_of`).
+    """
     gallery = Gallery()
     states = state_counts(rows)
     problems = [row for row in rows if row.state != "done"]
+    doubtful = [row for row in rows if verdicts.get(row.campaign, ("", ""))[0] in FORBIDDING]
     preview = any(row.outcome is not None and row.outcome.status == "preview" for row in rows)
     content = {
         "title": results.fleet.title,
@@ -64,8 +78,9 @@ def render_fleet(results: FleetResults, rows: Sequence[Row], problems_of: Sequen
         "counts": states,
         "types": [_type_part(p, results, gallery) for p in results.populations],
         "said": results.remarks,
-        "problems": [_listed(row) for row in problems[:MOST_LISTED]],
-        "listed": [_listed(row) for row in rows[:MOST_LISTED]],
+        "problems": [_listed(row, verdicts) for row in problems[:MOST_LISTED]],
+        "doubtful": [_listed(row, verdicts) for row in doubtful[:MOST_LISTED]],
+        "listed": [_listed(row, verdicts) for row in rows[:MOST_LISTED]],
         "unlisted": max(0, len(rows) - MOST_LISTED),
         "pareto": _pareto_table(results.populations),
         "instruments": _instrument_table(problems_of, len(rows)),
@@ -83,14 +98,16 @@ def write_fleet_page(results: FleetResults, rows: Sequence[Row], output: Path) -
     OutputError
         If the folder cannot be written.
     """
-    text = render_fleet(results, rows, instrument_problems(rows, output))
+    verdicts = {row.campaign: verdict_of(row, campaign_output(output, row.campaign)) for row in rows}
+    text = render_fleet(results, rows, instrument_problems(rows, output), verdicts)
     with writing_to(output):
         write_text(output / PAGE, text)
     return output / PAGE
 
 
-def _listed(row: Row) -> dict[str, str]:
+def _listed(row: Row, verdicts: Mapping[str, tuple[str, str]]) -> dict[str, str]:
     outcome = row.outcome
+    trust, reason = verdicts.get(row.campaign, ("", ""))
     link = f"{CAMPAIGNS}/{quote(row.campaign)}/report.html" if outcome is not None and outcome.finished else ""
     return {
         "campaign": row.campaign,
@@ -98,7 +115,8 @@ def _listed(row: Row) -> dict[str, str]:
         "date": row.date,
         "state": row.state,
         "status": "" if outcome is None else outcome.status.replace("_", " "),
-        "sentence": "" if outcome is None else outcome.sentence,
+        "verdict": trust.replace("_", " "),
+        "sentence": reason if outcome is None else outcome.sentence or reason,
         "link": link,
     }
 

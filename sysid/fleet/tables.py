@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from sysid.fleet.draws import RECORD_FILE, read_draws, thinned
 from sysid.fleet.outcome import RESULT_FILE
 from sysid.fleet.running import Row
 from sysid.fleet.status import row_fields
+from sysid.results.contents import Trust
 
 #: Version of the tables; a number up whenever a column changes its meaning or goes.
 SCHEMA = 1
@@ -42,6 +43,8 @@ TABLES: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "warnings": ("int64", "number of warnings"),
         "warning": ("string", "the first warning"),
         "folder": ("string", "folder of the results, relative to that of the fleet"),
+        "verdict": ("string", "verdict of the campaign in result.json: use, with_care, do_not_bet or not_yet"),
+        "verdict_reason": ("string", "the first reason of the verdict"),
     },
     "parameters": {
         "campaign": ("string", "campaign"),
@@ -64,6 +67,7 @@ TABLES: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "rhat": ("double", "R-hat"),
         "prior_median": ("double", "median of the prior"),
         "prior_log_sd": ("double", "standard deviation of the logarithm under the prior"),
+        "verdict": ("string", "verdict of the campaign in result.json: use, with_care, do_not_bet or not_yet"),
     },
     "draws": {
         "campaign": ("string", "campaign"),
@@ -83,6 +87,7 @@ TABLES: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "q95": ("double", "95 %"),
         "lift_off": ("bool", "whether the wheel leaves the road"),
         "beyond_driven": ("int64", "number of quantities beyond what the runs reached"),
+        "verdict": ("string", "verdict of the campaign in result.json: use, with_care, do_not_bet or not_yet"),
     },
     "quality": {
         "campaign": ("string", "campaign"),
@@ -136,20 +141,32 @@ def channel_rows(row: Row, output: Path) -> list[dict[str, Any]]:
     return lines if all(_fits("channels", line) for line in lines) else []
 
 
+def verdict_of(row: Row, output: Path) -> tuple[str, str]:
+    """Verdict of the campaign whose results are in `output`, as in result.json, and its first reason; else empty."""
+    judged = (read_json(output / RESULT_FILE) if _finished(row) else {}).get("verdict")
+    if not isinstance(judged, dict) or judged.get("trust") not in get_args(Trust):
+        return "", ""
+    reasons = judged.get("reasons")
+    return judged["trust"], str(reasons[0]) if isinstance(reasons, list) and reasons else ""
+
+
 def _rows_of(document: Mapping[str, Any], row: Row, output: Path) -> dict[str, list[dict[str, Any]]]:
     of_row = {"campaign": row.campaign, "truck": row.truck, "type": row.type}
-    warnings = document.get("warnings", [])
+    warnings, judged = document.get("warnings", []), document.get("verdict") or {}
     first = row_fields(row) | {
         "title": document.get("campaign"),
         "seed": document.get("seed"),
         "warnings": len(warnings) if document else None,
         "warning": warnings[0] if warnings else None,
+        "verdict": judged.get("trust"),
+        "verdict_reason": next(iter(judged.get("reasons", ())), None),
     }
+    verdict = {"verdict": judged.get("trust")}
     return {
         "campaigns": [first],
-        "parameters": [of_row | _parameter(p) for p in document.get("parameters", [])],
+        "parameters": [of_row | _parameter(p) | verdict for p in document.get("parameters", [])],
         "draws": _draws(of_row, output) if document else [],
-        "predictions": [of_row | _prediction(p) for p in document.get("predictions", [])],
+        "predictions": [of_row | _prediction(p) | verdict for p in document.get("predictions", [])],
         "quality": [of_row | dict(v) for v in document.get("validation", [])],
         "channels": _channels(document, row),
     }

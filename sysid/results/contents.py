@@ -33,6 +33,8 @@ Status = Literal["converged", "not_converged", "preview"]
 STATUSES: tuple[Status, ...] = ("converged", "not_converged", "preview")
 #: Whether numbers may be used: as they are, after reading the reasons, not as far as their intervals go, or not yet.
 Trust = Literal["use", "with_care", "do_not_bet", "not_yet"]
+#: Those with which nobody should rely on the numbers and their intervals.
+FORBIDDING: tuple[Trust, ...] = ("do_not_bet", "not_yet")
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,12 @@ class Judgement:
     @property
     def forbids(self) -> bool:
         """Whether nobody should rely on the numbers and their intervals."""
-        return self.trust in ("do_not_bet", "not_yet")
+        return self.trust in FORBIDDING
+
+    @property
+    def remark(self) -> str:
+        """The verdict in a sentence for comments of files that hold numbers for other programs."""
+        return f"Verdict: {self.trust} (trust and reasons: verdict in result.json)."
 
 
 @dataclass(frozen=True)

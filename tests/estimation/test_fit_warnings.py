@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from small_results import small_fit
 
-from sysid.estimation.fit.evaluation import fit_warnings
+from sysid.estimation.fit.evaluation import fit_warnings, numerical_doubts
 from sysid.estimation.fit.minimiser import Minimum
 from sysid.report import tables
 
@@ -60,6 +60,15 @@ def test_a_warning_starts_where_the_documentation_says(name: str, page: str, pat
     assert warned(**{name: 0.999 * limit}) == ()
     (found,) = warned(**{name: 1.001 * limit})
     assert sentence in found
+
+
+def test_doubts_are_the_warnings_about_the_numerical_solution():
+    """Neither an unfinished search nor a misfit is among them: the verdict has sentences of its own for these."""
+    stopped = Minimum(np.zeros(1), 1.0, False, 40, "40 iterations")
+    said = numerical_doubts(0.01, 3.0)
+    assert warned(misfit=2.0, halving=0.01, apart=3.0, minimum=stopped)[2:] == tuple(said)
+    assert ["Halving" in said[0], "independent solver" in said[1]] == [True, True]
+    assert numerical_doubts(1e-5, float("nan")) == []
 
 
 def test_the_report_names_the_same_step_halving_error():

@@ -1,5 +1,8 @@
 """`posterior.nc` opened by xarray: layout, units, and the same summary as `result.json`."""
 
+from dataclasses import replace
+
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -7,6 +10,7 @@ from small_results import Words, before_sampling, small_results
 
 from sysid.errors import CampaignError
 from sysid.export import result_document, write_posterior
+from sysid.results.contents import Judgement
 
 
 def test_summary_of_the_file_equals_result_json(tmp_path):
@@ -41,6 +45,14 @@ def test_draws_and_log_probabilities_keep_their_places(tmp_path):
         assert stats["lp"].values[1, place] == results.posterior.log_probability[1, step, 5]
     assert np.array_equal(draws["chain"], [0, 1])
     assert np.array_equal(draws["draw"], np.arange(400))
+
+
+def test_the_draws_carry_the_verdict(tmp_path):
+    write_posterior(replace(small_results(), judgement=Judgement("do_not_bet", ("One.", "Two."))), tmp_path / "p.nc")
+    with h5py.File(tmp_path / "p.nc") as file:
+        for group in ("posterior", "sample_stats"):
+            assert file[group].attrs["verdict"] == "do_not_bet"
+            assert list(file[group].attrs["verdict_reasons"]) == ["One.", "Two."]
 
 
 def test_names_that_hdf5_reserves_are_replaced(tmp_path):

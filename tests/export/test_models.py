@@ -23,6 +23,7 @@ from sysid.export import chrono_merged, write_models
 from sysid.export.bridge import vehicle_csv
 from sysid.export.chrono import chrono_suspension, chrono_tire
 from sysid.export.lsdyna import _field, lsdyna_text
+from sysid.results.contents import Judgement
 
 EXTENSION = np.linspace(-0.2, 0.2, 81)
 RATE = np.linspace(-3.0, 3.0, 121)
@@ -219,6 +220,31 @@ def test_all_files_are_written_and_hold_the_predicted_forces(tmp_path):
         assert np.all(bands[0] <= bands[1])
         assert np.all(bands[1] <= bands[2])
     np.testing.assert_array_equal(forces["beyond_driven2"], prediction.beyond[1])
+
+
+@pytest.mark.parametrize("trust", ["use", "do_not_bet"])
+def test_every_model_file_carries_the_verdict(tmp_path, trust):
+    """In each format's own way, read back: a comment of the keyword file, a comment of the patch, a column."""
+    results = small_results()
+    judgement = Judgement(trust, ("because",))
+    paths = write_models(results.campaign, [calibrated()], None, tmp_path, judgement)
+    words = f"Verdict: {trust} (trust and reasons: verdict in result.json)."
+    for path in paths:
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".k":
+            deck = read_deck(text)
+            assert words in deck.comments
+            assert set(deck.parts) == set(deck.materials)
+        elif path.suffix == ".json":
+            assert json.loads(text)["Comment"].endswith(f"SI. {words}")
+        else:
+            assert {row["verdict"] for row in csv.DictReader(io.StringIO(text))} == {trust}
+    assert {path.suffix for path in paths} == {".k", ".json", ".csv"}
+
+
+def test_without_a_judgement_files_claim_nothing():
+    assert "Verdict" not in lsdyna_text(calibrated()) + str(chrono_tire(calibrated(), 0))
+    assert {row["verdict"] for row in csv.DictReader(io.StringIO(vehicle_csv(small_campaign(), calibrated())))} == {""}
 
 
 def test_no_cell_becomes_a_formula():

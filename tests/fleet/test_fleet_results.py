@@ -18,13 +18,13 @@ from sysid.fleet.assembly import StoredDraws, assemble, members
 from sysid.fleet.hierarchy import HyperPriors
 from sysid.fleet.index import schema_text, write_index
 from sysid.fleet.instruments import instrument_problems
-from sysid.fleet.page import render_fleet
+from sysid.fleet.page import render_fleet, write_fleet_page
 from sysid.fleet.read import read_fleet
 from sysid.fleet.records import SharedError
 from sysid.fleet.results import FleetResults
 from sysid.fleet.running import campaign_output
 from sysid.fleet.status import rows_on_disk
-from sysid.fleet.tables import TABLES
+from sysid.fleet.tables import TABLES, campaign_rows
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "fleet-tables.md"
 
@@ -159,6 +159,57 @@ def test_the_tables_hold_the_results_and_answer_the_ten_questions(fleet_folders:
     assert len(questions) == 10
     for question in questions:
         db.execute(question).fetchall()
+
+
+def judged_fleet(fleet_folders, tmp_path, verdicts):
+    """A copy of the fleet whose result.json of some campaigns have a verdict; a copied outcome knows their hash."""
+    output = tmp_path / "judged"
+    shutil.copytree(fleet_folders[1], output)
+    for name, verdict in verdicts.items():
+        file = campaign_output(output, name) / "result.json"
+        file.write_text(json.dumps(json.loads(file.read_text()) | {"verdict": verdict}))
+    return output
+
+
+VERDICTS = {
+    "T1-1": {"trust": "do_not_bet", "reasons": ["Walkers are stuck <b>.", "More."]},
+    "T2-1": {"trust": "with_care", "reasons": ["Wide."]},
+    "T3-1": None,
+    "T4-1": {"trust": "<script>"},
+}
+
+
+def test_the_tables_hold_the_verdict_of_every_campaign(fleet_folders: tuple[Path, Path], tmp_path: Path) -> None:
+    output = judged_fleet(fleet_folders, tmp_path, VERDICTS)
+    fleet = read_fleet(fleet_folders[0])
+    rows = {row.campaign: row for row in rows_on_disk(fleet, output)}
+    of = {name: campaign_rows(rows[name], campaign_output(output, name), output) for name in ("T1-1", "T2-1", "T3-1")}
+    for name, trust, reason in (
+        ("T1-1", "do_not_bet", "Walkers are stuck <b>."), ("T2-1", "with_care", "Wide."), ("T3-1", None, None),
+    ):  # fmt: skip
+        (campaign,) = of[name]["campaigns"]
+        assert (campaign["verdict"], campaign["verdict_reason"]) == (trust, reason)
+        for table in ("parameters", "predictions"):
+            assert {line["verdict"] for line in of[name][table]} == {trust}
+
+
+def test_the_page_shows_the_verdicts_and_lists_those_that_forbid(
+    fleet_results: FleetResults, fleet_folders: tuple[Path, Path], tmp_path: Path
+) -> None:
+    output = judged_fleet(fleet_folders, tmp_path, VERDICTS)
+    rows = list(rows_on_disk(fleet_results.fleet, output))
+    page = LexborHTMLParser(write_fleet_page(fleet_results, rows, output).read_text(encoding="utf-8"))
+    tables = {t.css_first("caption").text(): t for t in page.css("table") if t.css_first("caption") is not None}
+    (doubtful,) = [t for caption, t in tables.items() if "nobody should bet" in caption]
+    (line,) = [[c.text() for c in r.css("th, td")] for r in doubtful.css("tbody tr")]
+    assert (line[0], line[5], line[6]) == ("T1-1", "do not bet", "Walkers are stuck <b>.")
+    listed = {
+        r.css("th")[0].text(): [c.text() for c in r.css("td")]
+        for r in tables["Campaigns and their reports"].css("tbody tr")
+    }
+    assert {name: cells[4] for name, cells in listed.items() if name in VERDICTS} == {
+        "T1-1": "do not bet", "T2-1": "with care", "T3-1": "", "T4-1": "",
+    }  # fmt: skip
 
 
 def test_unfinished_campaigns_are_in_the_tables_too(fleet_folders: tuple[Path, Path], tmp_path: Path) -> None:

@@ -199,6 +199,7 @@ def test_a_stuck_walker_is_said():
     found = sample_posterior(with_needle, ("k_1", "c_1"), CENTRE, np.diag(SD**2), "test", options)
     assert len(found.warnings) == 1
     assert "1 of 24 walkers are stuck: walker 2 of ensemble 3" in found.warnings[0]
+    assert found.against_intervals == found.warnings
     assert sampled(options).warnings == ()
 
 
