@@ -41,7 +41,7 @@ class Prospect:
 
 @dataclass(frozen=True)
 class PeakTarget:
-    """The predicted peak that advice looks at: `axle` index, pass, and the `ratio` at the optimum."""
+    """The predicted peak that advice looks at: `axle` index, pass, and `ratio` as predicted, else at the optimum."""
 
     axle: int
     load_case: str

@@ -2,8 +2,8 @@
 
 All candidates are judged at the optimum by the information that they would add
 (:mod:`sysid.estimation.uncertainty.information`), with no new data: sd' = sqrt(diag(covariance(H + D))).  A predicted
-peak r has the variance g' covariance g, g its gradient by the log parameters from central differences; masses are as
-declared in it.
+peak r has the variance g' covariance g, g its gradient by the log parameters from central differences; the vehicle is
+that of predicted passes: masses follow the parameters as the fit relates them, and assumed stops have median travels.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ from sysid.planning.candidate_runs import (
     recording_sensors,
     run_information,
 )
-from sysid.prediction.predict_passes import effective_roads, peak_ratios
+from sysid.prediction.driven_range import driven_range
+from sysid.prediction.predict_passes import effective_roads, peak_ratios, vehicles_of
+from sysid.prediction.predicted_passes import Predictions
+from sysid.prediction.trust import DrivenRange
 from sysid.progress import Progress, unwatched
 from sysid.wording import joined_words
 
@@ -47,6 +50,8 @@ def advise(
     *,
     speeds_km_h: Sequence[float] = CANDIDATE_KM_H,
     progress: Progress = unwatched,
+    driven: DrivenRange | None = None,
+    predictions: Predictions | None = None,
 ) -> Advice:
     """The benefit of one further run, with or without one further sensor.
 
@@ -54,6 +59,8 @@ def advise(
     ----------
     state : the fit of the runs that were driven; determined : what they determine.
     speeds_km_h : speeds of the candidates, in every load case that was driven or is predicted, over every bump driven.
+    driven : what the driven runs reached, None to compute it.
+    predictions : of the passes of the campaign, whose median the peak has; None for the value at the optimum.
     """
     campaign = state.campaign
     progress("runs that could be driven next", 0.1)
@@ -63,7 +70,8 @@ def advise(
     progress("gradient of the predicted wheel load", 0.7)
     target, gradient = None, None
     if campaign.predictions:
-        target, gradient = peak_gradient(state, campaign.predictions[0])
+        known = None if predictions is None else predictions.passes[0].peak_ratio_q50
+        target, gradient = peak_gradient(state, campaign.predictions[0], driven, known)
     information = determined.information
 
     def prospect(run: RunInformation | None, sensor: int | None = None) -> Prospect:
@@ -97,16 +105,29 @@ def candidate_runs(campaign: Campaign, speeds_km_h: Sequence[float]) -> tuple[Ru
     )
 
 
-def peak_gradient(state: FitState, request: PredictionRequest) -> tuple[PeakTarget, np.ndarray]:
-    """The largest peak dynamic load ratio of a pass, and its gradient (p,) by the log parameters."""
+def peak_gradient(
+    state: FitState,
+    request: PredictionRequest,
+    driven: DrivenRange | None = None,
+    known: np.ndarray | None = None,
+) -> tuple[PeakTarget, np.ndarray]:
+    """The largest peak dynamic load ratio of a pass, and its gradient (p,) by the log parameters.
+
+    Parameters
+    ----------
+    driven : what the driven runs reached, None to compute it; known : predicted ratios (axles,), None for those at the
+        optimum.
+    """
     point = state.point.log_parameters
     steps = _STEP * np.eye(point.size)
     sets = np.concatenate([point[None], point + steps, point - steps])
     roads = effective_roads(state, [request])
-    ratios = peak_ratios(state.campaign, state.parameters, roads, request, sets)
-    axle = int(np.argmax(ratios[0]))
+    vehicles, stops = vehicles_of(state, roads, sets, driven or driven_range(state))
+    ratios = peak_ratios(state.campaign, state.parameters, roads, request, sets, vehicles, stops)
+    predicted = ratios[0] if known is None else known
+    axle = int(np.argmax(predicted))
     up, down = ratios[1 : point.size + 1, axle], ratios[point.size + 1 :, axle]
-    target = PeakTarget(axle, request.load_case, request.speed_m_s, float(ratios[0, axle]))
+    target = PeakTarget(axle, request.load_case, request.speed_m_s, float(predicted[axle]))
     return target, (up - down) / (2.0 * _STEP)
 
 

@@ -86,6 +86,11 @@ class _Pass:
         """Rate of the suspensions' extension (T, axles, S) [m/s]."""
         return np.asarray(np.gradient(self.deflection_m, self.interval_s, axis=0))
 
+    @property
+    def peak_ratios(self) -> np.ndarray:
+        """Largest force of the tires over the static load as weighed, (axles, S)."""
+        return np.asarray(self.tire_N.max(axis=0) / self.static_N[:, None])
+
     def reached(self, speed_m_s: float) -> Reached:
         """Extremes over the pass, medians over the draws."""
         most = extremes(self.sunk_m, self.deflection_m, self.tire_N, self.interval_s)
@@ -178,7 +183,7 @@ def predict_pass(
     p = _simulate(campaign, parameters, roads, request, sets.T, vehicles, stops)
     force = quantiles(p.tire_N)
     suspension = quantiles(p.suspension_N)
-    ratio = quantiles(p.tire_N.max(axis=0) / p.static_N[:, None])
+    ratio = quantiles(p.peak_ratios)
     travel = (-p.deflection_m).max(axis=0), p.deflection_m.max(axis=0)
     jounce, rebound = (quantiles(t) for t in travel)
     assumed = stops if vehicles is None else vehicles.stops
@@ -224,10 +229,38 @@ def peak_ratios(
     roads: EffectiveRoads,
     request: PredictionRequest,
     sets: DrawsByParameters,
+    vehicles: VehicleDraws | None = None,
+    stops: AssumedStops | None = None,
 ) -> np.ndarray:
-    """Peak dynamic load ratio (n, axles) of one pass for every set (n, p) of log parameters."""
-    p = _simulate(campaign, parameters, roads, request, sets.T)
-    return np.asarray((p.tire_N.max(axis=0) / p.static_N[:, None]).T)
+    """Peak dynamic load ratio (n, axles) of one pass for every set (n, p) of log parameters.
+
+    `vehicles` and `stops` as for :func:`predict_pass`.
+    """
+    return _simulate(campaign, parameters, roads, request, sets.T, vehicles, stops).peak_ratios.T
+
+
+def vehicles_of(
+    state: FitState,
+    roads: EffectiveRoads,
+    sets: DrawsByParameters,
+    driven: DrivenRange,
+    random: np.random.Generator | None = None,
+) -> tuple[VehicleDraws | None, AssumedStops | None]:
+    """The vehicles of predicted passes for sets (n, p) of log parameters, and assumed stops of the declared vehicle.
+
+    With `random` masses, departures, stops and contact errors are drawn.  Without it masses and departures are the most
+    likely ones given the parameters, travels the medians, and there is no contact error.  The vehicles are None where
+    the fit relates no masses to the parameters.
+    """
+    campaign, parameters, response = state.campaign, state.parameters, state.point.mass_response
+    vehicle, count = campaign.vehicle, len(sets)
+    stops = assumed_stops(vehicle, parameters, driven, None)
+    if response is None:
+        return None, stops
+    amounts = response.mean(sets) if random is None else response.draws(sets, random)
+    drawn = assumed_stops(vehicle, parameters, driven, random, count)
+    error = None if random is None else CONTACT_ERROR * random.standard_normal((count, len(vehicle.axles)))
+    return VehicleDraws(campaign_allowances(campaign, parameters, roads), amounts, drawn, error), stops
 
 
 def _transposed(values: np.ndarray | None) -> np.ndarray | None:
@@ -278,7 +311,7 @@ def speed_sweep(
             interval_s=SWEEP_INTERVAL_S,
             lengths=SWEEP_LENGTHS,
         )
-        peaks.append(p.tire_N.max(axis=0) / p.static_N[:, None])
+        peaks.append(p.peak_ratios)
         coefficients.append(load_coefficient(p.tire_N, p.drawn_static_N, p.passing))
         trust = () if driven is None else extrapolations(p.reached(speed), driven, load_case)
         beyond.append([any(e.axle == i and e.what != "speed" for e in trust) for i in range(len(p.static_N))])
@@ -338,14 +371,8 @@ def predict(
     if draws is not None and draws.shape[0] > DRAWS:
         draws = draws[random.choice(draws.shape[0], DRAWS, replace=False)]
     roads = effective_roads(state, requests)
-    vehicles, stops = None, assumed_stops(campaign.vehicle, parameters, driven, None)
-    if response is not None:
-        amounts = response.amounts[None] if draws is None else response.draws(draws, random)
-        drawn = stops if draws is None else assumed_stops(campaign.vehicle, parameters, driven, random, len(amounts))
-        axles = len(campaign.vehicle.axles)
-        error = None if draws is None else CONTACT_ERROR * random.standard_normal((len(amounts), axles))
-        vehicles = VehicleDraws(campaign_allowances(campaign, parameters, roads), amounts, drawn, error)
     sets = state.point.log_parameters[None] if draws is None else draws
+    vehicles, stops = vehicles_of(state, roads, sets, driven, None if draws is None else random)
     passes = tuple(
         predict_pass(campaign, parameters, roads, request, sets, vehicles, driven, stops) for request in requests
     )

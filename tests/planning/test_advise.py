@@ -34,7 +34,8 @@ from sysid.estimation.uncertainty.identifiability import Identifiability, assess
 from sysid.planning.advice_records import Advice
 from sysid.planning.advise import advise, candidate_runs, peak_gradient
 from sysid.planning.candidate_runs import RunKind, missing_sensors, recording_sensors, run_information
-from sysid.prediction.predict_passes import effective_roads, predict_pass
+from sysid.prediction.driven_range import driven_range
+from sysid.prediction.predict_passes import effective_roads, predict, predict_pass
 
 PROFILES = {"bump": bump()}
 
@@ -178,18 +179,45 @@ def test_candidates_are_every_speed_in_every_load_case_in_use():
     assert kinds == (RunKind("empty", "bump", 8.0 / 3.6), RunKind("empty", "bump", 16.0 / 3.6))
 
 
+def with_other_masses(state):
+    """As if the fit had found all masses and departures 3 % above the declared ones."""
+    response = state.point.mass_response
+    moved = replace(response, amounts=response.amounts + 0.03)
+    return replace(state, point=replace(state.point, mass_response=moved))
+
+
 def test_gradient_of_a_peak_is_that_of_predicted_passes():
     fit = synthetic_fit()
-    request = fit.campaign.predictions[0]
-    target, gradient = peak_gradient(fit.state, request)
+    request, state = fit.campaign.predictions[0], with_other_masses(fit.state)
+    target, gradient = peak_gradient(state, request)
     direction = np.random.default_rng(4).normal(size=gradient.size)
-    roads = effective_roads(fit.state, [request])
+    driven = driven_range(state)
 
     def ratio(along: float) -> float:
-        x = fit.state.point.log_parameters + along * direction
-        found = predict_pass(fit.campaign, fit.parameters, roads, request, x[None])
+        x = state.point.log_parameters + along * direction
+        moved = replace(state, point=replace(state.point, log_parameters=x))
+        (found,) = predict(moved, None, [request], sweep_km_h=(), driven=driven).passes
         return float(found.peak_ratio_q50[target.axle])
 
     slope = (ratio(2e-3) - ratio(-2e-3)) / 4e-3
     assert slope == pytest.approx(gradient @ direction, rel=0.02)
     assert target.ratio == pytest.approx(ratio(0.0), rel=1e-9)
+    # The declared vehicle has another peak.
+    roads = effective_roads(state, [request])
+    bare = predict_pass(fit.campaign, fit.parameters, roads, request, state.point.log_parameters[None])
+    assert abs(bare.peak_ratio_q50[target.axle] / target.ratio - 1.0) > 1e-3
+
+
+def test_the_peak_that_advice_names_is_the_one_of_the_predicted_pass():
+    """To the digits of the sentence and beyond, with the bands of draws as at the optimum."""
+    fit = synthetic_fit()
+    state = with_other_masses(fit.state)
+    draws = np.random.default_rng(2).multivariate_normal(state.point.log_parameters, fit.result.covariance, 40)
+    for some in (None, draws):
+        predictions = predict(state, some, fit.campaign.predictions, sweep_km_h=())
+        given = None if some is None else predictions
+        advice = advise(state, fit.result.identifiability, speeds_km_h=(24.0,), predictions=given)
+        ratios = predictions.passes[0].peak_ratio_q50
+        assert advice.peak.ratio == pytest.approx(ratios.max(), rel=1e-9)
+        assert advice.peak.axle == np.argmax(ratios)
+        assert any(f" is {ratios.max():.2f} with a standard deviation" in s for s in advice.statements)

@@ -28,8 +28,11 @@ class MassResponse:
         carried = np.einsum("qi,ij,qj->q", self.response, covariance, self.response)
         return np.asarray(np.sqrt((self.factor**2).sum(axis=1) + carried))
 
+    def mean(self, log_parameters: DrawsByParameters) -> np.ndarray:
+        """The most likely y (n, q) for every set (n, p) of log parameters."""
+        return np.asarray(self.amounts + (log_parameters - self.centre) @ self.response.T)
+
     def draws(self, log_parameters: DrawsByParameters, random: np.random.Generator) -> np.ndarray:
         """One draw (n, q) for every set (n, p) of log parameters."""
         noise = random.standard_normal((log_parameters.shape[0], self.factor.shape[1]))
-        mean = self.amounts + (log_parameters - self.centre) @ self.response.T
-        return np.asarray(mean + noise @ self.factor.T)
+        return np.asarray(self.mean(log_parameters) + noise @ self.factor.T)

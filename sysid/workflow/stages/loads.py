@@ -146,7 +146,14 @@ def _advise(context: Context) -> Advice:
 
     determined = context[FIT].fit.identifiability
     assert determined is not None
-    return advise(fit_state(context), determined, speeds_km_h=_speeds_km_h(context.options), progress=context.progress)
+    return advise(
+        fit_state(context),
+        determined,
+        speeds_km_h=_speeds_km_h(context.options),
+        progress=context.progress,
+        driven=context[DRIVEN],
+        predictions=context.known(PREDICT),
+    )
 
 
 def _speeds_km_h(options: Mapping[str, Any]) -> tuple[float, ...]:
@@ -181,7 +188,8 @@ def show_advise(advice: Advice, results: Results) -> Blocks:
 ADVISE = Whole(
     name="advise",
     compute=_advise,
-    needs=(SCAN, FIT),
+    needs=(SCAN, FIT, DRIVEN),
+    uses=(PREDICT,),
     code=("planning",),
     answers=_of_these_speeds,
     put=lambda results, advice: replace(results, advice=advice),
