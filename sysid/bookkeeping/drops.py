@@ -14,6 +14,7 @@ from sysid.bookkeeping.force_balance import RunSpectra, frame_rise
 from sysid.bookkeeping.masses import stiffness_of
 from sysid.campaign.records import Campaign, PlankDrop
 from sysid.campaign.vehicle_records import Vehicle
+from sysid.numbers import listing
 from sysid.wording import shorten
 
 #: Shares of the plank height: measured ones repeat within 0.03 (0.15 where friction holds), those
@@ -46,11 +47,10 @@ def drop_complaints(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list[s
     odd = _odd_ones(plank, expected, campaign.vehicle)
     if expected is None:
         return odd
-    medians = {axle: float(np.median([s for d, s in plank if d.axle == axle])) for axle in {d.axle for d, _ in plank}}
-    exchanged = _exchanged(medians, expected, campaign.vehicle)
+    exchanged = _exchanged(_medians(plank), expected, campaign.vehicle)
     if exchanged:
         return [*odd, *exchanged]
-    return [*odd, *_height(medians, expected, plank)]
+    return [*odd, *_heights(plank, expected, campaign.vehicle)]
 
 
 def _share(drop: PlankDrop) -> float | None:
@@ -149,7 +149,7 @@ def _odd_ones(
     by_axle: dict[int, list[tuple[PlankDrop, float]]] = {}
     for drop, share in plank:
         by_axle.setdefault(drop.axle, []).append((drop, share))
-    medians = {axle: float(np.median([s for _, s in shares])) for axle, shares in by_axle.items()}
+    medians = _medians(plank)
     for axle, shares in by_axle.items():
         for drop, share in shares:
             others = [s for d, s in shares if d is not drop]
@@ -194,17 +194,31 @@ def _exchanged(medians: dict[int, float], expected: Sequence[float], vehicle: Ve
     ]
 
 
+def _heights(plank: Sequence[tuple[PlankDrop, float]], expected: Sequence[float], vehicle: Vehicle) -> list[str]:
+    """Planks that are higher or lower than listed: drops of one listed height share a plank, others have their own."""
+    heights = sorted({d.plank_height_m for d, _ in plank if d.plank_height_m is not None})
+    said = (_height(h, [(d, s) for d, s in plank if d.plank_height_m == h], expected, vehicle) for h in heights)
+    return [sentence for sentence in said if sentence is not None]
+
+
 def _height(
-    medians: dict[int, float], expected: Sequence[float], plank: Sequence[tuple[PlankDrop, float]]
-) -> list[str]:
-    telling = [medians[a] / expected[a] for a in medians if expected[a] > TELLING]
+    listed: float, plank: Sequence[tuple[PlankDrop, float]], expected: Sequence[float], vehicle: Vehicle
+) -> str | None:
+    medians = _medians(plank)
+    telling = [axle for axle in sorted(medians) if expected[axle] > TELLING]
     if not telling:
-        return []
-    factor = float(np.median(telling))
-    if 1.0 / HEIGHT_OFF < factor < HEIGHT_OFF:
-        return []
-    listed = float(np.median([d.plank_height_m or 0.0 for d, _ in plank]))
-    return [
-        f"The suspensions are compressed before the drops as on a plank {factor:.2f} times as high as listed: "
-        f"plank_height_m is {listed:g}, about {factor * listed:.3f} m is expected from the bump runs. Measure it."
-    ]
+        return None
+    factor = float(np.median([medians[a] / expected[a] for a in telling]))
+    apart = float(np.median([abs(medians[a] - expected[a]) for a in telling]))
+    if 1.0 / HEIGHT_OFF < factor < HEIGHT_OFF or apart < AGREES:
+        return None
+    return (
+        f"The suspensions of {listing([_name(vehicle, a) for a in telling])} are compressed before the drops as on a "
+        f"plank {factor:.2f} times as high as listed: plank_height_m is {listed:g}, about {factor * listed:.3f} m is "
+        "expected from the bump runs. Measure it."
+    )
+
+
+def _medians(plank: Sequence[tuple[PlankDrop, float]]) -> dict[int, float]:
+    """Median share of every axle."""
+    return {axle: float(np.median([s for d, s in plank if d.axle == axle])) for axle in {d.axle for d, _ in plank}}

@@ -397,6 +397,41 @@ def test_another_plank_height_is_named(factor: float) -> None:
     assert float(height) == pytest.approx(0.075, rel=0.12)
 
 
+def on_lower_plank(drop, factor: float):
+    """A drop from a plank of another height: a linear suspension is compressed in proportion."""
+
+    def lower(channel: Channel) -> Channel:
+        if channel.sensor.kind != "suspension_deflection":
+            return channel
+        rest = np.nanmedian(channel.value[channel.time_s > channel.time_s[-1] - 0.7])
+        return replace(channel, value=rest + factor * (channel.value - rest))
+
+    log = replace(drop.log, channels=tuple(map(lower, drop.log.channels)))
+    return replace(drop, log=log, plank_height_m=factor * drop.plank_height_m)
+
+
+def test_planks_of_several_heights_are_no_mistake() -> None:
+    drops = tuple(on_lower_plank(d, 0.5) if d.axle < 3 else d for d in truck().plank_drops)
+    assert "plank_height_m" not in said(replace(truck(), plank_drops=drops))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "names"),
+    [((3,), ["first trailer"]), ((1, 2, 3), ["forward tandem drive", "rear tandem drive", "first trailer"])],
+)
+def test_only_the_axles_on_the_wrong_plank_are_named(wrong, names) -> None:
+    """Few or most of the axles fell from 75 mm, listed as 150 mm; the others from 60 mm, as listed."""
+    drops = tuple(
+        replace(d, plank_height_m=2.0 * d.plank_height_m) if d.axle in wrong else on_lower_plank(d, 0.8)
+        for d in truck().plank_drops
+    )
+    (line,) = [x for x in said(replace(truck(), plank_drops=drops)).splitlines() if "as high as listed" in x]
+    assert [name for name in (a.name for a in truck().vehicle.axles) if f"'{name}'" in line] == names
+    assert "plank_height_m is 0.15," in line
+    (height,) = re.findall(r"about (\S+) m is expected", line)
+    assert float(height) == pytest.approx(0.075, rel=0.12)
+
+
 def test_a_filter_that_would_have_removed_the_motion_is_named() -> None:
     acquisition = truck().acquisition
     assert acquisition.filter is not None
