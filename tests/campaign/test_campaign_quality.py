@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import butter, sosfiltfilt
 
 from sysid.campaign import Campaign, Channel, Log, check_quality, quality_table, read_campaign
-from sysid.campaign.quality.defects import clip_levels, spikes
+from sysid.campaign.quality.check import noise_peak
+from sysid.campaign.quality.defects import clip_levels, dead_spans, spikes
 from sysid.wording import say_once
 
 RUN = "bump_runs/case1_unloaded_16kmh_run1.csv"
@@ -270,6 +272,82 @@ def test_frozen_span_becomes_missing(campaign):
     channel = next(c for c in cleaned.bump_runs[0].log.channels if c.sensor.column == "axle4_accel_g")
     assert np.isnan(channel.value[500:700]).all()
     assert np.isfinite(channel.value[:500]).all()
+
+
+LVDT = "lvdt2_mm"
+
+
+def coarse(channel: Channel, step: float = 5e-4) -> Channel:
+    """Without the noise, and by steps of 0.5 mm: it repeats one reading while the truck stands."""
+    if channel.sensor.column != LVDT:
+        return channel
+    smooth = sosfiltfilt(butter(4, 15.0, fs=200.0, output="sos"), channel.value)
+    return replace(channel, value=step * np.round(smooth / step))
+
+
+def test_a_coarse_sensor_at_rest_is_not_dead(campaign):
+    cleaned, report = check_quality(only(campaign, RUN, coarse))
+    found = finding(report, LVDT)
+    assert found.dead_spans == ()
+    assert not [m for m in found.messages if "does not change" in m]
+    channel = next(c for c in cleaned.bump_runs[0].log.channels if c.sensor.column == LVDT)
+    assert np.isfinite(channel.value).all()
+    # It did stand still for more than a quarter of a second, and changed with most samples elsewhere.
+    repeats = np.diff(channel.value) == 0.0
+    assert repeats[:50].all()
+    assert repeats.mean() < 0.5
+
+
+def test_a_coarse_sensor_that_hangs_while_the_truck_moves_is_dead(campaign):
+    """Negative control: the same sensor hangs for 0.5 s where the others move."""
+
+    def hangs(channel: Channel) -> Channel:
+        changed = coarse(channel, 3e-4)
+        if channel.sensor.column == LVDT:
+            changed.value[500:600] = changed.value[500]
+        return changed
+
+    _, report = check_quality(only(campaign, RUN, hangs))
+    ((first, last),) = finding(report, LVDT).dead_spans
+    assert (first, last) == (pytest.approx(2.5, abs=0.02), pytest.approx(2.995, abs=0.02))
+
+
+def test_alone_in_its_log_a_sensor_is_dead_if_it_stops_amid_motion():
+    """Ringing after a start at rest, and the same that hangs at full speed."""
+    time = np.arange(700) / 200.0
+    motion = np.where(time > 0.5, 0.04 * np.sin(4.0 * np.pi * (time - 0.5)) * np.exp(-0.7 * (time - 0.5)), 0.0)
+    value = 1e-4 * np.round(motion / 1e-4)
+    dead, at_rest = dead_spans(time, value, np.zeros(700, np.int8))
+    assert dead == []
+    assert at_rest[0] == (0, pytest.approx(101, abs=1))
+    value[300:420] = value[300]
+    dead, _ = dead_spans(time, value, np.zeros(700, np.int8))
+    assert dead == [(300, 420)]
+
+
+@pytest.mark.parametrize("readings", [200, 2_000, 20_000])
+def test_the_peak_of_noise_is_passed_by_one_record_in_a_hundred(readings: int):
+    """Of 4,000 simulated records; the standard error of the share is 0.0016."""
+    random = np.random.default_rng(3)
+    peaks = [np.abs(random.standard_normal(readings)).max() for _ in range(4000)]
+    assert np.mean(np.array(peaks) > noise_peak(readings)) == pytest.approx(0.01, abs=0.005)
+
+
+def test_noise_is_no_response_however_long_the_record(campaign):
+    """Of 120,000 readings of noise some are beyond 4.5 rms in 56 % of records (1 - (2 Phi(4.5) - 1)^n)."""
+
+    def longer(channel: Channel) -> Channel:
+        time = np.linspace(channel.time_s[0], channel.time_s[-1], 120_000)
+        value = np.interp(time, channel.time_s, channel.value)
+        if channel.sensor.column == LVDT:
+            value = 2e-4 * np.random.default_rng(2).standard_normal(time.size)
+            assert np.abs(value).max() > 4.55 * np.std(value)
+        return replace(channel, time_s=time, value=value, censored=np.zeros(time.size, np.int8))
+
+    long = only(campaign, RUN, longer)
+    runs = tuple(replace(r, log=replace(r.log, sample_interval_s=6.9 / 120_000)) for r in long.bump_runs)
+    _, report = check_quality(replace(long, bump_runs=runs))
+    assert rejected(report)[LVDT] == "the reading shows noise only, no response to the test."
 
 
 def test_spikes_become_missing(campaign):

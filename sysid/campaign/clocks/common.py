@@ -94,7 +94,7 @@ def _measured_lag(r: int, run: BumpRun, log: Log, logger: Logger, vehicle: Vehic
         lag = sync_lag(run.log.sync, log.sync, (middle - reach, middle + reach))
         if lag is not None:
             return _RunLag(r, log, apart, lag, "sync")
-    first, second = (tuple(s for c in x.channels if (s := screened(c)) is not None) for x in (run.log, log))
+    first, second = (tuple(s for c in x.channels if (s := screened(c, x.channels)) is not None) for x in (run.log, log))
     by_arrivals = arrival_lag(first, second, vehicle, run)
     near = None
     if by_arrivals is not None:

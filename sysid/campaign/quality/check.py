@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import ndtri
 
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
 from sysid.campaign.passage.speed import speed_complaint
@@ -24,7 +25,9 @@ if TYPE_CHECKING:
 FEWEST_SAMPLES = 20  # a second at the slowest rate below
 SLOWEST_HZ = 20.0  # body modes reach 4 Hz: five samples per cycle are the least that shows them
 LARGEST = 1e9  # m or m/s^2: error codes of loggers, not motion
-NO_RESPONSE = 4.5  # a record whose peak is below this many noise rms holds nothing but noise
+# A record whose peak is one that noise alone reaches in all but this share of records holds nothing but noise: normal
+# noise has a peak of 4.4 rms in 1,000 readings and of 5.3 in 100,000.
+NO_RESPONSE = 0.01
 # Assumptions: what is beyond them is worth a look, and none of them decides an estimate.
 NOISY = 0.2  # noise rms over peak
 SPIKY_SHARE = 0.02  # of the samples: more spikes than that are a loose connection
@@ -108,9 +111,9 @@ def quality_table(report: QualityReport) -> pd.DataFrame:
     return table.rename(columns={"gaps": "gap_rows", "dead_spans": "dead_s"})
 
 
-def screened(channel: Channel) -> Channel | None:
-    """A channel without the defects that it shows by itself: None where it cannot be used."""
-    item = _examine(channel)
+def screened(channel: Channel, of_log: Sequence[Channel] = ()) -> Channel | None:
+    """A channel without the defects that it shows beside the others `of_log`: None where it cannot be used."""
+    item = _examine(channel, of_log)
     return None if item.rejected else item.channel
 
 
@@ -121,7 +124,7 @@ def _check_log(
     if not log.channels:
         return log, [], messages
     clocks = _timings(log, messages)
-    checks = [_examine(channel) for channel in log.channels]
+    checks = [_examine(channel, log.channels) for channel in log.channels]
     clock = min(clocks, key=lambda c: c.rate_hz)
     rows = min(channel.time_s.size for channel in log.channels)
     too_short = rows < FEWEST_SAMPLES or clock.rate_hz < SLOWEST_HZ
@@ -169,8 +172,8 @@ def _timings(log: Log, messages: list[str]) -> list[defects.Timing]:
     return timings
 
 
-def _examine(channel: Channel) -> _ChannelCheck:
-    """Defects that the channel shows by itself; times of spans in seconds of the log."""
+def _examine(channel: Channel, of_log: Sequence[Channel]) -> _ChannelCheck:
+    """Defects that the channel shows beside the others `of_log`; times of spans in seconds of the log."""
     value, censored = channel.value.copy(), channel.censored.copy()
     time = channel.time_s
     messages: list[str] = []
@@ -194,9 +197,11 @@ def _examine(channel: Channel) -> _ChannelCheck:
         item.rejected = True
         return item
     item.clip_level = _mark_clipping(channel, value, censored, messages, unit_scale)
-    spans = [(a, b, "does not change") for a, b in defects.dead_spans(time, value, censored)]
-    spans += [(a, b, "does not change") for a, b in defects.held_spans(value, channel.sensor.full_scale)
-              if not any(c <= a < d for c, d, _ in spans)]  # fmt: skip
+    dead, at_rest = defects.dead_spans(time, value, censored, [c for c in of_log if c is not channel])
+    held = defects.held_spans(value, channel.sensor.full_scale, at_rest)
+    spans = [
+        (a, b, "does not change") for a, b in (*dead, *(h for h in held if not any(c <= h[0] < d for c, d in dead)))
+    ]
     spans += [(a, b, "is lost") for a, b in defects.lost_spans(time, value)]
     for a, b, what in sorted(spans):
         value[a:b] = np.nan
@@ -304,12 +309,21 @@ def _judge_together(
 def _judge_noise(item: _ChannelCheck) -> None:
     if item.rest_level is None or item.noise is None:
         return
-    peak = float(np.nanmax(np.abs(item.channel.value - item.rest_level)))
-    if peak < NO_RESPONSE * item.noise:
+    departures = np.abs(item.channel.value - item.rest_level)
+    peak = float(np.nanmax(departures))
+    if peak < item.noise * noise_peak(int(np.isfinite(departures).sum())):
         item.messages.append("the reading shows noise only, no response to the test.")
         item.rejected = True
     elif item.noise > NOISY * peak:
         item.messages.append(f"the noise is {100.0 * item.noise / peak:.0f} % of the largest reading.")
+
+
+def noise_peak(readings: int) -> float:
+    """Largest departure, in rms, of n `readings` of normal noise in all but a share of records.
+
+    The share is p = :data:`NO_RESPONSE`: 1 - (1 - p)^(1/n) = 2 (1 - Phi(z)), Phi the normal distribution.
+    """
+    return float(-ndtri(-np.expm1(np.log1p(-NO_RESPONSE) / readings) / 2.0))
 
 
 def _add_suspicion(item: _ChannelCheck, suspicion: Suspicion) -> None:

@@ -21,6 +21,9 @@ SPIKE_AROUND = 6.0
 # peaks, and a campaign has a few hundred peaks; four, once in 150,000.
 CLIPPED_ROW = 4
 MOVING_SHARE = 0.08  # of the largest departure: smooth motion of that size at the start is no rest
+# Scatter over range, median over the channels of a log: 0.003 to 0.008 while a truck stands or rolls on a smooth road,
+# 0.02 to 0.3 after it has met a bump or fallen off a plank.
+OTHERS_MOVE = 0.02
 QUIET_S = 0.2  # shortest quiet start from which a rest level is read
 
 
@@ -93,11 +96,37 @@ def _clip_side(value: np.ndarray, q: float) -> float | None:
     return top if at_top.sum() >= 3 and in_a_row and at_top.sum() > just_below.sum() else None
 
 
-def dead_spans(time_s: np.ndarray, value: np.ndarray, censored: np.ndarray) -> list[tuple[int, int]]:
-    """Index ranges where the reading stands still although elsewhere it changes from sample to sample.
+def dead_spans(
+    time_s: np.ndarray, value: np.ndarray, censored: np.ndarray, others: Sequence[Channel] = ()
+) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Index ranges where the reading stands still although elsewhere it changes from sample to sample: dead, at rest.
 
-    Channels whose resolution is coarser than their noise stand still by nature and are not judged.
+    A sensor whose resolution is coarser than its noise repeats one reading while the truck stands.  It is dead where
+    the `others` of its log move meanwhile.  Without others it is dead unless the record begins there, or the motion has
+    faded away before.  Channels that stand still for most of the record are not judged.
     """
+    dead: list[tuple[int, int]] = []
+    at_rest: list[tuple[int, int]] = []
+    for start, stop in _still_spans(time_s, value, censored):
+        shares = [s for o in others if (s := _moving_share(o, time_s[start], time_s[stop - 1])) is not None]
+        before = value[(time_s >= time_s[start] - DEAD_S) & (time_s < time_s[start])]
+        begins = before.size < 4 or float(np.nanstd(before)) <= MOVING_SHARE * float(
+            np.nanmax(value) - np.nanmin(value)
+        )
+        is_dead = float(np.median(shares)) > OTHERS_MOVE if shares else not begins
+        (dead if is_dead else at_rest).append((start, stop))
+    return dead, at_rest
+
+
+def _moving_share(channel: Channel, first_s: float, last_s: float) -> float | None:
+    """Scatter of a channel in a span of time over its range, None where it has no readings."""
+    good = np.isfinite(channel.value)
+    value, time = channel.value[good], channel.time_s[good]
+    inside = value[(time >= first_s) & (time <= last_s)]
+    return None if inside.size < 4 or np.ptp(value) == 0.0 else float(np.std(inside) / np.ptp(value))
+
+
+def _still_spans(time_s: np.ndarray, value: np.ndarray, censored: np.ndarray) -> list[tuple[int, int]]:
     change = np.diff(value)
     moving = np.abs(change[np.isfinite(change)]) > 0.0
     if moving.size == 0 or moving.mean() < 0.5:
@@ -112,11 +141,17 @@ def dead_spans(time_s: np.ndarray, value: np.ndarray, censored: np.ndarray) -> l
     return result
 
 
-def held_spans(value: np.ndarray, full_scale: float | None) -> list[tuple[int, int]]:
+def held_spans(
+    value: np.ndarray, full_scale: float | None, at_rest: Sequence[tuple[int, int]] = ()
+) -> list[tuple[int, int]]:
     """Index ranges in which a radio link or a logger repeats its last reading: shorter than dead ones, but several.
 
-    Only channels that otherwise change with nearly every sample are judged, and readings at the full scale are not.
+    Only channels that otherwise change with nearly every sample are judged, and readings at the full scale or in spans
+    `at_rest` are not.
     """
+    value = value.copy()
+    for start, stop in at_rest:
+        value[start:stop] = np.nan
     change = np.diff(value)
     finite = np.isfinite(change)
     if finite.sum() < 50 or np.mean(change[finite] == 0.0) > 0.35:
