@@ -50,7 +50,8 @@ def lifted_onto_plank(end: FootprintMap, raised_m: tuple[float, float]) -> Footp
     """Footprint map of a wheel that is lifted onto a plank slowly, rests on it and rolls off its end.
 
     A simulation starts from rest on the flat road; the wheel is therefore first raised to the plank over a stretch of
-    road far in front of its end, along a curve with continuous third derivative.
+    road in front of its end, along a curve with continuous third derivative.  Where a wheel rolls so slowly that this
+    stretch lies within the map around the end, the map begins with the road on which the wheel is raised.
 
     Parameters
     ----------
@@ -58,12 +59,12 @@ def lifted_onto_plank(end: FootprintMap, raised_m: tuple[float, float]) -> Footp
     raised_m : where the wheel begins to rise and where it has risen [m], both negative.
     """
     step = float(end.station_m[1] - end.station_m[0])
-    first = round((raised_m[0] - 0.1) / step)
+    first = min(round((raised_m[0] - 0.1) / step), round(end.station_m[0] / step))
     station = np.arange(first, round(end.station_m[-1] / step) + 1) * step
     offset = station.size - end.station_m.size
     share = np.clip((station - raised_m[0]) / (raised_m[1] - raised_m[0]), 0.0, 1.0)
     rise = end.rise_m[0] * share**4 * (35.0 - share * (84.0 - share * (70.0 - 20.0 * share)))
-    rise[offset:] = end.rise_m
+    rise[offset:] += end.rise_m - end.rise_m[0]
     padding = [(0, 0), (offset, 0)]
     # On the plank as on the road the tire is flat: only its end has a map.
     level = (np.abs(end.rise_m) < 1e-6) | (np.abs(end.rise_m - end.rise_m[0]) < 1e-6)

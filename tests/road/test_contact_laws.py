@@ -80,6 +80,28 @@ def test_wheel_is_lifted_smoothly_rests_and_rolls_off():
     assert lifted.drag[0, (s > -0.1) & (s < 0.2)].min() > 0.0
 
 
+@pytest.mark.parametrize("speed_m_s", [0.5, 0.3, 0.2, 0.1])
+def test_a_slow_wheel_is_lifted_as_smoothly(speed_m_s):
+    """The ramp of s^4 (35 - 84 s + 70 s^2 - 20 s^3) is at most 35/16 of its mean slope steep, however short it is.
+
+    The wheel is raised for 1.65 s and rests for 2.2 s before the end is felt at 0.15 m.
+    """
+    end = footprint_map(plank_table(0.06, R), LOAD_N, LOAD_N, STIFFNESS)
+    raised = (-speed_m_s * 3.85 - 0.15, -speed_m_s * 2.2 - 0.15)
+    lifted = lifted_onto_plank(end, raised)
+    s, rise = lifted.station_m, lifted.rise_m
+    assert s[0] <= min(end.station_m[0], raised[0])
+    assert rise[0] == 0.0
+    steps = np.diff(rise[s < -0.16])
+    steepest = 35.0 / 16.0 * 0.06 * 0.01 / (raised[1] - raised[0])
+    assert steps.min() >= -1e-9
+    assert steepest == pytest.approx(steps.max(), rel=0.01)
+    assert np.interp(np.mean(raised), s, rise) == pytest.approx(0.03, abs=3e-4)
+    # From the rest on the plank on nothing has changed.
+    rest = end.station_m > raised[1]
+    np.testing.assert_allclose(rise[-end.rise_m.size :][rest], end.rise_m[rest], atol=1e-12)
+
+
 def test_a_plank_needs_a_height():
     with pytest.raises(ValueError, match="positive height"):
         plank_end(0.0)
