@@ -14,6 +14,8 @@ from sysid.posterior.sampled_posterior import PosteriorSummary
 
 #: Draws of one ensemble that R-hat looks at; a longer chain is thinned evenly.
 _RANKED = 50_000
+#: Autocorrelation is summed up to so many times its own sum.
+_WINDOW = 5
 #: Standstills shorter than this many steps are never remarked on.
 _SHORT_STANDSTILL = 30
 #: A standstill is remarked on if fewer than this many of its length are expected by chance in the whole run.
@@ -86,8 +88,19 @@ def effective_draws(chains: np.ndarray) -> float:
 def _autocorrelation_time(draws: WalkerDraws) -> np.ndarray:
     # A walker that never moved has no autocorrelation; its ensemble then counts as one long correlation.
     with np.errstate(divide="ignore", invalid="ignore"):
-        times = [emcee.autocorr.integrated_time(chain, c=5, tol=0, quiet=True) for chain in draws]
+        times = [[_integrated_time(chain[..., i].T) for i in range(chain.shape[-1])] for chain in draws]
     return np.asarray(np.maximum(np.nan_to_num(np.mean(times, axis=0), nan=float(draws.shape[1])), 1.0))
+
+
+def _integrated_time(chains: np.ndarray) -> float:
+    """As :func:`emcee.autocorr.integrated_time` of one quantity (W, n), which takes walker after walker."""
+    chains = np.ascontiguousarray(chains)
+    steps = chains.shape[1]
+    padded = 2 * emcee.autocorr.next_pow_two(steps)
+    transformed = np.fft.rfft(chains - chains.mean(axis=1, keepdims=True), padded)
+    correlation = np.fft.irfft(np.abs(transformed) ** 2, padded)[:, :steps]
+    times = 2.0 * np.cumsum(np.mean(correlation / correlation[:, :1], axis=0)) - 1.0
+    return float(times[emcee.autocorr.auto_window(times, _WINDOW)])
 
 
 def standstills(draws: WalkerDraws, burn_in: int) -> np.ndarray:

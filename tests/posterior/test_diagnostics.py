@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import emcee
 import numpy as np
 import pytest
 from arviz_stats.base import array_stats
@@ -33,6 +34,23 @@ def test_autocorrelation_time_of_known_sequences(rho: float):
     assert found.burn_in == pytest.approx(5 * tau, rel=0.15, abs=2)
     kept = SHAPE[1] - found.burn_in
     np.testing.assert_allclose(found.ess, 4 * 10 * kept / tau, rtol=0.1)
+
+
+@pytest.mark.parametrize("steps", [47, 64, 300])
+def test_autocorrelation_time_is_that_of_emcee(steps: int):
+    draws = ar1(0.7, 5, (4, steps, 58, 3))
+    found = diagnose(draws)
+    kept = draws[:, found.burn_in :]
+    theirs = np.mean([emcee.autocorr.integrated_time(chain, tol=0, quiet=True) for chain in kept], axis=0)
+    np.testing.assert_allclose(found.autocorrelation_time, theirs, rtol=1e-13)
+
+
+def test_an_ensemble_with_a_walker_that_never_moved_counts_as_one_long_correlation():
+    draws = ar1(0.7, 5, (4, 64, 58, 2))
+    draws[1, :, 3, 0] = 0.0
+    found = diagnose(draws)
+    assert found.autocorrelation_time[0] == 64 - found.burn_in
+    assert found.autocorrelation_time[1] < 10.0
 
 
 @pytest.mark.parametrize("rho", [0.5, 0.9])
