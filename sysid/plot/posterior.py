@@ -16,6 +16,7 @@ from sysid.plot.style import (
     axle_color,
     channel_axes,
     display,
+    empty_grid,
     label,
     shared_legend,
     styled,
@@ -73,21 +74,22 @@ def marginals(
 
 @styled
 def corner(posterior: Posterior, names: tuple[str, ...], fit: FitResult | None = None) -> np.ndarray:
-    """Pairs of the named parameters, thinned draws below the diagonal, marginals on it; returns the axes (p, p)."""
+    """Pairs of the named parameters, thinned draws below the diagonal, marginals on it; returns the axes (p, p).
+
+    Above the diagonal there are none, but None.
+    """
     count = len(names)
-    grid = axes_grid(count, count, (0.85, 0.85), (0.85, 0.1, 0.6, 0.1, 0.08, 0.08))
+    places = empty_grid(count, count, (0.85, 0.85), (0.85, 0.1, 0.6, 0.1, 0.08, 0.08))
+    fig, grid = places.figure, np.full((count, count), None)
     columns = []
     for name in names:
         parameter = _parameter(fit, name)
         values, unit = display(_draws(posterior, name), parameter.unit if parameter else "")
         columns.append((values, f"{label(name, 16)}\n[{unit}]", axle_color(parameter.axle if parameter else None)))
     for r, (y, y_label, color) in enumerate(columns):
-        for c, (x, x_label, _) in enumerate(columns):
-            ax = grid[r, c]
+        for c, (x, x_label, _) in enumerate(columns[: r + 1]):
+            ax = grid[r, c] = fig.add_subplot(places[r, c])
             ax.grid(False)
-            if c > r:
-                ax.set_axis_off()
-                continue
             # Ticks that no label goes with cost most of the drawing time.
             if r < count - 1:
                 ax.xaxis.set_major_locator(NullLocator())

@@ -14,6 +14,7 @@ from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
 
 from sysid.display import shown_unit
 
@@ -123,12 +124,17 @@ def figure(width_in: float = 6.4, height_in: float = 3.2, margins_in: Margins | 
 @styled
 def axes_grid(rows: int, columns: int, cell_in: tuple[float, float], margins_in: Margins, **kwargs: Any) -> np.ndarray:
     """A grid (rows, columns) of axes of `cell_in` = (width, height) each, with fixed margins and gaps [in]."""
+    return np.asarray(empty_grid(rows, columns, cell_in, margins_in).subplots(squeeze=False, **kwargs))
+
+
+@styled
+def empty_grid(rows: int, columns: int, cell_in: tuple[float, float], margins_in: Margins) -> GridSpec:
+    """The places of :func:`axes_grid` on a new figure, without axes."""
     left, right, bottom, top, gap_x, gap_y = margins_in
     width = left + right + columns * cell_in[0] + (columns - 1) * gap_x
     height = bottom + top + rows * cell_in[1] + (rows - 1) * gap_y
     fig = figure(width, height, margins_in)
-    grid_spec = {"wspace": gap_x / cell_in[0], "hspace": gap_y / cell_in[1]}
-    return np.asarray(fig.subplots(rows, columns, squeeze=False, gridspec_kw=grid_spec, **kwargs))
+    return fig.add_gridspec(rows, columns, wspace=gap_x / cell_in[0], hspace=gap_y / cell_in[1])
 
 
 @styled
