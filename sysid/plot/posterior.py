@@ -79,8 +79,8 @@ def corner(posterior: Posterior, names: tuple[str, ...], fit: FitResult | None =
     Above the diagonal there are none, but None.
     """
     count = len(names)
-    places = empty_grid(count, count, (0.85, 0.85), (0.85, 0.1, 0.6, 0.1, 0.08, 0.08))
-    fig, grid = places.figure, np.full((count, count), None)
+    fig, places = empty_grid(count, count, (0.85, 0.85), (0.85, 0.1, 0.6, 0.1, 0.08, 0.08))
+    grid = np.full((count, count), None)
     columns = []
     for name in names:
         parameter = _parameter(fit, name)

@@ -124,17 +124,18 @@ def figure(width_in: float = 6.4, height_in: float = 3.2, margins_in: Margins | 
 @styled
 def axes_grid(rows: int, columns: int, cell_in: tuple[float, float], margins_in: Margins, **kwargs: Any) -> np.ndarray:
     """A grid (rows, columns) of axes of `cell_in` = (width, height) each, with fixed margins and gaps [in]."""
-    return np.asarray(empty_grid(rows, columns, cell_in, margins_in).subplots(squeeze=False, **kwargs))
+    _, places = empty_grid(rows, columns, cell_in, margins_in)
+    return np.asarray(places.subplots(squeeze=False, **kwargs))
 
 
 @styled
-def empty_grid(rows: int, columns: int, cell_in: tuple[float, float], margins_in: Margins) -> GridSpec:
-    """The places of :func:`axes_grid` on a new figure, without axes."""
+def empty_grid(rows: int, columns: int, cell_in: tuple[float, float], margins_in: Margins) -> tuple[Figure, GridSpec]:
+    """A new figure, and the places of :func:`axes_grid` on it without axes."""
     left, right, bottom, top, gap_x, gap_y = margins_in
     width = left + right + columns * cell_in[0] + (columns - 1) * gap_x
     height = bottom + top + rows * cell_in[1] + (rows - 1) * gap_y
     fig = figure(width, height, margins_in)
-    return fig.add_gridspec(rows, columns, wspace=gap_x / cell_in[0], hspace=gap_y / cell_in[1])
+    return fig, fig.add_gridspec(rows, columns, wspace=gap_x / cell_in[0], hspace=gap_y / cell_in[1])
 
 
 @styled
