@@ -11,6 +11,9 @@ from sysid.sdof.smoothing import high_frequency_noise, robust_sd
 
 _MOVE_SHARE = 0.15  # a move of this share of the range is motion, not drift or noise
 _REST_SHARE = 0.01  # of the range: readings this close to the level are at rest
+_SHORTEST_REST_S, _FEWEST_READINGS = 0.03, 4  # before the first move, for a level at rest
+_NOISE_REST_S = 0.1  # before the release, for the scatter at rest to count as noise
+_ROUNDING_S = 1e-6  # of stamps
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,8 @@ def find_release(time_s: Samples, value: Samples) -> Release | None:
     spread = np.maximum.accumulate(value) - np.minimum.accumulate(value)
     moved = int(np.argmax(spread > max(_MOVE_SHARE * span, 8.0 * noise)))
     rest_level, rest_sd, index = np.nan, np.nan, 0
-    if moved >= 6:
+    before_s = time_s - time_s[0] + _ROUNDING_S
+    if moved >= _FEWEST_READINGS and before_s[moved] >= _SHORTEST_REST_S:
         late = value[moved // 2 : moved]
         # The very end of the quiet part may already move, the first half may drift: take what lies between.
         late = late[: max(3, int(0.8 * late.size))]
@@ -63,7 +67,7 @@ def find_release(time_s: Samples, value: Samples) -> Release | None:
         if quiet.size and sd < 0.1 * span:
             index = int(quiet[-1])
             rest_level, rest_sd = level, sd
-            noise = max(noise, sd) if index >= 20 else noise
+            noise = max(noise, sd) if before_s[index] >= _NOISE_REST_S else noise
     turn = _first_turn(value[index:], max(8.0 * noise, 0.08 * span))
     return Release(
         time_s=float(time_s[index]),
