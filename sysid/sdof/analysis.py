@@ -17,10 +17,12 @@ from sysid.sdof.drop_results import DampingLaw, DecayReading, DropAnalysis, Drop
 from sysid.sdof.equations import directive_damping
 from sysid.sdof.estimates import AxleOnTire, estimate, estimate_by_law, unusable
 from sysid.sdof.free_decay import FreeDecayFit, fit_free_decay
+from sysid.sdof.second_drop import second_drop
 from sysid.sdof.settings import DropSettings
 
 _SIDE_DISAGREEMENT = 0.2  # relative difference of left and right that is worth a remark
 _DECREMENT_DISAGREEMENT = 0.2  # relative difference of two methods that is worth a remark
+_BLOCK_PERIODS = 0.6  # of the slowest body mode: holds a whole swing and little of the next
 _CONTACT_LENGTH_RADII = 0.25  # half the footprint of a truck tire in tire radii, roughly
 
 
@@ -32,7 +34,8 @@ def analyse_drop(
     Methods ``paper`` (equations (1)-(3) on the picked peaks), ``corrected`` (the same reading, tire in series, tire
     damping and unsprung mass taken out exactly, see `invert_quarter_car`) and ``free_decay`` (that inversion on the
     body-mode eigenvalue of a fitted model).  All three take the axle for the only one under its body.  Where the record
-    shows dry friction or quadratic damping (`fit_damping_law`), all three take the viscous part of it.
+    shows dry friction or quadratic damping (`fit_damping_law`), all three take the viscous part of it.  A record
+    that holds a second drop is read up to there.
 
     Parameters
     ----------
@@ -54,7 +57,11 @@ def analyse_drop(
         If the masses of the load case do not add up.
     """
     settings = settings or DropSettings()
-    time, deflection, remarks = _deflection(drop, vehicle)
+    time, whole, remarks = _deflection(drop, vehicle)
+    again = second_drop(time, whole, _BLOCK_PERIODS / settings.frequency_range_hz[0])
+    deflection = np.where(time <= again, whole, np.nan)
+    if np.isfinite(again):
+        remarks.append(f"a second drop begins at {again:.2f} s, the record is read up to there")
     axle = axle_on_tire(drop.axle, vehicle, load_case)
     record, fit = _read(drop, vehicle, time, deflection, settings)
     mixture = fit_damping_law(record, from_release=drop.release == "body")
@@ -83,8 +90,8 @@ def analyse_drop(
         file=drop.log.file,
         tributary_mass_kg=axle.mass,
         time_s=time,
-        deflection_m=deflection,
-        filtered_m=smooth_record(record, time),
+        deflection_m=whole,
+        filtered_m=np.where(time <= again, smooth_record(record, time), np.nan),
         release_time_s=record.release.time_s if record.release is not None else float("nan"),
         reading=reading,
         free_decay_m=free_decay,
@@ -98,6 +105,7 @@ def analyse_drop(
         damping_ratio_directive=float(directive_damping(reading.log_decrement)),
         damping_kind=kind,
         law=law,
+        second_drop_s=again if np.isfinite(again) else float("nan"),
     )
 
 

@@ -156,7 +156,8 @@ class DropAnalysis(Tabular):
     - `time_s`, `deflection_m` (n,) as measured;
     - `filtered_m` (n,) with wheel hop kept out, as used for picking;
     - `release_time_s` is when the axle leaves the plank;
-    - `free_decay_m` (n,): the fitted decay model, NaN outside its window.
+    - `free_decay_m` (n,): the fitted decay model, NaN outside its window;
+    - `second_drop_s` is when a second drop begins in the same file, up to which it is read, NaN where there is none.
 
     `frequency_hz` and `damping_ratio_directive` (D = ln(A1/A2)/2pi) are the EU 96/53/EC Annex II / VSB 11 indicator.
 
@@ -181,6 +182,7 @@ class DropAnalysis(Tabular):
     damping_ratio_directive: float
     damping_kind: str = "unknown"
     law: DampingLaw | None = None
+    second_drop_s: float = float("nan")
 
     def summary(self) -> pd.DataFrame:
         """One row per method, in SI units."""

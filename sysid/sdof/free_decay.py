@@ -18,6 +18,7 @@ _WINDOW_TOLERANCE = 1.15  # residuals this close to the noise, or to the best wi
 _WINDOW_SHARE = 0.2  # of the range of the record: the least swing that is left to fit
 _POOR_NOISE_RATIO = 1.5  # residuals over noise from which a fit counts as poor,
 _POOR_SHARE = 0.02  # if they are also more than this share of the amplitude
+_UNEXPLAINED = 0.35  # of the motion: three body modes of a truck leave 0.32, two drops in one record 0.39 and more
 _UNCERTAIN = 0.5  # relative error of the decay rate that leaves it unknown
 _LARGEST_DAMPING_RATIO = 0.7  # beyond, a record shows less than one swing
 _DRIFT_CYCLES, _DRIFT_SIGNIFICANCE = 3.0, 4.0
@@ -36,7 +37,7 @@ class FreeDecayFit:
     - `time_s`, `model`, `hop_model` (n,): the fitted curve and its hop part;
     - `noise_ratio`: residual over noise at rest (NaN where unknown).
 
-    `usable` False (NaN numbers) where no body mode could be fitted.
+    `usable` False (NaN numbers) where no body mode could be fitted, or it leaves more than 35 % of the motion.
     """
 
     decay_rate: float
@@ -110,6 +111,12 @@ def fit_free_decay(record: PreparedRecord, earliest_s: float = -np.inf) -> FreeD
         return _unusable("the oscillation does not decay")
     if sigma > np.hypot(sigma, omega) * _LARGEST_DAMPING_RATIO:
         return _unusable("too heavily damped to tell period and decrement apart")
+    left = _unexplained(value, fit.residual_rms, noise)
+    if left > _UNEXPLAINED:
+        return _unusable(
+            f"a decaying body mode leaves {100.0 * left:.0f} % of the motion unexplained (something else moved the "
+            "axle, or several modes are equally strong)"
+        )
     poor = fit.residual_rms > _POOR_SHARE * amplitude and not ratio < _POOR_NOISE_RATIO
     notes = []
     if poor:
@@ -212,6 +219,12 @@ def _earned(simple: ModeFit, rich: ModeFit, extra: int) -> bool:
     if before <= 1e-18 * float(simple.amplitude[0]) ** 2:
         return False
     return bool(samples * np.log(before / max(after, 1e-300)) > extra * np.log(samples))
+
+
+def _unexplained(value: np.ndarray, residual_rms: float, noise_sd: float) -> float:
+    """Residual over motion, both as root mean squares without the noise."""
+    residual, motion = residual_rms**2 - noise_sd**2, float(np.var(value)) - noise_sd**2
+    return float(np.sqrt(max(residual, 0.0) / max(motion, residual, 1e-300)))
 
 
 def _envelope_note(fit: ModeFit, time: np.ndarray, value: np.ndarray) -> list[str]:

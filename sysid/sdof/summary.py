@@ -172,6 +172,11 @@ def _messages(
             "and the correction for the tire does not always improve them. The drops fitted with the full model "
             "(method model) do not have this error."
         )
+    messages += [
+        f"{a.file}: a second drop begins at {a.second_drop_s:.2f} s; the record is read up to there."
+        for a in files
+        if np.isfinite(a.second_drop_s)
+    ]
     names = [axle.name for axle in vehicle.axles]
     unread = sorted({a.axle for a in files if _without_numbers(a)})
     for axle in unread:

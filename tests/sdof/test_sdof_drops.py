@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import tomllib
 from pathlib import Path
 
@@ -165,6 +166,52 @@ def test_a_log_without_deflection_is_refused():
     drop = dataclasses.replace(drop, log=dataclasses.replace(drop.log, channels=()))
     with pytest.raises(DataRejectedError, match="no suspension deflection of axle 'only'"):
         analyse_drop(drop, vehicle, case)
+
+
+def dropped_again(time, gap_s, decrement=0.6, noise=3e-4):
+    """Two drops in one file: the axle is put back at its first height 0.3 s before the second release."""
+    first = damped_cosine(time, 0.6, decrement)
+    second = damped_cosine(time, 0.6, decrement, release_s=0.5 + gap_s)
+    value = np.where(time < 0.2 + gap_s, first, second)
+    return value + noise * np.random.default_rng(0).standard_normal(time.size)
+
+
+@pytest.mark.parametrize(("gap_s", "decrement"), [(5.0, 0.3), (3.0, 0.6), (5.0, 0.6), (3.0, 1.2)])
+def test_a_second_drop_is_said_and_the_first_one_read(gap_s, decrement):
+    time = np.arange(0.0, 9.0, 0.005)
+    drop, vehicle, case = single_axle(time, dropped_again(time, gap_s, decrement))
+    analysis = analyse_drop(drop, vehicle, case)
+    assert analysis.second_drop_s == pytest.approx(gap_s + 0.2, abs=0.02)
+    fitted = by_method(analysis)["free_decay"]
+    assert f"a second drop begins at {analysis.second_drop_s:.2f} s" in fitted.note
+    assert fitted.damped_period == pytest.approx(0.6, rel=0.003)
+    assert fitted.log_decrement == pytest.approx(decrement, rel=0.02)
+
+
+def test_a_second_drop_becomes_a_message():
+    summary = analyse_drops(altered_campaign(lambda t, r: dropped_again(t, 2.5, 1.2)))
+    said = [m for m in summary.messages if re.search(r"axle1_drop[12].csv: a second drop begins at 2\.(69|70) s", m)]
+    assert len(said) == 2
+
+
+@pytest.mark.parametrize("missing", [(1.0, 1.9), (1.4, 2.45)])
+def test_one_drop_with_a_gap_is_one_drop(missing):
+    """A part without readings does not pass for a rest between two drops."""
+    time = np.arange(0.0, 9.0, 0.005)
+    value = damped_cosine(time, 0.6, 0.1)
+    value[(time > missing[0]) & (time < missing[1])] = np.nan
+    assert np.isnan(analyse_drop(*single_axle(time, value)).second_drop_s)
+
+
+def test_a_decay_that_explains_little_of_the_motion_is_no_estimate():
+    """Put back before the first drop has decayed: not seen as a second drop, but no ring-down of one mass either."""
+    time = np.arange(0.0, 9.0, 0.005)
+    analysis = analyse_drop(*single_axle(time, dropped_again(time, 3.0, 0.3)))
+    fitted = by_method(analysis)["free_decay"]
+    assert not fitted.usable
+    assert np.isnan(analysis.second_drop_s)
+    assert "of the motion unexplained" in fitted.note
+    assert np.isnan(analysis.free_decay_m).all()
 
 
 @pytest.fixture(scope="module")
