@@ -12,6 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from sysid.arrays import Samples
 from sysid.campaign.records import BumpRun, Campaign, Channel, PlankDrop
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.errors import DataRejectedError, SysidError
@@ -31,8 +32,8 @@ from sysid.estimation.residuals.signals import simulate_runs
 from sysid.progress import Progress, unwatched
 from sysid.road.enveloping import FootprintMap, footprint_map
 from sysid.road.plank_road import lifted_onto_plank, plank_table
-from sysid.sdof.drop_results import DropEstimate, DropSummary
-from sysid.sdof.smoothing import high_frequency_noise
+from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropSummary
+from sysid.sdof.smoothing import high_frequency_noise, local_polynomial, robust_sd
 from sysid.vehicle_model.passes import EffectiveRoads
 
 #: Time before the record [s] in which the simulated axle is lifted onto the plank, and how long it then rests.
@@ -46,8 +47,12 @@ _SPEEDS = np.geomspace(0.5, 3.5, 10)
 _FINER = np.array([0.86, 0.93, 1.07, 1.15])
 #: Residual over instrument noise from which on the estimates carry a note.
 DOUBT = 1.6
-#: How long after its largest deflection a record is fitted [s]: a truck at rest gives no more information.
-_FIT_S = 2.5
+#: How long after its release a record is fitted [s]: a truck at rest gives no more information.
+_FIT_S = 3.0
+#: Margin to the release and share of the record at its end that is at rest, and fewest readings of a rest.
+_REST_MARGIN_S, _REST_SHARE, _REST_READINGS = 0.05, 0.2, 20
+#: Half window of the smoothing that tells noise from what is left of the body's motion, some 8 Hz and less [s].
+_SLOW_S = 0.1
 #: Distance at which the end of the plank begins to affect a wheel [m], and possible error of the instant [s].
 FOOT_M = 0.15
 SLACK_S = 0.3
@@ -174,12 +179,14 @@ def fit_drops(
     """
     options = options or FitOptions()
     report = progress or unwatched
-    released = {a.file: a.release_time_s + LEAD_S for a in drops.files}
-    records = [d for d in campaign.plank_drops if d.dampers and d.log.file in released and d.release == "plank"]
+    analysed = {a.file: a for a in drops.files if np.isfinite(a.release_time_s)}
+    records = [d for d in campaign.plank_drops if d.dampers and d.log.file in analysed and d.release == "plank"]
     if not records:
-        raise DataRejectedError("No plank drop can be fitted: none was recorded with its dampers in place.")
+        raise DataRejectedError("No plank drop can be fitted: none with its dampers in place shows a release.")
     roads = PlankRoads(campaign.vehicle, dict(campaign.load_cases))
-    runs = tuple(_as_run(i, d) for i, d in enumerate(records))
+    runs = tuple(_as_run(i, d, _last_time(analysed[d.log.file])) for i, d in enumerate(records))
+    released = np.array([analysed[d.log.file].release_time_s for d in records])
+    noise = [_noise(d, r) for d, r in zip(records, released, strict=True)]
     as_runs = replace(campaign, bump_runs=runs, predictions=())
     parameters = campaign_parameters(as_runs, drops)
     report("searching speeds and releases of the drops", 0.05)
@@ -192,9 +199,9 @@ def fit_drops(
         # A drop's start is the moment of the axle under test, not of axle 1.
         return replace(model, arrays=tuple(a._replace(axle_x=np.zeros_like(a.axle_x)) for a in model.arrays))
 
-    motion = _search(runs, np.array([released[d.log.file] for d in records]), parameters.start, model_at)
+    motion = _search(runs, released + LEAD_S, parameters.start, model_at, noise)
     model = model_at(motion.speed_m_s, motion.start_s)
-    instrument = _instrument_noise(model, runs)
+    instrument = _instrument_noise(model, noise)
     report("fitting the plank drops with the full model", 0.2)
     larger = with_larger_steps(model, parameters.start, motion)
     optimum = optimise_from(as_runs, larger, motion, instrument, parameters.start, _hasty(options), report)
@@ -219,12 +226,12 @@ def _hasty(options: FitOptions) -> FitOptions:
     return replace(options, weight_rounds=rounds, tolerance=max(options.tolerance, 1e-3), max_iterations=most)
 
 
-def _as_run(number: int, drop: PlankDrop) -> BumpRun:
-    """A drop as a run: readings shifted by the lead, sensors named by their axle, the tail left out."""
+def _as_run(number: int, drop: PlankDrop, last_s: float) -> BumpRun:
+    """A drop as a run: readings shifted by the lead, sensors named by their axle, the tail after `last_s` left out."""
     channels = []
     for channel in drop.log.channels:
-        keep = channel.time_s <= _last_time(drop)
-        sensor = replace(channel.sensor, column=f"{channel.sensor.column} of axle {drop.axle + 1}")
+        keep = channel.time_s <= last_s
+        sensor = replace(channel.sensor, column=_column(channel, drop))
         channels.append(Channel(sensor, channel.time_s[keep] + LEAD_S, channel.value[keep], channel.censored[keep]))
     declared = drop.nominal_speed_m_s
     return BumpRun(
@@ -239,14 +246,13 @@ def _as_run(number: int, drop: PlankDrop) -> BumpRun:
     )
 
 
-def _last_time(drop: PlankDrop) -> float:
-    """End of the fitted part [s]: some seconds after the fastest deflection of the record."""
-    for channel in drop.log.channels:
-        if channel.sensor.kind == "suspension_deflection":
-            value = np.where(np.isfinite(channel.value), channel.value, 0.0)
-            steepest = channel.time_s[int(np.argmax(np.abs(value - np.median(value))))]
-            return float(steepest) + _FIT_S
-    return float("inf")
+def _column(channel: Channel, drop: PlankDrop) -> str:
+    return f"{channel.sensor.column} of axle {drop.axle + 1}"
+
+
+def _last_time(analysis: DropAnalysis) -> float:
+    """End of the fitted part [s]: some seconds after the release, or a second drop in the same file."""
+    return float(np.fmin(analysis.release_time_s + _FIT_S, analysis.second_drop_s))
 
 
 def _search(
@@ -254,6 +260,7 @@ def _search(
     released_s: np.ndarray,
     start: np.ndarray,
     model_at: Callable[[np.ndarray, np.ndarray], BumpModel],
+    noise: Sequence[dict[str, float]],
 ) -> RunMotion:
     """Speed and start of every drop: the best of a geometric list of speeds, each with its best shift in time.
 
@@ -261,6 +268,7 @@ def _search(
     ----------
     released_s : when each record begins to move [s]; the wheel's centre passes the end of the plank a little later.
     start : (p,) log parameters.
+    noise : of every drop, as from `_noise`.
     """
     count = len(runs)
     nominal = np.array([r.nominal_speed_m_s for r in runs])
@@ -275,8 +283,8 @@ def _search(
         model = model_at(speeds, starts)
         signals = simulate_runs(model, start, RunMotion.steady(speeds, starts))
         if not records:
-            noise = _instrument_noise(model, runs)
-            records.extend([Record(g, r, noise[k][r]) for r in range(len(g.runs))] for k, g in enumerate(model.groups))
+            sd = _instrument_noise(model, noise)
+            records.extend([Record(g, r, sd[k][r]) for r in range(len(g.runs))] for k, g in enumerate(model.groups))
         for position, group in enumerate(model.groups):
             for r, run in enumerate(group.runs):
                 samples = SLACK_S / group.interval_s
@@ -293,20 +301,35 @@ def _search(
     return RunMotion.steady(speed, begin)
 
 
-def _instrument_noise(model: BumpModel, runs: Sequence[BumpRun]) -> tuple[np.ndarray, ...]:
-    """Noise (R, C) from the fast differences of every channel, infinite where there is none."""
-    column = {s.column: c for c, s in enumerate(model.layout.sensors)}
-    scales = []
-    for group in model.groups:
-        noise = np.full((len(group.runs), len(column)), np.inf)
-        for r, run in enumerate(group.runs):
-            for channel in runs[run].log.channels:
-                good = channel.value[np.isfinite(channel.value)]
-                if good.size >= 8:
-                    smallest = 1e-3 * float(np.std(good)) + 1e-9
-                    noise[r, column[channel.sensor.column]] = max(high_frequency_noise(good), smallest)
-        scales.append(noise)
-    return tuple(scales)
+def _instrument_noise(model: BumpModel, noise: Sequence[dict[str, float]]) -> tuple[np.ndarray, ...]:
+    """Noise (R, C) of the groups of runs, infinite where a drop has no such channel."""
+    columns = [s.column for s in model.layout.sensors]
+    return tuple(np.array([[noise[run].get(c, np.inf) for c in columns] for run in g.runs]) for g in model.groups)
+
+
+def _noise(drop: PlankDrop, released_s: float) -> dict[str, float]:
+    """Noise of the channels of a drop by their columns as a run; channels with fewer than eight readings left out."""
+    noise = {}
+    for channel in drop.log.channels:
+        good = np.isfinite(channel.value)
+        time, value = channel.time_s[good], channel.value[good]
+        if value.size >= 8:
+            # Fast differences see little of a noise that the filter of the logger has smoothed.
+            largest = max(high_frequency_noise(value), _scatter_at_rest(time, value, released_s))
+            noise[_column(channel, drop)] = max(largest, 1e-3 * float(np.std(value)) + 1e-9)
+    return noise
+
+
+def _scatter_at_rest(time_s: Samples, value: Samples, released_s: float) -> float:
+    """Scatter about the slow motion before the release or at the end, where it is less; 0 without such readings."""
+    end = max(released_s + _FIT_S, time_s[-1] - _REST_SHARE * (time_s[-1] - time_s[0]))
+    scatter = []
+    for part in (time_s < released_s - _REST_MARGIN_S, time_s >= end):
+        t, y = time_s[part], value[part]
+        if y.size >= _REST_READINGS:
+            fast = y - local_polynomial(t, y, t, _SLOW_S)[0]
+            scatter.append(robust_sd(fast[np.isfinite(fast)]))
+    return min(scatter, default=0.0)
 
 
 def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEstimate, ...]:
