@@ -60,6 +60,58 @@ def invert(
     damped_period, decrement, covariance
         tau_d [s], delta [-] and their covariance (2, 2).
     """
+    value, from_reading, from_declared = _uncertain(
+        _equations(method), axle, settings, damped_period, decrement, covariance
+    )
+    return Inversion(float(value[0]), float(value[1]), from_reading, from_declared)
+
+
+def forces_per_unit(
+    method: DropMethod,
+    axle: AxleOnTire,
+    settings: DropSettings,
+    damped_period: float,
+    decrement: float,
+    covariance: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """F/f = k (1 + k/kt) [N/m] and Q/q = m (1 + k/kt) [kg] (2,), k/kt = 0 for ``paper``, with both covariances (2, 2).
+
+    Arguments and covariances (from the reading, from the declared quantities) are those of `invert`.
+    """
+    equations = _equations(method)
+
+    def per_unit(read: np.ndarray, given: np.ndarray) -> np.ndarray:
+        stiffness = float(equations(read, given)[0])
+        ratio = 0.0 if method == "paper" else stiffness / given[2]
+        return np.array([stiffness, given[0]]) * (1.0 + ratio)
+
+    return _uncertain(per_unit, axle, settings, damped_period, decrement, covariance)
+
+
+_Equations = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+def _equations(method: DropMethod) -> _Equations:
+    """Stiffness and damping (2,) from period and decrement (2,) and masses and tire (4,)."""
+
+    def paper(read: np.ndarray, given: np.ndarray) -> np.ndarray:
+        return np.array([paper_stiffness(read[0], given[0]), paper_damping(read[0], read[1], given[0])])
+
+    def exact(read: np.ndarray, given: np.ndarray) -> np.ndarray:
+        return np.array([corrected_stiffness(*read, *given), corrected_damping(*read, *given)])
+
+    return paper if method == "paper" else exact
+
+
+def _uncertain(
+    function: _Equations,
+    axle: AxleOnTire,
+    settings: DropSettings,
+    damped_period: float,
+    decrement: float,
+    covariance: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values (2,) of a function of reading and declared quantities, with the covariances (2, 2) from either."""
     declared = np.array([axle.mass, axle.unsprung_mass, axle.tire_stiffness, axle.tire_damping])
     tolerance = np.array(
         [
@@ -69,22 +121,10 @@ def invert(
             settings.tire_damping_tolerance,
         ]
     )
-    equations: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    if method == "paper":
-
-        def equations(read: np.ndarray, given: np.ndarray) -> np.ndarray:
-            return np.array([paper_stiffness(read[0], given[0]), paper_damping(read[0], read[1], given[0])])
-    else:
-
-        def equations(read: np.ndarray, given: np.ndarray) -> np.ndarray:
-            return np.array([corrected_stiffness(*read, *given), corrected_damping(*read, *given)])
-
     reading = np.array([damped_period, decrement])
-    value, from_reading = propagate(lambda read: equations(read, declared), reading, covariance)
-    _, from_declared = propagate(
-        lambda given: equations(reading, given), declared, np.diag((declared * tolerance) ** 2)
-    )
-    return Inversion(float(value[0]), float(value[1]), from_reading, from_declared)
+    value, from_reading = propagate(lambda read: function(read, declared), reading, covariance)
+    _, from_declared = propagate(lambda given: function(reading, given), declared, np.diag((declared * tolerance) ** 2))
+    return value, from_reading, from_declared
 
 
 def estimate(
@@ -153,17 +193,12 @@ def estimate_by_law(
     ratio = 0.0 if method == "paper" else result.stiffness / axle.tire_stiffness
     if ratio > STIFFNESS_RATIO_LIMIT:
         notes.append(f"k/kt = {ratio:.2f} is above {STIFFNESS_RATIO_LIMIT:g}, where the correction is not reliable")
-    nan = float("nan")
-    force, force_sd, drag, drag_sd = nan, nan, nan, nan
-    if "friction" in law.terms:
-        per_metre = result.stiffness * (1.0 + ratio)
-        force = law.friction_m * per_metre
-        slope = law.friction_m * (1.0 + 2.0 * ratio)
-        force_sd = float(np.hypot(np.sqrt(law.covariance[2, 2]) * per_metre, slope * sd[0]))
-    if "quadratic" in law.terms:
-        mass = axle.mass * (1.0 + ratio)
-        drag = law.quadratic_per_m * mass
-        drag_sd = float(np.hypot(np.sqrt(law.covariance[3, 3]) * mass, drag * settings.tributary_mass_tolerance))
+    per_unit, *parts = forces_per_unit(method, axle, settings, law.damped_period, law.log_decrement, covariance)
+    of_law = np.array([law.friction_m, law.quadratic_per_m])
+    force = per_unit * of_law
+    force_sd = np.sqrt(np.diagonal(law.covariance)[2:] * per_unit**2 + np.diagonal(sum(parts)) * of_law**2)
+    absent = [term not in law.terms for term in ("friction", "quadratic")]
+    force[absent] = force_sd[absent] = np.nan
     return DropEstimate(
         axle=axle.axle,
         load_case=axle.load_case,
@@ -178,10 +213,10 @@ def estimate_by_law(
         usable=True,
         note="; ".join(notes),
         damping_kind=law.kind,
-        friction_force=force,
-        friction_force_sd=force_sd,
-        quadratic_damping=drag,
-        quadratic_damping_sd=drag_sd,
+        friction_force=float(force[0]),
+        friction_force_sd=float(force_sd[0]),
+        quadratic_damping=float(force[1]),
+        quadratic_damping_sd=float(force_sd[1]),
     )
 
 

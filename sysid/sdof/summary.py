@@ -15,7 +15,7 @@ from sysid.campaign.vehicle_records import Vehicle
 from sysid.sdof.analysis import analyse_drop, axle_on_tire
 from sysid.sdof.averages import mean_with_scatter
 from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropMethod, DropSummary
-from sysid.sdof.estimates import AxleOnTire, invert, unusable
+from sysid.sdof.estimates import AxleOnTire, forces_per_unit, invert, unusable
 from sysid.sdof.settings import DropSettings
 from sysid.wording import say_once
 
@@ -107,10 +107,15 @@ def _pool(estimates: list[DropEstimate], axle: AxleOnTire, settings: DropSetting
         mean, error = _mean(group, name, np.array([c[index, index] for c in covariances]))
         values[name] = mean
         values[f"{name}_sd"] = float(np.sqrt(error**2 + declared[index, index]))
-    for name in ("friction_force", "quadratic_damping"):
+    for index, name in enumerate(("friction_force", "quadratic_damping")):
         group = [e for e in alike if np.isfinite(getattr(e, name))]
         if 2 * len(group) >= len(alike) and group:
-            values[name], values[f"{name}_sd"] = _mean(group, name, np.zeros(len(group)))
+            common = [_declared_share(method, axle, settings, e.damped_period, e.log_decrement)[index] for e in group]
+            shares = np.array([getattr(e, name) for e in group]) * common
+            mean, error = _mean(group, name, shares**2)
+            values[name] = mean
+            share = _declared_share(method, axle, settings, period, decrement)[index]
+            values[f"{name}_sd"] = float(np.hypot(error, mean * share))
     notes = [*said, *_distinct(part for e in usable for part in e.note.split("; ") if part)]
     if len(usable) < len(estimates):
         notes.insert(0, f"{len(usable)} of {len(estimates)} records usable")
@@ -128,6 +133,14 @@ def _pool(estimates: list[DropEstimate], axle: AxleOnTire, settings: DropSetting
         damping_kind=Counter(e.damping_kind for e in alike).most_common(1)[0][0],
         **values,
     )
+
+
+def _declared_share(
+    method: DropMethod, axle: AxleOnTire, settings: DropSettings, period: float, decrement: float
+) -> np.ndarray:
+    """Relative standard deviations (2,) of friction force and quadratic damping from the declared quantities."""
+    per_unit, _, declared = forces_per_unit(method, axle, settings, period, decrement, np.zeros((2, 2)))
+    return np.asarray(np.sqrt(np.diagonal(declared)) / per_unit)
 
 
 def _mean(group: list[DropEstimate], name: str, declared_variance: np.ndarray) -> tuple[float, float]:

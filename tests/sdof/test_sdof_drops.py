@@ -288,6 +288,44 @@ def test_friction_in_most_repeats_becomes_a_message():
     assert any("front steer" in m and "dry friction" in m for m in summary.messages)
 
 
+@pytest.mark.parametrize(
+    ("name", "damping"),
+    [("friction_force", {"friction": 0.001, "linear": 0.3}), ("quadratic_damping", {"quadratic": 6.0})],
+)
+@pytest.mark.parametrize("method", ["paper", "corrected"])
+def test_a_declared_error_common_to_all_repeats_does_not_average_out(name, damping, method):
+    """Friction and quadratic damping of the pool against declared values drawn anew, the same for both repeats."""
+
+    def rubbing(time, repeat):
+        return with_noise(nonlinear_decay(time, 2 * np.pi / 0.6, 0.04, **damping), repeat)
+
+    def pooled(campaign, settings):
+        return next(e for e in analyse_drops(campaign, settings).pooled if e.method == method)
+
+    campaign = altered_campaign(rubbing)
+    exact = pooled(campaign, PRECISE)
+    tolerance = DropSettings(
+        tire_stiffness_tolerance=0.1,
+        tire_damping_tolerance=0.0,
+        unsprung_mass_tolerance=0.0,
+        tributary_mass_tolerance=0.0,
+    )
+    axles = campaign.vehicle.axles
+    ends = []
+    for factor in (0.99, 1.01):
+        other = dataclasses.replace(axles[0], tire_stiffness_N_per_m=factor * axles[0].tire_stiffness_N_per_m)
+        vehicle = dataclasses.replace(campaign.vehicle, axles=(other, *axles[1:]))
+        ends.append(getattr(pooled(dataclasses.replace(campaign, vehicle=vehicle), PRECISE), name))
+    by_tire = abs(ends[1] - ends[0]) / 0.02 * 0.1
+    found = getattr(pooled(campaign, tolerance), f"{name}_sd")
+    assert found == pytest.approx(np.hypot(getattr(exact, f"{name}_sd"), by_tire), rel=0.02)
+    by_mass = 0.1 * getattr(exact, name)
+    heavy = dataclasses.replace(PRECISE, tributary_mass_tolerance=0.1)
+    if method == "paper":
+        found = getattr(pooled(campaign, heavy), f"{name}_sd")
+        assert found == pytest.approx(np.hypot(getattr(exact, f"{name}_sd"), by_mass), rel=0.02)
+
+
 def test_overdamped_repeats_become_a_message_and_no_number():
     summary = analyse_drops(altered_campaign(lambda t, r: with_noise(damped_cosine(t, 0.6, 8.0), r)))
     assert any("front steer" in m and "2 of 2 records give no two-peak decrement" in m for m in summary.messages)
