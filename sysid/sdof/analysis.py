@@ -65,7 +65,8 @@ def analyse_drop(
     axle = axle_on_tire(drop.axle, vehicle, load_case)
     record, fit = _read(drop, vehicle, time, deflection, settings)
     mixture = fit_damping_law(record, from_release=drop.release == "body")
-    law = more_than_viscous(mixture, record, fit)
+    neighbours = has_neighbours(vehicle)
+    law = more_than_viscous(mixture, record, fit, neighbours=neighbours)
     if law is not None:
         record = without_sticking(_with_period(record, time, deflection, drop, settings, law), law)
     reading = reading_of(record)
@@ -80,6 +81,8 @@ def analyse_drop(
     kind = law.kind if law is not None else reading.damping_kind
     if kind == "unknown" and viscous_alone(mixture, record):
         kind = "viscous"
+    elif law is None and kind != "viscous" and neighbours and mixture.usable:
+        kind = "unknown"  # a decrement that changes, but two modes explain it as well
     note = fit.note
     if law is not None:
         free_decay, note = np.interp(time, law.time_s, law.model, left=np.nan, right=np.nan), ""
@@ -107,6 +110,11 @@ def analyse_drop(
         law=law,
         second_drop_s=again if np.isfinite(again) else float("nan"),
     )
+
+
+def has_neighbours(vehicle: Vehicle) -> bool:
+    """Whether any body rests on more than one support, or more than one body is there: several body modes."""
+    return len(vehicle.axles) > 1 or any(body.hitch_x_m is not None for body in vehicle.bodies)
 
 
 def axle_on_tire(axle: int, vehicle: Vehicle, load_case: LoadCase) -> AxleOnTire:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.sdof.decay import PreparedRecord
+from sysid.sdof.decay_modes import ModeFit, fit_modes
 from sysid.sdof.drop_results import DampingLaw
 from sysid.sdof.free_decay import FreeDecayFit
 from sysid.sdof.peaks import smoothing_half_width
@@ -14,31 +15,50 @@ from sysid.sdof.peaks import smoothing_half_width
 _SMALLEST_SHARE = 0.10  # of the amplitude lost, by all that is not viscous
 _SMALLEST_PART = 0.25  # of the motion after the release that the fitted swings must be
 _EVIDENCE = 10.0  # of the information criterion, against two viscous modes
+_SECOND_MODE = (0.6, 1.3, 1.8)  # frequency over that of the first at which a search of two body modes begins
+_BODY_DAMPING = 0.6  # largest decay rate of a body mode over the angular frequency
 _MODES_COEFFICIENTS = 9  # of two modes: rate, frequency, two amplitudes each, and the level
 
 
-def more_than_viscous(law: DampingLaw, record: PreparedRecord, modes: FreeDecayFit) -> DampingLaw | None:
+def more_than_viscous(
+    law: DampingLaw, record: PreparedRecord, modes: FreeDecayFit, *, neighbours: bool = False
+) -> DampingLaw | None:
     """The damping law where the record shows dry friction or quadratic damping beyond doubt, else None.
 
-    Body mode and wheel hop of a linear vehicle can look like either over a few swings, so the law must meet three
-    conditions. It explains the common readings better than these modes, by a Bayesian information criterion of 10. It
-    loses a tenth of the amplitude in another way than viscously. Its evidence is in swings that are a quarter of the
-    motion.
+    Modes of a linear vehicle can look like either over a few swings, so the law must meet three conditions. By a
+    Bayesian information criterion of 10, it explains the common readings better than body mode and wheel hop and, on a
+    vehicle with `neighbours`, better than two body modes (bounce and pitch). It loses a tenth of the amplitude in
+    another way than viscously. Its evidence is in swings that are a quarter of the motion.
     """
     if not _speaks_for(law, record) or law.terms == ("viscous",) or law.shares[1:].sum() < _SMALLEST_SHARE:
         return None
+    value = np.interp(law.time_s, record.time_s, record.value)
+    if neighbours:
+        two = _two_body_modes(law, value, record.frequency_range_hz)
+        if two is not None and _evidence(law.model - value, two.residual, len(law.terms)) <= _EVIDENCE:
+            return None
     if not modes.usable:
         return law
-    value = np.interp(law.time_s, record.time_s, record.value)
     common = (law.time_s >= modes.window_s[0]) & (law.time_s <= modes.window_s[1])
-    count = int(common.sum())
-    if count < law.time_s.size // 2:
+    if int(common.sum()) < law.time_s.size // 2:
         return law
     linear = np.interp(law.time_s[common], modes.time_s, modes.model) - value[common]
-    mixed = law.model[common] - value[common]
-    gain = count * np.log(max(float(np.mean(linear**2)), 1e-300) / max(float(np.mean(mixed**2)), 1e-300))
-    gain += (_MODES_COEFFICIENTS - 4 - len(law.terms)) * np.log(count)
-    return law if gain > _EVIDENCE else None
+    return law if _evidence(law.model[common] - value[common], linear, len(law.terms)) > _EVIDENCE else None
+
+
+def _evidence(mixed: np.ndarray, linear: np.ndarray, terms: int) -> float:
+    """By how much the information criterion of two modes is worse than that of a law, from residuals (n,) of both."""
+    gain = mixed.size * np.log(max(float(np.mean(linear**2)), 1e-300) / max(float(np.mean(mixed**2)), 1e-300))
+    return float(gain + (_MODES_COEFFICIENTS - 4 - terms) * np.log(mixed.size))
+
+
+def _two_body_modes(law: DampingLaw, value: np.ndarray, range_hz: tuple[float, float]) -> ModeFit | None:
+    """The best fit of two body modes to the readings (n,) of a law, None where none converges."""
+    omega = 2.0 * np.pi / law.damped_period
+    bounds = (0.0, _BODY_DAMPING * omega), (2.0 * np.pi * range_hz[0], 2.0 * np.pi * range_hz[1])
+    first = (0.1 * omega, omega)
+    fits = [fit_modes(law.time_s, value, [first, (0.1 * omega, f * omega)], [bounds, bounds]) for f in _SECOND_MODE]
+    return min((fit for fit in fits if fit is not None), key=lambda fit: fit.residual_rms, default=None)
 
 
 def viscous_alone(law: DampingLaw, record: PreparedRecord) -> bool:

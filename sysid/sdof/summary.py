@@ -12,7 +12,7 @@ import pandas as pd
 
 from sysid.campaign.records import Campaign, PlankDrop
 from sysid.campaign.vehicle_records import Vehicle
-from sysid.sdof.analysis import analyse_drop, axle_on_tire
+from sysid.sdof.analysis import analyse_drop, axle_on_tire, has_neighbours
 from sysid.sdof.averages import mean_with_scatter
 from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropMethod, DropSummary
 from sysid.sdof.estimates import AxleOnTire, forces_per_unit, invert, unusable
@@ -178,7 +178,7 @@ def _messages(
 ) -> tuple[str, ...]:
     """Plain sentences about what the estimates can and cannot say."""
     messages = []
-    if _coupled(vehicle) and files:
+    if has_neighbours(vehicle) and files:
         messages.append(
             "Equations (1)-(3) take each axle for the only one under its body, but on this vehicle neighbouring axles "
             "and pitch share the motion that a plank drop shows. Stiffness and damping from drops are starting values, "
@@ -247,8 +247,3 @@ def _friction_messages(names: list[str], files: tuple[DropAnalysis, ...], pooled
                 "so the damping coefficient holds for the amplitudes of the drop only."
             )
     return messages
-
-
-def _coupled(vehicle: Vehicle) -> bool:
-    """Whether any body rests on more than one support, or more than one body is there."""
-    return len(vehicle.axles) > 1 or any(body.hitch_x_m is not None for body in vehicle.bodies)
