@@ -119,14 +119,14 @@ def _first_fit(window: DecayWindow, record: PreparedRecord) -> MixtureFit | None
 
 
 def _first_start(window: DecayWindow, factor: float = 1.0, loss: float | None = None) -> np.ndarray:
-    """Start values in which the three terms share the amplitude lost, `loss` of it per swing."""
+    """Start values in which viscous damping takes the share `loss` of the amplitude per swing, as read if None."""
     start = window.start.copy()
     start[OMEGA] *= factor
     if loss is None:
         mean = float(np.mean(-np.diff(window.swings))) if window.swings.size > 1 else 0.1 * window.amplitude
         loss = float(np.clip(mean / window.swings.mean(), 0.01, 1.0))
     start[4] = loss / np.pi * start[OMEGA]
-    return _moved(window, start, TERMS)
+    return start
 
 
 def _with_viscous(terms: tuple[DampingTerm, ...]) -> tuple[DampingTerm, ...]:

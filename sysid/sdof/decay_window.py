@@ -23,7 +23,7 @@ class DecayWindow:
     - `direction` of the motion at the first reading;
     - `start` (8,): parameters of `ring_down` without damping;
     - `loss`: the amplitude lost per swing at the middle amplitude `middle` [m];
-    - `swings`: the half ranges of successive extrema [m].
+    - `swings`: the half ranges of successive extrema [m], none across a gap of the readings.
     """
 
     begin_s: float
@@ -43,9 +43,9 @@ def decay_window(record: PreparedRecord) -> DecayWindow | str:
     used = np.flatnonzero(record.extrema.used)
     if used.size < _FEWEST_EXTREMA:
         return "too few swings to tell kinds of damping apart"
-    times, heights = record.extrema.time_s[used], record.extrema.value[used]
-    period = 2.0 * float(np.median(np.diff(times) / np.diff(record.extrema.index[used])))
-    return _cut(record, period, times[0], times[-1], heights, float(np.sign(heights[1] - heights[0])))
+    times, heights, index = record.extrema.time_s[used], record.extrema.value[used], record.extrema.index[used]
+    period = 2.0 * float(np.median(np.diff(times) / np.diff(index)))
+    return _cut(record, period, times[0], times[-1], heights, index)
 
 
 def window_from_release(record: PreparedRecord) -> DecayWindow | None:
@@ -63,7 +63,7 @@ def window_from_release(record: PreparedRecord) -> DecayWindow | None:
     period = 2.0 * float(np.median(np.diff(times)))
     heights = np.concatenate([[record.release.rest_level], heights])
     end = min(max(float(record.time_s[later][moving[-1]]), times[-1]), times[-1] + 0.5 * period)
-    cut = _cut(record, period, begin, end, heights, float(np.sign(heights[1] - heights[0])))
+    cut = _cut(record, period, begin, end, heights, np.arange(heights.size))
     return None if isinstance(cut, str) else cut
 
 
@@ -79,9 +79,15 @@ def _large_turns(record: PreparedRecord, begin_s: float, floor: float) -> tuple[
 
 
 def _cut(
-    record: PreparedRecord, period: float, first_s: float, last_s: float, heights: np.ndarray, direction: float
+    record: PreparedRecord, period: float, first_s: float, last_s: float, heights: np.ndarray, index: np.ndarray
 ) -> DecayWindow | str:
-    """Readings from shortly after the first to shortly after the last turning point, and start values."""
+    """Readings from shortly after the first to shortly after the last turning point, and start values.
+
+    `heights` (m,) are those of the turning points, `index` (m,) their half-cycle numbers, which a gap leaves out.
+    """
+    successive = np.flatnonzero(np.diff(index) == 1)
+    if successive.size == 0:
+        return "no two successive turning points to tell kinds of damping apart"
     begin, end = first_s + _START_PERIODS * period, last_s + _TAIL_PERIODS * period
     inside = (record.time_s >= begin) & (record.time_s <= end)
     time, value = record.time_s[inside], record.value[inside]
@@ -90,9 +96,11 @@ def _cut(
     place, rate, _, _ = local_polynomial(record.time_s, record.value, time[:1], 0.1 * period)
     if not np.isfinite(rate[0]):
         place, rate, _, _ = local_polynomial(record.time_s, record.value, time[:1], smoothing_half_width(period))
-    swings = 0.5 * np.abs(np.diff(heights))
+    swings = 0.5 * np.abs(np.diff(heights))[successive]
     omega = 2.0 * np.pi / period
-    level = 0.25 * (heights[0] + 2.0 * heights[1] + heights[2])
+    direction = float(np.sign(heights[1] - heights[0]))
+    middles = 0.5 * (heights[:-1] + heights[1:])[successive]
+    level = float(middles[:2].mean())
     speed = direction * max(direction * float(np.nan_to_num(rate[0])), 0.2 * omega * swings[0])
     start = np.array([omega, level, float(np.nan_to_num(place[0], nan=value[0])), speed, 0.0, 0.0, 0.0, 0.0])
     step = np.diff(time)

@@ -10,6 +10,8 @@ from studies.ring_downs.motion import NOISE_M, Oscillator, ring
 from sysid.sdof.damping_choice import without_sticking
 from sysid.sdof.damping_law import fit_damping_law
 from sysid.sdof.decay import prepare_record, reading_of
+from sysid.sdof.decay_window import decay_window
+from sysid.sdof.mixture_fit import LEVEL
 from sysid.sdof.ring_down import ring_down
 
 TIME = np.arange(0.0, 5.0, 0.005)
@@ -119,6 +121,22 @@ def test_correlated_noise_is_no_damping():
     law = law_of(TIME, damped_cosine(TIME, 0.6, 0.5) + noise)
     assert law.terms == ("viscous",)
     assert abs(law.log_decrement - 0.5) < 3.0 * np.sqrt(law.covariance[1, 1])
+
+
+@pytest.mark.parametrize("gap", [None, (1.05, 1.2), (1.3, 1.5), (1.36, 1.76)])
+def test_swings_across_a_gap_do_not_count(gap):
+    """Half ranges of neighbouring turning points 0.04 exp(-delta n / 2) of a damped cosine, and its level."""
+    value = damped_cosine(TIME, 0.6, 0.5, offset=0.005) + NOISE_M * np.random.default_rng(0).standard_normal(TIME.size)
+    if gap is not None:
+        value[np.abs(TIME - np.mean(gap)) < 0.5 * np.ptp(gap)] = np.nan
+    record = prepare_record(TIME, value)
+    window = decay_window(record)
+    true = 0.02 * np.exp(-0.25 * np.arange(30)) * (1.0 + np.exp(-0.25))
+    for swing in window.swings[:6]:
+        assert np.abs(true / swing - 1.0).min() < 0.03
+    np.testing.assert_array_less(np.diff(window.swings[:6]), 0.0)
+    assert window.start[LEVEL] == pytest.approx(0.005, abs=3e-3)
+    assert window.amplitude > 0.015
 
 
 @pytest.mark.parametrize(
