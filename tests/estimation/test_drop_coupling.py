@@ -44,6 +44,19 @@ def with_model(drops, truth):
     return replace(drops, pooled=(*rows, *drops.pooled))
 
 
+def model_beside_truth(drops, truth, seed):
+    """A full model that is off the truth by what its standard deviations say: 4 % of k and 12 % of c."""
+    normal = np.random.default_rng(seed).standard_normal(truth.shape)
+    rows = with_model(drops, truth * (1.0 + np.array([0.04, 0.12]) * normal)).pooled[: len(truth)]
+    rows = tuple(replace(e, stiffness_sd=0.04 * k, damping_sd=0.12 * c) for e, (k, c) in zip(rows, truth, strict=True))
+    return replace(drops, pooled=(*rows, *drops.pooled))
+
+
+def largest_error(drops, truth):
+    """Of all single-axle estimates, in their own standard deviations."""
+    return max(np.abs(errors(e, truth)[1]).max() for e in drops.pooled if e.method != "model")
+
+
 def errors(e, truth):
     value = np.array([e.stiffness, e.damping])
     return value / truth[e.axle] - 1.0, (value - truth[e.axle]) / np.array([e.stiffness_sd, e.damping_sd])
@@ -57,8 +70,21 @@ def test_readings_far_off_are_marked_beside_the_full_model(campaign, analysed, t
         off, in_sd = errors(e, truth)
         if abs(off[0]) > 0.15 or abs(off[1]) > 0.35:
             assert e.caution.startswith(NOT_ALONE)
+        # The readings are compared with the truth itself here: what is kept is within two of their own errors.
         assert np.all(np.abs(in_sd) < 2.1)
     assert "read the rows of method model" in found.messages[0]
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_intervals_hold_beside_a_model_with_errors(campaign, analysed, truth, seed):
+    """The truth lies elsewhere than the model that the departures are taken from."""
+    assert largest_error(analysed, truth) > 30.0
+    assert largest_error(with_cautions(campaign, model_beside_truth(analysed, truth, seed)), truth) < 2.3
+
+
+def test_intervals_do_not_hold_beside_a_wrong_model_that_is_sure(campaign, analysed, truth):
+    """Negative control: half of every k and c, said to be known to 1 and 3 %."""
+    assert largest_error(with_cautions(campaign, with_model(analysed, 0.5 * truth)), truth) > 2.3
 
 
 def test_records_with_several_modes_are_named(campaign, analysed, truth):

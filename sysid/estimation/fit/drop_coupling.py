@@ -47,7 +47,7 @@ def with_cautions(campaign: Campaign, drops: DropSummary) -> DropSummary:
     is also marked if it departs from the full model's estimate by more than a tenth (k) or a quarter (c), beyond two
     standard deviations. And it is marked if the modes of the vehicle alone lead to such a departure from the values
     with which they are computed. The standard deviations include the departure if the estimate is marked or if the
-    departure is beyond two of them.
+    departure is beyond two of them, and in any case the departure to which the modes lead.
     """
     if len(campaign.vehicle.axles) == 1 and len(campaign.vehicle.bodies) == 1:
         return drops
@@ -149,7 +149,8 @@ def _marked(e: DropEstimate, coupling: _Coupling, model: DropEstimate | None) ->
         against = "against the full model"
     off = value / reference - 1.0
     beyond = np.abs(value - reference) > 2.0 * np.hypot(sd, error)
-    wider = np.hypot(sd, np.where(beyond, value - reference, 0.0))
+    # A model with large errors of its own does not clear an estimate of the departure that the modes lead to.
+    wider = np.hypot(sd, np.maximum(np.where(beyond, np.abs(value - reference), 0.0), np.abs(value / expected - value)))
     note = e.note
     if coupling.modes > 1 or np.any((beyond & (np.abs(off) > FAR)) | (np.abs(expected - 1.0) > FAR)):
         # The departure is known no better than what it is taken from.
