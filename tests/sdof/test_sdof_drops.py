@@ -237,6 +237,11 @@ def test_drops_of_the_linear_truck_are_complete_and_frank(summary):
     assert "neighbouring axles" in summary.messages[0]
     # The suspensions of this campaign are linear: no drop may pass for friction or quadratic damping.
     assert {a.reading.damping_kind for a in summary.files} <= {"viscous", "unknown"}
+    assert {a.damping_kind for a in summary.files} == {"viscous", "unknown"}
+    estimates = [*summary.pooled, *(e for a in summary.files for e in a.estimates)]
+    assert {e.damping_kind for e in estimates if e.usable} == {"viscous", "unknown"}
+    assert np.isnan([(e.friction_force, e.quadratic_damping) for e in estimates]).all()
+    assert not any("dry friction" in m for m in summary.messages)
     assert any("forward tandem drive" in m and "scatter" in m for m in summary.messages)
 
 
