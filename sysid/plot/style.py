@@ -130,7 +130,7 @@ def axes_grid(rows: int, columns: int, cell_in: tuple[float, float], margins_in:
 
 @styled
 def empty_grid(rows: int, columns: int, cell_in: tuple[float, float], margins_in: Margins) -> tuple[Figure, GridSpec]:
-    """A new figure, and the places of :func:`axes_grid` on it without axes."""
+    """A new figure and the places on it of :func:`axes_grid`, without axes."""
     left, right, bottom, top, gap_x, gap_y = margins_in
     width = left + right + columns * cell_in[0] + (columns - 1) * gap_x
     height = bottom + top + rows * cell_in[1] + (rows - 1) * gap_y

@@ -342,3 +342,12 @@ def test_suspension_force_and_ratio_against_speed_show_their_numbers():
     assert labels == ["not driven", "axle 1", "axle 2"]
     with pytest.raises(ValueError, match="no suspension forces"):
         plot.suspension_force(before_sampling().predictions.passes[0], 0)
+
+
+def test_pairs_have_axes_only_where_something_is_drawn(results):
+    names = results.posterior.names[:3]
+    grid = plot.corner(results.posterior, names, results.fit)
+    places = np.tril_indices(len(names))
+    assert plot.figure_of(grid[0, 0]).axes == list(grid[places])
+    assert all(grid[r, c].has_data() for r, c in zip(*places, strict=True))
+    assert all(ax is None for ax in grid[np.triu_indices(len(names), 1)])
