@@ -159,16 +159,20 @@ def own_process() -> None:
     _Process.ours = True
 
 
-def forget_compiled() -> None:
+def forget_compiled(from_bytes: float | None = None) -> None:
     """Let go of all functions that JAX has compiled in this process, if it has grown: they take a megabyte each.
 
     Another stage, or another suspension law, needs few of them; what is asked for again comes from the cache folder,
     at a fifth of a second each.  In a process that may run other code, as a notebook, they stay, and only free memory
     is given back.
+
+    Parameters
+    ----------
+    from_bytes : memory from which on a process has grown, None for 700 MB.
     """
     return_memory()
     jax = sys.modules.get("jax")
-    if jax is not None and _Process.ours and _resident() > _GROWN:
+    if jax is not None and _Process.ours and _resident() > (_GROWN if from_bytes is None else from_bytes):
         jax.clear_caches()
         return_memory()
 

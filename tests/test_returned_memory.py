@@ -39,6 +39,9 @@ def test_compiled_functions_are_let_go_in_a_grown_process_of_our_own_alone(monke
     monkeypatch.setattr("sysid.runtime._GROWN", 1e15)
     forget_compiled()
     assert double._cache_size() == 1
+    forget_compiled(0.0)
+    assert double._cache_size() == 0
+    assert double(3.0) == 6.0
     monkeypatch.setattr("sysid.runtime._GROWN", 1e6)
     forget_compiled()
     assert double._cache_size() == 0

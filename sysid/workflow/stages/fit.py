@@ -36,6 +36,7 @@ class KeptFit:
 
 def _fit(context: Context) -> KeptFit:
     from sysid.estimation.fit.law_choice import fit_with_laws
+    from sysid.runtime import forget_compiled
 
     if not context.campaign.bump_runs:
         why = context[CHECK].left_out
@@ -45,6 +46,8 @@ def _fit(context: Context) -> KeptFit:
             else "No bump run is left to fit: every log was rejected or none is listed; see the stage 'check'."
         )
     options = context.settings.fit
+    # The largest of all stages: it does not need what was compiled for the drops.
+    forget_compiled(0.0)
     fit, state = fit_with_laws(context.campaign, context[DROPS], profiles(context), options, context.progress)
     return KeptFit(fit, state.point)
 
