@@ -45,8 +45,8 @@ def with_cautions(campaign: Campaign, drops: DropSummary) -> DropSummary:
 
     An estimate is marked if its record shows several modes of the vehicle (strength above a fifth of the strongest). It
     is also marked if it departs from the full model's estimate by more than a tenth (k) or a quarter (c), beyond two
-    standard deviations. And it is marked if the modes of the vehicle alone lead to such a departure from the values
-    with which they are computed. The standard deviations include the departure if the estimate is marked or if the
+    of its own standard deviations. And it is marked if the modes of the vehicle alone lead to such a departure from the
+    values with which they are computed. The standard deviations include the departure if the estimate is marked or the
     departure is beyond two of them, and in any case the departure to which the modes lead.
     """
     if len(campaign.vehicle.axles) == 1 and len(campaign.vehicle.bodies) == 1:
@@ -148,8 +148,8 @@ def _marked(e: DropEstimate, coupling: _Coupling, model: DropEstimate | None) ->
         reference, error = np.array([[model.stiffness, model.damping], [model.stiffness_sd, model.damping_sd]])
         against = "against the full model"
     off = value / reference - 1.0
-    beyond = np.abs(value - reference) > 2.0 * np.hypot(sd, error)
-    # A model with large errors of its own does not clear an estimate of the departure that the modes lead to.
+    # Errors of the model do not count here: one that knows little does not make the estimate right.
+    beyond = np.abs(value - reference) > 2.0 * sd
     wider = np.hypot(sd, np.maximum(np.where(beyond, np.abs(value - reference), 0.0), np.abs(value / expected - value)))
     note = e.note
     if coupling.modes > 1 or np.any((beyond & (np.abs(off) > FAR)) | (np.abs(expected - 1.0) > FAR)):
