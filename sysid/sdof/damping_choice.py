@@ -16,7 +16,9 @@ _SMALLEST_SHARE = 0.10  # of the amplitude lost, by all that is not viscous
 _SMALLEST_PART = 0.25  # of the motion after the release that the fitted swings must be
 _EVIDENCE = 10.0  # of the information criterion, against two viscous modes
 _SECOND_MODE = (0.6, 1.3, 1.8)  # frequency over that of the first at which a search of two body modes begins
-_BODY_DAMPING = 0.6  # largest decay rate of a body mode over the angular frequency
+_NOISE_ALONE = 1.3  # residual over noise; where both models leave more, the smaller residual is no proof of either
+# Decay rates of body modes over the angular frequency. Below, two close modes that beat imitate any envelope.
+_BODY_DAMPING = (0.05, 0.6)
 _MODES_COEFFICIENTS = 9  # of two modes: rate, frequency, two amplitudes each, and the level
 
 
@@ -27,16 +29,14 @@ def more_than_viscous(
 
     Modes of a linear vehicle can look like either over a few swings, so the law must meet three conditions. By a
     Bayesian information criterion of 10, it explains the common readings better than body mode and wheel hop and, on a
-    vehicle with `neighbours`, better than two body modes (bounce and pitch). It loses a tenth of the amplitude in
-    another way than viscously. Its evidence is in swings that are a quarter of the motion.
+    vehicle with `neighbours`, better than two body modes (bounce and pitch) that leave nothing but noise. It loses a
+    tenth of the amplitude in another way than viscously. Its evidence is in swings that are a quarter of the motion.
     """
     if not _speaks_for(law, record) or law.terms == ("viscous",) or law.shares[1:].sum() < _SMALLEST_SHARE:
         return None
     value = np.interp(law.time_s, record.time_s, record.value)
-    if neighbours:
-        two = _two_body_modes(law, value, record.frequency_range_hz)
-        if two is not None and _evidence(law.model - value, two.residual, len(law.terms)) <= _EVIDENCE:
-            return None
+    if neighbours and _two_modes_suffice(law, value, record):
+        return None
     if not modes.usable:
         return law
     common = (law.time_s >= modes.window_s[0]) & (law.time_s <= modes.window_s[1])
@@ -52,10 +52,21 @@ def _evidence(mixed: np.ndarray, linear: np.ndarray, terms: int) -> float:
     return float(gain + (_MODES_COEFFICIENTS - 4 - terms) * np.log(mixed.size))
 
 
+def _two_modes_suffice(law: DampingLaw, value: np.ndarray, record: PreparedRecord) -> bool:
+    """Whether two body modes leave no more than noise of the readings (n,) of a law, and explain them as well."""
+    two = _two_body_modes(law, value, record.frequency_range_hz)
+    if two is None or record.release is None or two.residual_rms > _NOISE_ALONE * record.release.noise_sd:
+        return False
+    return _evidence(law.model - value, two.residual, len(law.terms)) <= _EVIDENCE
+
+
 def _two_body_modes(law: DampingLaw, value: np.ndarray, range_hz: tuple[float, float]) -> ModeFit | None:
     """The best fit of two body modes to the readings (n,) of a law, None where none converges."""
     omega = 2.0 * np.pi / law.damped_period
-    bounds = (0.0, _BODY_DAMPING * omega), (2.0 * np.pi * range_hz[0], 2.0 * np.pi * range_hz[1])
+    bounds = (
+        (_BODY_DAMPING[0] * omega, _BODY_DAMPING[1] * omega),
+        (2.0 * np.pi * range_hz[0], 2.0 * np.pi * range_hz[1]),
+    )
     first = (0.1 * omega, omega)
     fits = [fit_modes(law.time_s, value, [first, (0.1 * omega, f * omega)], [bounds, bounds]) for f in _SECOND_MODE]
     return min((fit for fit in fits if fit is not None), key=lambda fit: fit.residual_rms, default=None)
