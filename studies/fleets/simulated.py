@@ -93,7 +93,7 @@ def outliers(number: int, *, seed: int = SEED, broken: bool = True, wide: bool =
     """The outliers of one fleet alone, without sampling: the broken one and those that are named."""
     data, _, where = simulate(number, seed, broken, wide)
     priors = HyperPriors()
-    found = find_outliers(data, *stand_alone(data, priors), priors)
+    found = find_outliers(data, stand_alone(data, priors), priors)
     return {
         "number": number,
         "broken": None if where is None else [data.trucks[where[0]], NAMES[where[1]]],

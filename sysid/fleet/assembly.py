@@ -197,8 +197,7 @@ def _stacked(
 
 def _determined(data: TypeData, priors: HyperPriors) -> tuple[TypeData, list[str]]:
     """The data of the parameters that enough trucks determine, and the names of the others."""
-    value, _ = stand_alone(data, priors)
-    enough = np.isfinite(value).sum(axis=0) >= LEAST_TRUCKS
+    enough = np.isfinite(stand_alone(data, priors).value).sum(axis=0) >= LEAST_TRUCKS
     if enough.all():
         return data, []
     if not enough.any():

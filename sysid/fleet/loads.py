@@ -11,7 +11,7 @@ import numpy as np
 from sysid.display import Z90
 from sysid.files import read_json
 from sysid.fleet.assembly import Member
-from sysid.fleet.exchangeable import population
+from sysid.fleet.exchangeable import Readings, population
 from sysid.fleet.outcome import RESULT_FILE
 
 #: Scale of the half-Cauchy prior of the spread of the logarithm of a peak load ratio between trucks.
@@ -62,7 +62,7 @@ def population_loads(kind: str, members: Iterable[Member]) -> list[PopulationLoa
         if len(trucks) < _LEAST:
             continue
         value, sd = np.array(list(trucks.values())).T
-        of = population(value, np.maximum(sd, 1e-6) ** 2, _SCALE)
+        of = population(Readings.independent(value, np.maximum(sd, 1e-6) ** 2), _SCALE)
         q05, q50, q95 = np.exp(of.quantiles((0.05, 0.5, 0.95)))
         spread = float(of.weights @ of.spread)
         loads.append(PopulationLoad(kind, case, speed, axle, len(trucks), float(q05), float(q50), float(q95), spread))

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from sysid.display import Z90
 from sysid.errors import DataRejectedError
 from sysid.fleet.draws import CampaignDraws, thinned
-from sysid.fleet.exchangeable import pooled_populations
+from sysid.fleet.exchangeable import Readings, pooled_populations
 from sysid.fleet.hierarchy import Hierarchy, HyperPriors, TypeData
 from sysid.fleet.likelihood import likelihood_of
 from sysid.fleet.population_prior import PopulationPrior, prior_of_others
@@ -44,6 +44,32 @@ class Quantiles:
 
 
 @dataclass(frozen=True)
+class OwnEstimates:
+    """Each truck from its own campaigns only, as logarithms; NaN where they do not determine a parameter.
+
+    `value` (trucks, d); `own_sd` (trucks, d) without the errors that campaigns have in common; `common` (trucks, d, S)
+    by how much one standard deviation of each of those moves the value.
+    """
+
+    value: np.ndarray
+    own_sd: np.ndarray
+    common: np.ndarray
+
+    @property
+    def sd(self) -> np.ndarray:
+        """Standard deviations (trucks, d), common errors included."""
+        return np.asarray(np.sqrt(self.own_sd**2 + (self.common**2).sum(axis=2)))
+
+    def readings(self, parameter: int, truck: int) -> Readings:
+        """One parameter of all other trucks that determine it, to be compared with that of a truck."""
+        others = np.isfinite(self.value[:, parameter]) & (np.arange(len(self.value)) != truck)
+        common = self.common[:, parameter]
+        return Readings(
+            self.value[others, parameter], self.own_sd[others, parameter] ** 2, common[others], common[truck]
+        )
+
+
+@dataclass(frozen=True)
 class Outlier:
     """A truck that is not like the others: `factor` of its median to that of a new truck, `probability` by chance."""
 
@@ -57,7 +83,8 @@ class Outlier:
 class TypePopulation:
     """What the campaigns of one type say.
 
-    - `alone` (trucks, d): each truck from its own campaigns, NaN where they do not determine it;
+    - `alone` (trucks, d): each truck from its own campaigns, NaN where they do not determine it; its intervals hold
+      shared errors and the scatter of repeats;
     - `trucks` (trucks, d): each truck drawn towards the population;
     - `mean` (d,) of the type;
     - `new` (d,): a truck nobody has measured;
@@ -131,7 +158,7 @@ def fit_population(
     spread = model.spread(log_hyper)
     tau = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
     phi = np.sqrt(model.scatter(log_hyper)) if data.repeated else np.full_like(tau, np.nan)
-    alone, alone_sd = stand_alone(data, priors)
+    alone = stand_alone(data, priors, (phi**2).mean(axis=0) if data.repeated else None)
     return TypePopulation(
         type=kind,
         names=data.names,
@@ -139,15 +166,15 @@ def fit_population(
         units=tuple(units),
         truck_names=data.trucks,
         campaigns=data.campaigns,
-        alone=Quantiles(*(np.exp(alone + z * alone_sd) for z in (-Z90, 0.0, Z90))),
+        alone=Quantiles(*(np.exp(alone.value + z * alone.sd) for z in (-Z90, 0.0, Z90))),
         trucks=_quantiles(np.exp(drawn.trucks)),
         mean=_quantiles(np.exp(drawn.mean)),
         new=_quantiles(np.exp(_new_trucks(drawn.mean, spread, random))),
         spread=_quantiles(tau),
         scatter=_quantiles(phi),
         correlation=(spread / tau[:, :, None] / tau[:, None, :]).mean(axis=0),
-        further=further_trucks(drawn.mean, tau, alone_sd, drawn.shared),
-        outliers=find_outliers(data, alone, alone_sd, priors),
+        further=further_trucks(drawn.mean, tau, alone.own_sd, drawn.shared),
+        outliers=find_outliers(data, stand_alone(data, priors), priors),
         pareto_k=k,
         correction_k=correction_k,
         corrected=corrected,
@@ -178,44 +205,61 @@ def laplace(model: Hierarchy) -> tuple[np.ndarray, np.ndarray]:
     return mode, (directions / np.clip(size, 0.25, None)) @ directions.T
 
 
-def stand_alone(data: TypeData, priors: HyperPriors) -> tuple[np.ndarray, np.ndarray]:
-    """Each truck from its own campaigns only: log values and sd (trucks, d), NaN where they do not determine it."""
-    trucks, d = len(data.trucks), len(data.names)
-    value, sd = np.full((trucks, d), np.nan), np.full((trucks, d), np.nan)
+def stand_alone(data: TypeData, priors: HyperPriors, scatter: np.ndarray | None = None) -> OwnEstimates:
+    """Each truck from its own campaigns only.
+
+    Campaigns exp(-y'L y/2 + h'y), y = x + A e, with a wide prior of x and e ~ N(0, sd^2): the mean of x moves by B e,
+    and its covariance V has the part B diag(sd^2) B'.  It moves by W_c u where the truck was off by u in campaign c.
+
+    Parameters
+    ----------
+    scatter : variances (d,) of u, which add W_c diag(scatter) W_c' to V; None where they are left to the spread.
+    """
+    trucks, (d, errors) = len(data.trucks), data.moved.shape[1:]
+    value, own_sd = np.full((trucks, d), np.nan), np.full((trucks, d), np.nan)
+    common = np.zeros((trucks, d, errors))
+    # As wide as the prior of the mean where the data say nothing.
+    prior = np.diag(np.r_[np.full(d, priors.mean_sd**-2.0), data.shared_sd**-2.0])
+    centre_of_prior = np.r_[data.mean, np.zeros(errors)]
     for t in range(trucks):
-        precision, shift = data.precision[data.truck_of == t].sum(axis=0), data.shift[data.truck_of == t].sum(axis=0)
-        # As wide as the prior of the mean where the data say nothing.
-        whole = precision + np.eye(d) * priors.mean_sd**-2
-        covariance = np.linalg.inv(whole)
-        width = np.sqrt(np.diag(covariance))
-        known = width < 0.5 * priors.mean_sd
-        centre = covariance @ (shift + data.mean * priors.mean_sd**-2)
-        value[t, known], sd[t, known] = centre[known], width[known]
-    return value, sd
+        of = data.truck_of == t
+        rows = np.concatenate([np.tile(np.eye(d), (of.sum(), 1, 1)), data.moved[of]], axis=2)
+        pulled = rows.transpose(0, 2, 1) @ data.precision[of]
+        likelihood = (pulled @ rows).sum(axis=0)
+        inverse = np.linalg.inv(likelihood + prior)
+        centre = inverse @ (np.einsum("cij,ci->j", rows, data.shift[of]) + prior @ centre_of_prior)
+        moved = inverse[:d] @ likelihood[:, d:] * data.shared_sd
+        variance = np.diag(inverse)[:d] - (moved**2).sum(axis=1)
+        known = variance < (0.5 * priors.mean_sd) ** 2
+        if scatter is not None:
+            variance = variance + np.einsum("cij,j->i", (inverse[:d] @ pulled) ** 2, scatter)
+        value[t, known], own_sd[t, known], common[t, known] = centre[:d][known], np.sqrt(variance[known]), moved[known]
+    return OwnEstimates(value, own_sd, common)
 
 
-def find_outliers(data: TypeData, value: np.ndarray, sd: np.ndarray, priors: HyperPriors) -> tuple[Outlier, ...]:
+def find_outliers(data: TypeData, alone: OwnEstimates, priors: HyperPriors) -> tuple[Outlier, ...]:
     """Trucks whose parameters are further from those of all other trucks than chance explains, the least likely first.
 
-    The level is shared out over all trucks and parameters (Bonferroni).
+    The level is shared out over all trucks and parameters (Bonferroni).  Errors that trucks have in common explain no
+    difference between them as far as they are alike.
     """
-    known = int(np.isfinite(value).sum())
+    known = np.isfinite(alone.value)
     outliers = []
     for t, truck in enumerate(data.trucks):
-        others = np.arange(len(data.trucks)) != t
+        # Two others at least give a spread.
+        comparable = known.sum(axis=0) - known[t] >= 2
         for quantity in dict.fromkeys(data.quantities):
-            at = [
-                i for i, q in enumerate(data.quantities) if q == quantity and np.isfinite(value[others, i]).sum() >= 2
-            ]
+            at = [i for i, q in enumerate(data.quantities) if q == quantity and comparable[i]]
             if not at:
                 continue
-            pops = pooled_populations(value[np.ix_(others, at)], sd[np.ix_(others, at)] ** 2, priors.spread_scale)
+            pops = pooled_populations([alone.readings(i, t) for i in at], priors.spread_scale)
             for i, pop in zip(at, pops, strict=True):
-                if not np.isfinite(value[t, i]):
+                if not known[t, i]:
                     continue
-                chance = pop.tail(float(value[t, i]), float(sd[t, i] ** 2))
-                if chance * known < OUTLIER_LEVEL:
-                    factor = float(np.exp(value[t, i] - pop.quantiles((0.5,))[0]))
+                value = float(alone.value[t, i])
+                chance = pop.tail(value, float(alone.own_sd[t, i] ** 2))
+                if chance * known.sum() < OUTLIER_LEVEL:
+                    factor = float(np.exp(value - pop.quantiles((0.5,))[0]))
                     outliers.append(Outlier(truck, data.names[i], factor, chance))
     return tuple(sorted(outliers, key=lambda o: o.probability))
 
@@ -223,8 +267,8 @@ def find_outliers(data: TypeData, value: np.ndarray, sd: np.ndarray, priors: Hyp
 def further_trucks(mean: np.ndarray, tau: np.ndarray, sd: np.ndarray, shared: np.ndarray) -> np.ndarray:
     """How many further trucks, measured as these were, halve the interval of each parameter of the type's mean (d,).
 
-    A truck of spread tau and error s adds information 1/(tau^2 + s^2); half of the width needs four times what there
-    is, of which shared errors, that no number of trucks makes smaller, are no part.
+    A truck of spread tau and error s (`sd`, without shared errors) adds information 1/(tau^2 + s^2); half of the width
+    needs four times what there is, of which shared errors, that no number of trucks makes smaller, are no part.
     """
     variance = mean.var(axis=0)
     floor = np.zeros(mean.shape[1])

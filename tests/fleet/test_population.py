@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 from sysid.errors import DataRejectedError
 from sysid.fleet.draws import CampaignDraws, read_draws, thinned, write_draws
-from sysid.fleet.exchangeable import pooled_populations, population
+from sysid.fleet.exchangeable import Population, Readings, evidence, pooled_populations, population
 from sysid.fleet.hierarchy import Hierarchy, HyperPriors, TypeData
 from sysid.fleet.likelihood import likelihood_of, sensitivity_to, without_shared
-from sysid.fleet.population import fit_population
+from sysid.fleet.population import find_outliers, fit_population, stand_alone
 from sysid.fleet.records import SharedError
 from sysid.fleet.weights import campaign_weights
 from sysid.posterior.sampling import SamplingOptions
@@ -353,17 +353,16 @@ def test_pareto_k_tells_draws_that_do_not_reach() -> None:
 
 def test_one_number_per_truck_by_quadrature() -> None:
     y, s2 = np.array([0.1, -0.2, 0.05, 0.3, 0.0]), np.full(5, 0.01)
-    found = population(y, s2, 0.2)
+    found = population(Readings.independent(y, s2), 0.2)
     assert found.weights.sum() == pytest.approx(1.0)
     # Where the readings are exact and the spread is known, a new truck is normal about their mean.
-    exact = found.__class__(np.ones(1), np.array([0.1]), np.array([0.5]), np.array([0.1**2 / 5]))
-    assert exact.quantiles((0.95,))[0] == pytest.approx(0.5 + 1.6448536 * 0.1 * np.sqrt(1.2), abs=1e-3)
+    exact = Population(np.ones(1), np.array([0.1]), np.array([0.5]), np.array([0.1**2 / 5]))
+    assert exact.quantiles((0.95,))[0] == pytest.approx(0.5 + 1.6448536 * 0.1 * np.sqrt(1.2), abs=1e-8)
     assert exact.tail(0.5 + 0.1 * np.sqrt(1.2 + 1.0) * 1.959964, 0.01) == pytest.approx(0.05, abs=1e-5)
-    single = pooled_populations(y[:, None], s2[:, None], 0.2)[0]
+    (single,) = pooled_populations([Readings.independent(y, s2)], 0.2)
     assert single.weights == pytest.approx(found.weights)
     # Like parameters that vary more raise the spread of one that says little of its own.
-    wide = np.column_stack([y, 10.0 * y, -8.0 * y])
-    pooled = pooled_populations(wide, np.tile(s2[:, None], (1, 3)), 0.2)
+    pooled = pooled_populations([Readings.independent(f * y, s2) for f in (1.0, 10.0, -8.0)], 0.2)
     assert pooled[0].weights @ pooled[0].spread > found.weights @ found.spread
 
 
@@ -371,3 +370,114 @@ def test_two_trucks_are_no_population() -> None:
     data, _, _ = small_fleet(trucks=2, shared=False)
     with pytest.raises(DataRejectedError, match="a population needs three"):
         fit_population("t", data, ("1",) * 3, [None] * 3)
+
+
+@pytest.mark.parametrize("spread", [0.001, 0.01, 0.1])
+def test_quantiles_of_a_narrow_population_are_those_of_its_distribution(spread: float) -> None:
+    y = 0.6 + spread * np.random.default_rng(0).standard_normal(6)
+    found = population(Readings.independent(y, np.full(6, (0.5 * spread) ** 2)), 0.1)
+    levels = (0.05, 0.5, 0.95)
+    sd = np.sqrt(found.variance + found.spread**2)
+    reached = [found.weights @ norm.cdf(q, found.mean, sd) for q in found.quantiles(levels)]
+    assert reached == pytest.approx(levels, abs=1e-8)
+
+
+def test_a_truck_far_above_is_as_unlikely_as_one_far_below() -> None:
+    of = Population(np.ones(3) / 3, np.full(3, 0.01), np.zeros(3), np.zeros(3))
+    for reading in (0.13, -0.13):
+        assert of.tail(reading, 0.01**2) == pytest.approx(2.0 * norm.sf(0.13 / np.hypot(0.01, 0.01)), rel=1e-10)
+
+
+def test_readings_with_errors_in_common_are_the_dense_gaussian() -> None:
+    random = np.random.default_rng(2)
+    value, variance = random.normal(0.3, 0.2, 6), random.uniform(0.01, 0.04, 6) ** 2
+    common, of_new = 0.1 * random.standard_normal((6, 2)), np.array([0.08, -0.05])
+    spread, flat = np.array([0.02, 0.1, 0.4]), 100.0
+    log, mean, var = evidence(Readings(value, variance, common, of_new), spread)
+    rows = np.column_stack([np.sqrt(flat) * np.ones(6), common])
+    new = np.r_[np.sqrt(flat), of_new]
+    for g, tau in enumerate(spread):
+        whole = rows @ rows.T + np.diag(variance + tau**2)
+        gain = new @ rows.T @ np.linalg.inv(whole)
+        assert mean[g] == pytest.approx(gain @ value, abs=1e-5)
+        assert var[g] == pytest.approx(new @ new - gain @ rows @ new, abs=1e-6)
+        # Up to the constants of the flat prior and of 2 pi.
+        dense = multivariate_normal(np.zeros(6), whole).logpdf(value)
+        assert log[g] - log[0] == pytest.approx(
+            dense - multivariate_normal(np.zeros(6), rows @ rows.T + np.diag(variance + spread[0] ** 2)).logpdf(value),
+            abs=1e-3,
+        )
+
+
+def test_a_truck_by_itself_has_the_shared_errors_of_its_campaigns() -> None:
+    """Both campaigns of a truck written out as one Gaussian with the errors in it."""
+    data, value, covariance = small_fleet()
+    priors = HyperPriors(mean_sd=1.5)
+    found = stand_alone(data, priors)
+    for truck in range(len(data.trucks)):
+        of = np.flatnonzero(data.truck_of == truck)
+        rows = np.tile(np.eye(3), (len(of), 1))
+        noise = np.zeros((rows.shape[0], rows.shape[0]))
+        for i, c in enumerate(of):
+            noise[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = covariance[c]
+        moved = np.concatenate([data.moved[c] for c in of]) * data.shared_sd
+        prior = priors.mean_sd**2 * np.eye(3)
+        gain = prior @ rows.T @ np.linalg.inv(rows @ prior @ rows.T + moved @ moved.T + noise)
+        y = np.concatenate([value[c] for c in of])
+        assert found.value[truck] == pytest.approx(data.mean + gain @ (y - rows @ data.mean), abs=1e-9)
+        assert found.sd[truck] ** 2 == pytest.approx(np.diag(prior - gain @ rows @ prior), rel=1e-9)
+        assert found.common[truck] == pytest.approx(gain @ moved, abs=1e-9)
+        # A truck that is off by u on the day of a campaign: the value follows as the gain says.
+        scatter = np.array([0.01, 0.04, 0.09])
+        by_day = stand_alone(data, priors, scatter).own_sd[truck] ** 2 - found.own_sd[truck] ** 2
+        assert by_day == pytest.approx((gain**2) @ np.tile(scatter, len(of)), rel=1e-9)
+
+
+def fleet_of_one_number(random: np.random.Generator, error: np.ndarray, sd: float) -> tuple[TypeData, np.ndarray]:
+    """Ten trucks, two campaigns each, that follow an error e ~ N(0, sd^2) by `error` (trucks,); and their values."""
+    truck_of = np.repeat(np.arange(len(error)), 2)
+    truck = 1.0 + 0.06 * random.standard_normal(len(error))
+    moved = error[truck_of][:, None, None]
+    y = truck[truck_of] + 0.03 * random.standard_normal(len(truck_of)) + moved[:, 0, 0] * sd * random.standard_normal()
+    precision = np.full((len(truck_of), 1, 1), 0.03**-2.0)
+    names = tuple(map(str, range(len(error)))), tuple(map(str, range(len(truck_of))))
+    data = TypeData(
+        ("c_1",), ("damping",), *names, truck_of, precision, precision[:, 0] * y[:, None], np.ones(1), moved,
+        np.array([sd]),
+    )  # fmt: skip
+    return data, truck
+
+
+def test_intervals_of_trucks_by_themselves_hold_the_truth_in_spite_of_a_shared_error() -> None:
+    held = []
+    for seed in range(400):
+        data, truck = fleet_of_one_number(np.random.default_rng(seed), np.ones(10), 0.05)
+        found = stand_alone(data, HyperPriors())
+        held.append(np.mean(np.abs(found.value[:, 0] - truck) < norm.ppf(0.95) * found.sd[:, 0]))
+    # The error is one draw per fleet: the share's own standard deviation is below 0.0145.
+    assert np.mean(held) == pytest.approx(0.90, abs=0.03)
+
+
+def test_a_shared_error_of_all_trucks_names_none_and_hides_none() -> None:
+    data, _ = fleet_of_one_number(np.random.default_rng(1), np.ones(10), 0.05)
+    shift = data.shift.copy()
+    shift[:2] += data.precision[:2, 0] * np.log(0.5)
+    broken = TypeData(*(shift if f == "shift" else getattr(data, f) for f in data.__dataclass_fields__))
+    without = TypeData(
+        *(getattr(broken, f) for f in list(data.__dataclass_fields__)[:-2]), np.zeros((20, 1, 0)), np.zeros(0)
+    )
+    priors = HyperPriors()
+    (found,) = find_outliers(broken, stand_alone(broken, priors), priors)
+    (expected,) = find_outliers(without, stand_alone(without, priors), priors)
+    assert (found.truck, found.parameter) == (expected.truck, expected.parameter) == ("0", "c_1")
+    assert found.factor == pytest.approx(expected.factor, rel=1e-3)
+    assert found.probability == pytest.approx(expected.probability, rel=0.02)
+
+
+def test_an_error_that_one_truck_alone_has_does_not_make_it_stand_out() -> None:
+    """A truck that was weighed by other scales: named in as few fleets as any other."""
+    priors, named = HyperPriors(), 0
+    for seed in range(100):
+        data, _ = fleet_of_one_number(np.random.default_rng(seed), np.eye(10)[0], 0.3)
+        named += any(o.truck == "0" for o in find_outliers(data, stand_alone(data, priors), priors))
+    assert named <= 3
