@@ -53,6 +53,8 @@ def population_blocks(
     populations: Sequence[Any], loads: Sequence[Any], remarks: Sequence[str]
 ) -> list[TextTable | str]:
     """Tables of every type, outliers and loads."""
+    from sysid.fleet.loads import pass_words
+
     blocks: list[TextTable | str] = []
     for p in populations:
         blocks += [_type_table(p), *(_outlier_words(o) for o in p.outliers)]
@@ -60,11 +62,16 @@ def population_blocks(
             blocks.append("No truck stands out.")
         blocks += [p.message, *p.remarks]
     if loads:
-        columns = ("load case, speed, axle", "trucks", "peak load ratio", "90 % of trucks", "between trucks")
+        columns = ("pass", "trucks", "peak load ratio", "90 % of trucks", "between trucks")
         table = TextTable("Wheel loads of a truck that nobody has measured", columns)
-        for x in loads[:MOST_ROWS]:
-            name = f"{x.type}, {x.load_case}, {x.speed_km_h:g} km/h, axle {x.axle}"
-            table.add_row(name, str(x.trucks), f"{x.q50:.3g}", f"{x.q05:.3g} to {x.q95:.3g}", f"{100 * x.spread:.2g} %")
+        for words, x in zip(pass_words(loads)[:MOST_ROWS], loads[:MOST_ROWS], strict=True):
+            table.add_row(
+                f"{x.type}, {words}",
+                str(x.trucks),
+                f"{x.q50:.3g}",
+                f"{x.q05:.3g} to {x.q95:.3g}",
+                f"{100 * x.spread:.2g} %",
+            )
         blocks.append(table)
     return [*blocks, *remarks]
 

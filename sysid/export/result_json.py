@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -310,4 +311,5 @@ def _prediction(prediction: PassPrediction, axle: int, file: str) -> dict[str, A
             for e in prediction.trust
             if e.axle == axle
         ],
+        "shape": None if prediction.profile is None else asdict(prediction.profile),
     }

@@ -17,7 +17,7 @@ from sysid import plot
 from sysid.display import shown_unit
 from sysid.files import write_text
 from sysid.fleet.instruments import InstrumentProblem, instrument_problems
-from sysid.fleet.loads import PopulationLoad
+from sysid.fleet.loads import PopulationLoad, pass_words
 from sysid.fleet.population import Quantiles, TypePopulation
 from sysid.fleet.results import FleetResults
 from sysid.fleet.running import CAMPAIGNS, Row, campaign_output
@@ -222,9 +222,8 @@ def _truck_table(p: TypePopulation, out: set[tuple[int, int]]) -> Table:
 def _load_pictures(loads: Sequence[PopulationLoad], gallery: Gallery) -> list[Picture]:
     if not loads:
         return []
-    names = [f"{x.load_case}, {x.speed_km_h:g} km/h, axle {x.axle}" for x in loads]
     ratios = np.array([[x.q05, x.q50, x.q95] for x in loads]).T
-    ax = plot.population_loads(names, [x.axle - 1 for x in loads], ratios)
+    ax = plot.population_loads(pass_words(loads), [x.axle - 1 for x in loads], ratios)
     return [gallery.picture(ax, "Peak dynamic load ratio of trucks that nobody has measured: median and 90 % of them.")]
 
 
@@ -233,12 +232,12 @@ def _load_table(loads: Sequence[PopulationLoad]) -> Table | None:
         return None
     rows = [
         [
-            Cell(f"{x.load_case}, {x.speed_km_h:g} km/h, axle {x.axle}"),
+            Cell(words),
             Cell(str(x.trucks)),
             Cell(fixed(x.q50, 2), interval(x.q05, x.q95, 2)),
             Cell(percent(x.spread)),
         ]
-        for x in loads
+        for words, x in zip(pass_words(loads), loads, strict=True)
     ]
     head = ("pass", "trucks", "peak dynamic load ratio [-]", "between trucks")
     return table("Wheel loads of a new truck; brackets hold 90 % of trucks", head, rows)

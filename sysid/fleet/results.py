@@ -39,6 +39,10 @@ def compute(path: str | Path, output: Path, progress: Progress | None = None) ->
     """
     fleet = read_fleet(path)
     by_type, remarks = populations(fleet, output, progress=progress)
-    loads = [load for p in by_type for load in population_loads(p.type, members(fleet, output, p.type))]
+    loads: list[PopulationLoad] = []
+    for p in by_type:
+        of_type, said = population_loads(p.type, members(fleet, output, p.type))
+        loads += of_type
+        remarks += said
     file = write_population(by_type, loads, remarks, output)
     return FleetResults(fleet, tuple(by_type), tuple(loads), tuple(remarks), file)

@@ -88,6 +88,8 @@ TABLES: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "lift_off": ("bool", "whether the wheel leaves the road"),
         "beyond_driven": ("int64", "number of quantities beyond what the runs reached"),
         "verdict": ("string", "verdict of the campaign in result.json: use, with_care, do_not_bet or not_yet"),
+        "shape": ("string", "bump that is crossed, null in results of earlier versions"),
+        "shape_sha256": ("string", "hash of its profile, equal for equal profiles"),
     },
     "quality": {
         "campaign": ("string", "campaign"),
@@ -203,10 +205,13 @@ def _parameter(p: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _prediction(p: Mapping[str, Any]) -> dict[str, Any]:
+    shape = p.get("shape") or {}
     return {
         **{k: p.get(k) for k in ("load_case", "speed_km_h", "axle", "lift_off")},
         **p["peak_dynamic_load_ratio"],
         "beyond_driven": len(p.get("trust", [])),
+        "shape": shape.get("name"),
+        "shape_sha256": shape.get("sha256"),
     }
 
 

@@ -213,6 +213,7 @@ def predict_pass(
         shape=_over(campaign, request),
         trust=trust,
         beyond=None if driven is None else beyond_driven(driven, p.sunk_m, p.deflection_m, p.rate_m_s, p.tire_N),
+        profile=roads.profiles[request.bump].identity,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid.arrays import Axles, AxlesBySamples, Samples
 from sysid.prediction.trust import MARGIN, Extrapolation
+from sysid.road.road_profile import ProfileIdentity
 from sysid.tabular import Tabular, band_columns
 
 if TYPE_CHECKING:
@@ -43,7 +44,8 @@ class PassPrediction(Tabular):
     - `jounce_m`, `rebound_m` (axles,): largest compression and extension from rest;
     - `impulse_ratio` (axles,): mean force during the pass over static load.
 
-    `shape` names a bump that no run crossed, or the scanned one where there are several; else it is empty.
+    `shape` names a bump that no run crossed, or the scanned one where there are several; else it is empty.  `profile`
+    tells its profile from others (None if it is not known).
 
     - `trust` lists what goes beyond the driven runs, empty if nothing does;
     - `beyond` (axles, n) bool: instants at which tire deflection, travel or damper speed go beyond them in at least
@@ -72,6 +74,7 @@ class PassPrediction(Tabular):
     shape: str = ""
     trust: tuple[Extrapolation, ...] = ()
     beyond: np.ndarray | None = None
+    profile: ProfileIdentity | None = None
 
     @property
     def peak_ratio(self) -> Quantiles:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,25 @@ from sysid.tabular import Tabular
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+
+
+#: Step [m] in which heights and stations are compared.
+_STEP_M = 1e-4
+#: Heights in round numbers do not lie on the edge of a step, where rounding errors would move them.
+_OFF_EDGE = 0.382
+
+
+@dataclass(frozen=True)
+class ProfileIdentity:
+    """What tells one bump from another: `name`, `height_m`, `length_m` above 1 mm [m], and `sha256` of its heights.
+
+    The hash is of stations and heights in steps of 0.1 mm: that of one file is the same on every machine.
+    """
+
+    name: str
+    height_m: float
+    length_m: float
+    sha256: str
 
 
 @dataclass(frozen=True)
@@ -29,6 +49,15 @@ class RoadProfile(Tabular):
     height_sd_m: np.ndarray
     start_m: float
     length_m: float
+
+    @property
+    def identity(self) -> ProfileIdentity:
+        """Name, size and hash of the heights from `start_m` on, in the direction of travel."""
+        along = self.station_m - self.start_m
+        at = (along >= 0.0) & (along <= self.length_m)
+        steps = np.round(np.column_stack([along[at], self.height_m[at]]) / _STEP_M + _OFF_EDGE).astype("<i8")
+        digest = hashlib.sha256(steps.tobytes()).hexdigest()
+        return ProfileIdentity(self.name, float(self.height_m.max()), float(self.length_m), digest)
 
     def summary(self) -> pd.DataFrame:
         """One row: name, largest height, length above 1 mm and largest standard error [m]."""

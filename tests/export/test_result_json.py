@@ -73,7 +73,7 @@ def test_every_key_of_the_published_example_is_there():
     assert channel["verdict"] == "rejected"
     assert set(channel) == {"file", "channel", "kind", "verdict", "messages"}
     assert set(document["predictions"][0]) == {
-        "load_case", "speed_km_h", "axle", "peak_dynamic_load_ratio", "lift_off", "file", "trust",
+        "load_case", "speed_km_h", "axle", "peak_dynamic_load_ratio", "lift_off", "file", "trust", "shape",
     }  # fmt: skip
 
 
@@ -84,7 +84,7 @@ def test_files_of_before_the_additions_still_fit_the_schema():
     for p in document["parameters"]:
         del p["prior"], p["variance_shares"]
     for p in document["predictions"]:
-        del p["trust"]
+        del p["trust"], p["shape"]
     jsonschema.Draft202012Validator(result_schema()).validate(document)
 
 
@@ -170,6 +170,7 @@ def test_axles_count_from_one_and_units_are_si():
             {"what": "tire_deflection", "axle": 2, "reached": 0.045, "driven": 0.03},
             {"what": "lift_off", "axle": 2, "reached": 0.012, "driven": 0.0},
         ],
+        "shape": {"name": "bump", "height_m": 0.08, "length_m": 1.2, "sha256": "ef" * 32},
     }
     assert document["predictions"][0]["trust"] == []
 
@@ -183,6 +184,7 @@ def test_what_is_not_known_is_null():
     early = result_document(before_sampling())
     assert all(p["posterior"] is None for p in early["parameters"])
     assert early["likelihood"] is None
+    assert early["predictions"][0]["shape"] is None
     assert early["predictions"][0]["peak_dynamic_load_ratio"] == {"q05": None, "q50": 1.8, "q95": None}
     broken = small_fit(parameters=(replace(small_fit().parameters[0], value=math.inf, sd=math.nan),))
     broken = replace(small_results(), fit=broken)

@@ -52,6 +52,7 @@ def test_the_file_says_the_same_in_si(fleet_results: FleetResults) -> None:
     assert 3e5 < kind["parameters"][0]["mean"]["q50"] < 5e5
     assert kind["outliers"][0]["truck"] == "T3"
     assert {load["axle"] for load in document["loads"]} == {1, 2}
+    assert {load["shape"] for load in document["loads"]} == {"bump"}
 
 
 def test_loads_are_those_of_a_new_truck(fleet_results: FleetResults) -> None:
@@ -147,6 +148,9 @@ def test_the_tables_hold_the_results_and_answer_the_ten_questions(fleet_folders:
     assert len(parameters) == 12 * len(document["parameters"])
     first = parameters[(parameters.campaign == "T1-1") & (parameters.name == "k_1")].iloc[0]
     assert first.value == document["parameters"][0]["least_squares"]["value"]
+    crossed = pq.read_table(folder / "predictions.parquet").to_pandas()
+    assert set(crossed["shape"]) == {"bump"}
+    assert set(crossed.shape_sha256) == {document["predictions"][0]["shape"]["sha256"]}
     draws = pq.read_table(folder / "draws.parquet").to_pandas()
     assert set(draws.name) == set(NAMES)
     assert {len(v) for v in draws["values"]} == {100}

@@ -481,3 +481,16 @@ def test_an_error_that_one_truck_alone_has_does_not_make_it_stand_out() -> None:
         data, _ = fleet_of_one_number(np.random.default_rng(seed), np.eye(10)[0], 0.3)
         named += any(o.truck == "0" for o in find_outliers(data, stand_alone(data, priors), priors))
     assert named <= 3
+
+
+def test_intervals_of_trucks_by_themselves_hold_the_scatter_of_repeats() -> None:
+    data, _, _ = small_fleet(shared=False)
+    fitted = fit_population("t", data, ("1",) * 3, [None] * 9, sampling=SHORT)
+    added = (np.log(fitted.alone.q95 / fitted.alone.q05) / (2.0 * norm.ppf(0.95))) ** 2
+    added -= stand_alone(data, HyperPriors()).sd ** 2
+    # All of it for a truck with one campaign (their own priors are 3 wide), less for the others.
+    assert np.all(added[1] > fitted.scatter.q50**2)
+    assert np.all(added[1] < fitted.scatter.q95**2)
+    others = np.delete(added, 1, axis=0)
+    assert np.all(others > 0.0)
+    assert np.all(others.mean(axis=0) < added[1])

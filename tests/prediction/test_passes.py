@@ -308,3 +308,9 @@ def test_another_bump_by_its_shape_is_the_profile_itself(data, parameters, truth
     np.testing.assert_allclose(named.tire_force_q50_N, scanned.tire_force_q50_N, rtol=1e-12)
     assert named.shape == "sinusoidal 50 mm x 0.8 m"
     assert scanned.shape == ""
+    # What is crossed is the same, by whatever name.
+    assert (named.profile.name, scanned.profile.name) == ("sinusoidal 50 mm x 0.8 m", "bump")
+    assert named.profile.sha256 == scanned.profile.sha256
+    assert named.profile.height_m == pytest.approx(0.05)
+    # Above 1 mm: h / 2 (1 - cos(2 pi s / L)) > 1 mm leaves arccos(0.96) L / (2 pi) at either end, less than a station.
+    assert named.profile.length_m == pytest.approx(0.8 * (1.0 - np.arccos(0.96) / np.pi), abs=0.004)

@@ -108,3 +108,19 @@ def test_points_are_passed_through(kind) -> None:
 def test_wrong_sizes_end_in_a_sentence(call, words: str) -> None:
     with pytest.raises(CampaignError, match=words):
         call()
+
+
+def test_a_profile_is_known_by_its_heights_alone() -> None:
+    wedge = profile_from_points(np.array([0.0, 0.3, 1.2]), np.array([0.0, 0.0805, 0.0]), name="wedge")
+    known = wedge.identity
+    assert (known.name, known.height_m) == ("wedge", pytest.approx(0.0805))
+    assert known.length_m == wedge.length_m
+    # Another name, more flat road before it, and the rounding of another machine; round heights lie on no edge.
+    further = np.arange(wedge.station_m.size + 200) * (wedge.station_m[1] - wedge.station_m[0])
+    rounding = 1e-13 * np.random.default_rng(0).standard_normal(further.size)
+    later = make_profile(further, np.pad(wedge.height_m, (200, 0)) + rounding, name="later")
+    assert later.identity.sha256 == known.sha256
+    # Driven over the other way, and 0.2 mm higher.
+    mirrored = make_profile(wedge.station_m, wedge.height_m[::-1])
+    higher = make_profile(wedge.station_m, wedge.height_m * (0.0807 / 0.0805))
+    assert len({known.sha256, mirrored.identity.sha256, higher.identity.sha256}) == 3

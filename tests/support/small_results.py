@@ -24,7 +24,7 @@ from sysid.planning.advice_records import Advice, PeakTarget, Prospect
 from sysid.posterior.sampled_posterior import Posterior, PosteriorSummary
 from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.trust import DrivenRange, Extrapolation
-from sysid.road.road_profile import RoadProfile, ScanAnalysis
+from sysid.road.road_profile import ProfileIdentity, RoadProfile, ScanAnalysis
 from sysid.sdof.drop_results import DecayReading, DropAnalysis, DropEstimate, DropSummary
 from sysid.validation.channel_agreement import ChannelAgreement, Validation
 
@@ -329,6 +329,7 @@ def _predictions(w: Words) -> Predictions:
         _measure(0.03, 0.04), _measure(1.0, 0.999),
         trust=(Extrapolation("tire_deflection", 1, 0.045, 0.03), Extrapolation("lift_off", 1, 0.012, 0.0)),
         beyond=np.array([np.zeros(len(time), bool), np.abs(time - 0.2) < 0.0495]),
+        profile=ProfileIdentity(w.bump, 0.08, 1.2, "ef" * 32),
     )  # fmt: skip
     speed = np.array([10.0, 25.0, 60.0]) / 3.6
     ratio = 1.0 + speed[:, None] * np.array([0.1, 0.2])
