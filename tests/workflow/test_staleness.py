@@ -19,13 +19,15 @@ from sysid.workflow.stage_folder import StageFolder, dependents
 from sysid.workflow.stages import FIT, SAMPLE, SCAN, STAGES, VALIDATE
 
 EVERY = {stage.name for stage in STAGES}
-ON_SAMPLE = {"sample", "bands", "crosscheck", "estimates", "predict"}
-ON_FIT = {"fit", "left_out", "validate", "profile", "driven", "advise"} | ON_SAMPLE
+#: Advice names the peak of a predicted pass.
+ON_PREDICT = {"predict", "advise"}
+ON_SAMPLE = {"sample", "bands", "crosscheck", "estimates"} | ON_PREDICT
+ON_FIT = {"fit", "left_out", "validate", "profile", "driven"} | ON_SAMPLE
 ON_DROPS = {"drops"} | ON_FIT
 #: What each setting makes stale, written down by hand.
 STALE: dict[str, set[str]] = {
     "drop_model": ON_DROPS,
-    "quick": {"predict"},
+    "quick": ON_PREDICT,
     "fit.weight_rounds": ON_FIT,
     "fit.max_iterations": ON_DROPS,
     "fit.second_solver": ON_FIT,
@@ -108,7 +110,7 @@ def test_a_log_leaves_the_scan_as_it_is_and_the_campaign_file_nothing(tmp_path: 
 
 
 def test_what_rests_on_a_stage_is_found_over_several_steps():
-    assert {s.name for s in dependents(SAMPLE)} == {"bands", "crosscheck", "estimates", "predict"}
+    assert {s.name for s in dependents(SAMPLE)} == ON_SAMPLE - {"sample"}
     assert {s.name for s in dependents(FIT)} == ON_FIT - {"fit"}
     assert {s.name for s in dependents(SCAN)} == ON_FIT
     assert dependents(VALIDATE) == ()
