@@ -388,25 +388,27 @@ def test_a_truck_far_above_is_as_unlikely_as_one_far_below() -> None:
         assert of.tail(reading, 0.01**2) == pytest.approx(2.0 * norm.sf(0.13 / np.hypot(0.01, 0.01)), rel=1e-10)
 
 
-def test_readings_with_errors_in_common_are_the_dense_gaussian() -> None:
+def test_readings_with_errors_in_common_are_those_of_generalised_least_squares() -> None:
+    """Mean and variance of the best linear unbiased prediction, and the restricted likelihood, from the dense V."""
     random = np.random.default_rng(2)
     value, variance = random.normal(0.3, 0.2, 6), random.uniform(0.01, 0.04, 6) ** 2
     common, of_new = 0.1 * random.standard_normal((6, 2)), np.array([0.08, -0.05])
-    spread, flat = np.array([0.02, 0.1, 0.4]), 100.0
+    spread, ones = np.array([0.02, 0.1, 0.4]), np.ones(6)
     log, mean, var = evidence(Readings(value, variance, common, of_new), spread)
-    rows = np.column_stack([np.sqrt(flat) * np.ones(6), common])
-    new = np.r_[np.sqrt(flat), of_new]
+    shared = common @ of_new
+    dense = []
     for g, tau in enumerate(spread):
-        whole = rows @ rows.T + np.diag(variance + tau**2)
-        gain = new @ rows.T @ np.linalg.inv(whole)
-        assert mean[g] == pytest.approx(gain @ value, abs=1e-5)
-        assert var[g] == pytest.approx(new @ new - gain @ rows @ new, abs=1e-6)
-        # Up to the constants of the flat prior and of 2 pi.
-        dense = multivariate_normal(np.zeros(6), whole).logpdf(value)
-        assert log[g] - log[0] == pytest.approx(
-            dense - multivariate_normal(np.zeros(6), rows @ rows.T + np.diag(variance + spread[0] ** 2)).logpdf(value),
-            abs=1e-3,
-        )
+        whole = common @ common.T + np.diag(variance + tau**2)
+        known = ones @ np.linalg.solve(whole, ones)
+        centre = ones @ np.linalg.solve(whole, value) / known
+        left = np.linalg.solve(whole, value - centre)
+        assert mean[g] == pytest.approx(centre + shared @ left, rel=1e-10)
+        unexplained = 1.0 - ones @ np.linalg.solve(whole, shared)
+        expected = of_new @ of_new - shared @ np.linalg.solve(whole, shared) + unexplained**2 / known
+        assert var[g] == pytest.approx(expected, rel=1e-10)
+        dense.append(-0.5 * (np.linalg.slogdet(whole)[1] + np.log(known) + (value - centre) @ left))
+    # Up to constants.
+    np.testing.assert_allclose(log - log[0], np.array(dense) - dense[0], rtol=1e-10)
 
 
 def test_a_truck_by_itself_has_the_shared_errors_of_its_campaigns() -> None:
