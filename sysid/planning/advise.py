@@ -26,9 +26,10 @@ from sysid.planning.candidate_runs import (
     run_information,
 )
 from sysid.prediction.driven_range import driven_range
-from sysid.prediction.predict_passes import effective_roads, peak_ratios, vehicles_of
+from sysid.prediction.predict_passes import effective_roads, peak_ratios
 from sysid.prediction.predicted_passes import Predictions
 from sysid.prediction.trust import DrivenRange
+from sysid.prediction.vehicle_draws import vehicles_of
 from sysid.progress import Progress, unwatched
 from sysid.wording import joined_words
 

@@ -66,18 +66,15 @@ class AssumedStops:
         return acting
 
 
-def axles_without_stops(vehicle: Vehicle, parameters: ParameterSet) -> tuple[int, ...]:
+def axles_without_stops(vehicle: Vehicle, parameters: Iterable[Parameter | ParameterEstimate]) -> tuple[int, ...]:
     """Axles (indices) with a suspension of which neither the campaign file nor the fit says where it stops.
 
     A declared `suspension_law` is taken at its word.
+
+    Parameters
+    ----------
+    parameters : of a fit, before or after it.
     """
-    return axles_with_assumed_stops(vehicle, parameters.parameters)
-
-
-def axles_with_assumed_stops(
-    vehicle: Vehicle, parameters: Iterable[Parameter] | Iterable[ParameterEstimate]
-) -> tuple[int, ...]:
-    """Those of :func:`axles_without_stops` from the parameters of a fit, before or after it."""
     laws = {p.axle: law_elements(p.law) for p in parameters if p.quantity == "stiffness"}
     return tuple(
         i
@@ -97,7 +94,7 @@ def assumed_stops(
     ----------
     driven : what the driven runs reached: travels are longer.
     """
-    axles = axles_without_stops(vehicle, parameters)
+    axles = axles_without_stops(vehicle, parameters.parameters)
     if not axles:
         return None
     reached: dict[str, Axles] = {"jounce_travel": driven.jounce_m, "rebound_travel": driven.rebound_m}

@@ -15,8 +15,7 @@ from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
-from sysid.estimation.uncertainty.allowances import campaign_allowances
-from sysid.prediction.assumed_stops import AssumedStops, assumed_stops
+from sysid.prediction.assumed_stops import AssumedStops
 from sysid.prediction.driven_range import driven_range, spring_deflection
 from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.measures import extremes, impulse_ratio, lift_off_time, load_coefficient, quantiles
@@ -24,11 +23,11 @@ from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quant
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
 from sysid.prediction.vehicle_draws import (
-    CONTACT_ERROR,
     DrawnVehicles,
     VehicleDraws,
     drawn_vehicles,
     histories_of_draws,
+    vehicles_of,
 )
 from sysid.progress import Progress, unwatched
 from sysid.road.named_shapes import named_shape
@@ -238,30 +237,6 @@ def peak_ratios(
     `vehicles` and `stops` as for :func:`predict_pass`.
     """
     return _simulate(campaign, parameters, roads, request, sets.T, vehicles, stops).peak_ratios.T
-
-
-def vehicles_of(
-    state: FitState,
-    roads: EffectiveRoads,
-    sets: DrawsByParameters,
-    driven: DrivenRange,
-    random: np.random.Generator | None = None,
-) -> tuple[VehicleDraws | None, AssumedStops | None]:
-    """The vehicles of predicted passes for sets (n, p) of log parameters, and assumed stops of the declared vehicle.
-
-    With `random` masses, departures, stops and contact errors are drawn.  Without it masses and departures are the most
-    likely ones given the parameters, travels the medians, and there is no contact error.  The vehicles are None where
-    the fit relates no masses to the parameters.
-    """
-    campaign, parameters, response = state.campaign, state.parameters, state.point.mass_response
-    vehicle, count = campaign.vehicle, len(sets)
-    stops = assumed_stops(vehicle, parameters, driven, None)
-    if response is None:
-        return None, stops
-    amounts = response.mean(sets) if random is None else response.draws(sets, random)
-    drawn = assumed_stops(vehicle, parameters, driven, random, count)
-    error = None if random is None else CONTACT_ERROR * random.standard_normal((count, len(vehicle.axles)))
-    return VehicleDraws(campaign_allowances(campaign, parameters, roads), amounts, drawn, error), stops
 
 
 def _transposed(values: np.ndarray | None) -> np.ndarray | None:

@@ -11,15 +11,17 @@ import jax
 import numpy as np
 
 from sysid.arrays import DrawsByParameters
+from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import LawInputs, law_inputs, laws_side_by_side
 from sysid.estimation.parameters.parameter_set import ParameterSet
-from sysid.estimation.uncertainty.allowances import Allowances
-from sysid.prediction.assumed_stops import AssumedStops
+from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
+from sysid.prediction.assumed_stops import AssumedStops, assumed_stops
 from sysid.prediction.driven_range import spring_deflection
+from sysid.prediction.trust import DrivenRange
 from sysid.vehicle_model.contact import EffectiveRoad, roads_side_by_side
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.motion import Motion
-from sysid.vehicle_model.passes import Pass, PassBatch, load_case_matrices, pass_matrices
+from sysid.vehicle_model.passes import EffectiveRoads, Pass, PassBatch, load_case_matrices, pass_matrices
 from sysid.vehicle_model.stacked_matrices import StackedMatrices, runs_side_by_side
 
 #: Passes that are simulated side by side.
@@ -54,6 +56,30 @@ class VehicleDraws:
         error = None if self.contact_error is None else self.contact_error[:count]
         stops = self.stops and self.stops.first(count)
         return replace(self, amounts=self.amounts[:count], stops=stops, contact_error=error)
+
+
+def vehicles_of(
+    state: FitState,
+    roads: EffectiveRoads,
+    sets: DrawsByParameters,
+    driven: DrivenRange,
+    random: np.random.Generator | None = None,
+) -> tuple[VehicleDraws | None, AssumedStops | None]:
+    """The vehicles of predicted passes for sets (n, p) of log parameters, and assumed stops of the declared vehicle.
+
+    With `random` masses, departures, stops and contact errors are drawn.  Without it masses and departures are the most
+    likely ones given the parameters, travels the medians, and there is no contact error.  The vehicles are None where
+    the fit relates no masses to the parameters.
+    """
+    campaign, parameters, response = state.campaign, state.parameters, state.point.mass_response
+    vehicle, count = campaign.vehicle, len(sets)
+    stops = assumed_stops(vehicle, parameters, driven, None)
+    if response is None:
+        return None, stops
+    amounts = response.mean(sets) if random is None else response.draws(sets, random)
+    drawn = assumed_stops(vehicle, parameters, driven, random, count)
+    error = None if random is None else CONTACT_ERROR * random.standard_normal((count, len(vehicle.axles)))
+    return VehicleDraws(campaign_allowances(campaign, parameters, roads), amounts, drawn, error), stops
 
 
 class DrawnVehicles(NamedTuple):

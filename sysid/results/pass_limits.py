@@ -28,10 +28,10 @@ def pass_name(p: PassPrediction) -> str:
 
 def undeclared_travel(results: Results) -> list[int]:
     """Axles (indices) whose travel nobody declared, so that predicted passes assume bump stops there."""
-    from sysid.prediction.assumed_stops import axles_with_assumed_stops
+    from sysid.prediction.assumed_stops import axles_without_stops
 
     vehicle = results.campaign.vehicle
-    return [] if results.fit is None else list(axles_with_assumed_stops(vehicle, results.fit.parameters))
+    return [] if results.fit is None else list(axles_without_stops(vehicle, results.fit.parameters))
 
 
 def half_declared_travel(results: Results) -> list[int]:

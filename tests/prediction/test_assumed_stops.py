@@ -121,10 +121,10 @@ def test_travels_are_drawn_from_their_prior_beyond_what_was_driven(reached_m):
 
 
 def test_nothing_is_assumed_where_stops_are_known_or_a_law_is_declared():
-    assert axles_without_stops(VEHICLE, campaign_parameters(made(), None)) == (0, 1, 2)
+    assert axles_without_stops(VEHICLE, campaign_parameters(made(), None).parameters) == (0, 1, 2)
     for of_axles in ({"jounce_travel_m": 0.08}, {"suspension_law": "friction"}):
         data = made(**of_axles)
-        assert axles_without_stops(data.vehicle, campaign_parameters(data, None)) == ()
+        assert axles_without_stops(data.vehicle, campaign_parameters(data, None).parameters) == ()
         assert assumed_stops(data.vehicle, campaign_parameters(data, None), driven(0.0, 0.0), None) is None
     found = campaign_parameters(made(), None, [frozenset({"estimated_bump_stops"}), frozenset(), frozenset()])
-    assert axles_without_stops(VEHICLE, found) == (1, 2)
+    assert axles_without_stops(VEHICLE, found.parameters) == (1, 2)
