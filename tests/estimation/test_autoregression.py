@@ -140,14 +140,13 @@ def test_time_without_readings_changes_no_model(before: int, after: int):
 
 @pytest.mark.parametrize("gap", [100, 400])
 def test_a_long_gap_correlates_no_white_residuals(gap: int):
-    """Only the mean of what was measured correlates independent residuals: inflations stay within its rounding of 1."""
+    """Of independent residuals no order is supported, and no inflation."""
     noise = np.random.default_rng(9).normal(size=(1000, 40))
     measured = np.ones(noise.shape, bool)
     measured[300 : 300 + gap] = False
     slow = np.hanning(1000)[:, None, None] * measured[..., None]
     found = variance_inflation(fitted_autoregression(measured, noise * measured, 60), slow)
-    assert np.median(found) == 1.0
-    assert found.max() < 1.5
+    np.testing.assert_array_equal(found, 1.0)
 
 
 @pytest.mark.parametrize("size", [3.0, 10.0, 30.0, 100.0, 1000.0])
