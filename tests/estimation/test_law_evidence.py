@@ -53,7 +53,7 @@ def test_cost_and_covariance_are_those_of_the_joint_problem(linear):
     information, score = data_of(linear)
     known = PARAMETERS + FURTHER
     cost = least_cost(linear, [], np.empty(0))
-    left = evidence(cost, information[:known, :known], score[:known], prior.T @ prior, SD)
+    left = evidence(cost, information[:known, :known], with_pull(linear, score)[:known], prior.T @ prior, SD)
     assert left.cost == pytest.approx(least_cost(linear, [4, 5, 6], SD), rel=1e-13)
     # Negative control: with masses known exactly more is left.
     assert left.cost < 0.9 * cost
@@ -61,6 +61,26 @@ def test_cost_and_covariance_are_those_of_the_joint_problem(linear):
     whole[:PARAMETERS, :PARAMETERS] += prior.T @ prior
     whole[PARAMETERS:, PARAMETERS:] += np.diag(SD**-2.0)
     np.testing.assert_allclose(left.covariance, np.linalg.inv(whole)[:PARAMETERS, :PARAMETERS], rtol=1e-12)
+
+
+@pytest.mark.parametrize("away", [0.03, 3.0])
+def test_a_search_that_ended_early_leaves_the_same(linear, away: float):
+    """Cost and step from anywhere lead to the joint optimum; here one mass acts almost as a parameter does."""
+    rows, readings, prior, target, optimum = linear
+    rows[:, 5] = rows[:, 0] + 1e-3 * rows[:, 5]
+    here = optimum + away * np.array([0.3, -1.0, 0.2, 2.0])
+    residual, of_prior = rows[:, :PARAMETERS] @ here - readings, prior @ (here - target)
+    known = rows[:, : PARAMETERS + FURTHER]
+    score = known.T @ residual
+    score[:PARAMETERS] += prior.T @ of_prior
+    cost = 0.5 * float(residual @ residual + of_prior @ of_prior)
+    found = evidence(cost, known.T @ known, score, prior.T @ prior, SD)
+    joint, solution = least_squares(linear, [4, 5, 6], SD)
+    assert found.cost == pytest.approx(joint, rel=1e-10)
+    np.testing.assert_allclose(here + found.step, solution[:PARAMETERS], rtol=1e-9)
+    # Negative control: as if the search had reached the optimum, masses get what it left over.
+    score[:PARAMETERS] = 0.0
+    assert abs(evidence(cost, known.T @ known, score, prior.T @ prior, SD).cost / joint - 1.0) > 1e-4
 
 
 def test_the_promised_gain_is_the_fall_of_the_joint_cost(linear):
@@ -97,7 +117,7 @@ def test_parameters_follow_masses_and_candidates_as_in_the_joint_problem(linear)
     _, _, prior, _, optimum = linear
     information, score = data_of(linear)
     known, masses, candidates = PARAMETERS + FURTHER, [4, 5, 6], [7, 8]
-    found = evidence(0.0, information[:known, :known], score[:known], prior.T @ prior, SD)
+    found = evidence(0.0, information[:known, :known], with_pull(linear, score)[:known], prior.T @ prior, SD)
     with_masses = least_squares(linear, masses, SD)[1][:PARAMETERS]
     np.testing.assert_allclose(optimum + found.step, with_masses, rtol=1e-9)
     assert np.abs(found.step).max() > 0.01

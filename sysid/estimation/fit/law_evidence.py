@@ -2,10 +2,15 @@
 
 A law that the truck does not have can compensate the error of a declared mass. Laws are therefore compared by the
 remaining cost with masses and departures of the tires y free within their tolerances L^-1. With the gradient g and the
-information H of the data at the optimum of the parameters x, and their prior precision P,
+information H of the data near the optimum of the parameters x, the gradient e of data and priors together by x, and the
+prior precision P,
 
-    left = cost - 1/2 g_y' (S + L)^-1 g_y,    S = H_yy - H_yx (H_xx + P)^-1 H_xy,
+    left = cost - 1/2 e' (H_xx + P)^-1 e - 1/2 r' (S + L)^-1 r,
+    r = g_y - H_yx (H_xx + P)^-1 e,    S = H_yy - H_yx (H_xx + P)^-1 H_xy,
     covariance of x = (H_xx + P - H_xy (H_yy + L)^-1 H_yx)^-1.
+
+At the optimum e is zero. A search that ends early leaves some of it, and masses act almost as the parameters do: without
+e, they would be credited with what the search has left over.
 
 Friction is not a departure here, because it is one of the laws that are compared.
 """
@@ -22,6 +27,7 @@ import numpy as np
 from sysid.arrays import Parameters, ParametersByParameters, Unknowns, UnknownsByUnknowns
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.optimum import Optimum
+from sysid.estimation.parameters.suspension_elements import TRAVELS
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE
@@ -98,11 +104,8 @@ class LawEvidence:
         return information_with(self._campaign, optimum.problem, optimum.vector, *self._columns(optimum), more)
 
     def _eliminated(self, optimum: Optimum, matrix: UnknownsByUnknowns, score: Unknowns) -> Eliminated:
-        count = optimum.problem.count
-        rows, targets = optimum.problem.model.parameters.prior_rows()
-        score = score.copy()
-        score[:count] += rows.T @ (rows @ optimum.vector[:count] - targets)
-        return eliminated(matrix, score, rows.T @ rows, self.sd)
+        whole, precision = _with_priors(optimum, score)
+        return eliminated(matrix, whole, precision, self.sd)
 
     def _columns(self, optimum: Optimum) -> tuple[Sequence[ResidualColumns], ...]:
         """Derivatives of every group's residuals at an optimum by masses and departures."""
@@ -114,8 +117,19 @@ class LawEvidence:
         """An optimum with the evidence for it."""
         problem = optimum.problem
         data = information_with(self._campaign, problem, optimum.vector, *self._columns(optimum))
-        rows, _ = problem.model.parameters.prior_rows()
-        return Judged(optimum, evidence(optimum.minimum.cost, data.matrix, data.score, rows.T @ rows, self.sd))
+        score, precision = _with_priors(optimum, data.score)
+        # Where a run just reaches a stop, the slope is that of one side, and no way down.
+        score[[i for i, p in enumerate(problem.model.parameters.parameters) if p.quantity in TRAVELS]] = 0.0
+        return Judged(optimum, evidence(optimum.minimum.cost, data.matrix, score, precision, self.sd))
+
+
+def _with_priors(optimum: Optimum, score: Unknowns) -> tuple[Unknowns, ParametersByParameters]:
+    """The gradient of data and priors from that of the data, and the precision (p, p) of the priors."""
+    count = optimum.problem.count
+    rows, targets = optimum.problem.model.parameters.prior_rows()
+    whole = score.copy()
+    whole[:count] += rows.T @ (rows @ optimum.vector[:count] - targets)
+    return whole, rows.T @ rows
 
 
 class Eliminated(NamedTuple):
@@ -158,7 +172,8 @@ def evidence(
 
     Parameters
     ----------
-    information : (p + m, p + m) of the data; score : (p + m,) gradient of the data at the optimum of the parameters.
+    information : (p + m, p + m) of the data; score : (p + m,) gradient of half the sum of squares, priors included: the
+        parameters may be a little off their optimum.
     prior : (p, p) prior precision; sd : (m,) standard deviations of the further unknowns.
     """
     count = prior.shape[0]
@@ -166,11 +181,12 @@ def evidence(
     cross = information[:count, count:] * sd
     free = sd[:, None] * information[count:, count:] * sd + np.eye(sd.size)
     of_parameters = information[:count, :count] + prior
-    remaining = free - cross.T @ np.linalg.solve(of_parameters, cross)
-    pull = sd * score[count:]
-    moved = np.linalg.solve(remaining, pull)
+    follows = np.linalg.solve(of_parameters, cross)
+    off = np.linalg.solve(of_parameters, score[:count])
+    pull = sd * score[count:] - cross.T @ off
+    moved = np.linalg.solve(free - cross.T @ follows, pull)
     return Evidence(
-        cost - 0.5 * float(pull @ moved),
+        cost - 0.5 * float(score[:count] @ off + pull @ moved),
         np.linalg.inv(of_parameters - cross @ np.linalg.solve(free, cross.T)),
-        np.linalg.solve(of_parameters, cross @ moved),
+        follows @ moved - off,
     )
