@@ -213,6 +213,23 @@ def test_inertias_that_are_ten_per_cent_off_promise_no_law(tmp_path, monkeypatch
     assert promising(campaign, declared, rich, optimum) != ()
 
 
+def test_laws_are_judged_as_at_the_optimum_where_a_search_ended_early(tmp_path):
+    """Stiffnesses 0.3 % off their optimum: masses may not be credited with what they leave over."""
+    campaign, drops, profiles = read(tmp_path, SMALL)
+    parameters = campaign_parameters(campaign, drops, declared_laws(campaign))
+    there = optimise(campaign, parameters, profiles, OPTIONS, unwatched, rough=True)
+    shift = np.zeros_like(there.vector)
+    shift[[i for i, p in enumerate(parameters.parameters) if p.quantity == "stiffness"]] = 3e-3
+    vector = there.vector + shift
+    residual = there.problem.compressed(vector).residual
+    early = replace(there, vector=vector, minimum=replace(there.minimum, cost=0.5 * float(residual @ residual)))
+    evidence = LawEvidence(campaign, there)
+    at_optimum, before_it = evidence.judge(there).evidence, evidence.judge(early).evidence
+    np.testing.assert_allclose(shift[: len(parameters.names)] + before_it.step, at_optimum.step, atol=5e-4)
+    # The cost keeps what the motions of the runs would take off.
+    assert at_optimum.cost < before_it.cost < early.minimum.cost
+
+
 @pytest.mark.parametrize(
     ("misfit", "share", "how", "compared"),
     [(1.31, 0.0, "auto", True), (1.2, 0.011, "auto", True), (1.2, 0.009, "auto", False), (1.0, 0.0, "compare", True)],
