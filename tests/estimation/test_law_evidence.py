@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from sysid.estimation.fit.law_evidence import eliminated, evidence
+from sysid.estimation.fit import law_evidence
+from sysid.estimation.fit.law_evidence import LawEvidence, eliminated, evidence
 
 PARAMETERS, FURTHER, CANDIDATES = 4, 3, 2
 SD = np.array([0.5, 2.0, 1e-3])
@@ -81,6 +84,20 @@ def test_a_search_that_ended_early_leaves_the_same(linear, away: float):
     # Negative control: as if the search had reached the optimum, masses get what it left over.
     score[:PARAMETERS] = 0.0
     assert abs(evidence(cost, known.T @ known, score, prior.T @ prior, SD).cost / joint - 1.0) > 1e-4
+
+
+@pytest.mark.parametrize(("score", "left"), [((0.0, 283.0), 100.0), ((6.0, 0.0), 100.0 - 0.5 * 6.0**2 / 2.0)])
+def test_the_slope_beside_a_stop_that_a_run_just_reaches_is_no_way_down(score, left, monkeypatch):
+    """The cost rises on the other side of such a travel; what is left of the gradient by a stiffness leads down."""
+    data = SimpleNamespace(matrix=np.diag([2.0, 1e4, 0.0]), score=np.array([*score, 0.0]))
+    monkeypatch.setattr(law_evidence, "information_with", lambda *rest: data)
+    monkeypatch.setattr(LawEvidence, "sd", property(lambda self: np.ones(1)))
+    monkeypatch.setattr(LawEvidence, "_columns", lambda self, optimum: ())
+    quantities = [SimpleNamespace(quantity=q) for q in ("stiffness", "jounce_travel")]
+    parameters = SimpleNamespace(parameters=quantities, prior_rows=lambda: (np.zeros((2, 2)), np.zeros(2)))
+    problem = SimpleNamespace(model=SimpleNamespace(parameters=parameters, felt=None), count=2)
+    optimum = SimpleNamespace(problem=problem, vector=np.zeros(2), minimum=SimpleNamespace(cost=100.0))
+    assert LawEvidence(None, optimum).judge(optimum).evidence.cost == pytest.approx(left, rel=1e-14)
 
 
 def test_the_promised_gain_is_the_fall_of_the_joint_cost(linear):
