@@ -9,8 +9,8 @@ prior precision P,
     r = g_y - H_yx (H_xx + P)^-1 e,    S = H_yy - H_yx (H_xx + P)^-1 H_xy,
     covariance of x = (H_xx + P - H_xy (H_yy + L)^-1 H_yx)^-1.
 
-At the optimum e is zero. A search that ends early leaves some of it, and masses act almost as the parameters do: without
-e, they would be credited with what the search has left over.
+At the optimum e is zero. A search that ends early leaves some of it, and masses act almost as the parameters do:
+without e, they would be credited with what the search has left over.
 
 Friction is not a departure here, because it is one of the laws that are compared.
 """
