@@ -272,7 +272,7 @@ def test_draws_with_their_spread_have_the_mean_of_the_posterior(maps_follow: boo
         response=SimpleNamespace(amounts=np.zeros(0)),
     )
     model = SimpleNamespace(
-        parameters=SimpleNamespace(prior_rows=lambda: (rows, targets)),
+        parameters=SimpleNamespace(prior_pull=lambda x: (rows.T @ (rows @ x - targets), prior)),
         felt=SimpleNamespace(contact="footprint"),
         tires=None,
         target_step_s=0.001,

@@ -79,11 +79,11 @@ def test_a_search_that_ended_early_leaves_the_same(linear, away: float):
     cost = 0.5 * float(residual @ residual + of_prior @ of_prior)
     found = evidence(cost, known.T @ known, score, prior.T @ prior, SD)
     joint, solution = least_squares(linear, [4, 5, 6], SD)
-    assert found.cost == pytest.approx(joint, rel=1e-10)
-    np.testing.assert_allclose(here + found.step, solution[:PARAMETERS], rtol=1e-9)
+    assert found.cost == pytest.approx(joint, rel=3e-14)
+    np.testing.assert_allclose(here + found.step, solution[:PARAMETERS], rtol=3e-11)
     # Negative control: as if the search had reached the optimum, masses get what it left over.
     score[:PARAMETERS] = 0.0
-    assert abs(evidence(cost, known.T @ known, score, prior.T @ prior, SD).cost / joint - 1.0) > 1e-4
+    assert abs(evidence(cost, known.T @ known, score, prior.T @ prior, SD).cost / joint - 1.0) > 0.02
 
 
 @pytest.mark.parametrize(("score", "left"), [((0.0, 283.0), 100.0), ((6.0, 0.0), 100.0 - 0.5 * 6.0**2 / 2.0)])
@@ -94,7 +94,7 @@ def test_the_slope_beside_a_stop_that_a_run_just_reaches_is_no_way_down(score, l
     monkeypatch.setattr(LawEvidence, "sd", property(lambda self: np.ones(1)))
     monkeypatch.setattr(LawEvidence, "_columns", lambda self, optimum: ())
     quantities = [SimpleNamespace(quantity=q) for q in ("stiffness", "jounce_travel")]
-    parameters = SimpleNamespace(parameters=quantities, prior_rows=lambda: (np.zeros((2, 2)), np.zeros(2)))
+    parameters = SimpleNamespace(parameters=quantities, prior_pull=lambda x: (0.0 * x, np.zeros((2, 2))))
     problem = SimpleNamespace(model=SimpleNamespace(parameters=parameters, felt=None), count=2)
     optimum = SimpleNamespace(problem=problem, vector=np.zeros(2), minimum=SimpleNamespace(cost=100.0))
     assert LawEvidence(None, optimum).judge(optimum).evidence.cost == pytest.approx(left, rel=1e-14)

@@ -122,6 +122,10 @@ def test_prior_rows_are_the_log_density_of_lognormal_priors_and_links():
     # The second of a linked pair has no prior of its own: the link would otherwise count twice.
     squares = ((x[0] - np.log(2)) / 0.5) ** 2 + ((x[1] - x[0] - 0.3) / 0.1) ** 2
     assert ((rows @ x - targets) ** 2).sum() == pytest.approx(squares)
+    pull, precision = parameters.prior_pull(x)
+    of_link = (x[1] - x[0] - 0.3) / 0.1**2
+    np.testing.assert_allclose(pull, [(x[0] - np.log(2)) / 0.5**2 - of_link, of_link], rtol=1e-13)
+    np.testing.assert_allclose(precision, [[0.5**-2 + 0.1**-2, -(0.1**-2)], [-(0.1**-2), 0.1**-2]], rtol=1e-13)
     np.testing.assert_allclose(parameters.start, np.log([1.0, 3.0]))
 
 

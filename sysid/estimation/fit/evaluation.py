@@ -150,10 +150,9 @@ def _fit_point(
 ) -> FitPoint:
     """Everything that is stored of the end of the fit, at the unknowns `vector`; `covariance` (p, p) of parameters."""
     parameters, motion = problem.unpack(vector)
-    rows, targets = problem.model.parameters.prior_rows()
-    own = np.linalg.inv(adjusted.own_information + rows.T @ rows)
     # At the optimum the data pull as hard as the priors, the other way; with model error they pull less.
-    pull = rows.T @ (rows @ parameters - targets)
+    pull, prior = problem.model.parameters.prior_pull(parameters)
+    own = np.linalg.inv(adjusted.own_information + prior)
     shift = covariance @ (adjusted.slope - pull) - own @ (adjusted.following.T @ pull - pull)
     point = fit_point(problem.model, parameters, motion, problem.weights, own, spread_between(own, covariance, shift))
     point = replace(point, following=adjusted.following)

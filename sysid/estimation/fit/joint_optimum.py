@@ -213,11 +213,11 @@ class _Here(NamedTuple):
 
 def _here(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> _Here:
     problem, campaign = optimum.problem, on_moved_clocks(campaign, optimum.clocks)
-    rows, targets = problem.model.parameters.prior_rows()
+    pull, prior = problem.model.parameters.prior_pull(optimum.vector[: problem.count])
     return _Here(
         optimum_information(campaign, problem, optimum.vector, allowances, optimum.amounts),
-        rows.T @ rows,
-        rows.T @ (rows @ optimum.vector[: problem.count] - targets),
+        prior,
+        pull,
         np.zeros(allowances.count) if optimum.amounts is None else optimum.amounts,
         footprints_following(problem, optimum.vector[: problem.count], allowances),
     )

@@ -126,10 +126,8 @@ class LawEvidence:
 def _with_priors(optimum: Optimum, score: Unknowns) -> tuple[Unknowns, ParametersByParameters]:
     """The gradient of data and priors from that of the data, and the precision (p, p) of the priors."""
     count = optimum.problem.count
-    rows, targets = optimum.problem.model.parameters.prior_rows()
-    whole = score.copy()
-    whole[:count] += rows.T @ (rows @ optimum.vector[:count] - targets)
-    return whole, rows.T @ rows
+    pull, precision = optimum.problem.model.parameters.prior_pull(optimum.vector[:count])
+    return np.concatenate([score[:count] + pull, score[count:]]), precision
 
 
 class Eliminated(NamedTuple):

@@ -20,7 +20,7 @@ from itertools import islice
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.fit.law_evidence import eliminated
+from sysid.estimation.fit.law_evidence import eliminated, evidence
 from sysid.estimation.fit.mistake_candidates import WHOLE, Directions, MistakeCandidate
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.thresholds import MISFIT
@@ -74,8 +74,8 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
     tires = departures(model.felt, campaign.load_cases_in_use, rubbing)
     allowances = Allowances(uncertain_masses(campaign), tires)
     sd = np.concatenate([allowances.masses.sd, [PLAUSIBLE[d.kind] for d in tires.directions]])
-    rows, targets = model.parameters.prior_rows()
     values, motion = problem.unpack(optimum.vector)
+    prior_pull, prior = model.parameters.prior_pull(values)
     known = allowance_columns(model, allowances, problem.weights, values, motion)
     directions = iter(Directions(campaign, model, problem.weights, values, motion))
     scored = []
@@ -83,9 +83,10 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
     while chosen := list(islice(directions, at_once)):
         data = information_with(campaign, problem, optimum.vector, *known, *(columns for _, columns in chosen))
         score = data.score
-        score[: problem.count] += rows.T @ (rows @ values - targets)
-        pull, information, _ = eliminated(data.matrix, score, rows.T @ rows, sd)
-        left = total - count - _taken(data.matrix, score, rows.T @ rows, sd)
+        score[: problem.count] += prior_pull
+        pull, information, _ = eliminated(data.matrix, score, prior, sd)
+        at = slice(0, problem.count + sd.size)
+        left = 2.0 * evidence(0.5 * total, data.matrix[at, at], score[at], prior, sd).cost - count
         if left < (MISFIT**2 - 1.0) * count:
             break
         v = np.diag(information)
@@ -102,15 +103,6 @@ def _best_sizes(scores: Sequence[MistakeScore]) -> tuple[MistakeScore, ...]:
     for score in sorted(scores, key=lambda s: (s.whole, s.share)):
         best[replace(score.candidate, size=0.0)] = score
     return tuple(sorted(best.values(), key=lambda s: -s.share))
-
-
-def _taken(information: np.ndarray, score: np.ndarray, prior: np.ndarray, sd: np.ndarray) -> float:
-    """Decrease of the sum of squares by one step of parameters, masses and departures."""
-    count, known = prior.shape[0], prior.shape[0] + sd.size
-    precision = information[:known, :known].copy()
-    precision[:count, :count] += prior
-    precision[count:, count:] += np.diag(sd**-2.0)
-    return float(score[:known] @ np.linalg.solve(precision, score[:known]))
 
 
 def _plain_weights(optimum: Optimum) -> Weights:

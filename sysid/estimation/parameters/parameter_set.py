@@ -107,3 +107,8 @@ class ParameterSet:
             rows.append(row)
             targets.append(link.mean / link.sd)
         return np.array(rows), np.array(targets)
+
+    def prior_pull(self, log_parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient (p,) of half the sum of squares of the priors at log parameters (p,), and their precision (p, p)."""
+        rows, targets = self.prior_rows()
+        return rows.T @ (rows @ log_parameters - targets), rows.T @ rows

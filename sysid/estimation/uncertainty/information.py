@@ -229,9 +229,8 @@ def adjusted_information(
     masses, departures = allowances.masses, allowances.departures
     count, here = problem.count, np.zeros(allowances.count) if amounts is None else amounts
     parameters, _ = problem.unpack(vector)
-    rows, targets = problem.model.parameters.prior_rows()
     # At the optimum the data pull as hard as the priors, the other way.
-    prior, pull = rows.T @ rows, rows.T @ (rows @ parameters - targets)
+    pull, prior = problem.model.parameters.prior_pull(parameters)
     data = optimum_information(campaign, problem, vector, allowances, amounts)
     spread = model_error(data, prior, pull, allowances, here, footprints_following(problem, parameters, allowances))
     factor, sd = spread.factor, spread.sd
