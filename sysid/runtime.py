@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import os
 import sys
 import warnings
@@ -20,6 +21,9 @@ _HEAPS, _HEAPS_SETTING, _HEAPS_VARIABLE = 2, -8, "MALLOC_ARENA_MAX"
 
 #: Memory [bytes] from which on a process lets go of compiled functions between stages.
 _GROWN = 700e6
+
+#: Share of the memory mappings that a process may have from which on it lets go of compiled functions.
+_MOST_OF_MAPPINGS = 0.5
 
 
 class CacheWarning(UserWarning):
@@ -92,6 +96,8 @@ def configure() -> None:
     _use_few_heaps()
     import jax
 
+    if _Process.ours:
+        _keep_what_is_imported()
     jax.config.update("jax_enable_x64", True)
     _use_the_processor()
     try:
@@ -164,7 +170,8 @@ def forget_compiled(from_bytes: float | None = None) -> None:
 
     Another stage, or another suspension law, needs few of them; what is asked for again comes from the cache folder,
     at a fifth of a second each.  In a process that may run other code, as a notebook, they stay, and only free memory
-    is given back.
+    is given back, until they take half of the mappings that Linux grants a process: a compiled function has a dozen,
+    and the process that asks for more than all of them crashes, after some forty fits.
 
     Parameters
     ----------
@@ -172,9 +179,21 @@ def forget_compiled(from_bytes: float | None = None) -> None:
     """
     return_memory()
     jax = sys.modules.get("jax")
-    if jax is not None and _Process.ours and _resident() > (_GROWN if from_bytes is None else from_bytes):
+    if jax is None:
+        return
+    grown = _Process.ours and _resident() > (_GROWN if from_bytes is None else from_bytes)
+    if grown or _mappings() > _MOST_OF_MAPPINGS * _granted_mappings():
         jax.clear_caches()
         return_memory()
+
+
+@cache
+def _keep_what_is_imported() -> None:
+    """Leave the objects of imported modules out of all later garbage collections.
+
+    They live as long as the process, and visiting them takes most of a collection's time.
+    """
+    gc.freeze()
 
 
 def _resident() -> float:
@@ -184,6 +203,24 @@ def _resident() -> float:
     except OSError:
         return float("inf")
     return float(pages * os.sysconf("SC_PAGE_SIZE"))
+
+
+def _mappings() -> int:
+    """Number of memory mappings of this process, 0 where the system does not say it as Linux does."""
+    try:
+        with Path("/proc/self/maps").open("rb") as lines:
+            return sum(1 for _ in lines)
+    except OSError:
+        return 0
+
+
+@cache
+def _granted_mappings() -> float:
+    """How many memory mappings a process may have, infinite where there is no such limit."""
+    try:
+        return float(Path("/proc/sys/vm/max_map_count").read_text(encoding="ascii"))
+    except (OSError, ValueError):
+        return float("inf")
 
 
 def _use_few_heaps() -> None:

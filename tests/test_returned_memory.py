@@ -48,6 +48,29 @@ def test_compiled_functions_are_let_go_in_a_grown_process_of_our_own_alone(monke
     assert double(3.0) == 6.0
 
 
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="needs /proc")
+def test_compiled_functions_are_let_go_before_they_take_all_mappings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also in a notebook: Linux ends a process that asks for more mappings than it grants."""
+
+    def count() -> int:
+        return len(Path("/proc/self/maps").read_text().splitlines())
+
+    monkeypatch.setattr("sysid.runtime._Process.ours", False)
+    forget_compiled()
+    before = count()
+    functions = [jax.jit(lambda x, n=n: n * x + n) for n in range(40)]
+    assert [f(1.0) for f in functions] == [2.0 * n for n in range(40)]
+    taken = count() - before
+    assert taken > 40
+    monkeypatch.setattr("sysid.runtime._granted_mappings", lambda: 2.5 * count())
+    forget_compiled()
+    assert count() - before > 0.9 * taken
+    monkeypatch.setattr("sysid.runtime._granted_mappings", lambda: 1.5 * count())
+    forget_compiled()
+    assert count() - before < 0.5 * taken
+    assert functions[1](1.0) == 2.0
+
+
 _HEAPS_OF_THREADS = """
 import ctypes, sys, threading
 from sysid.runtime import configure
@@ -84,3 +107,26 @@ def test_the_command_line_has_a_process_of_its_own(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("sysid.cli.main.cli", lambda **given: None)
     main()
     assert _Process.ours
+
+
+_FROZEN = """
+import gc, sys
+from sysid.runtime import configure, own_process
+if sys.argv[1] == "ours":
+    own_process()
+for _ in range(2):
+    configure()
+    kept = [object() for _ in range(1000)]
+    print(gc.get_freeze_count())
+"""
+
+
+@pytest.mark.parametrize("whose", ["ours", "another's"])
+def test_imported_modules_are_left_out_of_garbage_collection_in_a_process_of_our_own(whose: str) -> None:
+    """Once: what is computed later is collected when nothing refers to it any more."""
+    said = subprocess.run(
+        [sys.executable, "-c", _FROZEN, whose], check=True, capture_output=True, text=True
+    ).stdout.split()
+    first, second = map(int, said)
+    assert (first > 10_000) if whose == "ours" else (first == 0)
+    assert second <= first
