@@ -44,11 +44,13 @@ bench: $(VENV)/.installed
 	$(BIN)/python -m benchmarks --output build/benchmarks --document docs/benchmarks.md
 	$(BIN)/python -m benchmarks.flops --output build/benchmarks --document docs/benchmarks.md
 
-# Whole jobs, cold and warm, then samplers on the fit of one of them.
+# Whole jobs, cold and warm, in an environment with the program alone; then samplers on the fit of one of them.
 bench-jobs: $(VENV)/.installed
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[crosscheck]"
-	$(BIN)/python -m benchmarks.jobs --only reference --cold --document docs/benchmarks.md
-	$(BIN)/python -m benchmarks.jobs --only reference truck "three axles" --document docs/benchmarks.md
+	$(PYTHON) -m venv build/benchmarks/plain
+	build/benchmarks/plain/bin/pip install --quiet --disable-pip-version-check --editable .
+	$(BIN)/python -m benchmarks.jobs --python build/benchmarks/plain/bin/python --only reference --cold --document docs/benchmarks.md
+	$(BIN)/python -m benchmarks.jobs --python build/benchmarks/plain/bin/python --only reference truck "three axles" --document docs/benchmarks.md
 	$(BIN)/python -m benchmarks.samplers --fit build/benchmarks/jobs/out-truck --document docs/benchmarks.md
 
 # Twenty runs of a minute at 1 kHz.

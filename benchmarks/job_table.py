@@ -16,7 +16,8 @@ def write_table(found: dict[str, Any], document: Path) -> None:
 def _jobs(found: dict[str, Any]) -> str:
     lines = [
         "`calibrate.py run CAMPAIGN --output FOLDER`, with engine and JAX's functions compiled before (but for rows",
-        "called *cold*). Wall time is that of a shared machine where the load says so.",
+        "called *cold*), in an environment without optional packages. Wall time is that of a shared machine where the",
+        "load says so.",
         "",
         "| campaign | what | ends | wall [s] | processor [s] | peak memory [GB] | load |",
         "|---|---|---|---|---|---|---|",

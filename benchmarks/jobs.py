@@ -1,8 +1,10 @@
 """Whole jobs as a user types them: wall and processor time by stage, and peak memory.
 
-``python -m benchmarks.jobs [--only NAME ...] [--cold] [--limit SECONDS] [--output build/benchmarks] [--document PAGE]``
+``python -m benchmarks.jobs [--only NAME ...] [--cold] [--limit SECONDS] [--python PATH] [--output build/benchmarks]
+[--document PAGE]``
 
-A job that is done already is kept in ``jobs.json`` and replaced when it is named again.
+Other packages beside the program make it larger and slower to start: xarray loads dask and pandas loads pyarrow where
+they are installed.  So the interpreter that runs the jobs may be that of an environment with the program alone.  A job that is done already is kept in ``jobs.json`` and replaced when it is named again.
 """
 
 from __future__ import annotations
@@ -47,6 +49,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=tuple(JOBS), default=tuple(JOBS))
     parser.add_argument("--cold", action="store_true", help="begin with an empty cache: compiling is counted")
     parser.add_argument("--limit", type=float, default=7200.0, help="seconds after which a job is ended")
+    parser.add_argument("--python", type=Path, default=Path(sys.executable), help="interpreter that runs the jobs")
     parser.add_argument("--output", type=Path, default=Path("build/benchmarks"))
     parser.add_argument("--document", type=Path, help="page to write the table to")
     options = parser.parse_args()
@@ -56,7 +59,8 @@ def main() -> None:
     found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     for name in options.only:
         campaign = JOBS[name].campaign(folder)
-        done = run(campaign, folder / f"out-{name.replace(' ', '-')}", folder / "cache", options.cold, options.limit)
+        output = folder / f"out-{name.replace(' ', '-')}"
+        done = run(campaign, output, folder / "cache", options.cold, options.limit, options.python)
         key = f"{name}, cold" if options.cold else name
         found[key] = {"about": JOBS[name].about, "machine": describe(), **done}
         path.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
@@ -65,12 +69,14 @@ def main() -> None:
         write_table(json.loads(path.read_text(encoding="utf-8")), options.document)
 
 
-def run(campaign: Path, output: Path, cache: Path, cold: bool, limit_s: float) -> dict[str, Any]:
+def run(
+    campaign: Path, output: Path, cache: Path, cold: bool, limit_s: float, python: Path | str = sys.executable
+) -> dict[str, Any]:
     """`calibrate.py run` on a campaign: exit code, seconds, peak memory [bytes] and what it wrote of its stages."""
     shutil.rmtree(output, ignore_errors=True)
     if cold:
         shutil.rmtree(cache, ignore_errors=True)
-    command = [sys.executable, "calibrate.py", "run", str(campaign), "--output", str(output)]
+    command = [str(python), "calibrate.py", "run", str(campaign), "--output", str(output)]
     environment = {**os.environ, "SYSID_CACHE_DIR": str(cache)}
     output.parent.mkdir(parents=True, exist_ok=True)
     said = output.with_suffix(".log")
