@@ -4,7 +4,9 @@
 [--document PAGE]``
 
 Other packages beside the program make it larger and slower to start: xarray loads dask and pandas loads pyarrow where
-they are installed.  So the interpreter that runs the jobs may be that of an environment with the program alone.  A job that is done already is kept in ``jobs.json`` and replaced when it is named again.
+they are installed.  So the interpreter that runs the jobs may be that of an environment with the program alone.
+
+A job that is done already is kept in ``jobs.json`` and replaced when it is named again.
 """
 
 from __future__ import annotations
