@@ -125,7 +125,7 @@ def _growth(found: dict[str, Any]) -> str:
         "## Growth",
         "",
         "Exponent of cost against size, native engine; 1 is in proportion. Samples: one passage sampled more densely.",
-        "Axles: the truck's axles repeated.",
+        "Axles: the truck's axles repeated. Parameters: residuals with their derivatives by so many.",
         "",
         "| size | from | to | exponent |",
         "|---|---|---|---|",

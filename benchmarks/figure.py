@@ -45,7 +45,7 @@ def _times(ax: Any, seconds: dict[str, Any]) -> None:
 
 
 def _growth(ax: Any, growth: dict[str, Any]) -> None:
-    for marker, (what, one) in zip("osD^", growth.items(), strict=True):
+    for marker, (what, one) in zip("osD^v", growth.items(), strict=True):
         size = [s / one["size"][0] for s in one["size"]]
         cost = [s[1] / one["processor_s"][0][1] for s in one["processor_s"]]
         label = f"{what}, from {one['size'][0]}: exponent {one['exponent'][1]:.2f}"
@@ -55,7 +55,7 @@ def _growth(ax: Any, growth: dict[str, Any]) -> None:
     ax.set_xscale("log", base=2)
     ax.set_yscale("log", base=2)
     ax.set_xlabel("size, relative to the smallest")
-    ax.set_ylabel("processor time of a likelihood, relative to the smallest")
+    ax.set_ylabel("processor time, relative to the smallest")
     ax.set_title("Growth", loc="left")
     ax.legend(frameon=False, fontsize=9)
     ax.spines[["top", "right"]].set_visible(False)

@@ -1,21 +1,32 @@
-"""How the cost of a likelihood grows with the numbers of sets, runs, samples and axles."""
+"""How the cost of a likelihood grows with sets, runs, samples and axles, and that of derivatives with parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.rounds import Contender, run_rounds, spread, timed
 from benchmarks.work import Point, Work, density, engine, make_work
+from sysid.estimation.parameters.axle_laws import axle_laws
+from sysid.estimation.residuals import signals
 from sysid.estimation.residuals.bump_model import GroupShape
 from sysid.estimation.residuals.set_misfits import GroupInputs, group_misfits
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engine import wheel_road
+from sysid.vehicle_model.engines.protocol import Unknowns
 from sysid.vehicle_model.stacked_matrices import StackedMatrices
 
-SIZES = {"sets": (8, 32, 128, 512), "runs": (1, 2, 4, 8), "samples": (1, 2, 4, 8), "axles": (3, 6, 12, 24)}
+SIZES = {
+    "sets": (8, 32, 128, 512),
+    "runs": (1, 2, 4, 8),
+    "samples": (1, 2, 4, 8),
+    "axles": (3, 6, 12, 24),
+    "parameters": (6, 12, 24, 48),
+}
 SETS = 64
 
 
@@ -27,6 +38,7 @@ def measure_growth(point: Point, rounds: int, limit_s: float) -> dict[str, dict[
         "runs": lambda n: _likelihood(make_work(point, [0] * n), SETS),
         "samples": lambda n: _of_group(one, *_more_samples(*_group(one), n)),
         "axles": lambda n: _of_group(one, *_more_axles(*_group(one), n)),
+        "parameters": lambda n: _derivatives(one, n),
     }
     contenders = {
         (what, size): Contender(f"{what} {size}", timed(make(size)))
@@ -68,6 +80,31 @@ def _of_group(work: Work, inputs: GroupInputs, shape: GroupShape) -> Callable[[]
 
     def call() -> object:
         return np.asarray(group_misfits(inputs, sets, shape=shape))
+
+    call()
+    return call
+
+
+def _derivatives(work: Work, count: int) -> Callable[[], object]:
+    """Residuals with their derivatives in `count` directions: by the parameters in turn, and from the first again."""
+    point, shape = work.state.point, work.model.shapes[0]
+    arrays = point.weights.on(work.model.arrays, 0)
+    x = jnp.asarray(point.log_parameters)
+    directions = jnp.eye(x.size)[:, np.arange(count) % x.size]
+    of_motion = point.motion.per_unit(arrays.axle_x, arrays.change_unit)
+    still = jax.tree.map(lambda columns: jnp.zeros((columns.shape[0], count)), of_motion)
+    readings = arrays.readings(point.weights.noise_sd[0], point.weights.tempering[0])
+    with engine("native"):
+        road = signals.wheel_road(arrays, work.model.roads[0], point.motion, shape)
+
+    @jax.jit
+    def linearise(values: jax.Array) -> object:
+        unknowns, laws = Unknowns(values, directions, still), partial(axle_laws, arrays.laws)
+        of_shape = shape.timing, shape.sensors, shape.recursion
+        return road.engine.linearise(arrays.matrices, laws, unknowns, road, *of_shape, readings)
+
+    def call() -> object:
+        return jax.block_until_ready(linearise(x))
 
     call()
     return call
