@@ -186,12 +186,15 @@ class FrameMass:
 
     - `heave` and `pitch` are added to the heave and pitch that are removed from the shape, pitch per half of the
       frame's length;
-    - `log_modal_mass` is the logarithm of the modal mass over that of the mass assumed.
+    - `log_modal_mass` is the logarithm of the modal mass over that of the mass assumed;
+    - `at_ends` says whether the mass assumed has parts at the frame's ends; None where centre of gravity and inertia
+      decide that.
     """
 
     heave: float = 0.0
     pitch: float = 0.0
     log_modal_mass: float = 0.0
+    at_ends: bool | None = None
 
 
 @dataclass(frozen=True)

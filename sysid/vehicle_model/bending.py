@@ -10,8 +10,10 @@ shape begins as that of a free uniform beam between the body's first and last su
 distribution of the body's mass along the same length must have its mass m, centre of gravity and pitch inertia I. It is
 assumed to be that of a uniform beam with a point mass at each end. If one of these would be negative, because the mass
 lies nearer to the middle, it is the density of largest entropy mu(x) = exp(a + b x + c x^2) (E. T. Jaynes, Information
-theory and statistical mechanics, Physical Review 106 (1957), doi:10.1103/PhysRev.106.620). Heave and pitch are removed
-from the shape, so that the mode has no momentum and is orthogonal to both,
+theory and statistical mechanics, Physical Review 106 (1957), doi:10.1103/PhysRev.106.620). Heave, pitch and modal mass
+jump where one distribution takes the place of the other. So masses that a fit moves keep the kind that the declared
+ones have, with an end that may lack some mass. Heave and pitch are removed from the shape, so that the mode has no
+momentum and is orthogonal to both,
 
     phi = psi - int mu psi / m - (x - x_cg) int mu psi (x - x_cg) / I,    modal mass int mu phi^2.
 
@@ -34,6 +36,8 @@ from sysid.errors import CampaignError
 
 #: First root of cos b cosh b = 1 beyond zero.
 FREE_BEAM_ROOT = 4.730040744862704
+#: Share of the mass that a frame's end may lack while masses are moved.
+MOST_LACKING = 0.1
 #: Quadrature of Gauss and Legendre over the length of a frame.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(80)
 
@@ -95,11 +99,12 @@ def _shape(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[Callable[[float
     """phi of a body and its modal mass [kg]."""
     declared = vehicle.bodies[body].bending
     assert declared is not None
-    low, high = (declared.x_m[0], declared.x_m[-1]) if declared.x_m else frame_ends(vehicle, body)
+    low, high = _span(vehicle, body)
     mass, inertia = case.sprung_mass_kg[body], case.pitch_inertia_kg_m2[body]
     cg_x = float(static_equilibrium(vehicle, case).cg_x_m[body])
     half, middle = 0.5 * (high - low), 0.5 * (high + low)
-    places, shares = mass_along((cg_x - middle) / half, inertia / mass / half**2, _body_words(vehicle, body, case))
+    at_ends = case.frame_masses[body].at_ends if case.frame_masses else None
+    places, shares = mass_along(*_moments(vehicle, body, case), _body_words(vehicle, body, case), at_ends)
     x, lumps = middle + half * places, mass * shares
 
     if declared.x_m:
@@ -126,12 +131,43 @@ def _shape(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[Callable[[float
     return rise, modal_mass
 
 
+def _span(vehicle: Vehicle, body: int) -> tuple[float, float]:
+    """Both ends [m] of a frame that bends."""
+    declared = vehicle.bodies[body].bending
+    assert declared is not None
+    return (declared.x_m[0], declared.x_m[-1]) if declared.x_m else frame_ends(vehicle, body)
+
+
+def _moments(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[float, float]:
+    """Mean of a body's mass along its frame, -1 and 1 at the ends, and the variance about it."""
+    low, high = _span(vehicle, body)
+    half, middle = 0.5 * (high - low), 0.5 * (high + low)
+    cg_x = float(static_equilibrium(vehicle, case).cg_x_m[body])
+    return (cg_x - middle) / half, case.pitch_inertia_kg_m2[body] / case.sprung_mass_kg[body] / half**2
+
+
+def ends_carry_mass(vehicle: Vehicle, body: int, case: LoadCase) -> bool:
+    """Whether the mass assumed along a frame that bends has parts at its ends."""
+    centre, variance = _moments(vehicle, body, case)
+    return min(_three_masses(centre, variance + centre**2)) >= 0.0
+
+
 def _body_words(vehicle: Vehicle, body: int, case: LoadCase) -> str:
     return f"load case '{case.name}': the body '{vehicle.bodies[body].name}', whose frame bends,"
 
 
-def mass_along(centre: float, variance: float, what: str) -> tuple[np.ndarray, np.ndarray]:
+def _three_masses(centre: float, second: float) -> tuple[float, float, float]:
+    """Shares of a uniform beam and of point masses at -1 and 1, of total 1 and given first and second moment."""
+    beam, front, rear = np.linalg.solve([[1.0, 1.0, 1.0], [0.0, -1.0, 1.0], [1 / 3, 1.0, 1.0]], [1.0, centre, second])
+    return float(beam), float(front), float(rear)
+
+
+def mass_along(centre: float, variance: float, what: str, at_ends: bool | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Places on [-1, 1] and the shares of a mass there, of given mean and variance about it, total 1.
+
+    Parameters
+    ----------
+    at_ends : whether the ends have parts of it, one of which may be negative down to -0.1; None: where none is.
 
     Raises
     ------
@@ -144,9 +180,9 @@ def mass_along(centre: float, variance: float, what: str) -> tuple[np.ndarray, n
             "give bending.shape with x_m from one end of the frame to the other, or correct pitch_inertia_kg_m2."
         )
     second = variance + centre**2
-    # Total, first and second moment of a uniform beam and of both ends.
-    beam, front, rear = np.linalg.solve([[1.0, 1.0, 1.0], [0.0, -1.0, 1.0], [1 / 3, 1.0, 1.0]], [1.0, centre, second])
-    if min(beam, front, rear) >= 0.0:
+    beam, front, rear = _three_masses(centre, second)
+    least = min(beam, front, rear)
+    if (at_ends is None and least >= 0.0) or (at_ends and least >= -MOST_LACKING):
         return np.append(_NODES, [-1.0, 1.0]), np.append(0.5 * beam * _WEIGHTS, [front, rear])
     return _NODES, _WEIGHTS * _even_density(centre, second)
 

@@ -13,7 +13,7 @@ from rigid_truck import EMPTY, LADEN, VEHICLE, campaign, empty_run
 from scipy.optimize import lsq_linear
 from synthetic_fit import synthetic_campaign
 
-from sysid.campaign.vehicle_records import AxleGroup, FrameBending, FrameMass, MassTolerances
+from sysid.campaign.vehicle_records import AxleGroup, FrameBending, FrameMass, LoadCase, MassTolerances, Vehicle
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit import joint_optimum
 from sysid.estimation.fit.least_squares import fit_bump_runs
@@ -28,9 +28,10 @@ from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.estimation.uncertainty.joint_step import JointStep, bounded_step, integrated, joint_step
 from sysid.estimation.uncertainty.mass_response import MassResponse
-from sysid.estimation.uncertainty.uncertain_masses import AXLE_LOAD, SCALE, uncertain_masses
+from sysid.estimation.uncertainty.uncertain_masses import AXLE_LOAD, INERTIA, SCALE, uncertain_masses
 from sysid.progress import unwatched
 from sysid.vehicle_model.assembly import assemble
+from sysid.vehicle_model.bending import ends_carry_mass, frame_modes
 
 OPTIONS = FitOptions(weight_rounds=1, second_solver=False)
 TOLERANT = replace(VEHICLE, tolerances=MassTolerances())
@@ -301,8 +302,41 @@ def test_amounts_of_a_frame_are_added_to_those_of_its_load_case():
         if factor.load_case == "laden" and factor.quantity in ("frame_pitch", "frame_modal_mass_factor"):
             amounts[number] = 0.2
     _, cases = masses.applied(amounts)
-    assert astuple(cases["laden"].frame_masses[0]) == pytest.approx((0.1, 0.2, -0.5))
-    assert cases["empty"].frame_masses in ((), (FrameMass(),))
+    assert astuple(cases["laden"].frame_masses[0])[:3] == pytest.approx((0.1, 0.2, -0.5))
+    assert astuple(cases["empty"].frame_masses[0])[:3] == (0.0, 0.0, 0.0)
+
+
+def test_moved_masses_keep_the_kind_of_mass_along_a_frame():
+    """Else the modal mass jumps while a fit moves the pitch inertia."""
+    at_hand = bending_truck()
+    masses = uncertain_masses(at_hand)
+    inertia = next(i for i, f in enumerate(masses.factors) if f.quantity == INERTIA and "empty" in f.load_cases)
+
+    def moved(amount: float) -> tuple[Vehicle, LoadCase]:
+        amounts = np.zeros(masses.sd.size)
+        amounts[inertia] = amount
+        vehicle, cases = masses.applied(amounts)
+        return vehicle, cases["empty"]
+
+    def decided_anew(amount: float) -> tuple[Vehicle, LoadCase]:
+        vehicle, case = moved(amount)
+        return vehicle, replace(case, frame_masses=())
+
+    def at_ends(amount: float) -> bool:
+        vehicle, case = decided_anew(amount)
+        return ends_carry_mass(vehicle, 0, case)
+
+    # The declared mass has parts at the ends, that of a smaller inertia has not.
+    low, high = -4.0 * masses.factors[inertia].sd, 0.0
+    assert at_ends(high)
+    assert not at_ends(low)
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if at_ends(middle) else (middle, high)
+    of = [frame_modes(*moved(amount))[0].modal_mass for amount in (low - 1e-6, high + 1e-6)]
+    assert of[0] == pytest.approx(of[1], rel=1e-4)
+    anew = [frame_modes(*decided_anew(amount))[0].modal_mass for amount in (low - 1e-6, high + 1e-6)]
+    assert abs(anew[0] / anew[1] - 1.0) > 0.01
 
 
 def test_a_step_takes_back_the_one_before_where_it_points_the_other_way():

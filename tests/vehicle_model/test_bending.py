@@ -69,6 +69,44 @@ def test_frequency_of_a_uniform_beam_with_end_masses(share):
     assert exact < 0.9
 
 
+def shifted_beam(e: float, at_ends: bool | None) -> tuple[Vehicle, LoadCase]:
+    """A body of 9 t whose centre of gravity lies 0.3 m behind the middle, with a share e of its mass at both ends."""
+    mass, half, centre = 9000.0, 3.0, 0.1
+    vehicle, case = beam(mass, mass * half**2 * ((1.0 - e) / 3.0 + e - centre**2), 2.0 * half)
+    loads = (0.5 * mass * (1.0 - centre) + 1.0, 0.5 * mass * (1.0 + centre) + 1.0)
+    return vehicle, replace(case, axle_loads_kg=loads, frame_masses=(FrameMass(at_ends=at_ends),))
+
+
+@pytest.mark.parametrize("e", [0.3, 0.101, 0.099, 0.0, -0.05])
+def test_an_end_may_lack_mass_while_masses_are_moved(e):
+    """psi is 2 at both ends, has no mean and no slope along a uniform beam, and mean square 1.
+
+    With the shares (1 - e) of the beam, (e - c) / 2 and (e + c) / 2 of the ends, the mean is 2 e, the slope times the
+    variance v is 2 c (1 - e), and the modal mass 1 - e + 4 e - (2 e)^2 - (2 c (1 - e))^2 / v.
+    """
+    vehicle, case = shifted_beam(e, at_ends=True)
+    (mode,) = frame_modes(vehicle, case)
+    centre = 0.1
+    variance = (1.0 - e) / 3.0 + e - centre**2
+    slope = 2.0 * centre * (1.0 - e) / variance
+    exact = 1.0 - e + 4.0 * e - (2.0 * e) ** 2 - slope**2 * variance
+    assert mode.modal_mass == pytest.approx(9000.0 * exact, rel=1e-9)
+    for t in (0.0, 0.4, 1.0):
+        rise = float(free_beam(np.array(t))) - 2.0 * e - slope * (2.0 * t - 1.0 - centre)
+        assert mode.rise(6.0 * t) == pytest.approx(rise, abs=1e-9)
+
+
+def test_the_kind_of_mass_is_kept_because_the_kinds_differ_where_one_takes_the_place_of_the_other():
+    kept = [frame_modes(*shifted_beam(e, at_ends=True))[0].modal_mass for e in (0.10001, 0.09999)]
+    chosen = [frame_modes(*shifted_beam(e, at_ends=None))[0].modal_mass for e in (0.10001, 0.09999)]
+    assert chosen[0] == kept[0]
+    assert kept[1] == pytest.approx(kept[0], rel=1e-4)
+    assert abs(chosen[1] / chosen[0] - 1.0) > 0.02
+    spread = [frame_modes(*shifted_beam(e, at_ends=False))[0].modal_mass for e in (0.10001, 0.09999)]
+    assert spread[1] == chosen[1]
+    assert spread[0] == pytest.approx(spread[1], rel=1e-4)
+
+
 def independent_shape(case: LoadCase) -> tuple[object, float]:
     """phi and modal mass of the three-axle truck by quadrature."""
     unsprung = np.array([a.unsprung_mass_kg for a in AXLES])

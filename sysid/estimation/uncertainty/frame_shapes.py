@@ -12,11 +12,12 @@ b, c are normal about zero. They are treated like the uncertain masses, with lar
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from sysid.campaign.vehicle_records import FrameMass, LoadCase, Vehicle
 from sysid.estimation.uncertainty.mass_factor import MassFactor
+from sysid.vehicle_model.bending import ends_carry_mass
 
 HEAVE, PITCH, MODAL_MASS = "frame_heave", "frame_pitch", "frame_modal_mass_factor"
 #: Prior standard deviations of a, b and c (assumptions).  On two simulated trucks, whose frames reached beyond their
@@ -50,16 +51,38 @@ def frame_factors(vehicle: Vehicle, body: int, used: Sequence[str]) -> list[Mass
     ]
 
 
+def with_known_ends(vehicle: Vehicle, cases: Mapping[str, LoadCase], used: Sequence[str]) -> dict[str, LoadCase]:
+    """The load cases, each of those `used` saying whether the mass along its frames has parts at their ends.
+
+    So moved masses keep the kind of distribution that the declared ones have.
+    """
+    known = dict(cases)
+    if all(body.bending is None for body in vehicle.bodies):
+        return known
+    for name in used:
+        case = known[name]
+        masses = case.frame_masses or (FrameMass(),) * len(vehicle.bodies)
+        known[name] = replace(
+            case,
+            frame_masses=tuple(
+                mass if body.bending is None else replace(mass, at_ends=ends_carry_mass(vehicle, b, case))
+                for b, (body, mass) in enumerate(zip(vehicle.bodies, masses, strict=True))
+            ),
+        )
+    return known
+
+
 def with_frame_mass(cases: dict[str, LoadCase], bodies: int, factor: MassFactor, amount: float) -> dict[str, LoadCase]:
     """Load cases of a vehicle of so many bodies with the shape of a frame moved by `amount` of one factor."""
     changed = dict(cases)
     for name in factor.load_cases:
         masses = list(changed[name].frame_masses or (FrameMass(),) * bodies)
         here, kind = masses[factor.place], factor.quantity
-        masses[factor.place] = FrameMass(
-            here.heave + amount * (kind == HEAVE),
-            here.pitch + amount * (kind == PITCH),
-            here.log_modal_mass + amount * (kind == MODAL_MASS),
+        masses[factor.place] = replace(
+            here,
+            heave=here.heave + amount * (kind == HEAVE),
+            pitch=here.pitch + amount * (kind == PITCH),
+            log_modal_mass=here.log_modal_mass + amount * (kind == MODAL_MASS),
         )
         changed[name] = replace(changed[name], frame_masses=tuple(masses))
     return changed

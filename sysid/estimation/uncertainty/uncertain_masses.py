@@ -17,7 +17,7 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
-from sysid.estimation.uncertainty.frame_shapes import FRAME_SD, frame_factors, with_frame_mass
+from sysid.estimation.uncertainty.frame_shapes import FRAME_SD, frame_factors, with_frame_mass, with_known_ends
 from sysid.estimation.uncertainty.mass_factor import MassFactor
 
 T = TypeVar("T")
@@ -124,7 +124,8 @@ def uncertain_masses(campaign: Campaign) -> UncertainMasses:
             factors.append(MassFactor(name, HITCH_HEIGHT, words, b, tolerances.hitch_height, tuple(used)))
     factors += [f for b in range(len(vehicle.bodies)) for f in frame_factors(vehicle, b, used)]
     factors += _axle_load_factors(vehicle, used)
-    return UncertainMasses(vehicle, dict(campaign.load_cases), tuple(f for f in factors if f.sd > 0.0))
+    known = with_known_ends(vehicle, campaign.load_cases, used)
+    return UncertainMasses(vehicle, known, tuple(f for f in factors if f.sd > 0.0))
 
 
 def _axle_load_factors(vehicle: Vehicle, used: Sequence[str]) -> list[MassFactor]:
