@@ -54,9 +54,9 @@ all these runs, that is one likelihood.
 
 *kernel* is the native engine's own sources compiled into a program without Python and XLA, on as many threads: its
 ratio shows what our path adds, not how good the kernel is. Peers simulate the same runs,
-filter the signals afterwards, for which they give them at half the steps of ours, and square the residuals; offsets and
-gains are not asked of them. *Unfiltered* leaves the filter out and asks for signals at the samples alone: less work
-than the likelihood, a lower bound of what a peer could take. CVODE and LSODA take
+filter the signals afterwards, for which they give them at a quarter of the steps of ours, and square the residuals;
+offsets and gains are not asked of them. *Unfiltered* leaves the filter out and asks for signals at the samples alone:
+less work than the likelihood, a lower bound of what a peer could take. CVODE and LSODA take
 one set at a time on one core, with a right-hand side in numba, and are measured on one set. Processor time adds up all
 threads and so compares equal numbers of cores; wall time compares what somebody waits for."""
 
@@ -150,6 +150,8 @@ def _processes(found: dict[str, Any]) -> str:
             f"{more:.2f} GB more than before the batch |"
         )
     for name, one in found.get("fit", {}).items():
-        stages = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in one["stages_s"].items())
+        stages = ", ".join(
+            f"{stage} {seconds:.1f} s" for stage, seconds in one["stages_s"].items() if ": " not in stage
+        )
         lines.append(f"| `calibrate.py fit`, {name} cache | {one['process_s']:.1f} s ({stages}) |")
     return "\n".join(lines)

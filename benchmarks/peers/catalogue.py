@@ -20,6 +20,8 @@ TOLERANCES = (1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 3e-8, 1e-8, 1e-9)
 PEER_EVERY = 3
 #: A batch of 64 is no cheaper per set and takes gigabytes.
 DIFFRAX_BATCHES = (1, 16)
+#: Peers give their signals to the filter at so many times the steps of our engine.
+FINER = 2
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,8 @@ class Peers:
 
 def find_peers(work: Work, wanted: bool) -> Peers:
     """Check the accuracy of our engines and of all installed peers, and make contenders of the latter."""
-    runs, acquisition = run_constants(work), Acquisition(work)
+    # At the points that our engine takes, parabolas through the corners of their signals would be 1.4e-4 off.
+    runs, acquisition = run_constants(work), Acquisition(work, FINER * work.model.shapes[0].substeps)
     have_numba = wanted and find_spec("numba") is not None
     missing = [name for name in ("numba", "sksundae", "diffrax") if find_spec(name) is None] if wanted else []
     if have_numba:
@@ -50,7 +53,7 @@ def find_peers(work: Work, wanted: bool) -> Peers:
 
         reference_name = "DOP853 of SciPy at a relative tolerance of 1e-11, right-hand side in numba"
         solve = steppers.scipy_solver("DOP853", 0.005)
-        fine = Acquisition(work, 4 * acquisition.substeps)
+        fine = Acquisition(work, 2 * acquisition.substeps)
         reference = steppers.run_signals(solve, runs, fine, 1e-11)
     else:
         reference_name = "our engine with 16 times as many steps (numba is not installed)"
