@@ -37,7 +37,7 @@ from sysid.errors import CampaignError
 #: First root of cos b cosh b = 1 beyond zero.
 FREE_BEAM_ROOT = 4.730040744862704
 #: Share of the mass that a frame's end may lack while masses are moved.
-MOST_LACKING = 0.1
+_MOST_LACKING = 0.1
 #: Quadrature of Gauss and Legendre over the length of a frame.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(80)
 
@@ -95,17 +95,55 @@ def frame_ends(vehicle: Vehicle, body: int) -> tuple[float, float]:
     return min(at), max(at)
 
 
+@dataclass(frozen=True)
+class _Frame:
+    """A frame that bends: its ends `low` and `high` and its centre of gravity [m], mass [kg] and inertia [kg m^2]."""
+
+    low: float
+    high: float
+    cg_x: float
+    mass: float
+    inertia: float
+
+    @property
+    def half(self) -> float:
+        """Half of its length [m]."""
+        return 0.5 * (self.high - self.low)
+
+    @property
+    def middle(self) -> float:
+        """Position of its middle [m]."""
+        return 0.5 * (self.high + self.low)
+
+    @property
+    def moments(self) -> tuple[float, float]:
+        """Mean of the mass along the frame, whose ends are at -1 and 1, and the variance about it."""
+        return (self.cg_x - self.middle) / self.half, self.inertia / self.mass / self.half**2
+
+
+def _frame(vehicle: Vehicle, body: int, case: LoadCase) -> _Frame:
+    declared = vehicle.bodies[body].bending
+    assert declared is not None
+    low, high = (declared.x_m[0], declared.x_m[-1]) if declared.x_m else frame_ends(vehicle, body)
+    cg_x = float(static_equilibrium(vehicle, case).cg_x_m[body])
+    return _Frame(low, high, cg_x, case.sprung_mass_kg[body], case.pitch_inertia_kg_m2[body])
+
+
+def ends_carry_mass(vehicle: Vehicle, body: int, case: LoadCase) -> bool:
+    """Whether the mass assumed along a frame that bends has parts at its ends."""
+    centre, variance = _frame(vehicle, body, case).moments
+    return min(_three_masses(centre, variance + centre**2)) >= 0.0
+
+
 def _shape(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[Callable[[float], float], float]:
     """phi of a body and its modal mass [kg]."""
     declared = vehicle.bodies[body].bending
     assert declared is not None
-    low, high = _span(vehicle, body)
-    mass, inertia = case.sprung_mass_kg[body], case.pitch_inertia_kg_m2[body]
-    cg_x = float(static_equilibrium(vehicle, case).cg_x_m[body])
-    half, middle = 0.5 * (high - low), 0.5 * (high + low)
+    frame = _frame(vehicle, body, case)
+    half, cg_x, mass, inertia = frame.half, frame.cg_x, frame.mass, frame.inertia
     at_ends = case.frame_masses[body].at_ends if case.frame_masses else None
-    places, shares = mass_along(*_moments(vehicle, body, case), _body_words(vehicle, body, case), at_ends)
-    x, lumps = middle + half * places, mass * shares
+    places, shares = mass_along(*frame.moments, _body_words(vehicle, body, case), at_ends)
+    x, lumps = frame.middle + half * places, mass * shares
 
     if declared.x_m:
         spline = CubicSpline(declared.x_m, declared.rise, bc_type="natural")
@@ -115,7 +153,7 @@ def _shape(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[Callable[[float
     else:
 
         def plain(at: np.ndarray) -> np.ndarray:
-            return free_beam((np.asarray(at) - low) / (high - low))
+            return free_beam((np.asarray(at) - frame.low) / (frame.high - frame.low))
 
     beam = plain(x)
     heave, pitch = float(lumps @ beam) / mass, float(lumps @ (beam * (x - cg_x))) / inertia
@@ -129,27 +167,6 @@ def _shape(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[Callable[[float
         return float(plain(np.array(at)) - heave - pitch * (at - cg_x))
 
     return rise, modal_mass
-
-
-def _span(vehicle: Vehicle, body: int) -> tuple[float, float]:
-    """Both ends [m] of a frame that bends."""
-    declared = vehicle.bodies[body].bending
-    assert declared is not None
-    return (declared.x_m[0], declared.x_m[-1]) if declared.x_m else frame_ends(vehicle, body)
-
-
-def _moments(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[float, float]:
-    """Mean of a body's mass along its frame, -1 and 1 at the ends, and the variance about it."""
-    low, high = _span(vehicle, body)
-    half, middle = 0.5 * (high - low), 0.5 * (high + low)
-    cg_x = float(static_equilibrium(vehicle, case).cg_x_m[body])
-    return (cg_x - middle) / half, case.pitch_inertia_kg_m2[body] / case.sprung_mass_kg[body] / half**2
-
-
-def ends_carry_mass(vehicle: Vehicle, body: int, case: LoadCase) -> bool:
-    """Whether the mass assumed along a frame that bends has parts at its ends."""
-    centre, variance = _moments(vehicle, body, case)
-    return min(_three_masses(centre, variance + centre**2)) >= 0.0
 
 
 def _body_words(vehicle: Vehicle, body: int, case: LoadCase) -> str:
@@ -167,7 +184,8 @@ def mass_along(centre: float, variance: float, what: str, at_ends: bool | None =
 
     Parameters
     ----------
-    at_ends : whether the ends have parts of it, one of which may be negative down to -0.1; None: where none is.
+    at_ends : whether the ends have parts of it; None: where no part is negative. If True an end may lack up to a tenth
+        of the mass; beyond that there are no parts.
 
     Raises
     ------
@@ -181,8 +199,8 @@ def mass_along(centre: float, variance: float, what: str, at_ends: bool | None =
         )
     second = variance + centre**2
     beam, front, rear = _three_masses(centre, second)
-    least = min(beam, front, rear)
-    if (at_ends is None and least >= 0.0) or (at_ends and least >= -MOST_LACKING):
+    may_lack = _MOST_LACKING if at_ends else 0.0
+    if at_ends is not False and min(beam, front, rear) >= -may_lack:
         return np.append(_NODES, [-1.0, 1.0]), np.append(0.5 * beam * _WEIGHTS, [front, rear])
     return _NODES, _WEIGHTS * _even_density(centre, second)
 

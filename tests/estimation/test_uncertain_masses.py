@@ -334,9 +334,9 @@ def test_moved_masses_keep_the_kind_of_mass_along_a_frame():
         middle = 0.5 * (low + high)
         low, high = (low, middle) if at_ends(middle) else (middle, high)
     of = [frame_modes(*moved(amount))[0].modal_mass for amount in (low - 1e-6, high + 1e-6)]
-    assert of[0] == pytest.approx(of[1], rel=1e-4)
+    assert of[0] == pytest.approx(of[1], rel=3e-6)
     anew = [frame_modes(*decided_anew(amount))[0].modal_mass for amount in (low - 1e-6, high + 1e-6)]
-    assert abs(anew[0] / anew[1] - 1.0) > 0.01
+    assert abs(anew[0] / anew[1] - 1.0) > 0.05
 
 
 def test_a_step_takes_back_the_one_before_where_it_points_the_other_way():
