@@ -40,6 +40,9 @@ from sysid.estimation.uncertainty.residual_columns import STEP, ResidualColumns,
 #: whole way to another contact law; 0.2 in the footprint's log stiffness and in the spokes' exponent; 10 % of a tire's
 #: stiffness beyond its load law; 3 % of the load as friction (leaf packs have 2 to 10 %, general knowledge).
 PLAUSIBLE = {ENVELOPE: 1.0, FOOTPRINT: 0.2, SPOKES: 0.2, TIRE_LOAD: 0.1, FRICTION: 0.03}
+#: Changes of a departure count in at least this share of its plausible scale. Data that show none of a kind make its
+#: scale arbitrarily small: steps of 1e-5 of the load as friction then are a standard deviation, and change nothing else.
+_COUNTED = 0.01
 #: Readings of a weighing scale are assumed to be off by no more than this many times their tolerance.
 MOST_GROWN = 3.0
 #: Rounds of expectation-maximisation, which ends when no scale changes by a thousandth.
@@ -115,6 +118,11 @@ def departure_columns(
                 column.by_channel[:, :, j] = column.by_channel[:, :, members].sum(axis=2)
                 column.gain[..., j] = column.gain[..., members].sum(axis=-1)
     return columns
+
+
+def least_sd(masses: int, directions: Sequence[Departure]) -> np.ndarray:
+    """Standard deviations (m + n,) below which changes of m masses and n departures do not matter: none of a mass."""
+    return np.concatenate([np.zeros(masses), [_COUNTED * PLAUSIBLE[d.kind] for d in directions]])
 
 
 def departure_scale(

@@ -21,7 +21,7 @@ from sysid.estimation.residuals.run_clocks import RunClocks, run_clocks
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.data_information import MASSES, SCALES, TIRES, DataInformation
-from sysid.estimation.uncertainty.departure_scale import departure_scale
+from sysid.estimation.uncertainty.departure_scale import departure_scale, least_sd
 from sysid.estimation.uncertainty.joint_step import (
     JointStep,
     bounded_step,
@@ -304,7 +304,16 @@ def model_error(
         sd = np.concatenate([departed.mass_sd, departed.sd])
         # What cannot move on, as friction that would push, must not carry the others along.
         step = bounded_step(
-            partial(joint_step, matrix, score, prior, pull, amounts=amounts, footprint_response=footprint_response),
+            partial(
+                joint_step,
+                matrix,
+                score,
+                prior,
+                pull,
+                amounts=amounts,
+                footprint_response=footprint_response,
+                least_sd=least_sd(masses.sd.size, directions),
+            ),
             sd,
             partial(_held, allowances, amounts),
         )

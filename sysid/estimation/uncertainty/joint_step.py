@@ -24,7 +24,10 @@ from sysid.arrays import Parameters, ParametersByParameters
 
 @dataclass(frozen=True)
 class JointStep:
-    """Changes of p parameters and q masses and departures, these also `over_sd`, in standard deviations."""
+    """Changes of p parameters and q masses and departures, these also `over_sd`, in standard deviations.
+
+    `over_sd` counts in the least standard deviation that matters where the true one is smaller.
+    """
 
     parameters: Parameters
     amounts: np.ndarray
@@ -73,6 +76,7 @@ def joint_step(
     sd: np.ndarray,
     amounts: np.ndarray,
     footprint_response: np.ndarray | None = None,
+    least_sd: np.ndarray | float = 0.0,
 ) -> JointStep:
     """One Gauss-Newton step.
 
@@ -82,6 +86,7 @@ def joint_step(
     prior : (p, p) prior precision of the parameters; pull : (p,) gradient of their prior's half sum of squares.
     sd : (q,) prior standard deviations of masses and departures, 0 for those that stay; amounts : (q,) where they are.
     footprint_response : (p + q, p + q) F, None where footprints stay.
+    least_sd : (q,) standard deviations below which a change of a mass or departure does not matter.
     """
     count = prior.shape[0]
     scale, inverse = joint_scale(information, prior, sd), joint_covariance(information, prior, sd)
@@ -92,8 +97,10 @@ def joint_step(
     if footprint_response is not None:
         whole += (information @ footprint_response) * np.outer(scale, scale)
     step = -np.linalg.solve(whole, gradient)
-    spread = np.sqrt(np.diag(inverse)[count:])
-    return JointStep(step[:count] * scale[:count], step[count:] * sd, step[count:] / spread)
+    amount = step[count:] * sd
+    spread = np.maximum(np.sqrt(np.diag(inverse)[count:]) * sd, least_sd)
+    over_sd = np.divide(amount, spread, where=spread > 0.0, out=np.zeros(sd.size))
+    return JointStep(step[:count] * scale[:count], amount, over_sd)
 
 
 def bounded_step(
