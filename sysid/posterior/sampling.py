@@ -49,7 +49,7 @@ class SamplingOptions:
     walkers_per_parameter: float = 2.1
     segment_steps: int = 10
     adapting_steps: int = 60
-    min_steps: int = 30
+    min_steps: int = 20
     max_steps: int = 1500
     rhat_limit: float = 1.01
     min_effective: float = 400.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -207,8 +207,8 @@ def fit_drops(
     optimum = optimise_from(as_runs, larger, motion, instrument, parameters.start, _hasty(options), report)
     if not _says_little(optimum):
         values, motion = optimum.problem.unpack(optimum.vector)
-        weights = optimum.problem.weights
-        optimum = optimise_from(as_runs, model, motion, instrument, values, options, report, weights=weights)
+        search = partial(optimise_from, as_runs, model, motion, instrument, values, options, report)
+        optimum = search(weights=optimum.problem.weights, damping=optimum.minimum.damping)
     return _estimates(records, optimum)
 
 

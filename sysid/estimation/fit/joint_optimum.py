@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -269,5 +270,6 @@ def _moved(
     amounts = allowances.within_reach(here + step.joint.amounts)
     model = allowances.moved(model, amounts)
     model = with_larger_steps(model, values, motion) if larger_steps else model
-    after = optimise_from(campaign, model, motion, before.instrument, values, options, report, weights=problem.weights)
+    search = partial(optimise_from, campaign, model, motion, before.instrument, values, options, report)
+    after = search(weights=problem.weights, damping=before.minimum.damping)
     return replace(continued(after, before), amounts=amounts, clocks=clocks)

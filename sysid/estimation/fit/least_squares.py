@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -116,14 +117,17 @@ def optimise(
     how = hasty if again or rough else options
     larger = larger_steps or again or rough
     if near is None:
-        model, start, weights = prepared(None), parameters.start, None
+        model, start, weights, damping = prepared(None), parameters.start, None, None
         motion, instrument = _find_motion(campaign, model, start, report)
         check_load_cases(campaign, model, motion, start, instrument, lambda other: prepared(None, other))
     else:
         model, start, weights = prepared(near.problem.model.tires), _start_from(parameters, near), near.problem.weights
         instrument, (_, motion) = near.instrument, near.problem.unpack(near.vector)
+        # Elements that are new stand at their start values, perhaps far from their optimum.
+        damping = near.minimum.damping if parameters.names == near.problem.model.parameters.names else None
     model = with_larger_steps(model, start, motion) if larger else model
-    optimum = optimise_from(campaign, model, motion, instrument, start, how, report, weights=weights)
+    search = partial(optimise_from, campaign, model, motion, instrument, start, how, report)
+    optimum = search(weights=weights, damping=damping)
     if not again or (rough and near is not None):
         return optimum
     for _ in range(1 if rough else _MAPS - 1):
@@ -151,8 +155,8 @@ def _with_own_maps(
     values, motion = before.problem.unpack(before.vector)
     model, weights = prepared(map_tires(before.problem.model.parameters, values)), before.problem.weights
     model = with_larger_steps(model, values, motion) if larger_steps else model
-    again = optimise_from(campaign, model, motion, before.instrument, values, options, report, weights=weights)
-    return continued(again, before)
+    search = partial(optimise_from, campaign, model, motion, before.instrument, values, options, report)
+    return continued(search(weights=weights, damping=before.minimum.damping), before)
 
 
 def _start_from(parameters: ParameterSet, near: Optimum) -> np.ndarray:

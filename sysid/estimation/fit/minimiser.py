@@ -26,6 +26,8 @@ from sysid.vehicle_model.device_arrays import HostOrDevice
 _PATIENCE = 20
 #: Share of the predicted fall of the cost above which the damping is relaxed.
 _GOOD_STEP = 0.75
+#: Least damping with which a search begins: a smaller one changes no step of use.
+_LEAST_DAMPING = 1e-6
 #: A point is a minimum if the expected decrease by the linear model is not larger than this fraction of the cost, or
 #: than this many times the decrease that ends the search. A search ends there only below the second limit.
 _NEGLIGIBLE_FALL, _TOLERANCES = 1e-5, 10.0
@@ -53,13 +55,18 @@ class _Affine(NamedTuple):
 
 @dataclass(frozen=True)
 class Minimum:
-    """A least-squares minimum: `point` (p,), its `cost` = r'r / 2, and how the search went."""
+    """A least-squares minimum: `point` (p,), its `cost` = r'r / 2, and how the search went.
+
+    `damping` is that of the last step, for unknowns scaled by the columns of the Jacobian at the start; None where the
+    search has not converged: the next one may need more.
+    """
 
     point: UnknownsOfFit
     cost: float
     converged: bool
     iterations: int
     message: str
+    damping: float | None = None
 
 
 def promised_fall(residual: Residuals, jacobian: ResidualsByUnknowns) -> float:
@@ -137,6 +144,7 @@ def minimise(
     max_iterations: int = 60,
     on_iteration: Callable[[int, float], None] | None = None,
     corners: Sequence[int] = (),
+    damping: float | None = None,
 ) -> Minimum:
     """Minimise r(y)'r(y) / 2 by Levenberg-Marquardt.
 
@@ -154,6 +162,8 @@ def minimise(
     max_iterations : limit on evaluations of the Jacobian; unknowns at corners may take more.
     on_iteration : called with the number of the iteration and the best cost so far.
     corners : unknowns in which derivatives may jump, see :func:`unknowns_at_corners`.
+    damping : that of the first step, where an earlier search of nearly the same residuals ended with it; None for a
+        first step that is no longer than the start vector.
 
     Raises
     ------
@@ -174,7 +184,7 @@ def minimise(
     by_columns = 1.0 / np.where(norms > 0.0, norms, 1.0)
     report = on_iteration or (lambda iteration, cost: None)
     tolerances = relative_tolerance, step_tolerance
-    better = _search(evaluate, start, here, by_columns, tolerances, max_iterations, report)
+    better = _search(evaluate, start, here, by_columns, tolerances, max_iterations, report, damping)
     done = better.iterations
     if not better.converged and done < max_iterations:
         # An unknown that matters only away from the start was hardly damped: once more, in shares of the start.
@@ -183,7 +193,9 @@ def minimise(
             evaluate, start, here, by_start, tolerances, max_iterations - done, lambda i, cost: report(done + i, cost)
         )
         as_low = again.cost <= better.cost * (1.0 + relative_tolerance)
-        better = again if again.cost < better.cost or (again.converged and as_low) else better
+        if again.cost < better.cost or (again.converged and as_low):
+            # Its damping is in other units.
+            better = replace(again, damping=better.damping)
         better = replace(better, iterations=done + again.iterations)
     if better.converged or not len(corners):
         return better
@@ -242,10 +254,11 @@ def _search(
     tolerances: tuple[float, float],
     max_iterations: int,
     on_iteration: Callable[[int, float], None],
+    damping: float | None = None,
 ) -> Minimum:
     """One search, with unknowns in units of `scale` (p,), from residuals and Jacobian `at_start`.
 
-    `tolerances` are that of the cost and that of steps.
+    `tolerances` are that of the cost and that of steps; `damping` that of the first step, in these units.
     """
     relative_tolerance, step_tolerance = tolerances
     residual, jacobian = at_start
@@ -254,11 +267,13 @@ def _search(
     point = jnp.asarray(start / scale)
     args = _Affine(point, residual, jacobian * scale)
     state = _init(solver, point, args)
-    # The first step is not longer than the start vector: a jump into a flat region would be accepted, and never come
-    # back.
-    reach, pull = float(np.linalg.norm(start / scale)), float(np.linalg.norm((jacobian * scale).T @ residual))
-    if 0.0 < reach < pull:
-        state = eqx.tree_at(lambda s: s.search_state.step_size, state, jnp.asarray(reach / pull))
+    if damping is None:
+        # The first step is not longer than the start vector: a jump into a flat region would be accepted, and never
+        # come back.
+        reach, pull = float(np.linalg.norm(start / scale)), float(np.linalg.norm((jacobian * scale).T @ residual))
+        damping = pull / reach if 0.0 < reach < pull else 1.0
+    of_first = jnp.asarray(1.0 / max(damping, _LEAST_DAMPING))
+    state = eqx.tree_at(lambda s: s.search_state.step_size, state, of_first)
 
     def ended(iteration: int, why: str) -> Minimum:
         fall = promised_fall(*here)
@@ -267,7 +282,8 @@ def _search(
         converged = fall <= negligible * max(best, relative_tolerance**2 * first)
         if not converged:
             why += f", but the linearised model predicts a further fall by {100.0 * fall / best:.2g} %"
-        return Minimum(np.asarray(point) * scale, best, converged, iteration, why)
+        last = 1.0 / float(state.search_state.step_size) if converged else None
+        return Minimum(np.asarray(point) * scale, best, converged, iteration, why, last)
 
     best, rejections = np.inf, 0
     here, first = (residual, jacobian), 0.5 * float(residual @ residual)

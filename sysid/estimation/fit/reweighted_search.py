@@ -35,13 +35,15 @@ def optimise_from(
     report: Progress,
     *,
     weights: Weights | None = None,
+    damping: float | None = None,
 ) -> Optimum:
     """The optimum from given start values, all rounds of re-weighting done.
 
     Parameters
     ----------
-    motion : of every run. instrument : (R, C) instrument noise per group [SI]. start : (p,) log parameters. weights :
-    those of the first round; None for weights that suit parameters far from the optimum.
+    motion : of every run. instrument : (R, C) instrument noise per group [SI]. start : (p,) log parameters.
+    weights : those of the first round; None for weights that suit parameters far from the optimum.
+    damping : that of the first step, as in :func:`sysid.estimation.fit.minimiser.minimise`.
     """
     first_weights = Weights(_first_scale(model, instrument), tuple(np.ones_like(n) for n in instrument))
     problem = Problem(model, campaign, motion, weights or first_weights)
@@ -57,8 +59,9 @@ def optimise_from(
             max_iterations=options.max_iterations,
             on_iteration=partial(_report_iteration, report, number, rounds),
             corners=[i for i, p in enumerate(model.parameters.parameters) if p.quantity in TRAVELS],
+            damping=damping,
         )
-        vector = minimum.point
+        vector, damping = minimum.point, minimum.damping
         iterations += minimum.iterations
         if not last:
             problem.weights = reweighted(problem, problem.linearise(vector))

@@ -108,14 +108,15 @@ def departure_columns(
         for column, there, here, case_of_run in zip(columns, moved, base, cases, strict=True):
             for j in members:
                 case = known.directions[j].load_case
-                runs = np.ones(case_of_run.size, bool) if case is None else case_of_run == case
-                column.by_channel[runs, :, j] = (there.residual[runs] - here.residual[runs]) / steps[j]
-                column.gain[runs, :, j] = (there.gain[runs] - here.gain[runs]) / steps[j]
+                for run in range(case_of_run.size) if case is None else np.flatnonzero(case_of_run == case):
+                    column.set_difference(j, there, here, steps[j], run)
     for j, d in enumerate(known.directions):
         if d.axle is None:
             members = [i for i, m in enumerate(known.directions) if m.kind == d.kind and m.axle is not None]
             for column in columns:
-                column.by_channel[:, :, j] = column.by_channel[:, :, members].sum(axis=2)
+                by_channel = column.by_channel
+                for i in members:
+                    by_channel[:, :, j] += by_channel[:, :, i]
                 column.gain[..., j] = column.gain[..., members].sum(axis=-1)
     return columns
 

@@ -40,6 +40,14 @@ class ResidualColumns(NamedTuple):
         """A view of the derivatives of the residuals, (R, C, m, T)."""
         return np.moveaxis(self.residual, 0, -1)
 
+    def set_difference(self, column: int, there: TrialResiduals, here: TrialResiduals, step: float, run: int) -> None:
+        """Set one column of a run to the difference of two trials over the step between them."""
+        # In place: the arrays are larger than the processor's cache.
+        of_run = self.by_channel[run, :, column]
+        np.subtract(there.residual[run], here.residual[run], out=of_run)
+        of_run /= step
+        self.gain[run, :, column] = (there.gain[run] - here.gain[run]) / step
+
 
 class TrialResiduals(NamedTuple):
     """Weighted residuals (R, C, T) and gain residuals (R, C) of a group for one of several models."""
@@ -117,8 +125,8 @@ def difference_columns(
     base = next(residuals)
     for k, ((_, step), moved) in enumerate(zip(trials, residuals, strict=True)):
         for column, there, here in zip(columns, moved, base, strict=True):
-            column.by_channel[:, :, k] = (there.residual - here.residual) / step
-            column.gain[..., k] = (there.gain - here.gain) / step
+            for run in range(len(there.residual)):
+                column.set_difference(k, there, here, step, run)
     return columns
 
 
