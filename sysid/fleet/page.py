@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -87,6 +88,7 @@ def render_fleet(
         "versions": versions(),
         "figure_numbers": itertools.count(1),
     }
+    gallery.draw()
     return render_page("fleet.html", content)
 
 
@@ -193,20 +195,20 @@ def _maps(p: TypePopulation, out: set[tuple[int, int]], gallery: Gallery) -> lis
         standing = {t for t, parameter in out if parameter in (i, j)}
         axle = int("".join(c for c in p.names[j] if c.isdigit()) or 1) - 1
         new = (np.array([p.new.q05[i], p.new.q95[i]]), np.array([p.new.q05[j], p.new.q95[j]]))
-        ax = plot.truck_map(all_trucks[:, :, i], all_trucks[:, :, j], p.truck_names, standing, new, axle)
+        draws = partial(plot.truck_map, all_trucks[:, :, i], all_trucks[:, :, j], p.truck_names, standing, new, axle)
         caption = f"{p.names[i]} and {p.names[j]} of every truck with 90 % intervals; the box holds 90 % of new trucks"
         caption += ", trucks that stand out are red." if standing else "."
-        pictures.append(gallery.picture(ax, caption, width="half"))
+        pictures.append(gallery.picture(draws, caption, width="half"))
     return pictures
 
 
 def _shrinkage(p: TypePopulation, out: set[tuple[int, int]], gallery: Gallery) -> list[Picture]:
     alone, drawn = (np.stack([q.q05, q.q50, q.q95]) for q in (p.alone, p.trucks))
-    grid = plot.shrinkage(alone, drawn, p.mean.q50, p.truck_names, p.names, out)
+    draws = partial(plot.shrinkage, alone, drawn, p.mean.q50, p.truck_names, p.names, out)
     caption = "Every truck from its own campaigns (grey) and with what all trucks say (coloured): 90 % intervals."
     if len(p.truck_names) > plot.FLEET_ROWS:
         caption += f" The {plot.FLEET_ROWS} trucks furthest from the mean."
-    return [gallery.picture(grid[0, 0], caption)]
+    return [gallery.picture(draws, caption)]
 
 
 def _truck_table(p: TypePopulation, out: set[tuple[int, int]]) -> Table:
@@ -223,8 +225,9 @@ def _load_pictures(loads: Sequence[PopulationLoad], gallery: Gallery) -> list[Pi
     if not loads:
         return []
     ratios = np.array([[x.q05, x.q50, x.q95] for x in loads]).T
-    ax = plot.population_loads(pass_words(loads), [x.axle - 1 for x in loads], ratios)
-    return [gallery.picture(ax, "Peak dynamic load ratio of trucks that nobody has measured: median and 90 % of them.")]
+    draws = partial(plot.population_loads, pass_words(loads), [x.axle - 1 for x in loads], ratios)
+    caption = "Peak dynamic load ratio of trucks that nobody has measured: median and 90 % of them."
+    return [gallery.picture(draws, caption)]
 
 
 def _load_table(loads: Sequence[PopulationLoad]) -> Table | None:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
 
 from sysid import plot
 from sysid.estimates.suspension_values import Quantity
 from sysid.export import Results
 from sysid.numbers import count, number, percent, speed
+from sysid.processes import shared_with_helper
+from sysid.report.drawing import Drawing, Draws, drawn
 from sysid.report.drop_tables import without_dampers
 from sysid.report.load_tables import sweep_name
 from sysid.results.pass_limits import pass_name
@@ -30,27 +32,33 @@ _MOST_CORNER = 14
 _MOST_MARGINALS = 48
 
 
-@dataclass(frozen=True)
+@dataclass
 class Picture:
-    """One figure of the page: the `<svg>` element, its caption, and its width class."""
+    """One figure of the page: its caption, its width class, and the `<svg>` element once the gallery is drawn."""
 
-    svg: Markup
     caption: str
     width: str = "wide"
+    svg: Markup = field(default_factory=Markup)
 
 
 class Gallery:
-    """Turns figures into pictures and numbers their identifiers, so that no two clash on the page."""
+    """Numbers the identifiers of pictures, so that no two clash on the page, and draws all together."""
 
     def __init__(self) -> None:
-        self._made = 0
+        self._pictures: list[Picture] = []
+        self._drawings: list[Drawing] = []
 
-    def picture(self, axes: Axes, caption: str, description: str = "", width: str = "wide") -> Picture:
-        """The figure of `axes` as inline SVG; `description`, if any, replaces the caption for screen readers."""
-        self._made += 1
-        # The SVG was written and escaped by an XML serialiser; only this element may pass unescaped into the page.
-        svg = Markup(plot.svg_element(plot.figure_of(axes), f"f{self._made}", description or caption))
-        return Picture(svg, caption, width)
+    def picture(self, draws: Draws, caption: str, description: str = "", width: str = "wide") -> Picture:
+        """A picture that is still to be drawn; `description`, if any, replaces the caption for screen readers."""
+        self._pictures.append(Picture(caption, width))
+        self._drawings.append(Drawing(draws, f"f{len(self._pictures)}", description or caption))
+        return self._pictures[-1]
+
+    def draw(self) -> None:
+        """Draw all pictures."""
+        for picture, svg in zip(self._pictures, shared_with_helper(drawn, self._drawings), strict=True):
+            # It was written and escaped by an XML serialiser; only this element may pass unescaped into the page.
+            picture.svg = Markup(svg)
 
 
 def comparison_pictures(results: Results, gallery: Gallery) -> list[Picture]:
@@ -60,9 +68,8 @@ def comparison_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     for quantity, name in quantities:
         rows = results.suspension(quantity)
         if any(row.best is not None for row in rows):
-            ax = plot.comparison(rows, quantity)
             caption = f"{name} per axle: marker = method, colour = axle, bar = 90 % interval."
-            pictures.append(gallery.picture(ax, caption, width="half"))
+            pictures.append(gallery.picture(partial(plot.comparison, rows, quantity), caption, width="half"))
     return pictures
 
 
@@ -87,7 +94,7 @@ def drop_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture], li
     several = len({load_case for _, load_case in groups}) > 1
     first = representative_drops(results)
     titles = [f"axle {a.axle + 1}" + (f", {plot.label(a.load_case, 20)}" if several else "") for a in first]
-    overview = plot.drops(first, titles)[0, 0]
+    overview = partial(plot.drops, first, titles)
     caption = (
         "One drop per axle. Filled circles are the peaks that entered period and decrement, open ones did not; the "
         "grey lines are the envelope of the decrement, the vertical line is the moment the axle leaves the plank."
@@ -95,7 +102,7 @@ def drop_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture], li
     shown = [gallery.picture(overview, caption, f"{caption} {' '.join(_drop_words(a) for a in first)}")]
     of_all = [
         gallery.picture(
-            plot.drops(files)[0, 0],
+            partial(plot.drops, files),
             f"Axle {axle + 1} ({results.campaign.vehicle.axles[axle].name}), {load_case}: "
             f"{count(len(files), 'drop')}. {' '.join(_drop_words(a) for a in files)}",
         )
@@ -127,18 +134,17 @@ def scan_pictures(results: Results, gallery: Gallery) -> list[Picture]:
         p = analysis.profile
         peak = float(np.max(p.height_m)) * 1e3 if len(p.height_m) else float("nan")
         caption = f"Profile of {name}: {number(peak)} mm high, {number(p.length_m)} m long."
-        pictures.append(gallery.picture(plot.profile(analysis), caption, width="half"))
+        pictures.append(gallery.picture(partial(plot.profile, analysis), caption, width="half"))
         if analysis.scanned:
             caption = f"Scan of {name} from above; between the dashed lines lie the points used for the profile."
-            pictures.append(gallery.picture(plot.scan(analysis), caption, width="half"))
+            pictures.append(gallery.picture(partial(plot.scan, analysis), caption, width="half"))
         if results.estimates is not None and name in results.estimates.roads:
             caption = (
                 f"Effective profile of {name}: how far the wheel centre of each axle must rise to keep its tires at "
                 f"their static load ({first_load_case(results).name}), tires as radial springs."
             )
-            pictures.append(
-                gallery.picture(plot.effective_profile(p, results.estimates.roads[name]), caption, width="half")
-            )
+            draws = partial(plot.effective_profile, p, results.estimates.roads[name])
+            pictures.append(gallery.picture(draws, caption, width="half"))
     return pictures
 
 
@@ -178,17 +184,16 @@ def history_pictures(results: Results, gallery: Gallery) -> tuple[list[Picture],
         axles = sorted({a for a in history.axles if a is not None})
         chosen = tuple(dict.fromkeys((axles[0], axles[-1]))) if axles else ()
         if chosen:
-            grid = plot.suspension_histories(history, chosen)
             names = " and ".join(f"axle {a + 1}" for a in chosen)
             caption = (
                 f"Measured against simulated, as in Figures 7 and 8 of the paper: suspension deflection and axle "
                 f"acceleration of {names}; {run_words(history)}. Below each history: measured minus simulated, and "
                 f"{_band_words(history)}."
             )
-            shown.append(gallery.picture(grid[0, 0], caption))
+            shown.append(gallery.picture(partial(plot.suspension_histories, history, chosen), caption))
     of_all = []
     if history is not None:
-        of_all.append(gallery.picture(plot.channel_grid(history)[0, 0], f"All channels of {run_words(history)}."))
+        of_all.append(gallery.picture(partial(plot.channel_grid, history), f"All channels of {run_words(history)}."))
     return shown, of_all
 
 
@@ -211,7 +216,7 @@ def mode_pictures(modes: Sequence[NaturalModes], gallery: Gallery) -> list[Pictu
             "fore-aft motion is not drawn."
         )
         listed = ", ".join(f"{number(float(f))} Hz" for f in m.frequency_hz)
-        pictures.append(gallery.picture(plot.mode_shapes(m)[0, 0], caption, f"{caption} Frequencies: {listed}."))
+        pictures.append(gallery.picture(partial(plot.mode_shapes, m), caption, f"{caption} Frequencies: {listed}."))
     return pictures
 
 
@@ -224,7 +229,7 @@ def loop_pictures(results: Results, gallery: Gallery) -> list[Picture]:
             f"{1e3 * loops.amplitude_m:g} mm at {loops.frequency_hz:g} Hz with the least-squares laws; positive pulls "
             "axle and body together, the static load is left out."
         )
-        pictures.append(gallery.picture(plot.suspension_loop_pair(loops)[0, 0], caption))
+        pictures.append(gallery.picture(partial(plot.suspension_loop_pair, loops), caption))
     return pictures
 
 
@@ -246,8 +251,8 @@ def residual_picture(results: Results, gallery: Gallery) -> list[Picture]:
         "channel gets less weight if its residuals have much power at the frequencies that determine the parameters."
     )
     return [
-        gallery.picture(plot.autocorrelation(fit), correlation, width="half"),
-        gallery.picture(plot.residual_spectrum(fit), spectrum, width="half"),
+        gallery.picture(partial(plot.autocorrelation, fit), correlation, width="half"),
+        gallery.picture(partial(plot.residual_spectrum, fit), spectrum, width="half"),
     ]
 
 
@@ -258,10 +263,10 @@ def posterior_pictures(results: Results, gallery: Gallery) -> dict[str, list[Pic
         return {}
     suspension = _suspension_names(results)
     shown = suspension[:_MOST_MARGINALS]
-    marginals = plot.marginals(posterior, shown, results.fit)[0, 0]
-    corner = plot.corner(posterior, shown[:_MOST_CORNER], results.fit)[0, 0]
-    traces = plot.traces(posterior, shown, results.fit)[0, 0]
-    correlation = plot.correlation(plot.posterior_correlation(posterior), posterior.names)
+    marginals = partial(plot.marginals, posterior, shown, results.fit)
+    corner = partial(plot.corner, posterior, shown[:_MOST_CORNER], results.fit)
+    traces = partial(plot.traces, posterior, shown, results.fit)
+    correlation = partial(plot.correlation, plot.posterior_correlation(posterior), posterior.names)
     return {
         "marginals": [
             gallery.picture(marginals, "Posterior of k and c per axle against the prior; the bar is the 90 % interval.")
@@ -291,14 +296,14 @@ def shrinkage_pictures(results: Results, gallery: Gallery) -> list[Picture]:
         "Every parameter over its prior median, 90 % intervals: grey the prior, coloured by axle what is known after "
         "the data. A cross marks what the data do not determine."
     )
-    return [gallery.picture(plot.prior_against_posterior(results.fit, results.posterior), caption)]
+    return [gallery.picture(partial(plot.prior_against_posterior, results.fit, results.posterior), caption)]
 
 
 def profile_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     """Profiles that have been asked for."""
     return [
         gallery.picture(
-            plot.likelihood_profile(p),
+            partial(plot.likelihood_profile, p),
             f"Profile of {p.name}: deviance with all other parameters optimised, and the parabola of the "
             f"covariance; they cross the dotted line at the ends of the 90 % intervals. {p.message}",
             width="half",
@@ -320,7 +325,7 @@ def advice_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     name, sd = advice.worst(advice.now)
     then, left = advice.worst(best)
     words = f"{caption} Now {name} {percent(sd)} at worst; after {best.label} {then} {percent(left)}."
-    return [gallery.picture(plot.next_runs(advice), caption, words)]
+    return [gallery.picture(partial(plot.next_runs, advice), caption, words)]
 
 
 def _by_axle(values: np.ndarray) -> str:
@@ -339,7 +344,7 @@ def prediction_pictures(results: Results, gallery: Gallery) -> list[Picture]:
             "reached."
         )
         peaks = _by_axle(p.peak_ratio_q50)
-        pictures.append(gallery.picture(plot.load_ratios(p)[0, 0], caption, f"{caption} Peak ratios: {peaks}."))
+        pictures.append(gallery.picture(partial(plot.load_ratios, p), caption, f"{caption} Peak ratios: {peaks}."))
     return pictures
 
 
@@ -356,7 +361,7 @@ def sweep_pictures(results: Results, gallery: Gallery) -> list[Picture]:
         )
         fastest = _by_axle(s.peak_ratio.q50[-1])
         words = f"{caption} At {speed(float(s.speed_m_s[-1]))} km/h: {fastest}."
-        pictures.append(gallery.picture(plot.load_ratio_against_speed(s), caption, words, width="half"))
+        pictures.append(gallery.picture(partial(plot.load_ratio_against_speed, s), caption, words, width="half"))
     return pictures
 
 
@@ -366,7 +371,7 @@ def suspension_pictures(results: Results, gallery: Gallery) -> list[Picture]:
         return []
     return [
         gallery.picture(
-            plot.suspension_force(p, 0),
+            partial(plot.suspension_force, p, 0),
             f"{pass_name(p)}: force of spring, damper and friction of axle 1 on the body, as "
             "in Figure 9b of the paper.",
             width="half",

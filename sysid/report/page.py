@@ -38,7 +38,7 @@ def _content(results: Results) -> dict[str, Any]:
     drop_shown, drop_all = figures.drop_pictures(results, gallery)
     history_shown, history_all = figures.history_pictures(results, gallery)
     # The gallery numbers its pictures as they come: the parts stay in this order.
-    return {
+    content = {
         **_answer(results, gallery),
         **_measurements(results, gallery),
         "drop_shown": drop_shown,
@@ -50,6 +50,8 @@ def _content(results: Results) -> dict[str, Any]:
         **_provenance(results),
         "misfit": MISFIT,
     }
+    gallery.draw()
+    return content
 
 
 def _answer(results: Results, gallery: figures.Gallery) -> dict[str, Any]:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from matplotlib.axes import Axes
 
 from sysid import plot
@@ -14,12 +17,17 @@ from sysid.csv_cells import escape_cell
 from sysid.export import Results
 from sysid.files import write_text
 from sysid.plot.style import styled
+from sysid.processes import shared_with_helper
 from sysid.report.answer import axle_load_table
+from sysid.report.drawing import Drawing, Draws, drawn
 from sysid.report.figures import representative_drops, representative_run, run_words
 from sysid.results.pass_limits import pass_name
 
 if TYPE_CHECKING:
+    from sysid.estimation.residuals.run_history import RunHistory
     from sysid.prediction.predicted_passes import PassPrediction
+    from sysid.road.effective import AxleRoad
+    from sysid.road.road_profile import ScanAnalysis
 
 
 def write_paper_figures(results: Results, folder: Path) -> list[Path]:
@@ -34,43 +42,50 @@ def write_paper_figures(results: Results, folder: Path) -> list[Path]:
         rows = [[cell.text.replace(",", "") for cell in row] for row in table.rows]
         csv.writer(stream, lineterminator="\n").writerows([[escape_cell(text) for text in table.head], *rows])
         texts["table_1_axle_loads.csv"] = stream.getvalue()
-    figures: dict[str, Axes] = {}
+    figures: dict[str, Draws] = {}
     for name in list(results.scans)[:1]:
-        figures["figure_5_bump.svg"] = _bump(results, name)
+        roads = () if results.estimates is None else results.estimates.roads.get(name, ())
+        figures["figure_5_bump.svg"] = partial(_bump, results.scans[name], roads)
     if drops := representative_drops(results):
-        figures["figure_6c_plank_drops.svg"] = plot.drops(drops, [f"axle {a.axle + 1}" for a in drops])[0, 0]
+        figures["figure_6c_plank_drops.svg"] = partial(plot.drops, drops, [f"axle {a.axle + 1}" for a in drops])
     if (history := representative_run(results)) is not None:
         axles = sorted({a for a in history.axles if a is not None})
         for number, axle in (("7_first", axles[:1]), ("8_last", axles[-1:])):
             if axle:
-                grid = plot.suspension_histories(history, (axle[0],))
-                plot.figure_of(grid[0, 0]).suptitle(plot.label(run_words(history), 100), fontsize="medium")
-                figures[f"figure_{number}_axle.svg"] = grid[0, 0]
+                figures[f"figure_{number}_axle.svg"] = partial(_one_axle, history, axle[0])
     if results.predictions is not None and results.predictions.passes:
         passes = results.predictions.passes
-        figures["figure_9a_load_ratio.svg"] = _first_axle(passes, "load")
+        figures["figure_9a_load_ratio.svg"] = partial(_first_axle, passes, "load")
         forces = tuple(p for p in passes if p.suspension_force_N is not None)
         if forces:
-            figures["figure_9b_suspension_force.svg"] = _first_axle(forces, "force")
-    texts |= {name: plot.svg_file(plot.figure_of(ax)) for name, ax in figures.items()}
+            figures["figure_9b_suspension_force.svg"] = partial(_first_axle, forces, "force")
+    svgs = shared_with_helper(drawn, [Drawing(draws) for draws in figures.values()])
+    texts |= dict(zip(figures, svgs, strict=True))
     for name, text in texts.items():
         write_text(folder / name, text)
     return [folder / name for name in texts]
 
 
 @styled
-def _bump(results: Results, name: str) -> Axes:
+def _bump(analysis: ScanAnalysis, roads: Sequence[AxleRoad]) -> Axes:
     """Cloud, smooth profile and what the tires feel of it: Figures 5a, 5b and, for the mesh of 5c, its effect."""
-    analysis = results.scans[name]
     parts = 3 if analysis.scanned else 2
     axes = plot.figure(6.4, 2.8 * parts).subplots(parts, 1)
     if analysis.scanned:
         plot.scan(analysis, axes[0])
     plot.profile(analysis, axes[-2])
-    if results.estimates is not None and name in results.estimates.roads:
-        plot.effective_profile(analysis.profile, results.estimates.roads[name], axes[-1])
+    if roads:
+        plot.effective_profile(analysis.profile, roads, axes[-1])
     first: Axes = axes[0]
     return first
+
+
+@styled
+def _one_axle(history: RunHistory, axle: int) -> np.ndarray:
+    """Deflection and acceleration of one axle, with the run above."""
+    grid = plot.suspension_histories(history, (axle,))
+    plot.figure_of(grid).suptitle(plot.label(run_words(history), 100), fontsize="medium")
+    return grid
 
 
 @styled

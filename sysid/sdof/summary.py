@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 
 from sysid.campaign.records import Campaign, PlankDrop
-from sysid.campaign.vehicle_records import Vehicle
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
+from sysid.processes import shared_with_helper
 from sysid.sdof.analysis import analyse_drop, axle_on_tire, has_neighbours
 from sysid.sdof.averages import mean_with_scatter
 from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropMethod, DropSummary
@@ -55,7 +56,7 @@ def analyse_drops(campaign: Campaign, settings: DropSettings | None = None) -> D
     settings = settings or DropSettings()
     vehicle = campaign.vehicle
     drops = [d for d in campaign.plank_drops if _shows_deflection(d)]
-    files = tuple(analyse_drop(d, vehicle, campaign.load_cases[d.load_case], settings) for d in drops)
+    files = shared_with_helper(_analysed, [(d, vehicle, campaign.load_cases[d.load_case], settings) for d in drops])
     with_dampers = [a for a, d in zip(files, drops, strict=True) if d.dampers]
     pooled = []
     for axle, load_case in sorted({(a.axle, a.load_case) for a in with_dampers}, key=lambda key: (key[1], key[0])):
@@ -66,6 +67,10 @@ def analyse_drops(campaign: Campaign, settings: DropSettings | None = None) -> D
     messages = _messages(vehicle, files, pooled, [a for a in files if a not in with_dampers])
     unseen = [(d.log.file, _NO_DEFLECTION.format(d.log.file)) for d in campaign.plank_drops if d not in drops]
     return DropSummary(files=files, pooled=tuple(pooled), messages=(*messages, *say_once(unseen)))
+
+
+def _analysed(of_drop: tuple[PlankDrop, Vehicle, LoadCase, DropSettings]) -> DropAnalysis:
+    return analyse_drop(*of_drop)
 
 
 def _shows_deflection(drop: PlankDrop) -> bool:

@@ -21,6 +21,7 @@ from sysid.posterior.cross_check import CrossCheck
 from sysid.posterior.sampled_posterior import Posterior
 from sysid.prediction.predicted_passes import Predictions
 from sysid.prediction.run_bands import with_bands
+from sysid.processes import helped_by, no_helper_afterwards
 from sysid.progress import Progress, unwatched
 from sysid.results.contents import Results
 from sysid.road.road_profile import ScanAnalysis
@@ -32,7 +33,7 @@ from sysid.workflow.assembly import assembled
 from sysid.workflow.earlier_files import remove_earlier
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
-from sysid.workflow.runner import NO_OPTIONS, Runner
+from sysid.workflow.runner import NO_OPTIONS, Runner, begin_helper_ahead
 from sysid.workflow.settings import Settings
 from sysid.workflow.stage import Aside, Ending, Itemwise, Notice, Stage
 from sysid.workflow.stage_folder import SUCCESS_MARKER, StageFolder
@@ -127,7 +128,8 @@ class Calibration:
         results = self.results()
         written: list[Path] = []
         # The step ends first: its last part is timed too.
-        with self._folder.timed(ending.name, lambda: self._steps.parts), self._steps.step(ending.name):
+        timed = self._folder.timed(ending.name, lambda: self._steps.parts)
+        with timed, self._steps.step(ending.name), helped_by(ending.helper):
             self._folder.write(lambda: written.extend(ending.write(results, self.output, self._steps)))
             self._folder.write(lambda: remove_earlier(self.output, ending.name, written))
         return written
@@ -231,14 +233,17 @@ class Calibration:
         """All stages in order, then exports, report and the success marker, which is written last."""
         kinds = ("always",) if self.settings.quick else ("always", "full")
         wanted = [stage for stage in stages.STAGES if stage.in_run in kinds]
-        with self._folder.lock:
+        with self._folder.lock, no_helper_afterwards():
             self._folder.no_success()
             self._folder.tidy()
             if not self._runner.resume:
                 self._folder.forget(stages.STAGES)
-            efforts = {stage.name: stage.effort for stage in self._runner.missing(wanted)}
-            with self._steps.planned(efforts | {ending.name: ending.effort for ending in stages.ENDINGS}):
+            missing = self._runner.missing(wanted)
+            ahead: list[Stage[Any] | Ending] = [*missing, *stages.ENDINGS]
+            with self._steps.planned({record.name: record.effort for record in ahead}):
                 for stage in wanted:
+                    if stage in ahead:
+                        begin_helper_ahead(ahead[ahead.index(stage) :])
                     self._runner.result(stage)
                 for ending in stages.ENDINGS:
                     self.write(ending)

@@ -7,17 +7,25 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, TypeVar
 
 from sysid.errors import NumericsError
+from sysid.processes import begin_helper, helped_by
 from sysid.runtime import forget_compiled
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
 from sysid.workflow.settings import Settings
-from sysid.workflow.stage import Context, Itemwise, Notice, Stage, Whole
+from sysid.workflow.stage import Context, Ending, Itemwise, Notice, Stage, Whole
 from sysid.workflow.stage_folder import StageFolder, dependents
 from sysid.workflow.stages import STAGES
 from sysid.workflow.versions import versions
 
 T = TypeVar("T")
 NO_OPTIONS: Mapping[str, Any] = {}
+#: A helper process starts so many stages ahead: it imports for a second or two, and has memory of its own.
+_HELPER_AHEAD = 3
+
+
+def begin_helper_ahead(records: Sequence[Stage[Any] | Ending]) -> None:
+    """Start the helper of what comes soon, so that it is ready then."""
+    begin_helper(next((record.helper for record in records[:_HELPER_AHEAD] if record.helper), None))
 
 
 class Runner:
@@ -42,7 +50,8 @@ class Runner:
             if isinstance(stage, Itemwise):
                 # An unknown name is reported before anything is computed, if this needs no computation.
                 stage.chosen(self.context(stage, options, at_once=False))
-            for other in missing:
+            for number, other in enumerate(missing):
+                begin_helper_ahead(missing[number:])
                 self._result(other, options if other is stage else NO_OPTIONS)
             return self._result(stage, options)
 
@@ -120,7 +129,8 @@ class Runner:
             context = self.context(stage, options)
             # What is in memory only may be asked for beside another process that computes.
             with self.folder.lock if stage.in_file else nullcontext():
-                with self._timed(stage.name), self.steps.step(stage.name), _breakdown_said(stage.name):
+                helped = helped_by(stage.helper)
+                with self._timed(stage.name), self.steps.step(stage.name), _breakdown_said(stage.name), helped:
                     result: T = stage.compute(context)
                 self.folder.keep(stage, result)
             forget_compiled()

@@ -18,7 +18,7 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
-from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE, departure_columns, departure_scale
+from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE, departure_columns, departure_scale, least_sd
 from sysid.estimation.uncertainty.departures import ENVELOPE, FRICTION, REACH, SPOKES, TIRE_LOAD, Departure, Departures
 from sysid.vehicle_model.passes import EffectiveRoads
 
@@ -149,6 +149,10 @@ def test_data_without_departures_leave_scales_of_their_own_accuracy_and_no_data_
     assert found.sd[0] < 3.0 / (1e3 * np.sqrt(200))
     silent = departure_scale(np.eye(2) * 1e-12, np.zeros(2), np.eye(1), np.zeros(0), [Departure(FRICTION, 0)])
     assert silent.sd[0] == pytest.approx(PLAUSIBLE[FRICTION])
+
+
+def test_friction_counts_from_a_hundredth_of_its_plausible_share_on_and_a_mass_always():
+    np.testing.assert_allclose(least_sd(1, [Departure(FRICTION, 0), Departure(ENVELOPE, 1)]), [0.0, 3e-4, 0.01])
 
 
 def test_stiffening_spokes_are_the_maps_of_their_exponent(model):

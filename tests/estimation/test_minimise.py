@@ -88,6 +88,29 @@ def test_progress_is_reported():
     assert seen[0][1] == pytest.approx(6.5)
 
 
+def test_a_search_that_goes_on_begins_with_the_damping_of_the_one_before():
+    """Columns that are nearly the same: with the first damping the way along their difference takes many steps."""
+    jacobian = np.array([[1.0, 1.0], [0.0, 3e-3], [0.0, 0.0]])
+
+    def evaluate(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return jacobian @ (point - 1.0) + np.array([0.0, 0.0, 0.1]), jacobian
+
+    first = minimise(evaluate, np.array([3.0, -2.0]))
+    again = minimise(evaluate, np.array([0.8, 1.5]))
+    goes_on = minimise(evaluate, np.array([0.8, 1.5]), damping=first.damping)
+    assert first.damping is not None
+    assert goes_on.converged
+    np.testing.assert_allclose(goes_on.point, 1.0, rtol=1e-6)
+    assert goes_on.iterations <= again.iterations / 2
+
+
+def test_a_search_that_has_not_converged_hands_on_no_damping():
+    def evaluate(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.append(point - 1.0, 1.0), -np.eye(3, 2)
+
+    assert minimise(evaluate, np.array([3.0, -2.0])).damping is None
+
+
 def test_failed_trials_alone_are_no_convergence():
     """Derivatives of the wrong sign: every trial goes uphill and is rejected, but the slope has not vanished."""
 

@@ -64,6 +64,20 @@ def test_one_step_reaches_the_joint_optimum_of_a_dense_problem():
     assert held.amounts[1] == held.over_sd[1] == 0.0
 
 
+def test_a_change_counts_in_the_least_deviation_that_matters():
+    """One unknown with a scale of 1e-6 moves by its own deviation, a ten-thousandth of what matters; the mass counts as
+    before."""
+    jacobian, residual, prior, _ = linear_problem()
+    sd, amounts = np.array([0.03, 1e-6]), np.array([0.0, 1e-6])
+    arguments = jacobian.T @ jacobian, jacobian.T @ residual, prior, np.zeros(3), sd, amounts
+    alone, counted = joint_step(*arguments), joint_step(*arguments, least_sd=np.array([0.0, 0.01]))
+    np.testing.assert_array_equal(counted.amounts, alone.amounts)
+    assert counted.over_sd[0] == alone.over_sd[0]
+    # Back to zero, which the prior of 1e-6 asks for.
+    assert alone.over_sd[1] == pytest.approx(-1.0, rel=1e-3)
+    assert counted.over_sd[1] == pytest.approx(-1e-4, rel=1e-3)
+
+
 def test_what_leaves_its_bound_only_when_another_is_held_is_held_too():
     """Both at zero and not to fall below: against bounded least squares.  The first step would move one of them up."""
     jacobian = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 2.0], [0.0, 0.0, 1.0]])

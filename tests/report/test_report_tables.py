@@ -59,7 +59,9 @@ def test_the_drop_shown_first_has_its_dampers_and_is_usable():
         campaign=replace(results.campaign, plank_drops=drops),
         drops=replace(results.drops, files=files),
     )
-    (shown,), _ = drop_pictures(changed, Gallery())
+    gallery = Gallery()
+    (shown,), _ = drop_pictures(changed, gallery)
+    gallery.draw()
     assert "c: period 0.600 s, decrement 0.700, 4 of 5 peaks used" in shown.svg
     assert "b: not usable" not in shown.svg
 

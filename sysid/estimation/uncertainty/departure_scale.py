@@ -41,7 +41,7 @@ from sysid.estimation.uncertainty.residual_columns import STEP, ResidualColumns,
 #: stiffness beyond its load law; 3 % of the load as friction (leaf packs have 2 to 10 %, general knowledge).
 PLAUSIBLE = {ENVELOPE: 1.0, FOOTPRINT: 0.2, SPOKES: 0.2, TIRE_LOAD: 0.1, FRICTION: 0.03}
 #: Changes of a departure count in at least this share of its plausible scale. Data that show none of a kind make its
-#: scale arbitrarily small: steps of 1e-5 of the load as friction then are a standard deviation, and change nothing else.
+#: scale arbitrarily small: friction of 1e-5 of the load is then a standard deviation, and changes nothing else.
 _COUNTED = 0.01
 #: Readings of a weighing scale are assumed to be off by no more than this many times their tolerance.
 MOST_GROWN = 3.0
@@ -108,8 +108,9 @@ def departure_columns(
         for column, there, here, case_of_run in zip(columns, moved, base, cases, strict=True):
             for j in members:
                 case = known.directions[j].load_case
-                for run in range(case_of_run.size) if case is None else np.flatnonzero(case_of_run == case):
-                    column.set_difference(j, there, here, steps[j], run)
+                for run in range(case_of_run.size):
+                    if case is None or case_of_run[run] == case:
+                        column.set_difference(j, there, here, steps[j], run)
     for j, d in enumerate(known.directions):
         if d.axle is None:
             members = [i for i, m in enumerate(known.directions) if m.kind == d.kind and m.axle is not None]

@@ -1,0 +1,159 @@
+"""Work shared with a helper process: the same results whoever computes, also where the helper fails or is missing."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from sysid import processes
+from sysid.errors import DataRejectedError
+from sysid.processes import begin_helper, end_helper, helped_by, no_helper_afterwards, shared_with_helper
+
+
+@pytest.fixture(autouse=True)
+def two_threads(monkeypatch):
+    monkeypatch.setenv("SYSID_THREADS", "2")
+    yield
+    end_helper()
+
+
+def process_of(_):
+    time.sleep(0.05)
+    return os.getpid()
+
+
+def process_and_threads(_):
+    time.sleep(0.05)
+    return os.getpid(), os.environ.get("OPENBLAS_NUM_THREADS")
+
+
+def square(x):
+    return x * x
+
+
+def dies_elsewhere(parent):
+    if os.getpid() != parent:
+        os._exit(1)
+    return parent
+
+
+def fails(x):
+    if x == 3:
+        raise DataRejectedError("the third file is broken.")
+    return x
+
+
+def test_without_a_helper_this_process_computes():
+    assert set(shared_with_helper(process_of, range(4))) == {os.getpid()}
+
+
+def test_both_processes_work_and_results_keep_their_order():
+    with helped_by("math"):
+        first = shared_with_helper(process_of, range(40))
+        squares = shared_with_helper(square, range(100))
+    assert len(set(first)) == 2
+    assert os.getpid() in first
+    # From the front here, from the end there.
+    mine = [p == os.getpid() for p in first]
+    assert mine == sorted(mine, reverse=True)
+    assert squares == tuple(x * x for x in range(100))
+
+
+def test_linear_algebra_of_the_helper_runs_in_one_thread():
+    with helped_by("math"):
+        seen = shared_with_helper(process_and_threads, range(40))
+    assert {threads for process, threads in seen if process != os.getpid()} == {"1"}
+
+
+def test_the_helper_ends_with_the_stage():
+    with helped_by("math"):
+        pids = set(shared_with_helper(process_of, range(40))) - {os.getpid()}
+    (helper,) = pids
+    # A process that has ended and was waited for has no entry any more.
+    for _ in range(100):
+        try:
+            os.kill(helper, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.05)
+    pytest.fail("the helper is still there")
+
+
+def test_what_a_helper_that_dies_had_to_do_is_done_here():
+    with helped_by("math"):
+        assert shared_with_helper(dies_elsewhere, [os.getpid()] * 20) == (os.getpid(),) * 20
+
+
+def test_an_error_in_an_item_is_raised_as_it_is():
+    with helped_by("math"), pytest.raises(DataRejectedError, match="the third file is broken"):
+        shared_with_helper(fails, range(4))
+
+
+def test_what_cannot_be_sent_is_done_here():
+    with helped_by("math"):
+        locked = [__import__("threading").Lock() for _ in range(6)]
+        assert shared_with_helper(type, locked) == (type(locked[0]),) * 6
+
+
+def test_one_core_has_no_helper(monkeypatch):
+    monkeypatch.setenv("SYSID_THREADS", "1")
+    begin_helper("math")
+    assert processes._Kept.helper is None
+
+
+def test_where_no_process_can_be_started_the_work_is_done_here(monkeypatch):
+    import loky
+
+    def refused(*args, **kwargs):
+        raise OSError("no semaphores")
+
+    monkeypatch.setattr(loky, "ProcessPoolExecutor", refused)
+    with helped_by("math"):
+        assert shared_with_helper(square, range(5)) == (0, 1, 4, 9, 16)
+
+
+def test_a_helper_that_nothing_used_is_ended():
+    with no_helper_afterwards():
+        begin_helper("math")
+        assert processes._Kept.helper is not None
+    assert processes._Kept.helper is None
+
+
+SCRIPT = """
+import time
+from sysid.processes import helped_by, shared_with_helper
+# No guard: the helper must not run this script.
+print("started", flush=True)
+try:
+    with helped_by("math"):
+        shared_with_helper(time.sleep, [0.2] * 40)
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="process groups")
+def test_ctrl_c_reaches_this_process_alone_and_scripts_need_no_guard(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    environment = {**os.environ, "SYSID_THREADS": "2"}
+    process = subprocess.Popen(
+        [sys.executable, str(script)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        start_new_session=True,
+        # A background job of a shell ignores Ctrl-C; pytest may be one.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "started\n"
+    time.sleep(2.5)
+    # As the terminal does: to the whole group.
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err) == (0, "interrupted\n", "")
