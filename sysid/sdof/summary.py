@@ -12,7 +12,7 @@ import pandas as pd
 
 from sysid.campaign.records import Campaign, PlankDrop
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
-from sysid.processes import shared_with_helper
+from sysid.helper_process import shared_with_helper
 from sysid.sdof.analysis import analyse_drop, axle_on_tire, has_neighbours
 from sysid.sdof.averages import mean_with_scatter
 from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropMethod, DropSummary

@@ -14,6 +14,7 @@ from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.profiles import ProfileLikelihood
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.files import write_text
+from sysid.helper_process import helped_by, no_helper_afterwards
 from sysid.output_folder import output_folder
 from sysid.planning.advice_records import Advice
 from sysid.planning.advise import CANDIDATE_KM_H
@@ -21,7 +22,6 @@ from sysid.posterior.cross_check import CrossCheck
 from sysid.posterior.sampled_posterior import Posterior
 from sysid.prediction.predicted_passes import Predictions
 from sysid.prediction.run_bands import with_bands
-from sysid.processes import helped_by, no_helper_afterwards
 from sysid.progress import Progress, unwatched
 from sysid.results.contents import Results
 from sysid.road.road_profile import ScanAnalysis

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, TypeVar
 
 from sysid.errors import NumericsError
-from sysid.processes import begin_helper, helped_by
+from sysid.helper_process import begin_helper, helped_by
 from sysid.runtime import forget_compiled
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps

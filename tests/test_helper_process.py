@@ -8,9 +8,9 @@ import time
 
 import pytest
 
-from sysid import processes
+from sysid import helper_process
 from sysid.errors import DataRejectedError
-from sysid.processes import begin_helper, end_helper, helped_by, no_helper_afterwards, shared_with_helper
+from sysid.helper_process import begin_helper, end_helper, helped_by, no_helper_afterwards, shared_with_helper
 
 
 @pytest.fixture(autouse=True)
@@ -38,6 +38,13 @@ def dies_elsewhere(parent):
     if os.getpid() != parent:
         os._exit(1)
     return parent
+
+
+def says(x):
+    sys.stdout.write("a library's remark\n")
+    sys.stdout.flush()
+    time.sleep(0.02)
+    return x
 
 
 def fails(x):
@@ -98,19 +105,22 @@ def test_what_cannot_be_sent_is_done_here():
         assert shared_with_helper(type, locked) == (type(locked[0]),) * 6
 
 
+def test_what_the_helper_prints_is_not_taken_for_an_answer():
+    with helped_by("math"):
+        assert shared_with_helper(says, range(12)) == tuple(range(12))
+
+
 def test_one_core_has_no_helper(monkeypatch):
     monkeypatch.setenv("SYSID_THREADS", "1")
     begin_helper("math")
-    assert processes._Kept.helper is None
+    assert helper_process._Kept.helper is None
 
 
 def test_where_no_process_can_be_started_the_work_is_done_here(monkeypatch):
-    import loky
-
     def refused(*args, **kwargs):
-        raise OSError("no semaphores")
+        raise OSError("no further process")
 
-    monkeypatch.setattr(loky, "ProcessPoolExecutor", refused)
+    monkeypatch.setattr(helper_process.subprocess, "Popen", refused)
     with helped_by("math"):
         assert shared_with_helper(square, range(5)) == (0, 1, 4, 9, 16)
 
@@ -118,13 +128,13 @@ def test_where_no_process_can_be_started_the_work_is_done_here(monkeypatch):
 def test_a_helper_that_nothing_used_is_ended():
     with no_helper_afterwards():
         begin_helper("math")
-        assert processes._Kept.helper is not None
-    assert processes._Kept.helper is None
+        assert helper_process._Kept.helper is not None
+    assert helper_process._Kept.helper is None
 
 
 SCRIPT = """
 import time
-from sysid.processes import helped_by, shared_with_helper
+from sysid.helper_process import helped_by, shared_with_helper
 # No guard: the helper must not run this script.
 print("started", flush=True)
 try:

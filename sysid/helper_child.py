@@ -1,0 +1,39 @@
+"""The process that does a part of another one's work, started by :mod:`sysid.helper_process`.
+
+It is run as a script.  From standard input come pickled objects of the program itself: first the search path for
+modules and a module to import ahead, then functions with what they take; to standard output goes for each whether there
+is a result, and the result.  The end of its input means that nobody waits for it any more, and it stops.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pickle
+import sys
+from contextlib import suppress
+
+
+def main() -> None:
+    """Compute items until the input ends."""
+    answers, requests = os.fdopen(os.dup(sys.stdout.fileno()), "wb"), sys.stdin.buffer
+    # What a library prints must not stand among the answers.
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    sys.path[:], module = pickle.load(requests)
+    with suppress(Exception):
+        importlib.import_module(module)
+    while True:
+        try:
+            function, item = pickle.load(requests)
+            answer = pickle.dumps((True, function(item)))
+        except EOFError:
+            return
+        # Whatever goes wrong, it goes wrong once more where the user can be told.
+        except Exception:
+            answer = pickle.dumps((False, None))
+        answers.write(answer)
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""Work shared with a second process, where Python's lock would let threads wait for each other.
+
+Reading plank drops and drawing figures is Python code: two threads would take turns.  While a stage asks for it
+(:func:`helped_by`), a helper process does a part of its work (:mod:`sysid.helper_child`).  It ends with the stage, so
+that its memory does not add to that of others.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, TypeVar
+
+from sysid.threads import thread_count
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
+
+_CHILD = Path(__file__).with_name("helper_child.py")
+#: Items that the helper has before it: one that it works on, and the next.
+_AHEAD = 2
+#: It keeps one core busy, also in the linear algebra.
+_ONE_THREAD = dict.fromkeys(("SYSID_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+
+
+class _Helper:
+    """A Python process that computes one item after the other, and the thread that talks to it."""
+
+    def __init__(self, module: str):
+        # It starts Python anew, because a fork of a process with threads can hang. A session of its own: Ctrl-C is for
+        # this process to answer. What it prints was printed here if it mattered: what it fails to do is done here.
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", str(_CHILD)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, **_ONE_THREAD},
+            start_new_session=True,
+        )
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sysid_helper")
+        self._thread.submit(self._write, (sys.path, module))
+
+    def submit(self, function: Callable[[_Item], _Result], item: _Item) -> Future[_Result]:
+        """The coming result of a function for an item; an error says only that there is none."""
+        return self._thread.submit(self._asked, function, item)
+
+    def end(self) -> None:
+        """End the process; what it has not done is lost."""
+        self._process.kill()
+        self._process.wait()
+        self._thread.shutdown(cancel_futures=True)
+        for stream in (self._process.stdin, self._process.stdout):
+            assert stream is not None
+            # What stands in the buffer of a pipe that nobody reads cannot be written.
+            with suppress(OSError):
+                stream.close()
+
+    def _asked(self, function: Callable[[_Item], _Result], item: _Item) -> _Result:
+        self._write((function, item))
+        assert self._process.stdout is not None
+        done, result = pickle.load(self._process.stdout)
+        if not done:
+            raise RuntimeError("the helper process could not compute an item")
+        answer: _Result = result
+        return answer
+
+    def _write(self, request: Any) -> None:
+        # Whole or not at all: what cannot be pickled must not leave a half of it in the pipe.
+        content = pickle.dumps(request)
+        assert self._process.stdin is not None
+        self._process.stdin.write(content)
+        self._process.stdin.flush()
+
+
+class _Kept:
+    """The helper of this process, None while there is none."""
+
+    helper: _Helper | None = None
+
+
+@contextmanager
+def helped_by(module: str | None) -> Iterator[None]:
+    """While it lasts :func:`shared_with_helper` has a helper, which begins to import `module`; None for no helper."""
+    if module is None:
+        yield
+        return
+    begin_helper(module)
+    with no_helper_afterwards():
+        yield
+
+
+@contextmanager
+def no_helper_afterwards() -> Iterator[None]:
+    """End a helper that was started ahead of work that never came."""
+    try:
+        yield
+    finally:
+        end_helper()
+
+
+def begin_helper(module: str | None) -> None:
+    """Start the helper, if there is none, so that it has imported `module` when it is needed.
+
+    Nothing happens where there is one core, or where no process can be started.
+    """
+    if module is None or _Kept.helper is not None or thread_count() < 2:
+        return
+    # No memory, no further process, no interpreter: whatever keeps it from starting, the work is done without it.
+    with suppress(Exception):
+        _Kept.helper = _Helper(module)
+
+
+def end_helper() -> None:
+    """End the helper, if there is one."""
+    helper, _Kept.helper = _Kept.helper, None
+    if helper is not None:
+        helper.end()
+
+
+def shared_with_helper(function: Callable[[_Item], _Result], items: Iterable[_Item]) -> tuple[_Result, ...]:
+    """Results of a function for all items, in their order, some of them computed by the helper process if there is one.
+
+    This process takes items from the front, the helper from the end.  What the helper fails to compute is computed
+    here: no result depends on who did it.
+
+    Parameters
+    ----------
+    function : a function of a module; what it takes and returns can be pickled.
+    """
+    work, helper = tuple(items), _Kept.helper
+    results: dict[int, _Result] = {}
+    left, given = deque(range(len(work))), deque[tuple[int, Future[_Result]]]()
+    while left:
+        while given and given[0][1].done():
+            _receive(given.popleft(), results)
+        # The last item is not worth the wait for another process.
+        while helper is not None and len(given) < _AHEAD and len(left) > 1:
+            number = left.pop()
+            try:
+                given.append((number, helper.submit(function, work[number])))
+            except RuntimeError:
+                # Another thread has ended it.
+                left.append(number)
+                helper = None
+        number = left.popleft()
+        results[number] = function(work[number])
+    while given:
+        _receive(given.popleft(), results)
+    for number in set(range(len(work))) - set(results):
+        # The helper failed: if the item is at fault, its error comes from here.
+        results[number] = function(work[number])
+    return tuple(results[number] for number in range(len(work)))
+
+
+def _receive(given: tuple[int, Future[_Result]], results: dict[int, _Result]) -> None:
+    # A cancelled future raises what is no Exception.
+    with suppress(Exception, CancelledError):
+        results[given[0]] = given[1].result()
