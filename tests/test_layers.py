@@ -22,7 +22,7 @@ ROOT = Path(sysid.__file__).resolve().parent
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
     {"limits"},
-    {"arrays", "errors", "files", "lazy_names", "private_files", "progress", "read_worker", "wording"},
+    {"arrays", "errors", "files", "helper_child", "lazy_names", "private_files", "progress", "read_worker", "wording"},
     {
         "array_file",
         "bounded_reader",
@@ -35,6 +35,7 @@ LEVELS = (
         "tabular",
         "threads",
     },
+    {"helper_process"},
     {"logs"},
     {"campaign"},
     {"sdof", "road"},
@@ -160,6 +161,7 @@ SHOWN = {
     "estimates.suspension_values",
     "estimation.fit.thresholds",
     "files",
+    "helper_process",
     "numbers",
     "results.contents",
     "results.judgement",
