@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -23,7 +23,7 @@ from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quant
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
 from sysid.prediction.vehicle_draws import (
-    DrawnVehicles,
+    MakesVehicles,
     VehicleDraws,
     drawn_vehicles,
     histories_of_draws,
@@ -104,7 +104,7 @@ def _simulate(
     sets: np.ndarray,
     vehicles: VehicleDraws | None = None,
     stops: AssumedStops | None = None,
-    drawn: Iterable[DrawnVehicles] | None = None,
+    drawn: Sequence[MakesVehicles] | None = None,
     *,
     interval_s: float = INTERVAL_S,
     lengths: Sequence[int] = (),
@@ -271,7 +271,8 @@ def speed_sweep(
         # A vehicle is the same at every speed.
         wanted = Pass(load_case, bump)
         batch = make_pass_batch(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
-        drawn = tuple(drawn_vehicles(batch, parameters, vehicles, wanted))
+        made = [make() for make in drawn_vehicles(batch, parameters, vehicles, wanted)]
+        drawn = [partial(lambda some: some, some) for some in made]
     for i, speed in enumerate(speeds_m_s):
         progress(f"ratio against speed, {load_case}", i / len(speeds_m_s))
         request = PredictionRequest(load_case, speed, bump)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -18,6 +18,7 @@ from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowan
 from sysid.prediction.assumed_stops import AssumedStops, assumed_stops
 from sysid.prediction.driven_range import spring_deflection
 from sysid.prediction.trust import DrivenRange
+from sysid.threads import side_by_side
 from sysid.vehicle_model.contact import EffectiveRoad, roads_side_by_side
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.motion import Motion
@@ -91,13 +92,18 @@ class DrawnVehicles(NamedTuple):
     road: EffectiveRoad
 
 
+#: Makes some of the draws' vehicles when it is called: those of all draws take much memory.
+MakesVehicles = Callable[[], DrawnVehicles]
+
+
 def drawn_vehicles(
     batch: PassBatch, parameters: ParameterSet, vehicles: VehicleDraws, driven: Pass
-) -> Iterator[DrawnVehicles]:
+) -> tuple[MakesVehicles, ...]:
     """The vehicles of all draws in the pass `driven`, of which `batch` is the one with declared masses."""
     masses, departures = vehicles.allowances.masses, vehicles.allowances.departures
     count = len(vehicles.amounts)
-    for first in range(0, count, TOGETHER):
+
+    def some(first: int) -> DrawnVehicles:
         # The last chunk repeats its last draw: one size is compiled once.
         chosen = np.minimum(np.arange(first, first + TOGETHER), count - 1)
         matrices, laws, roads = [], [], []
@@ -111,13 +117,15 @@ def drawn_vehicles(
             laws.append(inputs if vehicles.stops is None else vehicles.stops.on(inputs, int(draw)))
             roads.append(vehicles.allowances.road([driven], vehicles.amounts[draw]))
         stacked = jax.tree.map(lambda *parts: runs_side_by_side(parts), *matrices)
-        yield DrawnVehicles(
+        return DrawnVehicles(
             chosen, stacked, jax.tree.map(lambda *parts: np.stack(parts), *laws), roads_side_by_side(roads)
         )
 
+    return tuple(partial(some, first) for first in range(0, count, TOGETHER))
+
 
 def histories_of_draws(
-    drawn: Iterable[DrawnVehicles],
+    drawn: Sequence[MakesVehicles],
     axle_x: np.ndarray,
     log_parameters: DrawsByParameters,
     motion: Motion,
@@ -138,7 +146,9 @@ def histories_of_draws(
     # Filled chunk by chunk: chunks that are joined in the end take twice the memory.
     histories = np.empty((4, timing.samples, count, len(axle_x)))
     at_rest = np.empty((count, len(axle_x)))
-    for some in drawn:
+
+    def fill(make: MakesVehicles) -> None:
+        some = make()
         speed, start_s = (np.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s))
         road = wheel_road(some.matrices, some.road, axle_x, Motion(speed, start_s), timing)
         sets = log_parameters[some.chosen, :, None]
@@ -148,6 +158,9 @@ def histories_of_draws(
         at_rest[first:end] = some.matrices.static_load[: end - first, :, 0]
         for whole, part in zip(histories, (tire, suspension + some.matrices.carried_load, *deflections), strict=True):
             whole[:, first:end] = part[:, : end - first, :, 0]
+
+    # While the engine computes for one thread, another one makes vehicles.
+    side_by_side(fill, drawn)
     if contact_error is not None:
         histories[0] = with_contact_error(histories[0], at_rest, contact_error)
     return (*(np.moveaxis(history, 1, 2) for history in histories), at_rest.T)
