@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 
 from sysid.vehicle_model.device_arrays import ChannelHistories, HostOrDevice, RunsByChannelsBySets
 
@@ -86,3 +87,43 @@ def standardised_residuals(
     spread = readings.gain_sd[:, None]
     prior = jnp.where(jnp.isfinite(readings.noise_sd)[..., None], (fit.gain - 1.0) / spread, 0.0)
     return jnp.asarray(residual), jnp.asarray(prior)
+
+
+def residuals_of_trials(readings: Readings, simulated: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (K, R, C, T) and the gains' prior residuals (K, R, C), as :func:`standardised_residuals`, by NumPy.
+
+    For some models of the same runs it takes half of the time that XLA takes, and nothing is compiled: the samples of a
+    channel lie next to each other, and every step overwrites the one before.
+
+    Parameters
+    ----------
+    readings : data and weights.
+    simulated : (T, R, K, C) sensor signals of K models.
+    """
+    value, measured, censored = (
+        np.ascontiguousarray(np.moveaxis(np.asarray(x), 0, -1))
+        for x in (readings.value, readings.measured, readings.censored)
+    )
+    noise_sd, gain_sd = np.asarray(readings.noise_sd), np.asarray(readings.gain_sd)
+    scale, share, prior = np.asarray(readings.tempering) / noise_sd, measured**2, 1.0 / gain_sd**2
+    count = share.sum(axis=-1)
+    count += count == 0.0
+    from_mean = value - (np.einsum("rct,rct->rc", share, value) / count)[..., None]
+    samples, runs, models, channels = simulated.shape
+    residual, gains = np.empty((models, runs, channels, samples)), np.empty((models, runs, channels))
+    of_y = np.empty((channels, samples))
+    # A run of a model at a time stays in the processor's cache.
+    for k, r in np.ndindex(models, runs):
+        y = residual[k, r]
+        y[:] = simulated[:, r, k].T
+        y -= (np.einsum("ct,ct->c", y, share[r]) / count[r])[:, None]
+        np.multiply(y, share[r], out=of_y)
+        s_yy, s_yd = np.einsum("ct,ct->c", of_y, y), np.einsum("ct,ct->c", of_y, value[r])
+        gain = gains[k, r] = (s_yd * scale[r] ** 2 + prior) / (s_yy * scale[r] ** 2 + prior)
+        y *= gain[:, None]
+        y -= from_mean[r]
+        outside = np.where(censored[r] * y < 0.0, y, 0.0) * np.abs(censored[r]) if censored[r].any() else 0.0
+        y *= measured[r]
+        y += outside
+        y *= scale[r][:, None]
+    return residual, np.where(np.isfinite(noise_sd), (gains - 1.0) / gain_sd, 0.0)

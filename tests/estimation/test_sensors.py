@@ -8,6 +8,7 @@ import pytest
 
 from sysid.estimation.residuals.bump_model import GroupArrays
 from sysid.estimation.residuals.sensor_residuals import eliminate_sensors, group_residuals
+from sysid.vehicle_model.readings import residuals_of_trials
 
 SAMPLES, RUNS, CHANNELS, SETS = 60, 2, 3, 4
 GAIN_SD = np.array([0.005, 0.01, 0.01])
@@ -50,6 +51,24 @@ def test_residuals_carry_the_minimum_of_the_dense_problem(case):
         smallest = np.linalg.lstsq(rows, right, rcond=None)[1][0]
         assert float((residual[:, r, c, s] ** 2).sum() + prior[r, c, s] ** 2) == pytest.approx(smallest, rel=1e-9)
         assert not np.asarray(residual[:, r, c, s])[~keep].any()
+
+
+@pytest.mark.parametrize("clipped", [False, True])
+def test_residuals_of_models_by_numpy_are_those_by_jax(case, clipped: bool):
+    """With a channel that has no reading, and one of which no reading is plain."""
+    arrays, noise, simulated = case
+    noise = noise.copy()
+    noise[1, 2] = np.inf
+    arrays.measured[:, 1, 2] = 0.0
+    if clipped:
+        arrays.censored[:20, 0] = 1.0
+        arrays.censored[20:30, 1] = -1.0
+        arrays.measured[:20, 0] = arrays.measured[20:30, 1] = arrays.measured[:, 0, 1] = 0.0
+    tempering = np.linspace(0.3, 1.0, noise.size).reshape(noise.shape)
+    residual, gain = group_residuals(arrays, noise, tempering, jnp.asarray(simulated))
+    found, of_gain = residuals_of_trials(arrays.readings(noise, tempering), np.moveaxis(simulated, -1, 2))
+    np.testing.assert_allclose(found, np.transpose(residual, (3, 1, 2, 0)), atol=1e-11)
+    np.testing.assert_allclose(of_gain, np.moveaxis(np.asarray(gain), -1, 0), atol=1e-12)
 
 
 def test_an_offset_of_the_data_changes_no_residual(case):

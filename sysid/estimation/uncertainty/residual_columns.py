@@ -10,7 +10,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import Parameters, RunsByChannels
@@ -21,6 +20,7 @@ from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, RunMotion
 from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import simulate_trials
 from sysid.vehicle_model.engines.protocol import Linearisation
+from sysid.vehicle_model.readings import residuals_of_trials
 
 #: Step of the derivatives: a share of a mass, or the amplitude of a departure.  Where a run just reaches a stop, the
 #: derivatives are others on either side.  A search can end that near to such a corner, so a step that is a thousand
@@ -71,8 +71,8 @@ def trial_residuals(
 
     def shown(position: int, signals: np.ndarray) -> list[TrialResiduals]:
         scales = weights.noise_sd[position], weights.tempering[position]
-        residual, gain = _residuals_of_trials(weights.on(model.arrays, position), *scales, signals)
-        return [TrialResiduals(r, g) for r, g in zip(np.asarray(residual), np.asarray(gain), strict=True)]
+        residual, gain = residuals_of_trials(weights.on(model.arrays, position).readings(*scales), signals)
+        return [TrialResiduals(r, g) for r, g in zip(residual, gain, strict=True)]
 
     return simulate_trials(trials, log_parameters, motion, shown)
 
@@ -136,15 +136,6 @@ def _residuals(
 ) -> tuple[jax.Array, jax.Array]:
     residual, gain = group_residuals(arrays, noise_sd, tempering, signals[..., None])
     return residual[..., 0], gain[..., 0]
-
-
-@jax.jit
-def _residuals_of_trials(
-    arrays: GroupArrays, noise_sd: RunsByChannels, tempering: RunsByChannels, signals: jax.Array
-) -> tuple[jax.Array, jax.Array]:
-    """Residuals (K, R, C, T) and gain residuals (K, R, C) of signals (T, R, K, C)."""
-    residual, gain = group_residuals(arrays, noise_sd, tempering, jnp.moveaxis(signals, 2, -1))
-    return jnp.transpose(residual, (3, 1, 2, 0)), jnp.moveaxis(gain, -1, 0)
 
 
 def channel_columns(
