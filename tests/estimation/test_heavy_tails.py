@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from scipy.stats import t
+from scipy.stats import norm, t
 
-from sysid.estimation.weights.heavy_tails import Tails, best_distribution, heavy_tails
+from sysid.estimation.weights.heavy_tails import DECISIVE, DEGREES_OF_FREEDOM, Tails, best_distribution, heavy_tails
 
 SHAPE = (600, 3, 8)
 
@@ -57,6 +57,20 @@ def test_degrees_of_freedom_of_a_t_distribution(nu: float):
     assert found == nu
     assert scale == pytest.approx(1.0, rel=0.03)
     assert best_distribution(np.random.default_rng(6).normal(size=40_000))[0] == np.inf
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_choice_is_that_by_the_distributions_of_scipy(seed: int):
+    """Small samples, some of which are told from normal ones and some not."""
+    values = 0.02 * t.rvs(1.5 + 0.7 * seed, size=600, random_state=seed)
+    middle = np.median(np.abs(values))
+    scales = {nu: middle / t.ppf(0.75, nu) for nu in DEGREES_OF_FREEDOM}
+    criteria = {nu: np.log(600) - 2.0 * t.logpdf(values, nu, scale=scale).sum() for nu, scale in scales.items()}
+    criteria[np.inf] = -2.0 * norm.logpdf(values, scale=values.std()).sum() - DECISIVE
+    wanted = min(criteria, key=lambda nu: criteria[nu])
+    found, scale = best_distribution(values)
+    assert found == wanted
+    assert scale == pytest.approx(scales.get(wanted, values.std()), rel=1e-12)
 
 
 def test_information_is_that_of_a_location_of_t_readings():

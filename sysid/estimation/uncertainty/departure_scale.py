@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from sysid.arrays import Masses, Parameters, ParametersByParameters
 from sysid.estimation.residuals.bump_model import BumpModel
@@ -34,7 +35,14 @@ from sysid.estimation.uncertainty.departures import (
     TIRE_LOAD,
     Departure,
 )
-from sysid.estimation.uncertainty.residual_columns import STEP, ResidualColumns, empty_columns, trial_residuals
+from sysid.estimation.uncertainty.residual_columns import (
+    STEP,
+    Difference,
+    ResidualColumns,
+    empty_columns,
+    set_differences,
+    trial_residuals,
+)
 
 #: Scales at which the search begins, and which it does not exceed: plausible values without any data. Assumptions: the
 #: whole way to another contact law; 0.2 in the footprint's log stiffness and in the spokes' exponent; 10 % of a tire's
@@ -104,13 +112,12 @@ def departure_columns(
     trials = (allowances.departed(of_masses, np.concatenate([log_factors, a])) for a in amplitudes)
     residuals = trial_residuals(model, weights, trials, log_parameters, motion)
     base = next(residuals)
-    for members, moved in zip(together.values(), residuals, strict=True):
-        for column, there, here, case_of_run in zip(columns, moved, base, cases, strict=True):
-            for j in members:
-                case = known.directions[j].load_case
-                for run in range(case_of_run.size):
-                    if case is None or case_of_run[run] == case:
-                        column.set_difference(j, there, here, steps[j], run)
+    in_case = {d.load_case: [of_runs == d.load_case for of_runs in cases] for d in known.directions if d.load_case}
+    differences = [
+        [Difference(j, float(steps[j]), in_case.get(known.directions[j].load_case or "")) for j in members]
+        for members in together.values()
+    ]
+    set_differences(columns, base, residuals, differences)
     for j, d in enumerate(known.directions):
         if d.axle is None:
             members = [i for i, m in enumerate(known.directions) if m.kind == d.kind and m.axle is not None]
@@ -167,12 +174,12 @@ def departure_scale(
     for _ in range(_ROUNDS):
         sd = np.concatenate([mass_sd, tau])
         # In units of their scales the unknowns have the unit matrix as prior: safe for scales that go to zero.
-        left = np.linalg.inv(sd[:, None] * remaining * sd + np.eye(sd.size))
-        estimate = -(left @ (sd * gradient)) * sd
-        variance = (np.diag(left) * sd**2)[masses:]
+        left, towards = _left(sd[:, None] * remaining * sd + np.eye(sd.size), sd * gradient)
+        estimate = -towards * sd
+        variance = (left * sd**2)[masses:]
         before = np.concatenate([tau, mass_sd])
         if readings is not None and readings.any():
-            square = np.mean(estimate[:masses][readings] ** 2 + (np.diag(left) * sd**2)[:masses][readings])
+            square = np.mean(estimate[:masses][readings] ** 2 + (left * sd**2)[:masses][readings])
             mass_sd[readings] = np.clip(np.sqrt(square), tolerance[readings], MOST_GROWN * tolerance[readings])
             if scales is not None:
                 mass_sd[scales] = tolerance[scales] * float(np.max(mass_sd[readings] / tolerance[readings]))
@@ -180,3 +187,18 @@ def departure_scale(
         if np.all(np.abs(np.concatenate([tau, mass_sd]) - before) <= 1e-8 + 1e-3 * before):
             break
     return DepartureScale(tau, estimate, mass_sd)
+
+
+def _left(precision: ParametersByParameters, score: Parameters) -> tuple[Parameters, Parameters]:
+    """Variances (q,) of a precision A (q, q), and A^-1 s for a vector s (q,).
+
+    Raises
+    ------
+    LinAlgError
+        If the matrix is not positive definite.
+    """
+    # By its factor in a fifth of the time of an inverse: the scales are found again in every round of a fit.
+    factor, failed = dpotrf(precision, lower=True)
+    if failed:
+        raise np.linalg.LinAlgError("Matrix is not positive definite")
+    return np.diag(dpotri(factor, lower=True)[0]), dpotrs(factor, score, lower=True)[0]

@@ -7,6 +7,8 @@ everywhere else, so the columns stand beside those of the parameters.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
+from itertools import islice
 from typing import NamedTuple
 
 import jax
@@ -18,7 +20,8 @@ from sysid.estimation.residuals.by_group import ByGroup, too_many
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, RunMotion
 from sysid.estimation.residuals.sensor_residuals import group_residuals
-from sysid.estimation.residuals.signals import simulate_trials
+from sysid.estimation.residuals.signals import TOGETHER, simulate_trials
+from sysid.threads import side_by_side
 from sysid.vehicle_model.engines.protocol import Linearisation
 from sysid.vehicle_model.readings import residuals_of_trials
 
@@ -123,11 +126,42 @@ def difference_columns(
     models = [start, *(trial for trial, _ in trials)]
     residuals = trial_residuals(model, weights, models, log_parameters, motion)
     base = next(residuals)
-    for k, ((_, step), moved) in enumerate(zip(trials, residuals, strict=True)):
-        for column, there, here in zip(columns, moved, base, strict=True):
-            for run in range(len(there.residual)):
-                column.set_difference(k, there, here, step, run)
+    set_differences(columns, base, residuals, [[Difference(k, step)] for k, (_, step) in enumerate(trials)])
     return columns
+
+
+class Difference(NamedTuple):
+    """A column that a trial gives: which one, the step of its amplitude, and in which runs (R,) of each group."""
+
+    column: int
+    step: float
+    runs: Sequence[np.ndarray] | None = None
+
+
+def set_differences(
+    columns: Sequence[ResidualColumns],
+    base: Sequence[TrialResiduals],
+    trials: Iterator[tuple[TrialResiduals, ...]],
+    differences: Iterable[Sequence[Difference]],
+) -> None:
+    """Set columns of every group to the differences of trials from `base` over their steps.
+
+    Parameters
+    ----------
+    trials, differences : of every trial its residuals, and the columns that it gives.
+    """
+    pairs = zip(trials, differences, strict=True)
+
+    def of_group(some: Sequence[tuple[tuple[TrialResiduals, ...], Sequence[Difference]]], position: int) -> None:
+        here = base[position]
+        for moved, given in some:
+            for column, step, chosen in given:
+                there = moved[position]
+                for run in range(len(there.residual)) if chosen is None else np.flatnonzero(chosen[position]):
+                    columns[position].set_difference(column, there, here, step, int(run))
+
+    while some := tuple(islice(pairs, TOGETHER)):
+        side_by_side(partial(of_group, some), range(len(columns)))
 
 
 @jax.jit

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import correlate1d, label, maximum_filter1d, median_filter, uniform_filter1d
-from scipy.stats import norm, t
+from scipy.special import gammaln, stdtrit
 
 from sysid.arrays import Channels, Samples, SamplesByRunsByChannels
 
@@ -117,10 +117,14 @@ def best_distribution(standing: np.ndarray) -> tuple[float, float]:
     best = np.inf, sd
     if middle <= 0.0:
         return best
-    least = -2.0 * float(norm.logpdf(standing, scale=sd).sum()) - DECISIVE
+    count, square = standing.size, standing**2
+    # Minus twice the log-likelihoods; SciPy's distributions take ten times as long for the same sums.
+    least = float(square.sum()) / sd**2 + count * np.log(2.0 * np.pi * sd**2) - DECISIVE
     for nu in DEGREES_OF_FREEDOM:
-        scale = middle / float(t.ppf(0.75, nu))
-        criterion = -2.0 * float(t.logpdf(standing, nu, scale=scale).sum()) + np.log(standing.size)
+        scale = middle / float(stdtrit(nu, 0.75))
+        constant = gammaln(0.5 * (nu + 1.0)) - gammaln(0.5 * nu) - 0.5 * np.log(np.pi * nu * scale**2)
+        criterion = (nu + 1.0) * float(np.log1p(square / (nu * scale**2)).sum()) - 2.0 * count * constant
+        criterion += np.log(count)
         if criterion < least:
             best, least = (nu, scale), criterion
     return best
