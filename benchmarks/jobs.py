@@ -20,6 +20,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -87,19 +88,47 @@ def run(
         process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=log, stderr=log)
         guard = threading.Timer(limit_s, process.kill)
         guard.start()
+        together = _MemoryTogether(process.pid)
+        together.start()
         # The resources of this child alone; those of `getrusage` are of all children.
         _, status, used = os.wait4(process.pid, 0)
         guard.cancel()
+        together.ended.set()
+        together.join()
         process.returncode = os.waitstatus_to_exitcode(status)
     return {
         "exit": process.returncode,
         "wall_s": time.perf_counter() - begin,
         "processor_s": used.ru_utime + used.ru_stime,
-        "peak_bytes": used.ru_maxrss * 1024,
+        "peak_bytes": max(used.ru_maxrss * 1024, together.peak_bytes),
         "stages_s": _timings(output / "stages" / "timings.json"),
         "status": _status(output / "result.json"),
         "last_words": said.read_text(encoding="utf-8").strip().splitlines()[-1:],
     }
+
+
+class _MemoryTogether(threading.Thread):
+    """Largest memory of a process and its children together; pages that they share count for each of them."""
+
+    def __init__(self, pid: int):
+        super().__init__(daemon=True)
+        self._pid, self.ended, self.peak_bytes = pid, threading.Event(), 0
+
+    def run(self) -> None:
+        """Look ten times a second."""
+        while not self.ended.wait(0.1):
+            self.peak_bytes = max(self.peak_bytes, resident_bytes(self._pid))
+
+
+def resident_bytes(pid: int) -> int:
+    """Memory of a process and all its children, 0 where the system does not say."""
+    total = 0
+    with suppress(OSError, ValueError, IndexError):
+        pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
+        total = pages * os.sysconf("SC_PAGE_SIZE")
+        for children in Path(f"/proc/{pid}/task").glob("*/children"):
+            total += sum(resident_bytes(int(child)) for child in children.read_text(encoding="ascii").split())
+    return total
 
 
 def _timings(path: Path) -> dict[str, float]:

@@ -20,7 +20,7 @@ from sysid.private_files import NotPrivateError, check_owner_of_all, private_fol
 _HEAPS, _HEAPS_SETTING, _HEAPS_VARIABLE = 2, -8, "MALLOC_ARENA_MAX"
 
 #: Memory [bytes] from which on a process lets go of compiled functions between stages.
-_GROWN = 700e6
+_GROWN = 500e6
 
 #: Share of the memory mappings that a process may have from which on it lets go of compiled functions.
 _MOST_OF_MAPPINGS = 0.5

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.job_table import _ending, _stages
-from benchmarks.jobs import ROOT, run
+from benchmarks.jobs import ROOT, resident_bytes, run
 from benchmarks.sampler_table import table
 from benchmarks.samplers import Counted, Target, measure
 
@@ -83,6 +85,22 @@ def test_a_job_that_reaches_its_limit_is_ended_and_measured(tmp_path: Path):
     assert found["status"] == "not finished"
     assert 0.9 < found["wall_s"] < 30.0
     assert found["peak_bytes"] > 5e6
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system does not say")
+def test_memory_is_that_of_a_process_and_its_children():
+    """A Python process with 100 MB in a child of its own."""
+    child = "import sys; x = bytearray(b'1') * 10**8; print('ready', flush=True); sys.stdin.read()"
+    parent = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}])"
+    with subprocess.Popen(
+        [sys.executable, "-c", parent], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        together = resident_bytes(process.pid)
+        assert process.stdin is not None
+        process.stdin.close()
+    assert 1e8 < together < 1.6e8
 
 
 def test_a_job_says_how_it_ended():
