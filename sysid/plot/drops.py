@@ -12,9 +12,10 @@ from sysid.plot.style import (
     INK,
     MUTED,
     WARNING,
+    axes_grid,
     axes_or_new,
     axle_color,
-    figure,
+    figure_of,
     label,
     outer_labels,
     shared_legend,
@@ -22,6 +23,9 @@ from sysid.plot.style import (
     thin,
 )
 from sysid.sdof.drop_results import DropAnalysis
+
+#: Width of several drops side by side [in].
+_WIDTH_IN = 11.0
 
 
 @styled
@@ -66,8 +70,8 @@ def drops(files: Sequence[DropAnalysis], titles: Sequence[str] | None = None, pe
     """Several plank drops side by side with one legend; returns the axes (rows, per_row)."""
     per_row = min(per_row, max(len(files), 1))
     rows = max(1, -(-len(files) // per_row))
-    fig = figure(11.0 if per_row > 1 else 6.4, 2.35 * rows + 0.35)
-    grid = fig.subplots(rows, per_row, squeeze=False)
+    width = (_WIDTH_IN - 0.7 - 0.5 * (per_row - 1)) / per_row if per_row > 1 else 5.7
+    grid = axes_grid(rows, per_row, (width, 1.75), (0.6, 0.1, 0.45, 0.6, 0.5, 0.5))
     for ax in grid.flat[len(files) :]:
         ax.set_axis_off()
     for i, (ax, analysis) in enumerate(zip(grid.flat, files, strict=False)):
@@ -75,7 +79,7 @@ def drops(files: Sequence[DropAnalysis], titles: Sequence[str] | None = None, pe
         if titles is not None:
             ax.set_title(titles[i])
     outer_labels(grid, len(files))
-    shared_legend(fig)
+    shared_legend(figure_of(grid))
     return grid
 
 

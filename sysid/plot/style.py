@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Sequence
 from functools import cache, wraps
-from itertools import pairwise
 from typing import Any, ParamSpec, TypeVar
 
 import matplotlib as mpl
@@ -229,14 +228,16 @@ def thin(x: np.ndarray, *ys: np.ndarray, most: int = 1500) -> tuple[np.ndarray, 
     stretches = max(most // 2, 1)
     edges = np.linspace(0, n, stretches + 1).astype(int)
     lead = ys[0] if ys else x
-    keep = [0, n - 1]
-    for low, high in pairwise(edges):
-        part = lead[low:high]
-        if np.all(np.isnan(part)):
-            keep.append(low)
-            continue
-        keep += [low + int(np.nanargmin(part)), low + int(np.nanargmax(part))]
-    index = np.unique(keep)
+    begin = edges[:-1]
+    of_stretch = np.repeat(np.arange(stretches), np.diff(edges))
+    keep = [np.array([0, n - 1])]
+    for extreme in (np.fmin, np.fmax):
+        values = extreme.reduceat(lead, begin)
+        places = np.flatnonzero(lead == values[of_stretch])
+        _, first = np.unique(of_stretch[places], return_index=True)
+        # A stretch without any value keeps its first sample.
+        keep += [places[first], begin[np.isnan(values)]]
+    index = np.unique(np.concatenate(keep))
     return (x[index], *(y[index] for y in ys))
 
 
