@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from sysid.plot.style import MUTED, axes_or_new, axle_color, figure, outer_labels, styled, thin
+from sysid.plot.style import MUTED, axes_grid, axes_or_new, axle_color, outer_labels, styled, thin
 
 if TYPE_CHECKING:
     from sysid.prediction.predicted_passes import PassPrediction, SpeedSweep
@@ -73,8 +73,8 @@ def load_ratios(prediction: PassPrediction, per_row: int = 3) -> np.ndarray:
     count = len(prediction.static_load_N)
     per_row = min(per_row, count)
     rows = -(-count // per_row)
-    fig = figure(3.65 * per_row, 2.1 * rows + 0.3)
-    grid = fig.subplots(rows, per_row, squeeze=False, sharex=True, sharey=True)
+    # Labels stand at the left and below alone.
+    grid = axes_grid(rows, per_row, (3.3, 1.7), (0.5, 0.1, 0.45, 0.3, 0.2, 0.4), sharex=True, sharey=True)
     for ax in grid.flat[count:]:
         ax.set_axis_off()
     for axle, ax in zip(range(count), grid.flat, strict=False):
