@@ -133,8 +133,10 @@ def test_a_helper_that_nothing_used_is_ended():
 
 
 SCRIPT = """
-import time
+import signal, time
 from sysid.helper_process import helped_by, shared_with_helper
+# A background job of a shell ignores Ctrl-C; pytest may be one.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 # No guard: the helper must not run this script.
 print("started", flush=True)
 try:
@@ -157,8 +159,6 @@ def test_ctrl_c_reaches_this_process_alone_and_scripts_need_no_guard(tmp_path):
         text=True,
         env=environment,
         start_new_session=True,
-        # A background job of a shell ignores Ctrl-C; pytest may be one.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "started\n"

@@ -151,6 +151,11 @@ def test_data_without_departures_leave_scales_of_their_own_accuracy_and_no_data_
     assert silent.sd[0] == pytest.approx(PLAUSIBLE[FRICTION])
 
 
+def test_without_masses_and_departures_there_is_no_scale():
+    found = departure_scale(np.eye(3), np.ones(3), np.zeros((3, 3)), np.zeros(0), [])
+    assert (found.sd.size, found.estimate.size, found.mass_sd.size) == (0, 0, 0)
+
+
 def test_friction_counts_from_a_hundredth_of_its_plausible_share_on_and_a_mass_always():
     np.testing.assert_allclose(least_sd(1, [Departure(FRICTION, 0), Departure(ENVELOPE, 1)]), [0.0, 3e-4, 0.01])
 
