@@ -108,7 +108,7 @@ def run(
 
 
 class _MemoryTogether(threading.Thread):
-    """Largest memory of a process and its children together; pages that they share count for each of them."""
+    """Largest memory of a process and its children together; pages that they share count once."""
 
     def __init__(self, pid: int):
         super().__init__(daemon=True)
@@ -124,8 +124,9 @@ def resident_bytes(pid: int) -> int:
     """Memory of a process and all its children, 0 where the system does not say."""
     total = 0
     with suppress(OSError, ValueError, IndexError):
-        pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
-        total = pages * os.sysconf("SC_PAGE_SIZE")
+        # "Pss": of a page that n processes share, each has an n-th.
+        text = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii")
+        total = 1024 * int(text.split("Pss:")[1].split()[0])
         for children in Path(f"/proc/{pid}/task").glob("*/children"):
             total += sum(resident_bytes(int(child)) for child in children.read_text(encoding="ascii").split())
     return total

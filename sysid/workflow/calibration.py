@@ -125,13 +125,13 @@ class Calibration:
 
     def write(self, ending: Ending) -> list[Path]:
         """Write a report or exports from the stages that have run, and return the files."""
-        results = self.results()
         written: list[Path] = []
-        # The step ends first: its last part is timed too.
-        timed = self._folder.timed(ending.name, lambda: self._steps.parts)
-        with timed, self._steps.step(ending.name), helped_by(ending.helper):
-            self._folder.write(lambda: written.extend(ending.write(results, self.output, self._steps)))
-            self._folder.write(lambda: remove_earlier(self.output, ending.name, written))
+        with helped_by(ending.helper):
+            results = self.results()
+            # The step ends first: its last part is timed too.
+            with self._folder.timed(ending.name, lambda: self._steps.parts), self._steps.step(ending.name):
+                self._folder.write(lambda: written.extend(ending.write(results, self.output, self._steps)))
+                self._folder.write(lambda: remove_earlier(self.output, ending.name, written))
         return written
 
     def check(self) -> QualityReport:
@@ -239,11 +239,11 @@ class Calibration:
             if not self._runner.resume:
                 self._folder.forget(stages.STAGES)
             missing = self._runner.missing(wanted)
-            ahead: list[Stage[Any] | Ending] = [*missing, *stages.ENDINGS]
-            with self._steps.planned({record.name: record.effort for record in ahead}):
+            efforts = {stage.name: stage.effort for stage in missing}
+            with self._steps.planned(efforts | {ending.name: ending.effort for ending in stages.ENDINGS}):
                 for stage in wanted:
-                    if stage in ahead:
-                        begin_helper_ahead(ahead[ahead.index(stage) :])
+                    if stage in missing:
+                        begin_helper_ahead(missing[missing.index(stage) :])
                     self._runner.result(stage)
                 for ending in stages.ENDINGS:
                     self.write(ending)

@@ -12,20 +12,21 @@ from sysid.runtime import forget_compiled
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
 from sysid.workflow.settings import Settings
-from sysid.workflow.stage import Context, Ending, Itemwise, Notice, Stage, Whole
+from sysid.workflow.stage import Context, Itemwise, Notice, Stage, Whole
 from sysid.workflow.stage_folder import StageFolder, dependents
 from sysid.workflow.stages import STAGES
 from sysid.workflow.versions import versions
 
 T = TypeVar("T")
 NO_OPTIONS: Mapping[str, Any] = {}
-#: A helper process starts so many stages ahead: it imports for a second or two, and has memory of its own.
-_HELPER_AHEAD = 3
+#: The helper process starts before the stage that needs it or, as it imports for a second or two, before the one ahead
+#: of that; no earlier, because its memory would add to that of others.
+_HELPER_AHEAD = 2
 
 
-def begin_helper_ahead(records: Sequence[Stage[Any] | Ending]) -> None:
-    """Start the helper of what comes soon, so that it is ready then."""
-    begin_helper(next((record.helper for record in records[:_HELPER_AHEAD] if record.helper), None))
+def begin_helper_ahead(missing: Sequence[Stage[Any]]) -> None:
+    """Start the helper of a stage that comes soon, so that it is ready then."""
+    begin_helper(next((stage.helper for stage in missing[:_HELPER_AHEAD] if stage.helper), None))
 
 
 class Runner:

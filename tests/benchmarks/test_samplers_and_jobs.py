@@ -87,7 +87,7 @@ def test_a_job_that_reaches_its_limit_is_ended_and_measured(tmp_path: Path):
     assert found["peak_bytes"] > 5e6
 
 
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system does not say")
+@pytest.mark.skipif(not Path("/proc/self/smaps_rollup").exists(), reason="the system does not say")
 def test_memory_is_that_of_a_process_and_its_children():
     """A Python process with 100 MB in a child of its own."""
     child = "import sys; x = bytearray(b'1') * 10**8; print('ready', flush=True); sys.stdin.read()"
