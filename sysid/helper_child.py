@@ -16,18 +16,17 @@ from contextlib import suppress
 
 def main() -> None:
     """Compute items until the input ends."""
-    answers, requests = os.fdopen(os.dup(sys.stdout.fileno()), "wb"), sys.stdin.buffer
+    answers, requests = os.fdopen(os.dup(sys.stdout.fileno()), "wb"), os.fdopen(os.dup(sys.stdin.fileno()), "rb")
     # What a library prints must not stand among the answers.
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     sys.path[:], module = pickle.load(requests)
     with suppress(Exception):
         importlib.import_module(module)
-    while True:
+    # Not by the error at its end, which an item may raise as well.
+    while requests.peek(1):
         try:
             function, item = pickle.load(requests)
             answer = pickle.dumps((True, function(item)))
-        except EOFError:
-            return
         # Whatever goes wrong, it goes wrong once more where the user can be told.
         except Exception:
             answer = pickle.dumps((False, None))

@@ -92,17 +92,20 @@ def helped_by(module: str | None) -> Iterator[None]:
         yield
         return
     begin_helper(module)
-    with no_helper_afterwards():
-        yield
-
-
-@contextmanager
-def no_helper_afterwards() -> Iterator[None]:
-    """End a helper that was started ahead of work that never came."""
     try:
         yield
     finally:
         end_helper()
+
+
+@contextmanager
+def no_helper_after_failure() -> Iterator[None]:
+    """Where something fails, end the helper that was started ahead: the work for it does not come."""
+    try:
+        yield
+    except BaseException:
+        end_helper()
+        raise
 
 
 def begin_helper(module: str | None) -> None:

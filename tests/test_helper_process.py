@@ -10,7 +10,7 @@ import pytest
 
 from sysid import helper_process
 from sysid.errors import DataRejectedError
-from sysid.helper_process import begin_helper, end_helper, helped_by, no_helper_afterwards, shared_with_helper
+from sysid.helper_process import begin_helper, end_helper, helped_by, no_helper_after_failure, shared_with_helper
 
 
 @pytest.fixture(autouse=True)
@@ -45,6 +45,12 @@ def says(x):
     sys.stdout.flush()
     time.sleep(0.02)
     return x
+
+
+def at_an_end(parent):
+    if os.getpid() != parent:
+        raise EOFError
+    return os.getpid()
 
 
 def fails(x):
@@ -94,6 +100,12 @@ def test_what_a_helper_that_dies_had_to_do_is_done_here():
         assert shared_with_helper(dies_elsewhere, [os.getpid()] * 20) == (os.getpid(),) * 20
 
 
+def test_an_item_that_raises_the_error_of_an_ended_pipe_does_not_end_the_helper():
+    with helped_by("math"):
+        assert shared_with_helper(at_an_end, [os.getpid()] * 6) == (os.getpid(),) * 6
+        assert len(set(shared_with_helper(process_of, range(40)))) == 2
+
+
 def test_an_error_in_an_item_is_raised_as_it_is():
     with helped_by("math"), pytest.raises(DataRejectedError, match="the third file is broken"):
         shared_with_helper(fails, range(4))
@@ -125,10 +137,12 @@ def test_where_no_process_can_be_started_the_work_is_done_here(monkeypatch):
         assert shared_with_helper(square, range(5)) == (0, 1, 4, 9, 16)
 
 
-def test_a_helper_that_nothing_used_is_ended():
-    with no_helper_afterwards():
+def test_a_helper_that_was_started_ahead_stays_unless_something_fails():
+    with no_helper_after_failure():
         begin_helper("math")
-        assert helper_process._Kept.helper is not None
+    assert helper_process._Kept.helper is not None
+    with pytest.raises(ZeroDivisionError), no_helper_after_failure():
+        _ = 1 / 0
     assert helper_process._Kept.helper is None
 
 

@@ -101,9 +101,10 @@ def _failed(error: Exception, output: Path) -> Outcome:
 
 
 def with_cost(outcome: Outcome) -> Outcome:
-    """The outcome with what this process has used so far."""
+    """The outcome with what this process and the children that it has waited for have used so far."""
     used = os.times()
-    return replace(outcome, processor_seconds=round(used.user + used.system, 3), peak_bytes=peak_bytes())
+    seconds = used.user + used.system + used.children_user + used.children_system
+    return replace(outcome, processor_seconds=round(seconds, 3), peak_bytes=peak_bytes())
 
 
 def peak_bytes() -> int:

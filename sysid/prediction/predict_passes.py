@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import jax
 import numpy as np
@@ -271,8 +271,7 @@ def speed_sweep(
         # A vehicle is the same at every speed.
         wanted = Pass(load_case, bump)
         batch = make_pass_batch(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
-        made = [make() for make in drawn_vehicles(batch, parameters, vehicles, wanted)]
-        drawn = [partial(lambda some: some, some) for some in made]
+        drawn = [cache(make) for make in drawn_vehicles(batch, parameters, vehicles, wanted)]
     for i, speed in enumerate(speeds_m_s):
         progress(f"ratio against speed, {load_case}", i / len(speeds_m_s))
         request = PredictionRequest(load_case, speed, bump)

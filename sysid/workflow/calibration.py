@@ -14,7 +14,7 @@ from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.profiles import ProfileLikelihood
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.files import write_text
-from sysid.helper_process import helped_by, no_helper_afterwards
+from sysid.helper_process import helped_by
 from sysid.output_folder import output_folder
 from sysid.planning.advice_records import Advice
 from sysid.planning.advise import CANDIDATE_KM_H
@@ -233,7 +233,7 @@ class Calibration:
         """All stages in order, then exports, report and the success marker, which is written last."""
         kinds = ("always",) if self.settings.quick else ("always", "full")
         wanted = [stage for stage in stages.STAGES if stage.in_run in kinds]
-        with self._folder.lock, no_helper_afterwards():
+        with self._folder.lock:
             self._folder.no_success()
             self._folder.tidy()
             if not self._runner.resume:

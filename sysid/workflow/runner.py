@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, TypeVar
 
 from sysid.errors import NumericsError
-from sysid.helper_process import begin_helper, helped_by
+from sysid.helper_process import begin_helper, helped_by, no_helper_after_failure
 from sysid.runtime import forget_compiled
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
@@ -47,7 +47,7 @@ class Runner:
     def result(self, stage: Stage[T], options: Mapping[str, Any] = NO_OPTIONS) -> T:
         """The result of a stage: known already, else computed and kept, with those that run along with it."""
         missing = self.missing((stage,), options)
-        with self.steps.planned({s.name: s.effort for s in missing}):
+        with self.steps.planned({s.name: s.effort for s in missing}), no_helper_after_failure():
             if isinstance(stage, Itemwise):
                 # An unknown name is reported before anything is computed, if this needs no computation.
                 stage.chosen(self.context(stage, options, at_once=False))

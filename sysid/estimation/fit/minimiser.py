@@ -57,8 +57,8 @@ class _Affine(NamedTuple):
 class Minimum:
     """A least-squares minimum: `point` (p,), its `cost` = r'r / 2, and how the search went.
 
-    `damping` is that of the last step, for unknowns scaled by the columns of the Jacobian at the start; None where the
-    search has not converged: the next one may need more.
+    `damping` is that of the last step, for unknowns scaled by the columns of the Jacobian at the start. It is None
+    where the search has not converged, because the next one may need more, or was in other units.
     """
 
     point: UnknownsOfFit
@@ -195,7 +195,7 @@ def minimise(
         as_low = again.cost <= better.cost * (1.0 + relative_tolerance)
         if again.cost < better.cost or (again.converged and as_low):
             # Its damping is in other units.
-            better = replace(again, damping=better.damping)
+            better = replace(again, damping=None)
         better = replace(better, iterations=done + again.iterations)
     if better.converged or not len(corners):
         return better
