@@ -34,15 +34,14 @@ class _Helper:
     """A Python process that computes one item after the other, and the thread that talks to it."""
 
     def __init__(self, module: str):
-        # It starts Python anew, because a fork of a process with threads can hang. A session of its own: Ctrl-C is for
-        # this process to answer. What it prints was printed here if it mattered: what it fails to do is done here.
+        # It starts Python anew, because a fork of a process with threads can hang. Nobody needs what it prints, at
+        # Ctrl-C for one: what it fails to do is done here.
         self._process = subprocess.Popen(
             [sys.executable, "-P", str(_CHILD)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env={**os.environ, **_ONE_THREAD},
-            start_new_session=True,
         )
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sysid_helper")
         self._thread.submit(self._write, (sys.path, module))
@@ -65,7 +64,12 @@ class _Helper:
     def _asked(self, function: Callable[[_Item], _Result], item: _Item) -> _Result:
         self._write((function, item))
         assert self._process.stdout is not None
-        done, result = pickle.load(self._process.stdout)
+        try:
+            done, result = pickle.load(self._process.stdout)
+        except Exception:
+            # What comes next could be taken for the answer to another question.
+            self._process.kill()
+            raise
         if not done:
             raise RuntimeError("the helper process could not compute an item")
         answer: _Result = result

@@ -100,7 +100,7 @@ def test_memory_is_that_of_a_process_and_its_children():
         together = resident_bytes(process.pid)
         assert process.stdin is not None
         process.stdin.close()
-    assert 1e8 < together < 1.6e8
+    assert 1.05e8 < together < 1.25e8
 
 
 def test_a_job_says_how_it_ended():

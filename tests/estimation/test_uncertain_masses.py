@@ -74,8 +74,8 @@ def test_a_change_counts_in_the_least_deviation_that_matters():
     np.testing.assert_array_equal(counted.amounts, alone.amounts)
     assert counted.over_sd[0] == alone.over_sd[0]
     # Back to zero, which the prior of 1e-6 asks for.
-    assert alone.over_sd[1] == pytest.approx(-1.0, rel=1e-3)
-    assert counted.over_sd[1] == pytest.approx(-1e-4, rel=1e-3)
+    assert alone.over_sd[1] == pytest.approx(-1.0, rel=3e-5)
+    assert counted.over_sd[1] == pytest.approx(-1e-4, rel=3e-5)
 
 
 def test_what_leaves_its_bound_only_when_another_is_held_is_held_too():
