@@ -165,11 +165,13 @@ from sysid.helper_process import helped_by, shared_with_helper
 signal.signal(signal.SIGINT, signal.default_int_handler)
 # No guard: the helper must not run this script.
 print("started", flush=True)
-try:
-    with helped_by("math"):
+with helped_by("math"):
+    try:
         shared_with_helper(time.sleep, [0.2] * 40)
-except KeyboardInterrupt:
-    print("interrupted", flush=True)
+    except KeyboardInterrupt:
+        # The helper has the time to say something.
+        time.sleep(1.0)
+        print("interrupted", flush=True)
 """
 
 
