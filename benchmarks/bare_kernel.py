@@ -1,4 +1,4 @@
-"""The native engine's own sources compiled into a program without Python and XLA: the limit of the native path."""
+"""The native engine's own sources compiled into a program without Python: the limit of the native path."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import struct
 import subprocess
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.rounds import Sample
@@ -89,7 +88,7 @@ def write_call(file: Path, work: Work, density: LogDensity, sets: np.ndarray, gr
     arrays, shape = inputs.arrays, work.model.shapes[group]
     call = misfit_call(
         arrays.matrices,
-        axle_laws(arrays.laws, jnp.asarray(sets.T)),
+        axle_laws(arrays.laws, sets.T),
         inputs.road,
         shape.timing,
         shape.sensors,

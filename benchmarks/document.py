@@ -52,7 +52,7 @@ Work: {len(work["runs"])} runs of the linear truck, {work["simulated_s"]:.1f} s 
 exponent, real heights), linear suspensions, steps of {work["step_s"] * 1e3:g} ms. A *set* is one parameter set through
 all these runs, that is one likelihood.
 
-*kernel* is the native engine's own sources compiled into a program without Python and XLA, on as many threads: its
+*kernel* is the native engine's own sources compiled into a program without Python, on as many threads: its
 ratio shows what our path adds, not how good the kernel is. Peers simulate the same runs,
 filter the signals afterwards, for which they give them at a quarter of the steps of ours, and square the residuals;
 offsets and gains are not asked of them. *Unfiltered* leaves the filter out and asks for signals at the samples alone:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
-import jax
-import jax.numpy as jnp
 import numpy as np
+from jax.tree_util import Partial
 
 from benchmarks.rounds import Contender, run_rounds, spread, timed
 from benchmarks.work import Point, Work, density, engine, make_work
@@ -76,7 +74,7 @@ def _group(work: Work) -> tuple[GroupInputs, GroupShape]:
 
 
 def _of_group(work: Work, inputs: GroupInputs, shape: GroupShape) -> Callable[[], object]:
-    sets = jnp.asarray(work.sets(SETS).T)
+    sets = work.sets(SETS).T
 
     def call() -> object:
         return np.asarray(group_misfits(inputs, sets, shape=shape))
@@ -89,22 +87,19 @@ def _derivatives(work: Work, count: int) -> Callable[[], object]:
     """Residuals with their derivatives in `count` directions: by the parameters in turn, and from the first again."""
     point, shape = work.state.point, work.model.shapes[0]
     arrays = point.weights.on(work.model.arrays, 0)
-    x = jnp.asarray(point.log_parameters)
-    directions = jnp.eye(x.size)[:, np.arange(count) % x.size]
+    x = np.asarray(point.log_parameters)
+    directions = np.eye(x.size)[:, np.arange(count) % x.size]
     of_motion = point.motion.per_unit(arrays.axle_x, arrays.change_unit)
-    still = jax.tree.map(lambda columns: jnp.zeros((columns.shape[0], count)), of_motion)
+    still = of_motion._make(np.zeros((columns.shape[0], count)) for columns in of_motion)
     readings = arrays.readings(point.weights.noise_sd[0], point.weights.tempering[0])
     with engine("native"):
         road = signals.wheel_road(arrays, work.model.roads[0], point.motion, shape)
 
-    @jax.jit
-    def linearise(values: jax.Array) -> object:
-        unknowns, laws = Unknowns(values, directions, still), partial(axle_laws, arrays.laws)
-        of_shape = shape.timing, shape.sensors, shape.recursion
-        return road.engine.linearise(arrays.matrices, laws, unknowns, road, *of_shape, readings)
+    unknowns, laws = Unknowns(x, directions, still), Partial(axle_laws, arrays.laws)
+    of_shape = shape.timing, shape.sensors, shape.recursion
 
     def call() -> object:
-        return jax.block_until_ready(linearise(x))
+        return road.engine.linearise(arrays.matrices, laws, unknowns, road, *of_shape, readings)
 
     call()
     return call

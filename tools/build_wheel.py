@@ -1,8 +1,7 @@
 """A wheel that carries the native engine: ``python -m tools.build_wheel --output build/wheel``.
 
-The engine knows nothing of Python, so one wheel serves all its versions.  Zig compiles it: whatever machine makes the
-wheel, the engine then needs no newer C library than that of `GLIBC`, and no C++ library.  The oldest XLA headers that
-the package supports are taken, because newer versions of XLA load what was made for older ones.
+The engine knows nothing of Python or JAX, so one wheel serves all their versions.  Zig compiles it: whatever machine
+makes the wheel, the engine then needs no newer C library than that of `GLIBC`, and no C++ library.
 """
 
 from __future__ import annotations
@@ -11,13 +10,10 @@ import argparse
 import hashlib
 import json
 import platform
-import re
 import shutil
 import subprocess
 import sys
 import tempfile
-import tomllib
-import zipfile
 from pathlib import Path
 
 from sysid.vehicle_model.native import build
@@ -43,33 +39,13 @@ def main() -> None:
     output.mkdir(parents=True, exist_ok=True)
     engine = output / "engine"
     build.TIMEOUT_S = 3600.0
-    make_engine(engine, fetch_headers(output))
+    make_engine(engine)
     sys.stdout.write(f"{make_wheel(output, engine)}\n")
 
 
-def oldest_jaxlib() -> str:
-    """The oldest version that the package supports: that of its lower bound of jax."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    (bound,) = (found[1] for d in project["dependencies"] if (found := re.fullmatch(r"jax>=([0-9.]+)", d)))
-    return str(bound)
-
-
-def fetch_headers(output: Path) -> Path:
-    """The folder of headers of the oldest jaxlib, from PyPI unless it is there."""
-    folder = output / f"jaxlib-{oldest_jaxlib()}"
-    if not folder.is_dir():
-        with tempfile.TemporaryDirectory() as scratch:
-            wanted = f"jaxlib=={oldest_jaxlib()}"
-            _python("pip", "download", "--quiet", "--no-deps", "--only-binary", ":all:", "--dest", scratch, wanted)
-            (wheel,) = Path(scratch).glob("*.whl")
-            with zipfile.ZipFile(wheel) as packed:
-                packed.extractall(folder, [n for n in packed.namelist() if n.startswith("jaxlib/include/")])
-    return folder / "jaxlib" / "include"
-
-
-def make_engine(folder: Path, headers: Path) -> None:
+def make_engine(folder: Path) -> None:
     """All builds of the engine and their list, unless they are there for the same sources."""
-    listed = {"sources": source_digest(), "headers": f"jaxlib {oldest_jaxlib()}", "glibc": GLIBC}
+    listed = {"sources": source_digest(), "glibc": GLIBC}
     if (folder / LIST).is_file():
         known = json.loads((folder / LIST).read_text(encoding="utf-8"))
         if {key: known.get(key) for key in listed} == listed:
@@ -80,7 +56,7 @@ def make_engine(folder: Path, headers: Path) -> None:
     # What an interrupted call has compiled is kept: the whole takes minutes.
     scratch = folder.with_name(f"engine-{source_digest()[:16]}")
     scratch.mkdir(exist_ok=True)
-    hashes = {name: _built(name, processor, scratch, headers) for name, processor in BUILDS[machine].items()}
+    hashes = {name: _built(name, processor, scratch) for name, processor in BUILDS[machine].items()}
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     for name in hashes:
@@ -89,14 +65,14 @@ def make_engine(folder: Path, headers: Path) -> None:
     shutil.rmtree(scratch)
 
 
-def _built(name: str, processor: str, scratch: Path, headers: Path) -> str:
+def _built(name: str, processor: str, scratch: Path) -> str:
     """The sha256 of the file of that name, compiled if it is not there."""
     file, made, exports = scratch / f"{name}.so", scratch / "engine.so", scratch / "exports"
     if not file.is_file():
         exports.write_text(EXPORTS, encoding="ascii")
         link = (f"-Wl,--version-script={exports}", "-Wl,--gc-sections", "-s")
         target = ("-target", f"{platform.machine()}-linux-gnu.{GLIBC}", f"-mcpu={processor}")
-        build.compile_engine(ZIG, made, *link, processor=target, headers=headers)
+        build.compile_engine(ZIG, made, *link, processor=target)
         made.rename(file)
     return hashlib.sha256(file.read_bytes()).hexdigest()
 

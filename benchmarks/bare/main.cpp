@@ -1,4 +1,4 @@
-// The native engine's likelihood without Python and XLA: the limit of what a caller can reach.
+// The native engine's likelihood without Python: the limit of what a caller can reach.
 //
 //   bare FILE...
 //
@@ -16,14 +16,17 @@
 #include <fstream>
 #include <iostream>
 #include <sstream>
+#include <string>
 
 #include "engine.cpp"
 
 namespace {
 
 struct Call {
-  std::vector<xla::ffi::Array> buffers;
-  std::vector<xla::ffi::Array> result;
+  std::vector<std::vector<int64_t>> shapes;
+  std::vector<std::vector<double>> values;
+  std::vector<sysid::Array> arrays;
+  std::vector<double> misfit;
   std::vector<int64_t> deflection_axles, acceleration_axles;
   sysid::Settings settings;
 };
@@ -50,16 +53,16 @@ Call load(const char* path) {
   s.ramps = integers[3], s.stops = integers[4], s.rate_ramps = integers[5];
   s.interval = reals[0], s.growth = reals[1];
   for (int64_t k = 0; k < integers[6]; ++k) {
-    xla::ffi::Array array;
-    array.shape = read<int64_t>(in);
-    array.values = read<double>(in);
-    call.buffers.push_back(array);
+    call.shapes.push_back(read<int64_t>(in));
+    call.values.push_back(read<double>(in));
+    const auto& shape = call.shapes.back();
+    // Vectors that move keep their numbers where they are.
+    call.arrays.push_back({call.values.back().data(), shape.data(), static_cast<int64_t>(shape.size())});
   }
-  xla::ffi::Array out;
-  const auto& laws = call.buffers[sysid::kLaws].shape;
-  out.shape = {laws[1], laws[3]};
-  out.values.resize(laws[1] * laws[3]);
-  call.result.push_back(out);
+  const auto& laws = call.shapes[sysid::kLaws];
+  call.misfit.resize(laws[1] * laws[3]);
+  s.deflection_axles = {call.deflection_axles.data(), static_cast<int64_t>(call.deflection_axles.size())};
+  s.acceleration_axles = {call.acceleration_axles.data(), static_cast<int64_t>(call.acceleration_axles.size())};
   if (!in) std::cerr << "incomplete file " << path << "\n";
   return call;
 }
@@ -76,10 +79,6 @@ int main(int count, char** names) {
   if (const char* threads = std::getenv("SYSID_THREADS")) sysid_use_threads(std::atoi(threads));
   std::vector<Call> calls;
   for (int k = 1; k < count; ++k) calls.push_back(load(names[k]));
-  for (Call& call : calls) {
-    call.settings.deflection_axles = call.deflection_axles;
-    call.settings.acceleration_axles = call.acceleration_axles;
-  }
   std::string line;
   while (std::getline(std::cin, line)) {
     size_t which = 0;
@@ -90,13 +89,12 @@ int main(int count, char** names) {
     const double processor = processor_seconds();
     const auto start = std::chrono::steady_clock::now();
     for (int k = 0; k < repeats; ++k) {
-      const auto error = sysid::misfits(xla::ffi::RemainingArgs(&call.buffers), xla::ffi::RemainingRets(&call.result),
-                                        call.settings);
-      if (!error.message().empty()) return 1;
+      double* results[] = {call.misfit.data()};
+      if (sysid_misfits(call.arrays.data(), call.arrays.size(), &call.settings, results) != nullptr) return 1;
     }
     const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     double sum = 0.0;
-    for (const double x : call.result[0].values) sum += x;
+    for (const double x : call.misfit) sum += x;
     std::printf("%.9e %.9e %.17e", wall, processor_seconds() - processor, sum);
 #ifdef SYSID_COUNTED
     for (sysid::Count& kind : sysid::counted) {

@@ -60,9 +60,6 @@ class SuspensionLoops(Tabular):
         return pd.DataFrame({"extension_m": self.extension_m, "rate_m_s": self.rate_m_s, **forces})
 
 
-_laws = jax.jit(axle_laws)
-
-
 def calibrated_laws(
     campaign: Campaign, drops: DropSummary | None, fit: FitResult, load_case: str, values: Mapping[str, float]
 ) -> tuple[SuspensionLaw, TireLaw, np.ndarray]:
@@ -87,7 +84,7 @@ def calibrated_laws(
     flat = effective_road(station, np.zeros((1, len(vehicle.axles), station.size)))
     batch = PassBatch(matrices, flat, np.array([a.x_m for a in vehicle.axles])[:, None], reference)
     logs = np.log([values.get(p.name, p.value) for p in fit.parameters])[:, None]
-    law, tire = _laws(law_inputs(vehicle, parameters, batch, [load_case]), logs)
+    law, tire = axle_laws(law_inputs(vehicle, parameters, batch, [load_case]), logs)
     return law, tire, np.asarray(matrices.carried_load[0, :, 0])
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 
-import jax
 import numpy as np
 
 from sysid.arrays import Axles, DrawsByParameters, Samples, SamplesByAxlesBySets
@@ -31,7 +30,7 @@ from sysid.prediction.vehicle_draws import (
 )
 from sysid.progress import Progress, unwatched
 from sysid.road.named_shapes import named_shape
-from sysid.vehicle_model.device_arrays import ParametersBySets
+from sysid.vehicle_model.device_arrays import HostOrDevice, ParametersBySets
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.passes import EffectiveRoads, Pass, make_pass_batch
@@ -52,10 +51,9 @@ SWEEP_LENGTHS = tuple(round(500 * 2.0 ** (n / 2)) for n in range(16))
 SWEEP_KM_H = (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0, 32.0, 36.0, 42.0, 48.0, 54.0, 60.0)
 
 
-@partial(jax.jit, static_argnames=("timing",))
 def _histories(
-    matrices: StackedMatrices, laws: LawInputs, road: WheelRoad, log_parameters: ParametersBySets, *, timing: Timing
-) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+    matrices: StackedMatrices, laws: LawInputs, road: WheelRoad, log_parameters: ParametersBySets, timing: Timing
+) -> tuple[HostOrDevice, HostOrDevice, HostOrDevice, HostOrDevice]:
     suspension, tire = axle_laws(laws, log_parameters)
     histories = road.engine.histories(matrices, suspension, tire, road, timing)
     sunk = spring_deflection(tire, histories.tire_force)
@@ -129,7 +127,7 @@ def _simulate(
         laws = law_inputs(campaign.vehicle, parameters, batch, [request.load_case])
         laws = laws if stops is None else stops.on(laws, 0)
         wheels = wheel_road(batch.matrices, road, batch.axle_x, motion, timing)
-        histories = _histories(batch.matrices, laws, wheels, sets, timing=timing)
+        histories = _histories(batch.matrices, laws, wheels, sets, timing)
         tire, suspension, deflection, sunk = (np.asarray(h) for h in histories)
         suspension = suspension + batch.matrices.carried_load[0]
         drawn_static = batch.matrices.static_load[0]

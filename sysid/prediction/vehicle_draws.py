@@ -20,6 +20,7 @@ from sysid.prediction.driven_range import spring_deflection
 from sysid.prediction.trust import DrivenRange
 from sysid.threads import side_by_side
 from sysid.vehicle_model.contact import EffectiveRoad, roads_side_by_side
+from sysid.vehicle_model.device_arrays import HostOrDevice, ParametersBySets
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.passes import EffectiveRoads, Pass, PassBatch, load_case_matrices, pass_matrices
@@ -84,11 +85,11 @@ def vehicles_of(
 
 
 class DrawnVehicles(NamedTuple):
-    """Some draws in one pass, :data:`TOGETHER` of them: `chosen` (t,) by number, the last one repeated at the end."""
+    """Some draws in one pass, at most :data:`TOGETHER`: `chosen` (t,) by number, and the laws of each."""
 
     chosen: np.ndarray
     matrices: StackedMatrices
-    laws: LawInputs
+    laws: Sequence[LawInputs]
     road: EffectiveRoad
 
 
@@ -104,8 +105,7 @@ def drawn_vehicles(
     count = len(vehicles.amounts)
 
     def some(first: int) -> DrawnVehicles:
-        # The last chunk repeats its last draw: one size is compiled once.
-        chosen = np.minimum(np.arange(first, first + TOGETHER), count - 1)
+        chosen = np.arange(first, min(first + TOGETHER, count))
         matrices, laws, roads = [], [], []
         for draw in chosen:
             log_factors, amplitudes = vehicles.allowances.split(vehicles.amounts[draw])
@@ -117,9 +117,7 @@ def drawn_vehicles(
             laws.append(inputs if vehicles.stops is None else vehicles.stops.on(inputs, int(draw)))
             roads.append(vehicles.allowances.road([driven], vehicles.amounts[draw]))
         stacked = jax.tree.map(lambda *parts: runs_side_by_side(parts), *matrices)
-        return DrawnVehicles(
-            chosen, stacked, jax.tree.map(lambda *parts: np.stack(parts), *laws), roads_side_by_side(roads)
-        )
+        return DrawnVehicles(chosen, stacked, laws, roads_side_by_side(roads))
 
     return tuple(partial(some, first) for first in range(0, count, TOGETHER))
 
@@ -149,10 +147,10 @@ def histories_of_draws(
 
     def fill(make: MakesVehicles) -> None:
         some = make()
-        speed, start_s = (np.tile(x, (TOGETHER, 1)) for x in (motion.speed, motion.start_s))
+        speed, start_s = (np.tile(x, (some.chosen.size, 1)) for x in (motion.speed, motion.start_s))
         road = wheel_road(some.matrices, some.road, axle_x, Motion(speed, start_s), timing)
         sets = log_parameters[some.chosen, :, None]
-        found = _histories(some.matrices, some.laws, road, sets, timing=timing)
+        found = _histories(some.matrices, some.laws, road, list(sets), timing)
         tire, suspension, *deflections = map(np.asarray, found)
         first, end = some.chosen[0], some.chosen[-1] + 1
         at_rest[first:end] = some.matrices.static_load[: end - first, :, 0]
@@ -176,11 +174,14 @@ def with_contact_error(tire_N: np.ndarray, static_N: np.ndarray, error: np.ndarr
     return np.asarray(np.where(tire_N > 0.0, np.maximum(static_N + (1.0 + error) * (tire_N - static_N), 0.0), 0.0))
 
 
-@partial(jax.jit, static_argnames=("timing",))
 def _histories(
-    matrices: StackedMatrices, inputs: LawInputs, road: WheelRoad, sets: jax.Array, *, timing: Timing
-) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-    suspension, tire = laws_side_by_side(inputs, sets)
+    matrices: StackedMatrices,
+    laws: Sequence[LawInputs],
+    road: WheelRoad,
+    sets: Sequence[ParametersBySets],
+    timing: Timing,
+) -> tuple[HostOrDevice, HostOrDevice, HostOrDevice, HostOrDevice]:
+    suspension, tire = laws_side_by_side(laws, sets)
     histories = road.engine.histories(matrices, suspension, tire, road, timing)
     sunk = spring_deflection(tire, histories.tire_force)
     return histories.tire_force, histories.suspension_force, histories.deflection, sunk

@@ -1,4 +1,4 @@
-"""Names for arrays inside compiled functions; each with its shape.
+"""Names for arrays that the host or a device holds, each with its shape; and the NumPy for either.
 
 R runs, S parameter sets, na axles, C channels, T samples; every run is simulated with every set. Predicted passes are
 along R too: they are the same to the model.
@@ -6,23 +6,34 @@ along R too: they are the same to the model.
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from types import ModuleType
+from typing import Any, TypeAlias
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
-#: Constants of the host that a compiled function takes: inside it they are JAX arrays.
+#: Arrays of the host, or of JAX inside a function that it traces.
 HostOrDevice: TypeAlias = jax.Array | np.ndarray
 
+#: The same for equations of the model: whoever checks types sees the operations of JAX's arrays.
+Traceable: TypeAlias = jax.Array | Any
+
 #: (R, S) one value for every run with every set.
-RunsBySets: TypeAlias = jax.Array
+RunsBySets: TypeAlias = Traceable
 #: (R, na, S)
-RunsByAxlesBySets: TypeAlias = jax.Array
+RunsByAxlesBySets: TypeAlias = Traceable
 #: (R, C, S)
-RunsByChannelsBySets: TypeAlias = jax.Array
+RunsByChannelsBySets: TypeAlias = Traceable
 #: (T, R, na, S) unfiltered histories.
-AxleHistories: TypeAlias = jax.Array
+AxleHistories: TypeAlias = Traceable
 #: (T, R, C, S) what the sensors show.
-ChannelHistories: TypeAlias = jax.Array
+ChannelHistories: TypeAlias = Traceable
 #: (p, S) one column for every parameter set.
-ParametersBySets: TypeAlias = jax.Array
+ParametersBySets: TypeAlias = Traceable
+
+
+def numpy_of(*arrays: HostOrDevice | float) -> Any:
+    """`jax.numpy` where one of the arrays is JAX's, else `numpy`: the same equations then run without compiling."""
+    module: ModuleType = jnp if any(isinstance(array, jax.Array) for array in arrays) else np
+    return module

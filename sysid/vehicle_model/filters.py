@@ -7,7 +7,7 @@ to the Nyquist frequency of the half step.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import jax
 import jax.numpy as jnp
@@ -21,17 +21,17 @@ from sysid.campaign.records import AntiAliasFilter
 class FilterRecursion:
     """Coefficients of x' = decay x + start u_n + middle u_(n+1/2);  y = Re(sum weight (x + feed u_n)).
 
-    All arrays are complex of shape (poles,), one entry per real pole or complex-conjugate pair; `spec` is the analogue
-    filter and `step_s` the step it was made for.
+    All arrays are complex of shape (poles,), one entry per real pole or complex-conjugate pair.  They follow from the
+    analogue filter `spec` and the step that they are for, `step_s`: functions are compiled once for both of them.
     """
 
     spec: AntiAliasFilter
     step_s: float
-    decay: np.ndarray
-    start: np.ndarray
-    middle: np.ndarray
-    feed: np.ndarray
-    weight: np.ndarray
+    decay: np.ndarray = field(compare=False)
+    start: np.ndarray = field(compare=False)
+    middle: np.ndarray = field(compare=False)
+    feed: np.ndarray = field(compare=False)
+    weight: np.ndarray = field(compare=False)
 
 
 def analogue_transfer(spec: AntiAliasFilter) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -104,8 +103,8 @@ def test_the_library_counts_its_arrays(call, monkeypatch):
     """Were the check in Python passed by, the compiled side would still refuse."""
     kernel.prepare()
     monkeypatch.setattr(Call, "ordered", lambda self: list(self.arrays.values())[:-1])
-    with pytest.raises(jax.errors.JaxRuntimeError, match="another number of arrays"):
-        jax.block_until_ready(kernel.run(call))
+    with pytest.raises(ValueError, match="another number of arrays"):
+        kernel.run(call)
 
 
 @needs_compiler
@@ -114,10 +113,10 @@ def test_a_library_refuses_vehicles_that_it_is_not_compiled_for(call, tmp_path, 
     assert compiler is not None
     # Without optimisation: nothing is computed.
     build.compile_engine(compiler, tmp_path / "engine.so", "-O0", "-DSYSID_COORDINATES=8")
-    other = kernel.load(tmp_path / "engine.so", "eight", "eight coordinates")
+    other = kernel.load(tmp_path / "engine.so", "eight coordinates")
     monkeypatch.setattr(kernel, "_loaded", lambda coordinates: other)
-    with pytest.raises(jax.errors.JaxRuntimeError, match="not compiled for so many body coordinates"):
-        jax.block_until_ready(kernel.run(call))
+    with pytest.raises(ValueError, match="not compiled for so many body coordinates"):
+        kernel.run(call)
 
 
 def test_sizes_of_a_call(call):

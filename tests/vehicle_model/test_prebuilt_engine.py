@@ -5,13 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
 import stat
 import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-import jax
 import pytest
 from native_engine import needs_compiler
 
@@ -199,18 +197,8 @@ def whole(tmp_path_factory) -> bytes:
     return build.library().read_bytes()
 
 
-@pytest.fixture
-def registered(monkeypatch) -> list[str]:
-    """Names under which entry points were made known to JAX; it takes a name once in a process."""
-    names: list[str] = []
-    monkeypatch.setattr(jax.ffi, "register_ffi_target", lambda name, capsule, platform: names.append(name))
-    return names
-
-
 @needs_compiler
-def test_without_a_compiler_the_prebuilt_engine_computes(
-    whole, packed, cores, unregistered, registered, monkeypatch, caplog
-):
+def test_without_a_compiler_the_prebuilt_engine_computes(whole, packed, cores, unregistered, monkeypatch, caplog):
     """Nothing is said and nothing is lost; with a compiler that one's build is taken."""
     cores(HASWELL)
     packed({"x86-64-v3": whole})
@@ -219,7 +207,8 @@ def test_without_a_compiler_the_prebuilt_engine_computes(
     monkeypatch.setattr(build, "compile_engine", pytest.fail)
     assert engine.engine_versions() == {"engine": "native", "engine_build": "prebuilt for x86-64-v3"}
     assert caplog.messages == []
-    assert [name.rpartition("x86-64-v3_")[2] for name in registered] == list(kernel.ENTRIES)
+    library = kernel._loaded(None).library
+    assert all(hasattr(library, f"sysid_{entry}") for entry in kernel.ENTRIES)
     again(monkeypatch)
     monkeypatch.setattr(build, "compile_engine", lambda compiler, made, *flags: made.write_bytes(whole))
     assert engine.engine_versions() == {"engine": "native", "engine_build": "compiled on this machine"}
@@ -227,9 +216,7 @@ def test_without_a_compiler_the_prebuilt_engine_computes(
 
 @needs_compiler
 @pytest.mark.parametrize("how", ["compiler fails", "library is not loaded"])
-def test_where_compiling_fails_the_prebuilt_engine_computes(
-    whole, packed, cores, unregistered, registered, monkeypatch, how
-):
+def test_where_compiling_fails_the_prebuilt_engine_computes(whole, packed, cores, unregistered, monkeypatch, how):
     """A broken compiler, or a cache folder from which the system runs nothing."""
 
     def compile_engine(compiler: build.Compiler, made: Path, *flags: str) -> None:
@@ -256,7 +243,7 @@ def test_where_there_is_nothing_both_reasons_and_the_remedy_are_said(packed, cor
 
 
 @needs_compiler
-def test_what_a_compiler_has_made_is_used_when_it_is_gone(whole, packed, unregistered, registered, monkeypatch):
+def test_what_a_compiler_has_made_is_used_when_it_is_gone(whole, packed, unregistered, monkeypatch):
     packed({"x86-64-v3": whole})
     monkeypatch.setattr(build, "compile_engine", lambda compiler, made, *flags: made.write_bytes(whole))
     made = build.library()
@@ -266,45 +253,6 @@ def test_what_a_compiler_has_made_is_used_when_it_is_gone(whole, packed, unregis
     monkeypatch.setattr(build, "description", lambda: "another processor")
     with pytest.raises(build.BuildError, match="no C\\+\\+ compiler"):
         build.library()
-
-
-@needs_compiler
-@pytest.mark.parametrize(("minor", "refused"), [(1, False), (0, True), (99, True)])
-def test_a_library_for_another_interface_of_xla_is_refused(unregistered, minor, refused):
-    """Made against older headers, of jaxlib 0.6 (0.1), it is taken."""
-    compiler = build.find_compiler()
-    assert compiler is not None
-    headers = unregistered / "headers"
-    shutil.copytree(jax.ffi.include_dir(), headers)
-    interface = headers / "xla" / "ffi" / "api" / "c_api.h"
-    text = interface.read_text()
-    line = next(x for x in text.splitlines() if x.startswith("#define XLA_FFI_API_MINOR"))
-    interface.write_text(text.replace(line, f"#define XLA_FFI_API_MINOR {minor}"))
-    source, made = unregistered / "small.cpp", unregistered / "small.so"
-    source.write_text(SMALL.replace("FINGERPRINT", kernel.header.fingerprint()))
-    done = build._run(
-        [*compiler, "-std=c++17", "-shared", "-fPIC", "-isystem", str(headers), str(source), "-o", str(made)]
-    )
-    assert done.returncode == 0, done.stderr
-    if refused:
-        with pytest.raises(build.BuildError, match="does not fit this jaxlib"):
-            kernel.load(made, f"small{minor}", "small")
-    else:
-        assert kernel.load(made, f"small{minor}", "small").origin == "small"
-
-
-#: All that the engine exports, without the engine.
-SMALL = """
-#include "xla/ffi/api/ffi.h"
-namespace ffi = xla::ffi;
-static ffi::Error nothing() { return ffi::Error::Success(); }
-extern "C" const char* sysid_fingerprint() { return "FINGERPRINT"; }
-extern "C" void sysid_use_threads(int64_t) {}
-XLA_FFI_DEFINE_HANDLER_SYMBOL(sysid_sensors, nothing, ffi::Ffi::Bind());
-XLA_FFI_DEFINE_HANDLER_SYMBOL(sysid_histories, nothing, ffi::Ffi::Bind());
-XLA_FFI_DEFINE_HANDLER_SYMBOL(sysid_misfits, nothing, ffi::Ffi::Bind());
-XLA_FFI_DEFINE_HANDLER_SYMBOL(sysid_linearise, nothing, ffi::Ffi::Bind());
-"""
 
 
 def again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -350,4 +298,4 @@ def test_zig_keeps_nothing_where_others_may_write(monkeypatch, tmp_path):
 def test_zig_compiles_the_engine(tmp_path):
     """As it stands: the library is loaded and takes the arrays of this version."""
     build.compile_engine((sys.executable, "-m", "ziglang", "c++"), tmp_path / "engine.so")
-    assert kernel.load(tmp_path / "engine.so", "zig", "zig").origin == "zig"
+    assert kernel.load(tmp_path / "engine.so", "zig").origin == "zig"

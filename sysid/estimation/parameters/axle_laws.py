@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import Axles, RunsByAxles
@@ -24,7 +23,7 @@ from sysid.estimation.parameters.suspension_curves import (
 )
 from sysid.estimation.parameters.suspension_elements import coefficients, law_elements, quantities
 from sysid.vehicle_model.contact import TireLaw, tire_law
-from sysid.vehicle_model.device_arrays import HostOrDevice, ParametersBySets, RunsByAxlesBySets
+from sysid.vehicle_model.device_arrays import HostOrDevice, ParametersBySets, RunsByAxlesBySets, numpy_of
 from sysid.vehicle_model.passes import PassBatch
 from sysid.vehicle_model.suspension import FrameLaw, SuspensionLaw
 
@@ -159,53 +158,59 @@ def _rocker_shares(vehicle: Vehicle, parameters: ParameterSet) -> RockerShares |
 
 
 def axle_laws(inputs: LawInputs, log_parameters: ParametersBySets) -> tuple[SuspensionLaw, TireLaw]:
-    """Suspension and tire laws (R, na, S) of every axle in every pass from the log parameters (p, S)."""
-    values = jnp.exp(log_parameters)
-    tire = tire_law(
-        values[inputs.tire_stiffness] * inputs.tire_factor,
-        values[inputs.tire_damping],
-        values[inputs.exponent],
-        inputs.static_load,
-        inputs.reference_load,
-    )
-    stiffness = values[inputs.stiffness]
-    damping = jnp.broadcast_to(values[inputs.damping], stiffness.shape)
-    return _suspension(inputs, values, stiffness, damping), tire
+    """Suspension and tire laws (R, na, S) of every axle in every pass from the log parameters (p, S).
+
+    By NumPy, or by JAX where the parameters are its own.
+    """
+    xp = numpy_of(log_parameters)
+    # Far from the optimum a set may overflow: its simulation is not finite, and it is rejected for that.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        values = xp.exp(log_parameters)
+        tire = tire_law(
+            values[inputs.tire_stiffness] * inputs.tire_factor,
+            values[inputs.tire_damping],
+            values[inputs.exponent],
+            inputs.static_load,
+            inputs.reference_load,
+        )
+        stiffness = values[inputs.stiffness]
+        damping = xp.broadcast_to(values[inputs.damping], stiffness.shape)
+        return _suspension(inputs, values, stiffness, damping), tire
 
 
-def laws_side_by_side(inputs: LawInputs, sets: jax.Array) -> tuple[SuspensionLaw, TireLaw]:
+def laws_side_by_side(models: Sequence[LawInputs], sets: Sequence[ParametersBySets]) -> tuple[SuspensionLaw, TireLaw]:
     """Laws (R K, na, 1) of K models of R passes; the K laws of a pass follow each other.
 
     Parameters
     ----------
-    inputs : of all models, stacked along a new first axis K; sets : (K, p, 1) their log parameters.
+    models : of one structure; sets : log parameters (p, 1) of each.
     """
+    suspensions, tires = zip(*map(axle_laws, models, sets), strict=True)
+    shape = suspensions[0].stiffness.shape
 
-    def one(of_model: LawInputs, x: ParametersBySets) -> tuple[SuspensionLaw, tuple[jax.Array, ...]]:
-        suspension, tire = axle_laws(of_model, x)
-        shape = suspension.stiffness.shape
-        return suspension, tuple(jnp.broadcast_to(v, shape) for v in tire[:-1])
-
-    def as_passes(x: jax.Array) -> jax.Array:
-        # (K, [ramps,] R, axles, 1) becomes ([ramps,] R K, axles, 1).
-        by_pass = jnp.moveaxis(x, 0, -3)
+    def as_passes(*of_models: np.ndarray) -> np.ndarray:
+        # K times ([ramps,] R, axles, 1) become ([ramps,] R K, axles, 1).
+        by_pass = np.stack(of_models, axis=-3)
         return by_pass.reshape(*by_pass.shape[:-4], -1, *by_pass.shape[-2:])
 
-    suspension, tire = jax.tree.map(as_passes, jax.vmap(one)(inputs, sets))
-    return suspension, TireLaw(*tire)
+    whole = [tire._make(np.broadcast_to(value, shape) for value in tire) for tire in tires]
+    joined = jax.tree.map(as_passes, *whole)
+    return jax.tree.map(as_passes, *suspensions), joined._replace(growth=tires[0].growth)
 
 
 def _suspension(
-    inputs: LawInputs, values: jax.Array, stiffness: RunsByAxlesBySets, damping: RunsByAxlesBySets
+    inputs: LawInputs, values: HostOrDevice, stiffness: RunsByAxlesBySets, damping: RunsByAxlesBySets
 ) -> SuspensionLaw:
-    def element(quantity: str) -> jax.Array | None:
+    xp = numpy_of(values)
+
+    def element(quantity: str) -> Any:
         if quantity not in inputs.elements:
             return None
         position, neutral = inputs.elements[quantity]
-        of_axle = jnp.where(position[:, None] >= 0, values[position], neutral[:, None])
-        return jnp.broadcast_to(of_axle, stiffness.shape)
+        of_axle = xp.where(position[:, None] >= 0, values[position], neutral[:, None])
+        return xp.broadcast_to(of_axle, stiffness.shape)
 
-    given: dict[str, jax.Array] = {}
+    given: dict[str, HostOrDevice] = {}
     for q in coefficients():
         value = element(q.quantity)
         if q.field is not None and value is not None:
@@ -214,16 +219,16 @@ def _suspension(
     if inputs.shares is not None:
         position, fixed = inputs.shares
         odds = values[position]
-        share = jnp.where(position[:, None] >= 0, odds / (1.0 + odds), fixed[:, None])
-        given["load_share"] = jnp.broadcast_to(share, stiffness.shape)
+        share = xp.where(position[:, None] >= 0, odds / (1.0 + odds), fixed[:, None])
+        given["load_share"] = xp.broadcast_to(share, stiffness.shape)
     frames = None
     if inputs.frames is not None:
         at = inputs.frames
-        frequency = jnp.where(at.frequency[:, None] >= 0, values[at.frequency], at.fixed_frequency[:, None])
-        ratio = jnp.where(at.damping[:, None] >= 0, values[at.damping], at.fixed_damping[:, None])
-        turn = 2.0 * jnp.pi * frequency
+        frequency = xp.where(at.frequency[:, None] >= 0, values[at.frequency], at.fixed_frequency[:, None])
+        ratio = xp.where(at.damping[:, None] >= 0, values[at.damping], at.fixed_damping[:, None])
+        turn = 2.0 * xp.pi * frequency
         shape = (stiffness.shape[0], *turn.shape)
-        frames = FrameLaw(jnp.broadcast_to(turn**2, shape), jnp.broadcast_to(2.0 * ratio * turn, shape))
+        frames = FrameLaw(xp.broadcast_to(turn**2, shape), xp.broadcast_to(2.0 * ratio * turn, shape))
     curves, ramps, base, stop = inputs.curves, [], stiffness, element("stop_stiffness")
     if curves.spring is not None:
         ramps.append(table_ramps(curves.spring, stiffness))

@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import RunsByAxles
 from sysid.campaign.vehicle_records import Axle, ForceTable
 from sysid.estimation.parameters.suspension_elements import NO_STOP_M
-from sysid.vehicle_model.device_arrays import HostOrDevice, RunsByAxlesBySets
+from sysid.vehicle_model.device_arrays import HostOrDevice, RunsByAxlesBySets, numpy_of
 from sysid.vehicle_model.suspension import REFERENCE_RATE_M_S, Ramps
 
 #: Compression [m] at which a rubber stop is three times as stiff as where it begins to act: an assumption.
@@ -116,11 +115,11 @@ def _corners(tables: list[ForceTable | None], rest: np.ndarray, secant_at: float
 
 def table_ramps(corners: TableCorners, slope: RunsByAxlesBySets) -> Ramps:
     """Ramps of a table for stiffness or damping `slope` (R, na, S); its slope at rest is `corners.share * slope`."""
-    shape = (*corners.at.shape[:-1], slope.shape[-1])
+    shape, xp = (*corners.at.shape[:-1], slope.shape[-1]), numpy_of(slope)
     return Ramps(
-        jnp.broadcast_to(corners.at, shape),
+        xp.broadcast_to(corners.at, shape),
         corners.side * corners.change * slope,
-        jnp.broadcast_to(corners.side, shape),
+        xp.broadcast_to(corners.side, shape),
     )
 
 
@@ -132,10 +131,12 @@ def joined_stops(declared: HostOrDevice | None, jounce: RunsByAxlesBySets, rebou
     declared : (2, R, na, 1) extension at declared stops [m], None without any.
     jounce, rebound : (R, na, S) estimated travels [m], never reached where none is estimated.
     """
-    estimated = jnp.stack([rebound, -jounce])
-    if declared is None:
-        return estimated
-    return jnp.stack([jnp.minimum(declared[0], estimated[0]), jnp.maximum(declared[1], estimated[1])])
+    xp = numpy_of(jounce, rebound)
+    reached = [rebound, -jounce]
+    if declared is not None:
+        reached = [xp.minimum(declared[0], rebound), xp.maximum(declared[1], -jounce)]
+    joined: HostOrDevice = xp.stack(reached)
+    return joined
 
 
 def stop_ramps(stops: HostOrDevice, stiffness: RunsByAxlesBySets) -> Ramps:
@@ -153,13 +154,13 @@ def stop_ramps(stops: HostOrDevice, stiffness: RunsByAxlesBySets) -> Ramps:
     curve = knots * (1.0 + knots / STOP_LENGTH_M)
     slopes = np.append(np.diff(curve) / np.diff(knots), 1.0 + 2.0 * knots[-1] / STOP_LENGTH_M)
     side = np.array([1.0, -1.0])[:, None, None, None]
-    shape = (2, *stiffness.shape)
+    shape, xp = (2, *stiffness.shape), numpy_of(stops, stiffness)
     return joined_ramps(
         [
             Ramps(
-                jnp.broadcast_to(stops + side * knot, shape),
-                jnp.broadcast_to(change * stiffness, shape),
-                jnp.broadcast_to(side, shape),
+                xp.broadcast_to(stops + side * knot, shape),
+                xp.broadcast_to(change * stiffness, shape),
+                xp.broadcast_to(side, shape),
             )
             for knot, change in zip(knots, np.diff(slopes, prepend=0.0), strict=True)
         ]
@@ -174,12 +175,13 @@ def lash_ramps(lash: np.ndarray, stiffness: RunsByAxlesBySets, carried: np.ndarr
     lash, carried : (R, na, 1) free travel [m], zero for none, and static load on the spring [N].
     stiffness : (R, na, S) of the spring [N/m].
     """
-    slack = jnp.broadcast_to(carried / stiffness, stiffness.shape)
-    slope = jnp.where(lash > 0.0, stiffness, 0.0)
-    at = jnp.stack([slack, slack + lash])
-    return Ramps(at, jnp.stack([-slope, slope]), jnp.ones_like(at))
+    xp = numpy_of(stiffness)
+    slack = xp.broadcast_to(carried / stiffness, stiffness.shape)
+    slope = xp.where(lash > 0.0, stiffness, 0.0)
+    at = xp.stack([slack, slack + lash])
+    return Ramps(at, xp.stack([-slope, slope]), xp.ones_like(at))
 
 
 def joined_ramps(parts: list[Ramps]) -> Ramps:
     """All ramps of one or more parts."""
-    return Ramps(*(jnp.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    return Ramps(*(numpy_of(*arrays).concatenate(arrays) for arrays in zip(*parts, strict=True)))

@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import jax
-
 from sysid.campaign.vehicle_records import Axle
 from sysid.vehicle_model.device_arrays import HostOrDevice
 
@@ -41,7 +39,7 @@ class ElementQuantity:
     sd: float
     neutral: float
     field: str | None = None
-    coefficient: Callable[[jax.Array, jax.Array, HostOrDevice, HostOrDevice], jax.Array] | None = None
+    coefficient: Callable[[HostOrDevice, HostOrDevice, HostOrDevice, HostOrDevice], HostOrDevice] | None = None
     decides: bool = True
 
 

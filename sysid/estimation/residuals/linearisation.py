@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from functools import partial
 
-import jax
-import jax.numpy as jnp
+import numpy as np
+from jax.tree_util import Partial
 
 from sysid.arrays import Parameters
 from sysid.estimation.parameters.axle_laws import axle_laws
@@ -20,7 +20,6 @@ from sysid.estimation.residuals.signals import wheel_road
 from sysid.threads import side_by_side
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.device_arrays import HostOrDevice
-from sysid.vehicle_model.engine import WheelRoad
 from sysid.vehicle_model.engines.protocol import Linearisation, Unknowns
 from sysid.vehicle_model.motion import MotionChange
 
@@ -39,35 +38,19 @@ def linearise_group(
 
     The last three columns belong to each run's own motion in scaled units.
     """
-    inputs = wheel_road(arrays, road, motion, shape)
-    of_motion = motion.per_unit(arrays.axle_x, arrays.change_unit)
-    linearised: Linearisation = _linearise(arrays, inputs, noise_sd, tempering, log_parameters, of_motion, shape=shape)
-    return linearised
-
-
-@partial(jax.jit, static_argnames=("shape",))
-def _linearise(
-    arrays: GroupArrays,
-    road: WheelRoad,
-    noise_sd: HostOrDevice,
-    tempering: HostOrDevice,
-    log_parameters: jax.Array,
-    of_motion: MotionChange,
-    *,
-    shape: GroupShape,
-) -> Linearisation:
-    count = log_parameters.shape[0]
+    wheels = wheel_road(arrays, road, motion, shape)
+    of_motion, count = motion.per_unit(arrays.axle_x, arrays.change_unit), log_parameters.shape[0]
     unknowns = Unknowns(
         log_parameters,
-        jnp.eye(count, count + RUN_UNKNOWNS),
+        np.eye(count, count + RUN_UNKNOWNS),
         # Parameters come first, then the unknowns of a run's own motion.
-        jax.tree.map(lambda columns: jnp.pad(columns, ((0, 0), (count, 0))), of_motion),
+        MotionChange(*(np.pad(columns, ((0, 0), (count, 0))) for columns in of_motion)),
     )
-    return road.engine.linearise(
+    return wheels.engine.linearise(
         arrays.matrices,
-        partial(axle_laws, arrays.laws),
+        Partial(axle_laws, arrays.laws),
         unknowns,
-        road,
+        wheels,
         shape.timing,
         shape.sensors,
         shape.recursion,
@@ -88,15 +71,13 @@ def linearise_one(
     model: BumpModel, weights: Weights, log_parameters: Parameters, motion: RunMotion, position: int
 ) -> Linearisation:
     """Linearisation of one group, as :func:`linearise`, for cases in which derivatives of all take too much memory."""
-    linearised: Linearisation = jax.block_until_ready(
-        linearise_group(
-            weights.on(model.arrays, position),
-            model.roads[position],
-            weights.noise_sd[position],
-            weights.tempering[position],
-            log_parameters,
-            motion.of(list(model.groups[position].runs)),
-            shape=model.shapes[position],
-        )
+    linearised = linearise_group(
+        weights.on(model.arrays, position),
+        model.roads[position],
+        weights.noise_sd[position],
+        weights.tempering[position],
+        log_parameters,
+        motion.of(list(model.groups[position].runs)),
+        shape=model.shapes[position],
     )
-    return linearised
+    return Linearisation(*map(np.asarray, linearised))

@@ -8,10 +8,8 @@ priors leaves, per run,
 
 from __future__ import annotations
 
-from functools import partial
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
 from sysid.arrays import RunsByChannels
@@ -21,6 +19,7 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import MotionPrior, RunMotion
 from sysid.estimation.residuals.run_unknowns import run_normal
 from sysid.estimation.residuals.signals import wheel_road
+from sysid.vehicle_model.device_arrays import HostOrDevice, ParametersBySets
 from sysid.vehicle_model.engine import WheelRoad
 from sysid.vehicle_model.engines.protocol import Linearisation, LocalColumns
 
@@ -58,8 +57,7 @@ def group_inputs(
     return GroupInputs(arrays, road, weights.noise_sd[position], weights.tempering[position], columns)
 
 
-@partial(jax.jit, static_argnames=("shape",))
-def group_misfits(inputs: GroupInputs, log_parameters: jax.Array, *, shape: GroupShape) -> jax.Array:
+def group_misfits(inputs: GroupInputs, log_parameters: ParametersBySets, *, shape: GroupShape) -> HostOrDevice:
     """Sum over a group's runs of r'r - b' N^-1 b for every set (S,) of log parameters (p, S)."""
     arrays, road = inputs.arrays, inputs.road
     suspension, tire = axle_laws(arrays.laws, log_parameters)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
 from itertools import groupby, islice
 from typing import TypeVar
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from sysid.arrays import Parameters
-from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, laws_side_by_side
+from sysid.estimation.parameters.axle_laws import axle_laws, laws_side_by_side
 from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays, GroupShape
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.threads import side_by_side
@@ -20,7 +18,7 @@ from sysid.vehicle_model import engine
 from sysid.vehicle_model.contact import EffectiveRoad, roads_side_by_side
 from sysid.vehicle_model.device_arrays import ChannelHistories, ParametersBySets
 from sysid.vehicle_model.engine import WheelRoad
-from sysid.vehicle_model.stacked_matrices import StackedMatrices, runs_side_by_side
+from sysid.vehicle_model.stacked_matrices import runs_side_by_side
 
 _Shown = TypeVar("_Shown")
 #: What becomes of the signals (T, R, K, C) of a group, by its position, in runs of K models: one result each.
@@ -43,11 +41,6 @@ def simulate_group(
     return road.engine.sensors(arrays.matrices, suspension, tire, road, shape.timing, shape.sensors, shape.recursion)
 
 
-@partial(jax.jit, static_argnames=("shape",))
-def _group_signals(arrays: GroupArrays, road: WheelRoad, log_parameters: jax.Array, *, shape: GroupShape) -> jax.Array:
-    return simulate_group(arrays, shape, log_parameters[:, None], road)[..., 0]
-
-
 def simulate_runs(model: BumpModel, log_parameters: Parameters, motion: RunMotion) -> tuple[np.ndarray, ...]:
     """Sensor signals (T, R, C) of every group in SI at log parameters (p,)."""
 
@@ -55,8 +48,7 @@ def simulate_runs(model: BumpModel, log_parameters: Parameters, motion: RunMotio
         runs = list(model.groups[position].runs)
         arrays, shape = model.arrays[position], model.shapes[position]
         road = wheel_road(arrays, model.roads[position], motion.of(runs), shape)
-        signals = _group_signals(arrays, road, log_parameters, shape=shape)
-        return np.asarray(jax.block_until_ready(signals))
+        return np.asarray(simulate_group(arrays, shape, log_parameters[:, None], road))[..., 0]
 
     return side_by_side(one, range(len(model.groups)))
 
@@ -66,8 +58,8 @@ def simulate_trials(
 ) -> Iterator[tuple[_Shown, ...]]:
     """What is made of the sensor signals [SI] of every group, for each of several models of the same runs.
 
-    Masses, laws and roads of the models may differ. Those that one compiled function takes are simulated together;
-    no more than :data:`TOGETHER` models are in memory at a time.
+    Masses, laws and roads of the models may differ. Those of one structure are simulated together; no more than
+    :data:`TOGETHER` models are in memory at a time.
 
     Parameters
     ----------
@@ -75,13 +67,7 @@ def simulate_trials(
     """
     for _, alike in groupby(trials, key=_structure):
         while some := list(islice(alike, TOGETHER)):
-            if len(some) > 1:
-                # The last one repeated: one number of models is compiled once.
-                models = [*some, *[some[-1]] * (TOGETHER - len(some))]
-                made = _simulate_together(models, log_parameters, motion, shown)
-            else:
-                signals = simulate_runs(some[0], log_parameters, motion)
-                made = tuple(shown(position, of_group[:, :, None]) for position, of_group in enumerate(signals))
+            made = _simulate_together(some, log_parameters, motion, shown)
             for k in range(len(some)):
                 yield tuple(of_group[k] for of_group in made)
 
@@ -109,22 +95,11 @@ def _simulate_together(
         shape, runs = models[0].shapes[position], list(models[0].groups[position].runs)
         arrays = [m.arrays[position] for m in models]
         matrices = jax.tree.map(lambda *parts: runs_side_by_side(parts), *[a.matrices for a in arrays])
-        laws = jax.tree.map(lambda *parts: np.stack(parts), *[a.laws for a in arrays])
         road = roads_side_by_side([m.roads[position] for m in models])
         moved = motion.of([run for run in runs for _ in models])
         wheels = wheel_road(arrays[0]._replace(matrices=matrices), road, moved, shape)
-        signals = _signals_together(matrices, laws, wheels, log_parameters, shape=shape)
-        whole = np.asarray(jax.block_until_ready(signals))
-        return shown(position, whole.reshape(shape.samples, len(runs), len(models), -1))
+        law = laws_side_by_side([a.laws for a in arrays], [log_parameters[:, None]] * len(models))
+        signals = wheels.engine.sensors(matrices, *law, wheels, shape.timing, shape.sensors, shape.recursion)
+        return shown(position, np.asarray(signals).reshape(shape.samples, len(runs), len(models), -1))
 
     return side_by_side(one, range(len(models[0].groups)))
-
-
-@partial(jax.jit, static_argnames=("shape",))
-def _signals_together(
-    matrices: StackedMatrices, laws: LawInputs, road: WheelRoad, log_parameters: jax.Array, *, shape: GroupShape
-) -> jax.Array:
-    """Signals (T, R K, C); `laws` stacked along the models."""
-    sets = jnp.broadcast_to(log_parameters[:, None], (len(laws.stiffness), log_parameters.size, 1))
-    law = laws_side_by_side(laws, sets)
-    return road.engine.sensors(matrices, *law, road, shape.timing, shape.sensors, shape.recursion)[..., 0]

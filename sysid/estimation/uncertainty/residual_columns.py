@@ -11,15 +11,13 @@ from functools import partial
 from itertools import islice
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
-from sysid.arrays import Parameters, RunsByChannels
-from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays
+from sysid.arrays import Parameters
+from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.by_group import ByGroup, too_many
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, RunMotion
-from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import TOGETHER, simulate_trials
 from sysid.threads import side_by_side
 from sysid.vehicle_model.engines.protocol import Linearisation
@@ -92,8 +90,9 @@ def residuals_of_group(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Weighted residuals (T, R, C) and gain residuals (R, C) of one group for sensor signals (T, R, C) [SI]."""
     scales = weights.noise_sd[position], weights.tempering[position]
-    residual, gain = _residuals(weights.on(model.arrays, position), *scales, signals)
-    return np.asarray(residual), np.asarray(gain)
+    readings = weights.on(model.arrays, position).readings(*scales)
+    residual, gain = residuals_of_trials(readings, signals[:, :, None])
+    return np.moveaxis(residual[0], -1, 0), gain[0]
 
 
 def difference_columns(
@@ -162,14 +161,6 @@ def set_differences(
 
     while some := tuple(islice(pairs, TOGETHER)):
         side_by_side(partial(of_group, some), range(len(columns)))
-
-
-@jax.jit
-def _residuals(
-    arrays: GroupArrays, noise_sd: RunsByChannels, tempering: RunsByChannels, signals: jax.Array
-) -> tuple[jax.Array, jax.Array]:
-    residual, gain = group_residuals(arrays, noise_sd, tempering, signals[..., None])
-    return residual[..., 0], gain[..., 0]
 
 
 def channel_columns(

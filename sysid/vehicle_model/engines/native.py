@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.tree_util import Partial
 
 from sysid.vehicle_model.contact import CELL_POLYNOMIAL, EffectiveRoad, TireLaw
-from sysid.vehicle_model.device_arrays import ChannelHistories, HostOrDevice, RunsBySets
+from sysid.vehicle_model.device_arrays import ChannelHistories, HostOrDevice, RunsBySets, numpy_of
 from sysid.vehicle_model.engines.protocol import (
     LawFunction,
     Linearisation,
@@ -72,7 +73,7 @@ class NativeEngine:
         """Unfiltered histories."""
         all_axles = tuple(range(matrices.static_load.shape[1]))
         call = _call("histories", matrices, (suspension, tire), road, timing, SensorLayout(all_axles, all_axles), None)
-        return Histories(*kernel.run(call))
+        return Histories._make(kernel.run(call))
 
     def linearise(
         self,
@@ -86,12 +87,12 @@ class NativeEngine:
         readings: Readings,
     ) -> Linearisation:
         """Derivatives beside the values in the time loop; those of the laws' rows by JAX."""
-        at = jnp.broadcast_to(unknowns.value[:, None], unknowns.parameters.shape)
-        tangents = jax.jvp(lambda x: _differentiated(*laws(x)), (at,), (unknowns.parameters,))[1]
+        traceable = laws if isinstance(laws, Partial) else Partial(laws)
+        tangents = _law_tangents(traceable, unknowns.value, unknowns.parameters)
         more = {
             "law_tangents": tangents["laws"],
             "frame_tangents": tangents["frames"],
-            "motion_tangents": jnp.stack(unknowns.motion),
+            "motion_tangents": numpy_of(*unknowns.motion).stack(unknowns.motion),
             **readings._asdict(),
         }
         one = laws(unknowns.value[:, None])
@@ -127,7 +128,7 @@ def misfit_call(
     readings: Readings,
     local: LocalColumns,
 ) -> Call:
-    """The call that computes misfits, also for the benchmark without Python and XLA."""
+    """The call that computes misfits, also for the benchmark without Python."""
     more = {**readings._asdict(), **{f"local_{name}": array for name, array in local._asdict().items()}}
     return _call("misfits", matrices, laws, road, timing, layout, recursion, more)
 
@@ -162,16 +163,16 @@ def _call(
         "P": 0 if more is None or "law_tangents" not in more else more["law_tangents"].shape[-1],
     }
     settings = {
-        "samples": np.int64(timing.samples),
-        "substeps": np.int64(timing.substeps),
-        "interval": np.float64(timing.interval_s),
-        "growth": np.float64(tire.growth),
-        "elements": np.int64(sum(1 << bit for bit, name in enumerate(ELEMENT_FIELDS) if name in present)),
-        "ramps": np.int64(ramps[0]),
-        "stops": np.int64(ramps[1]),
-        "rate_ramps": np.int64(ramps[2]),
-        "deflection_axles": np.array(layout.deflection_axles, np.int64),
-        "acceleration_axles": np.array(layout.acceleration_axles, np.int64),
+        "samples": timing.samples,
+        "substeps": timing.substeps,
+        "interval": timing.interval_s,
+        "growth": tire.growth,
+        "elements": sum(1 << bit for bit, name in enumerate(ELEMENT_FIELDS) if name in present),
+        "ramps": ramps[0],
+        "stops": ramps[1],
+        "rate_ramps": ramps[2],
+        "deflection_axles": layout.deflection_axles,
+        "acceleration_axles": layout.acceleration_axles,
     }
     return Call(entry, arrays | (more or {}), sizes, settings)
 
@@ -190,14 +191,15 @@ def _matrix_arrays(matrices: StackedMatrices) -> dict[str, Any]:
 def _road_arrays(road: WheelRoad) -> dict[str, Any]:
     course: _Course = road.prepared
     table, (speed, start_s, acceleration, _) = course.road, road.motion
+    xp = numpy_of(speed, start_s, acceleration)
     return {
         "rise": table.rise,
         "stretch": _NOTHING if table.stretch is None else table.stretch,
         "drag": _NOTHING if table.drag is None else table.drag,
-        "grid": jnp.stack([jnp.asarray(table.first_station_m, float), jnp.asarray(table.step_m, float)]),
+        "grid": xp.stack([xp.asarray(table.first_station_m, float), xp.asarray(table.step_m, float)]),
         "polynomial": CELL_POLYNOMIAL,
         "axle_x": course.axle_x,
-        "motion": jnp.stack([speed[:, 0], start_s[:, 0], jnp.broadcast_to(acceleration, speed.shape)[:, 0]]),
+        "motion": xp.stack([speed[:, 0], start_s[:, 0], xp.broadcast_to(acceleration, speed.shape)[:, 0]]),
     }
 
 
@@ -213,7 +215,15 @@ def _elements(law: SuspensionLaw) -> tuple[str, ...]:
     return tuple(n for n, fields in ELEMENT_FIELDS.items() if all(getattr(law, field) is not None for field in fields))
 
 
-def _differentiated(suspension: SuspensionLaw, tire: TireLaw) -> dict[str, jax.Array]:
+@jax.jit
+def _law_tangents(laws: LawFunction, value: HostOrDevice, directions: HostOrDevice) -> dict[str, jax.Array]:
+    """Derivatives (..., P) of the arrays that depend on parameters, at (p,) along `directions` (p, P)."""
+    at = jnp.broadcast_to(value[:, None], directions.shape)
+    tangents: dict[str, jax.Array] = jax.jvp(lambda x: _differentiated(*laws(x)), (at,), (directions,))[1]
+    return tangents
+
+
+def _differentiated(suspension: SuspensionLaw, tire: TireLaw) -> dict[str, HostOrDevice]:
     """Arrays that depend on parameters."""
     arrays = _law_arrays(suspension, tire)
     return {name: arrays[name] for name in ("laws", "frames")}
@@ -224,12 +234,13 @@ def _corners(law: SuspensionLaw) -> tuple[Ramps | None, ...]:
     return law.ramps, law.stops, law.rate_ramps
 
 
-def _law_arrays(suspension: SuspensionLaw, tire: TireLaw) -> dict[str, jax.Array]:
+def _law_arrays(suspension: SuspensionLaw, tire: TireLaw) -> dict[str, HostOrDevice]:
     """Laws of all passes and sets as rows; elements that no axle has are left out."""
     shape = suspension.stiffness.shape
+    xp = numpy_of(*jax.tree.leaves((suspension, tire)))
 
-    def row(value: jax.Array) -> jax.Array:
-        return jnp.broadcast_to(jnp.asarray(value, float), shape)
+    def row(value: HostOrDevice | float) -> Any:
+        return xp.broadcast_to(xp.asarray(value, float), shape)
 
     tires = {
         "static_deflection": tire.static_deflection,
@@ -245,8 +256,8 @@ def _law_arrays(suspension: SuspensionLaw, tire: TireLaw) -> dict[str, jax.Array
             rows += [row(at), row(slope)]
             sides.append(row(side))
     return {
-        "laws": jnp.stack(rows),
-        "frames": jnp.zeros(0) if suspension.frames is None else jnp.stack(suspension.frames),
-        "sides": jnp.stack(sides) if sides else jnp.zeros((0, *shape)),
-        "reference_load": jnp.broadcast_to(jnp.asarray(tire.reference_load, float), (*shape[:2], 1)),
+        "laws": xp.stack(rows),
+        "frames": xp.zeros(0) if suspension.frames is None else xp.stack(suspension.frames),
+        "sides": xp.stack(sides) if sides else xp.zeros((0, *shape)),
+        "reference_load": xp.broadcast_to(xp.asarray(tire.reference_load, float), (*shape[:2], 1)),
     }

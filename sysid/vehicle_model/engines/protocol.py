@@ -40,8 +40,8 @@ class Unknowns(NamedTuple):
     `value` (p,) parameters; `parameters` (p, P) and `motion` (R, P) derivatives with respect to the P unknowns.
     """
 
-    value: jax.Array
-    parameters: jax.Array
+    value: HostOrDevice
+    parameters: HostOrDevice
     motion: MotionChange
 
 
@@ -86,7 +86,11 @@ class WheelRoad:
 
 
 class Engine(Protocol):
-    """Integrates R runs with S parameter sets; all engines give the same results to rounding."""
+    """Integrates R runs with S parameter sets; all engines give the same results to rounding.
+
+    Arrays are those of the host, and so are the results of the native engine; or those of JAX, also while it traces a
+    function.
+    """
 
     @property
     def name(self) -> str:

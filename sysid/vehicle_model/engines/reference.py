@@ -7,6 +7,7 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
+from jax.tree_util import Partial
 
 from sysid.vehicle_model import simulation
 from sysid.vehicle_model.contact import EffectiveRoad, RoadInput, TireLaw, road_input
@@ -43,7 +44,8 @@ def _looked_up(road: EffectiveRoad, axle_x: HostOrDevice, motion: Motion, *, tim
 class ReferenceEngine:
     """The pure JAX twin; see :class:`sysid.vehicle_model.engines.protocol.Engine`.
 
-    The road is looked up at every half step before the time loop.  Motions may be (R, S), one per parameter set.
+    The road is looked up at every half step before the time loop.  Motions may be (R, S), one per parameter set.  Every
+    method is compiled once for each timing, sensor layout and shape of its arrays.
     """
 
     name: str = "reference"
@@ -67,21 +69,16 @@ class ReferenceEngine:
         recursion: FilterRecursion | None,
     ) -> ChannelHistories:
         """Filtered sensor signals (T, R, C, S)."""
-        return _sensors(matrices, suspension, tire, road.motion, road, timing, layout, recursion)
+        return _sensors(
+            matrices, suspension, tire, road.motion, road, timing=timing, layout=layout, recursion=recursion
+        )
 
     def histories(
         self, matrices: StackedMatrices, suspension: SuspensionLaw, tire: TireLaw, road: WheelRoad, timing: Timing
     ) -> Histories:
         """Unfiltered histories."""
-        return simulation.simulate_histories(
-            matrices,
-            suspension,
-            tire,
-            road.motion,
-            road.prepared,
-            interval_s=timing.interval_s,
-            substeps=timing.substeps,
-        )
+        found: Histories = _histories(matrices, suspension, tire, road, timing=timing)
+        return found
 
     def linearise(
         self,
@@ -95,20 +92,11 @@ class ReferenceEngine:
         readings: Readings,
     ) -> Linearisation:
         """Forward-mode derivatives: one tangent for each unknown."""
-
-        def residuals(
-            parameters: ParametersBySets, change: MotionChange
-        ) -> tuple[ChannelHistories, RunsByChannelsBySets, ChannelHistories]:
-            suspension, tire = laws(parameters)
-            motion = road.motion._replace(change=change)
-            simulated = _sensors(matrices, suspension, tire, motion, road, timing, layout, recursion)
-            return (*standardised_residuals(readings, simulated), simulated)
-
-        tangents = unknowns.parameters, unknowns.motion
-        at = jnp.broadcast_to(unknowns.value[:, None], unknowns.parameters.shape)
-        still = jax.tree.map(jnp.zeros_like, unknowns.motion)
-        (residual, gain, simulated), (columns, gain_columns, _) = jax.jvp(residuals, (at, still), tangents)
-        return Linearisation(residual[..., 0], columns, gain[..., 0], gain_columns, simulated[..., 0])
+        traceable = laws if isinstance(laws, Partial) else Partial(laws)
+        found: Linearisation = _linearise(
+            matrices, traceable, unknowns, road, readings, timing=timing, layout=layout, recursion=recursion
+        )
+        return found
 
     def misfits(
         self,
@@ -123,24 +111,90 @@ class ReferenceEngine:
         local: LocalColumns,
     ) -> RunsBySets:
         """r'r - b' N^-1 b, (R, S)."""
-        simulated = self.sensors(matrices, suspension, tire, road, timing, layout, recursion)
-        residual, gain = standardised_residuals(readings, simulated)
-        squares = (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
-        projections = []
-        for k in range(local.offset.shape[-1]):
-            along = (residual * local.residual[..., k, None]).sum(axis=(0, 2))
-            along = along + (gain * local.gain[..., k, None]).sum(axis=1)
-            projections.append(along + local.offset[:, k, None])
-        whitened = jnp.matmul(local.factor, jnp.stack(projections, axis=1))
-        return squares - (whitened**2).sum(axis=1)
+        return _misfits(
+            matrices, suspension, tire, road, readings, local, timing=timing, layout=layout, recursion=recursion
+        )
 
 
+@partial(jax.jit, static_argnames=("timing",))
+def _histories(
+    matrices: StackedMatrices, suspension: SuspensionLaw, tire: TireLaw, road: WheelRoad, *, timing: Timing
+) -> Histories:
+    return simulation.simulate_histories(
+        matrices,
+        suspension,
+        tire,
+        road.motion,
+        road.prepared,
+        interval_s=timing.interval_s,
+        substeps=timing.substeps,
+    )
+
+
+@partial(jax.jit, static_argnames=("timing", "layout", "recursion"))
+def _linearise(
+    matrices: StackedMatrices,
+    laws: LawFunction,
+    unknowns: Unknowns,
+    road: WheelRoad,
+    readings: Readings,
+    *,
+    timing: Timing,
+    layout: SensorLayout,
+    recursion: FilterRecursion | None,
+) -> Linearisation:
+    def residuals(
+        parameters: ParametersBySets, change: MotionChange
+    ) -> tuple[ChannelHistories, RunsByChannelsBySets, ChannelHistories]:
+        suspension, tire = laws(parameters)
+        motion = road.motion._replace(change=change)
+        simulated = _sensors(
+            matrices, suspension, tire, motion, road, timing=timing, layout=layout, recursion=recursion
+        )
+        return (*standardised_residuals(readings, simulated), simulated)
+
+    tangents = unknowns.parameters, unknowns.motion
+    at = jnp.broadcast_to(unknowns.value[:, None], unknowns.parameters.shape)
+    still = jax.tree.map(jnp.zeros_like, unknowns.motion)
+    (residual, gain, simulated), (columns, gain_columns, _) = jax.jvp(residuals, (at, still), tangents)
+    return Linearisation(residual[..., 0], columns, gain[..., 0], gain_columns, simulated[..., 0])
+
+
+@partial(jax.jit, static_argnames=("timing", "layout", "recursion"))
+def _misfits(
+    matrices: StackedMatrices,
+    suspension: SuspensionLaw,
+    tire: TireLaw,
+    road: WheelRoad,
+    readings: Readings,
+    local: LocalColumns,
+    *,
+    timing: Timing,
+    layout: SensorLayout,
+    recursion: FilterRecursion | None,
+) -> RunsBySets:
+    simulated = _sensors(
+        matrices, suspension, tire, road.motion, road, timing=timing, layout=layout, recursion=recursion
+    )
+    residual, gain = standardised_residuals(readings, simulated)
+    squares = (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
+    projections = []
+    for k in range(local.offset.shape[-1]):
+        along = (residual * local.residual[..., k, None]).sum(axis=(0, 2))
+        along = along + (gain * local.gain[..., k, None]).sum(axis=1)
+        projections.append(along + local.offset[:, k, None])
+    whitened = jnp.matmul(local.factor, jnp.stack(projections, axis=1))
+    return squares - (whitened**2).sum(axis=1)
+
+
+@partial(jax.jit, static_argnames=("timing", "layout", "recursion"))
 def _sensors(
     matrices: StackedMatrices,
     suspension: SuspensionLaw,
     tire: TireLaw,
     motion: Motion,
     road: WheelRoad,
+    *,
     timing: Timing,
     layout: SensorLayout,
     recursion: FilterRecursion | None,

@@ -45,6 +45,24 @@ CONSTANTS: dict[str, int | float] = {
     "kNoDeflection": NO_DEFLECTION,
 }
 
+#: What the compiled side says where memory does not suffice.
+NO_MEMORY = "memory does not suffice for the native engine"
+
+#: What a call says beside its arrays, by its name in C++: numbers, and lists of axles. `elements` are bits of the
+#: elements that suspensions have, then numbers of ramps; the axles are those whose sensors are observed.
+SETTINGS: dict[str, type] = {
+    "samples": int,
+    "substeps": int,
+    "interval": float,
+    "growth": float,
+    "elements": int,
+    "ramps": int,
+    "stops": int,
+    "rate_ramps": int,
+    "deflection_axles": list,
+    "acceleration_axles": list,
+}
+
 #: First rows of all laws, of suspension and tire; those of the elements that some axle has follow, then place and slope
 #: of every ramp.
 LAW_ROWS = ("stiffness", "damping", "static_deflection", "reference_deflection", "exponent", "tire_damping")

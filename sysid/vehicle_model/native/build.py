@@ -10,7 +10,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -52,7 +51,7 @@ def library(coordinates: int | None = None) -> Path:
     """The engine for vehicles with so many body coordinates, from the cache or compiled now.
 
     Compiling takes 10 to 20 s, once per machine, version and number of coordinates.  The library's folder is
-    named by a hash of the sources, the headers' version and the processor, one of the compiler, and the number; where
+    named by a hash of the sources and the processor, one of the compiler, and the number; where
     there is no compiler any more, what another one has compiled is used.  A library that is there already is used only
     if it is what this user has put there (:mod:`sysid.private_files`).  The folder is filled under another name and
     renamed, so that processes which build at the same time do not meet half a file.
@@ -127,23 +126,19 @@ def compile_engine(
     made: Path,
     *flags: str,
     processor: tuple[str, ...] = THIS_PROCESSOR,
-    headers: Path | None = None,
 ) -> None:
     """Compile the library to the file `made`, its header beside it; for all numbers of coordinates unless `flags` say.
 
-    `processor` are the flags that choose a processor, `headers` the folder of XLA's headers: those of the installed
-    jaxlib unless given.
+    `processor` are the flags that choose a processor.
 
     Raises
     ------
     BuildError
         If the compiler fails.
     """
-    import jax
-
     source = Path(__file__).parent / SOURCES[0]
     header.write(made.parent)
-    include = ["-I", str(made.parent), "-isystem", str(headers or jax.ffi.include_dir())]
+    include = ["-I", str(made.parent)]
     done = _run([*compiler, *FLAGS, *processor, *flags, *include, str(source), "-o", str(made)], made.parent)
     if done.returncode != 0 or not made.exists():
         lines = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
@@ -152,7 +147,7 @@ def compile_engine(
 
 
 def source_digest() -> str:
-    """Hash of all that the engine is compiled from, without XLA's headers."""
+    """Hash of all that the engine is compiled from."""
     digest = hashlib.sha256()
     for name in SOURCES:
         digest.update((Path(__file__).parent / name).read_bytes())
@@ -180,7 +175,7 @@ def _run(command: list[str], scratch: Path | None = None) -> subprocess.Complete
 
 def _key() -> str:
     """What a library depends on beside the compiler."""
-    parts = [source_digest(), *FLAGS, *THIS_PROCESSOR, version("jaxlib"), platform.machine(), description()]
+    parts = [source_digest(), *FLAGS, *THIS_PROCESSOR, platform.machine(), description()]
     return _short(" ".join(parts))
 
 

@@ -1,47 +1,36 @@
-// Entry points of the native engine: XLA custom calls that run many passes side by side.
+// Entry points of the native engine: they run many passes side by side.
 //
 // A task is one run with one pack of parameter sets, a pack of runs with one set each, or one run with one block of
-// derivatives; tasks share nothing that is written, so results do not depend on the number of threads.  Buffers come in
+// derivatives; tasks share nothing that is written, so results do not depend on the number of threads.  Arrays come in
 // the order of buffers.h, which is made from buffers.py.
 
 #include <algorithm>
 #include <atomic>
 #include <memory>
-#include <string>
+#include <new>
 #include <system_error>
 #include <thread>
 
 #include "residuals.h"
-#include "xla/ffi/api/ffi.h"
-
-namespace ffi = xla::ffi;
 
 namespace sysid {
 
-// Attributes of a call: timing, which elements suspensions have (bits of SmoothElements; numbers of ramps), and which
-// axles are observed.
-struct Settings {
-  int64_t samples, substeps;
-  double interval;
-  int64_t elements, ramps, stops, rate_ramps;
-  double growth;
-  ffi::Span<const int64_t> deflection_axles, acceleration_axles;
+// An array of the caller: its numbers, the last axis fastest, and its shape.
+struct Array {
+  const double* data;
+  const int64_t* shape;
+  int64_t axes;
+  int64_t count() const {
+    int64_t all = 1;
+    for (int64_t k = 0; k < axes; ++k) all *= shape[k];
+    return all;
+  }
 };
 
-}  // namespace sysid
+// What is wrong with a call, in words; nothing if it was computed.
+using Problem = const char*;
 
-XLA_FFI_REGISTER_STRUCT_ATTR_DECODING(sysid::Settings, StructMember<int64_t>("samples"),
-                                      StructMember<int64_t>("substeps"), StructMember<double>("interval"),
-                                      StructMember<int64_t>("elements"), StructMember<int64_t>("ramps"),
-                                      StructMember<int64_t>("stops"), StructMember<int64_t>("rate_ramps"),
-                                      StructMember<double>("growth"),
-                                      StructMember<Span<const int64_t>>("deflection_axles"),
-                                      StructMember<Span<const int64_t>>("acceleration_axles"));
-
-namespace sysid {
 namespace {
-
-using Buffer = ffi::Buffer<ffi::F64>;
 
 // Which run and which set stand in each lane of a pack; lanes from `count` on repeat the last.
 struct Lanes {
@@ -51,25 +40,17 @@ struct Lanes {
 
 class Inputs {
  public:
-  Inputs(ffi::RemainingArgs args, const Settings& settings, size_t count) : args_(args) {
-    if (args.size() != count) {
+  Inputs(const Array* arrays, int64_t given, const Settings& settings, int64_t count) : arrays_(arrays) {
+    if (given != count) {
       problem = "the native engine got another number of arrays than it was compiled for";
       return;
     }
-    for (size_t k = 0; k < args.size(); ++k) {
-      const ffi::ErrorOr<Buffer> found = args.get<Buffer>(k);
-      if (!found.has_value()) {
-        problem = found.error().message();
-        return;
-      }
-      buffer_.push_back(*found);
-    }
-    const auto shape = buffer_[kLaws].dimensions();
-    runs = shape[1], axles = shape[2], sets = shape[3];
-    coordinates = buffer_[kPosition].dimensions()[2];
-    body_sensors = buffer_[kBodyRows].dimensions()[1];
-    stations = buffer_[kRise].dimensions()[2];
-    frames = buffer_[kFrames].element_count() > 0 ? buffer_[kFrames].dimensions()[2] : 0;
+    const int64_t* laws = shape(kLaws);
+    runs = laws[1], axles = laws[2], sets = laws[3];
+    coordinates = shape(kPosition)[2];
+    body_sensors = shape(kBodyRows)[1];
+    stations = shape(kRise)[2];
+    frames = arrays_[kFrames].count() > 0 ? shape(kFrames)[2] : 0;
     if (axles > kMaxAxles) problem = "too many axles for the native engine";
     clock = {settings.samples, settings.substeps, settings.interval};
     growth = settings.growth;
@@ -77,21 +58,21 @@ class Inputs {
     elements.ramps = static_cast<int>(settings.ramps);
     elements.stops = static_cast<int>(settings.stops);
     elements.rate_ramps = static_cast<int>(settings.rate_ramps);
-    if (elements.equaliser && buffer_[kSharing].element_count() == 0)
+    if (elements.equaliser && arrays_[kSharing].count() == 0)
       problem = "the native engine got shares of rockers that join no axles";
-    for (const int64_t i : settings.deflection_axles) channels.deflection.push_back(static_cast<int>(i));
-    for (const int64_t i : settings.acceleration_axles) channels.acceleration.push_back(static_cast<int>(i));
+    channels.deflection = listed(settings.deflection_axles);
+    channels.acceleration = listed(settings.acceleration_axles);
     channels.body = static_cast<int>(body_sensors);
     filter.direct = 0.0;
-    for (int64_t k = 0; k < buffer_[kFilter].dimensions()[0]; ++k) {
+    for (int64_t k = 0; k < shape(kFilter)[0]; ++k) {
       const double* p = data(kFilter) + kPoleNumbers * k;
       filter.pole.push_back({{p[0], p[1]}, {p[2], p[3]}, {p[4], p[5]}, {p[6], p[7]}});
       filter.direct += p[6] * p[8] - p[7] * p[9];
     }
   }
 
-  const double* data(int which) const { return buffer_[which].typed_data(); }
-  ffi::Span<const int64_t> shape(int which) const { return buffer_[which].dimensions(); }
+  const double* data(int which) const { return arrays_[which].data; }
+  const int64_t* shape(int which) const { return arrays_[which].shape; }
 
   // Constants of run r.
   Run<double> run(int64_t r) const {
@@ -242,7 +223,7 @@ class Inputs {
   Channels channels;
   Filter filter;
   Clock clock;
-  std::string problem;
+  Problem problem = nullptr;
 
  private:
   // Constants of runs; matrix(buffer, count) gives the `count` numbers of each.
@@ -259,15 +240,15 @@ class Inputs {
     run.static_load = matrix(kStaticLoad, axles);
     run.body_rows = matrix(kBodyRows, body_sensors * coordinates);
     run.axle_x = data(kAxleX);
-    if (buffer_[kWheel].element_count() > 0)
+    if (arrays_[kWheel].count() > 0)
       run.beams = {matrix(kWheel, axles * axles), matrix(kTirePush, axles * axles), matrix(kBeamPull, axles * axles),
                    matrix(kCarries, axles)};
-    if (buffer_[kSharing].element_count() > 0) run.sharing = matrix(kSharing, axles * axles);
+    if (arrays_[kSharing].count() > 0) run.sharing = matrix(kSharing, axles * axles);
     if (frames > 0)
       run.frames = {static_cast<int>(frames), matrix(kFrameSelect, frames * coordinates),
                     matrix(kFramePush, coordinates * frames)};
     run.elements = elements;
-    const bool footprint = buffer_[kStretch].element_count() > 0;
+    const bool footprint = arrays_[kStretch].count() > 0;
     for (const int64_t r : of)
       run.road.push_back({data(kRise) + r * each, footprint ? data(kStretch) + r * each : nullptr,
                           footprint ? data(kDrag) + r * each : nullptr, stations, runs * each, runs * each,
@@ -306,8 +287,9 @@ class Inputs {
     return found;
   }
 
-  ffi::RemainingArgs args_;
-  std::vector<Buffer> buffer_;
+  static std::vector<int> listed(const AxleList& axles) { return {axles.at, axles.at + axles.count}; }
+
+  const Array* arrays_;
 };
 
 // How many threads a call may use; 0 stands for all that the machine has.
@@ -318,12 +300,17 @@ int64_t threads() {
   return limit > 0 ? limit : std::max<int64_t>(1, std::thread::hardware_concurrency());
 }
 
-// Runs task(0) ... task(count - 1) on the threads that a call may use.
+// Runs task(0) ... task(count - 1) on the threads that a call may use; throws if memory does not suffice.
 template <class Task>
 void share(int64_t count, Task&& task) {
   std::atomic<int64_t> next{0};
+  std::atomic<bool> exhausted{false};
   const auto work = [&] {
-    for (int64_t k = next++; k < count; k = next++) task(k);
+    try {
+      for (int64_t k = next++; k < count; k = next++) task(k);
+    } catch (const std::bad_alloc&) {
+      exhausted = true;
+    }
   };
   std::vector<std::thread> others;
   const int64_t most = std::min(threads(), count);
@@ -334,6 +321,7 @@ void share(int64_t count, Task&& task) {
   }
   work();
   for (std::thread& other : others) other.join();
+  if (exhausted) throw std::bad_alloc();
 }
 
 #ifdef SYSID_COORDINATES
@@ -359,9 +347,8 @@ bool simulate(const Inputs& in, const Run<M>& run, const Laws<V>& laws, Sink&& s
   }
 }
 
-ffi::Error finish(bool known) {
-  return known ? ffi::Error::Success()
-               : ffi::Error::InvalidArgument("the native engine is not compiled for so many body coordinates");
+Problem finish(bool known) {
+  return known ? nullptr : "the native engine is not compiled for so many body coordinates";
 }
 
 template <class Sink>
@@ -377,17 +364,14 @@ void store(const Pack& x, double* out, int64_t rows, int64_t row, const Lanes& l
 }
 
 // Signals (T, R, C, S).
-ffi::Error sensors(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings settings) {
-  const Inputs in(args, settings, kSensorsCount);
-  if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
-  double* out = (*rets.get<Buffer>(kSensorsSignals))->typed_data();
+Problem sensors(const Inputs& in, double* const* out) {
   const int64_t channels = in.channels.count();
   const std::vector<Lanes> packs = in.packs();
   std::atomic<bool> known{true};
   share(packs.size(), [&](int64_t task) {
     const Lanes& lanes = packs[task];
     known = simulate(in, lanes, [&](int64_t t, const auto&, const auto&, const Pack* shown) {
-      double* at = out + t * in.runs * channels * in.sets;
+      double* at = out[kSensorsSignals] + t * in.runs * channels * in.sets;
       for (int64_t c = 0; c < channels; ++c) store(shown[c], at, channels, c, lanes, in.sets);
     });
   });
@@ -395,11 +379,7 @@ ffi::Error sensors(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings se
 }
 
 // Unfiltered histories in the order of the fields of Histories, (T, R, na | nr | nb, S); all axles are observed.
-ffi::Error histories(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings settings) {
-  const Inputs in(args, settings, kHistoriesCount);
-  if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
-  double* out[kHistoriesResults];
-  for (int k = 0; k < kHistoriesResults; ++k) out[k] = (*rets.get<Buffer>(k))->typed_data();
+Problem histories(const Inputs& in, double* const* out) {
   const int64_t na = in.axles;
   const std::vector<Lanes> packs = in.packs();
   std::atomic<bool> known{true};
@@ -425,10 +405,7 @@ ffi::Error histories(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings 
 }
 
 // Misfit (R, S) of every run and set; the signals of a task never leave the cache.
-ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings settings) {
-  const Inputs in(args, settings, kMisfitsCount);
-  if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
-  double* out = (*rets.get<Buffer>(kMisfitsMisfit))->typed_data();
+Problem misfits(const Inputs& in, double* const* out) {
   const int64_t channels = in.channels.count();
   const std::vector<Lanes> packs = in.packs_of_sets();
   std::vector<Readings> readings(in.runs);
@@ -446,14 +423,14 @@ ffi::Error misfits(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings se
       for (int64_t c = 0; c < channels; ++c) signal[c * in.clock.samples + t] = shown[c];
     });
     const Pack found = misfit(readings[r], columns[r], signal.get(), static_cast<int>(channels));
-    store(found, out, 1, 0, lanes, in.sets);
+    store(found, out[kMisfitsMisfit], 1, 0, lanes, in.sets);
   });
   return finish(known);
 }
 
 // One block of derivatives of one run: signals, residuals (T, R, C[, P]) and gain residuals (R, C[, P]).
 template <int T>
-bool linearise_block(const Inputs& in, int64_t r, int64_t first, double* const (&out)[kLineariseResults]) {
+bool linearise_block(const Inputs& in, int64_t r, int64_t first, double* const* out) {
   const int64_t channels = in.channels.count(), samples = in.clock.samples;
   const int64_t unknowns = in.shape(kLineariseTangents + kLawTangents)[3];
   const int64_t last = std::min<int64_t>(unknowns, first + T * kLanes - 1);
@@ -484,11 +461,7 @@ bool linearise_block(const Inputs& in, int64_t r, int64_t first, double* const (
 }
 
 // Residuals, their derivatives, gain residuals, their derivatives, signals.
-ffi::Error linearise(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings settings) {
-  const Inputs in(args, settings, kLineariseCount);
-  if (!in.problem.empty()) return ffi::Error::InvalidArgument(in.problem);
-  double* out[kLineariseResults];
-  for (int k = 0; k < kLineariseResults; ++k) out[k] = (*rets.get<Buffer>(k))->typed_data();
+Problem linearise(const Inputs& in, double* const* out) {
   constexpr int narrow = 16 / kLanes, wide = 32 / kLanes;
   const int64_t unknowns = in.shape(kLineariseTangents + kLawTangents)[3], block = wide * kLanes - 1;
   const int64_t blocks = (unknowns + block - 1) / block;
@@ -503,6 +476,17 @@ ffi::Error linearise(ffi::RemainingArgs args, ffi::RemainingRets rets, Settings 
   return finish(known);
 }
 
+// Checks a call and computes it: `count` arrays are expected, `given` are there.
+template <Problem (*function)(const Inputs&, double* const*)>
+Problem called(const Array* arrays, int64_t given, const Settings& settings, double* const* results, int64_t count) {
+  try {
+    const Inputs in(arrays, given, settings, count);
+    return in.problem != nullptr ? in.problem : function(in, results);
+  } catch (const std::bad_alloc&) {
+    return kNoMemory;
+  }
+}
+
 }  // namespace
 }  // namespace sysid
 
@@ -513,11 +497,13 @@ const char* sysid_fingerprint() { return sysid::kFingerprint; }
 void sysid_use_threads(int64_t limit) { sysid::thread_limit = limit; }
 }
 
-#define SYSID_ENTRY(name, function) \
-  XLA_FFI_DEFINE_HANDLER_SYMBOL(    \
-      name, function, ffi::Ffi::Bind().RemainingArgs().RemainingRets().Attrs<sysid::Settings>())
+#define SYSID_ENTRY(name, count)                                                                              \
+  extern "C" const char* sysid_##name(const sysid::Array* arrays, int64_t given, const sysid::Settings* settings, \
+                                      double* const* results) {                                               \
+    return sysid::called<sysid::name>(arrays, given, *settings, results, sysid::count);                       \
+  }
 
-SYSID_ENTRY(sysid_sensors, sysid::sensors);
-SYSID_ENTRY(sysid_histories, sysid::histories);
-SYSID_ENTRY(sysid_misfits, sysid::misfits);
-SYSID_ENTRY(sysid_linearise, sysid::linearise);
+SYSID_ENTRY(sensors, kSensorsCount)
+SYSID_ENTRY(histories, kHistoriesCount)
+SYSID_ENTRY(misfits, kMisfitsCount)
+SYSID_ENTRY(linearise, kLineariseCount)

@@ -1,4 +1,4 @@
-"""The C++ header of the description in :mod:`sysid.vehicle_model.native.buffers`: constants, enumerations, law rows."""
+"""The C++ header of the description in :mod:`sysid.vehicle_model.native.buffers`: constants, settings, arrays, rows."""
 
 from __future__ import annotations
 
@@ -6,7 +6,16 @@ import hashlib
 from collections.abc import Iterable
 from pathlib import Path
 
-from sysid.vehicle_model.native.buffers import BLOCKS, CONSTANTS, ENTRIES, LAW_ROWS, Buffer, law_rows
+from sysid.vehicle_model.native.buffers import (
+    BLOCKS,
+    CONSTANTS,
+    ENTRIES,
+    LAW_ROWS,
+    NO_MEMORY,
+    SETTINGS,
+    Buffer,
+    law_rows,
+)
 from sysid.vehicle_model.suspension import ELEMENT_FIELDS
 
 NAME = "buffers.h"
@@ -36,7 +45,9 @@ def write(folder: Path) -> Path:
 def _body() -> str:
     parts = [
         *(f"constexpr {'int' if isinstance(v, int) else 'double'} {name} = {v!r};" for name, v in CONSTANTS.items()),
+        f'inline constexpr char kNoMemory[] = "{NO_MEMORY}";',
         "",
+        _settings(),
         "// Arrays that entry points take, block by block.",
         *(_enumeration(f"{_camel(name)}Buffer", buffers, f"k{_camel(name)}Count") for name, buffers in BLOCKS.items()),
         "// Where the blocks of an entry point begin, and how many arrays it takes.",
@@ -47,6 +58,15 @@ def _body() -> str:
         _coefficients(),
     ]
     return "\n".join(parts) + "\n"
+
+
+def _settings() -> str:
+    names = {int: "int64_t", float: "double", list: "AxleList"}
+    members = "\n".join(f"  {names[kind]} {name};" for name, kind in SETTINGS.items())
+    return (
+        "// Some axles.\nstruct AxleList {\n  const int64_t* at;\n  int64_t count;\n};\n\n"
+        f"// What a call says beside its arrays.\nstruct Settings {{\n{members}\n}};\n"
+    )
 
 
 def _camel(name: str) -> str:

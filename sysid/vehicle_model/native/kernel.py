@@ -4,24 +4,45 @@ from __future__ import annotations
 
 import ctypes
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from sysid.threads import thread_count
+from sysid.vehicle_model.device_arrays import HostOrDevice
 from sysid.vehicle_model.native import build, header, prebuilt
-from sysid.vehicle_model.native.buffers import ENTRIES, in_order, shape
+from sysid.vehicle_model.native.buffers import ENTRIES, NO_MEMORY, SETTINGS, in_order, shape
 from sysid.vehicle_model.native.build import BuildError
 
 
+class _Array(ctypes.Structure):
+    """The struct `Array` of ``engine.cpp``."""
+
+    _fields_ = (("data", ctypes.c_void_p), ("shape", ctypes.POINTER(ctypes.c_int64)), ("axes", ctypes.c_int64))
+
+
+class _AxleList(ctypes.Structure):
+    """The struct `AxleList` of the header."""
+
+    _fields_ = (("at", ctypes.POINTER(ctypes.c_int64)), ("count", ctypes.c_int64))
+
+
+_KINDS: dict[type, Any] = {int: ctypes.c_int64, float: ctypes.c_double, list: _AxleList}
+
+
+class _Settings(ctypes.Structure):
+    """The struct `Settings` of the header."""
+
+    _fields_ = tuple((name, _KINDS[kind]) for name, kind in SETTINGS.items())
+
+
 class Call(NamedTuple):
-    """A call of an entry point: its arrays by name, the numbers that the symbols of their shapes stand for, and the
-    attributes of the struct `Settings` in ``engine.cpp``, by their names there."""
+    """A call of an entry point: its arrays by name, the numbers that the symbols of their shapes stand for, and its
+    settings (:data:`sysid.vehicle_model.native.buffers.SETTINGS`)."""
 
     entry: str
     arrays: Mapping[str, Any]
@@ -33,10 +54,10 @@ class Call(NamedTuple):
         return in_order(self.entry, self.arrays, self.sizes)
 
 
-class _Loaded(NamedTuple):
-    """A library that JAX can call: what its entry points are called there, and where it comes from."""
+class Loaded(NamedTuple):
+    """A library, and where it comes from."""
 
-    prefix: str
+    library: ctypes.CDLL
     origin: str
 
 
@@ -44,7 +65,7 @@ _lock = threading.Lock()
 
 
 @cache
-def _loaded(coordinates: int | None) -> _Loaded:
+def _loaded(coordinates: int | None) -> Loaded:
     """Compiled for this processor and so many body coordinates where that can be done, else prebuilt."""
     problems = []
     for find in (_compiled, _prebuilt):
@@ -55,42 +76,32 @@ def _loaded(coordinates: int | None) -> _Loaded:
     raise BuildError(", and ".join(problems))
 
 
-def _compiled(coordinates: int | None) -> _Loaded:
+def _compiled(coordinates: int | None) -> Loaded:
     path = build.library(coordinates)
-    return load(path, path.parent.name, "compiled on this machine")
+    return load(path, "compiled on this machine")
 
 
-def _prebuilt(coordinates: int | None) -> _Loaded:
+def _prebuilt(coordinates: int | None) -> Loaded:
     name, path = prebuilt.library()  # for every number of coordinates
-    return load(path, f"{build.source_digest()[:16]}-{name}", f"prebuilt for {name}")
+    return load(path, f"prebuilt for {name}")
 
 
 @cache
-def load(path: Path, key: str, origin: str) -> _Loaded:
-    """Load a library and make its entry points known to JAX, under names with a key of their own.
-
-    Functions that JAX has kept call them by these names.
+def load(path: Path, origin: str) -> Loaded:
+    """Load a library.
 
     Raises
     ------
     BuildError
-        If it cannot be loaded, takes other arrays than this version passes, or another interface than that of this
-        jaxlib.
+        If it cannot be loaded, or takes other arrays than this version passes.
     """
     try:
-        loaded = ctypes.CDLL(str(path))
+        library = ctypes.CDLL(str(path))
     except OSError as error:
         raise BuildError(f"the compiled engine cannot be loaded ({error})") from error
-    check_fingerprint(loaded)
-    loaded.sysid_use_threads(ctypes.c_int64(thread_count()))
-    prefix = f"sysid_{key}"
-    for entry in ENTRIES:
-        capsule = jax.ffi.pycapsule(getattr(loaded, f"sysid_{entry}"))
-        try:
-            jax.ffi.register_ffi_target(f"{prefix}_{entry}", capsule, platform="cpu")
-        except jax.errors.JaxRuntimeError as error:
-            raise BuildError(f"the compiled engine does not fit this jaxlib ({str(error).splitlines()[0]})") from error
-    return _Loaded(prefix, origin)
+    check_fingerprint(library)
+    library.sysid_use_threads(ctypes.c_int64(thread_count()))
+    return Loaded(library, origin)
 
 
 def check_fingerprint(loaded: ctypes.CDLL) -> None:
@@ -126,14 +137,52 @@ def prepare(coordinates: int | None = None) -> str:
         return _loaded(coordinates).origin
 
 
-def run(call: Call) -> list[jax.Array]:
-    """Results of a call.
+def run(call: Call) -> list[HostOrDevice]:
+    """Results of a call: NumPy arrays, or JAX's where JAX traces the function that makes it.
 
     Raises
     ------
     ValueError
-        If an array is missing, is not known, or has another shape or type than described.
+        If an array is missing, is not known, or has another shape or type than described, or the compiled side refuses
+        the call.
+    MemoryError
+        If memory does not suffice.
     """
-    results = [jax.ShapeDtypeStruct(shape(b, call.sizes), np.float64) for b in ENTRIES[call.entry].results]
-    entry = jax.ffi.ffi_call(f"{_loaded(call.sizes['nb']).prefix}_{call.entry}", results)
-    return list(entry(*map(jnp.asarray, call.ordered()), **call.settings))
+    arrays = call.ordered()
+    shapes = [shape(result, call.sizes) for result in ENTRIES[call.entry].results]
+    library = _loaded(call.sizes["nb"]).library
+    if any(isinstance(array, jax.core.Tracer) for array in arrays):
+        made = [jax.ShapeDtypeStruct(s, np.float64) for s in shapes]
+        return list(
+            jax.pure_callback(
+                lambda *given: _computed(library, call, given, shapes), made, *arrays, vmap_method="sequential"
+            )
+        )
+    return list(_computed(library, call, arrays, shapes))
+
+
+def _computed(
+    library: ctypes.CDLL, call: Call, arrays: Sequence[Any], shapes: Sequence[tuple[int, ...]]
+) -> list[np.ndarray]:
+    # Python's lock is free while the library computes.
+    given = [np.ascontiguousarray(array) for array in arrays]
+    results = [np.empty(s) for s in shapes]
+    addresses = (ctypes.c_void_p * len(results))(*(r.ctypes.data for r in results))
+    entry = getattr(library, f"sysid_{call.entry}")
+    entry.restype = ctypes.c_char_p
+    kept = [(ctypes.c_int64 * a.ndim)(*a.shape) for a in given]
+    passed = (_Array * len(given))(
+        *(_Array(a.ctypes.data, of_array, a.ndim) for a, of_array in zip(given, kept, strict=True))
+    )
+    problem = entry(passed, ctypes.c_int64(len(given)), ctypes.byref(_settings(call)), addresses)
+    if problem is not None:
+        words = problem.decode("ascii")
+        raise MemoryError(words) if words == NO_MEMORY else ValueError(words)
+    return results
+
+
+def _settings(call: Call) -> _Settings:
+    def passed(value: Any, kind: type) -> Any:
+        return _AxleList((ctypes.c_int64 * len(value))(*value), len(value)) if kind is list else kind(value)
+
+    return _Settings(**{name: passed(call.settings[name], kind) for name, kind in SETTINGS.items()})
