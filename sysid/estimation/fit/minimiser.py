@@ -41,6 +41,9 @@ _CORNER_TURNS, _CORNER_ITERATIONS = 4, 40
 #: curved valleys, and after a start with strong damping, steps are short.
 _SHORT_STEPS = 0.01
 
+#: Unknowns of a step are padded with zeros to a multiple of this: a step is compiled for few sizes.
+_COMPILED_SIZES = 32
+
 #: What optimistix keeps between two steps has no public type.
 _Solver: TypeAlias = "optx.LevenbergMarquardt[Any, Any, Any]"
 
@@ -117,6 +120,22 @@ def unknowns_at_corners(
     return held
 
 
+def _small(residual: Residuals, jacobian: ResidualsByUnknowns, scale: UnknownsOfFit) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (n + 1,) and Jacobian (n + 1, n) with the same r'r, J'r and J'J by unknowns in units of `scale` (p,).
+
+    The rows are those of the triangular factor of [J r]; n is p rounded up, and the rest is zero.
+    """
+    factor = np.asarray(np.linalg.qr(np.column_stack([jacobian * scale, residual]), mode="r"))
+    (rows, count), wide = (len(factor), scale.size), _padded(scale).size
+    r, j = np.zeros(wide + 1), np.zeros((wide + 1, wide))
+    r[:rows], j[:rows, :count] = factor[:, count], factor[:, :count]
+    return r, j
+
+
+def _padded(unknowns: UnknownsOfFit) -> np.ndarray:
+    return np.pad(unknowns, (0, -unknowns.size % _COMPILED_SIZES))
+
+
 def _affine(y: jax.Array, args: _Affine) -> tuple[HostOrDevice, None]:
     return args.residual + args.jacobian @ (y - args.point), None
 
@@ -130,7 +149,7 @@ def _init(solver: _Solver, point: jax.Array, args: _Affine) -> Any:
 
 @eqx.filter_jit
 def _step(solver: _Solver, point: jax.Array, args: _Affine, state: Any) -> Any:
-    # Compiled once per size of the problem, not once per call of `minimise`.
+    # Compiled once per padded size of the problem, not once per call of `minimise`.
     return solver.step(_affine, point, args, {}, state, frozenset())
 
 
@@ -264,8 +283,9 @@ def _search(
     residual, jacobian = at_start
     solver: _Solver = optx.LevenbergMarquardt(rtol=relative_tolerance, atol=relative_tolerance)
     solver = eqx.tree_at(lambda s: s.search, solver, optx.ClassicalTrustRegion(high_cutoff=_GOOD_STEP))
-    point = jnp.asarray(start / scale)
-    args = _Affine(point, residual, jacobian * scale)
+    count = start.size
+    point = jnp.asarray(_padded(start / scale))
+    args = _Affine(point, *_small(residual, jacobian, scale))
     state = _init(solver, point, args)
     if damping is None:
         # The first step is not longer than the start vector: a jump into a flat region would be accepted, and never
@@ -283,19 +303,19 @@ def _search(
         if not converged:
             why += f", but the linearised model predicts a further fall by {100.0 * fall / best:.2g} %"
         last = 1.0 / float(state.search_state.step_size) if converged else None
-        return Minimum(np.asarray(point) * scale, best, converged, iteration, why, last)
+        return Minimum(np.asarray(point)[:count] * scale, best, converged, iteration, why, last)
 
     best, rejections = np.inf, 0
     here, first = (residual, jacobian), 0.5 * float(residual @ residual)
     for iteration in range(1, max_iterations + 1):
         if iteration > 1:
-            trial = np.asarray(state.y_eval) * scale
+            trial = np.asarray(state.y_eval)[:count] * scale
             residual, jacobian = evaluate(trial)
             # A trial that leaves the domain is rejected like any step that does not lower the cost.
             finite = np.isfinite(residual).all() and np.isfinite(jacobian).all()
             residual = residual if finite else np.full_like(residual, 1e150 / np.sqrt(residual.size))
             jacobian = jacobian if finite else np.zeros_like(jacobian)
-            args = _Affine(state.y_eval, residual, jacobian * scale)
+            args = _Affine(state.y_eval, *_small(residual, jacobian, scale))
         cost = 0.5 * float(residual @ residual)
         point, state, _ = _step(solver, point, args, state)
         # A step is rejected also if it keeps little of its promise.
