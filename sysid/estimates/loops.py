@@ -83,7 +83,8 @@ def calibrated_laws(
     station = np.arange(-20.0, 20.0) * 0.1
     flat = effective_road(station, np.zeros((1, len(vehicle.axles), station.size)))
     batch = PassBatch(matrices, flat, np.array([a.x_m for a in vehicle.axles])[:, None], reference)
-    logs = np.log([values.get(p.name, p.value) for p in fit.parameters])[:, None]
+    fitted = {p.name: p.value for p in fit.parameters} | dict(values)
+    logs = np.log([fitted.get(p.name, p.start) for p in parameters.parameters])[:, None]
     law, tire = axle_laws(law_inputs(vehicle, parameters, batch, [load_case]), logs)
     return law, tire, np.asarray(matrices.carried_load[0, :, 0])
 
