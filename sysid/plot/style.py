@@ -51,6 +51,8 @@ SETTINGS: Any = {
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
     "axes.titleweight": "bold",
+    # Titles stand over their axes, where no labels are: to look for such labels, matplotlib would measure all again.
+    "axes.titley": 1.0,
     "axes.labelsize": 9.0,
     "axes.edgecolor": MUTED,
     "axes.labelcolor": INK,
