@@ -77,6 +77,19 @@ def test_posterior_medians_take_the_place_of_least_squares(linear):
     np.testing.assert_allclose([s.stiffness_N_per_m for s in vehicle.suspensions], 1.1 * STIFFNESS, rtol=1e-6)
 
 
+def test_values_are_taken_by_name(linear):
+    """In whatever order the fit names them; what it does not name has its value before the fit."""
+    data, fit = linear
+    expected = calibrated_vehicle(data, None, fit, None, "laden")
+    others = tuple(p for p in reversed(fit.parameters) if p.name != "kt_3")
+    found = calibrated_vehicle(data, None, replace(fit, parameters=others), None, "laden")
+    np.testing.assert_array_equal(
+        [(s.stiffness_N_per_m, s.damping_N_s_per_m) for s in found.suspensions],
+        [(s.stiffness_N_per_m, s.damping_N_s_per_m) for s in expected.suspensions],
+    )
+    np.testing.assert_allclose(found.tire_stiffness_N_per_m, expected.tire_stiffness_N_per_m, rtol=1e-12)
+
+
 @pytest.mark.parametrize("case", [EMPTY, LADEN])
 def test_tire_values_are_the_tangents_of_the_contact_force(linear, case):
     data, fit = linear

@@ -28,6 +28,21 @@ def test_a_linear_problem_ends_at_once():
     assert found.iterations < 15
 
 
+@pytest.mark.parametrize(("rows", "count"), [(200, 57), (40, 57), (97, 64), (5, 1)])
+def test_a_step_sees_the_squares_and_products_of_the_residuals(rows: int, count: int):
+    """In one of few sizes; also with fewer residuals than unknowns."""
+    random = np.random.default_rng(4)
+    residual, jacobian, scale = random.normal(size=rows), random.normal(size=(rows, count)), random.random(count) + 0.1
+    r, j = minimiser._small(residual, jacobian, scale)
+    wide = 32 * -(-count // 32)
+    assert (r.shape, j.shape) == ((wide + 1,), (wide + 1, wide))
+    scaled = jacobian * scale
+    np.testing.assert_allclose(r @ r, residual @ residual, rtol=1e-13)
+    np.testing.assert_allclose((j.T @ r)[:count], scaled.T @ residual, atol=1e-12 * np.abs(scaled.T @ residual).max())
+    np.testing.assert_allclose((j.T @ j)[:count, :count], scaled.T @ scaled, atol=1e-12 * rows)
+    assert not j[:, count:].any()
+
+
 @pytest.mark.parametrize(("most", "converged"), [(3, False), (21, True)])
 def test_at_the_limit_of_iterations_only_a_minimum_is_convergence(most: int, converged: bool):
     """Without a limit the search ends after 23 evaluations; the last two do not move any more."""

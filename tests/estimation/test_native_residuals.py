@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from rigid_truck import bump, campaign, empty_run, true_log_parameters
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import AxleGroup, Equaliser, ForceTable, FrameBending
 from sysid.estimation.fit.state import FitState
+from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, laws_side_by_side
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.linearisation import linearise, linearise_group
@@ -130,6 +132,7 @@ def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined
     data = campaign([empty_run("a.csv", 7.0, samples=220)], vehicle=vehicle, load_cases=(load,))
     model = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
     x = model.parameters.start
+    assert_laws_by_numpy_are_those_by_jax(model.arrays[0].laws, np.stack([x, x + 0.02, x - 0.3], axis=1))
     motion, found = RunMotion.steady(np.array([7.1]), np.array([0.35])), []
     for name in ("native", "reference"):
         monkeypatch.setenv("SYSID_ENGINE", name)
@@ -144,6 +147,20 @@ def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined
     jacobian = found[1][2]
     used = np.abs(jacobian).max(axis=(0, 1, 2)) > 0.0
     assert used.all(), [n for n, u in zip(model.parameters.names, used, strict=False) if not u]
+
+
+def assert_laws_by_numpy_are_those_by_jax(inputs: LawInputs, sets: np.ndarray) -> None:
+    ours, theirs = axle_laws(inputs, sets), axle_laws(inputs, jnp.asarray(sets))
+    assert jax.tree.structure(ours) == jax.tree.structure(theirs)
+    for mine, other in zip(jax.tree.leaves(ours), jax.tree.leaves(theirs), strict=True):
+        assert not isinstance(mine, jax.Array)
+        np.testing.assert_allclose(mine, other, rtol=1e-15)
+    # One set at a time, and side by side as passes.
+    alone = laws_side_by_side([inputs] * 3, list(sets.T[:, :, None]))
+    for mine, other in zip(jax.tree.leaves(alone), jax.tree.leaves(ours), strict=True):
+        if np.ndim(other) > 2:
+            whole = np.broadcast_to(other, (*np.shape(other)[:-1], 3))
+            np.testing.assert_array_equal(mine[..., 0], np.concatenate(np.moveaxis(whole, -1, 0), axis=-2))
 
 
 def test_derivatives_by_travels_to_the_stops_are_differences(native):

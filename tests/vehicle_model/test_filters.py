@@ -98,3 +98,13 @@ def test_agrees_with_a_fine_simulation_of_a_rough_input():
     exact = signal.lsim(design(spec), rough, t)[1][::fine]
     ours = apply(discretise(spec, h), rough[::fine], rough[fine // 2 :: fine])
     assert np.sqrt(np.mean((ours - exact) ** 2) / np.mean(exact**2)) < 1e-4
+
+
+def test_recursions_of_one_filter_and_step_are_equal():
+    """Functions are compiled once for them; another filter or step has coefficients of its own."""
+    spec = AntiAliasFilter("butterworth", 4, 60.0)
+    one, same = discretise(spec, 0.00125), discretise(spec, 0.00125)
+    assert one == same
+    assert hash(one) == hash(same)
+    assert discretise(spec, 0.0025) != one
+    assert discretise(AntiAliasFilter("butterworth", 4, 61.0), 0.00125) != one

@@ -95,7 +95,10 @@ def test_the_header_follows_the_description(monkeypatch):
     monkeypatch.undo()
     monkeypatch.setitem(buffers.ELEMENT_FIELDS, "hook", ("hook_stiffness",))
     found.add(header.fingerprint())
-    assert len(found) == 6
+    monkeypatch.undo()
+    monkeypatch.setitem(buffers.SETTINGS, "samples", float)
+    found.add(header.fingerprint())
+    assert len(found) == 7
 
 
 @needs_compiler
@@ -105,6 +108,36 @@ def test_the_library_counts_its_arrays(call, monkeypatch):
     monkeypatch.setattr(Call, "ordered", lambda self: list(self.arrays.values())[:-1])
     with pytest.raises(ValueError, match="another number of arrays"):
         kernel.run(call)
+
+
+def test_memory_that_does_not_suffice_is_told_from_a_wrong_call(call):
+    """What the compiled side says becomes the error that Python has for it."""
+
+    class Library:
+        def __init__(self, words: str):
+            self.sysid_sensors = lambda *given: words.encode("ascii")
+
+    shapes = [(50, 2, 7, 2)]
+    with pytest.raises(MemoryError, match="memory does not suffice"):
+        kernel._computed(Library(buffers.NO_MEMORY), call, call.ordered(), shapes)
+    with pytest.raises(ValueError, match="some other words"):
+        kernel._computed(Library("some other words"), call, call.ordered(), shapes)
+
+
+@needs_compiler
+def test_memory_that_does_not_suffice_ends_the_call_alone(call):
+    """A record of 2^50 samples: no thread ends the process."""
+    kernel.prepare()
+    longer = {**call.settings, "samples": 2**50}
+    readings = {name: np.zeros((0, 2, 7)) for name in ("value", "measured", "censored")}
+    readings |= {"noise_sd": np.ones((2, 7)), "tempering": np.ones((2, 7)), "gain_sd": np.ones(7)}
+    local = {"local_residual": np.zeros((0, 2, 7, 3)), "local_gain": np.zeros((2, 7, 3))}
+    local |= {"local_offset": np.zeros((2, 3)), "local_factor": np.zeros((2, 3, 3))}
+    arrays = {**call.arrays, **readings, **local}
+    misfits = Call("misfits", arrays, {**call.sizes, "T": 0}, longer)
+    with pytest.raises(MemoryError, match="memory does not suffice"):
+        kernel.run(misfits)
+    assert np.isfinite(kernel.run(call)[0]).all()
 
 
 @needs_compiler

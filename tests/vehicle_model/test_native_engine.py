@@ -143,6 +143,21 @@ def test_sensors_of_the_truck(both, antialias):
 
 
 @needs_native
+def test_a_traced_call_gives_the_bits_of_a_direct_one(monkeypatch):
+    """Directly with NumPy's arrays, and in a function that JAX compiles: the engine is the same."""
+    monkeypatch.setenv("SYSID_ENGINE", "native")
+    case = truck(footprint=True, samples=90)
+    traced = case.sensors(rigid_truck.FILTER)
+    recursion = discretise(rigid_truck.FILTER, case.timing.interval_s / case.timing.substeps)
+    suspension, tire = jax.tree.map(np.asarray, (case.suspension, case.tire._replace(growth=None)))
+    wheels = engine.wheel_road(case.stacked, case.road, case.axle_x, case.motion, case.timing)
+    given = suspension, tire._replace(growth=case.tire.growth), wheels, case.timing, case.layout, recursion
+    direct = wheels.engine.sensors(case.stacked, *given)
+    assert isinstance(direct, np.ndarray)
+    np.testing.assert_array_equal(direct, traced)
+
+
+@needs_native
 @pytest.mark.parametrize("footprint", [True, False], ids=["footprint", "point"])
 def test_histories_of_tractor_and_trailer(both, footprint):
     ours, theirs = both(lambda: tractor_and_trailer(footprint=footprint, samples=540, sets=3).histories())
