@@ -97,6 +97,11 @@ def coordinate_names(vehicle: Vehicle) -> tuple[str, ...]:
     return (*names, *unsprung_names(vehicle))
 
 
+def body_coordinates(vehicle: Vehicle) -> int:
+    """Number of the generalised coordinates of bodies."""
+    return len(coordinate_names(vehicle)) - len(unsprung_names(vehicle))
+
+
 def assemble(vehicle: Vehicle, load_case: LoadCase, first: LoadCase | None = None) -> PlanarMatrices:
     """Assemble the planar model of a vehicle in one load case; `first` is the one that frames' frequencies belong to.
 

@@ -9,18 +9,22 @@ from __future__ import annotations
 
 import logging
 import os
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 
 import numpy as np
 
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.errors import SysidError
 from sysid.runtime import platform_of_process
+from sysid.vehicle_model.assembly import body_coordinates
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.engines.native import NATIVE
 from sysid.vehicle_model.engines.protocol import Engine, Timing, WheelRoad
 from sysid.vehicle_model.engines.reference import REFERENCE
 from sysid.vehicle_model.motion import Motion
-from sysid.vehicle_model.native import kernel
+from sysid.vehicle_model.native import ahead, kernel
+from sysid.vehicle_model.native.buffers import COORDINATES
 from sysid.vehicle_model.native.build import BuildError
 from sysid.vehicle_model.stacked_matrices import StackedMatrices
 
@@ -37,7 +41,15 @@ _DEVICE = (
     "(jax.config.update('jax_default_device', jax.devices('cpu')[0]))"
 )
 
-__all__ = ["Timing", "WheelRoad", "engine_name", "engine_of_process", "engine_versions", "wheel_road"]
+__all__ = [
+    "Timing",
+    "WheelRoad",
+    "compiled_ahead",
+    "engine_name",
+    "engine_of_process",
+    "engine_versions",
+    "wheel_road",
+]
 
 
 def engine_of_process(coordinates: int | None = None) -> Engine:
@@ -99,6 +111,19 @@ def _problem(coordinates: int | None) -> str | None:
     except BuildError as error:
         return str(error)
     return None
+
+
+def compiled_ahead(vehicle: Vehicle, *, parts: bool) -> AbstractContextManager[None]:
+    """While a block runs, compile the native engine for a vehicle, unless it is there or is not to be used.
+
+    Parameters
+    ----------
+    parts : also for one that has a bending frame more, as the search for undeclared parts tries.
+    """
+    if os.environ.get("SYSID_ENGINE", "auto") not in ("auto", "native"):
+        return nullcontext()
+    number = body_coordinates(vehicle)
+    return ahead.compiled_ahead([n for n in (number, number + 1)[: 1 + parts] if n in COORDINATES])
 
 
 def wheel_road(

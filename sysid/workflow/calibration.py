@@ -240,7 +240,8 @@ class Calibration:
                 self._folder.forget(stages.STAGES)
             missing = self._runner.missing(wanted)
             efforts = {stage.name: stage.effort for stage in missing}
-            with self._steps.planned(efforts | {ending.name: ending.effort for ending in stages.ENDINGS}):
+            planned = self._steps.planned(efforts | {ending.name: ending.effort for ending in stages.ENDINGS})
+            with planned, self._runner.engine_ahead(missing):
                 for stage in wanted:
                     if stage in missing:
                         begin_helper_ahead(missing[missing.index(stage) :])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, TypeVar
 
@@ -14,7 +14,7 @@ from sysid.workflow.progress import Steps
 from sysid.workflow.settings import Settings
 from sysid.workflow.stage import Context, Itemwise, Notice, Stage, Whole
 from sysid.workflow.stage_folder import StageFolder, dependents
-from sysid.workflow.stages import STAGES
+from sysid.workflow.stages import DROPS, FIT, STAGES
 from sysid.workflow.versions import versions
 
 T = TypeVar("T")
@@ -43,11 +43,13 @@ class Runner:
     ):
         self._inputs, self._settings, self.folder, self.steps = inputs, settings, folder, steps
         self._notice, self.resume = notice, resume
+        self._engine_begun = False
 
     def result(self, stage: Stage[T], options: Mapping[str, Any] = NO_OPTIONS) -> T:
         """The result of a stage: known already, else computed and kept, with those that run along with it."""
         missing = self.missing((stage,), options)
-        with self.steps.planned({s.name: s.effort for s in missing}), no_helper_after_failure():
+        planned = self.steps.planned({s.name: s.effort for s in missing})
+        with planned, no_helper_after_failure(), self.engine_ahead(missing):
             if isinstance(stage, Itemwise):
                 # An unknown name is reported before anything is computed, if this needs no computation.
                 stage.chosen(self.context(stage, options, at_once=False))
@@ -55,6 +57,21 @@ class Runner:
                 begin_helper_ahead(missing[number:])
                 self._result(other, options if other is stage else NO_OPTIONS)
             return self._result(stage, options)
+
+    @contextmanager
+    def engine_ahead(self, missing: Collection[Stage[Any]]) -> Iterator[None]:
+        """While missing stages run, compile the engine that they need: without it the first run would wait."""
+        if self._engine_begun or not any(stage in missing for stage in (DROPS, FIT)):
+            yield
+            return
+        from sysid.vehicle_model.engine import compiled_ahead
+
+        self._engine_begun = True
+        try:
+            with compiled_ahead(self._inputs.read.vehicle, parts=FIT in missing):
+                yield
+        finally:
+            self._engine_begun = False
 
     def known(self, stage: Stage[T]) -> T | None:
         """The result of a stage if it has run on these inputs and settings; one without a file if what it needs has."""

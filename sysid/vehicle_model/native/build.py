@@ -7,9 +7,12 @@ import hashlib
 import os
 import platform
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import threading
+from collections import defaultdict
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -31,6 +34,11 @@ THIS_PROCESSOR = ("-march=native",)
 TIMEOUT_S = 600.0
 NO_COMPILER = "no C++ compiler was found"
 _NAME = "engine.so"
+
+#: Folders that a thread of this process fills; another one that needs the same waits. And compilers by the threads that
+#: wait for them.
+_filled: defaultdict[Path, threading.RLock] = defaultdict(threading.RLock)
+_compilers: dict[int, subprocess.Popen[str]] = {}
 
 
 class BuildError(Exception):
@@ -77,8 +85,9 @@ def library(coordinates: int | None = None) -> Path:
             except BuildError:
                 coordinates = COORDINATES[0]
         home = folder / f"{_key()}-{key}-{coordinates}"
-        if not _sound(home):
-            _fill(compiler, home, coordinates)
+        with _filled[home]:
+            if not _sound(home):
+                _fill(compiler, home, coordinates)
     except NotPrivateError as error:
         raise BuildError(NO_COMPILER if compiler is None else str(error)) from error
     except OSError as error:
@@ -159,18 +168,48 @@ def _run(command: list[str], scratch: Path | None = None) -> subprocess.Complete
     # Zig keeps the C++ library that it compiles first: in the folder that is private to us, and gone afterwards.
     names = () if scratch is None else ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")
     kept = dict.fromkeys(names, f"{scratch}/zig")
+    # Ctrl-C ends the compiler that the user waits for.
+    beside = threading.current_thread() is not threading.main_thread()
     try:
-        return subprocess.run(
+        process = subprocess.Popen(
             command,
-            capture_output=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
             text=True,
             errors="replace",
-            timeout=TIMEOUT_S,
-            check=False,
             env=os.environ | kept,
+            start_new_session=beside,
         )
-    except (OSError, subprocess.TimeoutExpired) as error:
+    except OSError as error:
         raise BuildError(f"the compiler {command[0]} cannot be run ({error})") from error
+    thread = threading.get_ident()
+    with process:
+        _compilers[thread] = process
+        try:
+            said = process.communicate(timeout=TIMEOUT_S)
+        except subprocess.TimeoutExpired as error:
+            raise BuildError(f"the compiler {command[0]} cannot be run ({error})") from error
+        finally:
+            del _compilers[thread]
+            if process.returncode is None:
+                _end(process)
+    return subprocess.CompletedProcess(command, process.returncode, *said)
+
+
+def end_compiler_of(thread: threading.Thread) -> None:
+    """End the compiler that a thread beside the main one waits for, if there is one."""
+    process = _compilers.get(thread.ident or 0)
+    if process is not None:
+        _end(process)
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """End a compiler; where it is in a group of its own, with the processes that it has started."""
+    with contextlib.suppress(OSError):
+        if hasattr(os, "killpg") and os.getpgid(process.pid) == process.pid:
+            os.killpg(process.pid, signal.SIGKILL)
+        else:
+            process.kill()
 
 
 def _key() -> str:
