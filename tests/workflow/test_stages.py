@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -187,6 +188,33 @@ def test_a_stage_runs_those_that_it_needs_and_says_which_of_how_many(stubbed) ->
     seen.clear()
     calibration.sample()
     assert seen == []
+
+
+def test_the_engine_is_compiled_ahead_once_and_only_for_stages_that_simulate(stubbed, monkeypatch) -> None:
+    begun, ended = [], []
+
+    @contextmanager
+    def ahead(vehicle: object, *, parts: bool) -> Iterator[None]:
+        begun.append(parts)
+        yield
+        ended.append(parts)
+
+    monkeypatch.setattr("sysid.vehicle_model.engine.compiled_ahead", ahead)
+    calibration = stubbed()
+    calibration.check()
+    assert begun == []
+    # The fit is missing; sampling needs it, and asks for it inside.
+    calibration.sample()
+    assert begun == ended == [True]
+    calibration.sample()
+    assert begun == [True]
+    again = stubbed()
+    again._folder.forget((DROPS, FIT))
+    monkeypatch.setattr("sysid.sdof.summary.analyse_drops", lambda campaign: small_results().drops)
+    monkeypatch.setattr("sysid.estimation.fit.drop_model.with_model_estimates", lambda campaign, drops, *rest: drops)
+    monkeypatch.setattr("sysid.estimation.fit.drop_coupling.with_cautions", lambda campaign, drops: drops)
+    again.drops()
+    assert begun == ended == [True, False]
 
 
 def test_a_result_without_a_place_of_its_own_is_kept_under_its_name(stubbed, monkeypatch) -> None:
