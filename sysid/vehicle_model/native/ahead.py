@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from threading import Event, Thread
+from threading import Thread
 
 from sysid.threads import thread_count
 from sysid.vehicle_model.native import build
@@ -24,21 +24,18 @@ def compiled_ahead(coordinates: Sequence[int]) -> Iterator[None]:
     if thread_count() == 1 or not coordinates:
         yield
         return
-    given_up = Event()
-    thread = Thread(target=_compile, args=(coordinates, given_up), name="compiler", daemon=True)
+    thread = Thread(target=_compile, args=(coordinates,), name="compiler", daemon=True)
     thread.start()
     try:
         yield
     finally:
-        given_up.set()
         while thread.is_alive():
             build.end_compiler_of(thread)
             thread.join(_PATIENCE_S)
 
 
-def _compile(coordinates: Sequence[int], given_up: Event) -> None:
-    # Who needs the engine is told why there is none.
+def _compile(coordinates: Sequence[int]) -> None:
+    # Who needs the engine is told why there is none; the first failure, or a compiler that is ended, ends all.
     with suppress(BuildError):
         for number in coordinates:
-            if not given_up.is_set():
-                build.library(number)
+            build.library(number)
