@@ -2,7 +2,7 @@
 
 They hold 64-bit floats unless a function says that it takes or gives truth values or whole numbers.  They are all NumPy
 arrays: the names tell people and editors what a function takes, and where a shape follows a rule.  Arrays inside
-compiled functions have names of their own (:mod:`sysid.vehicle_model.device_arrays`).
+those of the engines have names of their own (:mod:`sysid.vehicle_model.device_arrays`).
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ class Ensemble:
 
 
 def advance(ensembles: Sequence[Ensemble], steps: int) -> Segment:
-    """All ensembles by a stretch of steps; two at a time, for one compiled likelihood keeps one core busy."""
+    """All ensembles by a stretch of steps; two at a time, because Python's part of a step keeps one core waiting."""
     results = side_by_side(lambda ensemble: ensemble.advance(steps), ensembles, at_most=2)
     return Segment(*(np.stack(members) for members in zip(*results, strict=True)))
 

@@ -44,7 +44,7 @@ AFTER_S = 1.5
 DRAWS = 200
 SWEEP_DRAWS = 40
 #: Output interval of the ratio against speed [s], and the numbers of samples that its records have up to some minutes:
-#: few lengths are compiled, and a record is at most 1.4 times as long as it need be.
+#: the reference engine compiles few lengths, and a record is at most 1.4 times as long as it need be.
 SWEEP_INTERVAL_S = 0.002
 SWEEP_LENGTHS = tuple(round(500 * 2.0 ** (n / 2)) for n in range(16))
 #: Speeds [km/h] of the ratio against speed.

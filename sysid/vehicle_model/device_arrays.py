@@ -1,4 +1,4 @@
-"""Names for arrays that the host or a device holds, each with its shape; and the NumPy for either.
+"""Names for arrays of NumPy or JAX, each with its shape, and the module whose functions take them.
 
 R runs, S parameter sets, na axles, C channels, T samples; every run is simulated with every set. Predicted passes are
 along R too: they are the same to the model.
@@ -6,7 +6,6 @@ along R too: they are the same to the model.
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import Any, TypeAlias
 
 import jax
@@ -16,7 +15,7 @@ import numpy as np
 #: Arrays of the host, or of JAX inside a function that it traces.
 HostOrDevice: TypeAlias = jax.Array | np.ndarray
 
-#: The same for equations of the model: whoever checks types sees the operations of JAX's arrays.
+#: The same in the equations of the model: types are checked as if all arrays were JAX's.
 Traceable: TypeAlias = jax.Array | Any
 
 #: (R, S) one value for every run with every set.
@@ -34,6 +33,5 @@ ParametersBySets: TypeAlias = Traceable
 
 
 def numpy_of(*arrays: HostOrDevice | float) -> Any:
-    """`jax.numpy` where one of the arrays is JAX's, else `numpy`: the same equations then run without compiling."""
-    module: ModuleType = jnp if any(isinstance(array, jax.Array) for array in arrays) else np
-    return module
+    """The module `jax.numpy` where one of the arrays is JAX's, else `numpy`, by which nothing is compiled."""
+    return jnp if any(isinstance(array, jax.Array) for array in arrays) else np

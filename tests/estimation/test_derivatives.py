@@ -15,11 +15,11 @@ from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.linearisation import linearise_group
 from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT, RunMotion
-from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import simulate_group
 from sysid.vehicle_model.engines.protocol import Linearisation
 from sysid.vehicle_model.engines.reference import REFERENCE
 from sysid.vehicle_model.motion import Motion
+from sysid.vehicle_model.readings import standardised_residuals
 
 #: Just beside the nominal motion, at which half steps fall on the stations of the road: there the fifth derivative of
 #: the road jumps and differences lose an order, see the test of the nominal motion below.
@@ -93,7 +93,7 @@ def central_differences(model, noise, point, speed_m_s: float, start_s: float, s
     motion = motions(model.arrays[0].axle_x, mean / (1 + change / 2), start, change)
     y = signals(model.arrays[0], model.roads[0], x, motion, shape=model.shapes[0])
     found = []
-    for values in group_residuals(model.arrays[0], noise, np.ones_like(noise), y):
+    for values in standardised_residuals(model.arrays[0].readings(noise, np.ones_like(noise)), y):
         plus, minus = np.split(np.asarray(values), 2, axis=-1)
         found.append((plus - minus) / (2 * steps))
     return found[0][:, 0], found[1][0]

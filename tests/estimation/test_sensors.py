@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from sysid.estimation.residuals.bump_model import GroupArrays
-from sysid.estimation.residuals.sensor_residuals import eliminate_sensors, group_residuals
-from sysid.vehicle_model.readings import residuals_of_trials
+from sysid.vehicle_model.readings import eliminate_sensors, residuals_of_trials, standardised_residuals
 
 SAMPLES, RUNS, CHANNELS, SETS = 60, 2, 3, 4
 GAIN_SD = np.array([0.005, 0.01, 0.01])
@@ -28,7 +27,7 @@ def case() -> tuple[GroupArrays, np.ndarray, np.ndarray]:
 
 def test_offset_and_gain_equal_dense_least_squares(case):
     arrays, noise, simulated = case
-    fit = eliminate_sensors(arrays, noise, jnp.asarray(simulated))
+    fit = eliminate_sensors(arrays.readings(noise, np.ones_like(noise)), jnp.asarray(simulated))
     for r, c, s in np.ndindex(RUNS, CHANNELS, SETS):
         keep = arrays.measured[:, r, c] > 0
         y, d = simulated[keep, r, c, s], arrays.value[keep, r, c]
@@ -42,7 +41,7 @@ def test_offset_and_gain_equal_dense_least_squares(case):
 
 def test_residuals_carry_the_minimum_of_the_dense_problem(case):
     arrays, noise, simulated = case
-    residual, prior = group_residuals(arrays, noise, np.ones_like(noise), jnp.asarray(simulated))
+    residual, prior = standardised_residuals(arrays.readings(noise, np.ones_like(noise)), jnp.asarray(simulated))
     for r, c, s in np.ndindex(RUNS, CHANNELS, SETS):
         keep = arrays.measured[:, r, c] > 0
         rows = np.stack([np.ones(keep.sum()), simulated[keep, r, c, s]], axis=1) / noise[r, c]
@@ -65,7 +64,7 @@ def test_residuals_of_models_by_numpy_are_those_by_jax(case, clipped: bool):
         arrays.censored[20:30, 1] = -1.0
         arrays.measured[:20, 0] = arrays.measured[20:30, 1] = arrays.measured[:, 0, 1] = 0.0
     tempering = np.linspace(0.3, 1.0, noise.size).reshape(noise.shape)
-    residual, gain = group_residuals(arrays, noise, tempering, jnp.asarray(simulated))
+    residual, gain = standardised_residuals(arrays.readings(noise, tempering), jnp.asarray(simulated))
     found, of_gain = residuals_of_trials(arrays.readings(noise, tempering), np.moveaxis(simulated, -1, 2))
     np.testing.assert_allclose(found, np.transpose(residual, (3, 1, 2, 0)), rtol=0.0, atol=2e-13)
     np.testing.assert_allclose(of_gain, np.moveaxis(np.asarray(gain), -1, 0), rtol=0.0, atol=4e-13)
@@ -74,7 +73,9 @@ def test_residuals_of_models_by_numpy_are_those_by_jax(case, clipped: bool):
 def test_an_offset_of_the_data_changes_no_residual(case):
     arrays, noise, simulated = case
     moved = arrays._replace(value=(arrays.value + 5.0) * arrays.measured)
-    first, second = (group_residuals(a, noise, np.ones_like(noise), jnp.asarray(simulated)) for a in (arrays, moved))
+    first, second = (
+        standardised_residuals(a.readings(noise, np.ones_like(noise)), jnp.asarray(simulated)) for a in (arrays, moved)
+    )
     for a, b in zip(first, second, strict=True):
         np.testing.assert_allclose(a, b, atol=1e-9)
 
@@ -86,7 +87,7 @@ def test_a_channel_without_readings_says_nothing(case):
     )
     scale = noise.copy()
     scale[:, 0] = np.inf
-    residual, prior = group_residuals(silent, scale, np.ones_like(noise), jnp.asarray(simulated))
+    residual, prior = standardised_residuals(silent.readings(scale, np.ones_like(noise)), jnp.asarray(simulated))
     assert np.isfinite(residual).all()
     assert np.isfinite(prior).all()
     assert not np.asarray(residual[:, :, 0]).any()
@@ -103,12 +104,12 @@ def test_clipped_samples_count_only_where_the_simulation_stays_inside_the_range(
     assert (side == 1).sum() > 20
     assert (side == -1).sum() > 20
     arrays = GroupArrays(None, None, None, value, (side == 0).astype(float), side, GAIN_SD, np.zeros(RUNS))
-    exact, _ = group_residuals(arrays, noise, np.ones_like(noise), jnp.asarray(signal))
+    exact, _ = standardised_residuals(arrays.readings(noise, np.ones_like(noise)), jnp.asarray(signal))
     np.testing.assert_allclose(exact, 0.0, atol=1e-8)
     # A simulation that is too small everywhere misses the range at the clipped samples.
     small = np.clip(signal, -1.5, 1.5)
-    residual, _ = group_residuals(arrays, noise, np.ones_like(noise), jnp.asarray(small))
-    fit = eliminate_sensors(arrays, noise, jnp.asarray(small))
+    residual, _ = standardised_residuals(arrays.readings(noise, np.ones_like(noise)), jnp.asarray(small))
+    fit = eliminate_sensors(arrays.readings(noise, np.ones_like(noise)), jnp.asarray(small))
     shown = np.asarray(fit.offset + fit.gain * small)[..., 0]
     expected = np.where(side > 0, np.minimum(shown - 2.0, 0.0), np.where(side < 0, np.maximum(shown + 2.0, 0.0), 0.0))
     clipped = side != 0
@@ -119,7 +120,7 @@ def test_clipped_samples_count_only_where_the_simulation_stays_inside_the_range(
 def test_tempering_acts_like_a_wider_scale(case):
     """In the elimination too: the gain's prior must not lose against readings that count for less."""
     arrays, noise, simulated = case
-    wider = group_residuals(arrays, noise / 0.4, np.ones_like(noise), jnp.asarray(simulated))
-    tempered = group_residuals(arrays, noise, np.full_like(noise, 0.4), jnp.asarray(simulated))
+    wider = standardised_residuals(arrays.readings(noise / 0.4, np.ones_like(noise)), jnp.asarray(simulated))
+    tempered = standardised_residuals(arrays.readings(noise, np.full_like(noise, 0.4)), jnp.asarray(simulated))
     for a, b in zip(wider, tempered, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-12)

@@ -13,11 +13,11 @@ from scipy.special import logsumexp
 from synthetic_fit import NOMINAL_M_S, SyntheticFit, synthetic_fit
 
 from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT
-from sysid.estimation.residuals.sensor_residuals import group_residuals
 from sysid.estimation.residuals.signals import simulate_group
 from sysid.posterior.log_density import LogDensity, _common_slope, _principal_axes
 from sysid.vehicle_model.engines.reference import REFERENCE
 from sysid.vehicle_model.motion import Motion
+from sysid.vehicle_model.readings import standardised_residuals
 
 
 @pytest.fixture(scope="session")
@@ -42,7 +42,7 @@ def squares(arrays, road, noise, tempering, x, motion, *, shape) -> jax.Array:
     """Sum of squared residuals, sensor gains included, of every run and set (R, S), simulated at each set's motion."""
     inputs = REFERENCE.prepare(road, arrays.axle_x, motion, shape.timing)
     signals = simulate_group(arrays, shape, x, inputs)
-    residual, gain = group_residuals(arrays, noise, tempering, signals)
+    residual, gain = standardised_residuals(arrays.readings(noise, tempering), signals)
     return (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
 
 

@@ -57,8 +57,8 @@ _SLOW_S = 0.1
 FOOT_M = 0.15
 SLACK_S = 0.3
 
-#: Roads begin at a multiple of this before the end of the plank. So at usual speeds all have one length, and code that
-#: is compiled for one can be used for all.
+#: Roads begin at a multiple of this before the end of the plank. So at usual speeds all have one length, for which the
+#: reference engine is compiled once.
 _WHOLE_M = 13.0
 
 #: Iterations of the first search of the drops, and how many times :data:`DOUBT` its residuals have to be to end there

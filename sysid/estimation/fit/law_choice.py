@@ -184,7 +184,7 @@ class _Choice:
             under = replace(options, weight_rounds=rounds, tolerance=tolerance, max_iterations=most)
         parameters = campaign_parameters(self.campaign, self.drops, laws)
         if near is not None and parameters.names != near.problem.model.parameters.names:
-            # Functions compiled for other laws are not needed again, and take hundreds of megabytes together.
+            # Functions compiled for other laws are not needed again; those of the reference engine take much memory.
             forget_compiled()
         report = self._comparing if comparing else self.report
         search = partial(

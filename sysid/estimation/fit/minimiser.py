@@ -281,7 +281,8 @@ def _search(
     """
     relative_tolerance, step_tolerance = tolerances
     residual, jacobian = at_start
-    solver: _Solver = optx.LevenbergMarquardt(rtol=relative_tolerance, atol=relative_tolerance)
+    # Its own end of a search is not asked for: other tolerances would only compile the same step again.
+    solver: _Solver = optx.LevenbergMarquardt(rtol=0.0, atol=0.0)
     solver = eqx.tree_at(lambda s: s.search, solver, optx.ClassicalTrustRegion(high_cutoff=_GOOD_STEP))
     count = start.size
     point = jnp.asarray(_padded(start / scale))

@@ -42,7 +42,7 @@ TARGET_STEP_S = 0.00125
 
 
 class GroupArrays(NamedTuple):
-    """Arrays of one group of runs that the compiled functions take: model constants, data and weights.
+    """Arrays of one group of runs that an engine takes: model constants, data and weights.
 
     `measured` (T, R, C) square root of the weight of every plain reading, 0 where there is none; `change_unit` (R,)
     unit of the unknown change of speed, 0 where there is none.
@@ -63,7 +63,7 @@ class GroupArrays(NamedTuple):
 
 
 class GroupShape(NamedTuple):
-    """What a compiled function specialises on (hashable)."""
+    """Which sensors a group of runs has, how its records are sampled, and the steps between samples (hashable)."""
 
     deflection_axles: tuple[int, ...]
     acceleration_axles: tuple[int, ...]
@@ -90,7 +90,7 @@ class GroupShape(NamedTuple):
 
 @dataclass(frozen=True)
 class BumpModel:
-    """All bump runs of a campaign as compiled-ready groups, with the parameters that drive them.
+    """All bump runs of a campaign in groups, ready for an engine, with the parameters that drive them.
 
     - `passes` of every group;
     - `felt`: effective road of the wheels at every bump, by the contact law;

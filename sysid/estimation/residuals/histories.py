@@ -8,12 +8,12 @@ import numpy as np
 
 from sysid.arrays import Parameters, RunsByChannels, SamplesByRunsByChannels
 from sysid.campaign.records import Campaign
-from sysid.estimation.residuals.bump_model import BumpModel, GroupArrays
+from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.residuals.run_motion import RunMotion
-from sysid.estimation.residuals.sensor_residuals import eliminate_sensors
 from sysid.estimation.residuals.signals import simulate_runs
+from sysid.vehicle_model.readings import Readings, eliminate_sensors
 
 
 class ShownSignals(NamedTuple):
@@ -39,13 +39,13 @@ def shown_signals(
     signals = simulate_runs(model, log_parameters, motion)
     scales = zip(weights.noise_sd, weights.tempering, signals, strict=True)
     return tuple(
-        _shown(weights.on(model.arrays, position), noise / temper, simulated)
+        _shown(weights.on(model.arrays, position).readings(noise, temper), simulated)
         for position, (noise, temper, simulated) in enumerate(scales)
     )
 
 
-def _shown(arrays: GroupArrays, scale: np.ndarray, simulated: np.ndarray) -> ShownSignals:
-    fit = eliminate_sensors(arrays, scale, simulated[..., None])
+def _shown(readings: Readings, simulated: np.ndarray) -> ShownSignals:
+    fit = eliminate_sensors(readings, simulated[..., None])
     offset, gain = np.asarray(fit.offset)[..., 0], np.asarray(fit.gain)[..., 0]
     return ShownSignals(offset + gain * simulated, offset, gain)
 

@@ -63,7 +63,7 @@ def linearise(
 ) -> tuple[Linearisation, ...]:
     """Linearisation of every group at global log parameters (p,) and run motions."""
     one = partial(linearise_one, model, weights, log_parameters, motion)
-    # A compiled loop keeps one core busy; threads let the groups share the cores.
+    # A group of few runs keeps one core busy; threads let the groups share the cores.
     return side_by_side(one, range(len(model.groups)))
 
 

@@ -161,7 +161,7 @@ def group_runs(campaign: Campaign, layout: ChannelLayout) -> tuple[RunGroup, ...
     for alike in members:
         samples = max(count[i] for i in alike)
         most = max(1, limits.GROUP_READINGS // (samples * len(layout.sensors)))
-        # Parts of equal size where that is possible: each size is compiled.
+        # Parts of equal size where that is possible: the reference engine compiles each size.
         parts = np.array_split(np.array(alike), -(-len(alike) // most))
         groups += [_group(campaign, layout, tuple(part.tolist()), samples) for part in parts]
     return tuple(groups)

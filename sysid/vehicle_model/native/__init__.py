@@ -1,1 +1,1 @@
-"""The compiled twin of the JAX engine: C++ for this machine's processor, called through XLA."""
+"""The compiled twin of the JAX engine: C++ for this machine's processor, called directly."""

@@ -165,9 +165,10 @@ def source_digest() -> str:
 
 
 def _run(command: list[str], scratch: Path | None = None) -> subprocess.CompletedProcess[str]:
-    # Zig keeps the C++ library that it compiles first: in the folder that is private to us, and gone afterwards.
-    names = () if scratch is None else ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")
-    kept = dict.fromkeys(names, f"{scratch}/zig")
+    # In the folder that is private to us and gone afterwards: what a compiler leaves when it is ended, and the C++
+    # library that Zig compiles first.
+    names = () if scratch is None else ("TMPDIR", "ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")
+    kept = dict.fromkeys(names, str(scratch))
     # Ctrl-C ends the compiler that the user waits for.
     beside = threading.current_thread() is not threading.main_thread()
     try:

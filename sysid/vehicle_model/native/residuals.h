@@ -1,4 +1,4 @@
-// Residuals of one run: the equations of eliminate_sensors, group_residuals and _group_misfit.
+// Residuals of one run: the equations of eliminate_sensors, standardised_residuals and _misfits in Python.
 
 #pragma once
 
