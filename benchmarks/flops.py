@@ -31,7 +31,7 @@ LAWS: dict[str, frozenset[str] | None] = {"linear": None, "richest": RICHEST}
 VARIANTS: dict[str, tuple[tuple[tuple[str, str, str], ...], tuple[str, ...]]] = {
     "as it is": ((), ()),
     "x^n costs nothing": ((("pack.h", "return power_of_two(n * binary_logarithm(x));", "return n + x;"),), ()),
-    "filters cost nothing": ((("vehicle.h", "memory.advance(now.data(), middle.data());", ""),), ()),
+    "filters cost nothing": ((("integration.h", "memory.advance(now.data(), middle.data());", ""),), ()),
     "no multiply-add is fused": ((), ("-ffp-contract=off",)),
     "four lanes (AVX2)": ((), ("-march=x86-64-v3",)),
 }

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import emcee
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.bare_kernel import BareKernel
 from benchmarks.rounds import Contender, Sample, timed
 from benchmarks.work import Work, density, engine
 from sysid.estimation.residuals.linearisation import linearise
-from sysid.estimation.residuals.set_misfits import group_misfits
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.posterior.log_density import LogDensity
 from sysid.posterior.moves import posterior_moves
@@ -64,17 +62,11 @@ def jacobian(work: Work, name: str, every: int = 1) -> Contender:
     )
 
 
-def gradient(work: Work, ours: LogDensity, every: int) -> Contender:
-    """Reverse-mode gradient of the misfit of one parameter set by the JAX engine."""
-
-    @jax.jit
-    def slope(x: jax.Array) -> jax.Array:
-        groups = zip(ours._inputs, work.model.shapes, strict=True)
-        return jax.grad(lambda v: sum(group_misfits(i, v[:, None], shape=s).sum() for i, s in groups))(x)
-
-    return _in_engine("jax gradient", "jax", every, 1)(
-        lambda: jax.block_until_ready(slope(jnp.asarray(work.state.point.log_parameters)))
-    )
+def gradient(work: Work, ours: LogDensity, name: str, sets: int, every: int = 1) -> Contender:
+    """Log-densities with their gradients by one engine; per set."""
+    points = work.sets(sets)
+    label = f"{name} gradient" if sets == 1 else f"{name} gradient {sets}"
+    return replace(_in_engine(label, name, every, 1)(lambda: ours.gradients(points)), share=sets)
 
 
 def posterior(work: Work, ours: LogDensity) -> Contender:

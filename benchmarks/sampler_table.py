@@ -7,9 +7,6 @@ from typing import Any
 
 from studies.documents import write_between_marks
 
-#: Likelihoods that a gradient would cost by an adjoint of the engine, if there were one.
-ADJOINT = 6.0
-
 
 def write_table(found: dict[str, Any], document: Path) -> None:
     """Write the table between the marks ``samplers`` of a page."""
@@ -19,16 +16,17 @@ def write_table(found: dict[str, Any], document: Path) -> None:
 def table(found: dict[str, Any]) -> str:
     """Introduction and table."""
     cost, machine = found["costs"], found["machine"]
-    ratio, millis = f"{cost['ratio']:.0f}", 1e3 * cost["gradient_s"]
+    alone, together = (f"{1e3 * cost[f'gradient_{n}_s']:.0f} ms" for n in ("alone", "batch"))
     head = ("sampler", "processor (wall) [s]", "R-hat", "spread", "effective draws", "per processor second", "later")
-    head += ("work per effective draw", f"gradient of {ADJOINT:.0f}", "later")
+    head += ("work per effective draw", "chains in a batch", "later")
     lines = [
         f"Log-density of the fit of `{found['campaign']}/` with {found['parameters']} parameters, as the stage",
-        f"`sample` gets it. A likelihood in a batch takes {cost['likelihood_s'] * 1e3:.2f} ms of processor time, a",
-        f"gradient (exact, from forward derivatives) {millis:.0f} ms, that is {ratio} likelihoods. Effective draws and",
-        "R-hat are those of the worst parameter. *Work per effective draw* counts everything, burn-in too, in",
-        f"likelihoods; the column beside it says what it would be if a gradient cost {ADJOINT:.0f} of them. *Later*",
-        "leaves burn-in and adapting out. *Spread*: standard deviations over those of the converged posterior. Walkers",
+        f"`sample` gets it. A likelihood in a batch takes {cost['likelihood_s'] * 1e3:.2f} ms of processor time. A",
+        f"gradient takes {together} in a batch, that is {cost['ratio_batch']:.1f} likelihoods, and {alone} alone, that",
+        f"is {cost['ratio_alone']:.0f}. A chain of nutpie asks for one at a time. Effective draws and R-hat are those",
+        "of the worst parameter. *Work per effective draw* counts everything, burn-in too, in likelihoods; the column",
+        "beside it says what it would be if many chains asked together. *Later* leaves burn-in and adapting out.",
+        "*Spread*: standard deviations over those of the converged posterior. Walkers",
         "that start apart from each other and hardly move count as that many effective draws, of where they started:",
         "R-hat and spread tell. "
         f"{machine['cores']} cores, {machine['instruction_set']}, load "
@@ -45,9 +43,9 @@ def table(found: dict[str, Any]) -> str:
 def _row(one: dict[str, Any], cost: dict[str, float]) -> str:
     effective, kept, spread = one["effective"], one["share_kept"], one.get("sd_ratio")
     wide = "" if spread is None else f"{spread[0]:.2f} to {spread[1]:.2f}"
-    work = {price: one["likelihoods"] + price * one["gradients"] for price in (cost["ratio"], ADJOINT)}
+    prices = cost["ratio_alone"], cost["ratio_batch"]
     rate = effective / one["processor_s"]
-    dear, cheap = work[cost["ratio"]] / effective, work[ADJOINT] / effective
+    dear, cheap = ((one["likelihoods"] + price * one["gradients"]) / effective for price in prices)
     return (
         f"| {one['name']} | {one['processor_s']:.0f} ({one['wall_s']:.0f}) | {one['rhat']:.3f} | {wide} | "
         f"{effective:.0f} | {rate:.2g} | {rate / kept:.2g} | {dear:.0f} | {cheap:.0f} | {cheap * kept:.0f} |"

@@ -240,17 +240,28 @@ def measure(target: Target, name: str, limit_s: float, seed: int) -> Outcome:
 
 
 def costs(target: Target) -> dict[str, float]:
-    """Processor seconds of a likelihood in a batch as the sampler has it, and of a gradient; rounds interleaved."""
+    """Processor seconds of a likelihood in a batch as the sampler has it, and of a gradient in a batch and alone.
+
+    Rounds are interleaved.
+    """
     half = int(np.ceil(WALKERS_PER_PARAMETER * len(target.names) / 2))
     factor = np.linalg.cholesky(target.covariance)
     sets = target.centre + np.random.default_rng(5).standard_normal((half, len(target.names))) @ factor.T
-    target.density(sets), target.density.gradient(sets[0])
-    pairs = [
-        (_seconds(lambda: target.density(sets), 1) / half, _seconds(lambda: target.density.gradient(sets[0]), 1))
-        for _ in range(15)
-    ]
-    one, slope = (float(np.median(column)) for column in zip(*pairs, strict=True))
-    return {"likelihood_s": one, "gradient_s": slope, "ratio": float(np.median([b / a for a, b in pairs]))}
+    calls: dict[str, tuple[Callable[[], object], int]] = {
+        "likelihood": (lambda: target.density(sets), half),
+        "gradient_batch": (lambda: target.density.gradients(sets), half),
+        "gradient_alone": (lambda: target.density.gradient(sets[0]), 1),
+    }
+    rounds = [{name: _seconds(call, 1) / count for name, (call, count) in calls.items()} for _ in range(16)][1:]
+
+    def median(of: Callable[[dict[str, float]], float]) -> float:
+        return float(np.median([of(one) for one in rounds]))
+
+    found = {f"{name}_s": median(lambda one, name=name: one[name]) for name in calls}  # type: ignore[misc]
+    ratios = {
+        f"ratio_{n}": median(lambda one, n=n: one[f"gradient_{n}"] / one["likelihood"]) for n in ("batch", "alone")
+    }  # type: ignore[misc]
+    return found | ratios
 
 
 def main() -> None:

@@ -71,6 +71,7 @@ def _comparison(plan: Plan, work: Work, say: Say) -> dict[str, Any]:
     peers = find_peers(work, plan.peers)
     say("compiling")
     batches = (1, 16) if plan.quick else likelihood.BATCHES
+    batch = max(b for b in batches if b <= 64)
     ours = density(work, "native")
     program = BareKernel(compile_program(plan.output), plan.output, work, ours, [work.sets(n) for n in batches])
     agreement = _agreement(program, work, ours, batches)
@@ -79,6 +80,7 @@ def _comparison(plan: Plan, work: Work, say: Say) -> dict[str, Any]:
         *likelihood.bare(program, batches),
         likelihood.simulation(work, "native"),
         likelihood.jacobian(work, "native"),
+        *(likelihood.gradient(work, ours, "native", sets) for sets in (1, batch)),
         likelihood.posterior(work, ours),
         *peers.contenders,
     ]
@@ -89,7 +91,7 @@ def _comparison(plan: Plan, work: Work, say: Say) -> dict[str, Any]:
             *likelihood.likelihoods(work, jax_density, "jax", batches, every),
             likelihood.simulation(work, "jax", every),
             likelihood.jacobian(work, "jax", 2 * every),
-            likelihood.gradient(work, jax_density, every),
+            likelihood.gradient(work, jax_density, "jax", 1, every),
         ]
     say(f"comparison of {len(contenders)}")
     done = run_rounds(contenders, 2 if plan.quick else plan.rounds, ROUNDS_LIMIT_S)
@@ -103,7 +105,7 @@ def _comparison(plan: Plan, work: Work, say: Say) -> dict[str, Any]:
         "missing_peers": peers.missing,
         "rounds": done,
         "seconds": {c.name: {what: spread(list(c.per_unit(what).values())) for what in MEASURES} for c in contenders},
-        "ratios": _ratios({c.name: c for c in contenders}, max(b for b in batches if b <= 64)),
+        "ratios": _ratios({c.name: c for c in contenders}, batch),
     }
 
 
@@ -120,6 +122,8 @@ def _ratios(by_name: dict[str, Contender], batch: int) -> dict[str, dict[str, Sp
         "likelihood / kernel": (f"native {batch}", f"kernel {batch}"),
         "one simulation / kernel per set": ("native simulation", f"kernel {batch}"),
         "Jacobian / likelihood": ("native Jacobian", f"native {batch}"),
+        "gradient / likelihood": (f"native gradient {batch}", f"native {batch}"),
+        "gradient / likelihood of one set": ("native gradient", "native 1"),
         "JAX likelihood / kernel": (f"jax {batch}", f"kernel {batch}"),
         "JAX one simulation / kernel per set": ("jax simulation", f"kernel {batch}"),
         "JAX Jacobian / JAX likelihood": ("jax Jacobian", f"jax {batch}"),

@@ -20,7 +20,7 @@ from sysid.estimation.residuals.fewer_samples import with_fewer_samples
 from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.linearisation import linearise_one
 from sysid.estimation.residuals.run_motion import motion_prior
-from sysid.estimation.residuals.set_misfits import group_inputs, group_misfits
+from sysid.estimation.residuals.set_misfits import group_inputs, group_misfit_gradients, group_misfits
 
 #: Description of the likelihood, for the user.
 LIKELIHOOD = (
@@ -76,14 +76,38 @@ class LogDensity:
     def __call__(self, log_parameters: Parameters) -> np.ndarray:
         """Log-density (n,) of parameter sets (n, p)."""
         points = np.atleast_2d(np.asarray(log_parameters, float))
-        # As if the footprint maps followed the tires.
-        sets = (self.centre + (points - self.centre) @ self._following.T).T
+        sets = self._sets(points)
         misfit = np.zeros(points.shape[0])
         for inputs, shape in zip(self._inputs, self._model.shapes, strict=True):
             misfit = misfit + np.asarray(group_misfits(inputs, sets, shape=shape))
+        return self._density(points, misfit)
+
+    def gradients(self, log_parameters: Parameters) -> tuple[np.ndarray, np.ndarray]:
+        """Log-density (n,) of parameter sets (n, p), and its exact gradients (n, p)."""
+        points = np.atleast_2d(np.asarray(log_parameters, float))
+        sets = self._sets(points)
+        misfit, slopes = np.zeros(points.shape[0]), np.zeros(sets.shape)
+        for inputs, shape in zip(self._inputs, self._model.shapes, strict=True):
+            found = group_misfit_gradients(inputs, sets, shape=shape)
+            misfit, slopes = misfit + np.asarray(found.misfits), slopes + np.asarray(found.gradients)
+        prior = self._off_prior(points) @ self._rows
+        return self._density(points, misfit), -0.5 * slopes.T @ self._following - prior - self._tilt
+
+    def gradient(self, log_parameters: Parameters) -> tuple[float, np.ndarray]:
+        """Log-density of one parameter set (p,) and its exact gradient (p,)."""
+        density, slopes = self.gradients(log_parameters)
+        return float(density[0]), slopes[0]
+
+    def _sets(self, points: np.ndarray) -> np.ndarray:
+        """Parameter sets (p, n) that are simulated: as if the footprint maps followed the tires."""
+        return np.asarray((self.centre + (points - self.centre) @ self._following.T).T)
+
+    def _off_prior(self, points: np.ndarray) -> np.ndarray:
         # Not by a matrix product, whose rounding depends on how many points there are.
-        off = (points[:, None, :] * self._rows).sum(axis=-1) - self._targets
-        prior = (off**2).sum(axis=1)
+        return np.asarray((points[:, None, :] * self._rows).sum(axis=-1) - self._targets)
+
+    def _density(self, points: np.ndarray, misfit: np.ndarray) -> np.ndarray:
+        prior = (self._off_prior(points) ** 2).sum(axis=1)
         density = -0.5 * (misfit + prior) - (points - self.centre) @ self._tilt
         bad = ~np.isfinite(density)
         if bad.any():
@@ -91,33 +115,6 @@ class LogDensity:
             self.rejected += list(points[bad][: max(0, 100 - len(self.rejected))])
             density = np.where(bad, -np.inf, density)
         return np.asarray(density)
-
-    def gradient(self, log_parameters: Parameters) -> tuple[float, np.ndarray]:
-        """Log-density of one parameter set (p,) and its exact gradient (p,).
-
-        With r and J of all residuals of a run at the set, J_eta and N those of the optimum, the sum of squares has the
-        gradient 2 (J' r - J' J_eta N^-1 b).
-        """
-        x, point = np.asarray(log_parameters, float), self._point
-        there = self.centre + self._following @ (x - self.centre)
-        misfit, slope = 0.0, np.zeros_like(x)
-        for position, inputs in enumerate(self._inputs):
-            lin = linearise_one(self._model, point.weights, there, point.motion, position)
-            residual, gain = np.asarray(lin.residual), np.asarray(lin.gain_residual)
-            columns = np.asarray(lin.residual_jacobian)[..., : x.size]
-            gain_columns = np.asarray(lin.gain_jacobian)[..., : x.size]
-            local = inputs.local
-            b = np.einsum("trck,trc->rk", local.residual, residual) + local.offset
-            b += np.einsum("rck,rc->rk", local.gain, gain)
-            whitened = np.einsum("rkl,rl->rk", local.factor, b)
-            share = np.einsum("rkl,rk->rl", local.factor, whitened)
-            misfit += (residual**2).sum() + (gain**2).sum() - (whitened**2).sum()
-            pull = residual - np.einsum("trck,rk->trc", local.residual, share)
-            gain_pull = gain - np.einsum("rck,rk->rc", local.gain, share)
-            slope += 2.0 * (np.tensordot(pull, columns, axes=3) + np.tensordot(gain_pull, gain_columns, axes=2))
-        off = self._rows @ x - self._targets
-        density = -0.5 * (misfit + off @ off) - (x - self.centre) @ self._tilt
-        return float(density), -0.5 * self._following.T @ slope - self._rows.T @ off - self._tilt
 
 
 def _principal_axes(covariance: ParametersByParameters) -> ParametersByParameters:

@@ -67,15 +67,17 @@ def test_work_is_counted_in_likelihoods():
         "processor_s": 20.0,
         "remark": "in words",
     }
+    costs = {"likelihood_s": 0.001, "gradient_batch_s": 0.006, "gradient_alone_s": 0.04}
+    costs |= {"ratio_batch": 6.0, "ratio_alone": 40.0}
     found = {
         "machine": {"cores": 2, "instruction_set": "AVX2", "load_before": 0.1},
         "campaign": "data",
         "parameters": 45,
-        "costs": {"likelihood_s": 0.001, "gradient_s": 0.04, "ratio": 40.0},
+        "costs": costs,
         "samplers": {"a sampler": one},
     }
     row = next(line for line in table(found).splitlines() if line.startswith("| a sampler"))
-    # (1000 + 40 50) / 100 = 30 with the gradient as it is, (1000 + 6 50) / 100 = 13 with one of six likelihoods.
+    # (1000 + 40 50) / 100 = 30 with gradients one at a time, (1000 + 6 50) / 100 = 13 with gradients in a batch.
     assert row == "| a sampler | 20 (40) | 1.004 | 0.96 to 1.31 | 100 | 5 | 10 | 30 | 13 | 6 |"
 
 

@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import rigid_truck
+from every_element import campaign_with_every_element
 from fit_states import state_at
 from native_engine import needs_native
 from rigid_truck import bump, campaign, empty_run, true_log_parameters
 
 from sysid.campaign.records import Campaign
-from sysid.campaign.vehicle_records import AxleGroup, Equaliser, ForceTable, FrameBending
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, laws_side_by_side
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
@@ -101,35 +101,7 @@ def test_linearisation(linearisations, field):
     ["beam", pytest.param("equaliser", marks=pytest.mark.long), "equaliser and bending frame"],
 )
 def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined):
-    """Friction, stops and an asymmetric damper in front; gas spring, lash and tables behind, on a beam or a rocker."""
-    spring = ForceTable((-0.1, -0.01, 0.01, 0.1), (-3.5e4, -3e3, 3e3, 4e4))
-    damper = ForceTable((-1.0, -0.2, 0.1, 1.0), (-8e3, -3e3, 2e3, 9e3))
-    first, second, third = rigid_truck.AXLES
-    axles = (
-        replace(
-            first,
-            suspension_law="friction + asymmetric_damper + bump_stops",
-            jounce_travel_m=0.02,
-            rebound_travel_m=0.025,
-        ),
-        replace(
-            second,
-            suspension_law="gas_spring + hanger_lash + spring_table + damper_table",
-            hanger_lash_m=0.01,
-            spring_table=spring,
-            damper_table=damper,
-        ),
-        third,
-    )
-    if joined == "beam":
-        vehicle = replace(rigid_truck.VEHICLE, axles=axles, groups=(AxleGroup("bogie", (1, 2), 300.0, 90.0),))
-        load = replace(rigid_truck.EMPTY, sprung_mass_kg=(rigid_truck.EMPTY.sprung_mass_kg[0] - 300.0,))
-    else:
-        vehicle = replace(rigid_truck.VEHICLE, axles=axles, equalisers=(Equaliser("tandem", (1, 2)),))
-        load = rigid_truck.EMPTY
-        if "bending" in joined:
-            vehicle = replace(vehicle, bodies=(replace(vehicle.bodies[0], bending=FrameBending(8.0, 0.03)),))
-    data = campaign([empty_run("a.csv", 7.0, samples=220)], vehicle=vehicle, load_cases=(load,))
+    data = campaign_with_every_element(joined)
     model = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
     x = model.parameters.start
     assert_laws_by_numpy_are_those_by_jax(model.arrays[0].laws, np.stack([x, x + 0.02, x - 0.3], axis=1))

@@ -26,7 +26,7 @@ def builds(monkeypatch, unregistered) -> list[build.Compiler]:
     """What was compiled since; a file of a few bytes stands for the library, any program for the compiler."""
     made: list[build.Compiler] = []
 
-    def write(compiler: build.Compiler, file: Path, *flags: str) -> None:
+    def write(compiler: build.Compiler, file: Path, *flags: str, programs: tuple[str, ...]) -> None:
         made.append(compiler)
         file.write_bytes(b"library")
 
@@ -64,6 +64,14 @@ def test_each_number_of_coordinates_has_a_library_and_any_does_where_none_is_nam
     assert len(builds) == 2
     assert build.library() in (rigid_truck, long_truck)
     assert (build.library(8), build.library(3)) == (long_truck, rigid_truck)
+    assert len(builds) == 2
+
+
+@on_posix
+def test_each_program_has_a_library_of_its_own(builds):
+    made = [build.library(4, program) for program in build.PROGRAMS]
+    assert [path.parents[1].name for path in made] == [path.stem for path in made] == list(build.PROGRAMS)
+    assert [build.library(4, program) for program in build.PROGRAMS] == made
     assert len(builds) == 2
 
 
@@ -198,10 +206,10 @@ def test_two_builders_at_once_end_with_one_library(builds, monkeypatch):
     """The other one is done while this one compiles."""
     plain = build.compile_engine
 
-    def overtaken(compiler: build.Compiler, file: Path, *flags: str) -> None:
+    def overtaken(compiler: build.Compiler, file: Path, *flags: str, programs: tuple[str, ...]) -> None:
         monkeypatch.setattr(build, "compile_engine", plain)
         build.library()
-        plain(compiler, file, *flags)
+        plain(compiler, file, *flags, programs=programs)
 
     monkeypatch.setattr(build, "compile_engine", overtaken)
     found = build.library()
@@ -263,7 +271,8 @@ def test_it_compiles_without_a_warning(tmp_path):
     """With the flags of the product; the library then says with which description it was compiled."""
     compiler = build.find_compiler()
     assert compiler is not None
-    build.compile_engine(compiler, tmp_path / "engine.so", "-Werror", "-DSYSID_COORDINATES=4")
+    flags = ("-Werror", "-DSYSID_COORDINATES=4")
+    build.compile_engine(compiler, tmp_path / "engine.so", *flags, programs=build.PROGRAMS)
     loaded = ctypes.CDLL(str(tmp_path / "engine.so"))
     kernel.check_fingerprint(loaded)
 

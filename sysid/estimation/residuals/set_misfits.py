@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from jax.tree_util import Partial
 
 from sysid.arrays import RunsByChannels
 from sysid.estimation.parameters.axle_laws import axle_laws
@@ -21,7 +22,7 @@ from sysid.estimation.residuals.run_unknowns import run_normal
 from sysid.estimation.residuals.signals import wheel_road
 from sysid.vehicle_model.device_arrays import HostOrDevice, ParametersBySets
 from sysid.vehicle_model.engine import WheelRoad
-from sysid.vehicle_model.engines.protocol import Linearisation, LocalColumns
+from sysid.vehicle_model.engines.protocol import Linearisation, LocalColumns, MisfitGradients
 
 
 class GroupInputs(NamedTuple):
@@ -61,10 +62,22 @@ def group_misfits(inputs: GroupInputs, log_parameters: ParametersBySets, *, shap
     """Sum over a group's runs of r'r - b' N^-1 b for every set (S,) of log parameters (p, S)."""
     arrays, road = inputs.arrays, inputs.road
     suspension, tire = axle_laws(arrays.laws, log_parameters)
+    readings = arrays.readings(inputs.noise_sd, inputs.tempering)
     misfits = road.engine.misfits(
+        arrays.matrices, suspension, tire, road, shape.timing, shape.sensors, shape.recursion, readings, inputs.local
+    )
+    return misfits.sum(axis=0)
+
+
+def group_misfit_gradients(
+    inputs: GroupInputs, log_parameters: ParametersBySets, *, shape: GroupShape
+) -> MisfitGradients:
+    """The sums (S,) of :func:`group_misfits` and their gradients (p, S)."""
+    arrays, road = inputs.arrays, inputs.road
+    found = road.engine.misfit_gradients(
         arrays.matrices,
-        suspension,
-        tire,
+        Partial(axle_laws, arrays.laws),
+        log_parameters,
         road,
         shape.timing,
         shape.sensors,
@@ -72,4 +85,4 @@ def group_misfits(inputs: GroupInputs, log_parameters: ParametersBySets, *, shap
         arrays.readings(inputs.noise_sd, inputs.tempering),
         inputs.local,
     )
-    return misfits.sum(axis=0)
+    return found._replace(misfits=found.misfits.sum(axis=0))

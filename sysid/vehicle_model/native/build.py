@@ -19,13 +19,26 @@ from pathlib import Path
 from sysid.private_files import PRIVATE_MODE, NotPrivateError, check_private, write_private
 from sysid.runtime import private_cache
 from sysid.vehicle_model.native import header
-from sysid.vehicle_model.native.buffers import COORDINATES
+from sysid.vehicle_model.native.buffers import COORDINATES, ENGINE, GRADIENT
 from sysid.vehicle_model.native.processor import description
 
 #: The words with which the command of a compiler begins.
 Compiler = tuple[str, ...]
-#: Files that make up the engine beside the header that is made for it; the first is the one to compile.
-SOURCES = ("engine.cpp", "residuals.h", "vehicle.h", "suspension.h", "contact.h", "row.h", "pack.h")
+#: Programs of the engine, `name`.cpp each, and the files that they include beside the header that is made for them.
+PROGRAMS = (ENGINE, GRADIENT)
+INCLUDED = (
+    "call.h",
+    "gradient.h",
+    "residuals.h",
+    "taped_laws.h",
+    "integration.h",
+    "vehicle.h",
+    "suspension.h",
+    "contact.h",
+    "tape.h",
+    "row.h",
+    "pack.h",
+)
 #: -O3 keeps the rules of IEEE arithmetic.
 FLAGS = ("-std=c++17", "-O3", "-shared", "-fPIC", "-pthread", "-Wall", "-Wextra")
 #: Optimisation for exactly this processor.
@@ -33,7 +46,6 @@ THIS_PROCESSOR = ("-march=native",)
 #: A compiler that has to make its own library first takes three minutes on a busy machine.
 TIMEOUT_S = 600.0
 NO_COMPILER = "no C++ compiler was found"
-_NAME = "engine.so"
 
 #: Folders that a thread of this process fills; another one that needs the same waits. And compilers by the threads that
 #: wait for them.
@@ -55,10 +67,10 @@ def find_compiler() -> Compiler | None:
     return None if named or find_spec("ziglang") is None else (sys.executable, "-m", "ziglang", "c++")
 
 
-def library(coordinates: int | None = None) -> Path:
-    """The engine for vehicles with so many body coordinates, from the cache or compiled now.
+def library(coordinates: int | None = None, program: str = ENGINE) -> Path:
+    """A program of the engine for vehicles with so many body coordinates, from the cache or compiled now.
 
-    Compiling takes 10 to 20 s, once per machine, version and number of coordinates.  The library's folder is
+    Compiling takes 10 to 20 s, once per machine, version, program and number of coordinates.  The library's folder is
     named by a hash of the sources and the processor, one of the compiler, and the number; where
     there is no compiler any more, what another one has compiled is used.  A library that is there already is used only
     if it is what this user has put there (:mod:`sysid.private_files`).  The folder is filled under another name and
@@ -67,6 +79,7 @@ def library(coordinates: int | None = None) -> Path:
     Parameters
     ----------
     coordinates : None for a library of whatever number; one is compiled only where there is none.
+    program : of :data:`PROGRAMS`.
 
     Raises
     ------
@@ -75,56 +88,56 @@ def library(coordinates: int | None = None) -> Path:
     """
     compiler = find_compiler()
     try:
-        folder = private_cache("engine")
+        folder = private_cache(program)
         if compiler is None:
-            return _kept(folder, "*", coordinates)
+            return _kept(folder, program, "*", coordinates)
         key = _key_of(compiler)
         if coordinates is None:
             try:
-                return _kept(folder, key, None)
+                return _kept(folder, program, key, None)
             except BuildError:
                 coordinates = COORDINATES[0]
         home = folder / f"{_key()}-{key}-{coordinates}"
         with _filled[home]:
-            if not _sound(home):
-                _fill(compiler, home, coordinates)
+            if not _sound(home / f"{program}.so"):
+                _fill(compiler, home, program, coordinates)
     except NotPrivateError as error:
         raise BuildError(NO_COMPILER if compiler is None else str(error)) from error
     except OSError as error:
         raise BuildError(
             NO_COMPILER if compiler is None else f"the cache folder cannot be written ({error.strerror})"
         ) from error
-    return home / _NAME
+    return home / f"{program}.so"
 
 
-def _kept(folder: Path, compiler: str, coordinates: int | None) -> Path:
+def _kept(folder: Path, program: str, compiler: str, coordinates: int | None) -> Path:
     """What a compiler has made for this machine; `compiler` its hash, or "*" for any."""
     number = "*" if coordinates is None else coordinates
     for home in sorted(folder.glob(f"{_key()}-{compiler}-{number}")):
-        if _sound(home):
-            return home / _NAME
+        if _sound(home / f"{program}.so"):
+            return home / f"{program}.so"
     raise BuildError(NO_COMPILER)
 
 
-def _sound(home: Path) -> bool:
+def _sound(library: Path) -> bool:
     try:
-        check_private(home / _NAME)
+        check_private(library)
     except (NotPrivateError, OSError):
         return False
     return True
 
 
-def _fill(compiler: Compiler, home: Path, coordinates: int) -> None:
+def _fill(compiler: Compiler, home: Path, program: str, coordinates: int) -> None:
     with tempfile.TemporaryDirectory(dir=home.parent, prefix="build-") as scratch:
-        folder = Path(scratch)
-        compiled = folder / _NAME
-        compile_engine(compiler, compiled, f"-DSYSID_COORDINATES={coordinates}")
+        folder, name = Path(scratch), f"{program}.so"
+        compiled = folder / name
+        compile_engine(compiler, compiled, f"-DSYSID_COORDINATES={coordinates}", programs=(program,))
         made = folder / "made"
         made.mkdir(mode=PRIVATE_MODE)
-        write_private(made / _NAME, compiled.read_bytes())
+        write_private(made / name, compiled.read_bytes())
         with contextlib.suppress(OSError):
             os.rename(made, home)
-        if not _sound(home):
+        if not _sound(home / name):
             # What stands there is not ours: out of the way with it.
             os.rename(home, folder / "unsound")
             os.rename(made, home)
@@ -135,8 +148,9 @@ def compile_engine(
     made: Path,
     *flags: str,
     processor: tuple[str, ...] = THIS_PROCESSOR,
+    programs: tuple[str, ...] = (ENGINE,),
 ) -> None:
-    """Compile the library to the file `made`, its header beside it; for all numbers of coordinates unless `flags` say.
+    """Compile programs to the library `made`, its header beside it; for all numbers of coordinates unless `flags` say.
 
     `processor` are the flags that choose a processor.
 
@@ -145,10 +159,10 @@ def compile_engine(
     BuildError
         If the compiler fails.
     """
-    source = Path(__file__).parent / SOURCES[0]
+    sources = [str(Path(__file__).parent / f"{program}.cpp") for program in programs]
     header.write(made.parent)
     include = ["-I", str(made.parent)]
-    done = _run([*compiler, *FLAGS, *processor, *flags, *include, str(source), "-o", str(made)], made.parent)
+    done = _run([*compiler, *FLAGS, *processor, *flags, *include, *sources, "-o", str(made)], made.parent)
     if done.returncode != 0 or not made.exists():
         lines = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
         message = lines[0].strip() if lines else "without a message"
@@ -158,7 +172,7 @@ def compile_engine(
 def source_digest() -> str:
     """Hash of all that the engine is compiled from."""
     digest = hashlib.sha256()
-    for name in SOURCES:
+    for name in (*(f"{program}.cpp" for program in PROGRAMS), *INCLUDED):
         digest.update((Path(__file__).parent / name).read_bytes())
     digest.update(header.header().encode())
     return digest.hexdigest()

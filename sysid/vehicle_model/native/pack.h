@@ -241,6 +241,26 @@ inline Local<N> operator*(Pack a, const Local<N>& b) {
 }
 
 template <int N>
+inline Local<N> operator*(const Local<N>& a, Pack b) {
+  return b * a;
+}
+
+template <int N>
+inline Local<N> operator*(const Local<N>& a, double b) {
+  return splat(b) * a;
+}
+
+template <int N>
+inline Local<N> operator+(Pack a, const Local<N>& b) {
+  return b + a;
+}
+
+template <int N>
+inline Local<N> operator+(const Local<N>& a, double b) {
+  return a + splat(b);
+}
+
+template <int N>
 inline Local<N> operator+(double a, const Local<N>& b) {
   return b + splat(a);
 }

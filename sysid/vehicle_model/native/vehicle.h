@@ -1,8 +1,7 @@
-// One run of the planar vehicle over a bump: the equations of simulation.py and filters.py.
+// The planar vehicle at one instant: accelerations and forces in a state (equations of simulation.py).
 
 #pragma once
 
-#include <utility>
 #include <vector>
 
 #include "suspension.h"
@@ -102,6 +101,27 @@ struct Wheels {
   const V *rise, *rise_rate;
 };
 
+// y += A x for a matrix (rows, columns) with `stride` numbers from row to row.
+template <int rows, class V, class M>
+inline void add_product(const M* matrix, int stride, int columns, const V* x, V* y) {
+  for (int k = 0; k < columns; ++k)
+    for (int j = 0; j < rows; ++j) accumulate(y[j], matrix[j * stride + k], x[k]);
+}
+template <int rows, int columns, class V, class M>
+inline void add_product(const M* matrix, int stride, const V* x, V* y) {
+  add_product<rows>(matrix, stride, columns, x, y);
+}
+
+// What bodies are above axles: y = A body - axle, with a matrix (na, NB).
+template <int NB, class V, class M>
+inline void above_axles(const M* matrix, int axles, const V* body, const V* axle, V* y) {
+  for (int i = 0; i < axles; ++i) {
+    V above = -axle[i];
+    for (int j = 0; j < NB; ++j) accumulate(above, matrix[i * NB + j], body[j]);
+    y[i] = above;
+  }
+}
+
 // y = M x for a matrix (n, n) that is mostly zeros.
 template <class V, class M>
 inline void transform(const M* matrix, int n, const V* x, V* y) {
@@ -115,21 +135,25 @@ inline void transform(const M* matrix, int n, const V* x, V* y) {
 
 // ------------------------------------------------------------------------------------------------------------- contact
 
+template <class V>
+inline V force_on_flat(const TireLaw<V>& law, const V& rise, const V& rise_rate, double growth) {
+  return tire_force(law.static_deflection - rise, -rise_rate, law.inverse_reference, law.exponent, law.damping,
+                    law.reference_load, growth);
+}
+
 // Unclipped vertical force of every tire and, where the road is not flat, H/V.
-template <class M>
-void contacts(const Run<M>& run, const Laws<Pack>& laws, const PointFor<M>* road, double, const Wheels<Pack>& wheel,
-              Pack* unclipped, Pack* drag) {
+template <class V, class M>
+void contacts(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, double, const Wheels<V>& wheel,
+              V* unclipped, V* drag) {
   for (int i = 0; i < run.axles; ++i) {
-    const TireLaw<Pack>& law = laws.tire[i];
-    Squash<Pack> now;
+    const TireLaw<V>& law = laws.tire[i];
     if (road[i].flat) {
-      now.deflection = law.static_deflection - wheel.rise[i];
-      now.rate = -wheel.rise_rate[i];
-    } else {
-      now = squash(road_rows(road[i]), law.static_deflection, wheel.advance[i], wheel.speed[i], wheel.rise[i],
-                   wheel.rise_rate[i]);
-      drag[i] = now.drag;
+      unclipped[i] = force_on_flat(law, wheel.rise[i], wheel.rise_rate[i], run.growth);
+      continue;
     }
+    const Squash<V> now = squash(road_rows(road[i]), law.static_deflection, wheel.advance[i], wheel.speed[i],
+                                 wheel.rise[i], wheel.rise_rate[i]);
+    drag[i] = now.drag;
     unclipped[i] = tire_force(now.deflection, now.rate, law.inverse_reference, law.exponent, law.damping,
                               law.reference_load, run.growth);
   }
@@ -221,9 +245,9 @@ void contacts(const Run<double>& run, const Laws<Jet<T>>& laws, const RoadPoint*
 }
 
 // Forward speed of a run.
-template <class M>
-inline Pack forward_speed(const Run<M>& run, const Laws<Pack>&, double time) {
-  return run.motion.speed_at(time) - Pack{};
+template <class V, class M>
+inline V forward_speed(const Run<M>& run, const Laws<V>&, double time) {
+  return constant_row<V>(run.motion.speed_at(time) - Pack{});
 }
 template <int T>
 inline Jet<T> forward_speed(const Run<double>& run, const Laws<Jet<T>>& laws, double time) {
@@ -269,15 +293,9 @@ void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, dou
     wheel.rise_rate = rise_rate;
   }
   const V nominal = forward_speed(run, laws, time);
+  above_axles<NB>(run.position, na, state.body, state.axle, out.extension);
+  above_axles<NB>(run.rate, na, state.body_rate, state.axle_rate, out.rate);
   for (int i = 0; i < na; ++i) {
-    const M *up = run.position + i * NB, *up_rate = run.rate + i * NB;
-    V above = -state.axle[i], above_rate = -state.axle_rate[i];
-    for (int j = 0; j < NB; ++j) {
-      accumulate(above, up[j], state.body[j]);
-      accumulate(above_rate, up_rate[j], state.body_rate[j]);
-    }
-    out.extension[i] = above;
-    out.rate[i] = above_rate;
     if (road[i].flat) continue;
     const M *along = run.position + (na + i) * NB, *along_rate = run.rate + (na + i) * NB;
     V advance{}, speed = nominal;
@@ -289,15 +307,9 @@ void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, dou
     wheel.speed[i] = speed;
   }
   contacts(run, laws, road, time, wheel, out.unclipped, drag);
-  V body[NB];
-  for (int j = 0; j < NB; ++j) {
-    const M *tilt = run.position + (2 * na + j) * NB, *hold = run.rate + (2 * na + j) * NB;
-    body[j] = V{};
-    for (int l = 0; l < NB; ++l) {
-      accumulate(body[j], tilt[l], state.body[l]);
-      accumulate(body[j], hold[l], state.body_rate[l]);
-    }
-  }
+  V body[NB]{};
+  add_product<NB, NB>(run.position + 2 * na * NB, NB, state.body, body);
+  add_product<NB, NB>(run.rate + 2 * na * NB, NB, state.body_rate, body);
   for (int f = 0; f < run.frames.count; ++f) {
     V amplitude{}, swing{};
     for (int j = 0; j < NB; ++j) {
@@ -308,41 +320,42 @@ void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, dou
     for (int j = 0; j < NB; ++j) accumulate(body[j], run.frames.push[j * run.frames.count + f], straightening);
   }
   const bool linear = run.elements.linear();
-  if (!linear) {
-    for (int i = 0; i < na; ++i) {
-      const SuspensionLaw<V>& law = laws.suspension[i];
-      out.pull[i] = spring_force(run.elements, law, out.extension[i]);
-      if (!run.elements.friction) continue;
-      const V phi = stage == nullptr ? slip[i]
-                                     : slip_at_stage(law, slip[i], stage->extension[i], stage->rate[i], stage->tau,
-                                                     out.extension[i]);
-      out.pull[i] += law.friction * phi;
-    }
-    if (run.elements.equaliser) share(run, laws, out.pull);
-  }
   for (int i = 0; i < na; ++i) {
     const SuspensionLaw<V>& law = laws.suspension[i];
-    V pull;
     if (linear) {
-      pull = law.stiffness * out.extension[i] + law.damping * out.rate[i];
+      out.pull[i] = law.stiffness * out.extension[i];
+      continue;
+    }
+    out.pull[i] = spring_force(run.elements, law, out.extension[i]);
+    if (!run.elements.friction) continue;
+    if (stage == nullptr)
+      add_product(out.pull[i], law.friction, slip[i]);
+    else
+      add_friction(law, slip[i], stage->extension[i], stage->rate[i], stage->tau, out.extension[i], out.pull[i]);
+  }
+  if (run.elements.equaliser) share(run, laws, out.pull);
+  for (int i = 0; i < na; ++i) {
+    const SuspensionLaw<V>& law = laws.suspension[i];
+    V pull = out.pull[i];
+    if (linear) {
+      add_product(pull, law.damping, out.rate[i]);
     } else {
-      out.damper[i] = symmetric_damper(run.elements, law, out.rate[i]);
-      pull = out.pull[i] + damper_force(run.elements, law, out.rate[i], out.damper[i]);
-      if (run.elements.stops > 0) pull += ramp_force(law.stops, out.extension[i]);
+      out.damper[i] = add_damper(run.elements, law, out.rate[i], pull);
+      if (run.elements.stops > 0) add_ramps(law.stops, out.extension[i], pull);
     }
     if (beams) pull = run.beams.carries[i] * pull;
     const V vertical = positive(out.unclipped[i]);
     out.pull[i] = pull;
     out.axle[i] = -run.static_load[i] + vertical;
-    if (!beams) out.axle[i] = run.inverse_unsprung[i] * (out.axle[i] + pull);
-    for (int j = 0; j < NB; ++j) accumulate(body[j], run.acceleration[j * 2 * na + i], pull);
+    if (!beams) out.axle[i] = times_sum(run.inverse_unsprung[i], out.axle[i], pull);
     if (road[i].flat) {
       out.horizontal[i] = V{};
     } else {
       out.horizontal[i] = drag[i] * vertical;
-      for (int j = 0; j < NB; ++j) accumulate(body[j], run.acceleration[j * 2 * na + na + i], out.horizontal[i]);
+      add_product<NB, 1>(run.acceleration + na + i, 2 * na, out.horizontal + i, body);
     }
   }
+  add_product<NB>(run.acceleration, 2 * na, na, out.pull, body);
   for (int j = 0; j < NB; ++j) out.body[j] = body[j];
   if (beams) {
     V pushed[kMaxAxles], pulled[kMaxAxles];
@@ -424,216 +437,6 @@ void find_missed(const Run<M>& run, const Laws<V>& laws, const std::vector<Force
       out.body[j] += run.acceleration[j * 2 * na + i] * pull[i];
       out.body_moment[j] += run.acceleration[j * 2 * na + i] * pull_moment[i];
     }
-  }
-}
-
-// ------------------------------------------------------------------------------------------------- sensors and filter
-
-// Signals in the order of the channels: deflections, axle accelerations, body accelerations.
-struct Channels {
-  std::vector<int> deflection, acceleration;
-  int body;
-  int count() const { return static_cast<int>(deflection.size() + acceleration.size()) + body; }
-};
-
-template <int NB, class V, class M>
-void observe(const Run<M>& run, const Channels& channels, const V* extension, const V* axle, const V* body, V* signal) {
-  V above[kMaxAxles], wheel[kMaxAxles];
-  if (run.beams.wheel != nullptr) {
-    transform(run.beams.wheel, run.axles, extension, above);
-    transform(run.beams.wheel, run.axles, axle, wheel);
-    extension = above;
-    axle = wheel;
-  }
-  for (const int i : channels.deflection) *signal++ = extension[i];
-  for (const int i : channels.acceleration) *signal++ = axle[i];
-  for (int k = 0; k < channels.body; ++k) {
-    const M* row = run.body_rows + k * NB;
-    V sum{};
-    for (int j = 0; j < NB; ++j) accumulate(sum, row[j], body[j]);
-    *signal++ = sum;
-  }
-}
-
-// One pole of the anti-alias filter: x' = decay x + start u_n + middle u_(n+1/2), shown = direct u_n + Re(sum w x).
-struct Pole {
-  double decay[2], start[2], middle[2], weight[2];
-};
-
-struct Filter {
-  std::vector<Pole> pole;
-  double direct;
-};
-
-template <class V>
-class FilterMemory {
- public:
-  FilterMemory(const Filter& filter, int channels)
-      : filter_(filter), channels_(channels), real_(filter.pole.size() * channels), imaginary_(real_.size()) {}
-
-  void show(const V* now, V* shown) const {
-    for (int c = 0; c < channels_; ++c) {
-      V sum = filter_.direct * now[c];
-      for (size_t k = 0; k < filter_.pole.size(); ++k) {
-        const double* w = filter_.pole[k].weight;
-        sum += w[0] * real_[k * channels_ + c] - w[1] * imaginary_[k * channels_ + c];
-      }
-      shown[c] = sum;
-    }
-  }
-
-  void advance(const V* now, const V* middle) {
-    for (size_t k = 0; k < filter_.pole.size(); ++k) {
-      const Pole& p = filter_.pole[k];
-      V *re = &real_[k * channels_], *im = &imaginary_[k * channels_];
-      for (int c = 0; c < channels_; ++c) {
-        const V x = re[c], y = im[c];
-        re[c] = p.decay[0] * x - p.decay[1] * y + p.start[0] * now[c] + p.middle[0] * middle[c];
-        im[c] = p.decay[1] * x + p.decay[0] * y + p.start[1] * now[c] + p.middle[1] * middle[c];
-      }
-    }
-  }
-
- private:
-  const Filter& filter_;
-  int channels_;
-  std::vector<V> real_, imaginary_;
-};
-
-// -------------------------------------------------------------------------------------------------------- integration
-
-struct Clock {
-  int64_t samples, substeps;
-  double interval;
-};
-
-// Integrates one run, or one in each lane, and calls sink(sample, forces, state, shown) at every sample.
-//
-// The step is the classical fourth-order Runge-Kutta scheme in its second-order (Nystrom) form with the exact integral
-// of forces at their corners.  The start is the static equilibrium, so nothing moves before a wheel reaches the bump.
-template <class V, class M, int NB, bool Filtered, class Sink>
-void integrate(const Run<M>& run, const Laws<V>& laws, const Channels& channels, const Filter& filter, const Clock& clock,
-               Sink&& sink) {
-  const int na = run.axles, nc = channels.count();
-  const double h = clock.interval / static_cast<double>(clock.substeps), half = 0.5 * h;
-  const double half_step = clock.interval / static_cast<double>(2 * clock.substeps);
-  std::vector<RoadUnderWheel<M>> wheels;
-  for (int i = 0; i < na; ++i) wheels.emplace_back(run.road, i);
-  std::vector<PointFor<M>> points(3 * na);
-  PointFor<M>*road = &points[0], *road_middle = &points[na], *road_end = &points[2 * na];
-  const auto look_up = [&](int64_t half_steps, PointFor<M>* at) {
-    const M travelled = run.motion.travelled(static_cast<double>(half_steps) * half_step);
-    Where<M> felt{};
-    for (int i = 0; i < na; ++i) felt |= wheels[i].look_up(travelled - run.axle_x[i], at[i]);
-    return felt;
-  };
-  FilterMemory<V> memory(filter, nc);
-  std::vector<V> now(nc), middle(nc), shown(nc);
-  std::vector<State<V, NB>> states(2);
-  State<V, NB>&at = states[0], &trial = states[1];
-  std::vector<Forces<V, NB>> stage(4);
-  Forces<V, NB>&first = stage[0], &second = stage[1], &third = stage[2], &fourth = stage[3];
-  Missed<V, NB> missed;
-
-  Where<M> resting = opposite(look_up(0, road));
-  // Forces cancel up to rounding before a wheel meets the bump: what is at rest stays at rest.
-  const auto hold = [&](Forces<V, NB>& of) {
-    if (!any(resting)) return;
-    for (int j = 0; j < NB; ++j) clear(resting, of.body[j]);
-    for (int i = 0; i < na; ++i) clear(resting, of.axle[i]), clear(resting, of.pull[i]);
-  };
-  const int64_t steps = (clock.samples - 1) * clock.substeps + 1;
-  for (int64_t step = 0; step < steps; ++step) {
-    const double time = static_cast<double>(step) * h;
-    const bool sampled = step % clock.substeps == 0;
-    if (step > 0) std::swap(road, road_end);
-    const Where<M> middle_felt = look_up(2 * step + 1, road_middle), end_felt = look_up(2 * step + 2, road_end);
-    resting = resting & opposite(middle_felt | end_felt);
-    const bool all_rest = !any(opposite(resting));
-    if (!all_rest || step == 0) forces<V, M, NB>(run, laws, road, time, at, at.slip, nullptr, first);
-    hold(first);
-    if (Filtered || sampled) observe<NB>(run, channels, first.extension, first.axle, first.body, now.data());
-    if (sampled) {
-      if (Filtered) memory.show(now.data(), shown.data());
-      sink(step / clock.substeps, first, at, Filtered ? shown.data() : now.data());
-    }
-    if (all_rest || step + 1 == steps) continue;
-
-    const StageOfStep<V> at_middle{half, first.extension, first.rate}, at_end{h, first.extension, first.rate};
-    for (int j = 0; j < NB; ++j) {
-      trial.body[j] = at.body[j] + half * at.body_rate[j];
-      trial.body_rate[j] = at.body_rate[j] + half * first.body[j];
-    }
-    for (int i = 0; i < na; ++i) {
-      trial.axle[i] = at.axle[i] + half * at.axle_rate[i];
-      trial.axle_rate[i] = at.axle_rate[i] + half * first.axle[i];
-    }
-    forces<V, M, NB>(run, laws, road_middle, time + half, trial, at.slip, &at_middle, second);
-    hold(second);
-    for (int j = 0; j < NB; ++j) {
-      trial.body[j] += half * half * first.body[j];
-      trial.body_rate[j] = at.body_rate[j] + half * second.body[j];
-    }
-    for (int i = 0; i < na; ++i) {
-      trial.axle[i] += half * half * first.axle[i];
-      trial.axle_rate[i] = at.axle_rate[i] + half * second.axle[i];
-    }
-    forces<V, M, NB>(run, laws, road_middle, time + half, trial, at.slip, &at_middle, third);
-    hold(third);
-    for (int j = 0; j < NB; ++j) {
-      trial.body[j] = at.body[j] + h * at.body_rate[j] + h * half * second.body[j];
-      trial.body_rate[j] = at.body_rate[j] + h * third.body[j];
-    }
-    for (int i = 0; i < na; ++i) {
-      trial.axle[i] = at.axle[i] + h * at.axle_rate[i] + h * half * second.axle[i];
-      trial.axle_rate[i] = at.axle_rate[i] + h * third.axle[i];
-    }
-    forces<V, M, NB>(run, laws, road_end, time + h, trial, at.slip, &at_end, fourth);
-    hold(fourth);
-
-    const auto advance = [&](V& x, V& v, const V& a1, const V& a2, const V& a3, const V& a4) {
-      const V between = a2 + a3;
-      x += h * v + h * h / 6.0 * (a1 + between);
-      v += h / 6.0 * (a1 + 2.0 * between + a4);
-    };
-    for (int j = 0; j < NB; ++j)
-      advance(at.body[j], at.body_rate[j], first.body[j], second.body[j], third.body[j], fourth.body[j]);
-    for (int i = 0; i < na; ++i)
-      advance(at.axle[i], at.axle_rate[i], first.axle[i], second.axle[i], third.axle[i], fourth.axle[i]);
-    find_missed(run, laws, stage, missed);
-    if (missed.at_axles) {
-      for (int i = 0; i < na; ++i) {
-        at.axle[i] += h * h * missed.axle_moment[i];
-        at.axle_rate[i] += h * missed.axle[i];
-      }
-    }
-    if (missed.at_bodies) {
-      for (int j = 0; j < NB; ++j) {
-        at.body[j] += h * h * missed.body_moment[j];
-        at.body_rate[j] += h * missed.body[j];
-      }
-    }
-    if (run.elements.friction) {
-      for (int i = 0; i < na; ++i) {
-        const M* up = run.position + i * NB;
-        V end = up[0] * at.body[0] - at.axle[i], end_rate = up[0] * at.body_rate[0] - at.axle_rate[i];
-        for (int j = 1; j < NB; ++j) end += up[j] * at.body[j], end_rate += up[j] * at.body_rate[j];
-        at.slip[i] = slip_after_step(laws.suspension[i], at.slip[i], first.extension[i], first.rate[i], end, end_rate, h);
-      }
-    }
-    if (!Filtered) continue;
-    // At a corner the filter's quadratic through start, middle and end has the exact impulse of the force.
-    for (int i = 0; i < na; ++i) {
-      trial.axle[i] = 0.5 * (second.extension[i] + third.extension[i]);
-      trial.axle_rate[i] = 0.5 * (second.axle[i] + third.axle[i]);
-      if (missed.at_axles) trial.axle_rate[i] += 1.5 * missed.axle[i];
-    }
-    for (int j = 0; j < NB; ++j) {
-      trial.body[j] = 0.5 * (second.body[j] + third.body[j]);
-      if (missed.at_bodies) trial.body[j] += 1.5 * missed.body[j];
-    }
-    observe<NB>(run, channels, trial.axle, trial.axle_rate, trial.body, middle.data());
-    memory.advance(now.data(), middle.data());
   }
 }
 
