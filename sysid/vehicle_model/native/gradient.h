@@ -26,7 +26,7 @@ void slopes_by_signal(const Readings<M>& data, const LocalColumns<M>& local, con
     column[k] = &local.along[(k * channels + c) * samples];
     by_prior -= local.gain[n * c + k] * pull[k];
   }
-  Pack by_gain = select(finite(data.noise_sd[c]), (2.0 / data.gain_sd[c]) * by_prior, Pack{}), by_offset{};
+  Pack by_gain = (2.0 / data.gain_sd[c]) * by_prior, by_offset{};
   for (int64_t t = 0; t < samples; ++t) {
     const Pack difference = -value[t] + (fit.offset + fit.gain * signal[t]);
     Pack weight = roots[t] - Pack{};
