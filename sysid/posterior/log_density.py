@@ -21,6 +21,8 @@ from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.linearisation import linearise_one
 from sysid.estimation.residuals.run_motion import motion_prior
 from sysid.estimation.residuals.set_misfits import group_inputs, group_misfit_gradients, group_misfits
+from sysid.threads import side_by_side
+from sysid.vehicle_model.engines.protocol import MisfitGradients
 
 #: Description of the likelihood, for the user.
 LIKELIHOOD = (
@@ -86,9 +88,13 @@ class LogDensity:
         """Log-density (n,) of parameter sets (n, p), and its exact gradients (n, p)."""
         points = np.atleast_2d(np.asarray(log_parameters, float))
         sets = self._sets(points)
+
+        def of_group(position: int) -> MisfitGradients:
+            return group_misfit_gradients(self._inputs[position], sets, shape=self._model.shapes[position])
+
+        # With one set a group keeps one core busy; threads let the groups share the cores.
         misfit, slopes = np.zeros(points.shape[0]), np.zeros(sets.shape)
-        for inputs, shape in zip(self._inputs, self._model.shapes, strict=True):
-            found = group_misfit_gradients(inputs, sets, shape=shape)
+        for found in side_by_side(of_group, range(len(self._inputs))):
             misfit, slopes = misfit + np.asarray(found.misfits), slopes + np.asarray(found.gradients)
         prior = self._off_prior(points) @ self._rows
         return self._density(points, misfit), -0.5 * slopes.T @ self._following - prior - self._tilt
