@@ -1,4 +1,4 @@
-"""Gradients of misfits, back in time, against forward derivatives, the reference engine and differences."""
+"""Gradients of misfits, back in time, against forward derivatives and the reference engine."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from native_engine import needs_native
 from rigid_truck import bump, campaign, empty_run
 
 from sysid.campaign.records import Campaign
+from sysid.errors import SysidError
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import bump_model
@@ -23,6 +24,7 @@ from sysid.estimation.residuals.set_misfits import GroupInputs, group_misfit_gra
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.posterior.log_density import LogDensity
 from sysid.vehicle_model.native import kernel
+from sysid.vehicle_model.native.buffers import GRADIENT
 from sysid.vehicle_model.native.build import BuildError
 
 pytestmark = needs_native
@@ -33,9 +35,9 @@ def native(monkeypatch):
     monkeypatch.setenv("SYSID_ENGINE", "native")
 
 
-def state_of(data: Campaign, height_m: float = 0.08) -> FitState:
+def state_of(data: Campaign) -> FitState:
     """A fit of signals that another parameter set has made, with a clipped channel, a gap and one without readings."""
-    model = bump_model(data, campaign_parameters(data, None), {"bump": bump(height_m)})
+    model = bump_model(data, campaign_parameters(data, None), {"bump": bump(0.08)})
     runs, random = len(data.bump_runs), np.random.default_rng(3)
     motion = RunMotion(7.1 + np.arange(runs), np.full(runs, 0.35), np.linspace(0.2, -0.3, runs))
     x = model.parameters.start
@@ -76,21 +78,18 @@ def assert_is_forward(state: FitState, sets: np.ndarray) -> None:
     for position, inputs in enumerate(density._inputs):
         shape = state.model.shapes[position]
         expected = np.stack([forward(state, inputs, position, x) for x in sets.T], axis=1)
-        together = np.asarray(group_misfit_gradients(inputs, sets, shape=shape).gradients)
+        together = np.asarray(group_misfit_gradients(inputs, sets, shape=shape)[1])
         alone = np.concatenate(
-            [np.asarray(group_misfit_gradients(inputs, x[:, None], shape=shape).gradients) for x in sets.T], axis=1
+            [np.asarray(group_misfit_gradients(inputs, x[:, None], shape=shape)[1]) for x in sets.T], axis=1
         )
         # Parts of a gradient that cancel have larger rounding errors.
         size = np.abs(expected).max(axis=1, keepdims=True) + 1e-6 * np.abs(expected).max()
-        assert (np.abs(together - expected) <= 1e-9 * size).all()
-        assert (np.abs(alone - together) <= 1e-9 * size).all()
+        assert (np.abs(together - expected) <= 2e-12 * size).all()
+        assert (np.abs(alone - together) <= 2e-12 * size).all()
         assert (expected != 0.0).any(axis=1).all()
 
 
-@pytest.mark.parametrize(
-    ("joined", "filtered"),
-    [("beam", True), ("equaliser and bending frame", False), pytest.param("equaliser", True, marks=pytest.mark.long)],
-)
+@pytest.mark.parametrize(("joined", "filtered"), [("beam", True), ("equaliser and bending frame", False)])
 def test_gradient_with_every_element_of_suspension_laws(joined, filtered):
     data = campaign_with_every_element(joined, runs=3, antialias=rigid_truck.FILTER if filtered else None)
     state = state_of(data)
@@ -127,32 +126,30 @@ def test_both_engines_give_one_gradient(plain, monkeypatch):
         monkeypatch.setenv("SYSID_ENGINE", name)
         found.append(LogDensity(plain).gradients(points))
     (ours, slopes), (theirs, expected) = found
-    np.testing.assert_allclose(ours, theirs, rtol=1e-12)
-    np.testing.assert_allclose(slopes, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(ours, theirs, rtol=2e-13)
+    np.testing.assert_allclose(slopes, expected, rtol=1e-11, atol=2e-12 * np.abs(expected).max())
 
 
 def test_densities_beside_gradients_are_those_of_the_likelihood(plain):
-    """To the last bit, and rejected where they are."""
+    """To rounding, for they come from another program, and rejected where they are."""
     points = points_near(plain, 10)
     points[4, 0] = 800.0
     density = LogDensity(plain)
     values, slopes = density.gradients(points)
-    np.testing.assert_array_equal(values, density(points))
+    np.testing.assert_allclose(values, density(points), rtol=1e-13)
     assert np.isneginf(values[4])
     assert np.isfinite(np.delete(slopes, 4, axis=0)).all()
 
 
-def test_without_the_program_the_reference_engine_computes(plain, monkeypatch):
+def test_without_the_program_a_sentence_says_what_to_do(plain, monkeypatch):
     load = kernel._loaded
 
     def only_engine(coordinates, program):
-        if program == "gradient":
+        if program == GRADIENT:
             raise BuildError("no C++ compiler was found")
         return load(coordinates, program)
 
-    points, density = points_near(plain, 1), LogDensity(plain)
-    _, slopes = density.gradients(points)
+    density = LogDensity(plain)
     monkeypatch.setattr(kernel, "_loaded", only_engine)
-    _, other = density.gradients(points)
-    assert (other != slopes).any()
-    np.testing.assert_allclose(other, slopes, rtol=1e-9, atol=1e-9 * np.abs(slopes).max())
+    with pytest.raises(SysidError, match=r"no C\+\+ compiler was found. Install .* SYSID_ENGINE=reference"):
+        density.gradients(points_near(plain, 1))

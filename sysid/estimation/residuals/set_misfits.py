@@ -22,7 +22,7 @@ from sysid.estimation.residuals.run_unknowns import run_normal
 from sysid.estimation.residuals.signals import wheel_road
 from sysid.vehicle_model.device_arrays import HostOrDevice, ParametersBySets
 from sysid.vehicle_model.engine import WheelRoad
-from sysid.vehicle_model.engines.protocol import Linearisation, LocalColumns, MisfitGradients
+from sysid.vehicle_model.engines.protocol import Linearisation, LocalColumns
 
 
 class GroupInputs(NamedTuple):
@@ -71,10 +71,10 @@ def group_misfits(inputs: GroupInputs, log_parameters: ParametersBySets, *, shap
 
 def group_misfit_gradients(
     inputs: GroupInputs, log_parameters: ParametersBySets, *, shape: GroupShape
-) -> MisfitGradients:
+) -> tuple[HostOrDevice, HostOrDevice]:
     """The sums (S,) of :func:`group_misfits` and their gradients (p, S)."""
     arrays, road = inputs.arrays, inputs.road
-    found = road.engine.misfit_gradients(
+    misfits, gradients = road.engine.misfit_gradients(
         arrays.matrices,
         Partial(axle_laws, arrays.laws),
         log_parameters,
@@ -85,4 +85,4 @@ def group_misfit_gradients(
         arrays.readings(inputs.noise_sd, inputs.tempering),
         inputs.local,
     )
-    return found._replace(misfits=found.misfits.sum(axis=0))
+    return misfits.sum(axis=0), gradients

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.tree_util import Partial
 
+from sysid.errors import SysidError
 from sysid.vehicle_model.contact import CELL_POLYNOMIAL, EffectiveRoad, TireLaw
 from sysid.vehicle_model.device_arrays import ChannelHistories, HostOrDevice, ParametersBySets, RunsBySets, numpy_of
 from sysid.vehicle_model.engines.protocol import (
@@ -21,7 +22,6 @@ from sysid.vehicle_model.engines.protocol import (
     Unknowns,
     WheelRoad,
 )
-from sysid.vehicle_model.engines.reference import REFERENCE
 from sysid.vehicle_model.filters import FilterRecursion
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.native import kernel
@@ -129,17 +129,21 @@ class NativeEngine:
         readings: Readings,
         local: LocalColumns,
     ) -> MisfitGradients:
-        """Back in time to the laws' rows, from there to parameters by JAX; see :mod:`sysid.vehicle_model.native`.
+        """Back in time to the laws' rows, and from there to parameters by JAX.
 
-        Where the program for it can neither be compiled nor is prebuilt, the reference engine computes.
+        Raises
+        ------
+        SysidError
+            If its program, another than that of the other methods, can neither be compiled nor is prebuilt.
         """
         call = misfit_call(matrices, laws(sets), road, timing, layout, recursion, readings, local)
         try:
             misfits, law_slopes, frame_slopes = kernel.run(call._replace(entry="gradients"))
-        except BuildError:
-            course: _Course = road.prepared
-            other = REFERENCE.prepare(course.road, course.axle_x, road.motion, timing)
-            return REFERENCE.misfit_gradients(matrices, laws, sets, other, timing, layout, recursion, readings, local)
+        except BuildError as error:
+            raise SysidError(
+                f"The native engine has no program for gradients: {error}. Install a C++ compiler, or set "
+                "SYSID_ENGINE=reference to compute without it."
+            ) from error
         slopes = {"laws": law_slopes, "frames": frame_slopes if matrices.frames is not None else _NOTHING}
         traceable = laws if isinstance(laws, Partial) else Partial(laws)
         return MisfitGradients(misfits, _pulled_back(traceable, sets, slopes))

@@ -165,4 +165,4 @@ class Engine(Protocol):
         readings: Readings,
         local: LocalColumns,
     ) -> MisfitGradients:
-        """Misfits of parameter sets (p, S), and their exact gradients."""
+        """Misfits (R, S) of parameter sets (p, S), and the exact gradients (p, S) of their sums over the runs."""

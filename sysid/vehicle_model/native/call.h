@@ -362,24 +362,24 @@ struct Measured {
 
   // Those of the runs of a pack.
   Readings<Pack> readings_of(const Lanes& lanes) const {
-    const auto of = [&](auto member) { return gathered_member(readings, lanes, member); };
     using R = Readings<double>;
-    return {of(&R::value),    of(&R::measured),  of(&R::censored), of(&R::noise_sd),
-            of(&R::tempering), of(&R::gain_sd), readings[0].samples};
+    const auto of = [&](auto member) { return gathered(readings, lanes, member); };
+    return {of(&R::value),     of(&R::measured), of(&R::censored),   of(&R::noise_sd),
+            of(&R::tempering), of(&R::gain_sd),  readings[0].samples};
   }
   LocalColumns<Pack> columns_of(const Lanes& lanes) const {
-    const auto of = [&](auto member) { return gathered_member(columns, lanes, member); };
     using L = LocalColumns<double>;
+    const auto of = [&](auto member) { return gathered(columns, lanes, member); };
     return {of(&L::along), of(&L::gain), of(&L::offset), of(&L::factor)};
   }
 
  private:
   template <class T>
-  static std::vector<Pack> gathered_member(const std::vector<T>& all, const Lanes& lanes,
-                                           std::vector<double> T::*member) {
-    std::vector<const std::vector<double>*> of_lanes;
-    for (int k = 0; k < kLanes; ++k) of_lanes.push_back(&(all[lanes.run[k]].*member));
-    return gathered(of_lanes);
+  static std::vector<Pack> gathered(const std::vector<T>& of_runs, const Lanes& lanes, std::vector<double> T::*member) {
+    std::vector<Pack> all((of_runs[0].*member).size());
+    for (int k = 0; k < kLanes; ++k)
+      for (size_t j = 0; j < all.size(); ++j) all[j][k] = (of_runs[lanes.run[k]].*member)[j];
+    return all;
   }
 };
 

@@ -75,30 +75,23 @@ bool go_back_of_size(const Inputs& in, const Run<M>& run, const Others&... other
   }
 }
 
-// Calls known = with(run, readings, columns, lanes) for every pack: of one run's sets, or of runs that have one each.
-template <class With>
-Problem for_packs(const Inputs& in, const Measured& measured, With&& with) {
+// Misfit (R, S) and its derivatives by the rows of the laws (L, R, na, S) and of the frames (2, R, nf, S).
+Problem gradients(const Inputs& in, double* const* out) {
+  const Measured measured(in, kGradientsReadings, kGradientsLocal);
   const std::vector<Lanes> packs = in.packs();
   std::atomic<bool> known{true};
   share(packs.size(), [&](int64_t task) {
     const Lanes& lanes = packs[task];
     if (in.sets > 1) {
       const int64_t r = lanes.run[0];
-      known = with(in.run(r), measured.readings[r], measured.columns[r], lanes);
+      known = go_back_of_size(in, in.run(r), measured.readings[r], measured.columns[r], lanes, out);
     } else {
       std::vector<std::vector<Pack>> numbers;
-      known = with(in.runs_of(lanes, numbers), measured.readings_of(lanes), measured.columns_of(lanes), lanes);
+      known = go_back_of_size(in, in.runs_of(lanes, numbers), measured.readings_of(lanes), measured.columns_of(lanes),
+                              lanes, out);
     }
   });
   return finish(known);
-}
-
-// Misfit (R, S) and its derivatives by the rows of the laws (L, R, na, S) and of the frames (2, R, nf, S).
-Problem gradients(const Inputs& in, double* const* out) {
-  const Measured measured(in, kGradientsReadings, kGradientsLocal);
-  return for_packs(in, measured, [&](const auto& run, const auto& readings, const auto& columns, const Lanes& lanes) {
-    return go_back_of_size(in, run, readings, columns, lanes, out);
-  });
 }
 
 }  // namespace

@@ -17,14 +17,6 @@ inline std::vector<double> by_channel(const double* rows, int64_t samples, int64
   return all;
 }
 
-// Numbers of the runs of all lanes, from those of each run.
-inline std::vector<Pack> gathered(const std::vector<const std::vector<double>*>& of_lanes) {
-  std::vector<Pack> all(of_lanes[0]->size());
-  for (int k = 0; k < kLanes; ++k)
-    for (size_t j = 0; j < all.size(); ++j) all[j][k] = (*of_lanes[k])[j];
-  return all;
-}
-
 // Readings (C, T) and weights (C,) of one run, or of the runs of all lanes. `measured` holds the square roots of the
 // weights of plain readings, 0 where there is none.
 template <class M>

@@ -2,8 +2,8 @@
 
 #pragma once
 
-#include "tape.h"
 #include "integration.h"
+#include "tape.h"
 
 namespace sysid {
 
@@ -33,11 +33,16 @@ inline void advance(int n, double h, const Taped* a1, const Taped* a2, const Tap
   for (int k = 0; k < n; ++k) x[k] = place[k], v[k] = rate[k];
 }
 
+// The tape of some numbers, null if all are constants.
+inline Tape* tape_of(int n, const Taped* x) {
+  for (int k = 0; k < n; ++k)
+    if (x[k].tape != nullptr) return x[k].tape;
+  return nullptr;
+}
+
 template <int rows, class M>
 inline void add_product(const M* matrix, int stride, int columns, const Taped* x, Taped* y) {
-  Tape* tape = nullptr;
-  for (int k = 0; k < columns; ++k)
-    if (x[k].tape != nullptr) tape = x[k].tape;
+  Tape* tape = tape_of(columns, x);
   for (int j = 0; j < rows; ++j) {
     Pack sum = y[j].v;
     for (int k = 0; k < columns; ++k) sum += matrix[j * stride + k] * x[k].v;
@@ -59,9 +64,7 @@ inline void above_axles(const M* matrix, int axles, const Taped* body, const Tap
 }
 template <class M>
 inline void transform(const M* matrix, int n, const Taped* x, Taped* y) {
-  Tape* tape = nullptr;
-  for (int k = 0; k < n; ++k)
-    if (x[k].tape != nullptr) tape = x[k].tape;
+  Tape* tape = tape_of(n, x);
   for (int i = 0; i < n; ++i) {
     Pack sum{};
     for (int k = 0; k < n; ++k) sum += matrix[i * n + k] * x[k].v;
