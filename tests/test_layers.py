@@ -162,6 +162,7 @@ SHOWN = {
     "estimation.fit.thresholds",
     "files",
     "helper_process",
+    "lazy_names",
     "numbers",
     "results.contents",
     "results.judgement",
@@ -227,10 +228,18 @@ def test_an_upward_import_is_seen(own: str, source: str):
     ("statement", "absent"),
     [
         ("import sysid", ("matplotlib", "emcee", "jax", "numpy", "pandas")),
-        ("import sysid.campaign", ("matplotlib", "emcee", "jax")),
-        ("import sysid.sdof, sysid.road", ("matplotlib", "emcee", "jax")),
-        ("import sysid.plot, sysid.estimates", ("emcee", "jax")),
-        ("import sysid.vehicle_model, sysid.estimation", ("matplotlib", "emcee")),
+        ("from sysid.campaign import *", ("matplotlib", "emcee", "jax")),
+        ("from sysid.sdof import *; from sysid.road import *", ("matplotlib", "emcee", "jax")),
+        ("from sysid.plot import *; from sysid.estimates import *", ("emcee", "jax", "pandas", "scipy")),
+        ("from sysid.vehicle_model import *; from sysid.estimation import *", ("matplotlib", "emcee")),
+        # What the process that helps to draw is given.
+        ("import sysid.report.paper_figures, sysid.estimation.fit.fit_result", ("emcee", "jax", "pandas")),
+        (
+            "import sysid.planning.advice_records, sysid.prediction.predicted_passes",
+            ("emcee", "jax", "pandas", "scipy"),
+        ),
+        ("import sysid.vehicle_model.vibration_modes, sysid.road.effective", ("emcee", "jax", "pandas")),
+        ("import sysid.posterior.sampled_posterior", ("emcee", "jax", "pandas", "scipy")),
     ],
 )
 def test_light_packages_load_nothing_heavy(statement: str, absent: tuple[str, ...]):

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import sys
+from pathlib import Path
 
 import pytest
 
 import sysid
-import sysid.fleet
-import sysid.workflow
+
+ROOT = Path(sysid.__file__).resolve().parents[1]
+#: Packages of the program that do so.
+LAZY_PACKAGES = [
+    importlib.import_module(".".join(path.parent.relative_to(ROOT).parts))
+    for path in sorted(ROOT.glob("sysid/**/__init__.py"))
+    if "= lazy_names(" in path.read_text(encoding="utf-8")
+]
 
 LAZY = """
 from sysid.lazy_names import lazy_names
@@ -55,10 +63,21 @@ def test_names_are_listed_before_they_are_loaded(example) -> None:
     assert "lazy_example.home" not in sys.modules
 
 
-@pytest.mark.parametrize("package", [sysid, sysid.fleet, sysid.workflow], ids=lambda p: p.__name__)
+@pytest.mark.parametrize("package", LAZY_PACKAGES, ids=lambda p: p.__name__)
 def test_every_public_name_loads_and_is_listed(package) -> None:
     for name in package.__all__:
-        value = getattr(package, name)
-        assert getattr(value, "__name__", name).split(".")[-1] == name
+        home = package._HOMES.get(name)
+        module = importlib.import_module(home or f"{package.__name__}.{name}")
+        assert getattr(package, name) is (getattr(module, name) if home else module)
     assert set(package.__all__) <= set(dir(package))
     assert list(dir(package)) == sorted(set(dir(package)))
+
+
+@pytest.mark.parametrize("package", LAZY_PACKAGES, ids=lambda p: p.__name__)
+def test_type_checkers_read_the_same_homes(package) -> None:
+    tree = ast.parse(Path(package.__file__).read_text(encoding="utf-8"))
+    guards = [n for n in tree.body if isinstance(n, ast.If)]
+    imports = [line for guard in guards for line in guard.body if isinstance(line, ast.ImportFrom)]
+    homes = {alias.name: line.module for line in imports for alias in line.names}
+    assert {name: home for name, home in homes.items() if home != package.__name__} == package._HOMES
+    assert set(homes) == set(package.__all__)

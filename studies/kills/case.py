@@ -32,7 +32,7 @@ _EARLY, _EARLY_S, _STAGES_ON = 10, 2.0, 2
 _LOADED = ("sysid.cli.stages", "sysid.workflow.calibration", "sysid.workflow.stages.fit", "sysid.report",
            "sysid.export.models", "sysid.export.tables", "sysid.export.inference_data", "sysid.posterior.sampling",
            "sysid.posterior.log_density", "sysid.prediction.predict_passes", "sysid.prediction.run_bands",
-           "sysid.planning.advise", "sysid.validation.channel_agreement", "filelock", "matplotlib.figure")  # fmt: skip
+           "sysid.planning.ranking", "sysid.validation.channel_agreement", "filelock", "matplotlib.figure")  # fmt: skip
 _BEFORE = "before the first stage"
 _STAGE = re.compile(r"\d+ of \d+ ([a-z_]+)")
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from sysid.display import NOT_DETERMINED
 from sysid.estimates.suspension_values import AxleEstimates, Estimate
-from sysid.export import Results
 from sysid.numbers import MISSING, decimals, fixed, interval, listing
 from sysid.report.cells import Cell, Table, axle_name, table
+from sysid.results import Results
 
 if TYPE_CHECKING:
     from sysid.campaign.vehicle_records import LoadCase

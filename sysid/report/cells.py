@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from sysid.export import Results
+from sysid.results import Results
 
 
 @dataclass(frozen=True)

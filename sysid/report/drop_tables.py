@@ -9,10 +9,10 @@ import numpy as np
 
 from sysid.display import Z90
 from sysid.estimates.suspension_values import Quantity
-from sysid.export import Results
 from sysid.numbers import MISSING, decimals, fixed, number, percent
 from sysid.plot import SOURCE_LABELS, SOURCES
 from sysid.report.cells import Cell, Table, axle_name, table
+from sysid.results import Results
 from sysid.sdof.drop_results import NOT_ALONE, DropAnalysis, DropEstimate, DropSummary
 
 

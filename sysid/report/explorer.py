@@ -16,10 +16,10 @@ import numpy as np
 from markupsafe import Markup
 
 from sysid.display import Z90
-from sysid.export import Results
 from sysid.numbers import plain_text, speed
 from sysid.plot import axle_color, channel_title
 from sysid.plot.style import INK, display
+from sysid.results import Results
 from sysid.results.pass_limits import pass_name
 
 if TYPE_CHECKING:

@@ -11,12 +11,12 @@ from markupsafe import Markup
 
 from sysid import plot
 from sysid.estimates.suspension_values import Quantity
-from sysid.export import Results
 from sysid.helper_process import shared_with_helper
 from sysid.numbers import count, number, percent, speed
 from sysid.report.drawing import Drawing, Draws, drawn
 from sysid.report.drop_tables import without_dampers
 from sysid.report.load_tables import sweep_name
+from sysid.results import Results
 from sysid.results.pass_limits import pass_name
 from sysid.sdof.drop_results import DropAnalysis
 

@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 from sysid.display import NOT_DETERMINED, Z90, shown_unit
-from sysid.export import Results
 from sysid.numbers import MISSING, decimals, fixed, interval, number, percent
 from sysid.report.cells import Cell, Table, table
+from sysid.results import Results
 
 if TYPE_CHECKING:
     from sysid.estimation.parameters.estimate import ParameterEstimate

@@ -8,12 +8,12 @@ from typing import Any
 
 from sysid.estimates.suspension_values import Quantity
 from sysid.estimation.fit.thresholds import MISFIT
-from sysid.export import Results
 from sysid.files import write_text
 from sysid.numbers import number
 from sysid.report import agreement, answer, cells, drop_tables, explorer, figures, knowledge, load_tables, tables
 from sysid.report.skeleton import render_page
 from sysid.report.verdict import verdict
+from sysid.results import Results
 from sysid.results.pass_limits import half_declared_travel, undeclared_travel
 
 _QUANTITIES: tuple[Quantity, ...] = ("stiffness", "damping")

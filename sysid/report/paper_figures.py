@@ -14,13 +14,13 @@ from matplotlib.axes import Axes
 
 from sysid import plot
 from sysid.csv_cells import escape_cell
-from sysid.export import Results
 from sysid.files import write_text
 from sysid.helper_process import shared_with_helper
 from sysid.plot.style import styled
 from sysid.report.answer import axle_load_table
 from sysid.report.drawing import Drawing, Draws, drawn
 from sysid.report.figures import representative_drops, representative_run, run_words
+from sysid.results import Results
 from sysid.results.pass_limits import pass_name
 
 if TYPE_CHECKING:

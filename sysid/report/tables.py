@@ -12,10 +12,10 @@ from sysid.campaign.findings import ChannelFinding
 from sysid.display import NOT_DETERMINED, Z90, shown_unit
 from sysid.estimates.suspension_values import AxleEstimates, Quantity
 from sysid.estimation.fit.thresholds import DECISIVE, SOLVERS_APART_SD, STEP_HALVING
-from sysid.export import Results
 from sysid.numbers import MISSING, decimals, fixed, interval, number, percent
 from sysid.plot import SOURCE_LABELS, SOURCES, label
 from sysid.report.cells import Cell, Table, axle_name, table
+from sysid.results import Results
 
 if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult

@@ -9,7 +9,6 @@ from sysid.lazy_names import lazy_names
 if TYPE_CHECKING:
     from sysid.workflow.calibration import Calibration
     from sysid.workflow.settings import KEPT_CHOICES, Settings, make_settings, recall
-    from sysid.workflow.versions import versions
 
 # Loaded when they are first used: the command line shows the records of the stages without NumPy and JAX.
 _HOMES = {
@@ -18,9 +17,8 @@ _HOMES = {
     "Settings": "sysid.workflow.settings",
     "make_settings": "sysid.workflow.settings",
     "recall": "sysid.workflow.settings",
-    "versions": "sysid.workflow.versions",
 }
 
-__all__ = ["KEPT_CHOICES", "Calibration", "Settings", "make_settings", "recall", "versions"]
+__all__ = ["KEPT_CHOICES", "Calibration", "Settings", "make_settings", "recall"]
 
 __getattr__, __dir__ = lazy_names(__name__, _HOMES)

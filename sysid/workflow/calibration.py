@@ -17,7 +17,7 @@ from sysid.files import write_text
 from sysid.helper_process import helped_by
 from sysid.output_folder import output_folder
 from sysid.planning.advice_records import Advice
-from sysid.planning.advise import CANDIDATE_KM_H
+from sysid.planning.ranking import CANDIDATE_KM_H
 from sysid.posterior.cross_check import CrossCheck
 from sysid.posterior.sampled_posterior import Posterior
 from sysid.prediction.predicted_passes import Predictions

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from sysid.cli.main import cli
 from sysid.cli.stages import INTERRUPTED
-from sysid.planning.advise import CANDIDATE_KM_H
+from sysid.planning.ranking import CANDIDATE_KM_H
 from sysid.posterior.sampling import SamplingOptions
 from sysid.road.contact_laws import CONTACT_LAWS, ContactLaw
 from sysid.workflow import Calibration, make_settings

@@ -32,8 +32,8 @@ from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.data_information import DataInformation
 from sysid.estimation.uncertainty.identifiability import Identifiability, assess
 from sysid.planning.advice_records import Advice
-from sysid.planning.advise import advise, candidate_runs, peak_gradient
 from sysid.planning.candidate_runs import RunKind, missing_sensors, recording_sensors, run_information
+from sysid.planning.ranking import advise, candidate_runs, peak_gradient
 from sysid.prediction.driven_range import driven_range
 from sysid.prediction.predict_passes import effective_roads, predict, predict_pass
 

@@ -19,8 +19,8 @@ from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
 from sysid.errors import SysidError
 from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import road_input, tire_law
-from sysid.vehicle_model.measured_road import measured_road
 from sysid.vehicle_model.motion import Motion
+from sysid.vehicle_model.point_contact import measured_road
 from sysid.vehicle_model.simulation import simulate_histories, stage_times
 from sysid.vehicle_model.stacked_matrices import stack_matrices
 from sysid.vehicle_model.suspension import SuspensionLaw

@@ -136,7 +136,7 @@ def test_advice_for_other_speeds_is_computed_anew(stubbed, monkeypatch) -> None:
         return replace(advice, runs=tuple(replace(advice.runs[0], speed_m_s=v / 3.6) for v in speeds_km_h))
 
     # The package has a function of the module's name.
-    monkeypatch.setattr(importlib.import_module("sysid.planning.advise"), "advise", advise)
+    monkeypatch.setattr(importlib.import_module("sysid.planning.ranking"), "advise", advise)
     calibration = stubbed()
     calibration.advise((20.0, 30.0))
     assert [p.speed_m_s for p in calibration.advise((40.0,)).runs] == [40.0 / 3.6]

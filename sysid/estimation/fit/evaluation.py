@@ -43,8 +43,9 @@ from sysid.estimation.uncertainty.information import AdjustedInformation, adjust
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.spread import spread_between
 from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
-from sysid.estimation.weights.residual_evidence import ResidualEvidence, residual_evidence
+from sysid.estimation.weights.residual_evidence import ResidualEvidence
 from sysid.estimation.weights.reweighting import residual_inflation
+from sysid.estimation.weights.whiteness import residual_evidence
 from sysid.progress import Progress
 from sysid.road.contact_laws import CONTACT_LAWS
 from sysid.runtime import return_memory

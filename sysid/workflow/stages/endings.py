@@ -34,7 +34,7 @@ REPORT = Ending(
     name="report",
     write=_report,
     effort=10.0,
-    helper="sysid.report.drawing",
+    helper="sysid.report.paper_figures",
     command=Command(help="Write report.html from the stages that have run.", show=show_report, recalls=True),
 )
 

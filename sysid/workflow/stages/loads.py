@@ -142,7 +142,7 @@ PREDICT = Whole(
 
 
 def _advise(context: Context) -> Advice:
-    from sysid.planning.advise import advise
+    from sysid.planning.ranking import advise
 
     determined = context[FIT].fit.identifiability
     assert determined is not None
@@ -157,7 +157,7 @@ def _advise(context: Context) -> Advice:
 
 
 def _speeds_km_h(options: Mapping[str, Any]) -> tuple[float, ...]:
-    from sysid.planning.advise import CANDIDATE_KM_H
+    from sysid.planning.ranking import CANDIDATE_KM_H
 
     return tuple(options.get("candidate_speeds") or CANDIDATE_KM_H)
 
