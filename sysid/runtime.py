@@ -154,6 +154,10 @@ def return_memory() -> None:
         trim(0)
 
 
+#: New objects after which garbage is collected in a process that runs this program alone; Python says 700.
+_OBJECTS_PER_COLLECTION = 50_000
+
+
 class _Process:
     """Whether this process runs nothing else than this program."""
 
@@ -161,8 +165,13 @@ class _Process:
 
 
 def own_process() -> None:
-    """Say that this process runs this program alone: what JAX has compiled in it is ours to let go of."""
+    """Say that this process runs this program alone: what JAX has compiled in it is ours to let go of.
+
+    Garbage is collected less often: figures are made of many objects, which are visited again and again while they are
+    drawn.
+    """
     _Process.ours = True
+    gc.set_threshold(_OBJECTS_PER_COLLECTION, *gc.get_threshold()[1:])
 
 
 def forget_compiled(from_bytes: float | None = None) -> None:

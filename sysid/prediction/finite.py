@@ -49,7 +49,9 @@ def check_finite(
         raise DataRejectedError(f"{name} cannot be predicted: axle {axle} carries no load at rest; check the scales.")
     bad = np.zeros(sets.shape[1], bool)
     for history in histories:
-        bad |= ~np.isfinite(history).all(axis=(0, 1))
+        # A sum is not finite where a value is not, and takes no second array of this size.
+        if not np.isfinite(history.sum()):
+            bad |= ~np.isfinite(history).all(axis=(0, 1))
     if not bad.any():
         return
     count = f"{int(bad.sum())} of {bad.size} parameter sets" if bad.size > 1 else "the fitted parameters"

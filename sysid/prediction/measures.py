@@ -6,6 +6,7 @@ import numpy as np
 
 from sysid.arrays import AxlesBySets, SamplesByAxles, SamplesByAxlesBySets
 from sysid.prediction.predicted_passes import Quantiles
+from sysid.threads import side_by_side
 
 
 def quantiles(values: np.ndarray) -> Quantiles:
@@ -13,9 +14,13 @@ def quantiles(values: np.ndarray) -> Quantiles:
     if values.shape[-1] == 1:
         return Quantiles(None, values[..., 0], None)
     # Axle by axle: values are copied to be sorted.
-    bands = [np.quantile(values[..., axle, :], [0.05, 0.5, 0.95], axis=-1) for axle in range(values.shape[-2])]
+    bands = side_by_side(lambda axle: _quantiles_of(values[..., axle, :]), range(values.shape[-2]))
     low, middle, high = np.stack(bands, axis=-1)
     return Quantiles(low, middle, high)
+
+
+def _quantiles_of(values: np.ndarray) -> np.ndarray:
+    return np.asarray(np.quantile(values, [0.05, 0.5, 0.95], axis=-1))
 
 
 def load_coefficient(force_N: SamplesByAxlesBySets, static_N: AxlesBySets, passing: SamplesByAxles) -> AxlesBySets:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import partial
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quant
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
 from sysid.prediction.vehicle_draws import (
+    DrawnVehicles,
     MakesVehicles,
     VehicleDraws,
     drawn_vehicles,
@@ -30,6 +31,7 @@ from sysid.prediction.vehicle_draws import (
 )
 from sysid.progress import Progress, unwatched
 from sysid.road.named_shapes import named_shape
+from sysid.threads import side_by_side
 from sysid.vehicle_model.device_arrays import HostOrDevice, ParametersBySets
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.motion import Motion
@@ -264,14 +266,17 @@ def speed_sweep(
     driven : what the driven runs reached; without it nothing but the speed is compared with them.
     stops : those of the declared vehicle that are assumed; drawn ones have their own.
     """
-    peaks, coefficients, beyond, drawn = [], [], [], None
+    drawn = None
     if vehicles is not None:
         # A vehicle is the same at every speed.
         wanted = Pass(load_case, bump)
         batch = make_pass_batch(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
-        drawn = [cache(make) for make in drawn_vehicles(batch, parameters, vehicles, wanted)]
-    for i, speed in enumerate(speeds_m_s):
-        progress(f"ratio against speed, {load_case}", i / len(speeds_m_s))
+        made = [make() for make in drawn_vehicles(batch, parameters, vehicles, wanted)]
+        drawn = [partial(_this, some) for some in made]
+
+    def at(number: int) -> tuple[np.ndarray, np.ndarray, list[bool]]:
+        progress(f"ratio against speed, {load_case}", number / len(speeds_m_s))
+        speed = speeds_m_s[number]
         request = PredictionRequest(load_case, speed, bump)
         p = _simulate(
             campaign,
@@ -285,20 +290,26 @@ def speed_sweep(
             interval_s=SWEEP_INTERVAL_S,
             lengths=SWEEP_LENGTHS,
         )
-        peaks.append(p.peak_ratios)
-        coefficients.append(load_coefficient(p.tire_N, p.drawn_static_N, p.passing))
         trust = () if driven is None else extrapolations(p.reached(speed), driven, load_case)
-        beyond.append([any(e.axle == i and e.what != "speed" for e in trust) for i in range(len(p.static_N))])
+        beyond = [any(e.axle == i and e.what != "speed" for e in trust) for i in range(len(p.static_N))]
+        return p.peak_ratios, load_coefficient(p.tire_N, p.drawn_static_N, p.passing), beyond
+
+    # While the engine computes for one thread, another one sums up the loads at its speed.
+    peaks, coefficients, beyond = map(np.array, zip(*side_by_side(at, range(len(speeds_m_s))), strict=True))
     nominal = driven_speeds(campaign, load_case)
     return SpeedSweep(
         load_case,
         bump,
         np.asarray(speeds_m_s, dtype=np.float64),
-        quantiles(np.array(peaks)),
-        quantiles(np.array(coefficients)),
+        quantiles(peaks),
+        quantiles(coefficients),
         (min(nominal), max(nominal)) if nominal else None,
-        None if driven is None else np.array(beyond),
+        None if driven is None else beyond,
     )
+
+
+def _this(made: DrawnVehicles) -> DrawnVehicles:
+    return made
 
 
 def effective_roads(state: FitState, requests: Sequence[PredictionRequest]) -> EffectiveRoads:

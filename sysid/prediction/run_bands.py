@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from sysid.estimation.residuals.histories import shown_signals
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_history import HistoryBand, RunHistory
 from sysid.progress import Progress, unwatched
+from sysid.threads import side_by_side
 
 #: Number of posterior draws behind the bands.
 DRAWS = 64
@@ -66,18 +68,24 @@ def _bands(
     progress: Progress,
 ) -> dict[int, HistoryBand]:
     """Bands by run of all runs of a model, or of a part of it, with the masses and departures of the draws (n, q)."""
-    shown: list[list[np.ndarray]] = [[] for _ in model.groups]
-    for i, draw in enumerate(draws):
+
+    def shown(i: int) -> list[np.ndarray]:
         progress(_WORDS, i / len(draws))
         moved = model if amounts is None else state.allowances.moved(model, amounts[i])
-        for of_group, one in zip(shown, shown_signals(moved, weights, state.point.motion, draw), strict=True):
-            of_group.append(one.signals)
+        return [one.signals for one in shown_signals(moved, weights, state.point.motion, draws[i])]
+
+    # While the engine computes for one thread, another one moves the model.
+    of_draws = side_by_side(shown, range(len(draws)))
     bands: dict[int, HistoryBand] = {}
-    for group, signals in zip(model.groups, shown, strict=True):
-        for r, run in enumerate(group.runs):
-            low, high = np.quantile(np.array([of_draw[:, r] for of_draw in signals]), [0.05, 0.95], axis=0)
-            bands[run] = HistoryBand(low.T, high.T)
+    for group, *signals in zip(model.groups, *of_draws, strict=True):
+        bands |= zip(group.runs, side_by_side(partial(_band, signals), range(len(group.runs))), strict=True)
     return bands
+
+
+def _band(signals: Sequence[np.ndarray], run: int) -> HistoryBand:
+    """The band of one run of a group from the signals (T, R, C) of every draw."""
+    low, high = np.quantile(np.array([of_draw[:, run] for of_draw in signals]), [0.05, 0.95], axis=0)
+    return HistoryBand(low.T, high.T)
 
 
 def with_bands(histories: Sequence[RunHistory], bands: Sequence[HistoryBand]) -> tuple[RunHistory, ...]:

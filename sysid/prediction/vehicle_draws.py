@@ -151,16 +151,18 @@ def histories_of_draws(
         road = wheel_road(some.matrices, some.road, axle_x, Motion(speed, start_s), timing)
         sets = log_parameters[some.chosen, :, None]
         found = _histories(some.matrices, some.laws, road, list(sets), timing)
-        tire, suspension, *deflections = map(np.asarray, found)
         first, end = some.chosen[0], some.chosen[-1] + 1
-        at_rest[first:end] = some.matrices.static_load[: end - first, :, 0]
-        for whole, part in zip(histories, (tire, suspension + some.matrices.carried_load, *deflections), strict=True):
-            whole[:, first:end] = part[:, : end - first, :, 0]
+        tire, suspension, *deflections = (np.asarray(part)[:, : end - first, :, 0] for part in found)
+        static = some.matrices.static_load[: end - first, :, 0]
+        if contact_error is not None:
+            tire = with_contact_error(tire, static, contact_error[some.chosen])
+        at_rest[first:end] = static
+        carried = some.matrices.carried_load[: end - first, :, 0]
+        for whole, part in zip(histories, (tire, suspension + carried, *deflections), strict=True):
+            whole[:, first:end] = part
 
     # While the engine computes for one thread, another one makes vehicles.
     side_by_side(fill, drawn)
-    if contact_error is not None:
-        histories[0] = with_contact_error(histories[0], at_rest, contact_error)
     return (*(np.moveaxis(history, 1, 2) for history in histories), at_rest.T)
 
 

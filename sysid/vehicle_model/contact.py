@@ -222,11 +222,20 @@ class EffectiveRoad(NamedTuple):
     stretch: np.ndarray | None = None
     drag: np.ndarray | None = None
 
+    def of_runs(self, runs: Sequence[int]) -> EffectiveRoad:
+        """The roads of the named runs, in this order; one may be named several times."""
+        stretch, drag = (None if table is None else table[:, runs] for table in (self.stretch, self.drag))
+        return self._replace(rise=self.rise[runs], stretch=stretch, drag=drag)
+
 
 def spline_coefficients(values: np.ndarray) -> np.ndarray:
     """Coefficients of the interpolating quintic B-spline along the last axis, zero-padded at both ends."""
-    padding = [(0, 0)] * (values.ndim - 1) + [(_PADDING, _PADDING)]
-    return np.asarray(spline_filter1d(np.pad(values, padding), order=5, axis=-1, mode="mirror", output=np.float64))
+    padded = np.pad(values, [(0, 0)] * (values.ndim - 1) + [(_PADDING, _PADDING)]).astype(float, copy=False)
+    # Flat roads are zero as they are: in a plank drop all axles but one have no other.
+    uneven = padded.any(axis=-1)
+    if uneven.any():
+        padded[uneven] = spline_filter1d(padded[uneven], order=5, axis=-1, mode="mirror")
+    return padded
 
 
 def effective_road(

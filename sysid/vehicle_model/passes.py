@@ -120,7 +120,9 @@ class EffectiveRoads:
 
     def stacked(self, passes: Sequence[Pass]) -> EffectiveRoad:
         """Effective roads and footprint maps of several passes on common stations."""
-        maps = [self.maps(p.load_case, p.bump) for p in passes]
+        # Runs of one load case over one bump have the same maps: each is made once.
+        met = list(dict.fromkeys((p.load_case, p.bump) for p in passes))
+        maps = [self.maps(*one) for one in met]
         tabulated = [m for row in maps for m in row]
         step = tabulated[0].step_m
         first = min(round(m.station_m[0] / step) for m in tabulated)
@@ -132,7 +134,9 @@ class EffectiveRoads:
 
         stretch, drag = (np.moveaxis(stack(name), 2, 0) for name in ("stretch", "drag"))
         stretch = np.concatenate([stretch, stack("lift_m")[None]])
-        return effective_road(np.arange(first, last + 1) * step, stack("rise_m"), stretch, drag)
+        road = effective_road(np.arange(first, last + 1) * step, stack("rise_m"), stretch, drag)
+        of_pass = [met.index((p.load_case, p.bump)) for p in passes]
+        return road.of_runs(of_pass)
 
 
 def load_case_matrices(

@@ -21,7 +21,7 @@ T = TypeVar("T")
 NO_OPTIONS: Mapping[str, Any] = {}
 #: The helper process starts before the stage that needs it or, as it imports for a second or two, before the one ahead
 #: of that; no earlier, because its memory would add to that of others.
-_HELPER_AHEAD = 2
+_HELPER_AHEAD = 3
 
 
 def begin_helper_ahead(missing: Sequence[Stage[Any]]) -> None:

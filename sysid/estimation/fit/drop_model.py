@@ -19,7 +19,7 @@ from sysid.errors import DataRejectedError, SysidError
 from sysid.estimation.fit.optimum import Optimum, parameter_sd
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.reweighted_search import optimise_from
-from sysid.estimation.fit.start_search import Record
+from sysid.estimation.fit.start_search import InGroup, Record, best_shifts
 from sysid.estimation.parameters.campaign_parameters import (
     DOUBTFUL_DAMPING_SD,
     DOUBTFUL_STIFFNESS_SD,
@@ -276,7 +276,8 @@ def _search(
     best = np.full(count, np.inf)
     speed, begin = nominal.copy(), released_s.copy()
     # The same for every trial: these change the road alone.
-    records: list[list[Record]] = []
+    records: dict[InGroup, Record] = {}
+    reach_samples: dict[InGroup, tuple[float, float]] = {}
 
     def trial(speeds: np.ndarray) -> None:
         starts = released_s + FOOT_M / speeds
@@ -284,15 +285,16 @@ def _search(
         signals = simulate_runs(model, start, RunMotion.steady(speeds, starts))
         if not records:
             sd = _instrument_noise(model, noise)
-            records.extend([Record(g, r, sd[k][r]) for r in range(len(g.runs))] for k, g in enumerate(model.groups))
-        for position, group in enumerate(model.groups):
-            for r, run in enumerate(group.runs):
+            for k, group in enumerate(model.groups):
                 samples = SLACK_S / group.interval_s
-                cost, shift = records[position][r].best_shift(signals[position][:, r], (-samples, samples))
-                cost += float(((speeds[run] / nominal[run] - 1.0) / reach[run]) ** 2)
-                if cost < best[run]:
-                    best[run], speed[run] = cost, speeds[run]
-                    begin[run] = starts[run] + shift * group.interval_s
+                for r in range(len(group.runs)):
+                    records[k, r], reach_samples[k, r] = Record(group, r, sd[k][r]), (-samples, samples)
+        for (k, r), (misfit, shift) in best_shifts(records, signals, reach_samples).items():
+            run = model.groups[k].runs[r]
+            cost = misfit + float(((speeds[run] / nominal[run] - 1.0) / reach[run]) ** 2)
+            if cost < best[run]:
+                best[run], speed[run] = cost, speeds[run]
+                begin[run] = starts[run] + shift * model.groups[k].interval_s
 
     for factor in _SPEEDS / SPEED_M_S:
         trial(nominal * np.where(reach > 0.2, factor, 1.0 + (factor - 1.0) * 0.1))

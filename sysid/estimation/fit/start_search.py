@@ -6,7 +6,8 @@ simulated histories in time, so the best start of each candidate comes from cros
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
@@ -18,6 +19,7 @@ from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.run_data import RunGroup
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
+from sysid.threads import side_by_side
 
 #: Half width of the search in speed, and its step.
 SPEED_REACH = 0.06
@@ -29,6 +31,9 @@ SEEN_SHARE = 0.03
 LARGEST = 1e5
 #: Range of the factor on each channel's simulated response while a shift is judged.
 GAIN_RANGE = (0.4, 2.5)
+
+#: A run by the number of its group and its place in it.
+InGroup: TypeAlias = tuple[int, int]
 
 
 def search_motion(
@@ -56,21 +61,23 @@ def search_motion(
     nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
     trial_start = 1.0 + 0.5 / nominal
     lowest = np.full(count, np.inf)
-    records = [[Record(g, r, noise_sd[k][r]) for r in range(len(g.runs))] for k, g in enumerate(model.groups)]
+    records, reach = {}, {}
+    for k, group in enumerate(model.groups):
+        for r, run in enumerate(group.runs):
+            records[k, r] = Record(group, r, noise_sd[k][r])
+            # Axle 1 meets the bump inside its own record, whatever fits elsewhere.
+            length = np.flatnonzero(group.measured[:, r].any(axis=1))[-1]
+            trial = trial_start[run] / group.interval_s
+            reach[k, r] = (-trial, length - trial)
     # One speed at a time: signals of all would be the largest memory of a fit.
     for factor in factors:
         signals = simulate_runs(model, log_parameters, RunMotion.steady(nominal * factor, trial_start))
         _check_finite(campaign, model, signals)
-        for position, group in enumerate(model.groups):
-            for r, run in enumerate(group.runs):
-                # Axle 1 meets the bump inside its own record, whatever fits elsewhere.
-                length = np.flatnonzero(group.measured[:, r].any(axis=1))[-1]
-                trial = trial_start[run] / group.interval_s
-                reach = (-trial, length - trial)
-                misfit, shift = records[position][r].best_shift(signals[position][:, r], reach)
-                if misfit < lowest[run] or np.isnan(speed[run]):
-                    lowest[run], speed[run] = misfit, nominal[run] * factor
-                    start[run] = trial_start[run] + shift * group.interval_s
+        for (k, r), (misfit, shift) in best_shifts(records, signals, reach).items():
+            run = model.groups[k].runs[r]
+            if misfit < lowest[run] or np.isnan(speed[run]):
+                lowest[run], speed[run] = misfit, nominal[run] * factor
+                start[run] = trial_start[run] + shift * model.groups[k].interval_s
     return RunMotion.steady(speed, start)
 
 
@@ -125,3 +132,20 @@ class Record:
         # The parabola's own minimum: between samples, so that a speed is not judged by where its start happens to fall.
         smallest = float(cost[k]) - (0.25 * float(around[0] - around[2]) * fine if fine else 0.0)
         return smallest, float(self._lags[k]) + fine
+
+
+def best_shifts(
+    records: Mapping[InGroup, Record], signals: Sequence[np.ndarray], reach: Mapping[InGroup, tuple[float, float]]
+) -> dict[InGroup, tuple[float, float]]:
+    """Smallest misfit and its shift in samples of every record, from simulated signals (T, R, C) of the groups.
+
+    Parameters
+    ----------
+    records, reach : by group and place in it; the shifts that are allowed.
+    """
+
+    def one(place: InGroup) -> tuple[float, float]:
+        k, r = place
+        return records[place].best_shift(signals[k][:, r], reach[place])
+
+    return dict(zip(records, side_by_side(one, records), strict=True))

@@ -155,10 +155,12 @@ class Departures:
         ----------
         load_changes : logarithms of the axle loads over the declared ones in load cases, None for loads as declared.
         """
-        roads = []
+        roads, first = [], 0
+        changes = None if load_changes is None else load_changes([p.load_case for g in model.passes for p in g])
         for passes in model.passes:
-            changes = None if load_changes is None else load_changes([p.load_case for p in passes])
-            roads.append(self.road(passes, amplitudes, changes))
+            of_group = None if changes is None else changes[first : first + len(passes)]
+            roads.append(self.road(passes, amplitudes, of_group))
+            first += len(passes)
         return replace(self.on_same_roads(model, amplitudes), roads=tuple(roads))
 
     def on_same_roads(self, model: BumpModel, amplitudes: np.ndarray) -> BumpModel:
@@ -203,9 +205,15 @@ class BlendedRoad:
         assert base.stretch is not None
         assert base.drag is not None
 
+        ways = ((envelope, self.envelope), (footprint, self.footprint), (spokes, self.spokes))
+        # The derivatives of a fit move one of them at a time.
+        used = [(amplitude[..., None], way) for amplitude, way in ways if amplitude.any()]
+
         def sum_of(name: str) -> np.ndarray:
-            ways = ((envelope, self.envelope), (footprint, self.footprint), (spokes, self.spokes))
-            return np.asarray(getattr(base, name) + sum(a[..., None] * getattr(way, name) for a, way in ways))
+            total = np.array(getattr(base, name))
+            for amplitude, way in used:
+                total += amplitude * getattr(way, name)
+            return total
 
         return base._replace(rise=sum_of("rise"), stretch=sum_of("stretch"), drag=sum_of("drag"))
 

@@ -322,7 +322,7 @@ def model_error(
         unit, covariance = joint_scale(matrix, prior, sd), joint_covariance(matrix, prior, sd)
         white = at_optimum * unit
         absorbed = covariance @ (parts * np.outer(unit, unit)) / factor
-        scatter = np.einsum("bi,ij,bj->", white, covariance, white) / factor
+        scatter = np.sum(white @ covariance * white) / factor
         expected = np.einsum("bii->", absorbed) - np.einsum("bij,bji->", absorbed, absorbed)
         factor = max(1.0, float(scatter / max(expected, 1e-12)))
     return ModelError(factor, sd, step, at_optimum)

@@ -58,14 +58,19 @@ def joint_scale(information: np.ndarray, prior: ParametersByParameters, sd: np.n
     return np.concatenate([1.0 / np.sqrt(np.diag(information)[:count] + np.diag(prior)), sd])
 
 
-def joint_covariance(information: np.ndarray, prior: ParametersByParameters, sd: np.ndarray) -> np.ndarray:
-    """(H + diag(P, L))^-1 in the units of :func:`joint_scale`, (p + q, p + q)."""
+def joint_precision(information: np.ndarray, prior: ParametersByParameters, sd: np.ndarray) -> np.ndarray:
+    """H + diag(P, L) in the units of :func:`joint_scale`, (p + q, p + q)."""
     count = prior.shape[0]
     scale = joint_scale(information, prior, sd)
     whole = information * np.outer(scale, scale)
     whole[:count, :count] += prior * np.outer(scale[:count], scale[:count])
     whole[count:, count:] += np.eye(sd.size)
-    return np.asarray(np.linalg.inv(whole))
+    return np.asarray(whole)
+
+
+def joint_covariance(information: np.ndarray, prior: ParametersByParameters, sd: np.ndarray) -> np.ndarray:
+    """The inverse of :func:`joint_precision`, (p + q, p + q)."""
+    return np.asarray(np.linalg.inv(joint_precision(information, prior, sd)))
 
 
 def joint_step(
@@ -89,16 +94,16 @@ def joint_step(
     least_sd : (q,) standard deviations below which a change of a mass or departure does not matter.
     """
     count = prior.shape[0]
-    scale, inverse = joint_scale(information, prior, sd), joint_covariance(information, prior, sd)
+    scale, whole = joint_scale(information, prior, sd), joint_precision(information, prior, sd)
+    variance = np.diag(np.linalg.inv(whole))
     gradient = scale * score
     gradient[:count] += scale[:count] * pull
     gradient[count:] += np.divide(amounts, sd, where=sd > 0.0, out=np.zeros(sd.size))
-    whole = np.linalg.inv(inverse)
     if footprint_response is not None:
-        whole += (information @ footprint_response) * np.outer(scale, scale)
+        whole = whole + (information @ footprint_response) * np.outer(scale, scale)
     step = -np.linalg.solve(whole, gradient)
     amount = step[count:] * sd
-    spread = np.maximum(np.sqrt(np.diag(inverse)[count:]) * sd, least_sd)
+    spread = np.maximum(np.sqrt(variance[count:]) * sd, least_sd)
     over_sd = np.divide(amount, spread, where=spread > 0.0, out=np.zeros(sd.size))
     return JointStep(step[:count] * scale[:count], amount, over_sd)
 

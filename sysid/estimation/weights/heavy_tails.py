@@ -19,6 +19,7 @@ from scipy.ndimage import correlate1d, label, maximum_filter1d, median_filter, u
 from scipy.special import gammaln, stdtrit
 
 from sysid.arrays import Channels, Samples, SamplesByRunsByChannels
+from sysid.threads import side_by_side
 
 #: Degrees of freedom that are tried; above the last one tails cannot be told from normal ones.
 DEGREES_OF_FREEDOM = (2.0, 3.0, 4.0, 6.0, 9.0)
@@ -62,17 +63,20 @@ def heavy_tails(
     measured : (T, R, C) bool; residual : (T, R, C) and the readings themselves, in one unit per channel.
     """
     nu, weight = np.full(measured.shape[2], np.inf), np.ones(measured.shape)
-    for c in range(measured.shape[2]):
-        runs = range(measured.shape[1])
+    runs = range(measured.shape[1])
+
+    def of_channel(c: int) -> None:
         standing = [standing_out(measured[:, r, c], residual[:, r, c], reading[:, r, c]) for r in runs]
         u = np.concatenate([residuals[np.isfinite(residuals)] for residuals in standing])
         if u.size < _FEWEST or not np.any(u):
-            continue
+            return
         nu[c], scale = best_distribution(u)
         if np.isfinite(nu[c]):
             for r, residuals in enumerate(standing):
                 t_weight = (nu[c] + 1.0) / (nu[c] + (np.nan_to_num(residuals) / scale) ** 2)
                 weight[:, r, c] = np.where(np.isfinite(residuals) & ~_lasting(t_weight < _LOW), t_weight, 1.0)
+
+    side_by_side(of_channel, range(measured.shape[2]))
     return Tails(nu, weight)
 
 
