@@ -12,7 +12,7 @@ import pickle
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -33,7 +33,7 @@ _ONE_THREAD = dict.fromkeys(("SYSID_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_T
 class _Helper:
     """A Python process that computes one item after the other, and the thread that talks to it."""
 
-    def __init__(self, module: str):
+    def __init__(self, modules: Sequence[str]):
         # It starts Python anew, because a fork of a process with threads can hang. Nobody needs what it prints, at
         # Ctrl-C for one: what it fails to do is done here.
         self._process = subprocess.Popen(
@@ -44,7 +44,7 @@ class _Helper:
             env={**os.environ, **_ONE_THREAD},
         )
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sysid_helper")
-        self._thread.submit(self._write, (sys.path, module))
+        self._thread.submit(self._write, (sys.path, tuple(modules)))
 
     def submit(self, function: Callable[[_Item], _Result], item: _Item) -> Future[_Result]:
         """The coming result of a function for an item; an error says only that there is none."""
@@ -90,12 +90,12 @@ class _Kept:
 
 
 @contextmanager
-def helped_by(module: str | None) -> Iterator[None]:
-    """While it lasts :func:`shared_with_helper` has a helper, which begins to import `module`; None for no helper."""
-    if module is None:
+def helped_by(modules: Sequence[str]) -> Iterator[None]:
+    """While it lasts :func:`shared_with_helper` has a helper, which begins to import `modules`; none for no helper."""
+    if not modules:
         yield
         return
-    begin_helper(module)
+    begin_helper(modules)
     try:
         yield
     finally:
@@ -112,16 +112,16 @@ def no_helper_after_failure() -> Iterator[None]:
         raise
 
 
-def begin_helper(module: str | None) -> None:
-    """Start the helper, if there is none, so that it has imported `module` when it is needed.
+def begin_helper(modules: Sequence[str]) -> None:
+    """Start the helper, if there is none, so that it has imported `modules` when it is needed.
 
     Nothing happens where there is one core, or where no process can be started.
     """
-    if module is None or _Kept.helper is not None or thread_count() < 2:
+    if not modules or _Kept.helper is not None or thread_count() < 2:
         return
     # No memory, no further process, no interpreter: whatever keeps it from starting, the work is done without it.
     with suppress(Exception):
-        _Kept.helper = _Helper(module)
+        _Kept.helper = _Helper(modules)
 
 
 def end_helper() -> None:
@@ -159,7 +159,12 @@ def shared_with_helper(function: Callable[[_Item], _Result], items: Iterable[_It
         number = left.popleft()
         results[number] = function(work[number])
     while given:
-        _receive(given.popleft(), results)
+        # What it has not begun is taken back.
+        if len(given) > 1 and given[-1][1].cancel():
+            number, _ = given.pop()
+            results[number] = function(work[number])
+        else:
+            _receive(given.popleft(), results)
     for number in set(range(len(work))) - set(results):
         # The helper failed: if the item is at fault, its error comes from here.
         results[number] = function(work[number])

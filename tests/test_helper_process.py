@@ -30,6 +30,17 @@ def process_and_threads(_):
     return os.getpid(), os.environ.get("OPENBLAS_NUM_THREADS")
 
 
+def process_and_modules(_):
+    time.sleep(0.05)
+    return os.getpid(), tuple(name for name in ("colorsys", "wave") if name in sys.modules)
+
+
+def slow_elsewhere(parent):
+    if os.getpid() != parent:
+        time.sleep(0.5)
+    return os.getpid()
+
+
 def square(x):
     return x * x
 
@@ -64,7 +75,7 @@ def test_without_a_helper_this_process_computes():
 
 
 def test_both_processes_work_and_results_keep_their_order():
-    with helped_by("math"):
+    with helped_by(("math",)):
         first = shared_with_helper(process_of, range(40))
         squares = shared_with_helper(square, range(100))
     assert len(set(first)) == 2
@@ -75,15 +86,27 @@ def test_both_processes_work_and_results_keep_their_order():
     assert squares == tuple(x * x for x in range(100))
 
 
+def test_what_the_helper_has_not_begun_is_taken_back():
+    with helped_by(("math",)):
+        done_by = shared_with_helper(slow_elsewhere, [os.getpid()] * 3)
+    assert [process == os.getpid() for process in done_by] == [True, True, False]
+
+
+def test_the_helper_has_its_modules_before_it_is_asked():
+    with helped_by(("colorsys", "no_such_module", "wave")):
+        seen = shared_with_helper(process_and_modules, range(40))
+    assert {modules for process, modules in seen if process != os.getpid()} == {("colorsys", "wave")}
+
+
 def test_linear_algebra_of_the_helper_runs_in_one_thread(monkeypatch):
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
-    with helped_by("math"):
+    with helped_by(("math",)):
         seen = shared_with_helper(process_and_threads, range(40))
     assert {threads for process, threads in seen if process != os.getpid()} == {"1"}
 
 
 def test_the_helper_ends_with_the_stage():
-    with helped_by("math"):
+    with helped_by(("math",)):
         pids = set(shared_with_helper(process_of, range(40))) - {os.getpid()}
     (helper,) = pids
     # A process that has ended and was waited for has no entry any more.
@@ -97,34 +120,34 @@ def test_the_helper_ends_with_the_stage():
 
 
 def test_what_a_helper_that_dies_had_to_do_is_done_here():
-    with helped_by("math"):
+    with helped_by(("math",)):
         assert shared_with_helper(dies_elsewhere, [os.getpid()] * 20) == (os.getpid(),) * 20
 
 
 def test_an_item_that_raises_the_error_of_an_ended_pipe_does_not_end_the_helper():
-    with helped_by("math"):
+    with helped_by(("math",)):
         assert shared_with_helper(at_an_end, [os.getpid()] * 6) == (os.getpid(),) * 6
         assert len(set(shared_with_helper(process_of, range(40)))) == 2
 
 
 def test_an_error_in_an_item_is_raised_as_it_is():
-    with helped_by("math"), pytest.raises(DataRejectedError, match="the third file is broken"):
+    with helped_by(("math",)), pytest.raises(DataRejectedError, match="the third file is broken"):
         shared_with_helper(fails, range(4))
 
 
 def test_what_cannot_be_sent_is_done_here():
-    with helped_by("math"):
+    with helped_by(("math",)):
         locked = [__import__("threading").Lock() for _ in range(6)]
         assert shared_with_helper(type, locked) == (type(locked[0]),) * 6
 
 
 def test_what_the_helper_prints_is_not_taken_for_an_answer():
-    with helped_by("math"):
+    with helped_by(("math",)):
         assert len(set(shared_with_helper(says, range(40)))) == 2
 
 
 def test_a_helper_whose_answers_cannot_be_read_is_asked_no_more():
-    with helped_by("math"):
+    with helped_by(("math",)):
         helper = helper_process._Kept.helper
         assert helper is not None
         # A request that the child answers, and nobody reads the answer: the next one would be taken for it.
@@ -136,7 +159,7 @@ def test_a_helper_whose_answers_cannot_be_read_is_asked_no_more():
 
 def test_one_core_has_no_helper(monkeypatch):
     monkeypatch.setenv("SYSID_THREADS", "1")
-    begin_helper("math")
+    begin_helper(("math",))
     assert helper_process._Kept.helper is None
 
 
@@ -145,13 +168,13 @@ def test_where_no_process_can_be_started_the_work_is_done_here(monkeypatch):
         raise OSError("no further process")
 
     monkeypatch.setattr(helper_process.subprocess, "Popen", refused)
-    with helped_by("math"):
+    with helped_by(("math",)):
         assert shared_with_helper(square, range(5)) == (0, 1, 4, 9, 16)
 
 
 def test_a_helper_that_was_started_ahead_stays_unless_something_fails():
     with no_helper_after_failure():
-        begin_helper("math")
+        begin_helper(("math",))
     assert helper_process._Kept.helper is not None
     with pytest.raises(ZeroDivisionError), no_helper_after_failure():
         _ = 1 / 0
@@ -165,7 +188,7 @@ from sysid.helper_process import helped_by, shared_with_helper
 signal.signal(signal.SIGINT, signal.default_int_handler)
 # No guard: the helper must not run this script.
 print("started", flush=True)
-with helped_by("math"):
+with helped_by(("math",)):
     try:
         shared_with_helper(time.sleep, [0.2] * 40)
     except KeyboardInterrupt:

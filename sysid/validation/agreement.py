@@ -6,6 +6,7 @@ import numpy as np
 
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.residuals.run_history import RunHistory
+from sysid.helper_process import shared_with_helper
 from sysid.validation.channel_agreement import ChannelAgreement, Validation, ValidationLimits
 from sysid.validation.metrics import dominant_frequency, filled_in, fit_percent, nrmse, peak_error, sprague_geers
 from sysid.validation.objective_rating import objective_ratings
@@ -18,7 +19,7 @@ _MOST_RATED = 4000
 
 def validate(fit: FitResult, limits: ValidationLimits | None = None) -> Validation:
     """Agreement of every channel of every fitted run, with the limits that it is held against."""
-    rows = tuple(row for history in fit.histories for row in history_agreement(history))
+    rows = tuple(row for rows in shared_with_helper(history_agreement, fit.histories) for row in rows)
     return Validation(rows, limits or ValidationLimits())
 
 

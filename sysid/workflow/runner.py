@@ -12,7 +12,7 @@ from sysid.runtime import forget_compiled
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
 from sysid.workflow.settings import Settings
-from sysid.workflow.stage import Context, Itemwise, Notice, Stage, Whole
+from sysid.workflow.stage import Context, Ending, Itemwise, Notice, Stage, Whole
 from sysid.workflow.stage_folder import StageFolder, dependents
 from sysid.workflow.stages import DROPS, FIT, STAGES
 from sysid.workflow.versions import versions
@@ -21,12 +21,12 @@ T = TypeVar("T")
 NO_OPTIONS: Mapping[str, Any] = {}
 #: The helper process starts before the stage that needs it or, as it imports for a second or two, before the one ahead
 #: of that; no earlier, because its memory would add to that of others.
-_HELPER_AHEAD = 3
+_HELPER_AHEAD = 2
 
 
-def begin_helper_ahead(missing: Sequence[Stage[Any]]) -> None:
+def begin_helper_ahead(coming: Sequence[Stage[Any] | Ending]) -> None:
     """Start the helper of a stage that comes soon, so that it is ready then."""
-    begin_helper(next((stage.helper for stage in missing[:_HELPER_AHEAD] if stage.helper), None))
+    begin_helper(next((stage.helper for stage in coming[:_HELPER_AHEAD] if stage.helper), ()))
 
 
 class Runner:

@@ -130,7 +130,7 @@ class Stage(Generic[T]):
     - What makes it stale. `needs` are the stages that it depends on, which run first. `uses` are the stages whose
       result it takes if there is one. `settings` are names of settings, ``fit`` or ``fit.laws``. `inputs` are the files
       that it reads, None for all. `code` are the packages whose functions it calls.
-    - How it runs: `helper` the module that a helper process imports to share its work, None for none.
+    - How it runs: `helper` the modules that a helper process imports to share its work, none for no helper.
     - When it runs: `in_run` whether ``run`` computes it, ``full`` not in previews; `along_with` the stage in whose
       company it always runs; `effort` its typical seconds.
     - How it is kept: `in_file` False for what every process computes anew; `unfinished` whether a kept result goes on
@@ -155,7 +155,7 @@ class Stage(Generic[T]):
     warnings: Callable[[T, bool], Sequence[str]] = _no_warnings
     in_run: Literal["always", "full", "never"] = "never"
     effort: float = 1.0
-    helper: str | None = None
+    helper: tuple[str, ...] = ()
     command: Command[Any] | None = None
 
 
@@ -189,4 +189,4 @@ class Ending:
     write: Callable[[Results, Path, Progress], Sequence[Path]]
     command: Command[Any]
     effort: float = 1.0
-    helper: str | None = None
+    helper: tuple[str, ...] = ()

@@ -214,7 +214,7 @@ DROPS = Whole(
     put=lambda results, summary: replace(results, drops=summary),
     in_run="always",
     effort=20.0,
-    helper="sysid.sdof.analysis",
+    helper=("sysid.sdof.analysis",),
     command=Command(
         help="Stiffness and damping of every axle from its plank drops, equations (1)-(3) and corrections.",
         show=show_drops,

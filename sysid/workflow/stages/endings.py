@@ -34,7 +34,8 @@ REPORT = Ending(
     name="report",
     write=_report,
     effort=10.0,
-    helper="sysid.report.paper_figures",
+    # Agreement is computed with the results that the report is made from.
+    helper=("sysid.report.paper_figures", "sysid.validation.agreement"),
     command=Command(help="Write report.html from the stages that have run.", show=show_report, recalls=True),
 )
 
