@@ -20,7 +20,7 @@ from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE, departure_columns, departure_scale, least_sd
 from sysid.estimation.uncertainty.departures import ENVELOPE, FRICTION, REACH, SPOKES, TIRE_LOAD, Departure, Departures
-from sysid.vehicle_model.passes import EffectiveRoads
+from sysid.vehicle_model.passes import EffectiveRoads, Pass
 
 MOTION = RunMotion.steady(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
 
@@ -212,3 +212,41 @@ def test_derivatives_do_not_vanish_at_the_end_of_the_reach(model, own: float, co
     inside = column(1e-5)
     assert np.abs(inside).max() > 1e-3
     np.testing.assert_allclose(column(0.0), inside, atol=1.5e-4 * np.abs(inside).max())
+
+
+def test_roads_of_several_passes_are_the_maps_of_each(model):
+    """At the stations, splines of degree five have the weights 1, 26, 66, 26, 1 over 120."""
+    data, _, _ = model
+    roads = EffectiveRoads(data.vehicle, data.load_cases, {"bump": bump()})
+    passes = [Pass(case.name, "bump") for case in (LADEN, EMPTY, LADEN)]
+    road = roads.stacked(passes)
+    weights = np.array([1.0, 26.0, 66.0, 26.0, 1.0]) / 120.0
+    seen = [roads.maps(p.load_case, p.bump) for p in passes]
+    assert np.abs(seen[0][0].rise_m - seen[1][0].rise_m).max() > 1e-4
+    for run, maps in enumerate(seen):
+        for axle, table in enumerate(maps):
+            first = round((table.station_m[0] - road.first_station_m) / road.step_m)
+            here = slice(first, first + table.station_m.size)
+            shown = [(road.rise, table.rise_m), (road.stretch[3], table.lift_m)]
+            shown += [(road.drag[k], table.drag[k]) for k in range(3)]
+            for coefficients, exact in shown:
+                found = np.convolve(coefficients[run, axle], weights, mode="same")[here]
+                assert np.abs(found - exact).max() < 1e-10 * np.abs(exact).max()
+
+
+def test_loads_of_a_run_change_its_own_road():
+    runs = [empty_run("a.csv", 6.0, samples=150), empty_run("b.csv", 7.0, load_case="laden", samples=900)]
+    data = campaign(runs, load_cases=(EMPTY, LADEN))
+    parameters = campaign_parameters(data, None)
+    ours = bump_model(data, parameters, {"bump": bump()})
+    assert len(ours.groups) == 2
+    known = known_departures(data, parameters, ours)
+
+    def heavier(cases):
+        return np.array([[0.2 if case == "laden" else 0.0] * len(data.vehicle.axles) for case in cases])
+
+    none = np.zeros(len(known.directions))
+    moved = known.model(ours, none, heavier)
+    for passes, before, after in zip(ours.passes, ours.roads, moved.roads, strict=True):
+        changed = np.abs(after.rise).max() != np.abs(before.rise).max()
+        assert changed == (passes[0].load_case == "laden")
