@@ -188,6 +188,9 @@ def test_every_draw_has_its_own_errors_of_the_contact():
     # Of three draws the 5 and 95 % quantiles are nine tenths of the way to the outer ones.
     np.testing.assert_allclose(found.peak_ratio_q95 - found.peak_ratio_q50, [0.09, 0.0, 0.018] * dynamic, atol=1e-9)
     np.testing.assert_allclose(found.suspension_force_N.q95, plain.suspension_force_N.q95)
+    # Masses as declared: what the suspensions carry at rest is in these forces, drawn or not.
+    declared = predict_pass(data, parameters, felt(data), REQUEST, draws[:1])
+    np.testing.assert_allclose(plain.suspension_force_N.q50, declared.suspension_force_N.q50, rtol=1e-9)
     assert vehicles.first(2).contact_error.shape == (2, 3)
 
 
