@@ -7,7 +7,8 @@ import gc
 import os
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -165,13 +166,24 @@ class _Process:
 
 
 def own_process() -> None:
-    """Say that this process runs this program alone: what JAX has compiled in it is ours to let go of.
-
-    Garbage is collected less often: figures are made of many objects, which are visited again and again while they are
-    drawn.
-    """
+    """Say that this process runs this program alone: what JAX has compiled in it is ours to let go of."""
     _Process.ours = True
-    gc.set_threshold(_OBJECTS_PER_COLLECTION, *gc.get_threshold()[1:])
+
+
+@contextmanager
+def fewer_collections() -> Iterator[None]:
+    """While it lasts, garbage is collected less often in a process that runs this program alone.
+
+    Figures are made of many objects, which are visited again and again while they are drawn.  Where arrays are
+    computed, what is not collected would be large.
+    """
+    before = gc.get_threshold()
+    if _Process.ours:
+        gc.set_threshold(_OBJECTS_PER_COLLECTION, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
 
 
 def forget_compiled(from_bytes: float | None = None) -> None:

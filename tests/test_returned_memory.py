@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import pytest
 
 from studies.process import status
 from sysid.cli.main import main
-from sysid.runtime import _of_glibc, _Process, forget_compiled, return_memory
+from sysid.runtime import _of_glibc, _Process, fewer_collections, forget_compiled, return_memory
 
 
 @pytest.mark.skipif(
@@ -130,3 +131,15 @@ def test_imported_modules_are_left_out_of_garbage_collection_in_a_process_of_our
     first, second = map(int, said)
     assert (first > 10_000) if whose == "ours" else (first == 0)
     assert second <= first
+
+
+@pytest.mark.parametrize("ours", [True, False])
+def test_garbage_is_collected_less_often_only_while_it_is_asked_for(monkeypatch, ours: bool) -> None:
+    monkeypatch.setattr(_Process, "ours", ours)
+    before = gc.get_threshold()
+    with fewer_collections():
+        assert (gc.get_threshold() != before) == ours
+    assert gc.get_threshold() == before
+    with pytest.raises(ZeroDivisionError), fewer_collections():
+        _ = 1 / 0
+    assert gc.get_threshold() == before

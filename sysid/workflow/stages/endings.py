@@ -18,11 +18,13 @@ if TYPE_CHECKING:
 
 def _report(results: Results, folder: Path, progress: Progress) -> Sequence[Path]:
     from sysid.report import write_paper_figures, write_report
+    from sysid.runtime import fewer_collections
 
-    progress("report.html", 0.0)
-    write_report(results, folder / "report.html")
-    progress("figures", 0.7)
-    return (folder / "report.html", *write_paper_figures(results, folder / "figures"))
+    with fewer_collections():
+        progress("report.html", 0.0)
+        write_report(results, folder / "report.html")
+        progress("figures", 0.7)
+        return (folder / "report.html", *write_paper_figures(results, folder / "figures"))
 
 
 def show_report(paths: Sequence[Path], results: Results) -> Blocks:
@@ -35,7 +37,7 @@ REPORT = Ending(
     write=_report,
     effort=10.0,
     # Agreement is computed with the results that the report is made from.
-    helper=("sysid.report.paper_figures", "sysid.validation.agreement"),
+    helper=("sysid.validation.agreement", "sysid.report.paper_figures"),
     command=Command(help="Write report.html from the stages that have run.", show=show_report, recalls=True),
 )
 
