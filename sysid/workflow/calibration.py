@@ -244,7 +244,7 @@ class Calibration:
             with planned, self._runner.engine_ahead(missing):
                 for stage in wanted:
                     if stage in missing:
-                        begin_helper_ahead(missing[missing.index(stage) :])
+                        begin_helper_ahead((*missing[missing.index(stage) :], *stages.ENDINGS))
                     self._runner.result(stage)
                 for ending in stages.ENDINGS:
                     self.write(ending)

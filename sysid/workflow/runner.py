@@ -12,7 +12,7 @@ from sysid.runtime import forget_compiled
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
 from sysid.workflow.settings import Settings
-from sysid.workflow.stage import Context, Itemwise, Notice, Stage, Whole
+from sysid.workflow.stage import Context, Ending, Itemwise, Notice, Stage, Whole
 from sysid.workflow.stage_folder import StageFolder, dependents
 from sysid.workflow.stages import DROPS, FIT, STAGES
 from sysid.workflow.versions import versions
@@ -24,7 +24,7 @@ NO_OPTIONS: Mapping[str, Any] = {}
 _HELPER_AHEAD = 2
 
 
-def begin_helper_ahead(coming: Sequence[Stage[Any]]) -> None:
+def begin_helper_ahead(coming: Sequence[Stage[Any] | Ending]) -> None:
     """Start the helper of a stage that comes soon, so that it is ready then."""
     begin_helper(next((stage.helper for stage in coming[:_HELPER_AHEAD] if stage.helper), ()))
 
