@@ -18,6 +18,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
+from sysid.runtime import OBJECTS_PER_COLLECTION
 from sysid.threads import thread_count
 
 _Item = TypeVar("_Item")
@@ -44,7 +45,7 @@ class _Helper:
             env={**os.environ, **_ONE_THREAD},
         )
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sysid_helper")
-        self._thread.submit(self._write, (sys.path, tuple(modules)))
+        self._thread.submit(self._write, (sys.path, tuple(modules), OBJECTS_PER_COLLECTION))
 
     def submit(self, function: Callable[[_Item], _Result], item: _Item) -> Future[_Result]:
         """The coming result of a function for an item; an error says only that there is none."""

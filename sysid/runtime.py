@@ -26,6 +26,9 @@ _GROWN = 500e6
 #: Share of the memory mappings that a process may have from which on it lets go of compiled functions.
 _MOST_OF_MAPPINGS = 0.5
 
+#: New objects after which garbage is collected where figures are drawn; Python says 700.
+OBJECTS_PER_COLLECTION = 50_000
+
 
 class CacheWarning(UserWarning):
     """Why compiled code is not kept where it was asked for."""
@@ -155,10 +158,6 @@ def return_memory() -> None:
         trim(0)
 
 
-#: New objects after which garbage is collected in a process that runs this program alone; Python says 700.
-_OBJECTS_PER_COLLECTION = 50_000
-
-
 class _Process:
     """Whether this process runs nothing else than this program."""
 
@@ -179,7 +178,7 @@ def fewer_collections() -> Iterator[None]:
     """
     before = gc.get_threshold()
     if _Process.ours:
-        gc.set_threshold(_OBJECTS_PER_COLLECTION, *before[1:])
+        gc.set_threshold(OBJECTS_PER_COLLECTION, *before[1:])
     try:
         yield
     finally:

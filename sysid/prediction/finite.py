@@ -50,7 +50,9 @@ def check_finite(
     bad = np.zeros(sets.shape[1], bool)
     for history in histories:
         # A sum is not finite where a value is not, and takes no second array of this size.
-        if not np.isfinite(history.sum()):
+        with np.errstate(invalid="ignore", over="ignore"):
+            total = history.sum()
+        if not np.isfinite(total):
             bad |= ~np.isfinite(history).all(axis=(0, 1))
     if not bad.any():
         return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quant
 from sysid.prediction.remarks import driven_speeds, remarks
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
 from sysid.prediction.vehicle_draws import (
-    DrawnVehicles,
     MakesVehicles,
     VehicleDraws,
     drawn_vehicles,
@@ -271,8 +270,10 @@ def speed_sweep(
         # A vehicle is the same at every speed.
         wanted = Pass(load_case, bump)
         batch = make_pass_batch(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
-        made = [make() for make in drawn_vehicles(batch, parameters, vehicles, wanted)]
-        drawn = [partial(_this, some) for some in made]
+        drawn = [cache(make) for make in drawn_vehicles(batch, parameters, vehicles, wanted)]
+        # Before several threads ask for it at once.
+        for make in drawn:
+            make()
 
     def at(number: int) -> tuple[np.ndarray, np.ndarray, list[bool]]:
         progress(f"ratio against speed, {load_case}", number / len(speeds_m_s))
@@ -306,10 +307,6 @@ def speed_sweep(
         (min(nominal), max(nominal)) if nominal else None,
         None if driven is None else beyond,
     )
-
-
-def _this(made: DrawnVehicles) -> DrawnVehicles:
-    return made
 
 
 def effective_roads(state: FitState, requests: Sequence[PredictionRequest]) -> EffectiveRoads:

@@ -58,6 +58,14 @@ def test_finite_loads_pass_and_an_axle_without_load_does_not() -> None:
     history[2, 1, 1] = np.inf
     with pytest.raises(DataRejectedError, match="1 of 2 parameter sets"):
         check_finite(REQUEST, PARAMETERS, sets, np.ones(3), history, np.zeros((4, 3, 2)))
+    # Both signs of infinity have no sum.
+    history[1, 0, 0] = -np.inf
+    with pytest.raises(DataRejectedError, match="2 of 2 parameter sets"):
+        check_finite(REQUEST, PARAMETERS, sets, np.ones(3), history)
+
+
+def test_finite_values_whose_sum_is_too_large_are_finite() -> None:
+    check_finite(REQUEST, PARAMETERS, TRUTH[:, None], np.ones(3), np.full((4, 3, 1), 1e308))
 
 
 @pytest.mark.parametrize("speed", [1e-9, 1e-3])

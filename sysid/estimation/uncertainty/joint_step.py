@@ -100,7 +100,7 @@ def joint_step(
     gradient[:count] += scale[:count] * pull
     gradient[count:] += np.divide(amounts, sd, where=sd > 0.0, out=np.zeros(sd.size))
     if footprint_response is not None:
-        whole = whole + (information @ footprint_response) * np.outer(scale, scale)
+        whole += (information @ footprint_response) * np.outer(scale, scale)
     step = -np.linalg.solve(whole, gradient)
     amount = step[count:] * sd
     spread = np.maximum(np.sqrt(variance[count:]) * sd, least_sd)
