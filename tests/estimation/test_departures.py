@@ -231,7 +231,7 @@ def test_roads_of_several_passes_are_the_maps_of_each(model):
             shown += [(road.drag[k], table.drag[k]) for k in range(3)]
             for coefficients, exact in shown:
                 found = np.convolve(coefficients[run, axle], weights, mode="same")[here]
-                assert np.abs(found - exact).max() < 1e-10 * np.abs(exact).max()
+                assert np.abs(found - exact).max() < 1e-14 * np.abs(exact).max()
 
 
 def test_loads_of_a_run_change_its_own_road():
