@@ -12,7 +12,7 @@ import io
 import json
 import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,9 +38,15 @@ class Content:
     digest: str
 
 
-def write(path: Path, fields: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> str:
+def write(
+    path: Path,
+    fields: Mapping[str, Any],
+    arrays: Mapping[str, np.ndarray],
+    before_change: Callable[[], None] = lambda: None,
+) -> str:
     """Write JSON-ready fields and arrays, complete or not at all, and return the digest that a reader finds.
 
+    `before_change` is called first where the file does not hold exactly this yet; where it does, nothing happens.
     Raises OSError if the folder cannot be written, ValueError if the file would be longer than what is read back.
     """
     buffer = io.BytesIO()
@@ -57,7 +63,10 @@ def write(path: Path, fields: Mapping[str, Any], arrays: Mapping[str, np.ndarray
             f"it takes {len(content) / 1e9:.1f} GB, more than the {limits.STAGE_BYTES / 1e9:g} GB of a file"
         )
     digest = hashlib.sha256(content).hexdigest()
-    write_bytes(path, content + digest.encode())
+    content += digest.encode()
+    if read_bytes(path, len(content)) != content:
+        before_change()
+        write_bytes(path, content)
     return digest
 
 

@@ -177,8 +177,9 @@ def _computed(
         aside = calibration.aside(record, typed)
         return _Outcome(aside, command.aside.write(aside, calibration.results(), calibration.output))
     if not resume and record.in_file and isinstance(record, Whole):
-        calibration.redo(record)
-    result = calibration.result(record, typed)
+        result = calibration.again(record, typed)
+    else:
+        result = calibration.result(record, typed)
     calibration.export()
     return _Outcome(result, fault=command.fault(result))
 

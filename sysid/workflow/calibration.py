@@ -35,7 +35,7 @@ from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
 from sysid.workflow.runner import NO_OPTIONS, Runner, begin_helper_ahead
 from sysid.workflow.settings import Settings
-from sysid.workflow.stage import Aside, Ending, Itemwise, Notice, Stage
+from sysid.workflow.stage import Aside, Ending, Itemwise, Notice, Stage, Whole
 from sysid.workflow.stage_folder import SUCCESS_MARKER, StageFolder
 
 T = TypeVar("T")
@@ -117,6 +117,15 @@ class Calibration:
             context = self._runner.context(stage, options, at_once=False)
             with self._steps.step(stage.name):
                 return other.compute(context)
+
+    def again(self, stage: Whole[T], options: Mapping[str, Any]) -> T:
+        """Compute a stage although its result is known; results that depend on it stay if it comes out the same.
+
+        Parameters
+        ----------
+        options : the options of the stage's command by name.
+        """
+        return self._runner.again(stage, options)
 
     def redo(self, stage: Stage[Any] | str) -> None:
         """Delete the results of a stage and of all that depend on it, so that it runs again."""

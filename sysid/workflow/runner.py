@@ -44,6 +44,7 @@ class Runner:
         self._inputs, self._settings, self.folder, self.steps = inputs, settings, folder, steps
         self._notice, self.resume = notice, resume
         self._engine_begun = False
+        self._again: set[Stage[Any]] = set()
 
     def result(self, stage: Stage[T], options: Mapping[str, Any] = NO_OPTIONS) -> T:
         """The result of a stage: known already, else computed and kept, with those that run along with it."""
@@ -85,6 +86,14 @@ class Runner:
         if stage.so_far is None or any(self.known(before) is None for before in stage.needs):
             return None
         return stage.so_far(self.context(stage))
+
+    def again(self, stage: Whole[T], options: Mapping[str, Any] = NO_OPTIONS) -> T:
+        """Compute a stage although its result is known; results that depend on it stay if it comes out the same."""
+        self._again.add(stage)
+        try:
+            return self.result(stage, options)
+        finally:
+            self._again.discard(stage)
 
     def redo(self, stage: Stage[Any]) -> None:
         """Forget a stage and all that rest on it, so that it runs again."""
@@ -134,7 +143,7 @@ class Runner:
         if isinstance(stage, Itemwise):
             return bool(options)
         known = self.folder.known(stage)
-        if known is None:
+        if known is None or stage in self._again:
             return True
         return not stage.answers(known, options) or (self.resume and stage.unfinished(known, self._settings))
 
@@ -151,6 +160,7 @@ class Runner:
                 with self._timed(stage.name), self.steps.step(stage.name), _breakdown_said(stage.name), helped:
                     result: T = stage.compute(context)
                 self.folder.keep(stage, result)
+                self._again.discard(stage)
             forget_compiled()
             return result
         known: T | None = self.folder.known(stage)

@@ -78,19 +78,29 @@ class StageFolder:
         return result
 
     def keep(self, stage: Stage[T], result: T) -> None:
-        """Store a result, and the settings for commands that show results; results that depend on it are deleted."""
-        self.forget(dependents(stage))
-        if stage.in_run == "always":
-            self.no_success()
+        """Store a result, and the settings for commands that show results.
+
+        Unless the file holds the same result already, results that depend on it are deleted first.
+        """
+
+        def before_change() -> None:
+            self.forget(dependents(stage))
+            if stage.in_run == "always":
+                self.no_success()
+
         self._results[stage] = result
         self.read_back.discard(stage.name)
-        if stage.in_file:
-            self.write(lambda: remember(self.path, self._settings))
-            try:
-                self.write(lambda: store.save(self._path(stage), result, self.fingerprint(stage), result_hint(stage)))
-            except TypeError as error:
-                # An error of this program; reporting it is better than losing a result of minutes.
-                warnings.warn(f"The result of '{stage.name}' is not kept: {error}.", stacklevel=2)
+        if not stage.in_file:
+            before_change()
+            return
+        self.write(lambda: remember(self.path, self._settings))
+        path, fingerprint, hint = self._path(stage), self.fingerprint(stage), result_hint(stage)
+        try:
+            self.write(lambda: store.save(path, result, fingerprint, hint, before_change))
+        except TypeError as error:
+            # An error of this program; reporting it is better than losing a result of minutes.
+            before_change()
+            warnings.warn(f"The result of '{stage.name}' is not kept: {error}.", stacklevel=2)
 
     def forget(self, stages: Iterable[Stage[Any]]) -> None:
         """Delete the results of some stages."""

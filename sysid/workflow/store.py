@@ -8,7 +8,7 @@ member, a member of another type, or any damage counts as missing.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal, Union, get_args
 
@@ -18,8 +18,12 @@ from sysid import array_file
 from sysid.workflow.schema import PLAIN, field_hints, kind_of
 
 
-def save(path: Path, result: Any, fingerprint: str, hint: Any) -> None:
+def save(
+    path: Path, result: Any, fingerprint: str, hint: Any, before_change: Callable[[], None] = lambda: None
+) -> None:
     """Write a stage result of type `hint`, complete or not at all, marked with the fingerprint of what it depends on.
+
+    `before_change` is called first unless the file holds exactly this result already.
 
     Raises
     ------
@@ -35,7 +39,7 @@ def save(path: Path, result: Any, fingerprint: str, hint: Any) -> None:
     except (ValueError, KeyError) as error:
         raise TypeError(str(error)) from error
     try:
-        array_file.write(path, {"fingerprint": fingerprint, "result": tree}, arrays)
+        array_file.write(path, {"fingerprint": fingerprint, "result": tree}, arrays, before_change)
     except ValueError as error:
         raise TypeError(str(error)) from error
 

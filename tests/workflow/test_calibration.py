@@ -16,6 +16,7 @@ from sysid.progress import Progress
 from sysid.results.contents import Results
 from sysid.workflow import Calibration, Settings, make_settings
 from sysid.workflow.stage import Ending
+from sysid.workflow.stages import DROPS
 from sysid.workflow.stages.endings import EXPORT
 
 DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
@@ -123,3 +124,23 @@ def test_a_campaign_without_bump_runs_cannot_be_fitted(campaign: Path, tmp_path:
 def test_choices_that_there_are_not_are_refused(choice: dict[str, str], hint: str) -> None:
     with pytest.raises(CampaignError, match=hint):
         make_settings(**choice)
+
+
+def test_a_stage_computed_again_keeps_what_rests_on_it_if_it_comes_out_the_same(campaign: Path, tmp_path: Path) -> None:
+    stages = tmp_path / "out" / "stages"
+    Calibration(campaign, tmp_path / "out", SINGLE_AXLE).drops()
+    fit, marker = stages / "fit.npz", tmp_path / "out" / "SUCCESS"
+    for path in (fit, marker):
+        path.write_text("of the same inputs\n")
+    kept = (stages / "drops.npz").read_bytes()
+    second = Calibration(campaign, tmp_path / "out", SINGLE_AXLE)
+    second.again(DROPS, {})
+    assert "drops" not in second.read_back
+    assert (stages / "drops.npz").read_bytes() == kept
+    assert fit.exists()
+    assert marker.exists()
+    (stages / "drops.npz").write_bytes(kept[:-1])
+    Calibration(campaign, tmp_path / "out", SINGLE_AXLE).again(DROPS, {})
+    assert (stages / "drops.npz").read_bytes() == kept
+    assert not fit.exists()
+    assert not marker.exists()
