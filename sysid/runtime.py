@@ -195,7 +195,7 @@ def forget_compiled(from_bytes: float | None = None) -> None:
 
     Parameters
     ----------
-    from_bytes : memory from which on a process has grown, None for 700 MB.
+    from_bytes : memory from which on a process has grown, None for 500 MB.
     """
     return_memory()
     jax = sys.modules.get("jax")

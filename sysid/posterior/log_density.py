@@ -36,8 +36,7 @@ LIKELIHOOD = (
 class LogDensity:
     """Vectorised log-posterior density of the global log parameters, up to a constant.
 
-    Calling it with (n, p) returns (n,); a set whose simulation is not finite gets -inf and is kept in
-    `rejected` (at most 100 of them) with the number of such sets in `rejected_count`.
+    Calling it with (n, p) returns (n,); a set whose simulation is not finite gets -inf.
     """
 
     def __init__(self, state: FitState):
@@ -49,8 +48,6 @@ class LogDensity:
         self._following = np.eye(self.centre.size) if point.following is None else np.asarray(point.following, float)
         # A linear term that makes up for larger integration steps.
         self._tilt = np.zeros_like(self.centre)
-        self.rejected: list[np.ndarray] = []
-        self.rejected_count = 0
         expected = motion_prior(state.campaign.bump_runs)
         self._inputs = []
         for position in range(len(state.model.groups)):
@@ -119,12 +116,7 @@ class LogDensity:
     def _density(self, points: np.ndarray, misfit: np.ndarray) -> np.ndarray:
         prior = (self._off_prior(points) ** 2).sum(axis=1)
         density = -0.5 * (misfit + prior) - (points - self.centre) @ self._tilt
-        bad = ~np.isfinite(density)
-        if bad.any():
-            self.rejected_count += int(bad.sum())
-            self.rejected += list(points[bad][: max(0, 100 - len(self.rejected))])
-            density = np.where(bad, -np.inf, density)
-        return np.asarray(density)
+        return np.asarray(np.where(np.isfinite(density), density, -np.inf))
 
 
 def _principal_axes(covariance: ParametersByParameters) -> ParametersByParameters:

@@ -24,8 +24,8 @@ from sysid.threads import one_blas_thread
 
 Notice = Callable[[str], None]
 
-#: Segments after which convergence is judged at every second one only, after twice as many at every fourth, and so on:
-#: judging takes a time that grows with the chain.
+#: Convergence is judged after every segment up to twice as many, then after every second one, after twice as many again
+#: after every fourth, and so on: judging takes a time that grows with the chain.
 _DENSE_SEGMENTS = 50
 #: Share of proposals without a finite density above which the user is warned.
 _MANY_REJECTED = 0.01

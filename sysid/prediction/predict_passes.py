@@ -37,8 +37,11 @@ from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.passes import EffectiveRoads, Pass, make_pass_batch
 from sysid.vehicle_model.stacked_matrices import StackedMatrices
 
-#: Output interval of predicted histories [s], and how long before and after the passage they reach.
-INTERVAL_S = 0.001
+#: Integration step of predicted histories [s], their output interval too unless they would take more memory than that
+#: [bytes]: then every second step is kept, or every third, and so on.
+STEP_S = 0.001
+_MOST_BYTES = 800_000_000
+#: How long before and after the passage histories reach [s].
 BEFORE_S = 0.5
 AFTER_S = 1.5
 #: Number of posterior draws behind the bands, and behind those of the ratio against speed.
@@ -105,25 +108,28 @@ def _simulate(
     stops: AssumedStops | None = None,
     drawn: Sequence[MakesVehicles] | None = None,
     *,
-    interval_s: float = INTERVAL_S,
+    interval_s: float | None = None,
     lengths: Sequence[int] = (),
 ) -> _Pass:
     """`sets` (p, S) log parameters; `vehicles` of the S draws, None for the declared one with assumed `stops`.
 
-    `drawn` are the vehicles in this pass, None to make them.  Histories every `interval_s`, their number the next of
-    `lengths`.
+    `drawn` are the vehicles in this pass, None to make them.  Histories every `interval_s` in one step each, their
+    number the next of `lengths`; None for steps of :data:`STEP_S`, kept as far as there is memory.
     """
     wanted = Pass(request.load_case, request.bump)
     batch = make_pass_batch(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
     road, speed = batch.road, request.speed_m_s
     last = road.first_station_m + road.step_m * road.rise.shape[-1]
     # The record starts half a second before axle 1 touches the bump and its time is zero over the start of the bump.
-    lead = np.ceil((BEFORE_S - road.first_station_m / speed) / interval_s) * interval_s
-    duration = lead + (last + float(np.max(batch.axle_x))) / speed + AFTER_S
-    check_duration(request, duration)
-    samples = int(np.ceil(duration / interval_s))
+    before = BEFORE_S - road.first_station_m / speed
+    after = (last + float(np.max(batch.axle_x))) / speed + AFTER_S
+    check_duration(request, before + after)
+    steps = 1 if interval_s is not None else _steps_per_sample(before + after, sets.shape[1], len(batch.axle_x))
+    interval_s = steps * STEP_S if interval_s is None else interval_s
+    lead = np.ceil(before / interval_s) * interval_s
+    samples = int(np.ceil((lead + after) / interval_s))
     samples = next((length for length in lengths if length >= samples), samples)
-    timing, motion = Timing(samples, interval_s, 1), Motion(np.full((1, 1), speed), np.full((1, 1), float(lead)))
+    timing, motion = Timing(samples, interval_s, steps), Motion(np.full((1, 1), speed), np.full((1, 1), float(lead)))
     if vehicles is None:
         laws = law_inputs(campaign.vehicle, parameters, batch, [request.load_case])
         laws = laws if stops is None else stops.on(laws, 0)
@@ -152,6 +158,11 @@ def _simulate(
         (time[:, None] >= (road.first_station_m + x) / speed) & (time[:, None] <= (last + x) / speed + AFTER_S),
         interval_s,
     )
+
+
+def _steps_per_sample(duration_s: float, sets: int, axles: int) -> int:
+    """So many steps per sample that four histories of all axles and parameter sets stay below a limit of memory."""
+    return max(1, int(np.ceil(4 * 8 * sets * axles * duration_s / STEP_S / _MOST_BYTES)))
 
 
 def predict_pass(
@@ -204,7 +215,7 @@ def predict_pass(
         warnings=remarks(campaign, request, trust, together, acting),
         suspension_force_N=Quantiles(_transposed(suspension.q05), suspension.q50.T, _transposed(suspension.q95)),
         load_coefficient=quantiles(load_coefficient(p.tire_N, p.drawn_static_N, p.passing)),
-        lift_off_s=quantiles(lift_off_time(p.tire_N, INTERVAL_S)),
+        lift_off_s=quantiles(lift_off_time(p.tire_N, p.interval_s)),
         jounce_m=jounce,
         rebound_m=rebound,
         impulse_ratio=quantiles(impulse_ratio(p.tire_N, p.drawn_static_N)),

@@ -37,7 +37,7 @@ def history_agreement(history: RunHistory, out_of_sample: bool = False) -> list[
     plain = np.where(history.censored == 0, history.measured, np.nan)
     lost = np.mean(~np.isfinite(plain), axis=1)
     rated = [c for c in range(len(history.columns)) if lost[c] <= _MOST_MISSING]
-    filled = np.array([filled_in(plain[c]) for c in rated]).reshape(len(rated), -1)
+    filled = np.array([filled_in(plain[c]) for c in rated]).reshape(len(rated), plain.shape[1])
     pair = _joined(filled), _joined(history.simulated[rated])
     ratings = dict(zip(rated, objective_ratings(*pair), strict=True))
     rows = []

@@ -211,3 +211,14 @@ def test_noise_behind_the_filter_of_a_logger_is_seen(rate_hz, cutoff_hz):
 def test_white_noise_is_found_as_it_is(rate_hz):
     noise = 3e-4 * np.random.default_rng(3).standard_normal(int(6.0 * rate_hz))
     assert noise_found(noise, rate_hz) == pytest.approx(noise.std(), rel=0.1)
+
+
+def test_a_channel_that_begins_after_the_fitted_part_is_left_out(campaign, analysed, monkeypatch):
+    """A second logger with a clock of its own may start seconds later."""
+    drop = campaign.plank_drops[0]
+    late = [replace(c, time_s=c.time_s + 60.0) for c in drop.log.channels[1:]]
+    drop = replace(drop, log=replace(drop.log, channels=(drop.log.channels[0], *late)))
+    altered = replace(campaign, plank_drops=(drop, *campaign.plank_drops[1:]))
+    run = fitted_runs(altered, analysed, monkeypatch)[0]
+    assert [c.sensor.kind for c in run.log.channels] == [drop.log.channels[0].sensor.kind]
+    assert 0.0 < run.log.duration_s < 60.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic_fit import synthetic_fit
 
-from sysid.estimation.fit.profiles import LIMIT, interval_of, profile_deviance, profile_parameter
+from sysid.estimation.fit.profiles import LIMIT, _words, interval_of, profile_deviance, profile_parameter
 
 
 def linear(seed: int = 1):
@@ -76,3 +76,27 @@ def test_a_stiffness_of_the_synthetic_truck():
     np.testing.assert_allclose(found.interval, found.covariance_interval, rtol=1e-3)
     assert "parabola" in found.message
     assert list(found.summary()["value"]) == list(found.value)
+
+
+@pytest.mark.parametrize("outwards", [1.0, -1.0])
+def test_values_without_a_finite_simulation_end_a_side_of_the_profile_and_nothing_else(outwards):
+    evaluate, optimum, covariance = linear()
+    sd = np.sqrt(covariance[1, 1])
+
+    def breaks_down(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        residual, jacobian = evaluate(x)
+        return np.where(outwards * (x[1] - optimum[1]) > 1.5 * sd, np.nan, residual), jacobian
+
+    steps = outwards * np.array([-2.0, -1.0, 1.0, 2.0, 3.0])
+    deviance, converged = profile_deviance(breaks_down, optimum, 1, optimum[1] + sd * steps)
+    np.testing.assert_allclose(deviance[:3], steps[:3] ** 2, rtol=1e-6)
+    assert np.isnan(deviance[3:]).all()
+    np.testing.assert_array_equal(converged, [True, True, True, False, False])
+
+
+def test_what_a_profile_says_of_ends_it_does_not_reach():
+    low, both = np.array([np.nan, 1.0]), np.array([np.nan, np.nan])
+    assert "not bounded below within" in _words("c_6", low, 1.0, 0.0, converged=True)
+    assert "not bounded above within" in _words("c_6", low[::-1], 1.0, 0.0, converged=True)
+    assert "bounded on no side" in _words("c_6", both, 1.0, 0.0, converged=True)
+    assert "incomplete" in _words("c_6", both, 1.0, 0.0, converged=False)

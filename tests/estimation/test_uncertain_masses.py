@@ -169,6 +169,14 @@ def test_what_a_scale_showed_wrongly_the_bodies_carry():
         gained = sum(case.axle_loads_kg) - sum(declared.axle_loads_kg)
         assert case.sprung_mass_kg[0] - declared.sprung_mass_kg[0] == pytest.approx(gained, abs=1e-9)
         assemble(vehicle, case)
+    # A heavier axle leaves what stands on the scale as it is.
+    change[names.index("unsprung_mass_2")] = 0.1
+    heavier, cases = masses.applied(change)
+    assert heavier.unsprung_mass_kg[1] == pytest.approx(np.exp(0.1) * TOLERANT.unsprung_mass_kg[1], rel=1e-12)
+    for name in ("empty", "laden"):
+        standing = sum(cases[name].sprung_mass_kg) + sum(heavier.unsprung_mass_kg)
+        assert standing == pytest.approx(sum(cases[name].axle_loads_kg), rel=1e-12)
+        assemble(heavier, cases[name])
 
 
 def test_load_cases_with_one_declared_value_share_its_factor_and_zero_switches_off():

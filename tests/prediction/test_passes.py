@@ -287,7 +287,7 @@ def test_ratio_against_speed_is_that_of_single_passes(data, parameters, truth, s
     usual = speed_sweep(data, parameters, "empty", "bump", roads, truth[:, None], [SPEED_M_S])
     np.testing.assert_allclose(usual.peak_ratio.q50[0], single.peak_ratio_q50, rtol=2e-3)
     np.testing.assert_allclose(usual.load_coefficient.q50[0], single.load_coefficient.q50, rtol=5e-3)
-    monkeypatch.setattr(predict_passes, "SWEEP_INTERVAL_S", predict_passes.INTERVAL_S)
+    monkeypatch.setattr(predict_passes, "SWEEP_INTERVAL_S", predict_passes.STEP_S)
     monkeypatch.setattr(predict_passes, "SWEEP_LENGTHS", ())
     found = speed_sweep(data, parameters, "empty", "bump", roads, truth[:, None], [SPEED_M_S])
     np.testing.assert_allclose(found.peak_ratio.q50[0], single.peak_ratio_q50, rtol=1e-12)
@@ -314,3 +314,23 @@ def test_another_bump_by_its_shape_is_the_profile_itself(data, parameters, truth
     assert named.profile.height_m == pytest.approx(0.05)
     # Above 1 mm: h / 2 (1 - cos(2 pi s / L)) > 1 mm leaves arccos(0.96) L / (2 pi) at either end, less than a station.
     assert named.profile.length_m == pytest.approx(0.8 * (1.0 - np.arccos(0.96) / np.pi), abs=0.004)
+
+
+@pytest.mark.parametrize("steps", [2, 5])
+def test_histories_that_would_take_too_much_memory_keep_every_nth_step(
+    data, parameters, draws, banded, steps, monkeypatch
+):
+    """Of the same simulation: integration steps do not change."""
+    taken = 4 * 8 * len(draws) * len(VEHICLE.axles) * banded.time_s.size
+    monkeypatch.setattr(predict_passes, "_MOST_BYTES", taken / (steps - 0.5))
+    coarse = predict_pass(data, parameters, felt(data), REQUEST, draws)
+    assert np.diff(coarse.time_s) == pytest.approx(0.001 * steps, abs=1e-9)
+    assert 0.0 in coarse.time_s
+    common, fine, kept = np.intersect1d(
+        np.round(1e3 * banded.time_s).astype(int), np.round(1e3 * coarse.time_s).astype(int), return_indices=True
+    )
+    assert common.size >= coarse.time_s.size - 1
+    for name in ("tire_force_q05_N", "tire_force_q50_N", "tire_force_q95_N"):
+        whole, part = (getattr(found, name) for found in (banded, coarse))
+        np.testing.assert_allclose(part[:, kept], whole[:, fine], rtol=1e-9)
+    np.testing.assert_allclose(coarse.lift_off_s.q50, banded.lift_off_s.q50, atol=0.001 * steps)

@@ -231,6 +231,9 @@ def _as_run(number: int, drop: PlankDrop, last_s: float) -> BumpRun:
     channels = []
     for channel in drop.log.channels:
         keep = channel.time_s <= last_s
+        if not keep.any():
+            # A clock of its own that begins later.
+            continue
         sensor = replace(channel.sensor, column=_column(channel, drop))
         channels.append(Channel(sensor, channel.time_s[keep] + LEAD_S, channel.value[keep], channel.censored[keep]))
     declared = drop.nominal_speed_m_s

@@ -20,6 +20,7 @@ from scipy.interpolate import PchipInterpolator
 
 from sysid.arrays import UnknownsOfFit
 from sysid.display import Z90
+from sysid.errors import DataRejectedError
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.minimiser import Evaluation, minimise
 from sysid.estimation.fit.state import FitState
@@ -80,7 +81,8 @@ def profile_deviance(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Deviance (n,) at `values` (n,) of unknown `index`, with all others optimised, and whether each search converged.
 
-    From the optimum outwards, every search starts where the one before ended, moved as the Jacobian there says.
+    From the optimum outwards, every search starts where the one before ended, moved as the Jacobian there says. Where
+    it starts without a finite simulation, the deviance there and of values further out is NaN.
 
     Parameters
     ----------
@@ -90,7 +92,7 @@ def profile_deviance(
     residual, _ = evaluate(optimum)
     lowest = float(residual @ residual)
     free = np.arange(optimum.size) != index
-    deviance, converged = np.zeros(values.size), np.ones(values.size, bool)
+    deviance, converged = np.full(values.size, np.nan), np.zeros(values.size, bool)
     done = 0
     for side in (values < optimum[index], values >= optimum[index]):
         order = np.flatnonzero(side)
@@ -104,9 +106,13 @@ def profile_deviance(
                 residual, jacobian = evaluate(whole)
                 return residual, jacobian[:, free]
 
-            minimum = minimise(
-                fixed, start[free], relative_tolerance=relative_tolerance, max_iterations=_MOST_ITERATIONS
-            )
+            try:
+                minimum = minimise(
+                    fixed, start[free], relative_tolerance=relative_tolerance, max_iterations=_MOST_ITERATIONS
+                )
+            except DataRejectedError:
+                # No finite simulation there; what has been found nearer to the optimum is kept.
+                break
             at = start.copy()
             at[free] = minimum.point
             deviance[k], converged[k] = 2.0 * minimum.cost - lowest, minimum.converged
@@ -176,6 +182,8 @@ def profile_parameter(
         progress(f"profile of {name}", done / len(steps))
 
     deviance, converged = profile_deviance(problem.evaluate, vector, index, values, on_value=report)
+    complete, tried = bool(converged.all()), np.isfinite(deviance)
+    values, deviance, converged = values[tried], deviance[tried], converged[tried]
     at = int(np.searchsorted(values, best))
     values, deviance = np.insert(values, at, best), np.insert(deviance, at, 0.0)
     low, high = interval_of(values, deviance / inflation, best)
@@ -190,7 +198,7 @@ def profile_parameter(
         np.insert(converged, at, True),
         (float(np.exp(low)), float(np.exp(high))),
         (float(np.exp(best - Z90 * sd)), float(np.exp(best + Z90 * sd))),
-        _words(name, np.array([low, high]) - best, Z90 * sd, float(deviance.min()), bool(converged.all())),
+        _words(name, np.array([low, high]) - best, Z90 * sd, float(deviance.min()), complete),
     )
 
 
@@ -199,7 +207,9 @@ def _words(name: str, ends: np.ndarray, half: float, lowest: float, converged: b
     if lowest < -0.5:
         return f"The profile of {name} finds a better optimum than the fit; repeat the fit before using it."
     if not converged:
-        return f"Not every search along {name} converged; its profile is rough."
+        return f"Not every search along {name} converged or could begin; its profile is rough or incomplete."
+    if not np.isfinite(ends).any():
+        return f"{name} is bounded on no side within three standard deviations: there is no interval."
     if not np.isfinite(ends).all():
         side = "below" if np.isnan(ends[0]) else "above"
         return f"{name} is not bounded {side} within three standard deviations: its interval is one-sided."

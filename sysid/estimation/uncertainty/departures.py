@@ -247,7 +247,7 @@ class _Padded(EffectiveRoads):
 def _padded_maps(known: Departures, passes: Sequence[Pass]) -> tuple[EffectiveRoad, ...]:
     sources = known.sources
     maps = [m for s in sources for p in passes for m in s.maps(p.load_case, p.bump)]
-    # Whole half metres: what the reference engine compiles for one length of table serves other tires as well.
+    # Whole metres: what the reference engine compiles for one length of table serves other tires as well.
     first, last = min(float(m.station_m[0]) for m in maps), max(float(m.station_m[-1]) for m in maps)
     reach = (float(np.floor(first / _WHOLE_M) * _WHOLE_M), float(np.ceil(last / _WHOLE_M) * _WHOLE_M))
     base, other, softer, stiffening = (_Padded(s, reach).stacked(passes) for s in sources)

@@ -76,13 +76,13 @@ class UncertainMasses:
     def applied(self, log_factors: np.ndarray) -> tuple[Vehicle, dict[str, LoadCase]]:
         """Vehicle and load cases with the factors exp(`log_factors`), (m,), at most four tolerances from one."""
         limit = REACH_SD * self.sd
-        vehicle, cases = self.vehicle, dict(self.load_cases)
+        vehicle, cases, declared_kg = self.vehicle, dict(self.load_cases), _unsprung_by_body(self.vehicle)
         for factor, amount in zip(self.factors, np.clip(log_factors, -limit, limit), strict=True):
             if factor.quantity in FRAME_SD:
                 cases = with_frame_mass(cases, len(vehicle.bodies), factor, float(amount))
             else:
-                vehicle, cases = _apply(vehicle, cases, factor, float(np.exp(amount)))
-        lost = _unsprung_by_body(vehicle) - _unsprung_by_body(self.vehicle)
+                vehicle, cases = _apply(vehicle, cases, factor, float(np.exp(amount)), declared_kg)
+        lost = _unsprung_by_body(vehicle) - declared_kg
         for name, case in cases.items():
             cases[name] = replace(case, sprung_mass_kg=tuple(np.array(case.sprung_mass_kg) - lost))
         return vehicle, cases
@@ -154,8 +154,9 @@ def _declared(case: LoadCase, quantity: str) -> tuple[float, ...]:
 
 
 def _apply(
-    vehicle: Vehicle, cases: dict[str, LoadCase], factor: MassFactor, value: float
+    vehicle: Vehicle, cases: dict[str, LoadCase], factor: MassFactor, value: float, declared_kg: np.ndarray
 ) -> tuple[Vehicle, dict[str, LoadCase]]:
+    """Vehicle and load cases with one factor; `declared_kg` (bodies,) the unsprung masses before any factor."""
     at = factor.place
     if factor.quantity == UNSPRUNG and factor.axle is not None:
         axle = vehicle.axles[at]
@@ -174,7 +175,7 @@ def _apply(
     for name in factor.load_cases:
         case = changed[name]
         if factor.quantity == SCALE:
-            changed[name] = _on_scale(vehicle, case, value)
+            changed[name] = _on_scale(declared_kg, case, value)
             continue
         if factor.quantity == AXLE_LOAD:
             changed[name] = _weighed(vehicle, case, at, value)
@@ -198,11 +199,14 @@ def _weighed(vehicle: Vehicle, case: LoadCase, axle: int, value: float) -> LoadC
     )
 
 
-def _on_scale(vehicle: Vehicle, case: LoadCase, value: float) -> LoadCase:
-    """The load case with all loads, and all that stands on the axles, times `value`."""
+def _on_scale(declared_kg: np.ndarray, case: LoadCase, value: float) -> LoadCase:
+    """The load case with all loads, and all that stands on the axles, times `value`.
+
+    Changes of the unsprung masses from the declared ones (bodies,) [kg] are taken from the bodies afterwards.
+    """
     # Axle loads have a factor of their own. As long as it does not move, the bodies above the axles carry the
     # difference.
-    sprung = value * np.array(case.sprung_mass_kg) + (value - 1.0) * _unsprung_by_body(vehicle)
+    sprung = value * np.array(case.sprung_mass_kg) + (value - 1.0) * declared_kg
     loads = value * np.array(case.axle_loads_kg)
     return replace(case, axle_loads_kg=tuple(loads.tolist()), sprung_mass_kg=tuple(sprung.tolist()))
 
