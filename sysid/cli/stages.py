@@ -175,7 +175,7 @@ def _computed(
     command = _command(record)
     if command.aside is not None and typed:
         aside = calibration.aside(record, typed)
-        return _Outcome(aside, command.aside.write(aside, calibration.results(), calibration.output))
+        return _Outcome(aside, calibration.write_aside(record, aside))
     if not resume and record.in_file and isinstance(record, Whole):
         result = calibration.again(record, typed)
     else:

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.errors import CampaignError
 from sysid.estimates.calibrated_elements import CalibratedVehicle
 from sysid.estimates.records import Estimates
 from sysid.estimation.fit.fit_result import FitResult
@@ -27,13 +28,14 @@ from sysid.results.contents import Results
 from sysid.road.road_profile import ScanAnalysis
 from sysid.runtime import configure
 from sysid.sdof.drop_results import DropSummary
+from sysid.threads import one_blas_thread
 from sysid.validation.channel_agreement import Validation
 from sysid.workflow import stages
 from sysid.workflow.assembly import assembled
-from sysid.workflow.earlier_files import remove_earlier
+from sysid.workflow.earlier_files import remember_more, remove_earlier
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
-from sysid.workflow.runner import NO_OPTIONS, Runner, begin_helper_ahead
+from sysid.workflow.runner import NO_OPTIONS, Runner, begin_helper_ahead, breakdown_said
 from sysid.workflow.settings import Settings
 from sysid.workflow.stage import Aside, Ending, Itemwise, Notice, Stage, Whole
 from sysid.workflow.stage_folder import SUCCESS_MARKER, StageFolder
@@ -115,8 +117,17 @@ class Calibration:
         with self._steps.planned({s.name: s.effort for s in missing} | {stage.name: stage.effort}):
             # A request that is not possible is reported before anything is computed for it.
             context = self._runner.context(stage, options, at_once=False)
-            with self._steps.step(stage.name):
+            with self._steps.step(stage.name), breakdown_said(stage.name), one_blas_thread():
                 return other.compute(context)
+
+    def write_aside(self, stage: Stage[T], result: T) -> Sequence[Path]:
+        """Write what :meth:`aside` computed, and return the files; they are removed with the results it rests on."""
+        assert stage.command is not None
+        other: Aside[T] | None = stage.command.aside
+        assert other is not None
+        written = other.write(result, self.results(), self.output)
+        self._folder.write(lambda: remember_more(self.output, stage.name, written))
+        return written
 
     def again(self, stage: Whole[T], options: Mapping[str, Any]) -> T:
         """Compute a stage although its result is known; results that depend on it stay if it comes out the same.
@@ -133,7 +144,24 @@ class Calibration:
         self._runner.redo(record)
 
     def write(self, ending: Ending) -> list[Path]:
-        """Write a report or exports from the stages that have run, and return the files."""
+        """Write a report or exports from the stages that have run, and return the files.
+
+        Raises
+        ------
+        CampaignError
+            If the folder holds results of other inputs, and nothing has been computed that takes their place: what was
+            written from them would be overwritten with nothing.
+        """
+        stale = () if self._runner.computed else self._folder.stale()
+        if stale:
+            raise CampaignError(
+                f"The results in {self.output.name}/ ({', '.join(stale)}) belong to other inputs or options, or to "
+                f"another version of the program: there is nothing to {ending.name}. Compute them again with 'run', or "
+                "name the campaign and the options that they were made with."
+            )
+        return self._write(ending)
+
+    def _write(self, ending: Ending) -> list[Path]:
         written: list[Path] = []
         with helped_by(ending.helper):
             results = self.results()
@@ -246,7 +274,7 @@ class Calibration:
             self._folder.no_success()
             self._folder.tidy()
             if not self._runner.resume:
-                self._folder.forget(stages.STAGES)
+                self._folder.clear()
             missing = self._runner.missing(wanted)
             efforts = {stage.name: stage.effort for stage in missing}
             planned = self._steps.planned(efforts | {ending.name: ending.effort for ending in stages.ENDINGS})
@@ -256,7 +284,7 @@ class Calibration:
                         begin_helper_ahead((*missing[missing.index(stage) :], *stages.ENDINGS))
                     self._runner.result(stage)
                 for ending in stages.ENDINGS:
-                    self.write(ending)
+                    self._write(ending)
             results = self.results()
             self._folder.write(lambda: write_text(self.output / SUCCESS_MARKER, f"{results.status}\n"))
         return results

@@ -1,8 +1,8 @@
-"""Files of an earlier report or export that a later one does not write again.
+"""Files of an earlier report, export or command that are no results of the present campaign.
 
 A pass that is no longer requested, or a load case that is gone, must not be read as a result of the present campaign.
-What each report and export wrote is kept in ``stages/written.json``; only plain files that it names, where reports and
-exports write, are ever removed: a file that somebody put beside them stays.
+What each of them wrote is kept in ``stages/written.json``; only plain files that it names, where reports and exports
+write, are ever removed: a file that somebody put beside them stays.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 
 from sysid.files import read_json, write_text
 
+_RECORD = Path("stages") / "written.json"
 #: Where reports and exports write: folders below the output folder, and files in it.
 _FOLDERS = ("figures", "models", "moving_forces", "predictions", "profiles")
 _FILES = ("parameters.csv", "validation.csv", "posterior.nc")
@@ -24,7 +25,7 @@ def remove_earlier(folder: Path, ending: str, written: Iterable[Path]) -> list[P
     Parameters
     ----------
     folder : the output folder.
-    ending : name of the report or export.
+    ending : name of the report or export, or of the stage whose command wrote files aside.
     written : the files that it has written this time.
 
     Raises
@@ -32,16 +33,37 @@ def remove_earlier(folder: Path, ending: str, written: Iterable[Path]) -> list[P
     OSError
         If a file cannot be removed, or the list cannot be written.
     """
-    record = folder / "stages" / "written.json"
-    lists = read_json(record)
     present = sorted({path.relative_to(folder).as_posix() for path in written})
-    earlier = lists.get(ending)
-    names = [name for name in earlier if isinstance(name, str)] if isinstance(earlier, list) else []
+    names = _earlier(folder, ending)
     gone = [path for name in names if name not in present and (path := _own_file(folder, name)) is not None]
     for path in gone:
         path.unlink(missing_ok=True)
-    write_text(record, json.dumps({**lists, ending: present}, indent=1))
+    _keep(folder, ending, present)
     return gone
+
+
+def remember_more(folder: Path, kind: str, written: Iterable[Path]) -> None:
+    """Add files that are no part of an export to those of their `kind` that :func:`remove_earlier` may remove.
+
+    Raises
+    ------
+    OSError
+        If the list cannot be written.
+    """
+    more = {path.relative_to(folder).as_posix() for path in written}
+    _keep(folder, kind, sorted(more.union(_earlier(folder, kind))))
+
+
+def _earlier(folder: Path, kind: str) -> list[str]:
+    earlier = read_json(folder / _RECORD).get(kind)
+    return [name for name in earlier if isinstance(name, str)] if isinstance(earlier, list) else []
+
+
+def _keep(folder: Path, kind: str, names: list[str]) -> None:
+    record = folder / _RECORD
+    lists = read_json(record)
+    if lists.get(kind, []) != names:
+        write_text(record, json.dumps({**lists, kind: names}, indent=1))
 
 
 def _own_file(folder: Path, name: str) -> Path | None:

@@ -77,7 +77,8 @@ def _file(campaign: Campaign, bump: str | None, lateral: float | None) -> BumpSh
         raise CampaignError(f"--bump '{bump}' is neither a scan of the campaign nor a file{known}.")
     from sysid.road.profile_files import bump_from_file
 
-    return bump_from_file(path, lateral or 0.0)
+    # With its folder: profiles of several sites often have one name, and results are named after them.
+    return bump_from_file(path, lateral or 0.0, "/".join(part for part in (path.parent.name, path.name) if part))
 
 
 def _bump(campaign: Campaign, name: str | None, shape: BumpShape | None) -> str:

@@ -45,6 +45,8 @@ class Runner:
         self._notice, self.resume = notice, resume
         self._engine_begun = False
         self._again: set[Stage[Any]] = set()
+        #: Whether a result has been computed that is kept in a file.
+        self.computed = False
 
     def result(self, stage: Stage[T], options: Mapping[str, Any] = NO_OPTIONS) -> T:
         """The result of a stage: known already, else computed and kept, with those that run along with it."""
@@ -157,10 +159,11 @@ class Runner:
             # What is in memory only may be asked for beside another process that computes.
             with self.folder.lock if stage.in_file else nullcontext():
                 helped = helped_by(stage.helper)
-                with self._timed(stage.name), self.steps.step(stage.name), _breakdown_said(stage.name), helped:
+                with self._timed(stage.name), self.steps.step(stage.name), breakdown_said(stage.name), helped:
                     result: T = stage.compute(context)
                 self.folder.keep(stage, result)
                 self._again.discard(stage)
+                self.computed = self.computed or stage.in_file
             forget_compiled()
             return result
         known: T | None = self.folder.known(stage)
@@ -179,11 +182,12 @@ class Runner:
                 self.folder.lock,
                 self._timed(stage.name),
                 self.steps.step(stage.name),
-                _breakdown_said(stage.name),
+                breakdown_said(stage.name),
             ):
                 for name, item in stage.each(context, wanted):
                     items[name] = item
                     self.folder.keep(stage, dict(items))
+                    self.computed = True
         return {name: items[name] for name in chosen}
 
     def _timed(self, name: str) -> AbstractContextManager[None]:
@@ -191,7 +195,7 @@ class Runner:
 
 
 @contextmanager
-def _breakdown_said(name: str) -> Iterator[None]:
+def breakdown_said(name: str) -> Iterator[None]:
     """Turn a breakdown of linear algebra inside a stage into a sentence.
 
     Raises

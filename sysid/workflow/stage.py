@@ -135,7 +135,7 @@ class Stage(Generic[T]):
       company it always runs; `effort` its typical seconds.
     - How it is kept: `in_file` False for what every process computes anew; `unfinished` whether a kept result goes on
       when an interrupted run is resumed; `answers` whether a kept result fits the options; `so_far` what an
-      unfinished run has got.
+      unfinished run has got; `discard` removes what such a run has left below the output folder.
     - Where it goes: `put` its result into those of the whole calibration (None: under its name into ``further``);
       `warnings` of it (quick: of a preview) for the user; `command` on the command line, None for none.
     """
@@ -151,6 +151,7 @@ class Stage(Generic[T]):
     unfinished: Callable[[T, Settings], bool] = lambda result, settings: False
     answers: Callable[[T, Mapping[str, Any]], bool] = lambda result, options: True
     so_far: Callable[[Context], T | None] | None = None
+    discard: Callable[[Path], None] | None = None
     put: Callable[[Results, T], Results] | None = None
     warnings: Callable[[T, bool], Sequence[str]] = _no_warnings
     in_run: Literal["always", "full", "never"] = "never"

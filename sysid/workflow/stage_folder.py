@@ -25,6 +25,7 @@ from sysid.files import read_json, remove_unfinished, write_text
 from sysid.folder_lock import FolderLock, writing_to
 from sysid.threads import one_blas_thread
 from sysid.workflow import store
+from sysid.workflow.earlier_files import remove_earlier
 from sysid.workflow.schema import result_hint, schema_digest
 from sysid.workflow.settings import Settings, remember
 from sysid.workflow.sources import code_digest
@@ -108,6 +109,24 @@ class StageFolder:
             self._results.pop(stage, None)
             if stage.in_file:
                 self.write(partial(self._path(stage).unlink, missing_ok=True))
+            if stage.command is not None and stage.command.aside is not None:
+                self.write(partial(remove_earlier, self.path, stage.name, ()))
+
+    def clear(self) -> None:
+        """Delete the results of all stages, unfinished ones too."""
+        self.forget(STAGES)
+        for stage in STAGES:
+            if stage.discard is not None:
+                self.write(partial(stage.discard, self.path))
+
+    def stale(self) -> tuple[str, ...]:
+        """Names of the stages whose files are complete but of other inputs, settings, version or code."""
+        names = []
+        for stage in STAGES:
+            marked = store.fingerprint_in(self._path(stage)) if stage.in_file else None
+            if marked is not None and marked != self.fingerprint(stage):
+                names.append(stage.name)
+        return tuple(names)
 
     def no_success(self) -> None:
         """Remove the marker of a finished run."""

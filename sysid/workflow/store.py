@@ -56,6 +56,13 @@ def load(path: Path, fingerprint: str, hint: Any) -> Any | None:
         return None
 
 
+def fingerprint_in(path: Path) -> str | None:
+    """The fingerprint that a stage's file is marked with; None if there is none or it is damaged."""
+    content = array_file.read(path)
+    marked = None if content is None else content.fields.get("fingerprint")
+    return marked if isinstance(marked, str) else None
+
+
 def _encoded(value: Any, arrays: dict[str, np.ndarray]) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         members = {f.name: _encoded(getattr(value, f.name), arrays) for f in dataclasses.fields(value)}

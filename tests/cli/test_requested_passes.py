@@ -36,11 +36,15 @@ def test_a_shape_needs_no_scan():
     assert found.bump == found.shape.label
 
 
-def test_a_file_is_a_bump_that_no_run_crossed(tmp_path):
-    path = tmp_path / "hump.csv"
+def test_a_file_is_a_bump_that_no_run_crossed(tmp_path, monkeypatch):
+    path = tmp_path / "site" / "hump.csv"
+    path.parent.mkdir()
     path.write_text("station_m,height_m\n0,0\n1,0.1\n2,0\n")
     (found,) = requested_passes(CAMPAIGN, {"speeds": (36.0,), "bump": str(path)})
-    assert (found.bump, found.shape.source, found.shape.heights_m) == ("hump.csv", "hump.csv", (0.0, 0.1, 0.0))
+    name = "site/hump.csv"
+    assert (found.bump, found.shape.source, found.shape.heights_m) == (name, name, (0.0, 0.1, 0.0))
+    monkeypatch.chdir(path.parent)
+    assert requested_passes(CAMPAIGN, {"speeds": (36.0,), "bump": "hump.csv"})[0].bump == "hump.csv"
     # A scan of the campaign comes before a file of the same name.
     assert requested_passes(CAMPAIGN, {"speeds": (36.0,), "bump": "one"})[0].shape is None
     path.write_text("")

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,8 +16,9 @@ from sysid.files import write_text
 from sysid.progress import Progress
 from sysid.results.contents import Results
 from sysid.workflow import Calibration, Settings, make_settings
+from sysid.workflow.earlier_files import remember_more
 from sysid.workflow.stage import Ending
-from sysid.workflow.stages import DROPS
+from sysid.workflow.stages import DROPS, PREDICT, SAMPLE
 from sysid.workflow.stages.endings import EXPORT
 
 DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
@@ -144,3 +146,72 @@ def test_a_stage_computed_again_keeps_what_rests_on_it_if_it_comes_out_the_same(
     assert (stages / "drops.npz").read_bytes() == kept
     assert not fit.exists()
     assert not marker.exists()
+
+
+def test_what_was_written_stays_when_only_results_of_other_inputs_are_there(campaign: Path, tmp_path: Path) -> None:
+    output = tmp_path / "out"
+    first = Calibration(campaign, output, SINGLE_AXLE)
+    first.drops()
+    first.export()
+    kept = {path: path.read_bytes() for path in output.rglob("*") if path.is_file() and path.name != ".lock"}
+    file = campaign / "campaign.toml"
+    file.write_text(file.read_text() + "\n# A note.\n")
+    second = Calibration(campaign, output, SINGLE_AXLE)
+    for write in (second.export, second.report):
+        with pytest.raises(CampaignError, match=r"results in out/ \(check, drops\) belong to other inputs"):
+            write()
+    assert {path: path.read_bytes() for path in kept} == kept
+    # Whoever computes a stage wants its result, and what it does not concern any more goes.
+    second.drops()
+    second.export()
+    # A damaged result is not one of other inputs.
+    (output / "stages" / "drops.npz").write_bytes(b"damaged")
+    Calibration(campaign, output, SINGLE_AXLE).export()
+
+
+def test_a_run_from_the_beginning_removes_the_chain_of_the_one_before(campaign: Path, tmp_path: Path) -> None:
+    """Else --resume would be refused after the fit: the chain belongs to other inputs."""
+    output = tmp_path / "out"
+    segment = output / "chain" / "segment-000000.npz"
+    segment.parent.mkdir(parents=True)
+    segment.write_bytes(b"of other inputs")
+    notes = segment.with_name("notes.txt")
+    notes.write_text("mine")
+    settings = replace(SINGLE_AXLE, fit=replace(SINGLE_AXLE.fit, max_iterations=0))
+    calibration = Calibration(campaign, output, settings, resume=True)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(type(calibration._runner), "result", _stopped)
+        with pytest.raises(KeyboardInterrupt):
+            calibration.run()
+        assert segment.exists()
+        with pytest.raises(KeyboardInterrupt):
+            Calibration(campaign, output, settings).run()
+    assert not segment.exists()
+    assert notes.exists()
+
+
+def _stopped(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def test_passes_asked_for_by_options_go_with_the_results_that_they_rest_on(campaign: Path, tmp_path: Path) -> None:
+    output = tmp_path / "out"
+    calibration = Calibration(campaign, output, SINGLE_AXLE)
+    calibration.drops()
+    path = output / "predictions" / "unloaded_60kmh.csv"
+    write_text(path, "")
+    remember_more(output, PREDICT.name, [path])
+    calibration.again(DROPS, {})
+    assert path.exists()
+    calibration.redo("drops")
+    assert not path.exists()
+
+
+def test_a_posterior_is_stale_when_more_is_asked_of_it(campaign: Path, tmp_path: Path) -> None:
+    def fingerprint(**changed: Any) -> str:
+        settings = replace(SINGLE_AXLE, sampling=replace(SINGLE_AXLE.sampling, **changed))
+        return Calibration(campaign, tmp_path / "out", settings)._folder.fingerprint(SAMPLE)
+
+    assert fingerprint(max_steps=3000) == fingerprint()
+    for changed in ({"min_effective": 2000.0}, {"rhat_limit": 1.001}, {"min_steps": 100}):
+        assert fingerprint(**changed) != fingerprint()

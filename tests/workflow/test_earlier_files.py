@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sysid.workflow.earlier_files import remove_earlier
+from sysid.workflow.earlier_files import remember_more, remove_earlier
 
 
 def _written(folder: Path, *names: str) -> list[Path]:
@@ -81,3 +81,12 @@ def test_a_damaged_list_is_none(tmp_path: Path, content: str) -> None:
     written[1].write_text(content)
     assert remove_earlier(tmp_path, "export", written[:1]) == []
     assert json.loads(written[1].read_text()) == {"export": ["predictions/peaks.csv"]}
+
+
+def test_files_written_aside_add_up_and_go_together(tmp_path: Path) -> None:
+    remember_more(tmp_path, "predict", _written(tmp_path, "predictions/empty_60kmh.csv"))
+    remember_more(tmp_path, "predict", _written(tmp_path, "predictions/empty_70kmh.csv"))
+    remove_earlier(tmp_path, "export", _written(tmp_path, "predictions/peaks.csv"))
+    assert len(_files(tmp_path)) == 3
+    remove_earlier(tmp_path, "predict", ())
+    assert _files(tmp_path) == {"predictions/peaks.csv"}

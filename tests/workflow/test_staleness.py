@@ -43,11 +43,12 @@ STALE: dict[str, set[str]] = {
     "sampling.start_inflation": ON_SAMPLE,
     "sampling.seed": ON_SAMPLE,
     "sampling.preview": ON_SAMPLE,
-    # How long to go on decides when a chain ends, not what it is.
-    "sampling.min_steps": set(),
+    # A posterior is converged by these; a chain may go on with others.
+    "sampling.min_steps": ON_SAMPLE,
+    "sampling.rhat_limit": ON_SAMPLE,
+    "sampling.min_effective": ON_SAMPLE,
+    # This limits how long a chain goes on, not what it is.
     "sampling.max_steps": set(),
-    "sampling.rhat_limit": set(),
-    "sampling.min_effective": set(),
     "validation.nrmse": {"validate"},
     "validation.peak_error": {"validate"},
     "validation.sprague_geers_magnitude": {"validate"},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sysid.display import NOT_DETERMINED, TextTable, shown_unit
@@ -75,6 +76,15 @@ def _sampled_so_far(context: Context) -> Posterior | None:
     return posterior_so_far(context.folder / CHAIN, identity, kept.fit.names, LIKELIHOOD, options, point.spread)
 
 
+def _without_chain(output: Path) -> None:
+    """Remove a chain; the last segment goes first, so that a kill in between leaves a shorter one."""
+    if (output / CHAIN).is_dir():
+        from sysid.posterior.segments import segment_files
+
+        for path in reversed(segment_files(output / CHAIN)):
+            path.unlink()
+
+
 def _can_go_on(posterior: Posterior, settings: Settings) -> bool:
     steps = posterior.burn_in + posterior.thin * posterior.draws.shape[1]
     return not posterior.converged and steps < settings.sampling.max_steps
@@ -117,6 +127,9 @@ SAMPLE = Whole(
             "segment_steps",
             "adapting_steps",
             "start_inflation",
+            "min_steps",
+            "min_effective",
+            "rhat_limit",
             "seed",
             "preview",
         )
@@ -124,6 +137,7 @@ SAMPLE = Whole(
     code=("posterior",),
     unfinished=_can_go_on,
     so_far=_sampled_so_far,
+    discard=_without_chain,
     put=lambda results, posterior: replace(results, posterior=posterior),
     warnings=_sample_warnings,
     in_run="always",
