@@ -39,6 +39,8 @@ def remarks(
     name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
     if request.shape is not None:
         name += f", {request.shape.label}"
+    elif len(campaign.scans) > 1:
+        name += f", {request.bump}"
     sentences = [*_extrapolation(campaign, request, name), *_beyond(trust, name)]
     if acting:
         stops = ", ".join(f"axle {i + 1} in {way} at about {1e3 * m:.0f} mm" for i, (way, m) in sorted(acting.items()))
@@ -64,7 +66,7 @@ def _extrapolation(campaign: Campaign, request: PredictionRequest, name: str) ->
             f"{name}: faster than any run of this load case ({3.6 * max(driven):g} km/h); the prediction is an "
             "extrapolation."
         )
-    if request.shape is not None:
+    if request.shape is not None or request.bump not in {r.bump for r in campaign.bump_runs}:
         sentences.append(f"{name}: no run crossed this bump; the prediction is an extrapolation.")
     return sentences
 

@@ -33,7 +33,7 @@ _CHOICES = ("auto", "native", "reference", "jax")
 
 #: What is lost without the native engine, and how to get it back: with JAX on the processor and on another device.
 _COMPILER = (
-    "a likelihood takes about twelve times as long, and the derivatives of the fit a hundred times. Install a C++ "
+    "a likelihood takes about fifteen times as long, and the derivatives of the fit a hundred times. Install a C++ "
     "compiler (Debian, Ubuntu: apt install g++; without administrator: pip install ziglang)"
 )
 _DEVICE = (

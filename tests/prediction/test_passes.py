@@ -221,6 +221,10 @@ def test_extrapolation_is_said():
     assert "never did in the driven runs: axle 1" in lifted
     (shaped,) = remarks(runs, PredictionRequest("empty", 9.0, "x", BumpShape("watts", 0.1, 3.7)), quiet, 1.0)
     assert "no run crossed this bump" in shaped
+    two = replace(runs, scans={"bump": None, "kerb": None})
+    (elsewhere,) = remarks(two, PredictionRequest("empty", 9.0, "kerb"), quiet, 1.0)
+    assert elsewhere.startswith("empty, 32.4 km/h, kerb: no run crossed this bump")
+    assert remarks(two, PredictionRequest("empty", 9.0, "bump"), quiet, 1.0) == ()
     (heavy,) = remarks(runs, PredictionRequest("empty", 9.0), quiet, 1.02)
     assert "1.020 times the weight" in heavy
 

@@ -244,7 +244,7 @@ def test_the_command_line_says_that_the_native_engine_is_missing(monkeypatch, un
     for _ in range(2):  # a second command in one process does not say it twice
         configured(said.append)
     engine.engine_of_process()
-    assert len([s for s in said if "twelve times as long" in s]) == 1
+    assert len([s for s in said if "fifteen times as long" in s]) == 1
 
 
 @needs_compiler
