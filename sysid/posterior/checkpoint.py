@@ -102,7 +102,7 @@ class Checkpoint:
         if changed:
             raise CampaignError(
                 f"The chain in {self._folder.name}/ belongs to other inputs: {', '.join(changed)} changed since; "
-                "start afresh without --resume, or choose another --output."
+                "the command 'sample' without --resume begins a new one, or choose another --output."
             )
 
 
