@@ -29,7 +29,7 @@ def read_fleet(path: str | Path) -> Fleet:
     Raises
     ------
     CampaignError
-        If there is no campaign, the file is wrong, or two campaigns have one name.
+        If there is no campaign, the file is wrong, or two campaigns have one name or one folder.
     """
     given = Path(path)
     if given.is_dir():
@@ -91,6 +91,7 @@ def _from_file(file: Path) -> Fleet:
     read = validated(FleetFile, tables, content.name)
     trucks = tuple(_truck(entry, file.parent, content.name) for entry in read.truck)
     fleet = _checked(Fleet(read.fleet.title or file.parent.resolve().name, file.parent, trucks), content.name)
+    _check_names(content.name, "shared errors have the name", (entry.name for entry in read.shared))
     names = [campaign.name for _, campaign in fleet.campaigns()]
     shared = tuple(_shared(entry, names, content.name) for entry in read.shared)
     return Fleet(fleet.title, fleet.folder, fleet.trucks, shared)
@@ -119,16 +120,28 @@ def _shared(entry: SharedEntry, names: list[str], label: str) -> SharedError:
 
 
 def _checked(fleet: Fleet, label: str) -> Fleet:
-    for what, all_names in (
-        ("trucks have the name", [t.name for t in fleet.trucks]),
-        # Names that differ in case only are one folder on some systems.
-        ("campaigns have the name", [c.name.casefold() for _, c in fleet.campaigns()]),
-    ):
-        double = _repeated(all_names)
-        if double is not None:
-            raise CampaignError(f"{shorten(label, 80)}: two {what} '{shorten(double)}'; give each its own.")
+    _check_names(label, "trucks have the name", (t.name for t in fleet.trucks))
+    # Names that differ in case only are one folder on some systems.
+    _check_names(label, "campaigns have the name", (c.name.casefold() for _, c in fleet.campaigns()))
+    _check_files(fleet, label)
     return fleet
 
 
-def _repeated(names: Iterable[str]) -> str | None:
-    return next((name for name, count in Counter(names).items() if count > 1), None)
+def _check_names(label: str, what: str, names: Iterable[str]) -> None:
+    double = next((name for name, count in Counter(names).items() if count > 1), None)
+    if double is not None:
+        raise CampaignError(f"{shorten(label, 80)}: two {what} '{shorten(double)}'; give each its own.")
+
+
+def _check_files(fleet: Fleet, label: str) -> None:
+    """The same data twice would count as two measurements."""
+    names: dict[str, str] = {}
+    for _, campaign in fleet.campaigns():
+        file = campaign.folder / CAMPAIGN_FILE if campaign.folder.is_dir() else campaign.folder
+        # A campaign file may be a link: the logs are those of the folder that the link is in.
+        other = names.setdefault(os.path.join(os.path.realpath(file.parent), file.name), campaign.name)
+        if other != campaign.name:
+            raise CampaignError(
+                f"{shorten(label, 80)}: the campaigns '{shorten(other)}' and '{shorten(campaign.name)}' have one "
+                f"folder, {shorten(campaign.folder, 100)}; correct the folder of one, or leave it out."
+            )

@@ -30,6 +30,7 @@ log_sd = 0.01
 moves = { stiffness = 1.0, damping = 1.0 }
 campaigns = ["again", "b"]
 """
+SCALES = '[[shared]]\nname = "scales"\nlog_sd = 0.02\nmoves = { stiffness = 1.0 }\n'
 
 
 def write(folder: Path, text: str = FLEET) -> Path:
@@ -56,6 +57,8 @@ def test_a_fleet_is_what_its_file_says(tmp_path: Path) -> None:
         ("schema = 1", "schema = 2", "schema"),
         ('name = "B"', 'name = "A 1"', "two trucks have the name 'A 1'"),
         ('name = "again"', 'name = "B"', "two campaigns have the name 'b'"),
+        ('folder = "b"', 'folder = "a//may/.", name = "b"', "the campaigns 'a-may' and 'b' have one folder"),
+        ("[[shared]]", SCALES + "[[shared]]", "two shared errors have the name 'scales'"),
         ('folder = "b"', 'folder = "../b"', "leads outside the campaign folder"),
         ('folder = "b"', 'folder = "/etc"', "an absolute path"),
         ('name = "again"', 'name = "a/b"', "a folder gets this name"),
@@ -75,6 +78,21 @@ def test_what_is_wrong_is_one_sentence(tmp_path: Path, old: str, new: str, said:
         read_fleet(write(tmp_path, FLEET.replace(old, new, 1)))
     assert said in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_one_folder_by_two_names_is_refused_and_two_folders_with_one_file_are_not(tmp_path: Path) -> None:
+    folder = write(tmp_path, FLEET.replace('["again", "b"]', '["b"]').replace("a/june", "a/june/campaign.toml"))
+    (folder / "a" / "may").mkdir(parents=True)
+    (folder / "a" / "june").mkdir()
+    (folder / "a" / "may" / "campaign.toml").write_text("")
+    (folder / "a" / "june" / "campaign.toml").symlink_to("../may/campaign.toml")
+    (folder / "b").symlink_to("a/other")
+    assert read_fleet(folder).count == 3
+    (folder / "b").unlink()
+    (folder / "b").symlink_to("a/june")
+    result = CliRunner().invoke(cli, ["fleet", "status", str(folder), "--output", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert "fleet.toml: the campaigns 'again' and 'b' have one folder" in result.stderr
 
 
 def test_a_folder_of_campaigns_is_a_fleet_too(tmp_path: Path) -> None:
