@@ -12,15 +12,13 @@ from sysid.campaign.inputs.paths import check_name
 from sysid.campaign.toml.errors import parse_toml, validated
 from sysid.campaign.toml.todo import refuse_todos
 from sysid.errors import CampaignError
+from sysid.fleet.folders import CAMPAIGN_FILE, campaign_folders
 from sysid.fleet.records import Fleet, FleetCampaign, SharedError, Truck
 from sysid.fleet.schema import FleetFile, SharedEntry, TruckEntry
 from sysid.logs.input_file import FileRefusedError, read_file
 from sysid.wording import finish, nearest, shorten
 
 FLEET_FILE = "fleet.toml"
-CAMPAIGN_FILE = "campaign.toml"
-#: Depth below the fleet's folder in which campaign files are looked for.
-_DEPTH = 4
 
 
 def read_fleet(path: str | Path) -> Fleet:
@@ -46,28 +44,15 @@ def fleet_of_folder(folder: Path) -> Fleet:
     CampaignError
         If there is none, or two would have one name.
     """
-    folders = campaign_folders(folder)
+    folders, said = campaign_folders(folder)
     if not folders:
-        raise CampaignError(
+        none = (
             f"{shorten(folder, 100)} has neither a {FLEET_FILE} nor subfolders with a {CAMPAIGN_FILE}; give the folder "
             "above the campaigns."
         )
+        raise CampaignError(" ".join([none, *said[:3]]))
     trucks = [Truck(name := result_name(f), "truck", (FleetCampaign(name, folder / f),)) for f in folders]
-    return _checked(Fleet(folder.resolve().name, folder, tuple(trucks)), str(folder))
-
-
-def campaign_folders(folder: Path) -> list[str]:
-    """Folders with a campaign file below `folder`, relative to it, in order of their names."""
-    campaigns = []
-    for root, folders, files in os.walk(folder):
-        inside = Path(root).relative_to(folder)
-        # Results of earlier runs hold no campaign files, but may hold thousands of folders.
-        hidden = len(inside.parts) >= _DEPTH or "stages" in folders
-        folders[:] = [] if hidden else sorted(f for f in folders if not f.startswith("."))
-        if CAMPAIGN_FILE in files and inside.parts:
-            campaigns.append(inside.as_posix())
-            folders[:] = []
-    return sorted(campaigns)
+    return _checked(Fleet(folder.resolve().name, folder, tuple(trucks), messages=tuple(said)), str(folder))
 
 
 def result_name(folder: str) -> str:
@@ -137,7 +122,7 @@ def _check_files(fleet: Fleet, label: str) -> None:
     """The same data twice would count as two measurements."""
     names: dict[str, str] = {}
     for _, campaign in fleet.campaigns():
-        file = campaign.folder / CAMPAIGN_FILE if campaign.folder.is_dir() else campaign.folder
+        file = campaign.folder / CAMPAIGN_FILE if os.path.isdir(campaign.folder) else campaign.folder
         # A campaign file may be a link: the logs are those of the folder that the link is in.
         other = names.setdefault(os.path.join(os.path.realpath(file.parent), file.name), campaign.name)
         if other != campaign.name:

@@ -39,6 +39,7 @@ def compute(path: str | Path, output: Path, progress: Progress | None = None) ->
     """
     fleet = read_fleet(path)
     by_type, remarks = populations(fleet, output, progress=progress)
+    remarks = [*fleet.messages, *remarks]
     loads: list[PopulationLoad] = []
     for p in by_type:
         of_type, said = population_loads(p.type, members(fleet, output, p.type))
