@@ -245,7 +245,8 @@ def calibrated(folder: Path, output: Path, name: str, **changes: str) -> Path:
     return campaign
 
 
-def test_results_of_changed_campaigns_do_not_count_and_doubtful_ones_are_named(tmp_path: Path, quick_sampling) -> None:
+@pytest.mark.usefixtures("quick_sampling")
+def test_results_of_changed_campaigns_do_not_count_and_doubtful_ones_are_named(tmp_path: Path) -> None:
     folder, output = write_fleet_results(tmp_path)
     changed, gone = (calibrated(folder, output, f"T1-{n}") for n in (1, 2))
     calibrated(folder, output, "T2-1", status="preview")
