@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import tempfile
@@ -16,6 +17,8 @@ from sysid import limits
 UNFINISHED = ".writing-"
 #: Pauses [s] before a file that a reader holds open is replaced again: only Windows refuses that.
 _PAUSES_S = (0.01, 0.1, 1.0)
+#: What a file system says that cannot flush folders, such as the shared folders of VirtualBox and some of networks.
+_NOT_FLUSHED = (errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP)
 
 
 def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
@@ -105,5 +108,9 @@ def _flush_names(folder: Path) -> None:
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)
+    except OSError as error:
+        # The file is in its place already.
+        if error.errno not in _NOT_FLUSHED:
+            raise
     finally:
         os.close(handle)

@@ -60,7 +60,9 @@ ROOMS = {
     "estimation": ("parameters", "residuals", "weights", "uncertainty", "fit"),
 }
 #: Files of such a package outside its rooms.
-NO_ROOM = {"campaign": {"findings", "loggers", "priors", "read", "records", "statics", "units", "vehicle_records"}}
+NO_ROOM = {
+    "campaign": {"findings", "loggers", "priors", "read", "records", "requests", "statics", "units", "vehicle_records"}
+}
 
 JAX_PACKAGES = {"runtime", "vehicle_model", "estimation", "posterior", "prediction", "planning", "estimates"}
 

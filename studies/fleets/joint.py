@@ -20,6 +20,7 @@ from sysid.estimation.uncertainty.spread import covariance_root
 from sysid.fleet.assembly import assemble
 from sysid.fleet.draws import RECORD_FILE, CampaignDraws, read_draws
 from sysid.fleet.hierarchy import HyperPriors
+from sysid.fleet.members import members as members_of
 from sysid.fleet.population import Quantiles, TypePopulation, fit_population
 from sysid.fleet.population_prior import Fitted
 from sysid.fleet.read import read_fleet
@@ -237,7 +238,7 @@ def compare(folder: Path, *, chains: int = 96, steps: int = 1500, seed: int = 3)
     if any(row.state != "done" for row in rows):
         raise SystemExit(f"Not all campaigns are done: {[(row.campaign, row.state) for row in rows]}")
     priors = HyperPriors()
-    assembled = assemble(known, output, rows[0].type, priors)
+    assembled = assemble(members_of(known, output, rows[0].type), known.shared, priors)
     records = [read_draws(m.output / RECORD_FILE) for m in assembled.members]
     of_names = [r.of(assembled.data.names) for r in records if r is not None]
     two_stages = fit_population(rows[0].type, assembled.data, assembled.units, of_names, priors=priors)

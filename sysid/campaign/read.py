@@ -26,6 +26,7 @@ from sysid.campaign.records import (
     Scan,
     Sensor,
 )
+from sysid.campaign.requests import check_passes
 from sysid.campaign.statics import check_statics
 from sysid.campaign.toml.stand_ins import with_stand_ins
 from sysid.campaign.toml.todo import refuse_todos
@@ -242,7 +243,7 @@ class _TestReader:
         Raises
         ------
         CampaignError
-            If a load case, a scan or a file that one names is missing.
+            If a load case, a scan or a file that one names is missing, or a pass takes too long.
         DataRejectedError
             If the reader finds no bump in a file.
         """
@@ -260,11 +261,12 @@ class _TestReader:
                 count += 1
                 name = f"{shape.label} ({count})"
             result.append(PredictionRequest(load_case, speed, name, shape))
+        check_passes(result, self.vehicle.vehicle, {}, self.file.name)
         return tuple(result)
 
     def _shape(self, table: s.ShapeTable, key: str, profile_reader: ProfileReader | None) -> BumpShape:
         if table.file is None:
-            return _shape(table)
+            return table.bump()
         content = self.files.content(table.file, f"{key}.file", limits.PROFILE_BYTES)
         name = paths.relative_name(table.file)
         if profile_reader is None:
@@ -316,12 +318,6 @@ class _TestReader:
                 f"{' or '.join(repr(shorten(n)) for n in list(scans)[:5])}."
             )
         return next(iter(scans))
-
-
-def _shape(table: s.ShapeTable) -> BumpShape:
-    assert table.name != "file"
-    points = tuple(table.station_m), tuple(table.heights_m)
-    return BumpShape(table.name, table.height_m, table.length_m, table.top_m, *points)
 
 
 def _sensor(

@@ -28,6 +28,7 @@ from sysid.folder_lock import writing_to
 from sysid.wording import shorten
 
 if TYPE_CHECKING:
+    from sysid.fleet.records import Fleet
     from sysid.fleet.results import FleetResults
     from sysid.fleet.running import RunOptions
 
@@ -95,6 +96,16 @@ def _command(function: Callable[..., int]) -> Callable[..., None]:
     return leave
 
 
+def _read(path: Path, errors: Console) -> Fleet:
+    """The fleet; what was left out of it is said."""
+    from sysid.fleet.read import read_fleet
+
+    known = read_fleet(path)
+    for message in known.messages:
+        errors.print(message, markup=False)
+    return known
+
+
 def _computed(path: Path, output: Path, errors: Console) -> FleetResults:
     """Populations and loads of a fleet, with a progress bar."""
     from sysid.cli.progress import StageProgress
@@ -129,11 +140,10 @@ def run(
     **choices: Any,
 ) -> int:
     """Calibrate every campaign into its own folder, several at a time; what is finished is not computed again."""
-    from sysid.fleet.read import read_fleet
     from sysid.fleet.running import exit_code, run_fleet
     from sysid.fleet.status import write_status
 
-    known = read_fleet(path)
+    known = _read(path, errors)
     options = _run_options(workers, scheduler, send_files, retry=retry, only=only, choices=choices)
     with StatusView(errors, output) as view:
         rows = run_fleet(known, output, options, view.show)
@@ -197,12 +207,14 @@ class StatusView:
 @_command
 def init(screen: Console, errors: Console, folder: Path, force: bool) -> int:
     """Begin a fleet.toml from the campaigns below FOLDER."""
-    target = _write_fleet_file(folder, force)
+    target, said = _write_fleet_file(folder, force)
+    for message in said:
+        errors.print(message, markup=False)
     screen.print(f"{target}\nLook at trucks, types and dates in it, then: {program()} fleet {folder}", markup=False)
     return 0
 
 
-def _write_fleet_file(folder: Path, force: bool) -> Path:
+def _write_fleet_file(folder: Path, force: bool) -> tuple[Path, list[str]]:
     from sysid.fleet.begin import fleet_text
     from sysid.fleet.read import FLEET_FILE
 
@@ -211,10 +223,10 @@ def _write_fleet_file(folder: Path, force: bool) -> Path:
     target = folder / FLEET_FILE
     if target.exists() and not force:
         raise CampaignError(f"{shorten(target, 100)} exists; give --force to write over it.")
-    text = fleet_text(folder)
+    text, said = fleet_text(folder)
     with writing_to(folder):
         write_text(target, text)
-    return target
+    return target, said
 
 
 @fleet.command("status")
@@ -223,10 +235,9 @@ def _write_fleet_file(folder: Path, force: bool) -> Path:
 @_command
 def status(screen: Console, errors: Console, path: Path, output: Path) -> int:
     """What has become of every campaign, without computing anything."""
-    from sysid.fleet.read import read_fleet
     from sysid.fleet.status import rows_on_disk
 
-    render(screen, status_blocks(list(rows_on_disk(read_fleet(path), output))))
+    render(screen, status_blocks(list(rows_on_disk(_read(path, errors), output))))
     return 0
 
 
@@ -238,13 +249,12 @@ def status(screen: Console, errors: Console, path: Path, output: Path) -> int:
 def jobs(screen: Console, errors: Console, path: Path, output: Path, **choices: Any) -> int:
     """One command per campaign, a line each, for another scheduler (Slurm arrays, Snakemake, GNU parallel)."""
     from sysid.fleet.key import typed_options
-    from sysid.fleet.read import read_fleet
 
     words = [sys.executable, os.path.abspath(sys.argv[0]), "fleet", "run", str(path.resolve())]
     for name, value in typed_options(choices).items():
         flag = f"--{name.replace('_', '-')}"
         words += [flag] if value is True else [flag, str(value)]
-    for _, campaign in read_fleet(path).campaigns():
+    for _, campaign in _read(path, errors).campaigns():
         line = [*words, "--output", str(output.resolve()), "--workers", "1", "--only", campaign.name]
         screen.print(shlex.join(line), markup=False, soft_wrap=True)
     return 0
@@ -302,9 +312,8 @@ def recalibrate(
 def index(screen: Console, errors: Console, path: Path, output: Path) -> int:
     """Parquet tables of all campaigns, for queries by DuckDB or pandas; needs sysid[parquet]."""
     from sysid.fleet.index import write_index
-    from sysid.fleet.read import read_fleet
 
-    screen.print(str(write_index(read_fleet(path), output)), markup=False)
+    screen.print(str(write_index(_read(path, errors), output)), markup=False)
     return 0
 
 

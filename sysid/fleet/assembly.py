@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import overload
 
 import numpy as np
@@ -13,10 +12,9 @@ from sysid.errors import DataRejectedError
 from sysid.fleet.draws import CampaignDraws, campaign_draws
 from sysid.fleet.hierarchy import HyperPriors, TypeData
 from sysid.fleet.likelihood import Likelihood, likelihood_of, sensitivity_to, without_shared
-from sysid.fleet.outcome import read_outcome
+from sysid.fleet.members import Member, Members
 from sysid.fleet.population import TypePopulation, fit_population, stand_alone
-from sysid.fleet.records import Fleet, SharedError
-from sysid.fleet.running import campaign_output
+from sysid.fleet.records import SharedError
 from sysid.progress import Progress, unwatched
 
 #: Quantities whose population is looked for, in this order.
@@ -25,15 +23,6 @@ QUANTITIES = ("stiffness", "damping")
 LEAST_TRUCKS = 3
 #: Above this share of a campaign's variance a shared error cannot be what its interval allows for.
 _DOUBTFUL_SHARE = 0.9
-
-
-@dataclass(frozen=True)
-class Member:
-    """One campaign with results: truck, name, and the folder that they are in."""
-
-    truck: str
-    campaign: str
-    output: Path
 
 
 class StoredDraws(Sequence[CampaignDraws | None]):
@@ -68,9 +57,12 @@ class Assembled:
 
 
 def populations(
-    fleet: Fleet, output: Path, priors: HyperPriors | None = None, progress: Progress | None = None
+    of_types: Iterable[Members],
+    shared: Sequence[SharedError],
+    priors: HyperPriors | None = None,
+    progress: Progress | None = None,
 ) -> tuple[list[TypePopulation], list[str]]:
-    """The population of every type with enough trucks, and sentences about what was left out.
+    """The population of every type with enough trucks, and sentences about what was left out or is not final.
 
     Raises
     ------
@@ -79,11 +71,11 @@ def populations(
     """
     priors, report = priors or HyperPriors(), progress or unwatched
     populations, said = [], []
-    for kind in dict.fromkeys(t.type for t in fleet.trucks):
+    for of_type in of_types:
         try:
-            assembled = assemble(fleet, output, kind, priors)
+            assembled = assemble(of_type, shared, priors)
             population = fit_population(
-                kind,
+                of_type.type,
                 assembled.data,
                 assembled.units,
                 StoredDraws(assembled.members, assembled.data.names),
@@ -92,26 +84,16 @@ def populations(
                 progress=report,
             )
         except DataRejectedError as error:
-            said.append(str(error))
+            said.append(" ".join([str(error), *(f"{of_type.type}: {r}." for r in of_type.remarks[:3])]))
             continue
-        said += [f"{kind}: {remark}" for remark in assembled.remarks]
+        said += [f"{of_type.type}: {remark}" for remark in (*of_type.remarks, *assembled.remarks)]
         populations.append(population)
     if not populations:
         raise DataRejectedError(" ".join(said[:3]) or "The fleet has no campaign with results; run it first.")
     return populations, said
 
 
-def members(fleet: Fleet, output: Path, kind: str) -> Iterator[Member]:
-    """Campaigns of a type that have results, truck after truck."""
-    for truck in fleet.trucks:
-        for campaign in truck.campaigns if truck.type == kind else ():
-            folder = campaign_output(output, campaign.name)
-            outcome = read_outcome(folder)
-            if outcome is not None and outcome.finished:
-                yield Member(truck.name, campaign.name, folder)
-
-
-def assemble(fleet: Fleet, output: Path, kind: str, priors: HyperPriors) -> Assembled:
+def assemble(of_type: Members, shared: Sequence[SharedError], priors: HyperPriors) -> Assembled:
     """Likelihoods of all campaigns of a type, for the parameters that enough of its trucks determine.
 
     Raises
@@ -122,7 +104,7 @@ def assemble(fleet: Fleet, output: Path, kind: str, priors: HyperPriors) -> Asse
     with_draws, parts, remarks = [], [], []
     about: dict[str, tuple[str, str, int, str]] = {}
     laws: dict[str, set[str]] = {}
-    for member in members(fleet, output, kind):
+    for member in of_type.campaigns:
         record = campaign_draws(member.output)
         if record is None:
             remarks.append(f"campaign {member.campaign} has no posterior draws and is left out")
@@ -142,7 +124,7 @@ def assemble(fleet: Fleet, output: Path, kind: str, priors: HyperPriors) -> Asse
     trucks = tuple(dict.fromkeys(m.truck for m in with_draws))
     if len(trucks) < LEAST_TRUCKS:
         raise DataRejectedError(
-            f"Type '{kind}' has {len(trucks)} trucks with draws; a population needs {LEAST_TRUCKS}."
+            f"Type '{of_type.type}' has {len(trucks)} trucks with draws; a population needs {LEAST_TRUCKS}."
         )
     order = sorted(about, key=lambda n: (QUANTITIES.index(about[n][0]), about[n][2], n))
     mixed = sorted(n for n in order if len(laws[n]) > 1)
@@ -151,11 +133,11 @@ def assemble(fleet: Fleet, output: Path, kind: str, priors: HyperPriors) -> Asse
             f"campaigns of this type have different suspension laws ({', '.join(mixed[:6])}): their k and c are "
             "not comparable; give the fleet one law by --laws declared or in the campaign files"
         )
-    data, shared = _stacked(fleet.shared, order, about, with_draws, parts, trucks, remarks)
+    data, concerned = _stacked(shared, order, about, with_draws, parts, trucks, remarks)
     data, left_out = _determined(data, priors)
     if left_out:
         remarks.append(f"{', '.join(left_out)}: determined in fewer than {LEAST_TRUCKS} trucks, left out")
-    return Assembled(data, tuple(about[n][1] for n in data.names), tuple(with_draws), shared, tuple(remarks))
+    return Assembled(data, tuple(about[n][1] for n in data.names), tuple(with_draws), concerned, tuple(remarks))
 
 
 def _stacked(

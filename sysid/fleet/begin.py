@@ -8,7 +8,8 @@ from pathlib import Path
 from sysid.campaign.toml.text import quoted
 from sysid.errors import CampaignError
 from sysid.files import read_bytes
-from sysid.fleet.read import CAMPAIGN_FILE, campaign_folders, result_name
+from sysid.fleet.folders import CAMPAIGN_FILE, campaign_folders
+from sysid.fleet.read import result_name
 from sysid.wording import shorten
 
 _HEAD = """\
@@ -32,19 +33,20 @@ title = {title}
 """
 
 
-def fleet_text(folder: Path) -> str:
-    """The text of a ``fleet.toml`` of the campaigns below a folder.
+def fleet_text(folder: Path) -> tuple[str, list[str]]:
+    """The text of a ``fleet.toml`` of the campaigns below a folder, and sentences about what was left out.
 
     Raises
     ------
     CampaignError
         If there is no campaign.
     """
-    folders = campaign_folders(folder)
+    folders, said = campaign_folders(folder)
     if not folders:
-        raise CampaignError(
+        none = (
             f"{shorten(folder, 100)} has no subfolder with a {CAMPAIGN_FILE}; begin campaigns by 'init FOLDER' first."
         )
+        raise CampaignError(" ".join([none, *said[:3]]))
     parts = [_HEAD.format(title=quoted(folder.resolve().name))]
     for truck, campaigns in _trucks(folders).items():
         lines = [
@@ -56,7 +58,7 @@ def fleet_text(folder: Path) -> str:
         ]
         lines += [f"  {{ name = {quoted(result_name(c))}, folder = {quoted(c)} }}," for c in campaigns]
         parts.append("\n".join([*lines, "]", ""]))
-    return "".join(parts)
+    return "".join(parts), said
 
 
 def _trucks(folders: list[str]) -> dict[str, list[str]]:

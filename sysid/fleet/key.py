@@ -92,6 +92,9 @@ def result_digest(path: Path) -> str:
 def _digest(path: Path) -> str:
     digest = hashlib.sha256()
     try:
+        # A pipe would wait for a writer.
+        if not path.is_file():
+            return ""
         with path.open("rb") as stream:
             while block := stream.read(_BLOCK):
                 digest.update(block)

@@ -12,8 +12,8 @@ import numpy as np
 
 from sysid.display import Z90
 from sysid.files import read_json
-from sysid.fleet.assembly import Member
 from sysid.fleet.exchangeable import Readings, population
+from sysid.fleet.members import Member
 from sysid.fleet.outcome import RESULT_FILE
 
 #: Scale of the half-Cauchy prior of the spread of the logarithm of a peak load ratio between trucks.

@@ -12,15 +12,13 @@ from sysid.campaign.inputs.paths import check_name
 from sysid.campaign.toml.errors import parse_toml, validated
 from sysid.campaign.toml.todo import refuse_todos
 from sysid.errors import CampaignError
+from sysid.fleet.folders import CAMPAIGN_FILE, campaign_folders
 from sysid.fleet.records import Fleet, FleetCampaign, SharedError, Truck
 from sysid.fleet.schema import FleetFile, SharedEntry, TruckEntry
 from sysid.logs.input_file import FileRefusedError, read_file
 from sysid.wording import finish, nearest, shorten
 
 FLEET_FILE = "fleet.toml"
-CAMPAIGN_FILE = "campaign.toml"
-#: Depth below the fleet's folder in which campaign files are looked for.
-_DEPTH = 4
 
 
 def read_fleet(path: str | Path) -> Fleet:
@@ -29,7 +27,7 @@ def read_fleet(path: str | Path) -> Fleet:
     Raises
     ------
     CampaignError
-        If there is no campaign, the file is wrong, or two campaigns have one name.
+        If there is no campaign, the file is wrong, or two campaigns have one name or one folder.
     """
     given = Path(path)
     if given.is_dir():
@@ -46,28 +44,15 @@ def fleet_of_folder(folder: Path) -> Fleet:
     CampaignError
         If there is none, or two would have one name.
     """
-    folders = campaign_folders(folder)
+    folders, said = campaign_folders(folder)
     if not folders:
-        raise CampaignError(
+        none = (
             f"{shorten(folder, 100)} has neither a {FLEET_FILE} nor subfolders with a {CAMPAIGN_FILE}; give the folder "
             "above the campaigns."
         )
+        raise CampaignError(" ".join([none, *said[:3]]))
     trucks = [Truck(name := result_name(f), "truck", (FleetCampaign(name, folder / f),)) for f in folders]
-    return _checked(Fleet(folder.resolve().name, folder, tuple(trucks)), str(folder))
-
-
-def campaign_folders(folder: Path) -> list[str]:
-    """Folders with a campaign file below `folder`, relative to it, in order of their names."""
-    campaigns = []
-    for root, folders, files in os.walk(folder):
-        inside = Path(root).relative_to(folder)
-        # Results of earlier runs hold no campaign files, but may hold thousands of folders.
-        hidden = len(inside.parts) >= _DEPTH or "stages" in folders
-        folders[:] = [] if hidden else sorted(f for f in folders if not f.startswith("."))
-        if CAMPAIGN_FILE in files and inside.parts:
-            campaigns.append(inside.as_posix())
-            folders[:] = []
-    return sorted(campaigns)
+    return _checked(Fleet(folder.resolve().name, folder, tuple(trucks), messages=tuple(said)), str(folder))
 
 
 def result_name(folder: str) -> str:
@@ -91,6 +76,7 @@ def _from_file(file: Path) -> Fleet:
     read = validated(FleetFile, tables, content.name)
     trucks = tuple(_truck(entry, file.parent, content.name) for entry in read.truck)
     fleet = _checked(Fleet(read.fleet.title or file.parent.resolve().name, file.parent, trucks), content.name)
+    _check_names(content.name, "shared errors have the name", (entry.name for entry in read.shared))
     names = [campaign.name for _, campaign in fleet.campaigns()]
     shared = tuple(_shared(entry, names, content.name) for entry in read.shared)
     return Fleet(fleet.title, fleet.folder, fleet.trucks, shared)
@@ -119,16 +105,28 @@ def _shared(entry: SharedEntry, names: list[str], label: str) -> SharedError:
 
 
 def _checked(fleet: Fleet, label: str) -> Fleet:
-    for what, all_names in (
-        ("trucks have the name", [t.name for t in fleet.trucks]),
-        # Names that differ in case only are one folder on some systems.
-        ("campaigns have the name", [c.name.casefold() for _, c in fleet.campaigns()]),
-    ):
-        double = _repeated(all_names)
-        if double is not None:
-            raise CampaignError(f"{shorten(label, 80)}: two {what} '{shorten(double)}'; give each its own.")
+    _check_names(label, "trucks have the name", (t.name for t in fleet.trucks))
+    # Names that differ in case only are one folder on some systems.
+    _check_names(label, "campaigns have the name", (c.name.casefold() for _, c in fleet.campaigns()))
+    _check_files(fleet, label)
     return fleet
 
 
-def _repeated(names: Iterable[str]) -> str | None:
-    return next((name for name, count in Counter(names).items() if count > 1), None)
+def _check_names(label: str, what: str, names: Iterable[str]) -> None:
+    double = next((name for name, count in Counter(names).items() if count > 1), None)
+    if double is not None:
+        raise CampaignError(f"{shorten(label, 80)}: two {what} '{shorten(double)}'; give each its own.")
+
+
+def _check_files(fleet: Fleet, label: str) -> None:
+    """The same data twice would count as two measurements."""
+    names: dict[str, str] = {}
+    for _, campaign in fleet.campaigns():
+        file = campaign.folder / CAMPAIGN_FILE if os.path.isdir(campaign.folder) else campaign.folder
+        # A campaign file may be a link: the logs are those of the folder that the link is in.
+        other = names.setdefault(os.path.join(os.path.realpath(file.parent), file.name), campaign.name)
+        if other != campaign.name:
+            raise CampaignError(
+                f"{shorten(label, 80)}: the campaigns '{shorten(other)}' and '{shorten(campaign.name)}' have one "
+                f"folder, {shorten(campaign.folder, 100)}; correct the folder of one, or leave it out."
+            )

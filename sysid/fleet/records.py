@@ -42,12 +42,13 @@ class SharedError:
 
 @dataclass(frozen=True)
 class Fleet:
-    """All trucks, in the order of the file; `folder` holds the campaigns."""
+    """All trucks, in the order of the file; `folder` holds the campaigns; `messages` say what was left out of it."""
 
     title: str
     folder: Path
     trucks: tuple[Truck, ...]
     shared: tuple[SharedError, ...] = ()
+    messages: tuple[str, ...] = ()
 
     def campaigns(self) -> Iterator[tuple[Truck, FleetCampaign]]:
         """Every campaign with its truck."""

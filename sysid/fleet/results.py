@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from sysid.fleet.assembly import members, populations
+from sysid.fleet.assembly import populations
 from sysid.fleet.loads import PopulationLoad, population_loads
+from sysid.fleet.members import members
 from sysid.fleet.population import TypePopulation
 from sysid.fleet.population_file import write_population
 from sysid.fleet.read import read_fleet
@@ -16,7 +17,7 @@ from sysid.progress import Progress
 
 @dataclass(frozen=True)
 class FleetResults:
-    """Populations of all types, wheel loads, sentences about what was left out, and the file that was written."""
+    """Populations of all types, wheel loads, sentences about what to know of them, and the file that was written."""
 
     fleet: Fleet
     populations: tuple[TypePopulation, ...]
@@ -38,10 +39,13 @@ def compute(path: str | Path, output: Path, progress: Progress | None = None) ->
         If the folder cannot be written.
     """
     fleet = read_fleet(path)
-    by_type, remarks = populations(fleet, output, progress=progress)
+    # Once for both: the files of all campaigns are hashed.
+    of_types = {kind: members(fleet, output, kind) for kind in dict.fromkeys(t.type for t in fleet.trucks)}
+    by_type, said = populations(of_types.values(), fleet.shared, progress=progress)
+    remarks = [*fleet.messages, *said]
     loads: list[PopulationLoad] = []
     for p in by_type:
-        of_type, said = population_loads(p.type, members(fleet, output, p.type))
+        of_type, said = population_loads(p.type, of_types[p.type].campaigns)
         loads += of_type
         remarks += said
     file = write_population(by_type, loads, remarks, output)

@@ -25,9 +25,9 @@ from sysid import limits
 from sysid.campaign.toml.errors import parse_toml
 from sysid.errors import CampaignError, OutputError
 from sysid.files import UNFINISHED, read_bytes
+from sysid.fleet.folders import CAMPAIGN_FILE
 from sysid.fleet.key import calibration_key, folder_state, result_digest
 from sysid.fleet.outcome import RESULT_FILE, Outcome, write_outcome
-from sysid.fleet.read import CAMPAIGN_FILE
 from sysid.fleet.task import Task, finished_before, run_task
 from sysid.folder_lock import LOCK_NAME, FolderInUseError, FolderLock, cannot_write
 from sysid.private_files import NotPrivateError, private_folder

@@ -25,7 +25,8 @@ from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.files import write_text
-from sysid.fleet.read import CAMPAIGN_FILE, FLEET_FILE
+from sysid.fleet.folders import CAMPAIGN_FILE
+from sysid.fleet.read import FLEET_FILE
 from sysid.progress import Progress, unwatched
 from sysid.road.point_cloud import read_point_cloud
 from sysid.road.profile_files import bump_from_file

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid import limits
 from sysid.arrays import Axles
 from sysid.campaign.records import PredictionRequest
+from sysid.campaign.requests import pass_fault
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.estimation.parameters.parameter_set import ParameterSet
 
@@ -19,11 +19,8 @@ def check_duration(request: PredictionRequest, duration_s: float) -> None:
     CampaignError
         If it takes longer than `sysid.limits.PASS_SECONDS`.
     """
-    if not duration_s <= limits.PASS_SECONDS:
-        raise CampaignError(
-            f"The pass of load case '{request.load_case}' at {3.6 * request.speed_m_s:.3g} km/h takes {duration_s:.3g} "
-            f"s, at most {limits.PASS_SECONDS:g} s are predicted; choose a higher speed."
-        )
+    if fault := pass_fault(request.speed_m_s, duration_s):
+        raise CampaignError(f"The pass of load case '{request.load_case}' {fault}.")
 
 
 def check_finite(

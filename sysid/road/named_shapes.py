@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid.campaign.records import BumpShape
+from sysid.campaign.requests import shape_fault
 from sysid.errors import CampaignError
 from sysid.road.road_profile import RoadProfile
 from sysid.road.shapes import half_sine, parabolic, profile_from_points, raised_cosine, trapezoid, watts
@@ -26,7 +27,7 @@ def named_shape(shape: BumpShape) -> RoadProfile:
     if shape.name == "points":
         return profile_from_points(np.array(shape.station_m), np.array(shape.heights_m), name=shape.label)
     if shape.height_m is None or shape.length_m is None:
-        raise CampaignError(f"A {shape.name} bump needs a height and a length.")
+        raise CampaignError(f"A {shape.name} bump {shape_fault(shape)}.")
     if shape.name == "trapezoid":
         return trapezoid(shape.height_m, shape.length_m, top_m=shape.top_m, name=shape.label)
     return _SIZED[shape.name](shape.height_m, shape.length_m, name=shape.label)

@@ -16,12 +16,12 @@ import numpy as np
 from sysid import limits
 from sysid.bounded_reader import read_in_child
 from sysid.campaign.records import BumpShape
+from sysid.campaign.requests import START_HEIGHT_M
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.logs.input_file import FileRefusedError, InputFile, read_file
 from sysid.logs.text_table import read_columns
 from sysid.road.cloud_libraries import read_crg
 from sysid.road.named_shapes import named_shape
-from sysid.road.shapes import START_HEIGHT_M
 from sysid.wording import shorten
 
 #: Bytes in which the mark of an OpenCRG file is looked for.

@@ -8,13 +8,13 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from sysid.arrays import Stations
+from sysid.campaign.records import BumpShape
+from sysid.campaign.requests import START_HEIGHT_M, STATION_STEP_M, points_fault, shape_fault, size_fault
 from sysid.errors import CampaignError
 from sysid.road.road_profile import RoadProfile
 
-#: Distance of the stations of a shape, and flat road before and behind it.
-STATION_STEP_M, FLAT_M = 0.002, 0.3
-# The bump starts at the first station above this height: the origin of every start offset and of every time axis.
-START_HEIGHT_M = 0.001
+#: Flat road before and behind a shape.
+FLAT_M = 0.3
 
 
 def make_profile(
@@ -83,9 +83,8 @@ def trapezoid(height_m: float, length_m: float, *, top_m: float | None = None, n
 
     Other arguments as :func:`raised_cosine`, CampaignError also where the top is longer than the bump.
     """
+    _refuse(shape_fault(BumpShape("trapezoid", height_m, length_m, top_m)), name)
     top = length_m / 3 if top_m is None else top_m
-    if not 0 <= top < length_m:
-        raise CampaignError(f"The flat top of {top:g} m does not fit a bump of {length_m:g} m; make it shorter.")
     station, u = _stations(height_m, length_m, name)
     ramp = (length_m - top) / 2
     distance_to_end = np.minimum(u, 1 - u) * length_m
@@ -98,9 +97,8 @@ def watts(height_m: float = 0.076, length_m: float = 3.66, *, name: str = "bump"
     Height h [m] and chord length L [m], by default 76 mm on 3.66 m; other arguments and errors as
     :func:`raised_cosine`.  Raises CampaignError where the hump would be more than a half circle.
     """
+    _refuse(shape_fault(BumpShape("watts", height_m, length_m)), name)
     station, u = _stations(height_m, length_m, name)
-    if height_m > length_m / 2:
-        raise CampaignError(f"A circular arc of {length_m:g} m cannot be {height_m:g} m high; at most half its length.")
     radius = (length_m**2 / 4 + height_m**2) / (2 * height_m)
     half_chord = np.minimum(np.abs(u - 0.5) * length_m, length_m / 2)
     arc = np.sqrt(radius**2 - half_chord**2) - (radius - height_m)
@@ -118,28 +116,12 @@ def profile_from_points(
 
     `station_m`, `height_m` (n,) [m], stations increasing, heights within 1 mm of the road at both ends.  `kind`:
     ``linear`` joins the points by straight lines, ``pchip`` by a shape-preserving cubic (no overshoot).
-    Raises CampaignError for points that are not increasing, not numbers or not down on the road at the ends.
+    Raises CampaignError for points that are not increasing, not numbers, not down on the road at the ends, or no bump
+    in metres.
     """
     station = np.asarray(station_m, dtype=np.float64)
     height = np.asarray(height_m, dtype=np.float64)
-    if station.ndim != 1 or station.shape != height.shape or station.size < 3:
-        raise CampaignError(
-            f"Profile '{name}' has {station.size} stations and {height.size} heights; "
-            "at least three of each are expected."
-        )
-    if not (np.all(np.isfinite(station)) and np.all(np.isfinite(height))):
-        raise CampaignError(f"Profile '{name}' holds values that are not numbers; remove or replace those points.")
-    backward = np.flatnonzero(np.diff(station) <= 0)
-    if backward.size:
-        raise CampaignError(
-            f"Stations of profile '{name}' do not increase at point {backward[0] + 2} "
-            f"({station[backward[0] + 1]:g} m after {station[backward[0]]:g} m); sort the points along the road."
-        )
-    if max(abs(height[0]), abs(height[-1])) > START_HEIGHT_M:
-        raise CampaignError(
-            f"Profile '{name}' ends {1e3 * height[0]:.1f} mm and {1e3 * height[-1]:.1f} mm above the road; "
-            "its first and last point must lie on the road (within 1 mm)."
-        )
+    _refuse(points_fault(station, height), name)
     length = float(station[-1] - station[0])
     grid, u = _stations(float(np.max(np.abs(height))), length, name)
     along = station - station[0]
@@ -149,23 +131,14 @@ def profile_from_points(
     return make_profile(grid, np.where(inside, values, 0.0), name=name)
 
 
+def _refuse(fault: str, name: str) -> None:
+    if fault:
+        raise CampaignError(f"Profile '{name}' {fault}.")
+
+
 def _stations(height_m: float, length_m: float, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Return uniform stations and the same as a fraction of the bump's length."""
-    for what, value in (("height", height_m), ("length", length_m)):
-        if not np.isfinite(value) or value <= 0:
-            raise CampaignError(
-                f"The {what} of profile '{name}' is {value:g} m; a positive length in metres is expected."
-            )
-    if length_m < 3 * STATION_STEP_M:
-        raise CampaignError(
-            f"Profile '{name}' is {length_m:g} m long, too short for stations every {STATION_STEP_M:g} m; give lengths "
-            "in metres."
-        )
-    if length_m / STATION_STEP_M > 1e6:
-        raise CampaignError(
-            f"Profile '{name}' of {length_m:g} m has more than a million stations of {STATION_STEP_M:g} m; "
-            "give lengths in metres."
-        )
+    _refuse(size_fault(height_m, length_m), name)
     before = int(np.ceil(FLAT_M / STATION_STEP_M - 1e-9))
     count = before + int(np.ceil((length_m + FLAT_M) / STATION_STEP_M - 1e-9)) + 1
     station = STATION_STEP_M * np.arange(count)

@@ -249,6 +249,14 @@ SHAPE_FAULTS = [
     ("shape = { name = 'points', station_m = [0, 1, 2], heights_m = [0, 0.1] }", "equally many"),
     ("shape = { name = 'points', station_m = [0, 1], heights_m = [0, 0.1] }", "three or more"),
     ("shape = { name = 'watts', height_m = 'high', length_m = 3.7 }", "expected a number"),
+    ("shape = { name = 'trapezoid', height_m = 0.1, length_m = 1.0, top_m = 2.0 }", "shape has top_m = 2 on a length"),
+    ("shape = { name = 'watts', height_m = 0.9, length_m = 0.5 }", "shape has height_m = 0.9 on a length_m of 0.5"),
+    ("shape = { name = 'points', station_m = [0, 2, 1], heights_m = [0, 0.1, 0] }", "do not increase at point 3"),
+    ("shape = { name = 'points', station_m = [0, 50, 100], heights_m = [0, 80, 0] }", "heights in metres"),
+    ("shape = { name = 'points', station_m = [-100, 0, 100], heights_m = [0, 0.1, 0] }", "heights in metres"),
+    ("shape = { name = 'points', station_m = [0, 1, 2], heights_m = [0, 0.0001, 0] }", "nowhere rises above 1 mm"),
+    ("shape = { name = 'points', station_m = [0, 1, 2], heights_m = [0, 0.1, 0.1] }", "must lie on the road"),
+    ("shape = { name = 'points', station_m = [0, 1e-4, 2e-4], heights_m = [0, 0.1, 0] }", "too short for stations"),
 ]
 
 
@@ -257,6 +265,22 @@ def test_a_faulty_shape_ends_in_one_sentence(small, text, said):
     with pytest.raises(CampaignError, match=said) as error:
         read_campaign(small(with_prediction(text)))
     assert "tests.prediction[1]" in one_sentence(error)
+
+
+@pytest.mark.parametrize(
+    ("speed", "text", "said"),
+    [
+        ("0.05", "shape = { name = 'watts', height_m = 0.1, length_m = 3.7 }", "takes 554 s or more at 0.05 km/h"),
+        ("0.05", "shape = { name = 'points', station_m = [1, 2, 3], heights_m = [0, 0.1, 0] }", "takes 432 s or more"),
+        ("0.04", "bump = 'bump'", "takes 360 s or more"),
+    ],
+)
+def test_a_pass_without_end_is_refused_when_the_file_is_read(small, speed, text, said):
+    old, new = with_prediction(text)
+    with pytest.raises(CampaignError, match=said) as error:
+        read_campaign(small((old, new.replace("speed_km_h = 48", f"speed_km_h = {speed}"))))
+    assert "tests.prediction[1].speed_km_h" in one_sentence(error)
+    assert error.value.exit_code == 2
 
 
 FAULTS = [

@@ -1,7 +1,9 @@
 """CSV files read back by pandas; file names and atomic writing."""
 
+import errno
 import io
 import os
+import stat
 from dataclasses import replace
 
 import numpy as np
@@ -178,6 +180,27 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path):
         write_atomically(target, fails)
     assert target.read_text() == "old\n"
     assert os.listdir(target.parent) == ["x.csv"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no flush of folders")
+@pytest.mark.parametrize("number", [errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EIO, errno.ENOSPC])
+@pytest.mark.parametrize("of_folder", [True, False])
+def test_only_a_folder_that_cannot_be_flushed_is_no_error(tmp_path, monkeypatch, number, of_folder):
+    flush = os.fsync
+
+    def refuses(handle):
+        if stat.S_ISDIR(os.fstat(handle).st_mode) == of_folder:
+            raise OSError(number, os.strerror(number))
+        flush(handle)
+
+    monkeypatch.setattr(os, "fsync", refuses)
+    target = tmp_path / "x.csv"
+    if of_folder and number not in (errno.EIO, errno.ENOSPC):
+        write_text(target, "new\n")
+        assert target.read_text() == "new\n"
+    else:
+        with pytest.raises(OSError, match=os.strerror(number)):
+            write_text(target, "new\n")
 
 
 def test_agreement_comes_back_with_pandas(tmp_path):

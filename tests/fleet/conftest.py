@@ -16,6 +16,21 @@ SHORT = SamplingOptions(
 )
 
 
+def sample_little(patch: pytest.MonkeyPatch) -> None:
+    """Let populations be sampled by short chains."""
+    patch.setattr(population, "_WEIGHTED", 100)
+    patch.setattr(population, "_WEIGHTED_PAIRS", 0)
+    patch.setattr(
+        population.fit_population, "__kwdefaults__", {**population.fit_population.__kwdefaults__, "sampling": SHORT}
+    )
+
+
+@pytest.fixture
+def quick_sampling(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Populations of a test are sampled by short chains."""
+    sample_little(monkeypatch)
+
+
 @pytest.fixture(scope="session")
 def fleet_folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Folder with the fleet file, and folder of the results."""
@@ -26,11 +41,7 @@ def fleet_folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]
 def fleet_results(fleet_folders: tuple[Path, Path]) -> FleetResults:
     """Populations and loads of the small fleet."""
     patch = pytest.MonkeyPatch()
-    patch.setattr(population, "_WEIGHTED", 100)
-    patch.setattr(population, "_WEIGHTED_PAIRS", 0)
-    patch.setattr(
-        population.fit_population, "__kwdefaults__", {**population.fit_population.__kwdefaults__, "sampling": SHORT}
-    )
+    sample_little(patch)
     try:
         return compute(*fleet_folders)
     finally:

@@ -17,12 +17,13 @@ from studies.damages.forgeries import _LEAVES, _places, array_changed
 from sysid import array_file
 from sysid.cli.fleet import status_blocks
 from sysid.errors import SysidError
-from sysid.fleet.assembly import assemble, members
+from sysid.fleet.assembly import assemble
 from sysid.fleet.draws import RECORD_FILE
 from sysid.fleet.hierarchy import HyperPriors
 from sysid.fleet.index import write_index
 from sysid.fleet.key import result_digest
 from sysid.fleet.loads import population_loads
+from sysid.fleet.members import members
 from sysid.fleet.outcome import OUTCOME_FILE, RESULT_FILE
 from sysid.fleet.read import read_fleet
 from sysid.fleet.running import campaign_output
@@ -42,9 +43,10 @@ def looked_at(folder: Path, output: Path) -> None:
     known = read_fleet(folder)
     list(status_blocks(list(rows_on_disk(known, output))))
     write_index(known, output)
-    population_loads(KIND, members(known, output, KIND))
+    of_type = members(known, output, KIND)
+    population_loads(KIND, of_type.campaigns)
     said = [
-        _sentence(lambda: assemble(known, output, KIND, HyperPriors())),
+        _sentence(lambda: assemble(of_type, known.shared, HyperPriors())),
         _sentence(lambda: result_digest(campaign_output(output, CHANGED) / RESULT_FILE)),
     ]
     assert all(sentence.endswith(".") for sentence in said)

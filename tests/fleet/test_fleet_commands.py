@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from conftest import SHORT
 from fleet_child import COMMAND, DIGEST
 from rich.console import Console
 
 from sysid.cli import fleet as command
 from sysid.cli.main import cli
-from sysid.fleet import key, population, running, task
+from sysid.fleet import key, running, task
 from sysid.fleet.outcome import Outcome
 from sysid.fleet.running import Row
 
@@ -85,10 +84,8 @@ def test_on_a_terminal_the_table_is_live(tmp_path: Path) -> None:
     assert "[b]" in text
 
 
-def test_population_and_report_and_index(fleet_folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    defaults = population.fit_population.__kwdefaults__
-    monkeypatch.setattr(population.fit_population, "__kwdefaults__", {**defaults, "sampling": SHORT})
-    monkeypatch.setattr(population, "_WEIGHTED", 100)
+@pytest.mark.usefixtures("quick_sampling")
+def test_population_and_report_and_index(fleet_folders: tuple[Path, Path]) -> None:
     folder, output = map(str, fleet_folders)
     result = CliRunner().invoke(cli, ["fleet", "population", folder, "--output", output])
     assert result.exit_code == 0, result.output

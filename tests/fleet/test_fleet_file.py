@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import shlex
+import sys
 from pathlib import Path
 
 import pytest
@@ -30,6 +33,7 @@ log_sd = 0.01
 moves = { stiffness = 1.0, damping = 1.0 }
 campaigns = ["again", "b"]
 """
+SCALES = '[[shared]]\nname = "scales"\nlog_sd = 0.02\nmoves = { stiffness = 1.0 }\n'
 
 
 def write(folder: Path, text: str = FLEET) -> Path:
@@ -56,6 +60,8 @@ def test_a_fleet_is_what_its_file_says(tmp_path: Path) -> None:
         ("schema = 1", "schema = 2", "schema"),
         ('name = "B"', 'name = "A 1"', "two trucks have the name 'A 1'"),
         ('name = "again"', 'name = "B"', "two campaigns have the name 'b'"),
+        ('folder = "b"', 'folder = "a//may/.", name = "b"', "the campaigns 'a-may' and 'b' have one folder"),
+        ("[[shared]]", SCALES + "[[shared]]", "two shared errors have the name 'scales'"),
         ('folder = "b"', 'folder = "../b"', "leads outside the campaign folder"),
         ('folder = "b"', 'folder = "/etc"', "an absolute path"),
         ('name = "again"', 'name = "a/b"', "a folder gets this name"),
@@ -77,13 +83,30 @@ def test_what_is_wrong_is_one_sentence(tmp_path: Path, old: str, new: str, said:
     assert "\n" not in str(error.value)
 
 
+def test_one_folder_by_two_names_is_refused_and_two_folders_with_one_file_are_not(tmp_path: Path) -> None:
+    folder = write(tmp_path, FLEET.replace('["again", "b"]', '["b"]').replace("a/june", "a/june/campaign.toml"))
+    (folder / "a" / "may").mkdir(parents=True)
+    (folder / "a" / "june").mkdir()
+    (folder / "a" / "may" / "campaign.toml").write_text("")
+    (folder / "a" / "june" / "campaign.toml").symlink_to("../may/campaign.toml")
+    (folder / "b").symlink_to("a/other")
+    assert read_fleet(folder).count == 3
+    (folder / "b").unlink()
+    (folder / "b").symlink_to("a/june")
+    result = CliRunner().invoke(cli, ["fleet", "status", str(folder), "--output", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert "fleet.toml: the campaigns 'again' and 'b' have one folder" in result.stderr
+
+
 def test_a_folder_of_campaigns_is_a_fleet_too(tmp_path: Path) -> None:
     for name in ("x/one", "x/two", "y"):
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "campaign.toml").write_text('[vehicle]\nname = "rigid"\n')
     assert [c.name for _, c in read_fleet(tmp_path).campaigns()] == ["x-one", "x-two", "y"]
     # Begun as a file, campaigns in one folder are of one truck.
-    (tmp_path / "fleet.toml").write_text(fleet_text(tmp_path))
+    text, said = fleet_text(tmp_path)
+    assert said == []
+    (tmp_path / "fleet.toml").write_text(text)
     begun = read_fleet(tmp_path)
     assert [(t.name, t.type, len(t.campaigns)) for t in begun.trucks] == [("x", "rigid", 2), ("y", "rigid", 1)]
     (tmp_path / "empty").mkdir()
@@ -92,6 +115,77 @@ def test_a_folder_of_campaigns_is_a_fleet_too(tmp_path: Path) -> None:
     with pytest.raises(CampaignError, match="There is no fleet file"):
         read_fleet(tmp_path / "none.toml")
     assert result_name("a b/ü.c") == "a-b--.c"
+
+
+def campaign_at(folder: Path) -> Path:
+    folder.mkdir(parents=True)
+    (folder / "campaign.toml").write_text('[vehicle]\nname = "rigid"\n')
+    return folder
+
+
+def links(folder: Path, outside: Path) -> list[str]:
+    """A folder of two trucks, one of them a link, and of what is left out: sentences about that."""
+    campaign_at(folder / "T1" / "may")
+    campaign_at(outside / "T2" / "june")
+    (folder / "T2").symlink_to(outside / "T2")
+    (folder / "A1").symlink_to("T1/may")
+    (folder / "loop").symlink_to(".")
+    (folder / "up").symlink_to("../..")
+    (outside / "T2" / "back").symlink_to(folder / "T1")
+    (outside / "T2" / "again").symlink_to(".")
+    (folder / "lost").symlink_to("not mounted")
+    campaign_at(folder / "T1" / ".old")
+    campaign_at(folder / "T1" / "may" / "copy")
+    campaign_at(folder / "a" / "b" / "c" / "d" / "e")
+    return [
+        "lost is a link to nothing; restore what it leads to, or remove it.",
+        "T1/.old is left out: its name begins with a dot.",
+        "T1/may/copy is left out: it is inside of another campaign.",
+        "a/b/c/d/e is left out: it is more than 4 folders deep.",
+        "A1 is left out: the link leads to T1/may.",
+        "loop is left out: the link leads back to the folder of the fleet, or above it.",
+        "up is left out: the link leads back to the folder of the fleet, or above it.",
+        "T2/again is left out: the link leads to T2.",
+        "T2/back is left out: the link leads to T1.",
+    ]
+
+
+def test_links_to_folders_are_followed_and_every_folder_is_taken_once(tmp_path: Path) -> None:
+    said = links(tmp_path / "fleet", tmp_path / "disk")
+    fleet = read_fleet(tmp_path / "fleet")
+    assert [c.name for _, c in fleet.campaigns()] == ["T1-may", "T2-june"]
+    assert sorted(fleet.messages) == sorted(said)
+    output = ["--output", str(tmp_path / "out")]
+    for words in (["status", *output], ["jobs", *output], ["init"]):
+        result = CliRunner().invoke(cli, ["fleet", words[0], str(tmp_path / "fleet"), *words[1:]])
+        assert result.exit_code == 0
+        assert all(sentence in result.stderr.replace("\n", " ") for sentence in said)
+    assert [[c.name for c in t.campaigns] for t in read_fleet(tmp_path / "fleet").trucks] == [["T1-may"], ["T2-june"]]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names are UTF-8 on other systems")
+def test_a_name_that_is_not_text_is_said(tmp_path: Path) -> None:
+    odd = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xfcber"))
+    campaign_at(odd / "may")
+    with pytest.raises(CampaignError, match="its name is not UTF-8; rename it"):
+        read_fleet(tmp_path)
+    campaign_at(tmp_path / "T1")
+    fleet = read_fleet(tmp_path)
+    assert [c.name for _, c in fleet.campaigns()] == ["T1"]
+    assert fleet.messages == (r"\udcfcber/may is left out: its name is not UTF-8; rename it.",)
+
+
+def test_a_folder_that_cannot_be_read_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    campaign_at(tmp_path / "T1")
+    locked, listed = campaign_at(tmp_path / "T2" / "may").parent, os.scandir
+
+    def refuses(path):
+        if Path(path) == locked:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return listed(path)
+
+    monkeypatch.setattr(os, "scandir", refuses)
+    assert read_fleet(tmp_path).messages == ("T2 cannot be read (Permission denied); look at its rights.",)
 
 
 def test_init_never_writes_over_a_file_unless_told(tmp_path: Path) -> None:
@@ -136,8 +230,6 @@ def test_status_computes_nothing(tmp_path: Path) -> None:
 
 
 def test_without_a_cluster_its_absence_is_one_sentence(tmp_path: Path, monkeypatch) -> None:
-    import sys
-
     (tmp_path / "c").mkdir()
     (tmp_path / "c" / "campaign.toml").write_text("")
     monkeypatch.setitem(sys.modules, "distributed", None)

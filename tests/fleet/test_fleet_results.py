@@ -5,19 +5,25 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from fleet_results import BROKEN, MEAN, NAMES, write_fleet_results
 from hostile_text import HOSTILE
 from selectolax.lexbor import LexborHTMLParser
 
+from sysid.cli.main import cli
 from sysid.errors import DataRejectedError
-from sysid.fleet.assembly import StoredDraws, assemble, members
+from sysid.fleet.assembly import StoredDraws, assemble
 from sysid.fleet.hierarchy import HyperPriors
 from sysid.fleet.index import schema_text, write_index
 from sysid.fleet.instruments import instrument_problems
+from sysid.fleet.key import file_digests
+from sysid.fleet.members import members
+from sysid.fleet.outcome import read_outcome, write_outcome
 from sysid.fleet.page import render_fleet, write_fleet_page
 from sysid.fleet.read import read_fleet
 from sysid.fleet.records import SharedError
@@ -66,21 +72,21 @@ def test_shared_errors_and_lost_records(fleet_folders: tuple[Path, Path], tmp_pa
     shutil.copytree(fleet_folders[1], output)
     (campaign_output(output, "T1-1") / "fleet_draws.npz").write_bytes(b"damaged")
     scales = SharedError("scales", 0.01, {"stiffness": 1.0, "damping": 1.0}, tuple(f"T{t}-1" for t in range(1, 7)))
-    shared = type(fleet)(fleet.title, fleet.folder, fleet.trucks, (scales,))
-    found = assemble(shared, output, "short truck", HyperPriors())
+    of_type = members(fleet, output, "short truck")
+    found = assemble(of_type, (scales,), HyperPriors())
     assert "campaign T1-1 has no posterior draws and is left out" in found.remarks
     assert len(found.members) == 11
     assert found.data.moved.shape == (11, 4, 1)
     assert [bool(m.any()) for m in found.data.moved[:3]] == [False, True, False]
     wide = SharedError("too wide", 0.5, {"stiffness": 1.0}, ("T2-1",))
-    doubtful = assemble(type(fleet)("", fleet.folder, fleet.trucks, (wide,)), output, "short truck", HyperPriors())
+    doubtful = assemble(of_type, (wide,), HyperPriors())
     assert any("too narrow to allow for 'too wide'" in r for r in doubtful.remarks)
     draws = StoredDraws(found.members, found.data.names)
     assert len(draws) == 11
     assert draws[0].names == NAMES[:4]
     few = type(fleet)("", fleet.folder, fleet.trucks[:2])
     with pytest.raises(DataRejectedError, match="a population needs 3"):
-        assemble(few, output, "short truck", HyperPriors())
+        assemble(members(few, output, "short truck"), (), HyperPriors())
 
 
 def test_the_page_is_whole_and_links_to_the_campaigns(fleet_results: FleetResults, fleet_folders) -> None:
@@ -224,4 +230,55 @@ def test_unfinished_campaigns_are_in_the_tables_too(fleet_folders: tuple[Path, P
     folder = write_index(read_fleet(fleet_folders[0]), output)
     campaigns = pq.read_table(folder / "campaigns.parquet").to_pandas().set_index("campaign")
     assert campaigns.loc["T2-1", "state"] == "queued"
-    assert len(list(members(read_fleet(fleet_folders[0]), output, "short truck"))) == 11
+    assert len(members(read_fleet(fleet_folders[0]), output, "short truck").campaigns) == 11
+
+
+def calibrated(folder: Path, output: Path, name: str, **changes: str) -> Path:
+    """A campaign folder whose files the outcome of this name was computed from; `changes` of the outcome."""
+    campaign = folder / name
+    campaign.mkdir()
+    for file in ("campaign.toml", "run.csv"):
+        (campaign / file).write_text(f"{file} of {name}")
+    place = campaign_output(output, name)
+    inputs = file_digests(campaign, ["campaign.toml", "run.csv"])
+    write_outcome(place, replace(read_outcome(place), inputs=inputs, **changes))
+    return campaign
+
+
+@pytest.mark.usefixtures("quick_sampling")
+def test_results_of_changed_campaigns_do_not_count_and_doubtful_ones_are_named(tmp_path: Path) -> None:
+    folder, output = write_fleet_results(tmp_path)
+    changed, gone = (calibrated(folder, output, f"T1-{n}") for n in (1, 2))
+    calibrated(folder, output, "T2-1", status="preview")
+    calibrated(folder, output, "T2-2", status="not_converged", state="not converged")
+    (changed / "campaign.toml").write_text("axle loads corrected")
+    (gone / "run.csv").unlink()
+    result = CliRunner().invoke(cli, ["fleet", "report", str(folder), "--output", str(output)])
+    assert result.exit_code == 0, result.output
+    document = json.loads((output / "fleet_population.json").read_text(encoding="utf-8"))
+    assert [c["name"] for c in document["types"][0]["campaigns"]][:2] == ["T1-2", "T2-1"]
+    assert {load["trucks"] for load in document["loads"]} == {6}
+    said = [
+        "short truck: campaign T1-1 is left out: it has changed since it was calibrated (campaign.toml); run the fleet "
+        "again",
+        "short truck: 1 campaign with results of a preview (--quick), whose intervals are not reliable: T2-1",
+        "short truck: 1 campaign whose sampling has not converged: T2-2",
+        "short truck: 1 campaign whose files are missing in part or all, so that it is not known whether they have "
+        "changed: T1-2",
+    ]
+    assert document["remarks"] == said
+    page = LexborHTMLParser((output / "fleet.html").read_text(encoding="utf-8")).body.text()
+    result = CliRunner().invoke(cli, ["fleet", "population", str(folder), "--output", str(output)])
+    for sentence in said:
+        assert sentence in page
+        assert sentence in " ".join(result.stdout.split())
+
+
+def test_a_type_that_lacks_trucks_says_which_have_changed(tmp_path: Path) -> None:
+    folder, output = write_fleet_results(tmp_path, trucks=3)
+    for name in ("T1-1", "T1-2"):
+        (calibrated(folder, output, name) / "run.csv").write_text("another log")
+    result = CliRunner().invoke(cli, ["fleet", "population", str(folder), "--output", str(output)])
+    assert result.exit_code == 3
+    assert "Type 'short truck' has 2 trucks with draws" in result.stderr
+    assert "campaign T1-1 is left out: it has changed since it was calibrated (run.csv)" in result.stderr

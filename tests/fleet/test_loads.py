@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from sysid.fleet.assembly import Member
 from sysid.fleet.loads import pass_words, population_loads
+from sysid.fleet.members import Member
 from sysid.fleet.outcome import RESULT_FILE
 
 BUMP = {"name": "bump", "height_m": 0.08, "length_m": 1.2, "sha256": "a" * 64}

@@ -84,6 +84,18 @@ def test_check_shows_the_bump(campaign: Path, tmp_path: Path) -> None:
     assert "goes through 81 heights" in found.output
 
 
+def test_check_refuses_a_pass_that_only_the_length_of_the_bump_makes_too_long(campaign: Path, tmp_path: Path) -> None:
+    file = campaign / "campaign.toml"
+    text = file.read_text()
+    # 15.93 m take 294 s; the bump is longer than the 0.32 m that are left.
+    file.write_text(text.replace("speed_km_h = 24 }", "speed_km_h = 0.195 }"))
+    found = check(campaign, tmp_path / "out")
+    assert found.exit_code == 2
+    assert "the pass of tests.prediction[2].speed_km_h takes 3" in found.output
+    file.write_text(text.replace("speed_km_h = 24 }", "speed_km_h = 0.3 }"))
+    assert check(campaign, tmp_path / "out").exit_code == 0
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -7,6 +7,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, StrictBool, StrictStr, model_validator
 
 from sysid import limits
+from sysid.campaign.records import BumpShape
+from sysid.campaign.requests import shape_fault
 from sysid.campaign.toml.schema_fields import (
     TEXT_LENGTH,
     LengthUnit,
@@ -210,7 +212,15 @@ class ShapeTable(Table):
             raise ValueError(f"is a {self.name} bump; give its height_m and length_m, and no points")
         if self.top_m is not None and self.name != "trapezoid":
             raise ValueError(f"is a {self.name} bump; only a trapezoid has a top_m, leave it out")
+        if fault := shape_fault(self.bump()):
+            raise ValueError(fault)
         return self
+
+    def bump(self) -> BumpShape:
+        """The bump by name and size, or by points; none from a file."""
+        assert self.name != "file"
+        points = tuple(self.station_m), tuple(self.heights_m)
+        return BumpShape(self.name, self.height_m, self.length_m, self.top_m, *points)
 
 
 class PredictionTable(Table):

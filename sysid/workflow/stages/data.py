@@ -26,9 +26,12 @@ if TYPE_CHECKING:
 
 def _check(context: Context) -> QualityReport:
     from sysid.bookkeeping import check_bookkeeping
+    from sysid.campaign.requests import check_passes
 
-    report = context.inputs.quality
-    crossed = check_bookkeeping(context.inputs.whole, context.inputs.read)
+    report, read = context.inputs.quality, context.inputs.read
+    crossed = check_bookkeeping(context.inputs.whole, read)
+    # The reader does not know how long a scanned bump is.
+    check_passes(read.predictions, read.vehicle, {s.name: s.length_m for s in crossed.scans}, read.file.name)
     return replace(
         report,
         messages=(*report.messages, *(m for m in crossed.messages if m not in report.messages)),
