@@ -142,7 +142,7 @@ def suspension_loops(
         load_case,
         extension[_STEPS:],
         rate[_STEPS:],
-        forces.T,
+        forces[:, suspended].T,
         tuple(suspended),
         fit.laws,
     )

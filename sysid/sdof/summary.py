@@ -64,8 +64,10 @@ def analyse_drops(campaign: Campaign, settings: DropSettings | None = None) -> D
         quarter_car = axle_on_tire(axle, vehicle, campaign.load_cases[load_case])
         for method in METHODS:
             pooled.append(_pool([e for a in group for e in a.estimates if e.method == method], quarter_car, settings))
-    messages = _messages(vehicle, files, pooled, [a for a in files if a not in with_dampers])
-    unseen = [(d.log.file, _NO_DEFLECTION.format(d.log.file)) for d in campaign.plank_drops if d not in drops]
+    without = [a for a, d in zip(files, drops, strict=True) if not d.dampers]
+    messages = _messages(vehicle, files, pooled, without)
+    hidden = [d.log.file for d in campaign.plank_drops if not _shows_deflection(d)]
+    unseen = [(file, _NO_DEFLECTION.format(file)) for file in hidden]
     return DropSummary(files=files, pooled=tuple(pooled), messages=(*messages, *say_once(unseen)))
 
 

@@ -276,10 +276,11 @@ def kink_corrections(
         mean, first = _missed_curvature(rate[0], rate[3])
         stated = _damper_shape(law, REFERENCE_RATE_M_S)
         curvature = (law.tail - 1.0) * law.rounding * law.damping / (law.saturation * stated)
-        impulse, moment = impulse + curvature * mean, moment + curvature * first
+        common = curvature if law.asymmetry is None else 2.0 * curvature / (1.0 + law.asymmetry)
+        impulse, moment = impulse + common * mean, moment + common * first
     if law.asymmetry is not None:
-        # D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): only the second part has a corner. The parabola continues as
-        # d(v) does for v > 0.
+        # D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): the second part has a corner. The parabola continues as d(v)
+        # does for v > 0.
         ahead = (_symmetric_damper(law, v) + 2.0 * curvature * jnp.minimum(v, 0.0) ** 2 for v in rate)
         mean, first = _missed(*ahead)
         share = 2.0 * (law.asymmetry - 1.0) / (law.asymmetry + 1.0)

@@ -8,9 +8,17 @@ import numpy as np
 import pytest
 from hand_written_truck import DURATION_S, FINE_S, HEIGHTS_M, OUTPUT_S, Truck, relative_rms
 from rigid_truck import DAMPING, STIFFNESS
+from scipy.integrate import quad
 from simulated_truck import per_axle, simulated_truck
 
-from sysid.vehicle_model.suspension import Ramps, SuspensionLaw, damper_force, slip_after_step, spring_force
+from sysid.vehicle_model.suspension import (
+    Ramps,
+    SuspensionLaw,
+    damper_force,
+    kink_corrections,
+    slip_after_step,
+    spring_force,
+)
 
 FRICTION = np.array([1500.0, 900.0, 3000.0])
 SLIP_M = 1e-3
@@ -134,3 +142,38 @@ def test_laws_have_finite_slopes_at_rest():
             return (spring_force(law, e) + damper_force(law, e)).sum()
 
         assert np.isfinite(np.asarray(jax.grad(total)(zero))).all()
+
+
+@pytest.mark.parametrize("asymmetry", [None, 3.0, 0.4])
+def test_a_rounded_damper_is_corrected_to_third_order_whether_its_directions_differ_or_not(asymmetry):
+    """Straight through rest, in ever shorter steps: what the correction leaves falls with the cube of the rate."""
+    shape = (1, 1, 1)
+    law = SuspensionLaw(
+        np.zeros(shape),
+        np.full(shape, 1e4),
+        saturation=np.full(shape, 0.2),
+        rounding=np.ones(shape),
+        tail=np.full(shape, 0.3),
+        asymmetry=None if asymmetry is None else np.full(shape, asymmetry),
+    )
+
+    def force(rate: float) -> float:
+        return float(np.asarray(damper_force(law, np.full(shape, rate)))[0, 0, 0])
+
+    missed = []
+    for scale in (0.02, 0.01, 0.005):
+        first, last = -scale, 1.7 * scale
+        stages = first, 0.5 * (first + last), 0.5 * (first + last), last
+        forces = [force(v) for v in stages]
+        rates = tuple(jnp.full(shape, v) for v in stages)
+        mean, moment = (float(x[0, 0, 0]) for x in kink_corrections(law, (jnp.zeros(shape),) * 4, rates))
+        turn = first / (first - last)
+        exact = [
+            quad(lambda s, w=w, a=first, b=last: w(s) * force(a + s * (b - a)), 0.0, 1.0, points=[turn])[0]
+            for w in (lambda s: 1.0, lambda s: 1.0 - s)
+        ]
+        got = (forces[0] + 4.0 * forces[1] + forces[3]) / 6.0 + mean, (forces[0] + 2.0 * forces[1]) / 6.0 + moment
+        missed.append(np.abs(np.subtract(got, exact)))
+    ratios = np.array(missed)[:-1] / np.array(missed)[1:]
+    # The factor is 4 where the curvature of one direction is taken for both.
+    assert (ratios > 7.0).all(), (missed, ratios)

@@ -30,7 +30,7 @@ struct RoadTable {
 // The road under one wheel: order[k] is the k-th derivative along the road of the eight rows.
 struct RoadPoint {
   MapRow order[kOrders];
-  bool flat;
+  bool flat = false;
 };
 
 // Looks the road up under one wheel; remembers the cell it was in.
@@ -118,7 +118,7 @@ struct RoadRows {
 // The road under one wheel of several runs, flat if it is so for all of them.
 struct PackedPoint {
   RoadRows<Pack> rows;
-  bool flat;
+  bool flat = false;
 };
 
 // The road as runs with constants M see it.

@@ -31,6 +31,7 @@ struct SuspensionLaw {
   V per_saturation, rounding, tail;    // 1/v_s [s/m], b, r
   V falling, scaled, curvature;        // 1 - r; c over the shape at the reference rate; D ~ curvature v |v| near rest
   V rebound, compression, corner;      // 2 q / (1 + q), 2 / (1 + q), and their difference
+  V common_curvature;                  // what both directions have of the curvature
   V friction, per_slip;                // F_c [N], 1/z_s [1/m]
   V load_share;                        // s of a rocker between springs
   std::vector<Ramp<V>> ramps, stops, rate_ramps;
@@ -174,6 +175,7 @@ inline SuspensionLaw<V> suspension_law(const Elements& has, const Coefficients<V
     law.rebound = c.asymmetry * law.compression;
     law.corner = law.rebound - law.compression;
   }
+  if (has.saturating) law.common_curvature = has.asymmetric ? law.compression * law.curvature : law.curvature;
   law.friction = c.friction;
   law.per_slip = reciprocal(c.slip);
   law.load_share = c.load_share;
@@ -226,9 +228,9 @@ inline void add_missed(const Elements& has, const SuspensionLaw<V>& law, const V
                        const V (&damper)[4], MissedForce<V>& missed) {
   missed.add(law.stops, extension);
   missed.add(law.rate_ramps, rate);
-  if (has.saturating) missed.add_curvature(rate[0], rate[3], law.curvature);
+  if (has.saturating) missed.add_curvature(rate[0], rate[3], law.common_curvature);
   if (has.asymmetric) {
-    // D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): only the second part has a corner.
+    // D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): the second part has a corner.
     const auto beyond = [&](const auto& v, const auto& symmetric, const auto& curvature) {
       // The parabola goes on as d(v) does for v > 0.
       const auto below = positive(-v);
