@@ -74,7 +74,7 @@ def forces_per_unit(
     decrement: float,
     covariance: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F/f = k (1 + k/kt) [N/m] and Q/q = m (1 + k/kt) [kg] (2,), k/kt = 0 for ``paper``, with both covariances (2, 2).
+    """F/f = k (1 + k/kt) [N/m] and Q/q = m (1 + k/kt)^2 [kg] (2,), k/kt = 0 for ``paper``, with both covariances (2, 2).
 
     Arguments and covariances (from the reading, from the declared quantities) are those of `invert`.
     """
@@ -83,7 +83,7 @@ def forces_per_unit(
     def per_unit(read: np.ndarray, given: np.ndarray) -> np.ndarray:
         stiffness = float(equations(read, given)[0])
         ratio = 0.0 if method == "paper" else stiffness / given[2]
-        return np.array([stiffness, given[0]]) * (1.0 + ratio)
+        return np.array([stiffness * (1.0 + ratio), given[0] * (1.0 + ratio) ** 2])
 
     return _uncertain(per_unit, axle, settings, damped_period, decrement, covariance)
 
@@ -177,9 +177,11 @@ def estimate_by_law(
 ) -> DropEstimate:
     """The viscous part of a damping law through the equations of `method`, dry friction and quadratic damping apart.
 
-    F = f k (1 + k/kt) and Q = q m (1 + k/kt), with f [m] and q [1/m] of the law, and k/kt = 0 for the paper's method.
+    F = f k (1 + k/kt) and Q = q m (1 + k/kt)^2, with f [m] and q [1/m] of the law, and k/kt = 0 for the paper's method.
     The reason: while the suspension sticks, the tire deforms. By the energy at two successive turning points, the
-    amplitude then falls by 2 F / (k (1 + k/kt)) per swing. A viscous part that the tire's own damping explains is zero.
+    amplitude then falls by 2 F / (k (1 + k/kt)) per swing. A force that is small against that of the spring takes the
+    energy integral Q |s'| s'^2 dt from a system with the mass m (1 + k/kt)^2 in the coordinate s of the suspension. A
+    viscous part that the tire's own damping explains is zero.
     """
     notes = [note] if note else []
     covariance = law.covariance[:2, :2]

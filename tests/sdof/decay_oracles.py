@@ -73,3 +73,25 @@ def nonlinear_decay(time_s, omega, start, *, linear=0.0, quadratic=0.0, friction
             result[inside] = run.sol(time_s[inside])[0]
         x, begin, direction = float(run.y[0, -1]), stop, -direction
     return result
+
+
+def quarter_car_with_quadratic_damping(time_s, k, quadratic, on_tire, start=0.05, release_s=0.5):
+    """Suspension deflection of a quarter car, F = k s + Q |s'| s' over the tire's spring, released `start` m from rest.
+
+    `on_tire` has the masses and the tire; its damping is left out.
+    """
+    m, m_u, kt = on_tire.mass, on_tire.unsprung_mass, on_tire.tire_stiffness
+
+    def rhs(_, y):
+        body, body_rate, axle, axle_rate = y
+        s, rate = body - axle, body_rate - axle_rate
+        force = k * s + quadratic * abs(rate) * rate
+        return [body_rate, -force / m, axle_rate, (force - kt * axle) / m_u]
+
+    axle = start * k / kt
+    after = time_s[time_s >= release_s] - release_s
+    end = max(float(after[-1]), 0.1)
+    run = solve_ivp(rhs, (0.0, end), [start + axle, 0.0, axle, 0.0], "DOP853", t_eval=after, rtol=1e-10, atol=1e-13)
+    result = np.full(time_s.shape, float(start))
+    result[time_s >= release_s] = run.y[0] - run.y[2]
+    return result

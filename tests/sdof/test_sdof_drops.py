@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from decay_oracles import damped_cosine, nonlinear_decay, quarter_car_drop
+from decay_oracles import damped_cosine, nonlinear_decay, quarter_car_drop, quarter_car_with_quadratic_damping
 
 from sysid.campaign import (
     Axle,
@@ -24,6 +24,7 @@ from sysid.campaign import (
 )
 from sysid.errors import DataRejectedError
 from sysid.sdof import DropSettings, analyse_drop, analyse_drops, summary_table
+from sysid.sdof.analysis import axle_on_tire
 
 DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 MASS, TIRE, TIRE_DAMPING = 3415.0, 1.65e6, 3000.0
@@ -291,6 +292,23 @@ def test_friction_in_most_repeats_becomes_a_message():
 
     summary = analyse_drops(altered_campaign(rubbing))
     assert any("front steer" in m and "dry friction" in m for m in summary.messages)
+
+
+@pytest.mark.parametrize("method", ["corrected", "free_decay"])
+@pytest.mark.parametrize("ratio", [0.1, 0.25])
+def test_quadratic_damping_of_an_axle_on_its_tire(ratio, method):
+    """Against a quarter car that SciPy integrates: the tire lets the body move further than the suspension."""
+    campaign = altered_campaign(lambda time, repeat: time)
+    on_tire = axle_on_tire(0, campaign.vehicle, campaign.load_cases[campaign.plank_drops[0].load_case])
+    stiffness, quadratic = ratio * on_tire.tire_stiffness, 4.0 * on_tire.mass
+
+    def falling(time, repeat):
+        return with_noise(quarter_car_with_quadratic_damping(time, stiffness, quadratic, on_tire), repeat)
+
+    found = next(e for e in analyse_drops(altered_campaign(falling), PRECISE).pooled if e.method == method)
+    assert found.damping_kind == "quadratic"
+    assert found.stiffness == pytest.approx(stiffness, rel=0.02)
+    assert found.quadratic_damping == pytest.approx(quadratic, rel=0.03)
 
 
 @pytest.mark.parametrize(
