@@ -9,7 +9,9 @@ import numpy as np
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import LoadCase
 from sysid.errors import SysidError
+from sysid.estimates.calibrated import calibrated_vehicle
 from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.fit.law_choice import laws_from_names
 from sysid.estimation.parameters.parameter_set import bending_names
 from sysid.estimation.parameters.rockers import LoadShare, load_shares, shares_by_axle
 from sysid.posterior.sampled_posterior import Posterior
@@ -20,6 +22,8 @@ from sysid.vehicle_model.vibration_modes import NaturalModes, natural_modes
 def calibrated_modes(campaign: Campaign, fit: FitResult, posterior: Posterior | None) -> tuple[NaturalModes, ...]:
     """Modes in every load case whose suspension parameters are known; posterior medians, else least squares.
 
+    A suspension counts with its tangent at rest in the load case, which differs from k where a spring table bends, and
+    with its c.
     The tire counts with its tangent at the static load F of the load case, k_t (F / F_ref)^(1 - 1/n) of its law
     F_ref (u / u_ref)^n, and with the damping c_t that it has there.  Friction and stops have no part in it.
     """
@@ -37,12 +41,31 @@ def calibrated_modes(campaign: Campaign, fit: FitResult, posterior: Posterior | 
     modes = []
     for case in campaign.load_cases.values():
         try:
-            modes.append(_modes(campaign, case, values, shares, bending))
+            known = _with_tangents(campaign, fit, posterior, case, values)
+            modes.append(_modes(campaign, case, known, shares, bending))
         except (KeyError, SysidError):
             # A load case that nobody drove has no stiffness of its own; with values far off the vehicle may be
             # unstable.
             continue
     return tuple(modes)
+
+
+def _with_tangents(
+    campaign: Campaign,
+    fit: FitResult,
+    posterior: Posterior | None,
+    case: LoadCase,
+    values: dict[tuple[str, int | None, str | None], float],
+) -> dict[tuple[str, int | None, str | None], float]:
+    """The values with the tangents of tabulated springs at rest in a load case."""
+    suspended = sorted(set(campaign.vehicle.suspension_axle))
+    laws = laws_from_names(campaign.vehicle, fit.laws)
+    tabulated = [i for i in suspended if "spring_table" in laws[i]]
+    if not tabulated:
+        return values
+    vehicle = calibrated_vehicle(campaign, None, fit, posterior, case.name)
+    tangent = {s.axle: s.stiffness_N_per_m for s in vehicle.suspensions}
+    return {**values, **{("stiffness", i, case.name): tangent[i] for i in tabulated}}
 
 
 def _modes(

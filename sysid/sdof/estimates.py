@@ -74,7 +74,7 @@ def forces_per_unit(
     decrement: float,
     covariance: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F/f = k (1 + k/kt) [N/m] and Q/q = m (1 + k/kt)^2 [kg] (2,), k/kt = 0 for ``paper``, with both covariances (2, 2).
+    """F/f = k (1 + k/kt) [N/m] and Q/q = m (1 + k/kt)^2 [kg] (2,), with covariances (2, 2); k/kt = 0 for ``paper``.
 
     Arguments and covariances (from the reading, from the declared quantities) are those of `invert`.
     """

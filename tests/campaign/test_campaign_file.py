@@ -107,6 +107,25 @@ def test_point_cloud_reader_gets_file_and_unit(small):
     assert campaign.scans["bump"].points_m.shape == (4, 3)
 
 
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        ("friction + spring_table", "but no spring_table; add it, or leave spring_table out"),
+        ("damper_table", "but no damper_table; add it"),
+        ("hanger_lash+friction", "but no hanger_lash_m; add it"),
+        (
+            'spring_table + hanger_lash"\nhanger_lash_m = 0.01\n'
+            'spring_table = { extension_m = [-0.1, 0, 0.1], force_N = [-3e4, 0, 3e4] }\n#"',
+            "has both spring_table and hanger_lash",
+        ),
+    ],
+)
+def test_a_law_needs_what_it_names(small, law, said):
+    with pytest.raises(CampaignError, match=said) as error:
+        read_campaign(small(('suspension = "leaf"', f'suspension = "leaf"\nsuspension_law = "{law}"')))
+    assert "vehicle.axle[1] ('front') has" in str(error.value)
+
+
 def test_optional_keys(small):
     file = small(
         ('name = "truck"', 'name = "truck"\ngravity_m_s2 = 9.79'),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from small_results import small_fit, small_results
 
+from sysid.campaign.vehicle_records import ForceTable
 from sysid.estimates.calibrated_truck_modes import calibrated_modes
 from sysid.vehicle_model.contact import RoadInput, contact_force, tire_law
 from sysid.vehicle_model.vibration_modes import natural_modes
@@ -65,3 +66,30 @@ def test_a_load_case_without_a_stiffness_is_left_out():
     results = small_results()
     fit = small_fit(parameters=tuple(p for p in small_fit().parameters if p.load_case != "laden"))
     assert [m.load_case.name for m in calibrated_modes(results.campaign, fit, None)] == ["empty"]
+
+
+def test_a_progressive_leaf_counts_with_its_slope_under_the_load():
+    """1 MN/m up to 20 mm of compression and 2.5 MN/m beyond, where the laden truck rests."""
+    results = small_results()
+    axles = results.campaign.vehicle.axles
+    table = ForceTable((-0.1, -0.001, 0.0, 0.1), (-248.5e3, -1e3, 0.0, 1e5))
+    leaf = replace(axles[0], suspension_law="spring_table", spring_table=table)
+    vehicle = replace(results.campaign.vehicle, axles=(leaf, *axles[1:]))
+    campaign = replace(results.campaign, vehicle=vehicle)
+    parameters = small_fit().parameters
+    fit = small_fit(
+        parameters=tuple(
+            replace(p, law="spring_table") if p.axle == 0 and p.quantity in ("stiffness", "damping") else p
+            for p in parameters
+        )
+    )
+    empty, laden = calibrated_modes(campaign, fit, None)
+    linear_empty, linear_laden = calibrated_modes(results.campaign, small_fit(), None)
+    np.testing.assert_allclose(empty.frequency_hz, linear_empty.frequency_hz, rtol=1e-6)
+    stiffer = small_fit(
+        parameters=tuple(replace(p, value=2.5 * p.value) if p.name == "k_1" else p for p in small_fit().parameters)
+    )
+    np.testing.assert_allclose(
+        laden.frequency_hz, calibrated_modes(results.campaign, stiffer, None)[1].frequency_hz, rtol=1e-6
+    )
+    assert (laden.frequency_hz > linear_laden.frequency_hz).any()

@@ -69,6 +69,23 @@ def test_a_damper_table_is_scaled_to_its_secant_at_half_a_metre_per_second(curve
         assert force == pytest.approx(1.5 * np.interp(v, RATE, DAMPING_N), abs=1e-6)
 
 
+def test_tables_go_on_with_their_last_slope():
+    """A damper tested to 0.3 m/s: c is the secant at 0.5 m/s of what is simulated; a load beyond the spring table."""
+    axle = replace(
+        AXLES[0],
+        spring_table=ForceTable((-0.01, 0.0, 0.01), (-6e3, 0.0, 3e3)),
+        damper_table=ForceTable((-0.3, 0.0, 0.3), (-3e3, 0.0, 3e3)),
+    )
+    found = suspension_curves([axle], [TABLES], np.array([[32e3]]), np.array([[20e3]]))
+    c = jnp.full((1, 1, 1), 1e4)
+    law = SuspensionLaw(0.0 * c, c * found.damper.share, rate_ramps=table_ramps(found.damper, c))
+    for v in (-0.5, 0.1, 0.5):
+        assert float(damper_force(law, jnp.full((1, 1, 1), v))[0, 0, 0]) == pytest.approx(1e4 * v, abs=1e-6)
+    # 12 kN more rest 20 mm lower on the steep branch; the corner at zero is then 20 mm of extension away.
+    assert float(found.spring.share[0, 0, 0]) == pytest.approx(2.0, rel=1e-12)
+    assert float(found.spring.at[0, 0, 0, 0]) == pytest.approx(0.02, rel=1e-12)
+
+
 def test_stops_act_beyond_the_declared_travel_alone():
     axle = replace(AXLES[0], rebound_travel_m=0.06, jounce_travel_m=0.09)
     found = suspension_curves([axle], [frozenset({"bump_stops"})], LOADS, LOADS)

@@ -153,6 +153,7 @@ class VehicleReader:
         if leaf is not None and table.suspension != "leaf":
             raise CampaignError(f"{self._label}: {key} has leaf dimensions, but suspension = '{table.suspension}'.")
         by_load = table.suspension == "air" and several_load_cases
+        self._check_law(table, key)
         priors = {}
         for name, quantity in _PRIOR_QUANTITIES.items():
             prior = None if table.priors is None else getattr(table.priors, name)
@@ -183,6 +184,24 @@ class VehicleReader:
             leaf=None if leaf is None else LeafDimensions(leaf.leaves, leaf.width_m, leaf.thickness_m, leaf.length_m),
             priors=priors,
         )
+
+    def _check_law(self, table: AxleTable, key: str) -> None:
+        elements = {part.strip() for part in (table.suspension_law or "").split("+")}
+        for element, needed in (
+            ("spring_table", "spring_table"),
+            ("damper_table", "damper_table"),
+            ("hanger_lash", "hanger_lash_m"),
+        ):
+            if element in elements and getattr(table, needed) is None:
+                raise CampaignError(
+                    f"{self._label}: {key} has suspension_law = '{shorten(table.suspension_law)}', but no {needed}; "
+                    f"add it, or leave {element} out."
+                )
+        if {"spring_table", "hanger_lash"} <= elements:
+            raise CampaignError(
+                f"{self._label}: {key} has both spring_table and hanger_lash in its suspension_law; leave hanger_lash "
+                "out and give the table a level piece where the leaf pack carries no load."
+            )
 
     def _members(self, table: GroupTable, index: int) -> tuple[int, ...]:
         return tuple(sorted(self.axle(n, f"vehicle.group[{index + 1}].axles") for n in table.axles))

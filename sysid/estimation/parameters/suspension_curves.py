@@ -78,7 +78,7 @@ def suspension_curves(
     for i, table in enumerate(springs):
         if table is not None:
             # A heavier load rests at the point of the table whose force is lower by the difference.
-            rest[:, i] = np.interp(reference_N[:, i] - carried_N[:, i], table.force_N, table.position)
+            rest[:, i] = _continued(reference_N[:, i] - carried_N[:, i], table.force_N, table.position)
     return SuspensionCurves(
         spring=_corners(springs, rest, None) if "spring_table" in names else None,
         damper=_corners(dampers, np.zeros_like(rest), REFERENCE_RATE_M_S) if "damper_table" in names else None,
@@ -87,6 +87,16 @@ def suspension_curves(
         else None,
         lash=np.tile(lash[:, None], (passes, 1, 1)) if "hanger_lash" in names else None,
     )
+
+
+def _continued(at: np.ndarray, x: Sequence[float] | np.ndarray, y: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Values (n,) of the straight pieces through points, beyond them with the slope of the outermost piece."""
+    value, xs, ys = np.interp(at, x, y), np.asarray(x), np.asarray(y)
+    for first, second, beyond in ((0, 1, at < xs[0]), (-1, -2, at > xs[-1])):
+        width = xs[first] - xs[second]
+        slope = (ys[first] - ys[second]) / width if width else 0.0
+        value = np.where(beyond, ys[first] + slope * (at - xs[first]), value)
+    return value
 
 
 def _corners(tables: list[ForceTable | None], rest: np.ndarray, secant_at: float | None) -> TableCorners:
@@ -105,7 +115,7 @@ def _corners(tables: list[ForceTable | None], rest: np.ndarray, secant_at: float
         if secant_at is None:
             unit = slopes[np.searchsorted(x[1:-1], 0.0, side="right")]
         else:
-            unit = np.diff(np.interp([-secant_at, secant_at], x, force))[0] / (2.0 * secant_at)
+            unit = np.diff(_continued(np.array([-secant_at, secant_at]), x, force))[0] / (2.0 * secant_at)
         unit = max(float(unit), 1e-9 * float(slopes.max()))
         share[:, i] = slopes[np.searchsorted(x[1:-1], rest[:, i], side="right")] / unit
         at[: x.size - 2, :, i] = x[1:-1, None] - rest[:, i]
