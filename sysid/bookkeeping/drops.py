@@ -42,15 +42,24 @@ def drop_complaints(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list[s
     released = _released(known)
     if released:
         return [released]
-    plank = [(d, s) for d, s in known if d.release == "plank"]
-    expected = _expected(campaign, spectra)
-    odd = _odd_ones(plank, expected, campaign.vehicle)
+    said: list[str] = []
+    for case in dict.fromkeys(d.load_case for d, _ in known):
+        # An air spring is stiffer under load, so its suspension is compressed less.
+        plank = [(d, s) for d, s in known if d.release == "plank" and d.load_case == case]
+        said += _of_load_case(plank, _expected(campaign, spectra, case), campaign.vehicle)
+    return list(dict.fromkeys(said))
+
+
+def _of_load_case(
+    plank: Sequence[tuple[PlankDrop, float]], expected: Sequence[float] | None, vehicle: Vehicle
+) -> list[str]:
+    odd = _odd_ones(plank, expected, vehicle)
     if expected is None:
         return odd
-    exchanged = _exchanged(_medians(plank), expected, campaign.vehicle)
+    exchanged = _exchanged(_medians(plank), expected, vehicle)
     if exchanged:
         return [*odd, *exchanged]
-    return [*odd, *_heights(plank, expected, campaign.vehicle)]
+    return [*odd, *_heights(plank, expected, vehicle)]
 
 
 def _share(drop: PlankDrop) -> float | None:
@@ -85,10 +94,14 @@ def _released(known: Sequence[tuple[PlankDrop, float]]) -> str | None:
     return None
 
 
-def _expected(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list[float] | None:
-    """Share of the plank height by which each axle's suspension is compressed when it alone stands on the plank."""
-    name = campaign.plank_drops[0].load_case
-    cases = [name, *(n for n in campaign.load_cases if n != name)]
+def _expected(campaign: Campaign, spectra: Sequence[RunSpectra], load_case: str) -> list[float] | None:
+    """Share of the plank height by which each axle's suspension is compressed when it alone stands on the plank.
+
+    From runs of the load case. If there are none, from those of another one, unless springs depend on the load.
+    """
+    cases = [load_case]
+    if not any(axle.load_dependent for axle in campaign.vehicle.axles):
+        cases += [name for name in campaign.load_cases if name != load_case]
     found = next((b for n in cases if (b := stiffness_of(spectra, campaign, n)) is not None), None)
     if found is None or found.unexplained > 0.2 or np.any(found.stiffness <= 0.0):
         return None

@@ -1,0 +1,65 @@
+"""Drops against each other and against the runs, load case by load case."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sysid.bookkeeping import drops
+from sysid.bookkeeping.drops import compressions, drop_complaints
+from sysid.campaign import read_campaign
+
+DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
+#: Suspensions of the empty truck [N/m]; those of the two air axles are three times as stiff in the laden one.
+EMPTY = np.array([4e5, 3e5, 3e5, 1.1e6, 1.1e6, 1.1e6])
+LADEN = EMPTY * np.array([1.0, 3.0, 3.0, 1.0, 1.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def truck():
+    return read_campaign(DATA)
+
+
+def said(truck, listed, monkeypatch, *, driven=("unloaded", "loaded")) -> list[str]:
+    """Complaints about drops (axle, load case, factor on the compression that is right for it)."""
+    right = {"unloaded": compressions(truck.vehicle, EMPTY), "loaded": compressions(truck.vehicle, LADEN)}
+    first = truck.plank_drops[0]
+    made, shares = [], {}
+    for number, (axle, case, factor) in enumerate(listed):
+        log = replace(first.log, file=f"drop{number}.csv")
+        made.append(replace(first, axle=axle, load_case=case, log=log))
+        shares[log.file] = factor * right[case][axle]
+
+    def stiffness(spectra, campaign, name):
+        of_case = {"unloaded": EMPTY, "loaded": LADEN}[name]
+        return SimpleNamespace(unexplained=0.05, stiffness=of_case) if name in driven else None
+
+    monkeypatch.setattr(drops, "_share", lambda drop: shares[drop.log.file])
+    monkeypatch.setattr(drops, "stiffness_of", stiffness)
+    return drop_complaints(replace(truck, plank_drops=tuple(made)), [])
+
+
+def test_an_air_spring_that_is_stiffer_under_load_is_not_odd(truck, monkeypatch):
+    listed = [*((1, "unloaded", 1.0),) * 3, (1, "loaded", 1.0)]
+    apart = compressions(truck.vehicle, EMPTY)[1] - compressions(truck.vehicle, LADEN)[1]
+    assert apart > drops.REPEATS
+    assert said(truck, listed, monkeypatch) == []
+
+
+def test_a_drop_of_another_axle_is_odd_within_its_load_case(truck, monkeypatch):
+    listed = [(1, "loaded", 1.0), *((1, "unloaded", 1.0),) * 3, (1, "unloaded", 0.5)]
+    (sentence,) = said(truck, listed, monkeypatch)
+    assert sentence.startswith("drop4.csv: its suspension is compressed by")
+
+
+def test_runs_of_another_load_case_tell_nothing_of_springs_that_depend_on_the_load(truck, monkeypatch):
+    listed = [(0, "unloaded", 1.6), (3, "unloaded", 1.6)]
+    assert "times as high as listed" in said(truck, listed, monkeypatch)[0]
+    assert said(truck, listed, monkeypatch, driven=("loaded",)) == []
+    leaves = tuple(replace(axle, load_dependent=False) for axle in truck.vehicle.axles)
+    without = replace(truck, vehicle=replace(truck.vehicle, axles=leaves))
+    assert "times as high as listed" in said(without, listed, monkeypatch, driven=("loaded",))[0]
