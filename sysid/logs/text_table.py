@@ -15,6 +15,7 @@ from sysid.errors import DataRejectedError
 from sysid.logs.input_file import FileRefusedError, InputFile, read_file
 from sysid.logs.text_instants import has_instants, read_instants
 from sysid.logs.text_numbers import (
+    COMMENT,
     DECIMAL_COMMA,
     CellError,
     LongRowError,
@@ -30,7 +31,7 @@ from sysid.wording import shorten
 #: Bytes in which delimiter and header are looked for.
 _HEAD_BYTES = 1 << 20
 _COMPARED = 60  # characters of a name that are compared with a misspelt one
-_COMMENT = ("#", "%", '"#')
+_COMMENT = (*COMMENT, '"#')
 _BINARY = {b"\x1f\x8b": "a gzip file", b"%PDF": "a PDF"}
 #: What spreadsheets write where they have no number, in English and German.
 _ERROR_MARKS = (

@@ -125,6 +125,34 @@ def test_error_marks_of_spreadsheets_are_missing_values(mark: str, encoding: str
     assert np.isnan(log.channels[1].value).tolist() == [False, False, True, False]
 
 
+WINDOWS_NAN = ["1.#QNAN", "-1.#IND", "1.#INF", "-1.#INF00", "1.#SNAN", "1.#QO", "-1.#IO", "1,#INF", "-nan(ind)"]
+
+
+@pytest.mark.parametrize("text", WINDOWS_NAN)
+def test_what_windows_writes_for_no_number_is_missing(text: str) -> None:
+    sensors = [*SENSORS, Sensor("r", "axle_acceleration", "m/s^2", axle=0)]
+    log = read(f"time_s;q;r\n0.00;1;1\n0.01;{text};2\n0.02;3;{text}\n0.03;4;5\n", sensors)
+    np.testing.assert_array_equal(log.channels[0].value, [1e-3, np.nan, 3e-3, 4e-3])
+    np.testing.assert_array_equal(log.channels[1].value, [1.0, 2.0, np.nan, 5.0])
+
+
+@pytest.mark.parametrize("mark", ["#", "%"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_only_lines_that_begin_with_a_mark_are_comments(mark: str, encoding: str) -> None:
+    rows = [f"{t};{mark}{k} {mark};{v}" for k, (t, v) in enumerate(zip(STAMPS, VALUES, strict=True))]
+    note = f"{mark} gear 2; with more; cells; than columns"
+    text = "\n".join([f"{mark} truck 7", "time_s;event;q", note, *rows[:2], f" {note}", note, *rows[2:], note])
+    check(read_log(InputFile(Path("log.csv"), text.encode(encoding)), "log.csv", SENSORS, STEP_S))
+    with pytest.raises(DataRejectedError, match=r"column 'q' has '2.0 . gear', expected a number"):
+        read(text.replace("2.0", f"2.0 {mark} gear"))
+
+
+def test_comments_as_long_as_the_pieces_that_are_read_hide_no_rows() -> None:
+    note = "".join(f"# {i} {'x' * 90}\n" for i in range(9000))
+    rows = [f"{t};{v}\n" for t, v in zip(STAMPS, VALUES, strict=True)]
+    check(read("time_s;q\n" + note.join(rows)))
+
+
 def test_day_numbers_of_spreadsheets_are_refused() -> None:
     days = [f"{45413.4166666 + t / 86400.0:.10f}" for t in (0.0, 0.01, 0.02, 0.03)]
     with pytest.raises(DataRejectedError, match=r"counts days .* export the time in seconds"):
