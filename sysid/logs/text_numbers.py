@@ -17,7 +17,7 @@ from sysid.errors import DataRejectedError
 
 #: Delimiter of columns that white space separates.
 WHITE_SPACE = r"\s+"
-DECIMAL_COMMA = re.compile(r'^\s*"?[-+]?\d*,\d+([eE][-+]?\d+)?"?\s*$')
+DECIMAL_COMMA = re.compile(r'^\s*"?[-+]?[\d.]*,\d+([eE][-+]?\d+)?"?\s*$')
 #: First characters of lines of comment.
 COMMENT = ("#", "%")
 #: What C libraries of Windows write for numbers that are none; rounded to few digits, ``1.#QNAN`` becomes ``1.#QO``.
@@ -82,7 +82,7 @@ class NumberTable:
     line_length: int = limits.LINE_LENGTH
     most_rows: int = limits.LOG_ROWS
 
-    def rows_of_text(self) -> TextIO:
+    def rows_of_text(self) -> _Rows:
         """The text behind the lines to skip, without lines of comment."""
         stream = self._stream()
         for _ in range(self.skip_lines):
@@ -105,7 +105,7 @@ class _Rows(io.TextIOBase):
     def __init__(self, stream: TextIO):
         self._stream = stream
 
-    def read(self, size: int | None = -1) -> str:
+    def read(self, size: int = -1) -> str:  # type: ignore[override]
         """At least `size` characters, to the end of a line; nothing at the end of the text."""
         while lines := self._stream.read(size) + self._stream.readline():
             if rows := _without_comments(lines):
@@ -306,7 +306,7 @@ def _filled(
     return {name: values[:filled] for name, values in result.items()}
 
 
-def _pieces(table: NumberTable, stream: TextIO, places: Mapping[int, str], width: int, text: bool) -> Any:
+def _pieces(table: NumberTable, stream: _Rows, places: Mapping[int, str], width: int, text: bool) -> Any:
     import pandas as pd
 
     return pd.read_csv(
@@ -333,7 +333,8 @@ def _from_text(table: NumberTable, column: Any, start: int, place: int) -> np.nd
 
     text = column.fillna("").str.strip()
     if table.decimal == ",":
-        text = text.str.replace(",", ".", regex=False)
+        # Exchanged, so that a point, which may stand between thousands, makes a cell no number.
+        text = text.str.translate(str.maketrans(",.", ".,"))
     number = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
     strange = np.flatnonzero(np.isnan(number) & ~text.str.lower().isin(MISSING).to_numpy())
     if strange.size:

@@ -11,6 +11,7 @@ from sysid.campaign import Sensor, read_log
 from sysid.campaign.inputs.logs import LogWriting
 from sysid.errors import DataRejectedError
 from sysid.logs.input_file import InputFile
+from sysid.logs.text_table import find_layout
 
 SENSORS = (Sensor("q", "suspension_deflection", "mm", axle=0),)
 STEP_S = 0.01
@@ -123,6 +124,40 @@ def test_error_marks_of_spreadsheets_are_missing_values(mark: str, encoding: str
     log = read_log(InputFile(Path("log.csv"), text.encode(encoding)), "log.csv", sensors, STEP_S)
     assert np.isnan(log.channels[0].value).tolist() == [False, True, False, False]
     assert np.isnan(log.channels[1].value).tolist() == [False, False, True, False]
+
+
+def test_a_date_with_dots_says_nothing_about_the_decimal_mark() -> None:
+    stamps = [f"01.02.2024 10:00:00,{round(1e3 * t):03d}" for t in STAMPS]
+    check(read(table("time;q", stamps, [str(v).replace(".", ",") for v in VALUES])), 36000.0)
+    other = "\n".join(["time_s;version;q", *(f"{i};1.2.3;0,5" for i in range(9))])
+    assert read(other, step=1.0).channels[0].value == pytest.approx([5e-4] * 9)
+
+
+@pytest.mark.parametrize("quiet", [150, 200_000])
+@pytest.mark.parametrize("time", ["{}", "01.02.2024 10:{:02d}:00.000"])
+def test_the_decimal_mark_is_found_behind_whole_numbers(quiet: int, time: str) -> None:
+    rows = [f"{time.format(i % 60)};0" for i in range(quiet)] + [f"{time.format(0)};0,5"]
+    assert find_layout("\n".join(["time;q", *rows]).encode(), "log.csv", ["q"], ["time"]).decimal == ","
+
+
+@pytest.mark.parametrize(
+    ("cell", "row"), [("1.234", 3), ("1.234,5", 3), ("1.5", 3), ("12.345.678", 3), ("-1.000", 2), ("0.5", 2)]
+)
+def test_a_point_among_decimal_commas_is_refused(cell: str, row: int) -> None:
+    values = ["999,5", "999,5", "999,25", "998,5"]
+    values[row - 2] = cell
+    text = table("time_s;q", ["0,00", "0,01", "0,02", "0,03"], values)
+    hint = rf"row {row}, column 'q' has '{cell}', expected a number; use the decimal comma in every cell, and no points"
+    with pytest.raises(DataRejectedError, match=hint):
+        read(text)
+
+
+@pytest.mark.parametrize("name", ["Zeit [h]", "Zeit [ms]", "time_ms"])
+def test_clock_times_are_no_counts_of_the_unit_in_the_name(name: str) -> None:
+    stamps = [f"10:00:00.{round(1e3 * t):03d}" for t in STAMPS]
+    check(read(table(f"{name};q", stamps), time=name), 36000.0)
+    units = table(f"{name};q", stamps).replace("q\n", "q\nh;mm\n")
+    check(read(units, time=name, units_row=True), 36000.0)
 
 
 WINDOWS_NAN = ["1.#QNAN", "-1.#IND", "1.#INF", "-1.#INF00", "1.#SNAN", "1.#QO", "-1.#IO", "1,#INF", "-nan(ind)"]
