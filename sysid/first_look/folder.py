@@ -18,7 +18,7 @@ from sysid.wording import shorten
 What = Literal["log", "scan", "profile", "other"]
 
 #: Suffixes of text that may be a log or a scan; other files without the mark of a format are not opened as text.
-_TEXT = frozenset((".csv", ".txt", ".tsv", ".asc", ".xyz", ".pts", ".dat", ".prn", ""))
+_TEXT = frozenset((".csv", ".txt", ".tsv", ".asc", ".xyz", ".pts", ".dat", ".prn", ".xls", ""))
 _SCANS = {b"ply": "a PLY cloud", b"LASF": "a LAS cloud"}
 #: Suffixes of files that nobody takes for a measurement.
 _NEVER = frozenset(
@@ -109,6 +109,8 @@ def opened(folder: Path, name: str) -> FolderFile | None:
     if content.suffix.lower() not in _TEXT:
         return None
     head = text_head(content.data)
+    if head is None and content.suffix.lower() == ".xls":
+        raise DataRejectedError(f"{label} is a text without a table of numbers; export it as CSV.")
     if head is None:
         return FolderFile(name, content, "other", "a text without a table of numbers")
     if head.is_profile:

@@ -168,6 +168,14 @@ def test_an_unreadable_file_is_named_and_the_rest_goes_on(tmp_path: Path) -> Non
     assert any(m.startswith("profile.csv has no column of time") for m in look.messages)
 
 
+def test_a_text_named_like_a_work_book_is_a_log(tmp_path: Path) -> None:
+    (tmp_path / "run_10kmh.xls").write_text(_log().replace(",", "\t"), encoding="utf-8")
+    (tmp_path / "page.xls").write_text("<html><table><tr><td>1</td></tr></table></html>", encoding="utf-8")
+    look = first_look(tmp_path)
+    assert [log.file for log in look.logs] == ["run_10kmh.xls"]
+    assert look.messages == ("page.xls is a text without a table of numbers; export it as CSV.",)
+
+
 def test_where_no_log_can_be_read_the_last_reason_is_said(tmp_path: Path) -> None:
     (tmp_path / "broken.mf4").write_bytes(b"MDF     4.10    broken")
     with pytest.raises(DataRejectedError, match=r"holds no log that can be read \(1 file.*broken.mf4 cannot be read"):

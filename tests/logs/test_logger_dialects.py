@@ -207,3 +207,12 @@ def test_a_second_column_named_like_time_may_hold_anything() -> None:
 
 def test_a_table_with_a_suffix_of_bus_recordings_is_text() -> None:
     check(read(table("time_s;q", STAMPS), name="log.asc"))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_a_table_named_like_a_work_book_is_text(encoding: str) -> None:
+    data = InputFile(Path("log.xls"), table("time_s;q", STAMPS).replace(";", "\t").encode(encoding))
+    check(read_log(data, "log.xls", SENSORS, STEP_S))
+    page = InputFile(Path("log.xls"), b"<html><table><tr><td>time_s</td></tr></table></html>")
+    with pytest.raises(DataRejectedError, match=r"none of the columns of campaign.toml .*'<html>"):
+        read_log(page, "log.xls", SENSORS, STEP_S)
