@@ -188,8 +188,9 @@ def test_comments_as_long_as_the_pieces_that_are_read_hide_no_rows() -> None:
     check(read("time_s;q\n" + note.join(rows)))
 
 
-def test_day_numbers_of_spreadsheets_are_refused() -> None:
-    days = [f"{45413.4166666 + t / 86400.0:.10f}" for t in (0.0, 0.01, 0.02, 0.03)]
+@pytest.mark.parametrize("start", [45413.4166666, 0.4166666, 0.0])
+def test_day_numbers_of_spreadsheets_are_refused(start: float) -> None:
+    days = [f"{start + t / 86400.0:.10f}" for t in (0.0, 0.01, 0.02, 0.03)]
     with pytest.raises(DataRejectedError, match=r"counts days .* export the time in seconds"):
         read(table("time;q", days))
 
