@@ -186,11 +186,11 @@ def find_layout(data: bytes, label: str, wanted: Sequence[str], time_names: Iter
     control = sum(ord(c) < 32 and c not in "\0\t\r\n\f\v" for c in text)
     if control > 0.01 * len(text):
         raise DataRejectedError(f"{label} is binary, not text; export the log as CSV.")
-    times = set(time_names)
+    known, times = set(wanted), set(time_names)
     layout = _header(lines, label, encoding, wanted, times)
     if layout.delimiter == ",":
         return layout
-    places = [i for i, name in enumerate(layout.names) if name in set(wanted) or name.casefold() in times]
+    places = [i for i, name in enumerate(layout.names) if name in known or name.casefold() in times]
     table = NumberTable(data, label, encoding, layout.delimiter, ".", layout.first_row - 1, layout.names)
     return replace(layout, decimal=_decimal_mark(table, places))
 
