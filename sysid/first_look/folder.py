@@ -18,7 +18,7 @@ from sysid.wording import shorten
 What = Literal["log", "scan", "profile", "other"]
 
 #: Suffixes of text that may be a log or a scan; other files without the mark of a format are not opened as text.
-_TEXT = frozenset((".csv", ".txt", ".tsv", ".asc", ".xyz", ".pts", ".dat", ".prn", ""))
+_TEXT = frozenset((".csv", ".txt", ".tsv", ".asc", ".xyz", ".pts", ".dat", ".prn", ".xls", ""))
 _SCANS = {b"ply": "a PLY cloud", b"LASF": "a LAS cloud"}
 #: Suffixes of files that nobody takes for a measurement.
 _NEVER = frozenset(
@@ -38,8 +38,13 @@ class FolderFile:
     head: TextHead | None = None
 
 
-def names_in(folder: Path) -> list[str]:
+def names_in(folder: Path) -> tuple[list[str], list[str]]:
     """Relative names (forward slashes) of the files below a folder, sorted; hidden ones are left out.
+
+    Returns
+    -------
+    names, messages
+        One sentence about each name that cannot be used, and each link to a folder: links are not followed.
 
     Raises
     ------
@@ -51,16 +56,24 @@ def names_in(folder: Path) -> list[str]:
         what = "is a file" if folder.exists() else "does not exist"
         raise CampaignError(f"{label} {what}, expected the folder with the logs; give that folder.")
     names: list[str] = []
+    messages: list[str] = []
     size = 0
     for root, folders, files in os.walk(folder):
         if Path(root) != folder and (Path(root) / "stages" / "timings.json").is_file():
             # Results of an earlier calibration.
             folders[:] = []
             continue
-        folders[:] = sorted(f for f in folders if not f.startswith("."))
+        seen = [Path(root) / f for f in sorted(folders) if not f.startswith(".")]
+        refused = {path.name: why for path in seen if (why := _refusal(path, folder))}
+        messages += refused.values()
+        folders[:] = [path.name for path in seen if path.name not in refused]
         for name in sorted(files):
             path = Path(root) / name
-            if name.startswith(".") or path.suffix.lower() in _NEVER or has_control_characters(name):
+            if name.startswith(".") or path.suffix.lower() in _NEVER:
+                continue
+            why = _refusal(path, folder)
+            if why is not None:
+                messages.append(why)
                 continue
             names.append(path.relative_to(folder).as_posix())
             size += path.stat().st_size if path.is_file() else 0
@@ -69,14 +82,32 @@ def names_in(folder: Path) -> list[str]:
                     f"{label} holds more than {limits.FIRST_LOOK_FILES} files; copy logs and scans of one campaign "
                     "into a folder of their own."
                 )
-    if not names:
+    if not names and not messages:
         raise CampaignError(f"{label} holds no files that could be logs; give the folder with the logs.")
     if size > limits.INPUT_BYTES:
         raise CampaignError(
             f"{label} holds {size / 1e9:.1f} GB, at most {limits.INPUT_BYTES / 1e9:.0f} are read; copy logs and scans "
             "of one campaign into a folder of their own."
         )
-    return sorted(names)
+    return sorted(names), messages
+
+
+def _refusal(path: Path, folder: Path) -> str | None:
+    """Why a file or a folder below `folder` is left out for its name, or as a link to a folder."""
+    name = path.relative_to(folder).as_posix()
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        shown = shorten(os.fsencode(name).decode("utf-8", "backslashreplace"), 100)
+        return f"{shown} has a name that is no UTF-8 and is left out; rename it."
+    if has_control_characters(name):
+        return f"{shorten(name, 100)} has control characters in its name and is left out; rename it."
+    if path.is_symlink() and path.is_dir():
+        return (
+            f"{shorten(name, 100)} is a link to a folder and is not followed: a campaign reads no files outside its "
+            "folder; copy the logs there."
+        )
+    return None
 
 
 def opened(folder: Path, name: str) -> FolderFile | None:
@@ -109,6 +140,8 @@ def opened(folder: Path, name: str) -> FolderFile | None:
     if content.suffix.lower() not in _TEXT:
         return None
     head = text_head(content.data)
+    if head is None and content.suffix.lower() == ".xls":
+        raise DataRejectedError(f"{label} is a text without a table of numbers; export it as CSV.")
     if head is None:
         return FolderFile(name, content, "other", "a text without a table of numbers")
     if head.is_profile:

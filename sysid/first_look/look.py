@@ -85,9 +85,7 @@ def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, T
     fits: dict[str, Threes] = {}
     counts: Counter[frozenset[str]] = Counter()
     scans: list[SeenScan] = []
-    messages: list[str] = []
-    names = names_in(folder)
-    refused: SysidError | None = None
+    names, messages = names_in(folder)
     for i, name in enumerate(names):
         progress("reading files", i / len(names))
         try:
@@ -102,7 +100,6 @@ def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, T
                 continue
             columns = read_columns_of(file)
         except SysidError as error:
-            refused = error
             messages.append(str(error))
             continue
         log = _seen(columns)
@@ -115,8 +112,8 @@ def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, T
                 counts[layout] += 1
     if not logs:
         label = shorten(folder, 100)
-        if refused is not None:
-            more = f" ({len(messages)} files cannot be read; the last one: {refused})"
+        if messages:
+            more = f" ({len(messages)} files cannot be read; the last one: {messages[-1]})"
             raise DataRejectedError(f"{label} holds no log that can be read{more}")
         raise CampaignError(f"{label} holds no logs; give the folder into which the logger wrote.")
     return logs, fits, scans, messages

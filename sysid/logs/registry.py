@@ -25,7 +25,7 @@ FORMATS: tuple[LogFormat, ...] = (
 #: Bytes by which a format is recognised: marks stand at the beginning, that of MATLAB 7.3 after 512.
 _HEAD_BYTES = 4096
 #: A suffix that text logs have as well says nothing about a file that has no mark of a binary format.
-_TEXT_TOO = frozenset({".dat", ".asc"})
+_TEXT_TOO = frozenset({".dat", ".asc", ".xls"})
 
 
 def format_of(file: InputFile, wanted: str | None = None) -> LogFormat:

@@ -23,7 +23,8 @@ def _read(file: InputFile, label: str, request: LogRequest) -> LogContent:
             f"{label} has no time column (found {shown}, ...), expected {expected}; rename the column of the time "
             "stamps, or give its name by 'time' in campaign.toml."
         )
-    clock = Clock(time, columns[time] * seconds_in(time, units.get(time)), first_row)
+    factor = 1.0 if time in layout.instants else seconds_in(time, units.get(time))
+    clock = Clock(time, columns[time] * factor, first_row)
     channels = (RawChannel(n, clock, columns[n], units.get(n) or None) for n in wanted if n in columns)
     return LogContent(tuple(channels), layout.names)
 

@@ -25,8 +25,6 @@ def has_instants(table: NumberTable, place: int) -> bool:
     """Whether the first filled cell of a column is a date with a time, or a time of day."""
     with table.rows_of_text() as stream:
         for line in islice(iter(lambda: stream.readline(table.line_length), ""), _LOOKED_AT):
-            if line.lstrip().startswith("#"):
-                continue
             cells = cells_of(line.rstrip("\r\n"), table.delimiter)
             cell = cells[place].strip() if place < len(cells) else ""
             if cell.lower() not in MISSING:

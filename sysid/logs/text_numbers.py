@@ -17,15 +17,28 @@ from sysid.errors import DataRejectedError
 
 #: Delimiter of columns that white space separates.
 WHITE_SPACE = r"\s+"
-DECIMAL_COMMA = re.compile(r'^\s*"?[-+]?\d*,\d+([eE][-+]?\d+)?"?\s*$')
+DECIMAL_COMMA = re.compile(r'^\s*"?[-+]?[\d.]*,\d+([eE][-+]?\d+)?"?\s*$')
+#: First characters of lines of comment.
+COMMENT = ("#", "%")
+#: What C libraries of Windows write for numbers that are none; rounded to few digits, ``1.#QNAN`` becomes ``1.#QO``.
+_WINDOWS_NAN = [
+    f"{sign}1{mark}#{word}{zeros * '0'}"
+    for sign in ("", "-")
+    for mark in ".,"
+    for word in ("INF", "IND", "QNAN", "SNAN", "J", "IO", "R", "QO", "QNB", "T", "SO", "SNB")
+    for zeros in range(16)
+]
 #: What stands in a cell without a reading, in small letters.
 MISSING = frozenset(
     ["", "nan", "+nan", "-nan", "na", "n/a", "#n/a", "<na>", "null", "none", "-", "--", "over"]
     + [sign + word for sign in ("", "+", "-") for word in ("inf", "infinity")]
+    + [sign + word for sign in ("", "-") for word in ("nan(ind)", "nan(snan)")]
+    + [word.lower() for word in _WINDOWS_NAN]
 )
 #: Rows that the parser holds at a time.
 _PIECE_ROWS = 100_000
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
+_COMMENT_LINE = re.compile(r"\n[^\S\n]*[#%][^\n]*")
 
 
 class LongRowError(ValueError):
@@ -53,7 +66,7 @@ class NumberTable:
 
     - `label` begins every message about the file;
     - `skip_lines` stand before the first row, whose cells belong to `names`; with `blank_rows` a blank line is a row
-      without readings, else it is skipped;
+      without readings, else it is skipped; lines that begin with ``#`` or ``%`` are no rows;
     - `strict` refuses bytes that are no text.
     """
 
@@ -69,12 +82,12 @@ class NumberTable:
     line_length: int = limits.LINE_LENGTH
     most_rows: int = limits.LOG_ROWS
 
-    def rows_of_text(self) -> TextIO:
-        """The text behind the lines to skip."""
+    def rows_of_text(self) -> _Rows:
+        """The text behind the lines to skip, without lines of comment."""
         stream = self._stream()
         for _ in range(self.skip_lines):
             stream.readline()
-        return stream
+        return _Rows(stream)
 
     def lines(self) -> Iterator[str]:
         """All lines, cut at one more character than a line may have."""
@@ -84,6 +97,32 @@ class NumberTable:
     def _stream(self) -> TextIO:
         errors = "strict" if self.strict else "replace"
         return io.TextIOWrapper(io.BytesIO(self.data), encoding=self.encoding, errors=errors)
+
+
+class _Rows(io.TextIOBase):
+    """Rows of a text; the parser's own comments would also cut a row at a ``#`` in one of its cells."""
+
+    def __init__(self, stream: TextIO):
+        self._stream = stream
+
+    def read(self, size: int = -1) -> str:  # type: ignore[override]
+        """At least `size` characters, to the end of a line; nothing at the end of the text."""
+        while lines := self._stream.read(size) + self._stream.readline():
+            if rows := _without_comments(lines):
+                return rows
+        return ""
+
+    def readline(self, size: int = -1) -> str:  # type: ignore[override]
+        """The next row, cut at `size` characters."""
+        while (line := self._stream.readline(size)).lstrip().startswith(COMMENT):
+            pass
+        return line
+
+
+def _without_comments(lines: str) -> str:
+    if not any(mark in lines for mark in COMMENT):
+        return lines
+    return _COMMENT_LINE.sub("", "\n" + lines)[1:]
 
 
 def encoding_of(data: bytes) -> str:
@@ -154,6 +193,8 @@ def count_rows(table: NumberTable) -> tuple[int, int]:
             continue
         count = len(line.split()) if table.delimiter == WHITE_SPACE else line.count(table.delimiter) + 1
         if count > names:
+            if line.lstrip().startswith(COMMENT):
+                continue
             count = _exact_count(line, number, table)
         width = max(width, count)
         rows += table.blank_rows or not line.isspace()
@@ -164,7 +205,7 @@ def count_rows(table: NumberTable) -> tuple[int, int]:
 
 def _exact_count(line: str, number: int, table: NumberTable) -> int:
     names = len(table.names)
-    cells = cells_of(line.split("#")[0].rstrip("\n"), table.delimiter)
+    cells = cells_of(line.rstrip("\n"), table.delimiter)
     count = len(cells)
     while len(cells) > names and not cells[-1]:
         cells.pop()
@@ -245,7 +286,7 @@ def _as_text(table: NumberTable, places: Mapping[int, str], rows: int, width: in
         raise DataRejectedError(f"{table.label} is not a regular table of numbers: {_reason(error)}.") from None
     except (ValueError, OverflowError, MemoryError):
         raise DataRejectedError(
-            f"{table.label} has text among its numbers; remove it and mark lines of text with '#'."
+            f"{table.label} has text among its numbers; remove it and begin lines of text with '#'."
         ) from None
 
 
@@ -265,7 +306,7 @@ def _filled(
     return {name: values[:filled] for name, values in result.items()}
 
 
-def _pieces(table: NumberTable, stream: TextIO, places: Mapping[int, str], width: int, text: bool) -> Any:
+def _pieces(table: NumberTable, stream: _Rows, places: Mapping[int, str], width: int, text: bool) -> Any:
     import pandas as pd
 
     return pd.read_csv(
@@ -278,12 +319,11 @@ def _pieces(table: NumberTable, stream: TextIO, places: Mapping[int, str], width
         index_col=False,
         skipinitialspace=True,
         skip_blank_lines=not table.blank_rows,
-        comment="#",
         engine="c",
         low_memory=False,
         chunksize=_PIECE_ROWS,
         dtype=str if text else np.float64,
-        na_values=None if text else ["-", "--", "NAN", "Inf", "none", "OVER", "over"],
+        na_values=None if text else ["-", "--", "NAN", "Inf", "none", "OVER", "over", *_WINDOWS_NAN],
         keep_default_na=not text,
     )
 
@@ -293,7 +333,8 @@ def _from_text(table: NumberTable, column: Any, start: int, place: int) -> np.nd
 
     text = column.fillna("").str.strip()
     if table.decimal == ",":
-        text = text.str.replace(",", ".", regex=False)
+        # Exchanged, so that a point, which may stand between thousands, makes a cell no number.
+        text = text.str.translate(str.maketrans(",.", ".,"))
     number = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
     strange = np.flatnonzero(np.isnan(number) & ~text.str.lower().isin(MISSING).to_numpy())
     if strange.size:

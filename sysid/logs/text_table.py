@@ -6,6 +6,7 @@ import difflib
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from sysid.errors import DataRejectedError
 from sysid.logs.input_file import FileRefusedError, InputFile, read_file
 from sysid.logs.text_instants import has_instants, read_instants
 from sysid.logs.text_numbers import (
+    COMMENT,
     DECIMAL_COMMA,
     CellError,
     LongRowError,
@@ -30,7 +32,11 @@ from sysid.wording import shorten
 #: Bytes in which delimiter and header are looked for.
 _HEAD_BYTES = 1 << 20
 _COMPARED = 60  # characters of a name that are compared with a misspelt one
-_COMMENT = ("#", "%", '"#')
+_COMMENT = (*COMMENT, '"#')
+#: A number with a decimal mark, one that may as well be a thousand, and how many of the former are looked at.
+_MARKED = re.compile(r"[-+]?[\d.]*[.,]\d+(?:[eE][-+]?\d+)?")
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:\.\d{3})+")
+_MARKED_CELLS = 100
 _BINARY = {b"\x1f\x8b": "a gzip file", b"%PDF": "a PDF"}
 #: What spreadsheets write where they have no number, in English and German.
 _ERROR_MARKS = (
@@ -52,7 +58,8 @@ _ERROR_MARKS = (
 class Layout:
     """How a log is written: text encoding, delimiter, decimal mark, line of the header (from 0) and its names.
 
-    `units` are the cells of a row of units below the names, empty without one.
+    `units` are the cells of a row of units below the names, empty without one; `instants` are the columns that were
+    read as dates or times of day.
     """
 
     encoding: str
@@ -61,6 +68,7 @@ class Layout:
     header_line: int
     names: tuple[str, ...]
     units: tuple[str, ...] = ()
+    instants: tuple[str, ...] = ()
 
     @property
     def first_row(self) -> int:
@@ -109,10 +117,10 @@ def read_columns(
             f"{label}: the column '{shorten(double)}' stands twice in the header (columns {at[0]} and {at[1]}); "
             "rename one of them."
         )
-    columns = _parse(data, label, layout, use, times)
+    columns, instants = _parse(data, label, layout, use, times)
     for values in columns.values():
         values[~np.isfinite(values)] = np.nan
-    return layout, columns, layout.first_row
+    return replace(layout, instants=instants), columns, layout.first_row
 
 
 def file_content(source: Path | InputFile, label: str) -> InputFile:
@@ -178,7 +186,27 @@ def find_layout(data: bytes, label: str, wanted: Sequence[str], time_names: Iter
     control = sum(ord(c) < 32 and c not in "\0\t\r\n\f\v" for c in text)
     if control > 0.01 * len(text):
         raise DataRejectedError(f"{label} is binary, not text; export the log as CSV.")
-    return _header(lines, label, encoding, wanted, set(time_names))
+    known, times = set(wanted), set(time_names)
+    layout = _header(lines, label, encoding, wanted, times)
+    if layout.delimiter == ",":
+        return layout
+    places = [i for i, name in enumerate(layout.names) if name in known or name.casefold() in times]
+    table = NumberTable(data, label, encoding, layout.delimiter, ".", layout.first_row - 1, layout.names)
+    return replace(layout, decimal=_decimal_mark(table, places))
+
+
+def _decimal_mark(table: NumberTable, places: Sequence[int]) -> str:
+    """Decimal mark of most of the first numbers with one in the columns at `places`."""
+    with table.rows_of_text() as stream:
+        rows = iter(lambda: stream.readline(table.line_length), "")
+        of_rows = (row.split(table.delimiter) for row in rows if "," in row or "." in row)
+        cells = (cells[place] for cells in of_rows for place in places if place < len(cells))
+        numbers = (cell.strip().strip('"') for cell in cells if "," in cell or "." in cell)
+        marked = list(islice((number for number in numbers if _MARKED.fullmatch(number)), _MARKED_CELLS))
+    commas = sum("," in cell for cell in marked)
+    # A point may stand between thousands, as in 1.234.
+    points = sum("," not in cell and not _THOUSANDS.fullmatch(cell) for cell in marked)
+    return "," if commas > points else "."
 
 
 def _header(lines: list[str], label: str, encoding: str, wanted: Sequence[str], times: set[str]) -> Layout:
@@ -205,19 +233,14 @@ def _header(lines: list[str], label: str, encoding: str, wanted: Sequence[str], 
         )
     # A trailing delimiter makes an empty last name; other empty names get one of their own.
     names = [n or f"(column {i + 1})" for i, n in enumerate(names)]
-    decimal = "."
     sample = [ln for ln in lines[number + 1 : number + 101] if ln.strip() and not ln.lstrip().startswith(_COMMENT)]
-    if delimiter != ",":
-        cells = [c for ln in sample for c in cells_of(ln, delimiter)]
-        commas = sum(bool(DECIMAL_COMMA.match(c)) for c in cells)
-        if commas > sum("." in c for c in cells):
-            decimal = ","
-    elif sample and all(ln.count(",") + 1 >= 2 * len(names) - 1 for ln in sample) and len(names) > 1:
+    pairs = all(ln.count(",") + 1 >= 2 * len(names) - 1 for ln in sample)
+    if delimiter == "," and sample and pairs and len(names) > 1:
         raise DataRejectedError(
             f"{label}: row {number + 2} has {sample[0].count(',') + 1} cells under {len(names)} column names, as when "
             "the comma separates columns and marks decimals; export with semicolons between columns."
         )
-    return Layout(encoding, delimiter, decimal, number, tuple(names))
+    return Layout(encoding, delimiter, ".", number, tuple(names))
 
 
 def _no_header(first: str, label: str, wanted: Sequence[str]) -> str:
@@ -237,7 +260,10 @@ def _no_header(first: str, label: str, wanted: Sequence[str]) -> str:
     )
 
 
-def _parse(data: bytes, label: str, layout: Layout, use: list[str], times: set[str]) -> dict[str, np.ndarray]:
+def _parse(
+    data: bytes, label: str, layout: Layout, use: list[str], times: set[str]
+) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Columns by name, and the names of those that hold dates or times of day."""
     skip = layout.first_row - 1
     table = NumberTable(data, label, layout.encoding, layout.delimiter, layout.decimal, skip, layout.names)
     try:
@@ -261,15 +287,18 @@ def _parse(data: bytes, label: str, layout: Layout, use: list[str], times: set[s
     read = len(next(iter(columns.values())))
     if read == 0:
         raise DataRejectedError(f"{label} has a header but no rows; export the log again.")
-    return columns | {name: np.full(read, np.nan) for name in use if name not in columns}
+    columns |= {name: np.full(read, np.nan) for name in use if name not in columns}
+    return columns, tuple(clocks.values())
 
 
 def _cell_sentence(label: str, layout: Layout, row: int, name: str, cell: str) -> str:
     hint = "correct or empty the cell"
-    if row == layout.header_line + 2 and not layout.units:
-        hint = "if this row holds units, set units_row = true in campaign.toml, or start it with '#'"
-    elif layout.decimal == "." and DECIMAL_COMMA.match(cell):
+    if layout.decimal == "." and DECIMAL_COMMA.match(cell):
         hint = "use the decimal point in every cell"
+    elif layout.decimal == "," and _MARKED.fullmatch(cell.strip()):
+        hint = "use the decimal comma in every cell, and no points between thousands"
+    elif row == layout.header_line + 2 and not layout.units:
+        hint = "if this row holds units, set units_row = true in campaign.toml, or start it with '#'"
     return f"{label}: row {row}, column '{shorten(name)}' has '{shorten(cell, 40)}', expected a number; {hint}."
 
 

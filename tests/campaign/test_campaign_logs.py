@@ -118,9 +118,39 @@ def test_a_repeated_stamp_is_left_out(tmp_path):
 
 
 def test_slow_log_is_read_with_a_message(tmp_path):
-    log = read(tmp_path, table(rows=[(0.4 * i, i, 0.0) for i in range(8)]))
-    assert log.sample_interval_s == pytest.approx(0.4)
-    assert any("0.4 s apart" in m for m in log.messages)
+    log = read(tmp_path, table(rows=[(0.1 * i, i, 0.0) for i in range(8)]))
+    assert log.sample_interval_s == pytest.approx(0.1)
+    assert any("0.1 s apart" in m for m in log.messages)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (1e-9, "probably in ns; write them in seconds"),
+        (1e-6, "probably in us; write them in seconds"),
+        (1e-3, "probably in ms; name the column time_ms"),
+        (60.0, "1/60 of the declared 0.005 s, so they are probably in minutes; write them in seconds"),
+        (3600.0, "1/3600 of the declared 0.005 s, so they are probably in hours; write them in seconds"),
+        (86400.0, "counts days"),
+        (1 / 30.0, "30 times the declared 0.005 s; correct acquisition.sample_interval_s or write them in seconds"),
+        (400.0, "1/400 of the declared 0.005 s; correct acquisition.sample_interval_s"),
+    ],
+)
+@pytest.mark.parametrize("start_s", [0.0, 36_000.0])
+def test_stamps_in_another_unit_are_refused(tmp_path, seconds, words, start_s):
+    # A record of a minute: in a small unit it spans more than a log may.
+    rows = "".join(f"{(start_s + 0.005 * i) / seconds:.12f},{i % 7},0\n" for i in range(12_000))
+    with pytest.raises(DataRejectedError) as error:
+        read(tmp_path, f"time,q_mm,a_g\n{rows}", step=0.005)
+    assert words in str(error.value)
+
+
+def test_a_clock_at_the_declared_rate_lets_others_be_far_from_it(monkeypatch) -> None:
+    fast, slow = Clock("fast", 0.0002 * np.arange(4000)), Clock("slow", 0.02 * np.arange(40))
+    channels = (RawChannel("q_mm", slow, np.arange(40.0), "mm"), RawChannel("a_g", fast, np.arange(4000.0), "g"))
+    monkeypatch.setattr(logs, "read_channels", lambda *rest: LogContent(channels, ("q_mm", "a_g")))
+    log = read_log(InputFile(Path("log.mf4"), b""), "log.mf4", SENSORS, 0.0002)
+    assert [c.time_s.size for c in log.channels] == [40, 4000]
 
 
 def test_missing_sensor_column_leaves_its_channel_out(tmp_path):

@@ -386,6 +386,14 @@ def test_short_and_slow_logs_are_left_out(campaign):
     assert cleaned.bump_runs == ()
     assert "holds 3 samples" in report.channels[0].messages[0]
     assert any("left out" in m for m in report.messages)
+    # Thirty readings at 2 kHz: fewer than the search for the passage looks at.
+    brief = only(campaign, RUN, lambda c: replace(cut(slice(0, 30))(c), time_s=0.0005 * np.arange(30)))
+    run = brief.bump_runs[0]
+    cleaned, report = check_quality(
+        replace(brief, bump_runs=(replace(run, log=replace(run.log, sample_interval_s=0.0005)),))
+    )
+    assert cleaned.bump_runs == ()
+    assert "the log is 0.015 s long, expected at least 0.1 s" in rejected(report)["lvdt1_mm"]
     slow = only(campaign, RUN, lambda c: replace(c, time_s=80.0 * c.time_s))
     run = slow.bump_runs[0]
     slow = replace(slow, bump_runs=(replace(run, log=replace(run.log, sample_interval_s=0.4)),))

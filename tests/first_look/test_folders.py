@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from pathlib import Path
 
@@ -168,6 +169,14 @@ def test_an_unreadable_file_is_named_and_the_rest_goes_on(tmp_path: Path) -> Non
     assert any(m.startswith("profile.csv has no column of time") for m in look.messages)
 
 
+def test_a_text_named_like_a_work_book_is_a_log(tmp_path: Path) -> None:
+    (tmp_path / "run_10kmh.xls").write_text(_log().replace(",", "\t"), encoding="utf-8")
+    (tmp_path / "page.xls").write_text("<html><table><tr><td>1</td></tr></table></html>", encoding="utf-8")
+    look = first_look(tmp_path)
+    assert [log.file for log in look.logs] == ["run_10kmh.xls"]
+    assert look.messages == ("page.xls is a text without a table of numbers; export it as CSV.",)
+
+
 def test_where_no_log_can_be_read_the_last_reason_is_said(tmp_path: Path) -> None:
     (tmp_path / "broken.mf4").write_bytes(b"MDF     4.10    broken")
     with pytest.raises(DataRejectedError, match=r"holds no log that can be read \(1 file.*broken.mf4 cannot be read"):
@@ -276,4 +285,45 @@ def test_results_below_the_folder_are_no_logs(tmp_path: Path) -> None:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("a")
     # A person may call a folder of logs so too.
-    assert names_in(tmp_path) == ["run.csv", "stages/slow.csv"]
+    assert names_in(tmp_path) == (["run.csv", "stages/slow.csv"], [])
+
+
+def test_names_that_are_left_out_are_said(tmp_path: Path) -> None:
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    (logs / "run_10kmh.csv").write_text(_log(), encoding="utf-8")
+    (logs / "run\n20kmh.csv").write_text(_log(), encoding="utf-8")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "run_30kmh.csv").write_text(_log(), encoding="utf-8")
+    (logs / "more").symlink_to(tmp_path / "elsewhere", target_is_directory=True)
+    (logs / "again").symlink_to(logs, target_is_directory=True)
+    look = first_look(logs)
+    assert [log.file for log in look.logs] == ["run_10kmh.csv"]
+    link = (
+        "is a link to a folder and is not followed: a campaign reads no files outside its folder; copy the logs there."
+    )
+    assert set(look.messages) == {
+        f"again {link}",
+        f"more {link}",
+        "run\\n20kmh.csv has control characters in its name and is left out; rename it.",
+    }
+    (logs / "run_10kmh.csv").unlink()
+    with pytest.raises(DataRejectedError, match="holds no log that can be read"):
+        first_look(logs)
+
+
+def test_names_that_are_no_utf8_are_said(tmp_path: Path) -> None:
+    file, below = (os.fsencode(tmp_path) + name for name in (b"/Lkw_M\xfcller_30kmh.csv", b"/M\xe4rz"))
+    try:
+        Path(os.fsdecode(file)).write_text(_log(), encoding="utf-8")
+    except OSError:
+        pytest.skip("this file system takes no such names")
+    Path(os.fsdecode(below)).mkdir()
+    (Path(os.fsdecode(below)) / "run_20kmh.csv").write_text(_log(), encoding="utf-8")
+    (tmp_path / "run_10kmh.csv").write_text(_log(), encoding="utf-8")
+    look = first_look(tmp_path)
+    assert [log.file for log in look.logs] == ["run_10kmh.csv"]
+    assert set(look.messages) == {
+        r"Lkw_M\xfcller_30kmh.csv has a name that is no UTF-8 and is left out; rename it.",
+        r"M\xe4rz has a name that is no UTF-8 and is left out; rename it.",
+    }

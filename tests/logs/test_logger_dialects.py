@@ -11,6 +11,7 @@ from sysid.campaign import Sensor, read_log
 from sysid.campaign.inputs.logs import LogWriting
 from sysid.errors import DataRejectedError
 from sysid.logs.input_file import InputFile
+from sysid.logs.text_table import find_layout
 
 SENSORS = (Sensor("q", "suspension_deflection", "mm", axle=0),)
 STEP_S = 0.01
@@ -125,8 +126,71 @@ def test_error_marks_of_spreadsheets_are_missing_values(mark: str, encoding: str
     assert np.isnan(log.channels[1].value).tolist() == [False, False, True, False]
 
 
-def test_day_numbers_of_spreadsheets_are_refused() -> None:
-    days = [f"{45413.4166666 + t / 86400.0:.10f}" for t in (0.0, 0.01, 0.02, 0.03)]
+def test_a_date_with_dots_says_nothing_about_the_decimal_mark() -> None:
+    stamps = [f"01.02.2024 10:00:00,{round(1e3 * t):03d}" for t in STAMPS]
+    check(read(table("time;q", stamps, [str(v).replace(".", ",") for v in VALUES])), 36000.0)
+    other = "\n".join(["time_s;version;q", *(f"{i};1.2.3;0,5" for i in range(9))])
+    assert read(other, step=1.0).channels[0].value == pytest.approx([5e-4] * 9)
+
+
+@pytest.mark.parametrize("quiet", [150, 200_000])
+@pytest.mark.parametrize("time", ["{}", "01.02.2024 10:{:02d}:00.000"])
+def test_the_decimal_mark_is_found_behind_whole_numbers(quiet: int, time: str) -> None:
+    rows = [f"{time.format(i % 60)};0" for i in range(quiet)] + [f"{time.format(0)};0,5"]
+    assert find_layout("\n".join(["time;q", *rows]).encode(), "log.csv", ["q"], ["time"]).decimal == ","
+
+
+@pytest.mark.parametrize(
+    ("cell", "row"), [("1.234", 3), ("1.234,5", 3), ("1.5", 3), ("12.345.678", 3), ("-1.000", 2), ("0.5", 2)]
+)
+def test_a_point_among_decimal_commas_is_refused(cell: str, row: int) -> None:
+    values = ["999,5", "999,5", "999,25", "998,5"]
+    values[row - 2] = cell
+    text = table("time_s;q", ["0,00", "0,01", "0,02", "0,03"], values)
+    hint = rf"row {row}, column 'q' has '{cell}', expected a number; use the decimal comma in every cell, and no points"
+    with pytest.raises(DataRejectedError, match=hint):
+        read(text)
+
+
+@pytest.mark.parametrize("name", ["Zeit [h]", "Zeit [ms]", "time_ms"])
+def test_clock_times_are_no_counts_of_the_unit_in_the_name(name: str) -> None:
+    stamps = [f"10:00:00.{round(1e3 * t):03d}" for t in STAMPS]
+    check(read(table(f"{name};q", stamps), time=name), 36000.0)
+    units = table(f"{name};q", stamps).replace("q\n", "q\nh;mm\n")
+    check(read(units, time=name, units_row=True), 36000.0)
+
+
+WINDOWS_NAN = ["1.#QNAN", "-1.#IND", "1.#INF", "-1.#INF00", "1.#SNAN", "1.#QO", "-1.#IO", "1,#INF", "-nan(ind)"]
+
+
+@pytest.mark.parametrize("text", WINDOWS_NAN)
+def test_what_windows_writes_for_no_number_is_missing(text: str) -> None:
+    sensors = [*SENSORS, Sensor("r", "axle_acceleration", "m/s^2", axle=0)]
+    log = read(f"time_s;q;r\n0.00;1;1\n0.01;{text};2\n0.02;3;{text}\n0.03;4;5\n", sensors)
+    np.testing.assert_array_equal(log.channels[0].value, [1e-3, np.nan, 3e-3, 4e-3])
+    np.testing.assert_array_equal(log.channels[1].value, [1.0, 2.0, np.nan, 5.0])
+
+
+@pytest.mark.parametrize("mark", ["#", "%"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_only_lines_that_begin_with_a_mark_are_comments(mark: str, encoding: str) -> None:
+    rows = [f"{t};{mark}{k} {mark};{v}" for k, (t, v) in enumerate(zip(STAMPS, VALUES, strict=True))]
+    note = f"{mark} gear 2; with more; cells; than columns"
+    text = "\n".join([f"{mark} truck 7", "time_s;event;q", note, *rows[:2], f" {note}", note, *rows[2:], note])
+    check(read_log(InputFile(Path("log.csv"), text.encode(encoding)), "log.csv", SENSORS, STEP_S))
+    with pytest.raises(DataRejectedError, match=r"column 'q' has '2.0 . gear', expected a number"):
+        read(text.replace("2.0", f"2.0 {mark} gear"))
+
+
+def test_comments_as_long_as_the_pieces_that_are_read_hide_no_rows() -> None:
+    note = "".join(f"# {i} {'x' * 90}\n" for i in range(9000))
+    rows = [f"{t};{v}\n" for t, v in zip(STAMPS, VALUES, strict=True)]
+    check(read("time_s;q\n" + note.join(rows)))
+
+
+@pytest.mark.parametrize("start", [45413.4166666, 0.4166666, 0.0])
+def test_day_numbers_of_spreadsheets_are_refused(start: float) -> None:
+    days = [f"{start + t / 86400.0:.10f}" for t in (0.0, 0.01, 0.02, 0.03)]
     with pytest.raises(DataRejectedError, match=r"counts days .* export the time in seconds"):
         read(table("time;q", days))
 
@@ -144,3 +208,12 @@ def test_a_second_column_named_like_time_may_hold_anything() -> None:
 
 def test_a_table_with_a_suffix_of_bus_recordings_is_text() -> None:
     check(read(table("time_s;q", STAMPS), name="log.asc"))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_a_table_named_like_a_work_book_is_text(encoding: str) -> None:
+    data = InputFile(Path("log.xls"), table("time_s;q", STAMPS).replace(";", "\t").encode(encoding))
+    check(read_log(data, "log.xls", SENSORS, STEP_S))
+    page = InputFile(Path("log.xls"), b"<html><table><tr><td>time_s</td></tr></table></html>")
+    with pytest.raises(DataRejectedError, match=r"none of the columns of campaign.toml .*'<html>"):
+        read_log(page, "log.xls", SENSORS, STEP_S)

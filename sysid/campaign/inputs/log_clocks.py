@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,12 @@ from sysid.logs.channels import Clock
 
 BAD_STAMP_SHARE = 0.01  # up to this share of repeated or empty stamps is a hiccup of the logger, more is a broken log
 SAME_STEP = 1e-3  # rounding of the printed stamps
-_DAY_S = 86400.0  # unit of times in spreadsheets
+_DAY_S = 86400.0
+# Steps further than this from the declared one, either way, are of another unit or wrongly declared (an assumption).
+_FAR = 20.0
+_NEAR_UNIT = 2.0  # rounding of stamps in a large unit
+#: How many of a unit are a second.
+_COUNTS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "minutes": 1.0 / 60.0, "hours": 1.0 / 3600.0, "days": 1.0 / _DAY_S}
 _NEAR_MIDNIGHT_S = 60.0  # a step back of a day but for this is midnight on a clock that shows the time of day
 
 
@@ -25,29 +31,42 @@ class CleanClock:
     step_s: float
 
 
-def clean_clock(clock: Clock, declared_s: float, label: str, messages: list[str]) -> CleanClock:
-    """Clean the stamps of a clock.
+def clean_clocks(
+    clocks: Mapping[int, Clock], declared_s: float, label: str, messages: list[str]
+) -> dict[int, CleanClock]:
+    """Clean the stamps of all clocks of a log.
 
     Parameters
     ----------
-    clock : stamps as the file has them.
+    clocks : stamps as the file has them, by any key.
     declared_s : declared sample interval [s], taken as the step where the stamps agree with it but for rounding.
     label : name of the file.
-    messages : receives what was left out, and a step that differs from the declared one.
+    messages : receives what was left out, and steps that differ from the declared one.
 
     Raises
     ------
     DataRejectedError
-        If the time does not advance, jumps, or is in another unit.
+        If the time of a clock does not advance or jumps, or the steps of all clocks are far from the declared one, as
+        those of another unit are.
     """
-    stamps, rows = _clean_stamps(clock.time_s, label, clock.name, clock.first_row, messages)
-    step = float(np.median(np.diff(stamps)))
-    _refuse_day_numbers(stamps, step, declared_s, label, clock.name)
-    _check_span(clock.time_s, stamps, step, label, clock.name, clock.first_row)
-    if abs(step / declared_s - 1.0) < SAME_STEP:
-        step = declared_s
-    _compare_step(step, declared_s, label, clock.name, messages)
-    return CleanClock(stamps, rows, step)
+    found = {k: _clean_stamps(c.time_s, label, c.name, c.first_row, messages) for k, c in clocks.items()}
+    steps = {key: float(np.median(np.diff(stamps))) for key, (stamps, _) in found.items()}
+    # A channel may be far slower or faster than the declared one beside it.
+    nearest = min(steps, key=lambda key: abs(np.log(steps[key] / declared_s)))
+    _refuse_unit(found[nearest][0], steps[nearest], declared_s, label, clocks[nearest].name)
+    result = {}
+    for key, (stamps, rows) in found.items():
+        clock, step = clocks[key], steps[key]
+        _check_span(clock.time_s, stamps, step, label, clock.name, clock.first_row)
+        if abs(step / declared_s - 1.0) < SAME_STEP:
+            step = declared_s
+        elif abs(step / declared_s - 1.0) >= 0.01:
+            messages.append(
+                f"{label}: the time stamps are {step:.4g} s apart, acquisition.sample_interval_s says {declared_s:g} "
+                "s; the stamps are used."
+            )
+        result[key] = CleanClock(stamps, rows, step)
+    return result
 
 
 def _clean_stamps(
@@ -102,13 +121,25 @@ def _clean_stamps(
     return stamps[rows], rows
 
 
-def _refuse_day_numbers(stamps: np.ndarray, step: float, declared: float, label: str, column: str) -> None:
-    """Spreadsheets count days since 1900: today is 46,000 and something."""
-    if 20_000.0 < stamps[0] < 80_000.0 and 0.5 < step * _DAY_S / declared < 2.0:
+def _refuse_unit(stamps: np.ndarray, step: float, declared: float, label: str, column: str) -> None:
+    ratio = step / declared
+    if 1.0 / _FAR <= ratio <= _FAR:
+        return
+    unit = next((u for u, counts in _COUNTS.items() if 1.0 / _NEAR_UNIT < ratio / counts < _NEAR_UNIT), None)
+    if unit == "days":
         raise DataRejectedError(
             f"{label}: the time in column '{column}' counts days ({stamps[0]:.10g}, {step:.3g} apart), as spreadsheets "
-            "do, which is too coarse; export the time in seconds."
+            "do; export the time in seconds."
         )
+    times = f"{ratio:.4g} times" if ratio > 1.0 else f"1/{1.0 / ratio:.4g} of"
+    remedy = "; correct acquisition.sample_interval_s or write them in seconds"
+    if unit is not None:
+        remedy = f", so they are probably in {unit}; " + (
+            "name the column time_ms" if unit == "ms" else "write them in seconds"
+        )
+    raise DataRejectedError(
+        f"{label}: the stamps in column '{column}' are {step:.4g} s apart, {times} the declared {declared:g} s{remedy}."
+    )
 
 
 def _check_span(
@@ -126,21 +157,4 @@ def _check_span(
         f"{label}: the time in column '{column}' spans {span:.6g} s, but {stamps.size} rows {step:.4g} s "
         f"apart may span at most {most:.6g} s; it jumps by {stamps[jump + 1] - stamps[jump]:.6g} s in row {row}: "
         "correct the stamps or cut the log."
-    )
-
-
-def _compare_step(step: float, declared: float, label: str, column: str, messages: list[str]) -> None:
-    ratio = step / declared
-    if abs(ratio - 1.0) < 0.01:
-        return
-    for factor, unit in ((1e3, "ms"), (1e6, "us")):
-        if abs(ratio / factor - 1.0) < 0.05:
-            raise DataRejectedError(
-                f"{label}: the stamps in column '{column}' are {step:g} s apart, {factor:g} times the declared "
-                f"{declared:g} s, so they are probably in {unit}; "
-                + ("name the column time_ms." if unit == "ms" else "write them in seconds.")
-            )
-    messages.append(
-        f"{label}: the time stamps are {step:.4g} s apart, acquisition.sample_interval_s says {declared:g} s; the "
-        "stamps are used."
     )

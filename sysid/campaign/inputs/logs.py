@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid.campaign.inputs.log_clocks import CleanClock, clean_clock
+from sysid.campaign.inputs.log_clocks import clean_clocks
 from sysid.campaign.inputs.log_sides import join_sides
 from sysid.campaign.records import Channel, Log, Sensor
 from sysid.campaign.units import contradiction
@@ -78,12 +78,8 @@ def read_log(
     request = LogRequest(wanted, writing.time, writing.units_row, writing.format, database=writing.database)
     content = read_channels(file_content(source, name), name, request)
     known = {c.name: c for c in content.channels}
-    messages: list[str] = []
-    clocks: dict[int, CleanClock] = {}
-    for raw in content.channels:
-        if id(raw.clock) not in clocks:
-            clocks[id(raw.clock)] = clean_clock(raw.clock, sample_interval_s, name, messages)
-    messages += _missing(columns, known, content, name)
+    messages = _missing(columns, known, content, name)
+    clocks = clean_clocks({id(c.clock): c.clock for c in content.channels}, sample_interval_s, name, messages)
     # Not that of the common signal, which is no reading of the vehicle.
     steps = {clocks[id(known[column].clock)].step_s for column in columns if column in known}
     step = max(steps)

@@ -91,11 +91,11 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
     Returns
     -------
     Passage or None
-        None where fewer than two axles have sensors, or there is no bump to be seen.
+        None where fewer than two axles have sensors, or there is no bump to be seen, as in records below 0.04 s.
     """
     sensors = {c.sensor.axle: c for c in channels if c.sensor.kind == "axle_acceleration" and c.sensor.axle is not None}
     moved = {axle: found for axle, c in sensors.items() if (found := integrated(c, 2)) is not None}
-    if len(moved) < 2:
+    if len(moved) < 2 or max(float(grid[-1]) for grid, _ in moved.values()) < 2.0 * _COARSE_S:
         return None
     x = {axle: vehicle.axles[axle].x_m for axle in moved}
     if max(x.values()) - min(x.values()) < 0.5:

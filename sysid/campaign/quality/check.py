@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 FEWEST_SAMPLES = 20  # a second at the slowest rate below
 SLOWEST_HZ = 20.0  # body modes reach 4 Hz: five samples per cycle are the least that shows them
+SHORTEST_S = 0.1  # a cycle of wheel hop at 10 Hz
 LARGEST = 1e9  # m or m/s^2: error codes of loggers, not motion
 # A record whose peak is one that noise alone reaches in all but this share of records holds nothing but noise: normal
 # noise has a peak of 4.4 rms in 1,000 readings and of 5.3 in 100,000.
@@ -127,13 +128,15 @@ def _check_log(
     checks = [_examine(channel, log.channels) for channel in log.channels]
     clock = min(clocks, key=lambda c: c.rate_hz)
     rows = min(channel.time_s.size for channel in log.channels)
-    too_short = rows < FEWEST_SAMPLES or clock.rate_hz < SLOWEST_HZ
-    if too_short:
-        what = (
-            f"holds {rows} samples, expected at least {FEWEST_SAMPLES}"
-            if rows < FEWEST_SAMPLES
-            else f"is sampled at {clock.rate_hz:.3g} Hz, expected at least {SLOWEST_HZ:g} Hz"
-        )
+    span_s = max(float(channel.time_s[-1] - channel.time_s[0]) for channel in log.channels)
+    what = None
+    if rows < FEWEST_SAMPLES:
+        what = f"holds {rows} samples, expected at least {FEWEST_SAMPLES}"
+    elif clock.rate_hz < SLOWEST_HZ:
+        what = f"is sampled at {clock.rate_hz:.3g} Hz, expected at least {SLOWEST_HZ:g} Hz"
+    elif span_s < SHORTEST_S:
+        what = f"is {span_s:.2g} s long, expected at least {SHORTEST_S:g} s"
+    if what is not None:
         for item in checks:
             item.messages.append(f"the log {what}; the motion of the body cannot be seen in it.")
             item.rejected = True
