@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from small_results import small_fit, small_results
 
+from sysid.campaign.records import PredictionRequest
 from sysid.campaign.vehicle_records import ForceTable
 from sysid.estimates.calibrated_truck_modes import calibrated_modes
 from sysid.vehicle_model.contact import RoadInput, contact_force, tire_law
@@ -75,7 +76,8 @@ def test_a_progressive_leaf_counts_with_its_slope_under_the_load():
     table = ForceTable((-0.1, -0.001, 0.0, 0.1), (-248.5e3, -1e3, 0.0, 1e5))
     leaf = replace(axles[0], suspension_law="spring_table", spring_table=table)
     vehicle = replace(results.campaign.vehicle, axles=(leaf, *axles[1:]))
-    campaign = replace(results.campaign, vehicle=vehicle)
+    # The laden truck is in use.
+    campaign = replace(results.campaign, vehicle=vehicle, predictions=(PredictionRequest("laden", 9.0),))
     parameters = small_fit().parameters
     fit = small_fit(
         parameters=tuple(

@@ -14,7 +14,7 @@ from sysid.campaign.vehicle_records import AxleGroup, LeafDimensions
 from sysid.errors import CampaignError
 from sysid.estimation.fit.law_choice import laws_from_names
 from sysid.estimation.parameters.axle_laws import axle_laws, stiffness_positions
-from sysid.estimation.parameters.campaign_parameters import best_drop_estimates, campaign_parameters
+from sysid.estimation.parameters.campaign_parameters import AIR_LOAD_EXPONENT, best_drop_estimates, campaign_parameters
 from sysid.estimation.parameters.checked_priors import check_priors
 from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet, PriorLink
 from sysid.estimation.residuals.bump_model import bump_model
@@ -98,6 +98,19 @@ def test_drops_of_the_first_load_case_are_carried_over_to_the_driven_ones():
     assert found.parameters[1].start == pytest.approx(4e5 * (carried[1] / carried[0]) ** 0.7)
     assert found.parameters[2].start == pytest.approx(4e5 * (carried[2] / carried[0]) ** 0.7)
     assert found.links[0].mean == pytest.approx(0.7 * np.log(carried[2] / carried[1]))
+    alone = campaign_parameters(campaign(runs[1:], load_cases=(EMPTY, LADEN)), summary(estimate(1, "paper", 4e5)))
+    (spring,) = [p for p in alone.parameters if p.quantity == "stiffness" and p.axle == 1]
+    assert (spring.name, spring.load_case, alone.links) == ("k_2", "laden", ())
+    assert spring.start == spring.prior_median == pytest.approx(4e5 * (carried[2] / carried[0]) ** 0.7)
+    # How much stiffer is uncertain too.
+    driven_empty = campaign([empty_run("a", 5.0)], load_cases=(EMPTY, LADEN))
+    first = campaign_parameters(driven_empty, summary(estimate(1, "paper", 4e5)))
+    (of_empty,) = [p for p in first.parameters if p.quantity == "stiffness" and p.axle == 1]
+    assert (of_empty.name, of_empty.load_case, of_empty.start) == ("k_2", "empty", pytest.approx(4e5))
+    exponent_sd = AIR_LOAD_EXPONENT[1] * np.log(carried[2] / carried[0])
+    assert spring.prior_sd == pytest.approx(np.hypot(of_empty.prior_sd, exponent_sd), rel=1e-12)
+    with pytest.raises(KeyError):
+        first.index("stiffness", 1, "laden")
 
 
 def test_index_finds_shared_and_load_dependent_stiffness():

@@ -132,7 +132,10 @@ def campaign_parameters(
 def _stiffness_parameters(
     campaign: Campaign, drops: DropSummary | None, laws: Sequence[frozenset[str]]
 ) -> tuple[list[Parameter], list[PriorLink]]:
-    """One stiffness per suspension; for air springs one per load case, linked by the loads."""
+    """One stiffness per suspension; for air springs one per load case, linked by the loads.
+
+    If only one of several load cases is in use, its air springs have no other name, but are those of this case alone.
+    """
     vehicle = campaign.vehicle
     # A load case that is only predicted has its own air-spring stiffness too: known through its link alone.
     used_cases = campaign.load_cases_in_use
@@ -143,15 +146,17 @@ def _stiffness_parameters(
     for i in suspended:
         axle = vehicle.axles[i]
         stiffness = replace(_suspension_parameter(vehicle, i, "stiffness", drops, first), law=law_name(laws[i]))
-        if axle.load_dependent and len(used_cases) > 1:
+        if axle.load_dependent and len(campaign.load_cases) > 1 and used_cases:
             # Drops and generic values belong to the first load case, whether or not a run was driven in it.
             growth = {case: _air_growth(campaign, i, first, case) for case in used_cases}
             base = used_cases[0]
+            from_first = 0.0 if base == first else _link_sd(growth[base])
             for case in used_cases:
                 rise = growth[case] - growth[base]
-                sd = max(AIR_LOAD_EXPONENT[1] * abs(rise) / AIR_LOAD_EXPONENT[0], AIR_LINK_LEAST_SD)
+                sd = _link_sd(rise)
                 factor = float(np.exp(growth[case]))
-                name = f"k_{i + 1}[{case}]"
+                name = stiffness.name if len(used_cases) == 1 else f"k_{i + 1}[{case}]"
+                spread = from_first if case == base else float(np.hypot(from_first, sd))
                 parameters.append(
                     replace(
                         stiffness,
@@ -159,7 +164,7 @@ def _stiffness_parameters(
                         load_case=case,
                         start=stiffness.start * factor,
                         prior_median=stiffness.prior_median * factor,
-                        prior_sd=stiffness.prior_sd if case == base else float(np.hypot(stiffness.prior_sd, sd)),
+                        prior_sd=float(np.hypot(stiffness.prior_sd, spread)),
                     )
                 )
                 if case != base:
@@ -221,6 +226,11 @@ def _air_growth(campaign: Campaign, axle: int, first: str, case: str) -> float:
     unsprung = sum(campaign.vehicle.unsprung_mass_kg[j] for j in on)
     carried = [sum(campaign.load_cases[name].axle_loads_kg[j] for j in on) - unsprung for name in (case, first)]
     return AIR_LOAD_EXPONENT[0] * float(np.log(carried[0] / carried[1]))
+
+
+def _link_sd(rise: float) -> float:
+    """Standard deviation of the logarithm by which an air spring is stiffer under a load than expected."""
+    return max(AIR_LOAD_EXPONENT[1] * abs(rise) / AIR_LOAD_EXPONENT[0], AIR_LINK_LEAST_SD)
 
 
 def _override(axle: Axle, quantity: str, median: float, sd: float) -> tuple[float, float]:
