@@ -61,15 +61,20 @@ def side_by_side(
     workers = min(thread_count(), len(work), at_most or len(work))
     if workers <= 1:
         return tuple(map(function, work))
-    # Work inside of work does not wait for the threads that wait for it.
-    if getattr(_OF_THREAD, "kept", False) or workers < min(thread_count(), len(work)):
-        with ThreadPoolExecutor(max_workers=workers) as pool:
+    # Work inside of work, however deep, does not wait for the threads that wait for it.
+    inside = getattr(_OF_THREAD, "inside", False)
+    if inside or workers < min(thread_count(), len(work)):
+        with ThreadPoolExecutor(max_workers=workers, initializer=_begin, initargs=(inside,)) as pool:
             return tuple(pool.map(function, work))
     return tuple(_kept_pool(thread_count(), os.getpid()).map(function, work))
 
 
-#: Whether this thread belongs to the kept ones.
+#: Whether this thread is one of those that are kept, or works for one of them.
 _OF_THREAD = threading.local()
+
+
+def _begin(inside: bool) -> None:
+    _OF_THREAD.inside = inside
 
 
 @lru_cache(maxsize=1)
@@ -78,11 +83,7 @@ def _kept_pool(workers: int, process: int) -> ThreadPoolExecutor:
 
     A process has its own: the threads of its parent are not in it.
     """
-
-    def begin() -> None:
-        _OF_THREAD.kept = True
-
-    return ThreadPoolExecutor(max_workers=workers, thread_name_prefix="sysid", initializer=begin)
+    return ThreadPoolExecutor(max_workers=workers, thread_name_prefix="sysid", initializer=_begin, initargs=(True,))
 
 
 @contextmanager
