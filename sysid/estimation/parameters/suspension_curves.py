@@ -96,7 +96,7 @@ def _continued(at: np.ndarray, x: Sequence[float] | np.ndarray, y: Sequence[floa
         width = xs[first] - xs[second]
         slope = (ys[first] - ys[second]) / width if width else 0.0
         value = np.where(beyond, ys[first] + slope * (at - xs[first]), value)
-    return value
+    return np.asarray(value)
 
 
 def _corners(tables: list[ForceTable | None], rest: np.ndarray, secant_at: float | None) -> TableCorners:
