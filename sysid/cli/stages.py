@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import signal
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -126,7 +126,7 @@ def _run(
         )
         progress.stage(name)
         with _stored_results_doubted(calibration, output):
-            outcome = _computed(record, calibration, typed, resume)
+            outcome = _computed(record, calibration, typed, resume, notice)
     with _stored_results_doubted(calibration, output):
         blocks = (
             show_run(outcome.result, calibration)
@@ -161,7 +161,11 @@ def _takes_stored_options(record: Stage[Any] | Ending | None, typed: dict[str, A
 
 
 def _computed(
-    record: Stage[Any] | Ending | None, calibration: Calibration, typed: dict[str, Any], resume: bool
+    record: Stage[Any] | Ending | None,
+    calibration: Calibration,
+    typed: dict[str, Any],
+    resume: bool,
+    notice: Callable[[str], None],
 ) -> _Outcome:
     """Do what a command is for; None is the whole run."""
     if record is None:
@@ -180,7 +184,13 @@ def _computed(
         result = calibration.again(record, typed)
     else:
         result = calibration.result(record, typed)
-    calibration.export()
+    if stale := calibration.stale_after(record):
+        notice(
+            f"the results in {calibration.output.name}/ of {', '.join(stale)} are of other inputs or options; the "
+            "exported files stay as they are."
+        )
+    else:
+        calibration.export()
     return _Outcome(result, fault=command.fault(result))
 
 

@@ -38,7 +38,7 @@ from sysid.workflow.progress import Steps
 from sysid.workflow.runner import NO_OPTIONS, Runner, begin_helper_ahead, breakdown_said
 from sysid.workflow.settings import Settings
 from sysid.workflow.stage import Aside, Ending, Itemwise, Notice, Stage, Whole
-from sysid.workflow.stage_folder import SUCCESS_MARKER, StageFolder
+from sysid.workflow.stage_folder import SUCCESS_MARKER, StageFolder, dependents
 
 T = TypeVar("T")
 
@@ -142,6 +142,15 @@ class Calibration:
         """Delete the results of a stage and of all that depend on it, so that it runs again."""
         record = next(s for s in stages.STAGES if s.name == stage) if isinstance(stage, str) else stage
         self._runner.redo(record)
+
+    def stale_after(self, stage: Stage[Any]) -> tuple[str, ...]:
+        """Names of stages whose stored results belong to other inputs or options, though `stage` has its result.
+
+        Only of those that depend on it if something has been computed: of others older results may be there.
+        """
+        stale = self._folder.stale()
+        after = [other.name for other in dependents(stage)]
+        return tuple(name for name in stale if name in after) if self._runner.computed else stale
 
     def write(self, ending: Ending) -> list[Path]:
         """Write a report or exports from the stages that have run, and return the files.

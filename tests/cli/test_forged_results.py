@@ -9,12 +9,17 @@ import numpy as np
 from sysid import array_file
 from sysid.cli.stages import run_stage
 from sysid.workflow import Calibration
+from sysid.workflow.earlier_files import remember_more
 
 DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 
 
+def stage(name: str, output: Path) -> int:
+    return run_stage(name, DATA, output, quick=False, seed=0, max_steps=None, laws=None, resume=False)
+
+
 def report(output: Path) -> int:
-    return run_stage("report", DATA, output, quick=False, seed=0, max_steps=None, laws=None, resume=False)
+    return stage("report", output)
 
 
 def test_arrays_of_another_shape_are_one_sentence_and_computing_them_again_mends_it(tmp_path: Path, capsys) -> None:
@@ -34,3 +39,21 @@ def test_arrays_of_another_shape_are_one_sentence_and_computing_them_again_mends
     calibration.redo("scan")
     calibration.scan()
     assert report(output) == 0
+
+
+def test_a_stage_with_other_options_than_the_fit_leaves_what_was_exported(tmp_path: Path, capsys) -> None:
+    """As `check` without the --laws of the run; what the fit would need again is not thrown away."""
+    output = tmp_path / "out"
+    assert stage("check", output) == 0
+    table = output / "parameters.csv"
+    table.write_text("of the fit\n")
+    remember_more(output, "export", [table])
+    array_file.write(output / "stages" / "fit.npz", {"fingerprint": "of other options", "result": None}, {})
+    capsys.readouterr()
+    assert stage("check", output) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "the results in out/ of fit are of other inputs or options; the exported files stay as they are" in said
+    assert table.exists()
+    (output / "stages" / "fit.npz").unlink()
+    assert stage("check", output) == 0
+    assert not table.exists()
