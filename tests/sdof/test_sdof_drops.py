@@ -367,3 +367,12 @@ def test_drops_without_dampers_are_not_pooled():
     assert pooled.log_decrement == pytest.approx(0.6, rel=0.03)
     assert "one record only" in pooled.note
     assert any("dampers removed" in m for m in summary.messages)
+
+
+def test_a_drop_that_is_listed_twice_counts_twice():
+    """Reading says so; the analysis goes on."""
+    once = altered_campaign(lambda time, repeat: with_noise(damped_cosine(time, 0.6, 0.5), 0))
+    first = once.plank_drops[0]
+    summary = analyse_drops(dataclasses.replace(once, plank_drops=(first, dataclasses.replace(first))))
+    assert [a.file for a in summary.files] == [first.log.file] * 2
+    assert all(e.usable for e in summary.pooled)
