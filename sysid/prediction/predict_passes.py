@@ -40,7 +40,7 @@ from sysid.vehicle_model.stacked_matrices import StackedMatrices
 #: Integration step of predicted histories [s], their output interval too unless they would take more memory than that
 #: [bytes]: then every second step is kept, or every third, and so on.
 STEP_S = 0.001
-_MOST_BYTES = 800_000_000
+_MOST_BYTES = 500_000_000
 #: How long before and after the passage histories reach [s].
 BEFORE_S = 0.5
 AFTER_S = 1.5

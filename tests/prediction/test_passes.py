@@ -210,6 +210,8 @@ def test_extrapolation_is_said():
     fast = remarks(runs, PredictionRequest("empty", 12.0), quiet, 1.0)
     other = remarks(runs, PredictionRequest("laden", 9.0), quiet, 1.0)
     assert slow == ()
+    (crawling,) = remarks(runs, PredictionRequest("empty", 0.5), quiet, 1.0)
+    assert crawling.startswith("empty, 1.8 km/h: slower than 2.5 km/h; small ripples of the computed contact")
     assert "faster than any run" in fast[0]
     assert "43.2 km/h" in fast[0]
     assert "no run was driven in this load case" in other[0]
