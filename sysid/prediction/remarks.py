@@ -70,8 +70,8 @@ def _extrapolation(campaign: Campaign, request: PredictionRequest, name: str) ->
         )
     if request.speed_m_s < _SLOW_M_S:
         sentences.append(
-            f"{name}: slower than {3.6 * _SLOW_M_S:g} km/h; small ripples of the computed contact shake the wheels at such "
-            "speeds, and the peaks are too high."
+            f"{name}: slower than {3.6 * _SLOW_M_S:g} km/h; small ripples of the computed contact shake the wheels at "
+            "such speeds, and the peaks are too high."
         )
     if request.shape is not None or request.bump not in {r.bump for r in campaign.bump_runs}:
         sentences.append(f"{name}: no run crossed this bump; the prediction is an extrapolation.")
