@@ -35,12 +35,15 @@ from sysid.vehicle_model.device_arrays import HostOrDevice, ParametersBySets
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.passes import EffectiveRoads, Pass, make_pass_batch
-from sysid.vehicle_model.stacked_matrices import StackedMatrices
+from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, StackedMatrices
 
 #: Integration step of predicted histories [s], their output interval too unless they would take more memory than that
 #: [bytes]: then every second step is kept, or every third, and so on.
 STEP_S = 0.001
 _MOST_BYTES = 500_000_000
+#: Below this speed [m/s] it is held the more tightly the slower the pass: the truck falls behind in proportion to its
+#: time on the bump, and far from the nominal place the Taylor series of the road means nothing.
+_SLOW_M_S = 4.0 / 3.6
 #: How long before and after the passage histories reach [s].
 BEFORE_S = 0.5
 AFTER_S = 1.5
@@ -116,7 +119,7 @@ def _simulate(
     `drawn` are the vehicles in this pass, None to make them.  Histories every `interval_s` in one step each, their
     number the next of `lengths`; None for steps of :data:`STEP_S`, kept as far as there is memory.
     """
-    wanted = Pass(request.load_case, request.bump)
+    wanted = _held(request.load_case, request.bump, request.speed_m_s)
     batch = make_pass_batch(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
     road, speed = batch.road, request.speed_m_s
     last = road.first_station_m + road.step_m * road.rise.shape[-1]
@@ -158,6 +161,10 @@ def _simulate(
         (time[:, None] >= (road.first_station_m + x) / speed) & (time[:, None] <= (last + x) / speed + AFTER_S),
         interval_s,
     )
+
+
+def _held(load_case: str, bump: str, speed_m_s: float) -> Pass:
+    return Pass(load_case, bump, hold_s=SPEED_HOLD_S * min(1.0, speed_m_s / _SLOW_M_S))
 
 
 def _steps_per_sample(duration_s: float, sets: int, axles: int) -> int:
@@ -277,9 +284,9 @@ def speed_sweep(
     stops : those of the declared vehicle that are assumed; drawn ones have their own.
     """
     drawn = None
-    if vehicles is not None:
-        # A vehicle is the same at every speed.
-        wanted = Pass(load_case, bump)
+    if vehicles is not None and min(speeds_m_s) >= _SLOW_M_S:
+        # A vehicle is the same at every such speed.
+        wanted = _held(load_case, bump, _SLOW_M_S)
         batch = make_pass_batch(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
         drawn = [cache(make) for make in drawn_vehicles(batch, parameters, vehicles, wanted)]
         # Before several threads ask for it at once.

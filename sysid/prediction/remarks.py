@@ -9,8 +9,6 @@ from sysid.prediction.trust import MARGIN, Extrapolation
 
 #: Departure of the mean load of the whole truck over a pass from its weight that is worth a sentence.
 _IMPULSE = 0.01
-#: Below this speed [m/s] the ripples of the contact's maps, some 2 cm long, come at frequencies at which wheels hop.
-_SLOW_M_S = 2.5 / 3.6
 #: Quantities of a pass that are compared with the driven runs: words, factor and unit for people.
 _QUANTITIES = {
     "tire_deflection": ("tire deflection", 1e3, "mm"),
@@ -67,11 +65,6 @@ def _extrapolation(campaign: Campaign, request: PredictionRequest, name: str) ->
         sentences.append(
             f"{name}: faster than any run of this load case ({3.6 * max(driven):g} km/h); the prediction is an "
             "extrapolation."
-        )
-    if request.speed_m_s < _SLOW_M_S:
-        sentences.append(
-            f"{name}: slower than {3.6 * _SLOW_M_S:g} km/h; small ripples of the computed contact shake the wheels at "
-            "such speeds, and the peaks are too high."
         )
     if request.shape is not None or request.bump not in {r.bump for r in campaign.bump_runs}:
         sentences.append(f"{name}: no run crossed this bump; the prediction is an extrapolation.")

@@ -25,11 +25,15 @@ HOLD_S: dict[SpeedHeld, float] = {"servo": SPEED_HOLD_S, "towed": SPEED_HOLD_S, 
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass over a bump: load case and bump by name, and how the speed is held."""
+    """One pass over a bump: load case and bump by name, and how the speed is held.
+
+    `hold_s` is a time constant [s] in place of that of `speed_held`, None for the latter.
+    """
 
     load_case: str
     bump: str
     speed_held: SpeedHeld = "servo"
+    hold_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -151,7 +155,8 @@ def pass_matrices(
     matrices: Mapping[str, PlanarMatrices], passes: Sequence[Pass], body_points: list[tuple[int, float]]
 ) -> StackedMatrices:
     """Matrices of several passes from those of their load cases; `body_points` (body, x_m) have accelerometers."""
-    return stack_matrices([matrices[p.load_case] for p in passes], body_points, [HOLD_S[p.speed_held] for p in passes])
+    hold_s = [HOLD_S[p.speed_held] if p.hold_s is None else p.hold_s for p in passes]
+    return stack_matrices([matrices[p.load_case] for p in passes], body_points, hold_s)
 
 
 def make_pass_batch(

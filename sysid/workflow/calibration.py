@@ -110,9 +110,7 @@ class Calibration:
 
     def aside(self, stage: Stage[T], options: Mapping[str, Any]) -> T:
         """What a stage's command computes instead of its result if its options say so; nothing is stored."""
-        assert stage.command is not None
-        other: Aside[T] | None = stage.command.aside
-        assert other is not None
+        other = _aside(stage)
         missing = self._runner.missing(stage.needs)
         with self._steps.planned({s.name: s.effort for s in missing} | {stage.name: stage.effort}):
             # A request that is not possible is reported before anything is computed for it.
@@ -122,14 +120,11 @@ class Calibration:
 
     def write_aside(self, stage: Stage[T], result: T) -> Sequence[Path]:
         """Write what :meth:`aside` computed, and return the files; they are removed with the results it rests on."""
-        assert stage.command is not None
-        other: Aside[T] | None = stage.command.aside
-        assert other is not None
-        written = other.write(result, self.results(), self.output)
+        written = _aside(stage).write(result, self.results(), self.output)
         self._folder.write(lambda: remember_more(self.output, stage.name, written))
         return written
 
-    def again(self, stage: Whole[T], options: Mapping[str, Any]) -> T:
+    def again(self, stage: Whole[T], options: Mapping[str, Any] = NO_OPTIONS) -> T:
         """Compute a stage although its result is known; results that depend on it stay if it comes out the same.
 
         Parameters
@@ -137,11 +132,6 @@ class Calibration:
         options : the options of the stage's command by name.
         """
         return self._runner.again(stage, options)
-
-    def redo(self, stage: Stage[Any] | str) -> None:
-        """Delete the results of a stage and of all that depend on it, so that it runs again."""
-        record = next(s for s in stages.STAGES if s.name == stage) if isinstance(stage, str) else stage
-        self._runner.redo(record)
 
     def stale_after(self, stage: Stage[Any]) -> tuple[str, ...]:
         """Names of stages whose stored results belong to other inputs or options, though `stage` has its result.
@@ -301,3 +291,10 @@ class Calibration:
     def results(self) -> Results:
         """Everything that has been computed so far for these inputs and settings."""
         return assembled(self._runner, self._inputs, self.settings)
+
+
+def _aside(stage: Stage[T]) -> Aside[T]:
+    assert stage.command is not None
+    other: Aside[T] | None = stage.command.aside
+    assert other is not None
+    return other

@@ -13,7 +13,7 @@ from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
 from sysid.workflow.settings import Settings
 from sysid.workflow.stage import Context, Ending, Itemwise, Notice, Stage, Whole
-from sysid.workflow.stage_folder import StageFolder, dependents
+from sysid.workflow.stage_folder import StageFolder
 from sysid.workflow.stages import DROPS, FIT, STAGES
 from sysid.workflow.versions import versions
 
@@ -96,11 +96,6 @@ class Runner:
             return self.result(stage, options)
         finally:
             self._again.discard(stage)
-
-    def redo(self, stage: Stage[Any]) -> None:
-        """Forget a stage and all that rest on it, so that it runs again."""
-        with self.folder.lock:
-            self.folder.forget((stage, *dependents(stage)))
 
     def missing(self, stages: Sequence[Stage[Any]], options: Mapping[str, Any] = NO_OPTIONS) -> list[Stage[Any]]:
         """The stages that have to be computed for some, in an order in which they can be."""

@@ -10,6 +10,7 @@ from sysid import array_file
 from sysid.cli.stages import run_stage
 from sysid.workflow import Calibration
 from sysid.workflow.earlier_files import remember_more
+from sysid.workflow.stages import SCAN
 
 DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 
@@ -35,9 +36,7 @@ def test_arrays_of_another_shape_are_one_sentence_and_computing_them_again_mends
     assert "run all stages again without --resume" in said
     assert "Traceback" not in said
     assert (output / "error.log").is_file()
-    calibration = Calibration(DATA, output)
-    calibration.redo("scan")
-    calibration.scan()
+    Calibration(DATA, output).again(SCAN)
     assert report(output) == 0
 
 

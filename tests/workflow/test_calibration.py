@@ -56,15 +56,6 @@ def test_a_changed_input_makes_a_stage_stale(campaign: Path, tmp_path: Path) -> 
     assert after.pooled != before.pooled
 
 
-def test_running_a_stage_again_takes_the_success_marker_away(campaign: Path, tmp_path: Path) -> None:
-    calibration = Calibration(campaign, tmp_path / "out", SINGLE_AXLE)
-    calibration.drops()
-    (tmp_path / "out" / "SUCCESS").write_text("converged\n")
-    calibration.redo("drops")
-    calibration.drops()
-    assert not (tmp_path / "out" / "SUCCESS").exists()
-
-
 def test_results_of_passes_that_are_gone_do_not_stay_in_the_folder(campaign: Path, tmp_path: Path) -> None:
     def ending(name: str) -> Ending:
         def write(results: Results, folder: Path, progress: Progress) -> Sequence[Path]:
@@ -136,13 +127,13 @@ def test_a_stage_computed_again_keeps_what_rests_on_it_if_it_comes_out_the_same(
         path.write_text("of the same inputs\n")
     kept = (stages / "drops.npz").read_bytes()
     second = Calibration(campaign, tmp_path / "out", SINGLE_AXLE)
-    second.again(DROPS, {})
+    second.again(DROPS)
     assert "drops" not in second.read_back
     assert (stages / "drops.npz").read_bytes() == kept
     assert fit.exists()
     assert marker.exists()
     (stages / "drops.npz").write_bytes(kept[:-1])
-    Calibration(campaign, tmp_path / "out", SINGLE_AXLE).again(DROPS, {})
+    Calibration(campaign, tmp_path / "out", SINGLE_AXLE).again(DROPS)
     assert (stages / "drops.npz").read_bytes() == kept
     assert not fit.exists()
     assert not marker.exists()
@@ -201,9 +192,10 @@ def test_passes_asked_for_by_options_go_with_the_results_that_they_rest_on(campa
     path = output / "predictions" / "unloaded_60kmh.csv"
     write_text(path, "")
     remember_more(output, PREDICT.name, [path])
-    calibration.again(DROPS, {})
+    calibration.again(DROPS)
     assert path.exists()
-    calibration.redo("drops")
+    (output / "stages" / "drops.npz").unlink()
+    Calibration(campaign, output, SINGLE_AXLE).drops()
     assert not path.exists()
 
 
