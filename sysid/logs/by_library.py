@@ -42,6 +42,7 @@ def library_format(
             file.data,
             label,
             libraries,
+            modules=("sysid.logs.selection", module),
             module=module,
             wanted=request.wanted,
             time=request.time,
