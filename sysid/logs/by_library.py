@@ -96,6 +96,8 @@ def _content(answer: dict[str, Any], arrays: list[np.ndarray], label: str, title
             RawChannel(wanted, clocks[c["clock"]], v, c["unit"], c["path"])
             for c, wanted, v in zip(answer["channels"], answer["wanted"], values, strict=True)
         )
-        return LogContent(channels, tuple(answer["names"]))
+        messages = tuple(f"{label}: {shorten(said, 400)}." for said in answer["messages"])
+        left_out = tuple(f"{label} {shorten(said, 400)}." for said in answer["left_out"])
+        return LogContent(channels, tuple(answer["names"]), messages, left_out)
     except (KeyError, IndexError, TypeError, ValueError):
         raise DataRejectedError(f"{label} is damaged: its reader gave up; export it again.") from None

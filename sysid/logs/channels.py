@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.logs.input_file import InputFile
+from sysid.logs.names import normal_name
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,8 @@ class Clock:
 class RawChannel:
     """One channel as its file has it: `values` (n,) float64 in `unit` (None: not said), NaN where missing.
 
-    Channels of one clock share the same `clock` object.  `source` says where in the file the channel stands.
+    Channels share a `clock` object only if all their stamps are equal.  `source` says where in the file the channel
+    stands.
     """
 
     name: str
@@ -47,6 +49,7 @@ class LogRequest:
 
     With `everything` all channels of numbers that have a time are given (300 at most), by name, or by group and name
     where several have the same, instead of the wanted ones. `database` is the text of a DBC file for logs of a CAN bus.
+    Names are kept in the form in which they are compared (:func:`~sysid.logs.names.normal_name`).
     """
 
     wanted: tuple[str, ...]
@@ -56,13 +59,23 @@ class LogRequest:
     everything: bool = False
     database: str | None = None
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "wanted", tuple(map(normal_name, self.wanted)))
+        object.__setattr__(self, "time", None if self.time is None else normal_name(self.time))
+
 
 @dataclass(frozen=True)
 class LogContent:
-    """What was read of a log: the wanted channels that it has, and names of those that it has at all."""
+    """What was read of a log: the wanted channels that it has, and names of those that it has at all.
+
+    `messages` are sentences about what is missing in it, `left_out` about channels that cannot be read, where all were
+    asked for.
+    """
 
     channels: tuple[RawChannel, ...]
     names: tuple[str, ...]
+    messages: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

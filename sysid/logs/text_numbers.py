@@ -14,6 +14,7 @@ import numpy as np
 
 from sysid import limits
 from sysid.errors import DataRejectedError
+from sysid.logs.names import normal_name
 
 #: Delimiter of columns that white space separates.
 WHITE_SPACE = r"\s+"
@@ -142,8 +143,8 @@ def encoding_of(data: bytes) -> str:
 
 
 def head_lines(data: bytes, encoding: str, size: int) -> list[str]:
-    """Complete lines of the first `size` bytes; one that is cut, where it is the only one."""
-    text = codecs.decode(data[: size // 2 * 2], encoding, "replace").lstrip("\ufeff")
+    """Complete lines of the first `size` bytes with names as they are compared; one that is cut, where it is alone."""
+    text = normal_name(codecs.decode(data[: size // 2 * 2], encoding, "replace").lstrip("\ufeff"))
     lines = re.split(r"\r\n|\r|\n", text)
     return lines[:-1] if len(data) > size and len(lines) > 1 else lines
 

@@ -15,6 +15,7 @@ from sysid.campaign.units import contradiction
 from sysid.errors import DataRejectedError
 from sysid.logs.channels import LogContent, LogRequest, RawChannel
 from sysid.logs.input_file import InputFile
+from sysid.logs.names import normal_name
 from sysid.logs.registry import read_channels
 from sysid.logs.text_table import file_content, near_names
 from sysid.wording import shorten
@@ -73,12 +74,13 @@ def read_log(
         If the file is no table of numbers, has no time column or none of the sensors, its time does not advance, or its
         units contradict those of the sensors.
     """
-    columns = [s.source or s.column for s in sensors]
-    wanted = tuple(dict.fromkeys([*columns, writing.sync] if writing.sync else columns))
+    columns = [normal_name(s.source or s.column) for s in sensors]
+    sync_name = None if writing.sync is None else normal_name(writing.sync)
+    wanted = tuple(dict.fromkeys([*columns, sync_name] if sync_name else columns))
     request = LogRequest(wanted, writing.time, writing.units_row, writing.format, database=writing.database)
     content = read_channels(file_content(source, name), name, request)
     known = {c.name: c for c in content.channels}
-    messages = _missing(columns, known, content, name)
+    messages = [*content.messages, *_missing(columns, known, content, name)]
     clocks = clean_clocks({id(c.clock): c.clock for c in content.channels}, sample_interval_s, name, messages)
     # Not that of the common signal, which is no reading of the vehicle.
     steps = {clocks[id(known[column].clock)].step_s for column in columns if column in known}
@@ -98,13 +100,13 @@ def read_log(
             channels.append(_channel(sensor, times[key], raw, clocks[key].rows, name))
     channels = join_sides(channels, name, messages)
     sync = None
-    if writing.sync in known:
-        raw = known[writing.sync]
+    if sync_name in known:
+        raw = known[sync_name]
         sync = times[id(raw.clock)], raw.values[clocks[id(raw.clock)].rows]
-    elif writing.sync is not None:
+    elif sync_name is not None:
         messages.append(
-            f"{name}: the column '{shorten(writing.sync)}' of the common signal is missing"
-            f"{near_names(writing.sync, content.names)}; the clock is looked for without it."
+            f"{name}: the column '{shorten(sync_name)}' of the common signal is missing"
+            f"{near_names(sync_name, content.names)}; the clock is looked for without it."
         )
     return Log(name, step, tuple(channels), start, tuple(messages), sync=sync)
 

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import FileChannel, RefusedError
+from sysid.logs.file_channels import FileChannel, RefusedError, axis_seconds
+
+#: Synchronisation types of a master channel (MDF 4.1, channel block, cn_sync_type).
+_AXES = {0: "", 1: "time", 2: "angle", 3: "distance", 4: "index"}
+#: Flag of a channel group whose master stands in another one (MDF 4.2).
+_REMOTE_MASTER = 1 << 3
 
 
 def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
@@ -22,28 +28,52 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChann
     for number, group in enumerate(file.groups):
         label = getattr(group.channel_group, "acq_name", "") or f"group {number}"
         master = file.masters_db.get(number)
+        time = partial(_time, file, number, label)
         for place, channel in enumerate(group.channels):
             if place != master:
-                yield _file_channel(file, number, place, channel.name, label, int(group.channel_group.cycles_nr))
+                yield FileChannel(
+                    channel.name,
+                    int(group.channel_group.cycles_nr),
+                    partial(_load, file, number, place),
+                    label,
+                    time,
+                    f"time of {label}",
+                    place=number,
+                )
 
 
-def _file_channel(file: Any, group: int, place: int, name: str, label: str, length: int) -> FileChannel:
-    read: list[Any] = []
+def _load(file: Any, number: int, place: int) -> tuple[np.ndarray, str | None]:
+    """Values of one channel on the clock of its group: the library would leave out those that are marked as invalid."""
+    channel = file.groups[number].channels[place]
+    values, invalid = file.get(group=number, index=place, samples_only=True, ignore_invalidation_bits=True)
+    if values.ndim != 1 or values.dtype.names:
+        raise RefusedError(
+            f"has an array in the channel '{channel.name[:60]}', expected single numbers; choose another"
+        )
+    return (values if invalid is None else np.ma.MaskedArray(values, np.asarray(invalid, bool))), _unit(channel)
 
-    def signal() -> Any:
-        if not read:
-            read.append(file.get(group=group, index=place))
-        return read[0]
 
-    def load() -> tuple[np.ndarray, str | None]:
-        values = signal().samples
-        if values.ndim != 1 or values.dtype.names:
-            raise RefusedError(f"has an array in the channel '{name[:60]}', expected single numbers; choose another")
-        return values, signal().unit
+def _unit(channel: Any) -> str | None:
+    return (channel.conversion and channel.conversion.unit) or getattr(channel, "unit", None)
 
-    return FileChannel(
-        name, length, load, label, lambda: np.asarray(signal().timestamps, np.float64), f"time of {label}"
-    )
+
+def _time(file: Any, number: int, label: str) -> np.ndarray:
+    """Stamps [s] of a group, from the group that has its master.
+
+    Raises
+    ------
+    RefusedError
+        If there is no master, for which the library would count rows, or it is not time.
+    """
+    owner = number
+    while getattr(file.groups[owner].channel_group, "flags", 0) & _REMOTE_MASTER:
+        owner = file.groups[owner].channel_group.cg_master_index
+    place = file.masters_db.get(owner)
+    if place is None:
+        raise RefusedError(f"has no channel of time in the group '{label[:60]}'; export it again with its time")
+    master = file.groups[owner].channels[place]
+    factor = axis_seconds(_AXES.get(getattr(master, "sync_type", 1), "a quantity"), _unit(master), label)
+    return np.asarray(file.get_master(number), np.float64) * factor
 
 
 FORMAT = library_format(

@@ -1,0 +1,174 @@
+"""What a file has, before values are read: its channels, the names by which each can be asked for, and their axes."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from sysid.logs.names import normal_name
+from sysid.logs.time_columns import find_time, time_unit
+from sysid.wording import shorten
+
+#: Cells for units that say nothing.
+_NO_UNIT = ("-", "--", "None", "NONE", "none")
+#: Names that a sentence lists.
+LISTED = 4
+
+
+class RefusedError(ValueError):
+    """The rest of a sentence about the file, behind its name."""
+
+
+@dataclass(frozen=True)
+class FileChannel:
+    """One channel of a file before its values are read.
+
+    - `length` is its number of values.
+    - `load` gives values (n,), a masked array where the format marks some as invalid, and unit.
+    - `group` is what people call the part of the file in which it stands, `place` what tells two parts of the same name
+      apart, such as a number.
+    - `time` gives its stamps in seconds where the format ties them to the channel; `clock` is what people call them.
+      Without it a channel of the same part is looked for that has the name of a time.  Channels with the same function
+      have the same stamps; of others the stamps are compared.
+    - `first_row` is what people call the first value.
+    - `in_order`: whether channels have the order in which somebody wrote them, so that a column of time stands to the
+      left of its channels.
+    - `path` is the name by which the channel, and no other, can be asked for.
+    """
+
+    name: str
+    length: int
+    load: Callable[[], tuple[np.ndarray, str | None]]
+    group: str = ""
+    time: Callable[[], np.ndarray] | None = None
+    clock: str = ""
+    first_row: int = 1
+    place: Hashable = None
+    in_order: bool = True
+    path: str = ""
+
+    def __post_init__(self) -> None:
+        for key in ("name", "group"):
+            object.__setattr__(self, key, normal_name(getattr(self, key)))
+        if not self.path:
+            object.__setattr__(self, "path", self.plain_path)
+
+    @property
+    def plain_path(self) -> str:
+        """Name with the group before it."""
+        return f"{self.group}/{self.name}" if self.group else self.name
+
+
+@lru_cache(maxsize=4096)
+def even_time(start_s: float, step_s: float, count: int) -> Callable[[], np.ndarray]:
+    """Stamps start + k step [s] of an evenly sampled channel.
+
+    Raises
+    ------
+    RefusedError
+        If the step is no positive number.
+    """
+    if not (np.isfinite(step_s) and np.isfinite(start_s) and step_s > 0.0):
+        raise RefusedError(f"has a channel with a sample interval of {step_s:g} s; export it again with its time")
+    return lambda: start_s + step_s * np.arange(count)
+
+
+def axis_seconds(what: str, unit: str | None, path: str) -> float:
+    """Seconds in one count of the axis of a channel, by what the file says about it.
+
+    Parameters
+    ----------
+    what : quantity of the axis, such as ``time`` or ``angle``; empty where the file does not say.
+    unit : its unit, empty or None where the file does not say.
+    path : name of the channel.
+
+    Raises
+    ------
+    RefusedError
+        If it is not time.
+    """
+    unit = unit_text(unit) or ""
+    is_time = not what or "time" in what.casefold() or "zeit" in what.casefold()
+    factor = time_unit(unit) if unit else 1.0
+    if not is_time or factor is None:
+        raise not_time(what or "a quantity", unit, path)
+    return factor
+
+
+def not_time(what: str, unit: str, path: str) -> RefusedError:
+    """The refusal of a channel whose axis is not time."""
+    shown = f"{shorten(what, 40)} [{shorten(unit, 20)}]" if unit else shorten(what, 40)
+    return RefusedError(
+        f"has no time for '{shorten(path)}': its axis is {shown}, not time; export it over time in seconds"
+    )
+
+
+def is_time(column: FileChannel, wanted: str | None) -> bool:
+    """Whether a channel holds stamps by its name: the wanted one, also with its group, else a usual one."""
+    return find_time((column.name,), wanted) is not None or column.path == wanted
+
+
+def told_apart(channels: Sequence[FileChannel]) -> list[FileChannel]:
+    """The channels with paths that name one each: numbers tell parts of one name apart, and names within a part."""
+    places: dict[str, dict[Hashable, None]] = defaultdict(dict)
+    for channel in channels:
+        places[channel.group][channel.place] = None
+    several = {
+        (group, place): f"{group} #{number}"
+        for group, found in places.items()
+        if len(found) > 1
+        for number, place in enumerate(found, start=1)
+    }
+    paths = [replace(c, group=several.get((c.group, c.place), c.group)).plain_path for c in channels]
+    counts, seen = Counter(paths), Counter[str]()
+    for number, path in enumerate(paths):
+        seen[path] += 1
+        if counts[path] > 1:
+            paths[number] = f"{path} #{seen[path]}"
+    return [c if c.path == path else replace(c, path=path) for c, path in zip(channels, paths, strict=True)]
+
+
+def by_name(channels: Sequence[FileChannel], name: str) -> FileChannel | None:
+    """The channel with this path, else with this group and name, else with this name."""
+    hits = (
+        [c for c in channels if c.path == name]
+        or [c for c in channels if c.plain_path == name]
+        or [c for c in channels if c.name == name]
+    )
+    hits = [c for c in hits if c.length] or hits
+    if len(hits) > 1:
+        paths = [f"'{shorten(c.path)}'" for c in hits]
+        more = f" and {len(paths) - LISTED} more" if len(paths) > LISTED else ""
+        raise RefusedError(
+            f"has {len(hits)} channels with the name '{shorten(name)}'; name the column {' or '.join(paths[:LISTED])}"
+            f"{more}"
+        )
+    return hits[0] if hits else None
+
+
+def numbers_of(array: np.ndarray, path: str) -> np.ndarray:
+    """Values as float64, infinite ones and those that are marked as invalid as NaN."""
+    invalid = np.ma.getmaskarray(array).reshape(-1)
+    flat = np.asarray(array)
+    if flat.ndim != 1:
+        flat = flat.reshape(-1)
+    if flat.dtype.kind not in "biuf":
+        what = "complex numbers" if flat.dtype.kind == "c" else "text or dates"
+        raise RefusedError(f"has {what} in '{shorten(path)}', expected numbers; export it as numbers")
+    with np.errstate(over="ignore", invalid="ignore"):
+        numbers = np.array(flat, dtype=np.float64)
+    numbers[~np.isfinite(numbers) | invalid] = np.nan
+    return numbers
+
+
+def unit_text(unit: Any) -> str | None:
+    """A unit as its file writes it, without brackets; None where it says nothing."""
+    if isinstance(unit, bytes):
+        unit = unit.decode("utf-8", "replace")
+    plain = unit.strip().strip("[]() ") if isinstance(unit, str) else ""
+    return shorten(plain, 40) if plain and plain not in _NO_UNIT else None

@@ -1,0 +1,171 @@
+"""Clocks of the channels of a file: a clock is its stamps, compared by their content."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import defaultdict
+from collections.abc import Callable, Hashable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from sysid.logs.file_channels import LISTED, FileChannel, RefusedError, is_time, not_time, numbers_of, unit_text
+from sysid.logs.time_columns import find_time, seconds_in, time_unit
+from sysid.wording import joined_words, shorten
+
+#: Two columns of time are the same one but for their zero if their steps differ less than this, of the median step.
+_SAME_STEPS = 0.01
+
+
+@dataclass
+class FileClocks:
+    """Clocks of `channels`, found as they are asked for; `time` is the wanted name of a column of time.
+
+    `stamps` [s] are those of the clocks, `described` their names and first rows.
+    """
+
+    channels: Sequence[FileChannel]
+    time: str | None
+    stamps: list[np.ndarray] = field(default_factory=list)
+    described: list[dict[str, Any]] = field(default_factory=list)
+    _by_source: dict[int, int] = field(default_factory=dict)
+    _by_content: dict[bytes, int] = field(default_factory=dict)
+    _columns: dict[int, np.ndarray] = field(default_factory=dict)
+    _parts: dict[tuple[str, Hashable], list[FileChannel]] = field(default_factory=lambda: defaultdict(list))
+    _origin: dict[str, np.datetime64 | np.timedelta64] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for channel in self.channels:
+            self._parts[channel.group, channel.place].append(channel)
+
+    def clock_of(self, channel: FileChannel, size: int) -> int:
+        """Number of the clock of a channel of `size` values.
+
+        Raises
+        ------
+        RefusedError
+            If it has no time of that length, several, or an axis that is not time.
+        """
+        source, name, stamps = self._time_of(channel)
+        clock = self._by_source.get(source)
+        if clock is None:
+            clock = self._by_source[source] = self._clock(stamps(), name, channel.first_row)
+        if self.stamps[clock].size != size:
+            raise RefusedError(
+                f"has {size} values in '{shorten(channel.path)}' and {self.stamps[clock].size} times in "
+                f"'{shorten(name)}'; export it again"
+            )
+        return clock
+
+    def _clock(self, stamps_s: np.ndarray, name: str, first_row: int) -> int:
+        content = hashlib.blake2b(np.ascontiguousarray(stamps_s)).digest()
+        if content not in self._by_content:
+            self._by_content[content] = len(self.stamps)
+            self.stamps.append(stamps_s)
+            self.described.append({"name": name, "first_row": first_row})
+        return self._by_content[content]
+
+    def _time_of(self, channel: FileChannel) -> tuple[int, str, Callable[[], np.ndarray]]:
+        """What the stamps of a channel come from, as a number, with their name and the stamps."""
+        if channel.time is None or self.time is not None:
+            found = self._column_of_time(channel)
+            if found is not None:
+                return id(found), found.name, partial(self._seconds, found)
+        if channel.time is not None:
+            return id(channel.time), channel.clock or "time", channel.time
+        expected = "time" if self.time is None else self.time
+        raise RefusedError(
+            f"has no time column for '{shorten(channel.path)}', expected '{shorten(expected)}' of the same length; say "
+            "its name by 'time' in campaign.toml or write it with the file"
+        )
+
+    def _column_of_time(self, channel: FileChannel) -> FileChannel | None:
+        """The column of time in the part of the file in which a channel stands, or in one around it.
+
+        A column elsewhere counts where the file has no other.
+        """
+        part = self._parts[channel.group, channel.place]
+        times = self._times(part, channel)
+        if times:
+            return self._nearest(channel, part, times)
+        around = channel.group
+        while around:
+            around = around.rpartition("/")[0]
+            times = [c for c in self._times(self.channels, channel) if c.group == around]
+            if times:
+                return self._only(channel, times)
+        times = self._times(self.channels, channel)
+        others = [c for c in self.channels if c.length > 1 and self._is_time(c)]
+        return self._only(channel, times) if times and len(others) == len(times) else None
+
+    def _times(self, candidates: Sequence[FileChannel], channel: FileChannel) -> list[FileChannel]:
+        """Columns of time of the length of a channel: the usual one first, the others in the order of the file."""
+        times = [c for c in candidates if c.length == channel.length and c is not channel and self._is_time(c)]
+        name = find_time([c.name for c in times], self.time)
+        return sorted(times, key=lambda c: c.name != name)
+
+    def _is_time(self, column: FileChannel) -> bool:
+        return is_time(column, self.time)
+
+    def _nearest(self, channel: FileChannel, part: Sequence[FileChannel], times: list[FileChannel]) -> FileChannel:
+        """Of several columns with different steps the nearest to the left of the channel, else the usual one."""
+        steps = [np.diff(stamps) for stamps in self._readable(times)]
+        if all(_same_steps(other, steps[0]) for other in steps):
+            return times[0]
+        known = {id(c) for c in times}
+        left = [c for c in part[: next(i for i, c in enumerate(part) if c is channel)] if id(c) in known]
+        if not left or not channel.in_order:
+            raise _several_times(channel, times)
+        return left[-1]
+
+    def _only(self, channel: FileChannel, times: list[FileChannel]) -> FileChannel:
+        """The column of another part: of several all stamps must agree."""
+        stamps = self._readable(times)
+        if not all(np.array_equal(other, stamps[0], equal_nan=True) for other in stamps):
+            raise _several_times(channel, times)
+        return times[0]
+
+    def _readable(self, times: Sequence[FileChannel]) -> list[np.ndarray]:
+        """Stamps of the columns of time that can be read; of a single one nothing is read."""
+        stamps = []
+        for column in times if len(times) > 1 else ():
+            with suppress(RefusedError):
+                stamps.append(self._seconds(column))
+        return stamps
+
+    def _seconds(self, column: FileChannel) -> np.ndarray:
+        if id(column) not in self._columns:
+            self._columns[id(column)] = self._read_seconds(column)
+        return self._columns[id(column)]
+
+    def _read_seconds(self, column: FileChannel) -> np.ndarray:
+        array, unit = column.load()
+        if array.dtype.kind in "mM":
+            first = array[~np.isnat(array)][:1]
+            if not first.size:
+                raise RefusedError(f"has no time in '{shorten(column.path)}'; export it again")
+            # One zero for all columns of dates: the midnight before the first stamp of the first one.
+            day = first[0].astype(f"{array.dtype.kind}8[D]")
+            ticks = (array - self._origin.setdefault(array.dtype.kind, day)).astype("timedelta64[ns]")
+            return np.where(np.isnat(ticks), np.nan, ticks.astype(np.float64) * 1e-9)
+        said = unit_text(unit)
+        if said is not None and time_unit(said) is None:
+            raise not_time(f"'{column.name}'", said, column.path)
+        return numbers_of(array, column.path) * seconds_in(column.name, said)
+
+
+def _same_steps(steps: np.ndarray, others: np.ndarray) -> bool:
+    """Whether two columns of time are the same but for their zero."""
+    near = np.abs(steps - others) <= _SAME_STEPS * np.nanmedian(np.abs(others))
+    return bool(np.all(near | (np.isnan(steps) & np.isnan(others))))
+
+
+def _several_times(channel: FileChannel, times: Sequence[FileChannel]) -> RefusedError:
+    shown = joined_words([f"'{shorten(c.path)}'" for c in times[:LISTED]])
+    return RefusedError(
+        f"has several columns of time for '{shorten(channel.path)}', {shown}, which do not agree; name one of them by "
+        "'time' in campaign.toml"
+    )
