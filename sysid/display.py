@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import pi
 
 #: Normal deviate of the ends of a 90 % interval, from 5 % to 95 %.
 Z90 = 1.6448536269514722
@@ -20,6 +21,15 @@ _UNITS = {
     "N s/m": (1e-3, "kN s/m"),
     "N*s/m": (1e-3, "kN s/m"),
 }
+
+
+#: The same of channels: a speed of the truck, not of a damper.
+_CHANNEL_UNITS = {"m/s": (3.6, "km/h"), "rad/s": (180.0 / pi, "deg/s"), "Pa": (1e-5, "bar")}
+
+
+def channel_unit(si_unit: str) -> tuple[float, str]:
+    """Factor from the SI unit of a channel to the one that people read, and its name."""
+    return _CHANNEL_UNITS.get(si_unit, shown_unit(si_unit))
 
 
 def shown_unit(si_unit: str) -> tuple[float, str]:

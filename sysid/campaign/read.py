@@ -14,6 +14,7 @@ from sysid.campaign.inputs.bumps import PointCloudReader, ProfileReader, read_bu
 from sysid.campaign.inputs.named_files import NamedFiles
 from sysid.campaign.inputs.run_logs import RunLogs, log_writing
 from sysid.campaign.loggers import ClockFinding
+from sysid.campaign.passage.logged_speed import speed_at_bump
 from sysid.campaign.priors import NamedPrior
 from sysid.campaign.records import (
     Acquisition,
@@ -21,6 +22,7 @@ from sysid.campaign.records import (
     BumpRun,
     BumpShape,
     Campaign,
+    Log,
     PlankDrop,
     PredictionRequest,
     Scan,
@@ -37,6 +39,9 @@ from sysid.wording import shorten
 if TYPE_CHECKING:
     from sysid.campaign.toml import schema as s
     from sysid.campaign.toml.vehicle_tables import VehicleReader
+
+#: Columns that one sentence names.
+_NAMED = 10
 
 
 def read_campaign(
@@ -181,6 +186,8 @@ class _TestReader:
         """Sensors of one drop per axle under test; those without an axle of their own are at the only one."""
         sensors_of: dict[int, list[Sensor]] = {}
         for column, table in self.tables.sensors.plank_drop.items():
+            if table.unused is not None:
+                continue
             where = f"sensors.plank_drop.{shorten(column)}"
             if table.axle is not None:
                 index = self.vehicle.axle(table.axle, f"{where}.axle")
@@ -223,7 +230,7 @@ class _TestReader:
                 BumpRun(
                     case=entry.case,
                     load_case=self._load_case(entry.load_case, key),
-                    nominal_speed_m_s=speed_m_s(entry.nominal_speed_km_h),
+                    nominal_speed_m_s=self._speed(entry, key, log),
                     repeat=entry.repeat,
                     log=log,
                     bump=self._bump(entry.bump, key, scans),
@@ -234,6 +241,17 @@ class _TestReader:
         if not any(others):
             return tuple(runs), ()
         return on_common_clock(runs, others, logs.loggers, self.vehicle.vehicle)
+
+    def _speed(self, entry: s.BumpRunTable, key: str, log: Log) -> float:
+        if entry.nominal_speed_km_h is not None:
+            return speed_m_s(entry.nominal_speed_km_h)
+        logged = speed_at_bump(log)
+        if logged is None:
+            raise CampaignError(
+                f"{self.file.name}: {key} has no nominal_speed_km_h, and no sensor of kind 'speed' in its log shows "
+                "that the truck moves; give one of the two."
+            )
+        return logged
 
     def predictions(
         self, scans: Mapping[str, Scan], profile_reader: ProfileReader | None
@@ -280,7 +298,7 @@ class _TestReader:
         names = [
             paths.relative_name(e) for e in [*(d.file for d in tests.plank_drop), *(f for fs in of_runs for f in fs)]
         ]
-        said: dict[str, tuple[str, float]] = {}
+        said: dict[str, tuple[str, float | None]] = {}
         for run, name in (
             (r, paths.relative_name(f)) for r, fs in zip(tests.bump_run, of_runs, strict=True) for f in fs
         ):
@@ -292,13 +310,30 @@ class _TestReader:
                 )
         twice = sorted({n for n in names if names.count(n) > 1}) if len(names) <= 2000 else []
         result = [f"{shorten(n, 100)} is named by more than one test: its data count more than once." for n in twice]
+        result += self._unused()
         if not names:
             result.append("The campaign has neither plank drops nor bump runs.")
         return tuple(result)
 
+    def _unused(self) -> list[str]:
+        """Sentences about sensors that campaign.toml says not to use, one per reason."""
+        columns: dict[str, dict[str, None]] = {}
+        for tables in (self.tables.sensors.bump_run, self.tables.sensors.plank_drop):
+            for column, table in tables.items():
+                if table.unused is not None:
+                    columns.setdefault(table.unused, {})[column] = None
+        said = []
+        for reason, of_reason in columns.items():
+            names = ", ".join(repr(shorten(c)) for c in list(of_reason)[:_NAMED])
+            more = f" and {len(of_reason) - _NAMED} more" if len(of_reason) > _NAMED else ""
+            said.append(f"Not used, as {self.file.name} says ({shorten(reason, 100)}): {names}{more}.")
+        return said
+
     def _run_sensors(self) -> list[Sensor]:
         result = []
         for column, table in self.tables.sensors.bump_run.items():
+            if table.unused is not None:
+                continue
             key = f"sensors.bump_run.{shorten(column)}"
             axle = None if table.axle is None else self.vehicle.axle(table.axle, f"{key}.axle")
             body = None if table.body is None else self.vehicle.body(table.body, f"{key}.body")
@@ -327,6 +362,8 @@ def _sensor(
     body: int | None,
     x_m: float | None,
 ) -> Sensor:
+    assert table.kind is not None
+    assert table.unit is not None
     sensor = Sensor(
         column=column.strip(),
         kind=table.kind,
@@ -337,5 +374,6 @@ def _sensor(
         side=table.side,
         sign=table.sign,
         scale=table.scale,
+        area_m2=table.area_m2,
     )
     return sensor if table.range is None else replace(sensor, full_scale=table.range * sensor.unit_in_si)

@@ -21,7 +21,27 @@ from sysid.campaign.vehicle_records import LoadCase, Vehicle
 SpeedHeld = Literal["servo", "towed", "cruise", "free"]
 #: Bumps that are known by name.
 ShapeName = Literal["watts", "sinusoidal", "half_sine", "parabolic", "trapezoid", "points"]
-SensorKind = Literal["suspension_deflection", "axle_acceleration", "body_acceleration"]
+SensorKind = Literal[
+    "suspension_deflection", "axle_acceleration", "body_acceleration", "pitch_rate", "speed", "air_pressure"
+]
+#: What each kind measures, and the SI unit of its values in memory.
+KIND_DIMENSION: Mapping[SensorKind, Dimension] = {
+    "suspension_deflection": "length",
+    "axle_acceleration": "acceleration",
+    "body_acceleration": "acceleration",
+    "pitch_rate": "angular rate",
+    "speed": "speed",
+    "air_pressure": "pressure",
+}
+_SI_UNITS: Mapping[Dimension, str] = {
+    "length": "m",
+    "acceleration": "m/s^2",
+    "angular rate": "rad/s",
+    "speed": "m/s",
+    "pressure": "Pa",
+}
+#: Kinds that are no vibration of the suspension: their readings may be slow, and may stand still for a whole record.
+AUXILIARY_KINDS: frozenset[SensorKind] = frozenset({"pitch_rate", "speed", "air_pressure"})
 
 
 @dataclass(frozen=True)
@@ -45,10 +65,12 @@ class Acquisition:
 class Sensor:
     """One sensor: log column, what it measures and where.
 
-    `axle` (index) for deflections and axle accelerations, `body` (index) and `x_m` for body accelerations.
+    `axle` (index) for deflections, axle accelerations and air pressures, `body` (index) and `x_m` for body
+    accelerations, `body` for pitch rates, neither for speeds.
     `full_scale` is the range (+-) in SI units, None if undeclared; `unit` is the unit in the file, after readings are
     multiplied by `scale` and `sign`.  For plank drops `axle`, `body` and `x_m` are filled in with the axle under test.
     `logger`: name of its logger, empty for the first one; `source`: column in its files, empty for `column`.
+    `area_m2`: effective area of the bellows of an axle whose pressure is measured [m2], None if undeclared.
     """
 
     column: str
@@ -63,16 +85,17 @@ class Sensor:
     scale: float = 1.0
     logger: str = ""
     source: str = ""
+    area_m2: float | None = None
 
     @property
     def dimension(self) -> Dimension:
-        """``length`` or ``acceleration``."""
-        return "length" if self.kind == "suspension_deflection" else "acceleration"
+        """What is measured, such as ``length``."""
+        return KIND_DIMENSION[self.kind]
 
     @property
     def si_unit(self) -> str:
-        """Unit of the values in memory: ``m`` or ``m/s^2``."""
-        return "m" if self.dimension == "length" else "m/s^2"
+        """Unit of the values in memory, such as ``m``."""
+        return _SI_UNITS[self.dimension]
 
     @property
     def unit_in_si(self) -> float:
@@ -100,6 +123,7 @@ class Channel:
 class Log:
     """One log file: its name relative to the campaign folder, its nominal sample interval [s] and its channels.
 
+    `channels` show the vibration of the truck; `auxiliary` are those of :data:`AUXILIARY_KINDS`, on clocks of any rate.
     `messages` are sentences about what was missing or repaired while reading.  `more_files` are logs of other loggers
     whose channels are here, or could not be used; `sync` holds stamps and readings of a signal that loggers share.
     `span_s` is the duration that counts where stamps were moved after reading: so the grid of a run stays.
@@ -113,11 +137,14 @@ class Log:
     more_files: tuple[str, ...] = ()
     sync: tuple[np.ndarray, np.ndarray] | None = None
     span_s: float | None = None
+    auxiliary: tuple[Channel, ...] = ()
 
     @property
     def duration_s(self) -> float:
-        """Time from the first to the last stamp of any channel [s]."""
-        return self.span_s if self.span_s is not None else max(float(c.time_s[-1]) for c in self.channels)
+        """Time from the first to the last stamp of any channel that shows vibration [s]."""
+        if self.span_s is not None:
+            return self.span_s
+        return max((float(c.time_s[-1]) for c in self.channels), default=0.0)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
@@ -12,7 +13,7 @@ from sysid.wording import finish, nearest, shorten
 if TYPE_CHECKING:
     import pint
 
-Dimension = Literal["length", "acceleration", "speed", "angle", "pressure"]
+Dimension = Literal["length", "acceleration", "speed", "angle", "angular rate", "pressure"]
 
 #: 1 g as a unit (CGPM 1901); weights use the campaign's `gravity_m_s2`.
 STANDARD_GRAVITY_M_S2 = 9.80665
@@ -42,15 +43,35 @@ _SPELLINGS: dict[str, dict[str, str]] = {
         "g": "standard_gravity",
         "mg": "0.001 * standard_gravity",
     },
-    "speed": {"km/h": "kilometre / hour", "m/s": "metre / second"},
+    "speed": {
+        "km/h": "kilometre / hour",
+        "m/s": "metre / second",
+        "mph": "mile / hour",
+        "ft/s": "foot / second",
+        "knot": "knot",
+    },
     "angle": {"deg": "degree", "rad": "radian"},
-    "pressure": {"kPa": "kilopascal", "Pa": "pascal"},
+    "angular rate": {
+        "deg/s": "degree / second",
+        "°/s": "degree / second",
+        "rad/s": "radian / second",
+        "mrad/s": "0.001 * radian / second",
+    },
+    "pressure": {
+        "bar": "bar",
+        "kPa": "kilopascal",
+        "MPa": "megapascal",
+        "psi": "psi",
+        "mbar": "millibar",
+        "Pa": "pascal",
+    },
 }
 _SI = {
     "length": "metre",
     "acceleration": "metre / second ** 2",
     "speed": "metre / second",
     "angle": "radian",
+    "angular rate": "radian / second",
     "pressure": "pascal",
 }
 
@@ -69,7 +90,7 @@ def _registry() -> pint.UnitRegistry[float]:
 
 @lru_cache(maxsize=64)
 def si_factor(unit: str, dimension: Dimension) -> float:
-    """Factor that turns a value in `unit` into SI (m, m/s^2, m/s, rad, Pa).
+    """Factor that turns a value in `unit` into SI (m, m/s^2, m/s, rad, rad/s, Pa).
 
     Parameters
     ----------
@@ -88,24 +109,42 @@ def si_factor(unit: str, dimension: Dimension) -> float:
     return float(_registry()(spelling).to(_SI[dimension]).magnitude)
 
 
-#: Names in files of quantities that no sensor of a campaign measures, in small letters.
+#: Names in files of quantities that are neither lengths nor accelerations, in small letters.
 _OTHER = frozenset(
     """v volt volts mv millivolt uv mv/v a ma ampere ohm n kn newton newtons nm kg pa kpa mpa bar psi
     degc °c c k degf °f rpm 1/min hz deg degree degrees rad rad/s deg/s °/s m/s km/h kmh mph
     strain um/m microstrain ustrain""".split()  # noqa: SIM905
 )
-_WORDS = {"metre": "m", "meter": "m", "millimetre": "mm", "millimeter": "mm", "inch": "in", "gn": "g"}
+_WORDS = {
+    "metre": "m",
+    "meter": "m",
+    "millimetre": "mm",
+    "millimeter": "mm",
+    "inch": "in",
+    "gn": "g",
+    "kmh": "km/h",
+    "kph": "km/h",
+    "mi/h": "mph",
+    "knots": "knot",
+    "kt": "knot",
+    "kts": "knot",
+    "dps": "deg/s",
+    "deg/sec": "deg/s",
+    "degree/s": "deg/s",
+    "degrees/s": "deg/s",
+    "rad/sec": "rad/s",
+}
 _DECORATION = {"²": "^2", "**": "^", "·": "", " ": "", "µ": "u", "μ": "u", "sec": "s"}
 
 
 def contradiction(written: str | None, declared: str) -> str | None:
-    """The unit that a file writes, where it cannot be the declared one of a length or an acceleration; else None.
+    """The unit that a file writes, where it cannot be the declared one; else None.
 
     An unknown unit is no contradiction.
     """
     if written is None:
         return None
-    known = _known_units()
+    known = _known_units(_OF_SENSORS)
     plain = _plain(written)
     if plain in known:
         same = _size_of(*known[plain]) == _size_of(*known[_plain(declared)])
@@ -113,23 +152,28 @@ def contradiction(written: str | None, declared: str) -> str | None:
     return written if plain in _OTHER else None
 
 
-def recognised_unit(written: str) -> tuple[str, Dimension] | None:
-    """How a campaign file calls a unit of length or acceleration that a file writes, and which; None for others."""
-    return _known_units().get(_plain(written))
+def recognised_unit(
+    written: str, dimensions: tuple[Dimension, ...] = ("length", "acceleration")
+) -> tuple[str, Dimension] | None:
+    """How a campaign file calls a unit of these dimensions that a file writes, and which it is; None for others."""
+    return _known_units(dimensions).get(_plain(written))
 
 
 def is_other_quantity(written: str) -> bool:
-    """Whether a unit is that of a quantity that no sensor of a campaign measures."""
+    """Whether a unit is that of a quantity that is neither a length nor an acceleration."""
     return _plain(written) in _OTHER
 
 
-def _known_units() -> dict[str, tuple[str, Dimension]]:
+_OF_SENSORS: tuple[Dimension, ...] = ("length", "acceleration", "speed", "angular rate", "pressure")
+
+
+@lru_cache(maxsize=8)
+def _known_units(dimensions: tuple[Dimension, ...]) -> Mapping[str, tuple[str, Dimension]]:
     known: dict[str, tuple[str, Dimension]] = {}
-    dimensions: tuple[Dimension, Dimension] = ("length", "acceleration")
     for dimension in dimensions:
         for spelling in _SPELLINGS[dimension]:
             known.setdefault(_plain(spelling), (spelling, dimension))
-    return known | {name: known[unit] for name, unit in _WORDS.items()}
+    return known | {name: known[unit] for name, unit in _WORDS.items() if unit in known}
 
 
 def _size_of(unit: str, dimension: Dimension) -> tuple[Dimension, float]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.campaign.findings import ChannelFinding
-from sysid.display import NOT_DETERMINED, Z90, shown_unit
+from sysid.display import NOT_DETERMINED, Z90, channel_unit, shown_unit
 from sysid.estimates.suspension_values import AxleEstimates, Quantity
 from sysid.estimation.fit.thresholds import DECISIVE, SOLVERS_APART_SD, STEP_HALVING
 from sysid.numbers import MISSING, decimals, fixed, interval, number, percent
@@ -175,8 +175,7 @@ def quality_table(findings: Iterable[ChannelFinding], caption: str) -> Table:
     """Findings of the quality check, one channel of one log per row."""
     rows = []
     for f in findings:
-        unit = "mm" if f.si_unit == "m" else "m/s²"
-        factor = 1e3 if f.si_unit == "m" else 1.0
+        factor, unit = channel_unit(f.si_unit)
         rows.append(
             [
                 Cell(f.column, note=f.file),

@@ -11,6 +11,7 @@ from sysid.campaign.clocks.axle_arrivals import arrival_lag
 from sysid.campaign.clocks.motion import Lag, motion_lag
 from sysid.campaign.clocks.sync import sync_lag
 from sysid.campaign.inputs.log_sides import join_sides
+from sysid.campaign.inputs.logs import make_log
 from sysid.campaign.loggers import ClockFinding, ClockMethod, Logger
 from sysid.campaign.quality.check import screened
 from sysid.campaign.records import BumpRun, Channel, Log
@@ -271,22 +272,28 @@ def _joined(run: BumpRun, other: Log, finding: ClockFinding) -> BumpRun:
     if finding.complaint:
         return replace(run, log=replace(log, more_files=(*log.more_files, other.file), messages=messages))
     moved = []
-    for channel in other.channels:
+    for channel in (*other.channels, *other.auxiliary):
         time = channel.time_s + finding.offset_s + finding.rate * (channel.time_s - finding.at_s)
         # Readings from the time before the reference was started have no counterpart.
-        kept = time >= log.channels[0].time_s[0] - 0.5 * log.sample_interval_s
+        kept = time >= _first_stamp(log) - 0.5 * log.sample_interval_s
         if kept.sum() > 1 or time.size == 1:
             moved.append(Channel(channel.sensor, time[kept], channel.value[kept], channel.censored[kept]))
     said = list(messages)
-    channels = join_sides([*log.channels, *moved], log.file, said)
-    interval = max(log.sample_interval_s, other.sample_interval_s)
+    channels = join_sides([*log.channels, *log.auxiliary, *moved], log.file, said)
+    joined = make_log(log.file, log.sample_interval_s, channels)
+    interval = max(log.sample_interval_s, other.sample_interval_s) if other.channels else log.sample_interval_s
     return replace(
         run,
         log=replace(
             log,
             sample_interval_s=interval,
-            channels=tuple(channels),
+            channels=joined.channels,
+            auxiliary=joined.auxiliary,
             more_files=(*log.more_files, other.file),
             messages=tuple(said),
         ),
     )
+
+
+def _first_stamp(log: Log) -> float:
+    return min(float(c.time_s[0]) for c in (*log.channels, *log.auxiliary))

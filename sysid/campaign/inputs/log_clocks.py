@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +32,7 @@ class CleanClock:
 
 
 def clean_clocks(
-    clocks: Mapping[int, Clock], declared_s: float, label: str, messages: list[str]
+    clocks: Mapping[int, Clock], declared_s: float, label: str, messages: list[str], judged: Collection[int]
 ) -> dict[int, CleanClock]:
     """Clean the stamps of all clocks of a log.
 
@@ -42,6 +42,7 @@ def clean_clocks(
     declared_s : declared sample interval [s], taken as the step where the stamps agree with it but for rounding.
     label : name of the file.
     messages : receives what was left out, and steps that differ from the declared one.
+    judged : keys of the clocks whose steps are compared with the declared one.
 
     Raises
     ------
@@ -52,7 +53,7 @@ def clean_clocks(
     found = {k: _clean_stamps(c.time_s, label, c.name, c.first_row, messages) for k, c in clocks.items()}
     steps = {key: float(np.median(np.diff(stamps))) for key, (stamps, _) in found.items()}
     # A channel may be far slower or faster than the declared one beside it.
-    nearest = min(steps, key=lambda key: abs(np.log(steps[key] / declared_s)))
+    nearest = min(judged, key=lambda key: abs(np.log(steps[key] / declared_s)))
     _refuse_unit(found[nearest][0], steps[nearest], declared_s, label, clocks[nearest].name)
     result = {}
     for key, (stamps, rows) in found.items():
@@ -60,7 +61,7 @@ def clean_clocks(
         _check_span(clock.time_s, stamps, step, label, clock.name, clock.first_row)
         if abs(step / declared_s - 1.0) < SAME_STEP:
             step = declared_s
-        elif abs(step / declared_s - 1.0) >= 0.01:
+        elif key in judged and abs(step / declared_s - 1.0) >= 0.01:
             messages.append(
                 f"{label}: the time stamps are {step:.4g} s apart, acquisition.sample_interval_s says {declared_s:g} "
                 "s; the stamps are used."

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.campaign.records import Channel
+from sysid.campaign.records import AUXILIARY_KINDS, Channel
 from sysid.wording import shorten
 
 SIDE_DISAGREEMENT = 0.3  # roll makes left and right differ by less than this on a bump taken straight
@@ -38,7 +38,8 @@ def _mean_of_sides(one: Channel, two: Channel, label: str, messages: list[str]) 
     names = f"'{shorten(one.sensor.column)}' and '{shorten(two.sensor.column)}'"
     for dead, alive in ((one, two), (two, one)):
         seen = dead.value[np.isfinite(dead.value)]
-        if seen.size < 0.5 * dead.value.size or np.ptp(seen) == 0.0:
+        still = one.sensor.kind not in AUXILIARY_KINDS and seen.size > 0 and np.ptp(seen) == 0.0
+        if seen.size < 0.5 * dead.value.size or still:
             messages.append(
                 f"{label}: of the pair {names} only '{shorten(alive.sensor.column)}' is used; the other side shows "
                 "nothing."
@@ -49,8 +50,9 @@ def _mean_of_sides(one: Channel, two: Channel, label: str, messages: list[str]) 
     difference = one.value - two.value
     both = np.isfinite(mean)
     if both.sum() > 1:
-        spread = float(np.std(difference[both]))
-        size = float(np.std(mean[both]))
+        # What does not vibrate is compared by its level.
+        size_of = _rms if one.sensor.kind in AUXILIARY_KINDS else np.std
+        spread, size = float(size_of(difference[both])), float(size_of(mean[both]))
         if spread > SIDE_DISAGREEMENT * 2.0 * size:
             messages.append(
                 f"{label}: left and right ({names}) differ by {spread / max(size, 1e-300):.1f} times the size of their "
@@ -85,3 +87,7 @@ def _at_times_of(one: Channel, two: Channel) -> Channel:
     nearest = np.clip(np.searchsorted(two.time_s, one.time_s), 0, two.time_s.size - 1)
     value[~good[nearest]] = np.nan
     return replace(two, time_s=one.time_s, value=value, censored=two.censored[nearest])
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

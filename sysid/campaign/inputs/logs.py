@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from sysid.campaign.inputs.log_clocks import clean_clocks
 from sysid.campaign.inputs.log_sides import join_sides
-from sysid.campaign.records import Channel, Log, Sensor
+from sysid.campaign.records import AUXILIARY_KINDS, Channel, Log, Sensor
 from sysid.campaign.units import contradiction
 from sysid.errors import DataRejectedError
 from sysid.logs.channels import LogContent, LogRequest, RawChannel
@@ -64,7 +65,8 @@ def read_log(
     -------
     Log
         Channels in the order of the sensors, each with the stamps of its own clock; the sample interval of the log is
-        the median step of the stamps, of the slowest clock where there are several.
+        the median step of the stamps, of the slowest clock where there are several. Auxiliary channels do not count
+        there: their clocks may have any rate.
 
     Raises
     ------
@@ -81,23 +83,27 @@ def read_log(
     content = read_channels(file_content(source, name), name, request)
     known = {c.name: c for c in content.channels}
     messages = [*content.messages, *_missing(columns, known, content, name)]
-    clocks = clean_clocks({id(c.clock): c.clock for c in content.channels}, sample_interval_s, name, messages)
-    # Not that of the common signal, which is no reading of the vehicle.
-    steps = {clocks[id(known[column].clock)].step_s for column in columns if column in known}
+    found = [(s, known[column]) for s, column in zip(sensors, columns, strict=True) if column in known]
+    # Of the readings that show vibration, and not that of the common signal, which is no reading of the vehicle.
+    judged = [raw for s, raw in found if s.kind not in AUXILIARY_KINDS] or [raw for _, raw in found]
+    clocks = clean_clocks(
+        {id(c.clock): c.clock for c in content.channels},
+        sample_interval_s,
+        name,
+        messages,
+        judged={id(raw.clock) for raw in judged},
+    )
+    steps = {clocks[id(raw.clock)].step_s for raw in judged}
     step = max(steps)
     if len(steps) > 1:
         messages.append(
             f"{name}: its channels are sampled at different rates; those faster than the slowest, every {step:.4g} s, "
             "are compared at its steps."
         )
-    start = float(min(clock.stamps[0] for clock in clocks.values()))
+    of_sync = {id(known[sync_name].clock)} if sync_name in known else set()
+    start = float(min(clocks[key].stamps[0] for key in {id(raw.clock) for raw in judged} | of_sync))
     times = {key: clock.stamps - start for key, clock in clocks.items()}
-    channels = []
-    for sensor, column in zip(sensors, columns, strict=True):
-        if column in known:
-            raw = known[column]
-            key = id(raw.clock)
-            channels.append(_channel(sensor, times[key], raw, clocks[key].rows, name))
+    channels = [_channel(s, times[id(raw.clock)], raw, clocks[id(raw.clock)].rows, name) for s, raw in found]
     channels = join_sides(channels, name, messages)
     sync = None
     if sync_name in known:
@@ -108,7 +114,15 @@ def read_log(
             f"{name}: the column '{shorten(sync_name)}' of the common signal is missing"
             f"{near_names(sync_name, content.names)}; the clock is looked for without it."
         )
-    return Log(name, step, tuple(channels), start, tuple(messages), sync=sync)
+    return make_log(name, step, channels, start_time_s=start, messages=tuple(messages), sync=sync)
+
+
+def make_log(file: str, sample_interval_s: float, channels: Iterable[Channel], **more: Any) -> Log:
+    """A log with channels of any kind, `more` as in :class:`Log`."""
+    parts: tuple[list[Channel], list[Channel]] = ([], [])
+    for channel in channels:
+        parts[channel.sensor.kind in AUXILIARY_KINDS].append(channel)
+    return Log(file, sample_interval_s, tuple(parts[False]), auxiliary=tuple(parts[True]), **more)
 
 
 def _missing(columns: Sequence[str], known: dict[str, RawChannel], content: LogContent, name: str) -> list[str]:

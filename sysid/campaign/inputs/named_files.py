@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid import limits
 from sysid.campaign.inputs import paths
-from sysid.campaign.inputs.logs import LogWriting, read_log
+from sysid.campaign.inputs.logs import LogWriting, make_log, read_log
 from sysid.campaign.records import Channel, Log, Sensor
 from sysid.errors import DataRejectedError
 from sysid.logs.input_file import InputFile
@@ -86,13 +86,13 @@ class NamedFiles:
             paths.check_name(name, f"{self.file.name}: {key}")
         if self.planned and not (self.file.parent / name).exists():
             channels = (Channel(s, np.zeros(1), np.zeros(1), np.zeros(1, np.int8)) for s in sensors)
-            return Log(paths.relative_name(name), interval, tuple(channels))
+            return make_log(paths.relative_name(name), interval, channels)
         content = self.content(name, key, limits.LOG_BYTES)
         if writing.database_file is not None:
             database = self.content(writing.database_file, f"can_database of {key}", limits.DATABASE_BYTES)
             # DBC files are written in the code page of Western Windows.
             writing = replace(writing, database=database.data.decode("cp1252", errors="replace"))
         log = read_log(content, paths.relative_name(name), sensors, interval, writing)
-        numbers = sum(channel.value.size for channel in log.channels)
+        numbers = sum(channel.value.size for channel in (*log.channels, *log.auxiliary))
         self._count("numbers", numbers, limits.INPUT_NUMBERS, f"{self.file.name}: {key}")
         return log

@@ -12,6 +12,7 @@ from scipy.special import ndtri
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
 from sysid.campaign.passage.speed import speed_complaint
 from sysid.campaign.quality import defects
+from sysid.campaign.quality.auxiliary import check_auxiliary
 from sysid.campaign.quality.copies import copied_columns, copied_logs
 from sysid.campaign.quality.exchanges import Suspicion
 from sysid.campaign.quality.suspects import axles_shown_falling, suspicions
@@ -32,6 +33,7 @@ NO_RESPONSE = 0.01
 # Assumptions: what is beyond them is worth a look, and none of them decides an estimate.
 NOISY = 0.2  # noise rms over peak
 SPIKY_SHARE = 0.02  # of the samples: more spikes than that are a loose connection
+_NAMED = 10  # columns that one sentence names
 JITTER_SHARE = 0.2  # of the step between stamps
 
 
@@ -92,7 +94,7 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
                 runs.append(run)
         else:
             drops.append(replace(test, log=log))
-    messages += [*say_once(of_logs), *copied_logs(tests), *_rejections(findings)]
+    messages += [*say_once(of_logs), *copied_logs(tests), *_rejections(findings), *_not_yet_used(tests)]
     cleaned = replace(campaign, plank_drops=tuple(drops), bump_runs=tuple(runs))
     return cleaned, QualityReport(tuple(findings), tuple(messages), tuple(left_out), clocks=campaign.clocks)
 
@@ -122,8 +124,11 @@ def _check_log(
     log: Log, vehicle: Vehicle, bump_speed: float | None, falling: frozenset[int]
 ) -> tuple[Log, list[ChannelFinding], list[str]]:
     messages = list(log.messages)
+    others = [check_auxiliary(log, c, bump_speed is not None) for c in log.auxiliary]
+    log = replace(log, auxiliary=tuple(channel for channel, _ in others if channel is not None))
+    of_others = [finding for _, finding in others]
     if not log.channels:
-        return log, [], messages
+        return log, of_others, messages
     clocks = _timings(log, messages)
     checks = [_examine(channel, log.channels) for channel in log.channels]
     clock = min(clocks, key=lambda c: c.rate_hz)
@@ -142,7 +147,7 @@ def _check_log(
             item.rejected = True
     else:
         _judge_together(log, checks, vehicle, bump_speed, falling, messages)
-    findings = [_finding(log, item, timing) for item, timing in zip(checks, clocks, strict=True)]
+    findings = [*(_finding(log, item, timing) for item, timing in zip(checks, clocks, strict=True)), *of_others]
     kept = tuple(item.channel for item in checks if not item.rejected)
     return replace(log, channels=kept, messages=tuple(messages)), findings, messages
 
@@ -359,6 +364,17 @@ def _finding(log: Log, item: _ChannelCheck, clock: defects.Timing) -> ChannelFin
         verdict=verdict,
         messages=tuple(item.messages),
     )
+
+
+def _not_yet_used(tests: Sequence[PlankDrop | BumpRun]) -> list[str]:
+    """Sentences about sensors that no stage uses but this check."""
+    columns: dict[str, dict[str, None]] = {}
+    for channel in (c for test in tests for c in test.log.auxiliary):
+        columns.setdefault(channel.sensor.kind.replace("_", " "), {})[f"'{shorten(channel.sensor.column)}'"] = None
+    return [
+        f"The {kind} of {', '.join(list(names)[:_NAMED])} is read and checked, but estimates do not use it yet."
+        for kind, names in columns.items()
+    ]
 
 
 def _rejections(findings: Sequence[ChannelFinding]) -> list[str]:

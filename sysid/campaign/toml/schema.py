@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, StrictBool, StrictStr, model_validator
 
 from sysid import limits
-from sysid.campaign.records import BumpShape
+from sysid.campaign.records import KIND_DIMENSION, BumpShape, SensorKind
 from sysid.campaign.requests import shape_fault
 from sysid.campaign.toml.schema_fields import (
     TEXT_LENGTH,
@@ -50,18 +50,26 @@ class AcquisitionTable(LogTable):
 
 
 class _SensorTable(Table):
-    kind: Literal["suspension_deflection", "axle_acceleration", "body_acceleration"]
-    unit: SensorUnit
+    kind: SensorKind | None = None
+    unit: SensorUnit | None = None
     range: Positive | None = None
     side: Literal["left", "right"] | None = None
     sign: Literal[1, -1] = 1
     scale: Positive = 1.0
+    area_m2: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=2.0)] | None = None
+    unused: Annotated[StrictStr, Field(min_length=1, max_length=TEXT_LENGTH)] | None = None
 
     @model_validator(mode="after")
-    def _unit_of_kind(self) -> Self:
-        dimension: Literal["length", "acceleration"] = (
-            "length" if self.kind == "suspension_deflection" else "acceleration"
-        )
+    def _kind_and_unit(self) -> Self:
+        if self.unused is not None:
+            return self
+        if self.kind is None:
+            raise ValueError("has no kind; give kind and unit, or unused = 'the reason'")
+        if self.unit is None:
+            raise ValueError("has no unit; give the unit of its readings")
+        if self.area_m2 is not None and self.kind != "air_pressure":
+            raise ValueError(f"measures {self.kind}; area_m2 belongs to air_pressure, leave it out")
+        dimension = KIND_DIMENSION[self.kind]
         if self.unit.strip() not in unit_names(dimension):
             raise ValueError(
                 f"has the unit '{self.unit}', which is not a unit of {dimension}; "
@@ -71,7 +79,7 @@ class _SensorTable(Table):
 
 
 class RunSensorTable(_SensorTable):
-    """[sensors.bump_run]: column = { kind, axle or body and x_m, unit, range, side, sign, scale, logger, column }."""
+    """[sensors.bump_run]: column = { kind, axle or body and x_m, unit, range, side, sign, scale, ... }."""
 
     axle: Name | None = None
     body: Name | None = None
@@ -81,7 +89,17 @@ class RunSensorTable(_SensorTable):
 
     @model_validator(mode="after")
     def _place_of_kind(self) -> RunSensorTable:
-        if self.kind == "body_acceleration":
+        if self.unused is not None:
+            return self
+        if self.kind == "speed":
+            if not (self.axle is None and self.body is None and self.x_m is None):
+                raise ValueError("measures speed, which is that of the truck; leave out axle, body and x_m")
+        elif self.kind == "pitch_rate":
+            if self.body is None:
+                raise ValueError("measures pitch_rate; give the name of its body")
+            if self.axle is not None:
+                raise ValueError("measures pitch_rate; give its body instead of axle")
+        elif self.kind == "body_acceleration":
             if self.body is None or self.x_m is None:
                 raise ValueError("measures body_acceleration; give its body and x_m")
             if self.axle is not None:
@@ -94,7 +112,7 @@ class RunSensorTable(_SensorTable):
 
 
 class DropSensorTable(_SensorTable):
-    """[sensors.plank_drop]: column = { kind, unit, range, side, sign, scale, axle }; else at the axle under test."""
+    """[sensors.plank_drop]: column = { kind, unit, range, sign, scale, axle, ... }; else at the axle under test."""
 
     axle: Name | None = None
 
@@ -163,7 +181,7 @@ class BumpRunTable(LogTable):
     file: PathText | None = None
     files: Annotated[dict[Name, PathText], Field(max_length=LOGGERS)] = {}
     load_case: Name
-    nominal_speed_km_h: SpeedKmH
+    nominal_speed_km_h: SpeedKmH | None = None
     repeat: Annotated[int, Field(strict=True, ge=1, le=10_000)] = 1
     bump: Name | None = None
     speed_held: Literal["servo", "towed", "cruise", "free"] = "servo"

@@ -8,7 +8,7 @@ from dataclasses import replace
 from math import degrees, isfinite
 from typing import TYPE_CHECKING
 
-from sysid.display import TextTable
+from sysid.display import TextTable, channel_unit
 from sysid.errors import DataRejectedError, SysidError
 from sysid.workflow.stage import Blocks, Command, Context, Whole
 from sysid.workflow.stages.cells import finite_cell, value_cell
@@ -125,10 +125,10 @@ def _speed_blocks(report: QualityReport) -> Blocks:
 def _finding_cells(f: ChannelFinding) -> tuple[str, ...]:
     from sysid.campaign.units import STANDARD_GRAVITY_M_S2
 
-    scale, unit = (1e-3, "mm") if f.si_unit == "m" else (STANDARD_GRAVITY_M_S2, "g")
+    factor, unit = (1.0 / STANDARD_GRAVITY_M_S2, "g") if f.si_unit == "m/s^2" else channel_unit(f.si_unit)
 
     def level(value: float | None, digits: str) -> str:
-        return "-" if value is None else f"{value / scale:{digits}} {unit}"
+        return "-" if value is None else f"{value * factor:{digits}} {unit}"
 
     return (
         f.file,
