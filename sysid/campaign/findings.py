@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from sysid.campaign.loggers import ClockFinding
 from sysid.tabular import Tabular, records_table
+from sysid.wording import shorten
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,12 +47,23 @@ class ChannelFinding:
 
 @dataclass(frozen=True)
 class RunSpeed:
-    """Speed of one run [m/s], listed and as its axles meet the bump: None where that cannot be read."""
+    """Speed of one run [m/s]: listed, as its axles meet the bump, and as a sensor logs it; None where not known."""
 
     file: str
     load_case: str
     listed_m_s: float
     measured_m_s: float | None
+    logged_m_s: float | None = None
+
+
+@dataclass(frozen=True)
+class SpeedSensorFinding:
+    """A speed sensor: its reading over the true speed with standard deviation, from arrivals in this many `runs`."""
+
+    column: str
+    factor: float
+    factor_sd: float
+    runs: int
 
 
 @dataclass(frozen=True)
@@ -78,6 +91,7 @@ class QualityReport(Tabular):
     `left_out` are runs that contradict what the campaign file says of them, logs whose clock is unknown, and scans that
     show no bump, with the reason.  `speeds` of the runs, the bumps of the `scans`, and the `clocks` of further loggers.
     `contradictions` are those `messages` that say that campaign file and records do not fit together.
+    `speed_sensors` with the speeds that they log, by run.
     """
 
     channels: tuple[ChannelFinding, ...]
@@ -87,6 +101,20 @@ class QualityReport(Tabular):
     scans: tuple[ScanFinding, ...] = ()
     clocks: tuple[ClockFinding, ...] = ()
     contradictions: tuple[str, ...] = ()
+    speed_sensors: tuple[SpeedSensorFinding, ...] = ()
+    logged_speeds_m_s: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def sensor_sentences(self) -> tuple[str, ...]:
+        """What every speed sensor reads in units of the true speed."""
+        return tuple(
+            f"The speed sensor '{shorten(s.column)}' reads {s.factor:.3f} times the speed at which the axles meet the "
+            f"bump (standard deviation {s.factor_sd:.3f}, {s.runs} run{'' if s.runs == 1 else 's'})."
+            if s.runs
+            else f"No run shows what the speed sensor '{shorten(s.column)}' reads in units of the true speed; "
+            f"{s.factor_sd:.2g} is taken as the standard deviation of its factor."
+            for s in self.speed_sensors
+        )
 
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""

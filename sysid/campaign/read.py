@@ -22,6 +22,7 @@ from sysid.campaign.records import (
     BumpRun,
     BumpShape,
     Campaign,
+    CampaignDetails,
     Log,
     PlankDrop,
     PredictionRequest,
@@ -122,6 +123,13 @@ def read_campaign(
         messages=reader.messages(),
         priors={name: NamedPrior(*table.lognormal()) for name, table in tables.priors.items()},
         clocks=clocks,
+        details=CampaignDetails(
+            None if tables.campaign.date is None else tables.campaign.date.isoformat(),
+            tables.campaign.place,
+            tables.campaign.operator,
+            tables.campaign.vehicle_id,
+            tables.campaign.synthetic,
+        ),
     )
 
 
@@ -231,6 +239,7 @@ class _TestReader:
                     case=entry.case,
                     load_case=self._load_case(entry.load_case, key),
                     nominal_speed_m_s=self._speed(entry, key, log),
+                    speed_listed=entry.nominal_speed_km_h is not None,
                     repeat=entry.repeat,
                     log=log,
                     bump=self._bump(entry.bump, key, scans),
@@ -251,7 +260,8 @@ class _TestReader:
                 f"{self.file.name}: {key} has no nominal_speed_km_h, and no sensor of kind 'speed' in its log shows "
                 "that the truck moves; give one of the two."
             )
-        return logged
+        # Repeats have one nominal speed, as they would in a list.
+        return speed_m_s(max(1.0, round(logged / speed_m_s(1.0))))
 
     def predictions(
         self, scans: Mapping[str, Scan], profile_reader: ProfileReader | None

@@ -171,8 +171,10 @@ class PlankDrop:
 class BumpRun:
     """One pass over a bump at a nominal speed [m/s]; `bump` names the scan it belongs to.
 
-    - `speed_sd` is the relative standard deviation of the true speed at axle 1 about the nominal one, `speed_change_sd`
-      that of its relative change until the last axle passes (0: none);
+    - `speed_sd` is the relative standard deviation of the true speed at axle 1 about the expected one,
+      `speed_change_sd` that of its relative change until the last axle passes (0: none);
+    - `logged_speed_m_s` is that of a speed sensor [m/s], corrected for its factor; `speed_listed` False where the
+      nominal speed is a rounded reading of it;
     - `speed_held` says how the speed is held over the bump.
     """
 
@@ -185,6 +187,13 @@ class BumpRun:
     speed_sd: float = 0.03
     speed_change_sd: float = 0.02
     speed_held: SpeedHeld = "servo"
+    speed_listed: bool = True
+    logged_speed_m_s: float | None = None
+
+    @property
+    def expected_speed_m_s(self) -> float:
+        """Median of the prior of the speed [m/s]: as logged, or else as listed."""
+        return self.nominal_speed_m_s if self.logged_speed_m_s is None else self.logged_speed_m_s
 
 
 @dataclass(frozen=True)
@@ -240,6 +249,20 @@ class PredictionRequest:
 
 
 @dataclass(frozen=True)
+class CampaignDetails:
+    """What the campaign file says of the test: date (ISO 8601) and place, who drove, which vehicle; None: nothing.
+
+    `synthetic` data were computed, not measured.
+    """
+
+    date: str | None = None
+    place: str | None = None
+    operator: str | None = None
+    vehicle_id: str | None = None
+    synthetic: bool = False
+
+
+@dataclass(frozen=True)
 class Campaign:
     """Everything the test engineer brings home, read and converted once.
 
@@ -265,6 +288,7 @@ class Campaign:
     messages: tuple[str, ...] = ()
     priors: Mapping[str, NamedPrior] = field(default_factory=dict)
     clocks: tuple[ClockFinding, ...] = ()
+    details: CampaignDetails = CampaignDetails()
 
     @property
     def load_cases_in_use(self) -> tuple[str, ...]:

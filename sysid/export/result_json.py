@@ -57,6 +57,11 @@ def result_document(results: Results) -> dict[str, Any]:
         else {"trust": results.judgement.trust, "reasons": list(results.judgement.reasons)},
         "versions": {str(k): str(v) for k, v in provenance.get("versions", {}).items()},
         "quality": _quality(results),
+        "test": asdict(results.campaign.details),
+        "speed_sensors": [
+            {"channel": s.column, "factor": _number(s.factor), "factor_sd": _number(s.factor_sd), "runs": s.runs}
+            for s in (() if results.quality is None else results.quality.speed_sensors)
+        ],
     }
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from sysid.campaign.read import read_campaign
-from sysid.campaign.records import BumpRun, Campaign
+from sysid.campaign.records import AUXILIARY_KINDS, BumpRun, Campaign
 from sysid.campaign.toml.errors import parse_toml
 from sysid.campaign.toml.text import quoted, toml_key, value_text
 from sysid.errors import CampaignError
@@ -169,11 +169,17 @@ def _driven(
 def _write(runs: tuple[BumpRun, ...], source: Path, folder: Path, title: str) -> None:
     """The campaign's folder: logs, scans as they are, and a campaign file of these runs."""
     tables = parse_toml(source.read_bytes(), source.name)
-    tables.setdefault("campaign", {})["title"] = f"Simulated: {title}"
+    tables["campaign"] = {**tables.get("campaign", {}), "title": f"Simulated: {title}", "synthetic": True}
     tests: dict[str, Any] = tables["tests"]
     tests.pop("plank_drop", None)
     files = [run.log.file for run in runs]
-    tests["bump_run"] = [entry for entry in tests["bump_run"] if entry["file"] in files]
+    speeds = {run.log.file: 3.6 * run.nominal_speed_m_s for run in runs}
+    tests["bump_run"] = [
+        {"nominal_speed_km_h": speeds[entry["file"]]} | entry for entry in tests["bump_run"] if entry["file"] in files
+    ]
+    for sensor in tables.get("sensors", {}).get("bump_run", {}).values():
+        if sensor.get("kind") in AUXILIARY_KINDS:
+            sensor.setdefault("unused", "not simulated")
     tables.get("sensors", {}).pop("plank_drop", None)
     lines = [
         f"{toml_key(k)} = {value_text(v)}" for k, v in sorted(tables.items(), key=lambda item: item[0] != "schema")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -53,14 +52,8 @@ def verdict(results: Results) -> Verdict:
         what=tuple(_what(results)),
         use=judgement.reasons,
         todo=tuple(_todo(results, judgement)),
-        synthetic=is_synthetic(results),
+        synthetic=results.campaign.details.synthetic,
     )
-
-
-def is_synthetic(results: Results) -> bool:
-    """Whether title or notes of the campaign say that its data were computed, not measured."""
-    text = f"{results.campaign.title} {results.campaign.notes}"
-    return re.search(r"\b(synthetic|virtual|simulated campaign)\b", text, re.IGNORECASE) is not None
 
 
 def _badge(results: Results) -> str:

@@ -109,7 +109,7 @@ def draw_motion(campaign: Campaign, profiles: Mapping[str, RoadProfile], random:
 
     In a record too short for that a run starts as early as its passage needs, but not in the first tenth.
     """
-    nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
+    nominal = np.array([r.expected_speed_m_s for r in campaign.bump_runs])
     spread = np.array([r.speed_sd for r in campaign.bump_runs])
 
     def off() -> np.ndarray:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from sysid.campaign import check_quality, read_campaign
+from sysid.campaign.records import CampaignDetails
 from sysid.campaign.units import contradiction, recognised_unit, si_factor
 from sysid.errors import CampaignError, DataRejectedError
 
@@ -90,7 +93,8 @@ def test_every_new_kind_is_read_in_si_and_shown_by_the_check(small):
     assert [found[c].verdict for c in "vpw"] == ["good", "good", "good"]
     assert found["p"].rest_level == pytest.approx(6e5)
     # Nothing is dropped in silence.
-    for column in "vpw":
+    assert report.logged_speeds_m_s == pytest.approx({"run.csv": 10.0})
+    for column in "pw":
         assert any(f"'{column}'" in message for message in report.messages), column
 
 
@@ -199,3 +203,19 @@ def test_a_record_without_new_kinds_has_no_auxiliary_channels(small):
     campaign, report = check_quality(read_campaign(small(log=log())))
     assert campaign.bump_runs[0].log.auxiliary == ()
     assert not any("do not use it yet" in message for message in report.messages)
+
+
+def test_what_the_campaign_says_of_the_test(small):
+    said = 'date = 2026-05-04\nplace = "Tallahassee"\noperator = "JW"\nvehicle_id = "LB-7"\nsynthetic = true'
+    details = read_campaign(small(('title = "small"', f'title = "small"\n{said}'))).details
+    assert details == CampaignDetails("2026-05-04", "Tallahassee", "JW", "LB-7", True)
+    quoted = read_campaign(small(('title = "small"', 'title = "small"\ndate = "2026-05-04"'))).details
+    assert quoted == CampaignDetails("2026-05-04")
+    assert read_campaign(small()).details == CampaignDetails()
+    with pytest.raises(CampaignError, match=r"campaign\.date is no date; write it as 2026-05-31"):
+        read_campaign(small(('title = "small"', 'title = "small"\ndate = "4 May"')))
+
+
+@pytest.mark.parametrize("folder", ["data", "examples/linear_truck"])
+def test_the_shipped_campaigns_say_that_they_are_synthetic(folder):
+    assert read_campaign(Path(__file__).parents[2] / folder, planned=True).details.synthetic

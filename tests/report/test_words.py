@@ -7,6 +7,7 @@ import pytest
 from small_results import Words, before_sampling, campaign_only, small_fit, small_results, with_estimates
 
 from sysid.campaign.findings import QualityReport
+from sysid.campaign.records import CampaignDetails
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.parameters.rockers import LoadShare
 from sysid.estimation.parameters.undeclared_parts import UndeclaredFrame
@@ -238,9 +239,11 @@ def test_what_a_pass_goes_beyond_is_said_once_with_its_axles():
 
 
 def test_synthetic_campaigns_are_called_so():
-    assert not verdict(small_results()).synthetic
-    assert verdict(small_results(Words(title="Virtual proving ground"))).synthetic
-    assert verdict(small_results(Words(notes="a synthetic truck"))).synthetic
+    # The key says it, and no word of a title.
+    measured = small_results(Words(title="Virtual proving ground", notes="not a synthetic truck"))
+    assert not verdict(measured).synthetic
+    computed = replace(measured.campaign, details=CampaignDetails(synthetic=True))
+    assert verdict(replace(measured, campaign=computed)).synthetic
 
 
 def test_the_run_shown_first_is_of_middle_speed():

@@ -57,6 +57,7 @@ def campaign_text(example, physics, runs, drops) -> str:
         "",
         "[campaign]",
         f'title = "Synthetic campaign: {vehicle.name}"',
+        "synthetic = true",
         "",
         tables,
         "[acquisition]",

@@ -78,7 +78,15 @@ def _noise(rng: np.random.Generator, shape: tuple[int, ...], correlation: float,
 
 
 def _campaign_text(truck: IndependentTruck, declare: str, bending: str, runs: list[str], passes: list[str]) -> str:
-    lines = ["schema = 1", "", "[campaign]", 'title = "Synthetic campaign of an independent truck"', "", "[vehicle]"]
+    lines = [
+        "schema = 1",
+        "",
+        "[campaign]",
+        'title = "Synthetic campaign of an independent truck"',
+        "synthetic = true",
+        "",
+        "[vehicle]",
+    ]
     lines += ['name = "independent truck"', ""]
     for b in range(truck.bodies):
         lines += ["[[vehicle.body]]", f'name = "body {b + 1}"']

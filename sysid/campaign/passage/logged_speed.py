@@ -21,7 +21,7 @@ def speed_channels(log: Log) -> tuple[Channel, ...]:
 
 def speed_at_bump(log: Log) -> float | None:
     """Median [m/s] of the logged speed where the truck shakes most, None where no sensor shows that it moves."""
-    return _median(value for c in speed_channels(log) if (value := _near(c, _shaken_at(log.channels))) is not None)
+    return _median(value for c in speed_channels(log) if (value := _near(c, shaken_at(log.channels))) is not None)
 
 
 def _median(values: Iterable[float]) -> float | None:
@@ -29,7 +29,7 @@ def _median(values: Iterable[float]) -> float | None:
     return float(np.median(known)) if known else None
 
 
-def _shaken_at(channels: Iterable[Channel]) -> float | None:
+def shaken_at(channels: Iterable[Channel]) -> float | None:
     """Time [s] of the largest acceleration, as the median of all sensors."""
     times = []
     for channel in channels:

@@ -54,7 +54,8 @@ def speed_complaint(run: BumpRun, vehicle: Vehicle) -> tuple[str, bool] | None:
     ending = "the run is left out" if far >= HOPELESS else "the run is used, and its speed is searched for"
     sentence = (
         f"{run.log.file}: its axles meet the bump one after the other as at {3.6 * speed:.3g} km/h, but "
-        f"{3.6 * run.nominal_speed_m_s:.3g} km/h are listed{likely}; {ending}. Correct nominal_speed_km_h, or the axle "
+        f"{3.6 * run.nominal_speed_m_s:.3g} km/h are {'listed' if run.speed_listed else 'logged'}{likely}; {ending}. "
+        f"Correct {'nominal_speed_km_h' if run.speed_listed else 'unit or scale of the speed sensor'}, or the axle "
         "positions x_m or the clock of the log, or check that this is the log of that run."
     )
     return sentence, far >= HOPELESS

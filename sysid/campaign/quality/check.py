@@ -11,6 +11,7 @@ from scipy.special import ndtri
 
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
 from sysid.campaign.passage.speed import speed_complaint
+from sysid.campaign.passage.speed_sensors import with_logged_speeds
 from sysid.campaign.quality import defects
 from sysid.campaign.quality.auxiliary import check_auxiliary
 from sysid.campaign.quality.copies import copied_columns, copied_logs
@@ -33,6 +34,7 @@ NO_RESPONSE = 0.01
 # Assumptions: what is beyond them is worth a look, and none of them decides an estimate.
 NOISY = 0.2  # noise rms over peak
 SPIKY_SHARE = 0.02  # of the samples: more spikes than that are a loose connection
+_USED = ("speed",)  # auxiliary kinds that estimates use
 _NAMED = 10  # columns that one sentence names
 JITTER_SHARE = 0.2  # of the step between stamps
 
@@ -96,7 +98,17 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
             drops.append(replace(test, log=log))
     messages += [*say_once(of_logs), *copied_logs(tests), *_rejections(findings), *_not_yet_used(tests)]
     cleaned = replace(campaign, plank_drops=tuple(drops), bump_runs=tuple(runs))
-    return cleaned, QualityReport(tuple(findings), tuple(messages), tuple(left_out), clocks=campaign.clocks)
+    logged = with_logged_speeds(cleaned)
+    messages += logged.messages
+    report = QualityReport(
+        tuple(findings),
+        tuple(messages),
+        tuple(left_out),
+        clocks=campaign.clocks,
+        speed_sensors=logged.sensors,
+        logged_speeds_m_s=logged.logged_m_s or {},
+    )
+    return logged.campaign, report
 
 
 def quality_table(report: QualityReport) -> pd.DataFrame:
@@ -369,7 +381,7 @@ def _finding(log: Log, item: _ChannelCheck, clock: defects.Timing) -> ChannelFin
 def _not_yet_used(tests: Sequence[PlankDrop | BumpRun]) -> list[str]:
     """Sentences about sensors that no stage uses but this check."""
     columns: dict[str, dict[str, None]] = {}
-    for channel in (c for test in tests for c in test.log.auxiliary):
+    for channel in (c for test in tests for c in test.log.auxiliary if c.sensor.kind not in _USED):
         columns.setdefault(channel.sensor.kind.replace("_", " "), {})[f"'{shorten(channel.sensor.column)}'"] = None
     return [
         f"The {kind} of {', '.join(list(names)[:_NAMED])} is read and checked, but estimates do not use it yet."

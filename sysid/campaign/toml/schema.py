@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import datetime
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, StrictBool, StrictStr, model_validator
+from pydantic import BeforeValidator, Field, StrictBool, StrictStr, model_validator
 
 from sysid import limits
 from sysid.campaign.records import KIND_DIMENSION, BumpShape, SensorKind
@@ -27,11 +28,29 @@ from sysid.campaign.units import unit_names
 from sysid.wording import nearest
 
 
+def _date(value: Any) -> Any:
+    if isinstance(value, datetime.datetime):
+        return value.date()
+    if isinstance(value, str):
+        try:
+            return datetime.date.fromisoformat(value.strip())
+        except ValueError:
+            pass
+    if not isinstance(value, datetime.date | None):
+        raise ValueError("is no date; write it as 2026-05-31, without quotes")
+    return value
+
+
 class CampaignTable(Table):
-    """[campaign]: what the campaign is called."""
+    """[campaign]: what the campaign is called, and when, where, by whom and on which vehicle it was driven."""
 
     title: Annotated[StrictStr, Field(min_length=1, max_length=TEXT_LENGTH)]
     notes: Annotated[StrictStr, Field(max_length=TEXT_LENGTH)] = ""
+    date: Annotated[datetime.date | None, BeforeValidator(_date)] = None
+    place: Name | None = None
+    operator: Name | None = None
+    vehicle_id: Name | None = None
+    synthetic: StrictBool = False
 
 
 class FilterTable(Table):

@@ -274,7 +274,7 @@ def _search(
     noise : of every drop, as from `_noise`.
     """
     count = len(runs)
-    nominal = np.array([r.nominal_speed_m_s for r in runs])
+    nominal = np.array([r.expected_speed_m_s for r in runs])
     reach = np.array([r.speed_sd for r in runs])
     best = np.full(count, np.inf)
     speed, begin = nominal.copy(), released_s.copy()

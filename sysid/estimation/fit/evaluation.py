@@ -311,7 +311,7 @@ def _of_run(
 ) -> list[ParameterEstimate]:
     """Speed, start and, where it is unknown, change of speed of a run; `covariance` (3, 3) of its scaled unknowns."""
     record, reference = campaign.bump_runs[run], float(problem.reference_motion.start_s[run])
-    speed, nominal, change_sd = float(motion.speed_m_s[run]), record.nominal_speed_m_s, record.speed_change_sd
+    speed, nominal, change_sd = float(motion.speed_m_s[run]), record.expected_speed_m_s, record.speed_change_sd
     sd, by_unknowns = np.sqrt(np.diag(covariance)), np.zeros(RUN_UNKNOWNS)
     by_unknowns[[SPEED, CHANGE]] = SPEED_UNIT * speed, motion.speed_by_change[run] * change_sd
     of_speed = ParameterEstimate(

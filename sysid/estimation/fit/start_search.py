@@ -58,7 +58,7 @@ def search_motion(
     count = len(campaign.bump_runs)
     speed, start = np.full(count, np.nan), np.full(count, np.nan)
     factors = 1.0 + np.arange(-SPEED_REACH, SPEED_REACH + 1e-9, SPEED_STEP)
-    nominal = np.array([r.nominal_speed_m_s for r in campaign.bump_runs])
+    nominal = np.array([r.expected_speed_m_s for r in campaign.bump_runs])
     trial_start = 1.0 + 0.5 / nominal
     lowest = np.full(count, np.inf)
     records, reach = {}, {}

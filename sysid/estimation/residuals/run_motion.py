@@ -90,7 +90,7 @@ class RunMotion:
 class MotionPrior:
     """Prior knowledge of the runs' motions, (R,) each in the order of the campaign.
 
-    Nominal speed [m/s] and relative standard deviation about it; standard deviation of the change of speed about zero,
+    Expected speed [m/s] and relative standard deviation about it; standard deviation of the change of speed about zero,
     0 where there is none.
     """
 
@@ -101,7 +101,7 @@ class MotionPrior:
     def rows(self, motion: RunMotion, runs: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """The priors of some runs as residuals (R, 2), and their derivatives (R, 2, 3) by the runs' own unknowns.
 
-        With v_0 the nominal speed and s its relative standard deviation the residuals are (v / v_0 - 1) / s, and the
+        With v_0 the expected speed and s its relative standard deviation the residuals are (v / v_0 - 1) / s, and the
         change of speed in units of its standard deviation.  The start has no prior.
         """
         chosen = list(runs)
@@ -124,5 +124,5 @@ class MotionPrior:
 def motion_prior(runs: Sequence[BumpRun]) -> MotionPrior:
     """Prior of the runs' motions as the campaign declares them."""
     return MotionPrior(
-        *(np.array(v) for v in zip(*((r.nominal_speed_m_s, r.speed_sd, r.speed_change_sd) for r in runs), strict=True))
+        *(np.array(v) for v in zip(*((r.expected_speed_m_s, r.speed_sd, r.speed_change_sd) for r in runs), strict=True))
     )

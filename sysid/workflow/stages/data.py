@@ -36,7 +36,7 @@ def _check(context: Context) -> QualityReport:
         report,
         messages=(*report.messages, *(m for m in crossed.messages if m not in report.messages)),
         left_out=(*report.left_out, *crossed.left_out),
-        speeds=crossed.speeds,
+        speeds=tuple(replace(s, logged_m_s=report.logged_speeds_m_s.get(s.file)) for s in crossed.speeds),
         scans=crossed.scans,
         contradictions=crossed.contradictions,
     )
@@ -102,11 +102,15 @@ def _clock_blocks(report: QualityReport) -> Blocks:
 def _speed_blocks(report: QualityReport) -> Blocks:
     """Measured speeds of the runs and bumps of the scans, for comparison with the user's notes."""
     if report.speeds:
-        table = TextTable("Speeds", ("log", "load case", "listed km/h", "measured km/h"))
+        logged = bool(report.logged_speeds_m_s)
+        columns = ("log", "load case", "listed km/h", "measured km/h", *(("logged km/h",) if logged else ()))
+        table = TextTable("Speeds", columns)
         for run in report.speeds:
-            measured = "-" if run.measured_m_s is None else f"{3.6 * run.measured_m_s:.1f}"
-            table.add_row(run.file, run.load_case, f"{3.6 * run.listed_m_s:.4g}", measured)
+            speeds = (run.measured_m_s, *((run.logged_m_s,) if logged else ()))
+            cells = ("-" if v is None else f"{3.6 * v:.1f}" for v in speeds)
+            table.add_row(run.file, run.load_case, f"{3.6 * run.listed_m_s:.4g}", *cells)
         yield table
+        yield from report.sensor_sentences
     if report.scans:
         table = TextTable(
             "Bumps", ("bump", "scan", "points", "height mm", "length m", "width m", "heading deg", "declared deg")
