@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
-from sysid.logs.names import normal_name
+from sysid.logs.names import decoded, normal_name
 from sysid.logs.time_columns import find_time, time_unit
 from sysid.wording import shorten
 
 #: Cells for units that say nothing.
 _NO_UNIT = ("-", "--", "None", "NONE", "none")
+#: Names of axes in the languages of loggers: time, any quantity, and quantities that are not time.
+_TIME_AXIS = re.compile(r"time|zeit|temps|tiempo|tempo|^t$|seconds?$|sekunden?$", re.IGNORECASE)
+_ANY_AXIS = ("x", "x axis", "x-axis", "x_value", "abscissa", "none", "unknown", "general")
+_OTHER_AXIS = re.compile(
+    r"angle|winkel|distance|strecke|\bweg\b|length|position|displacement|frequen|\border\b|ordnung|\brpm\b|speed|index|"
+    r"number|sample|cycle|temperature|pressure|strain|force",
+    re.IGNORECASE,
+)
 #: Names that a sentence lists.
 LISTED = 4
 
@@ -32,12 +41,14 @@ class FileChannel:
     - `load` gives values (n,), a masked array where the format marks some as invalid, and unit.
     - `group` is what people call the part of the file in which it stands, `place` what tells two parts of the same name
       apart, such as a number.
-    - `time` gives its stamps in seconds where the format ties them to the channel; `clock` is what people call them.
-      Without it a channel of the same part is looked for that has the name of a time.  Channels with the same function
-      have the same stamps; of others the stamps are compared.
+    - `time` gives its stamps in seconds where the format ties them to the channel, or is the channel that holds them;
+      `clock` is what people call them.  Without it a channel of the same part is looked for that has the name of a
+      time.  Channels with the same function have the same stamps; of others the stamps are compared.
+    - `axis`: whether it is the axis of others and no signal.
     - `first_row` is what people call the first value.
     - `in_order`: whether channels have the order in which somebody wrote them, so that a column of time stands to the
       left of its channels.
+    - `invalid` says what the masked values are.
     - `path` is the name by which the channel, and no other, can be asked for.
     """
 
@@ -45,11 +56,13 @@ class FileChannel:
     length: int
     load: Callable[[], tuple[np.ndarray, str | None]]
     group: str = ""
-    time: Callable[[], np.ndarray] | None = None
+    time: Callable[[], np.ndarray] | FileChannel | None = None
     clock: str = ""
     first_row: int = 1
     place: Hashable = None
     in_order: bool = True
+    axis: bool = False
+    invalid: str = "marked as invalid"
     path: str = ""
 
     def __post_init__(self) -> None:
@@ -64,18 +77,42 @@ class FileChannel:
         return f"{self.group}/{self.name}" if self.group else self.name
 
 
+def unreadable(name: str, sentence: str, group: str = "", place: Hashable = None) -> FileChannel:
+    """A channel of the file that cannot be read, with the rest of the sentence that says so to whoever asks for it."""
+    return FileChannel(name, 2, partial(_refuse, RefusedError(sentence)), group, place=place)
+
+
+def _refuse(error: RefusedError) -> Any:
+    raise error
+
+
 @lru_cache(maxsize=4096)
 def even_time(start_s: float, step_s: float, count: int) -> Callable[[], np.ndarray]:
-    """Stamps start + k step [s] of an evenly sampled channel.
-
-    Raises
-    ------
-    RefusedError
-        If the step is no positive number.
-    """
+    """Stamps start + k step [s] of an evenly sampled channel: a function that refuses a step that is not positive."""
     if not (np.isfinite(step_s) and np.isfinite(start_s) and step_s > 0.0):
-        raise RefusedError(f"has a channel with a sample interval of {step_s:g} s; export it again with its time")
+        return no_time(
+            RefusedError(f"has a channel with a sample interval of {step_s:g} s; export it again with its time")
+        )
     return lambda: start_s + step_s * np.arange(count)
+
+
+def even_axis(
+    what: str, unit: str | None, start: float, step: float, count: int, path: str, zero_s: float = 0.0
+) -> Any:
+    """Stamps of an evenly sampled channel whose axis is `what` in `unit`; of axes that are not time the refusal.
+
+    `zero_s` is the time at which the axis is zero.
+    """
+    try:
+        factor = axis_seconds(what, unit, path)
+    except RefusedError as error:
+        return no_time(error)
+    return even_time(zero_s + factor * start, factor * step, count)
+
+
+def no_time(error: RefusedError) -> Callable[[], np.ndarray]:
+    """In place of stamps, the refusal of a channel whose axis is none of time."""
+    return partial(_refuse, error)
 
 
 def axis_seconds(what: str, unit: str | None, path: str) -> float:
@@ -83,19 +120,19 @@ def axis_seconds(what: str, unit: str | None, path: str) -> float:
 
     Parameters
     ----------
-    what : quantity of the axis, such as ``time`` or ``angle``; empty where the file does not say.
+    what : quantity of the axis, such as ``Time`` or ``angle``; empty where the file does not say.
     unit : its unit, empty or None where the file does not say.
     path : name of the channel.
 
     Raises
     ------
     RefusedError
-        If it is not time.
+        If it is not time, by its quantity or its unit.
     """
-    unit = unit_text(unit) or ""
-    is_time = not what or "time" in what.casefold() or "zeit" in what.casefold()
+    what, unit = what.strip(), unit_text(unit) or ""
     factor = time_unit(unit) if unit else 1.0
-    if not is_time or factor is None:
+    says_nothing = not what or what.casefold() in _ANY_AXIS
+    if factor is None or _OTHER_AXIS.search(what) or not (unit or says_nothing or _TIME_AXIS.search(what)):
         raise not_time(what or "a quantity", unit, path)
     return factor
 
@@ -134,7 +171,13 @@ def told_apart(channels: Sequence[FileChannel]) -> list[FileChannel]:
 
 
 def by_name(channels: Sequence[FileChannel], name: str) -> FileChannel | None:
-    """The channel with this path, else with this group and name, else with this name."""
+    """The channel with this path, else with this group and name, else with this name; None where there is none.
+
+    Raises
+    ------
+    RefusedError
+        If there are several.
+    """
     hits = (
         [c for c in channels if c.path == name]
         or [c for c in channels if c.plain_path == name]
@@ -152,7 +195,13 @@ def by_name(channels: Sequence[FileChannel], name: str) -> FileChannel | None:
 
 
 def numbers_of(array: np.ndarray, path: str) -> np.ndarray:
-    """Values as float64, infinite ones and those that are marked as invalid as NaN."""
+    """Values as float64, infinite ones and those that are marked as invalid as NaN.
+
+    Raises
+    ------
+    RefusedError
+        If they are no real numbers.
+    """
     invalid = np.ma.getmaskarray(array).reshape(-1)
     flat = np.asarray(array)
     if flat.ndim != 1:
@@ -169,6 +218,6 @@ def numbers_of(array: np.ndarray, path: str) -> np.ndarray:
 def unit_text(unit: Any) -> str | None:
     """A unit as its file writes it, without brackets; None where it says nothing."""
     if isinstance(unit, bytes):
-        unit = unit.decode("utf-8", "replace")
+        unit = decoded(unit)
     plain = unit.strip().strip("[]() ") if isinstance(unit, str) else ""
     return shorten(plain, 40) if plain and plain not in _NO_UNIT else None

@@ -74,6 +74,8 @@ class FileClocks:
             found = self._column_of_time(channel)
             if found is not None:
                 return id(found), found.name, partial(self._seconds, found)
+        if isinstance(channel.time, FileChannel):
+            return id(channel.time), channel.time.name, partial(self._seconds, channel.time)
         if channel.time is not None:
             return id(channel.time), channel.clock or "time", channel.time
         expected = "time" if self.time is None else self.time

@@ -50,7 +50,7 @@ def selected(offered: Iterable[FileChannel], request: dict[str, Any]) -> tuple[d
     channels = told_apart(channels)
     everything = bool(request.get("everything"))
     if everything:
-        chosen = [c for c in channels if c.length > 1 and not is_time(c, request["time"])][:_NAMES]
+        chosen = [c for c in channels if c.length > 1 and not (c.axis or is_time(c, request["time"]))][:_NAMES]
     else:
         chosen = [c for c in (by_name(channels, name) for name in request["wanted"]) if c is not None]
         messages += [f"the channel '{shorten(c.path)}' has no values" for c in chosen if not c.length]
@@ -109,7 +109,7 @@ class _Answer:
         missing = int(np.count_nonzero(np.isnan(numbers) & np.isfinite(self.clocks.stamps[clock])))
         if missing:
             self.messages.append(
-                f"{missing} of {numbers.size} samples of '{shorten(channel.path)}' are marked as invalid or hold no "
+                f"{missing} of {numbers.size} samples of '{shorten(channel.path)}' are {channel.invalid} or hold no "
                 "number; they are missing"
             )
         self.added.append(channel)

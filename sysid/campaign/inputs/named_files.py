@@ -14,6 +14,7 @@ from sysid.campaign.inputs.logs import LogWriting, make_log, read_log
 from sysid.campaign.records import Channel, Log, Sensor
 from sysid.errors import DataRejectedError
 from sysid.logs.input_file import InputFile
+from sysid.logs.names import decoded
 from sysid.wording import shorten
 
 
@@ -91,7 +92,7 @@ class NamedFiles:
         if writing.database_file is not None:
             database = self.content(writing.database_file, f"can_database of {key}", limits.DATABASE_BYTES)
             # DBC files are written in the code page of Western Windows.
-            writing = replace(writing, database=database.data.decode("cp1252", errors="replace"))
+            writing = replace(writing, database=decoded(database.data))
         log = read_log(content, paths.relative_name(name), sensors, interval, writing)
         numbers = sum(channel.value.size for channel in (*log.channels, *log.auxiliary))
         self._count("numbers", numbers, limits.INPUT_NUMBERS, f"{self.file.name}: {key}")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import FileChannel, RefusedError
+from sysid.logs.file_channels import FileChannel, RefusedError
 
 
 def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
@@ -28,9 +29,13 @@ def _parquet(stream: BinaryIO) -> Iterator[FileChannel]:
     from pyarrow.parquet import ParquetFile
 
     file = ParquetFile(stream, memory_map=False, pre_buffer=False)
+    seen: Counter[str] = Counter()
     for field in file.schema_arrow:
+        # Asked for a name, the library gives all columns of that name.
+        number = seen[field.name]
+        seen[field.name] += 1
         yield _file_channel(
-            field, file.metadata.num_rows, lambda n=field.name: file.read([n], use_threads=False).column(0)
+            field, file.metadata.num_rows, lambda n=field.name, k=number: file.read([n], use_threads=False).column(k)
         )
 
 

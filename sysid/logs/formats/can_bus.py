@@ -6,34 +6,32 @@ has its own clock, the stamps of its frames; nothing is interpolated.
 
 from __future__ import annotations
 
-import io
-from collections.abc import Iterable, Iterator
+import re
+from collections import defaultdict
+from collections.abc import Iterator
 from functools import partial
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from sysid import limits
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import FileChannel, RefusedError
+from sysid.logs.file_channels import FileChannel, RefusedError
+from sysid.logs.formats.can_frames import Frames, read_frames
 
-#: Frames of a log: half an hour of a full bus.
-_MOST_FRAMES = limits.LOG_ROWS
 #: Messages of SAE J1939 are known by their group, whoever sends them: priority and source stand beside it in the
 #: identifier.  From this format byte on they are sent to everybody.
 _BROADCAST = 240
-
-
-class _Frames:
-    """Frames of one identifier: stamps [s] and data."""
-
-    def __init__(self) -> None:
-        self.time_s: list[float] = []
-        self.data: list[bytes] = []
+#: Names of values, in a database, of a signal that is not there.
+_NOT_THERE = re.compile(
+    r"not.?av|n/?a\b|\bsna\b|error|invalid|undef|fault|not.?valid|fehler|ung(ü|ue)ltig", re.IGNORECASE
+)
+#: Largest first byte of a number in SAE J1939-71; above it stand errors and "not available".
+_J1939_LARGEST = 0xFA
+_INVALID = "outside the range of the database, marked as not available,"
 
 
 def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
-    """Signals of all messages that the database knows, one group per message and sender.
+    """Signals of all messages that the database knows, one group per message, sender and bus.
 
     Raises
     ------
@@ -48,27 +46,34 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChann
     known = {(m.frame_id, bool(m.is_extended_frame)): m for m in database.messages}
     groups = {_group(m.frame_id): m for m in database.messages if m.is_extended_frame}
     groups.pop(None, None)
-    frames = _frames(_messages(stream))
-    known_frames = []
-    for (identifier, extended), one in sorted(frames.items()):
-        message = known.get((identifier, extended)) or (groups.get(_group(identifier)) if extended else None)
+    found = []
+    senders, buses = defaultdict(set), defaultdict(set)
+    for address, directions in read_frames(stream, request["messages"]).items():
+        key = address.identifier, address.extended
+        message = known.get(key) or (groups.get(_group(address.identifier)) if address.extended else None)
         if message is not None:
-            known_frames.append((identifier, message, one))
-    if not known_frames:
+            found += [(address, message, direction, one) for direction, one in directions]
+            senders[message.name].add(key)
+            buses[message.name].add(address.bus)
+    if not found:
         raise RefusedError("has no frame of a message in its CAN database; check that the DBC file is that of this bus")
-    names = [message.name for _, message, _ in known_frames]
-    for identifier, message, one in known_frames:
-        several = names.count(message.name) > 1
-        label = f"{message.name} {identifier:X}" if several else str(message.name)
+    for address, message, direction, one in found:
+        label = str(message.name)
+        label += f" {address.identifier:X}" if len(senders[message.name]) > 1 else ""
+        label += f" CAN {address.bus + 1}" if len(buses[message.name]) > 1 else ""
+        label += f" {direction}" if direction else ""
         decoded: list[dict[str, np.ndarray]] = []
+        time = partial(np.asarray, one.time_s, np.float64)
         for signal in message.signals:
             yield FileChannel(
                 signal.name,
                 len(one.time_s),
                 partial(_load, message, signal, one, decoded),
                 label,
-                partial(np.asarray, one.time_s, np.float64),
+                time,
                 f"frames of {label}",
+                place=(address, direction),
+                invalid=_INVALID,
             )
 
 
@@ -87,43 +92,34 @@ def _group(identifier: int) -> int | None:
     return (identifier >> 8) & 0x3FFFF if (identifier >> 16) & 0xFF >= _BROADCAST else None
 
 
-def _messages(stream: BinaryIO) -> Any:
-    """Frames in the order of the file, BLF or ASC."""
-    import can
-
-    head = stream.read(4)
-    stream.seek(0)
-    if head == b"LOGG":
-        return can.BLFReader(stream)
-    return can.ASCReader(io.TextIOWrapper(stream, encoding="utf-8", errors="replace"), relative_timestamp=True)
-
-
-def _frames(messages: Iterable[Any]) -> dict[tuple[int, bool], _Frames]:
-    """Data frames by identifier and whether it has 29 bits."""
-    frames: dict[tuple[int, bool], _Frames] = {}
-    for count, message in enumerate(messages):
-        if count >= _MOST_FRAMES:
-            raise RefusedError(f"has more than {_MOST_FRAMES} frames; cut it to the time of the test")
-        if message.is_error_frame or message.is_remote_frame:
-            continue
-        one = frames.setdefault((message.arbitration_id, bool(message.is_extended_id)), _Frames())
-        one.time_s.append(float(message.timestamp))
-        one.data.append(bytes(message.data))
-    return frames
-
-
-def _load(message: Any, signal: Any, frames: _Frames, decoded: list[dict[str, np.ndarray]]) -> tuple[np.ndarray, str]:
-    """Values of one signal and their unit, NaN in frames that do not hold it."""
+def _load(
+    message: Any, signal: Any, frames: Frames, decoded: list[dict[str, np.ndarray]]
+) -> tuple[np.ndarray, str | None]:
+    """Values of one signal and their unit, NaN in frames that do not hold it, masked where it is not there."""
     if not decoded:
-        decoded.append(_decoded(message, frames))
-    return decoded[0][signal.name], signal.unit or ""
+        decoded.append(_raw(message, frames))
+    raw = decoded[0][signal.name]
+    values = raw * float(signal.scale) + float(signal.offset)
+    rounding = 0.5 * abs(float(signal.scale))
+    with np.errstate(invalid="ignore"):
+        invalid = np.isin(
+            raw, [number for number, name in (signal.choices or {}).items() if _NOT_THERE.search(str(name))]
+        )
+        if signal.minimum is not None:
+            invalid |= values < float(signal.minimum) - rounding
+        if signal.maximum is not None:
+            invalid |= values > float(signal.maximum) + rounding
+        if message.protocol == "j1939" and not signal.is_signed and not signal.is_float and signal.length % 8 == 0:
+            invalid |= raw >= (_J1939_LARGEST + 1) << (signal.length - 8)
+    return np.ma.MaskedArray(values, invalid), signal.unit
 
 
-def _decoded(message: Any, frames: _Frames) -> dict[str, np.ndarray]:
+def _raw(message: Any, frames: Frames) -> dict[str, np.ndarray]:
+    """Numbers of all signals of a message as they stand in its frames."""
     values = {signal.name: np.full(len(frames.data), np.nan) for signal in message.signals}
     for row, data in enumerate(frames.data):
         try:
-            numbers = message.decode(data, decode_choices=False, allow_truncated=True)
+            numbers = message.decode(data, decode_choices=False, scaling=False, allow_truncated=True)
         except Exception:
             # A frame that is too short, or of a multiplexer that the database has not, holds nothing.
             continue

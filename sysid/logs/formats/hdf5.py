@@ -1,4 +1,7 @@
-"""HDF5, by h5py: one-dimensional data sets and columns of tables, each with a time of its group or a sample rate."""
+"""HDF5 and netCDF-4, by h5py: vectors and columns of tables, on their dimension's axis, a sample rate or a time beside.
+
+Attributes mean what they do in the CF conventions and in waveforms of LabVIEW.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,14 @@ import numpy as np
 
 from sysid import limits
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import FileChannel, RefusedError, even_time
+from sysid.logs.file_channels import FileChannel, RefusedError, axis_seconds, no_time, unreadable
+from sysid.logs.formats.hdf5_attributes import even_stamps, instants, start_of, text_of, unit_of, values_of
+from sysid.logs.names import decoded
+from sysid.logs.time_columns import find_time
 
-_UNITS = ("unit", "units", "Unit", "Units", "UNIT", "unit_string")
-_STEPS = ("sample_interval_s", "dt", "wf_increment")
-_RATES = ("sample_rate_hz", "sample_rate", "sampling_rate", "fs")
+#: Classes of MATLAB 7.3 that hold numbers.
+_MATLAB = ("double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
+_ONLY_A_SIZE = "This is a netCDF dimension but not a netCDF variable"
 
 
 def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
@@ -28,66 +34,88 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChann
     import h5py
 
     file = h5py.File(stream, "r")
-    places: list[str] = []
+    sets: list[Any] = []
 
     def visit(path: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset):
-            places.append(path)
-            if len(places) > limits.LOG_CHANNELS:
+        # MATLAB keeps what its own types need under names like this.
+        if isinstance(item, h5py.Dataset) and not path.startswith("#"):
+            sets.append(item)
+            if len(sets) > limits.LOG_CHANNELS:
                 raise RefusedError(f"has more than {limits.LOG_CHANNELS} data sets; export those of the sensors only")
 
     # Links to other files are not followed by this walk.
     file.visititems(visit)
-    for path in places:
-        # MATLAB keeps what its own types need under names like this.
-        if not path.startswith("#"):
-            yield from _of_data_set(file[path], path)
+    axes = {}
+    for data in sets:
+        if h5py.h5ds.is_scale(data.id) and not text_of(data, "NAME").startswith(_ONLY_A_SIZE):
+            axes[data.name] = FileChannel(
+                _place(data)[1], data.size, partial(_load, data, None), _place(data)[0], axis=True
+            )
+    starts = {start for data in sets if isinstance(start := start_of(data), np.datetime64)}
+    for data in sets:
+        if data.name in axes:
+            yield axes[data.name]
+        elif not text_of(data, "NAME").startswith(_ONLY_A_SIZE):
+            yield from _of_data_set(data, axes, sets, starts, request["messages"])
 
 
-def _of_data_set(data: Any, path: str) -> Iterator[FileChannel]:
+def _place(data: Any) -> tuple[str, str]:
+    """Group and name of a data set."""
+    group, _, name = decoded(data.name.encode("utf-8", "surrogateescape")).strip("/").rpartition("/")
+    return group, name
+
+
+def _of_data_set(
+    data: Any, axes: dict[str, FileChannel], sets: list[Any], starts: set[np.datetime64], messages: list[str]
+) -> Iterator[FileChannel]:
+    group, name = _place(data)
+    path = f"{group}/{name}" if group else name
     if data.external or data.is_virtual:
         raise RefusedError(f"keeps the data of '{path[:60]}' in other files; write them into one")
-    if data.shape is None or data.dtype is None:
+    matlab = text_of(data, "MATLAB_class")
+    if data.shape is None or data.dtype is None or data.size < 2 or matlab == "char" or "MATLAB_empty" in data.attrs:
         return
-    group, _, name = path.rpartition("/")
     if data.dtype.names and len(data.shape) == 1:
         for column in data.dtype.names[: limits.LOG_COLUMNS]:
             yield FileChannel(str(column), data.shape[0], partial(_column, data, column), path)
-    elif data.dtype.kind in "biufc" and sum(n != 1 for n in data.shape) <= 1 and data.size > 1:
-        yield FileChannel(
-            name, data.size, lambda: (np.asarray(data[()]).reshape(-1), _unit(data)), group, *_own_time(data)
+    elif data.dtype.kind not in "biufc" or (matlab and matlab not in _MATLAB):
+        what = f"a variable of class {matlab[:30]}" if matlab else "text or dates"
+        yield unreadable(name, f"has {what} in '{path[:60]}', expected numbers; write it as numbers", group)
+    elif sum(n != 1 for n in data.shape) > 1:
+        size = " x ".join(map(str, data.shape))
+        yield unreadable(
+            name, f"has {size} numbers in '{path[:60]}', expected a vector; write every channel alone", group
         )
+    else:
+        time = even_stamps(data, path, starts) or _axis(data, path, axes, sets)
+        yield FileChannel(name, data.size, partial(_load, data, messages), group, time, "sample rate", in_order=False)
 
 
 def _column(data: Any, column: str) -> tuple[np.ndarray, None]:
     return data[column], None
 
 
-def _own_time(data: Any) -> tuple[Any, ...]:
-    step = next((_number(data, key) for key in _STEPS if key in data.attrs), None)
-    rate = next((_number(data, key) for key in _RATES if key in data.attrs), None)
-    if step is None and rate:
-        step = 1.0 / rate
-    return () if step is None else (even_time(0.0, step, data.size), f"sample rate {step!r}")
+def _load(data: Any, messages: list[str] | None) -> tuple[np.ndarray, str | None]:
+    values, unit = values_of(data, messages), unit_of(data)
+    dates = instants(values, unit)
+    return (values, unit) if dates is None else (dates, None)
 
 
-def _number(data: Any, key: str) -> float:
-    value = np.asarray(data.attrs[key])
-    if value.size != 1 or value.dtype.kind not in "iuf":
-        raise RefusedError(f"has no number in the attribute '{key}'; correct or remove it")
-    return float(value.reshape(-1)[0])
-
-
-def _unit(data: Any) -> str | None:
-    for key in _UNITS:
-        value = data.attrs.get(key)
-        if isinstance(value, np.ndarray) and value.size == 1:
-            value = value.reshape(-1)[0]
-        if isinstance(value, bytes):
-            value = value.decode("utf-8", "replace")
-        if isinstance(value, str):
-            return value
-    return None
+def _axis(data: Any, path: str, axes: dict[str, FileChannel], sets: list[Any]) -> Any:
+    """What a data set says by its dimension: the channel of its stamps, the refusal of an axis that is not time."""
+    place = next((i for i, n in enumerate(data.shape) if n != 1), 0)
+    scale = data.dims[place][0] if len(data.dims[place]) else None
+    if scale is None or scale.name not in axes:
+        return None
+    axis, unit = axes[scale.name], unit_of(scale)
+    quantity = text_of(scale, "standard_name") or text_of(scale, "long_name") or axis.name
+    try:
+        # A unit of time says enough: names of axes are free.
+        axis_seconds("" if unit else quantity, unit and unit.partition(" since ")[0], path)
+    except RefusedError as error:
+        beside = (_place(other)[1] for other in sets if other.parent == data.parent and other.size == data.size)
+        return None if find_time(beside, None) else no_time(error)
+    return axis
 
 
 FORMAT = library_format(

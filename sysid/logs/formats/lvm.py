@@ -9,14 +9,15 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import FileChannel, RefusedError, even_time
+from sysid.logs.file_channels import FileChannel, RefusedError, axis_seconds, even_axis, no_time
+from sysid.logs.names import decoded
 
 
 def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
     """Channels of all segments; with several, the group is ``segment 1`` and so on."""
     from lvm_read import read_str
 
-    text = stream.read().decode("utf-8", "replace").removeprefix("\ufeff").replace("\r\n", "\n")
+    text = decoded(stream.read()).replace("\r\n", "\n")
     content = read_str(text)
     several = content["Segments"] > 1
     for number in range(content["Segments"]):
@@ -29,7 +30,6 @@ def _of_segment(segment: dict[str, Any], x_columns: str, group: str) -> Iterator
     names, data = segment["Channel names"], segment["data"]
     if data.ndim != 2 or not data.size:
         return
-    units = segment.get("Y_Unit_Label", [])
     without_x = x_columns == "No"
     x_place: int | None = None
     order = 0
@@ -43,11 +43,13 @@ def _of_segment(segment: dict[str, Any], x_columns: str, group: str) -> Iterator
         entry = place - 1 if x_columns == "Multi" else order
         order += 1
         count = _count(segment, entry, data.shape[0])
-        if not count:
-            continue
-        time = _even(segment, entry, count) if without_x or x_place is None else _column(data, x_place, count, name)
-        clock = "Delta_X" if without_x or x_place is None else f"X_Value in column {x_place + 1}"
-        unit = units[entry] if entry < len(units) else None
+        what, x_unit = (_entry(segment, key, entry) or "" for key in ("X_Dimension", "X_Unit_Label"))
+        if without_x or x_place is None:
+            time, clock = _even(segment, entry, count, what, x_unit, name), "Delta_X"
+        else:
+            time = partial(_column, data, x_place, count, what, x_unit, name)
+            clock = f"X_Value in column {x_place + 1}"
+        unit = _entry(segment, "Y_Unit_Label", entry)
         yield FileChannel(name, count, partial(_channel, data[:count, place], unit, name), group, time, clock)
 
 
@@ -62,16 +64,22 @@ def _count(segment: dict[str, Any], entry: int, rows: int) -> int:
     return min(rows, int(said)) if np.isfinite(said) and said > 1 else (rows if said == 1 else 0)
 
 
-def _even(segment: dict[str, Any], entry: int, count: int) -> Any:
+def _entry(segment: dict[str, Any], key: str, entry: int) -> str | None:
+    """The word of the header for a channel."""
+    words = segment.get(key, [])
+    return str(words[entry]) if entry < len(words) else None
+
+
+def _even(segment: dict[str, Any], entry: int, count: int, what: str, unit: str, name: str) -> Any:
     try:
         start, step = float(segment["X0"][entry]), float(segment["Delta_X"][entry])
     except (KeyError, IndexError, TypeError, ValueError):
-        raise RefusedError("has neither an X column nor a Delta_X for every channel; save it with its time") from None
-    return even_time(0.0 if np.isnan(start) else start, step, count)
+        return no_time(RefusedError("has neither an X column nor a Delta_X for every channel; save it with its time"))
+    return even_axis(what, unit, 0.0 if np.isnan(start) else start, step, count, name)
 
 
-def _column(data: np.ndarray, place: int, count: int, name: str) -> Any:
-    return lambda: _readings(data[:count, place], f"X_Value of {name}")
+def _column(data: np.ndarray, place: int, count: int, what: str, unit: str, name: str) -> np.ndarray:
+    return _readings(data[:count, place], f"X_Value of {name}") * axis_seconds(what, unit, name)
 
 
 def _readings(values: np.ndarray, name: str) -> np.ndarray:

@@ -6,54 +6,98 @@ import os
 import re
 import tempfile
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from sysid.logs.by_library import library_format
-from sysid.logs.selection import FileChannel, RefusedError
+from sysid.logs.file_channels import FileChannel, RefusedError, axis_seconds, not_time
+from sysid.logs.names import decoded
 
 _HEAD = re.compile(rb"^\s*-1[ \t]*\r?\n\s{0,5}(15|55|58b?|82|15[01]|164|18|1858|24\d\d)\b")
-#: Kind of abscissa that is time, and directions of a node (data set 58, records 6 and 8).
-_TIME = 17
+#: The lines of text of a data set 58, before its numbers.
+_TEXT_OF_58 = re.compile(rb"^    -1[ \r]*\n +58(?:b.*|[ \r]*)\n(?:.*\n){11}", re.MULTILINE)
+#: Kinds of abscissa (data set 58, record 8): 0 and 1 leave it to the label; 17 is time.
+_UNSAID, _TIME = (0, 1), 17
+_AXES = {2: "stress", 3: "strain", 5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 12: "acceleration",
+         13: "force", 15: "pressure", 16: "mass", 18: "frequency", 19: "rpm", 20: "order"}  # fmt: skip
+#: Directions of a node (record 6).
 _DIRECTIONS = {0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z", 4: "+RX", -4: "-RX", 5: "+RY",
                -5: "-RY", 6: "+RZ", -6: "-RZ"}  # fmt: skip
+#: Data sets that describe the model and its units.
+_DESCRIPTIONS = (15, 18, 82, 150, 151, 164, 1858, 2411, 2412, 2420)
 
 
 def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
-    """Functions over time by the name in their first line, else by node and direction, such as ``12+Z``.
+    """Functions by the name in their first line, else by node and direction, such as ``12+Z``.
+
+    Functions of one name can be told apart by node and direction, as in ``12+Z/NAME``.
 
     Raises
     ------
     RefusedError
-        If there is no data set 58.
+        If there is no data set 58, or the file is cut.
     """
     import pyuff
 
+    data = stream.read()
+    if not data.rstrip(b"\0\x1a \t\r\n").endswith(b"-1"):
+        raise RefusedError("is a universal file that ends before its data do; copy or export it again")
     with tempfile.TemporaryDirectory() as folder:
         # The library takes a path; this file holds the bytes that were hashed.
         path = os.path.join(folder, "log.uff")
         with open(path, "wb") as copy:
-            copy.write(stream.read())
+            copy.write(_TEXT_OF_58.sub(lambda text: decoded(text[0]).encode(), data))
         file = pyuff.UFF(path)
-        sets = [file.read_sets(n) for n, kind in enumerate(file.get_set_types()) if str(kind).startswith("58")]
+        kinds = [int(kind) for kind in file.get_set_types()]
+        sets = [file.read_sets(n) for n, kind in enumerate(kinds) if kind == 58]
     if not sets:
         raise RefusedError("has no data set 58; export the time histories as universal file 58")
+    others = sorted({kind for kind in kinds if kind != 58 and kind not in _DESCRIPTIONS})
+    if others:
+        count = sum(kind in others for kind in kinds)
+        shown = ", ".join(map(str, others[:6]))
+        request["messages"].append(f"{count} data sets that are no functions of time are not read (kinds {shown})")
     for one in sets:
-        if int(one.get("abscissa_spec_data_type", _TIME)) == _TIME:
-            yield _file_channel(one)
+        yield _file_channel(one)
 
 
 def _file_channel(one: dict[str, Any]) -> FileChannel:
-    values, time = np.asarray(one["data"]), np.asarray(one["x"], np.float64)
+    place = f"{one.get('rsp_node', 0)}{_DIRECTIONS.get(int(one.get('rsp_dir', 0)), '')}"
     label = str(one.get("id1", "")).strip()
-    if not label or label.upper() == "NONE":
-        label = f"{one.get('rsp_node', 0)}{_DIRECTIONS.get(int(one.get('rsp_dir', 0)), '')}"
-    unit = str(one.get("ordinate_axis_units_lab", "")).strip()
-    unit_or_none = None if unit.upper() == "NONE" else unit
-    # Equal steps and sizes make one clock of two data sets.
-    clock = f"abscissa {time.size} {time[:1].tolist()} {time[-1:].tolist()}"
-    return FileChannel(label, values.size, lambda: (values, unit_or_none), time=lambda: time, clock=clock)
+    named = label and label.upper() != "NONE"
+    count = int(one["num_pts"])
+    return FileChannel(
+        label if named else place,
+        count,
+        partial(_load, one, count),
+        place if named else "",
+        partial(_time, one, count, label if named else place),
+        "abscissa",
+    )
+
+
+def _load(one: dict[str, Any], count: int) -> tuple[np.ndarray, str | None]:
+    """Values and unit; the library takes bytes of line ends behind binary data for values."""
+    values = np.asarray(one["data"])
+    if values.size < count:
+        raise RefusedError(f"has {values.size} of {count} values in a data set 58; copy or export it again")
+    return values[:count], _label(one, "ordinate_axis_units_lab")
+
+
+def _time(one: dict[str, Any], count: int, name: str) -> np.ndarray:
+    kind = int(one.get("abscissa_spec_data_type", _TIME))
+    unit = _label(one, "abscissa_axis_units_lab")
+    if kind != _TIME and kind not in _UNSAID:
+        raise not_time(_AXES.get(kind, f"of kind {kind}"), unit or "", name)
+    what = "time" if kind == _TIME else _label(one, "abscissa_axis_lab") or ""
+    return np.asarray(one["x"], np.float64)[:count] * axis_seconds(what, unit, name)
+
+
+def _label(one: dict[str, Any], key: str) -> str | None:
+    text = str(one.get(key, "")).strip()
+    return None if text.upper() in ("", "NONE") else text
 
 
 FORMAT = library_format(
