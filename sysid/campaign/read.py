@@ -347,7 +347,12 @@ class _TestReader:
             key = f"sensors.bump_run.{shorten(column)}"
             axle = None if table.axle is None else self.vehicle.axle(table.axle, f"{key}.axle")
             body = None if table.body is None else self.vehicle.body(table.body, f"{key}.body")
-            sensor = _sensor(column, table, axle=axle, body=body, x_m=table.x_m)
+            x_m = table.x_m
+            if table.kind == "body_acceleration" and axle is not None:
+                # Above an axle: at the place of that axle, on the body that it carries.
+                above = self.vehicle.vehicle.axles[axle]
+                axle, body, x_m = None, above.body, above.x_m
+            sensor = _sensor(column, table, axle=axle, body=body, x_m=x_m)
             result.append(replace(sensor, logger=table.logger or "", source=(table.column or "").strip()))
         return result
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 
 from sysid.campaign.toml.errors import parse_toml
@@ -16,12 +18,16 @@ from sysid.cli.tables import render
 from sysid.display import TextTable
 from sysid.errors import CampaignError, OutputError
 from sysid.files import write_text
-from sysid.first_look import FirstLook, campaign_text, first_look
+from sysid.first_look import EntryGuess, FirstLook, campaign_text, first_look
 from sysid.output_folder import has_control_characters
 from sysid.wording import shorten
 
 #: Rows of a table on a terminal.
 _ROWS = 200
+#: Load cases in the closing table.
+_CASES = 8
+#: Ratio of speeds that count as one.
+_SAME_SPEED = 1.08
 
 
 def run_init(folder: Path, vehicle: str | None, output: Path | None, force: bool) -> int:
@@ -69,10 +75,10 @@ def _write(target: Path, text: str) -> None:
 
 
 def _show(screen: Console, look: FirstLook, target: Path, text: str) -> None:
-    render(screen, [_files(look), _columns(look), *look.messages])
+    render(screen, [_files(look), _columns(look), *look.messages, _counts(look)])
     todos, doubts = find_todos(parse_toml(text.encode("utf-8"), target.name)), find_doubts(text)
     drops = sum(entry.kind == "plank_drop" for entry in look.tests)
-    columns = len(look.run_sensors) + len(look.drop_sensors)
+    columns = sum(s.unused is None for s in (*look.run_sensors, *look.drop_sensors))
     vehicle = f"vehicle {look.template.name}" if look.template else f"a vehicle with {look.axles} axles, no template"
     if not look.axles:
         vehicle = "nothing says how many axles: give --vehicle"
@@ -88,9 +94,12 @@ def _columns(look: FirstLook) -> TextTable:
     table = TextTable("Columns", ("column", "logs", "kind", "unit", "axle", "guess"))
     for tests, sensors in (("runs", look.run_sensors), ("drops", look.drop_sensors)):
         for s in sensors[:_ROWS]:
-            axle = str(s.axle + 1) if s.axle is not None else "of the drop" if tests == "drops" and s.kind else "?"
-            guess = "by name and behaviour" if s.sure else "to confirm"
-            table.add_row(shorten(s.column, 60), tests, s.kind or "?", s.unit or "?", axle, guess)
+            of_drop = tests == "drops" and s.kind is not None
+            axle = str(s.axle + 1) if s.axle is not None else "of the drop" if of_drop else "?"
+            axle = "-" if s.unused is not None or s.kind in ("speed", "pitch_rate") else axle
+            kind, unit = ("unused", "-") if s.unused is not None else (s.kind or "?", s.unit or "?")
+            guess = "to confirm" if not s.sure else s.unused or "by name and behaviour"
+            table.add_row(shorten(s.column, 60), tests, kind, unit, axle, shorten(guess, 40))
     return table
 
 
@@ -100,10 +109,12 @@ def _files(look: FirstLook) -> TextTable:
     table = TextTable("Files", ("file", "what", "columns", "Hz", "length s", "units", "taken for"))
     for log in look.logs[:_ROWS]:
         units = sorted({units_of[c] for c in log.columns if c in units_of} | {x.unit for x in log.looks if x.unit})
-        entry = kinds[log.file]
-        what = "drop" if entry.kind == "plank_drop" else "run"
-        detail = f", axle {entry.axle + 1}" if entry.axle is not None else ""
-        detail += f", {entry.speed_km_h:g} km/h" if entry.speed_km_h is not None else ""
+        entry = kinds.get(log.file)
+        if entry is None:
+            of_run = any(log.file in files.values() for files in look.files.values())
+            taken_for = "run, another logger" if of_run else f"left out: {look.left_out.get(log.file, '')}"
+        else:
+            taken_for = _taken_for(entry)
         table.add_row(
             shorten(log.file, 60),
             log.title.removeprefix("a ").removeprefix("an "),
@@ -111,7 +122,7 @@ def _files(look: FirstLook) -> TextTable:
             f"{log.rate_hz:.4g}",
             f"{log.duration_s:.3g}",
             shorten(" ".join(units), 20) or "-",
-            f"{what}, {entry.load_case}{detail}",
+            shorten(taken_for, 40),
         )
     for scan in look.scans[:_ROWS]:
         size = f"{scan.extent[0]:.3g} x {scan.extent[1]:.3g}"
@@ -119,3 +130,43 @@ def _files(look: FirstLook) -> TextTable:
         count, kind = (f"{scan.points} heights", "profile") if scan.levelled else (f"{scan.points} points", "scan")
         table.add_row(name, scan.title.removeprefix("a "), count, "-", size, scan.unit, kind)
     return table
+
+
+def _taken_for(entry: EntryGuess) -> str:
+    what = "drop" if entry.kind == "plank_drop" else "run"
+    detail = f", axle {entry.axle + 1}" if entry.axle is not None else ""
+    detail += f", {entry.speed_km_h:g} km/h" if entry.speed_km_h is not None else ""
+    return f"{what}, {entry.load_case or 'load case ?'}{detail}"
+
+
+def _counts(look: FirstLook) -> TextTable:
+    """Number of drops by axle and load case, and of runs by speed and load case: holes are seen at once."""
+    unknown = [None] * any(entry.load_case is None for entry in look.tests)
+    cases: list[str | None] = [*list(look.load_cases)[:_CASES], *unknown]
+    # The whole table has room in 80 columns.
+    width = max(5, (80 - 22) // max(1, len(cases)) - 2)
+    table = TextTable("Drops and runs", ("", *(shorten(c or "load case ?", width) for c in cases)))
+    drops = [e for e in look.tests if e.kind == "plank_drop"]
+    runs = [e for e in look.tests if e.kind == "bump_run"]
+    axles: list[int | None] = [*range(look.axles)] if drops else []
+    axles += [None] * any(e.axle is None for e in drops)
+    rows = [(f"drops, axle {'?' if a is None else a + 1}", [e for e in drops if e.axle == a]) for a in axles]
+    rows += [(f"runs, {speed} km/h", of_speed) for speed, of_speed in _by_speed(runs)]
+    rows = [*([] if drops else [("drops", [])]), *rows, *([] if runs else [("runs", [])])]
+    for title, entries in rows:
+        counts = [sum(e.load_case == case for e in entries) for case in cases]
+        table.add_row(title, *(str(n) if n else "none" for n in counts))
+    return table
+
+
+def _by_speed(runs: Sequence[EntryGuess]) -> list[tuple[str, list[EntryGuess]]]:
+    """Runs of about the same speed, slowest first; those of unknown speed last."""
+    groups: list[list[EntryGuess]] = []
+    for run in sorted((r for r in runs if r.speed_km_h is not None), key=lambda r: r.speed_km_h or 0.0):
+        if groups and (run.speed_km_h or 0.0) < _SAME_SPEED * (groups[-1][0].speed_km_h or 0.0):
+            groups[-1].append(run)
+        else:
+            groups.append([run])
+    result = [(f"{float(np.median([r.speed_km_h or 0.0 for r in group])):.3g}", group) for group in groups]
+    unknown = [r for r in runs if r.speed_km_h is None]
+    return [*result, *([("?", unknown)] if unknown else [])]

@@ -8,12 +8,14 @@ from typing import Any
 
 from sysid.campaign.toml.text import banner, commented, quoted, section, todo, toml_key, value_text
 from sysid.campaign.toml.todo import CONFIRM
+from sysid.first_look.entries import AXLE_BY_NAME
 from sysid.first_look.records import EntryGuess, FirstLook, SeenLog, SensorGuess
-from sysid.first_look.vehicle_text import axle_name, body_name, load_case_text, position_of, vehicle_text
+from sysid.first_look.vehicle_text import axle_name, body_names, load_case_text, vehicle_text
 from sysid.wording import shorten
 
-#: Columns that are named as not used.
-_UNUSED = 40
+#: Columns of no use, and of text, that are named.
+_UNUSED = 200
+_TEXT = 40
 _HEAD = """\
 # Begun by 'init' from the files of {folder}.
 #
@@ -42,7 +44,7 @@ def campaign_text(look: FirstLook, folder: str, output: str, prefix: str = "") -
         _HEAD.format(folder=folder, output=output),
         section("campaign", [f"title = {quoted(f'Campaign in {folder}')}"]),
         vehicle_text(look),
-        *(load_case_text(look, name, kind) for name, kind in look.load_cases.items()),
+        *(load_case_text(look, name, case) for name, case in look.load_cases.items()),
         _acquisition(look),
         _loggers(look),
         _sensors(look, "bump_run", look.run_sensors),
@@ -62,14 +64,22 @@ def _used_logs(look: FirstLook) -> dict[str, SeenLog]:
 
 
 def _acquisition(look: FirstLook) -> str:
-    logs = list(_used_logs(look).values())
-    rates = sorted(log.rate_hz for log in logs if log.rate_hz > 0.0)
-    step = 1.0 / rates[len(rates) // 2] if rates else 0.005
-    lines = [(f"sample_interval_s = {step:.6g}", "as in the logs")]
+    lines = [_interval(sorted({log.rate_hz for log in _used_logs(look).values()}))]
     lines += [(f"{k} = {value_text(v)}", "") for k, v in _writing_of_all(look).items()]
     what = "{ type = 'butterworth', order = 4, cutoff_hz = 60 } of the anti-alias filter, or delete this line"
     lines.append((f"filter = {quoted(todo(what))}", ""))
     return banner("data acquisition") + "\n" + section("acquisition", commented(lines))
+
+
+def _interval(rates_hz: Sequence[float]) -> tuple[str, str]:
+    """The line of the sample interval: that of all logs, to be confirmed where they differ."""
+    known = [rate for rate in rates_hz if rate > 0.0]
+    if not known:
+        return f"sample_interval_s = {quoted(todo('time between two readings of the logger [s]'))}", ""
+    step = 1.0 / known[len(known) // 2]
+    if known[-1] > 1.02 * known[0] or len(known) < len(rates_hz):
+        return f"sample_interval_s = {step:.6g}", f"{CONFIRM}: the logs have {known[0]:.4g} to {known[-1]:.4g} Hz"
+    return f"sample_interval_s = {step:.6g}", "as in the logs"
 
 
 def _loggers(look: FirstLook) -> str:
@@ -104,10 +114,18 @@ def _sensors(look: FirstLook, kind: str, sensors: Sequence[SensorGuess]) -> str:
     if not sensors:
         return ""
     said = "# Column = what it measures.  Add range = full scale (+-) where it is known; sign = -1 turns a sensor.\n"
-    lines = [(f"{toml_key(s.column)} = {value_text(_sensor(look, s, kind))}", _reason(s.sure, s.why)) for s in sensors]
+    idle = [s for s in sensors if s.unused is not None]
+    shown = [s for s in sensors if s.unused is None] + idle[:_UNUSED]
+    lines = [(f"{toml_key(s.column)} = {value_text(_sensor(look, s, kind))}", _reason_of(s)) for s in shown]
     # A comment may hold no control characters, which names of columns may.
-    unused = [shorten(f"# not used: {c}: {why}", 118) for c, why in look.unused.items()][:_UNUSED]
-    return said + section(f"sensors.{kind}", [*commented(lines), *(unused if kind == "bump_run" else [])])
+    more = [f"# {len(idle) - _UNUSED} more columns of no use"] if len(idle) > _UNUSED else []
+    text = look.text_columns[:_TEXT] if kind == "bump_run" else ()
+    more += [shorten(f"# text, no numbers: {column}", 118) for column in text]
+    return said + section(f"sensors.{kind}", [*commented(lines), *more])
+
+
+def _reason_of(sensor: SensorGuess) -> str:
+    return "" if sensor.sure and sensor.unused is not None else _reason(sensor.sure, sensor.why)
 
 
 def _reason(sure: bool, why: Sequence[str]) -> str:
@@ -115,29 +133,33 @@ def _reason(sure: bool, why: Sequence[str]) -> str:
 
 
 def _sensor(look: FirstLook, sensor: SensorGuess, test: str) -> dict[str, Any]:
-    kinds = "suspension_deflection, axle_acceleration or body_acceleration, or delete this line"
     result: dict[str, Any] = {}
     if test == "bump_run" and sensor.column in look.columns:
         logger, column = look.columns[sensor.column]
         result = {"logger": logger} | ({"column": column} if column != sensor.column else {})
+    if sensor.unused is not None:
+        return result | {"unused": sensor.unused}
+    kinds = "suspension_deflection, axle_acceleration, body_acceleration or another kind; if none: unused = 'why'"
     result["kind"] = sensor.kind or todo(kinds)
-    place = sensor.axle
-    if test == "plank_drop":
-        if place is not None:
-            result["axle"] = axle_name(look, place)
-    elif sensor.kind == "body_acceleration":
-        result["body"] = todo("name of its body") if place is None else body_name(look, place)
-        known = place is not None and look.positions_m is not None
-        x_m = position_of(look, place) if known and place is not None else None
-        result["x_m"] = todo("distance behind axle 1 [m]") if x_m is None else x_m
-    else:
-        result["axle"] = todo("name of its axle") if place is None else axle_name(look, place)
+    result |= _place(look, sensor, test)
     result["unit"] = sensor.unit or todo("unit of its readings")
     if sensor.sign < 0:
         result["sign"] = -1
     if sensor.side is not None:
         result["side"] = sensor.side
     return result
+
+
+def _place(look: FirstLook, sensor: SensorGuess, test: str) -> dict[str, Any]:
+    """Keys for the axle of a sensor, or for the body of a pitch rate."""
+    if sensor.kind == "speed":
+        return {}
+    if sensor.kind == "pitch_rate":
+        bodies = body_names(look)
+        return {"body": bodies[0] if len(bodies) == 1 else todo(f"name of its body: {' or '.join(bodies)}")}
+    if sensor.axle is not None:
+        return {"axle": axle_name(look, sensor.axle)}
+    return {} if test == "plank_drop" else {"axle": todo("name of its axle")}
 
 
 # ---------------------------------------------------------------------- scans and tests
@@ -175,28 +197,32 @@ def _tests(look: FirstLook, prefix: str) -> str:
     drops = [e for e in look.tests if e.kind == "plank_drop"]
     runs = [e for e in look.tests if e.kind == "bump_run"]
     parts = [banner("tests"), "[tests]"]
+    if any(entry.load_case is None for entry in look.tests):
+        case = todo(f"load case of all drops and runs that do not say their own: {' or '.join(look.load_cases)}")
+        parts.append(f"load_case = {quoted(case)}")
     if drops:
         height = todo("height of the plank [m], of all drops that do not say their own")
         parts += [f"plank_height_m = {quoted(height)}", "plank_drop = ["]
-        lines = [(f"{value_text(_drop(look, e, prefix))},", "" if e.sure else _reason(e.sure, e.why)) for e in drops]
-        if any("axle by its name" in e.why for e in drops):
+        lines = [(f"{value_text(_drop(look, e, prefix))},", _reason_of_test(e)) for e in drops]
+        if any(AXLE_BY_NAME in e.why for e in drops):
             parts.append(f"  # {CONFIRM}: axles by the names of the files; nothing in these logs can say the axle")
         parts += [*commented(lines, "  "), "]"]
     if runs:
-        counts: dict[tuple[str, float | None], int] = {}
+        counts: dict[tuple[str | None, float | None], int] = {}
         lines = []
         for entry in runs:
             driven = (entry.load_case, entry.speed_km_h)
             counts[driven] = counts.get(driven, 0) + 1
             of_run = value_text(_run(look, entry, prefix, counts[driven]))
-            lines.append((f"{of_run},", "" if entry.sure else _reason(False, entry.why)))
+            lines.append((f"{of_run},", _reason_of_test(entry)))
         parts += ["bump_run = [", *commented(lines, "  "), "]"]
         fastest = max((e.speed_km_h for e in runs if e.speed_km_h is not None), default=None)
         if fastest is not None:
             wanted = [{"load_case": c, "speed_km_h": round(1.5 * fastest)} for c in look.load_cases]
             parts.append("# Passes that nobody drove, to be predicted: change or delete them as you like.")
             parts.append(f"prediction = {value_text(wanted)}")
-    return "\n".join(parts) + "\n"
+    left_out = [f"# {CONFIRM}: left out, {why}: {file}" for file, why in look.left_out.items()]
+    return "\n".join([*parts, *(shorten(line, 118) for line in left_out)]) + "\n"
 
 
 def _writing(look: FirstLook, file: str) -> dict[str, Any]:
@@ -211,9 +237,18 @@ def _drop(look: FirstLook, entry: EntryGuess, prefix: str) -> dict[str, Any]:
         "axle": todo("axle on the plank") if entry.axle is None else axle_name(look, entry.axle),
         "file": prefix + entry.file,
     }
-    if entry.load_case != next(iter(look.load_cases)):
-        result["load_case"] = entry.load_case
-    return result | _writing(look, entry.file)
+    return result | (_load_case(entry) if len(look.load_cases) > 1 else {}) | _writing(look, entry.file)
+
+
+def _reason_of_test(entry: EntryGuess) -> str:
+    """What to confirm of a drop or run, empty for what is said once for all of them."""
+    why = [reason for reason in entry.why if reason != AXLE_BY_NAME]
+    return "" if entry.sure or not why else _reason(False, why)
+
+
+def _load_case(entry: EntryGuess) -> dict[str, str]:
+    """The load case of a drop or run; one that nothing says is asked for once, for all of them."""
+    return {} if entry.load_case is None else {"load_case": entry.load_case}
 
 
 def _logs_of(look: FirstLook, file: str, prefix: str) -> str | dict[str, str]:
@@ -224,11 +259,12 @@ def _logs_of(look: FirstLook, file: str, prefix: str) -> str | dict[str, str]:
 
 def _run(look: FirstLook, entry: EntryGuess, prefix: str, repeat: int) -> dict[str, Any]:
     speed = entry.speed_km_h
-    label = f"{entry.load_case} {speed:g} km/h" if speed is not None else f"{entry.load_case}, {entry.file}"
+    named = entry.load_case is not None and speed is not None
+    label = f"{entry.load_case} {speed:g} km/h" if named else entry.file
     result: dict[str, Any] = {
         "case": label,
         "files" if entry.file in look.files else "file": _logs_of(look, entry.file, prefix),
-        "load_case": entry.load_case,
+        **_load_case(entry),
         "nominal_speed_km_h": todo("speed [km/h]") if speed is None else speed,
         "repeat": repeat,
     }

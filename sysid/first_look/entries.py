@@ -9,10 +9,11 @@ import numpy as np
 
 from sysid.first_look.file_words import TestKind
 from sysid.first_look.kinds import KindGuess
+from sysid.first_look.load_cases import LoadCases
 from sysid.first_look.places import speed_m_s
 from sysid.first_look.records import EntryGuess, SeenLog
 from sysid.first_look.templates import Template
-from sysid.first_look.words import PlaceWord
+from sysid.first_look.words import AxleLabel
 
 #: Size of an axle's acceleration over the largest of the log from which the axle itself was driven over something.
 _STRUCK = 0.35
@@ -37,16 +38,19 @@ class Driven:
 
     - `timed` maps files of runs to the arrival [s] of every axle;
     - `positions_m` of the axles;
-    - `named` and `axle_of` map columns to axles, by name and by arrival;
+    - `labels` maps labels of axles to axles; `named` and `axle_of` columns, by name and by arrival;
+    - `logged_km_h` maps files to the speed that a sensor shows;
     - `trusted`: whether positions do not come from a guessed template.
     """
 
     timed: Mapping[str, Mapping[int, float]]
     positions_m: tuple[float, ...] | None
+    labels: Mapping[AxleLabel, int]
     named: Mapping[str, int]
     template: Template | None
     axles: int
     axle_of: Mapping[str, int]
+    logged_km_h: Mapping[str, float]
     trusted: bool
 
 
@@ -97,105 +101,119 @@ def _motion(log: SeenLog, kinds: Mapping[str, KindGuess]) -> TestKind | None:
     return "bump_run" if lift > 0.0 else "plank_drop"
 
 
-def load_cases_of(logs: Sequence[SeenLog]) -> tuple[dict[str, str], dict[str, str | None]]:
-    """Names of load cases with what they are (empty first), and that of every log, None where its path says none."""
-    words: dict[str, str] = {}
-    for kind in ("empty", "partly", "laden"):
-        for log in logs:
-            if log.said.load_case == kind and kind not in words.values():
-                words[log.said.load_word] = kind
-    name_of = {kind: word for word, kind in words.items()}
-    named = {log.file: name_of.get(log.said.load_case or "") for log in logs}
-    return (words or {"as_tested": "empty"}), named
-
-
 def entries_of(
     logs: Sequence[tuple[SeenLog, Mapping[str, KindGuess]]],
     kinds: Mapping[str, KindOfTest],
-    case_of: Mapping[str, str | None],
+    cases: LoadCases,
     driven: Driven,
 ) -> tuple[EntryGuess, ...]:
     """Drops in the order of their axles, then runs in the order of load case and speed."""
-    cases = list(dict.fromkeys(c for c in case_of.values() if c is not None)) or ["as_tested"]
-    numbers = [log.said.axle for log, _ in logs if kinds[log.file].kind == "plank_drop" and log.said.axle is not None]
-    base = 0 if 0 in numbers else 1
     result = []
     for log, of_columns in logs:
-        kind = kinds[log.file]
-        case = case_of[log.file]
-        why = [] if kind.sure else [kind.why]
+        kind, case = kinds[log.file], cases.of_file[log.file]
+        axle: int | None = None
+        speed: float | None = None
         if kind.kind == "plank_drop":
-            axle, sure, reason = _drop_axle(log, of_columns, base, driven)
-            result.append(
-                EntryGuess(log.file, kind.kind, case or _first(cases), axle, None, kind.sure and sure, (*why, *reason))
-            )
-            continue
-        speed, sure, reason = _speed(log, driven)
-        if case is None:
-            reason = [*reason, "load case not said"] if len(cases) > 1 else reason
-        sure = sure and kind.sure and (case is not None or len(cases) == 1)
-        result.append(EntryGuess(log.file, kind.kind, case or _first(cases), None, speed, sure, (*why, *reason)))
-    return tuple(sorted(result, key=lambda e: _in_list(e, cases)))
+            axle, sure, reasons = _drop_axle(log, of_columns, driven)
+        else:
+            speed, sure, reasons = _speed(log, driven)
+        why = (*(() if kind.sure else (kind.why,)), *case.why, *reasons)
+        sure = sure and kind.sure and not case.why and case.name is not None
+        result.append(EntryGuess(log.file, kind.kind, case.name, axle, speed, sure, why))
+    order = [*cases.names, None]
+    return tuple(sorted(result, key=lambda e: _in_list(e, order)))
 
 
-def _first(cases: Sequence[str]) -> str:
-    return cases[0]
+def _in_list(entry: EntryGuess, cases: Sequence[str | None]) -> tuple[bool, int, int, float, str]:
+    of_axle, of_case = 99 if entry.axle is None else entry.axle, cases.index(entry.load_case)
+    drop = entry.kind == "plank_drop"
+    first, second = (of_axle, of_case) if drop else (of_case, 0)
+    return not drop, first, second, entry.speed_km_h or 0.0, entry.file
 
 
-def _in_list(entry: EntryGuess, cases: Sequence[str]) -> tuple[bool, int, float, str]:
-    of_axle = 99 if entry.axle is None else entry.axle
-    place = of_axle if entry.kind == "plank_drop" else cases.index(entry.load_case) if entry.load_case in cases else 0
-    return entry.kind == "bump_run", place, entry.speed_km_h or 0.0, entry.file
-
-
-def _drop_axle(
-    log: SeenLog, kinds: Mapping[str, KindGuess], base: int, driven: Driven
-) -> tuple[int | None, bool, list[str]]:
+def _drop_axle(log: SeenLog, kinds: Mapping[str, KindGuess], driven: Driven) -> tuple[int | None, bool, list[str]]:
     """Axle on the plank, whether name and motion agree where both can speak, and reasons."""
-    by_name = _axle_of_path(log.said.axle, log.said.place, base, driven)
+    by_name, name_says = _axle_of_path(log.said.axle, driven)
     columns = [x.name for x in log.looks if kinds[x.name].kind == "axle_acceleration"]
     struck = struck_columns(log, kinds)
     by_motion = None
     if len(columns) > 1 and struck:
         by_motion = driven.axle_of.get(struck[0], driven.named.get(struck[0]))
-    if by_motion is not None and by_name is not None:
-        agree = by_motion == by_name
-        return by_name, agree, [] if agree else [f"axle {by_motion + 1} moves most"]
+    of_columns = {driven.named[x.name] for x in log.looks if x.name in driven.named and kinds[x.name].kind}
+    by_columns = of_columns.pop() if len(of_columns) == 1 else None
     if by_name is not None:
-        # The sensors sit at the axle under test: nothing but the name can say which that was.
-        return by_name, True, ["axle by its name"]
+        against = [f"axle {by_motion + 1} moves most"] if by_motion not in (None, by_name) else []
+        if by_motion is None and by_columns not in (None, by_name):
+            against.append(f"its columns are named for axle {by_columns + 1}")
+        if name_says and by_motion != by_name and by_columns != by_name:
+            against.append(name_says)
+        # Where the sensors sit at the axle under test, nothing but names can say which that was.
+        by_name_alone = [AXLE_BY_NAME] if by_motion is None and not against else []
+        return by_name, not against, against or by_name_alone
     if by_motion is not None:
         return by_motion, False, ["the axle that moves most"]
+    if by_columns is not None:
+        return by_columns, False, ["axle by the names of its columns alone"]
     return None, False, ["axle not known"]
 
 
-def _axle_of_path(number: int | None, place: PlaceWord | None, base: int, driven: Driven) -> int | None:
-    if place is not None and driven.template is not None:
-        there = [i for i, p in enumerate(driven.template.places) if p == place]
-        if place == "rear" and not there:
-            there = [driven.axles - 1]
-        if number is not None and 0 <= number - base < len(there) and len(there) > 1:
-            return there[number - base]
-        if len(there) == 1:
-            return there[0]
-    axle = None if number is None else number - base
-    return axle if axle is not None and 0 <= axle < max(driven.axles, 1) else None
+#: Reason of a drop whose axle the name of its file says, and nothing else can.
+AXLE_BY_NAME = "axle by its name"
+
+
+def _axle_of_path(label: AxleLabel, driven: Driven) -> tuple[int | None, str]:
+    """Axle that a path says, and why that needs another sign of it, empty if it does not."""
+    axle = driven.labels.get(label)
+    if axle is not None:
+        return (axle, "") if axle < max(driven.axles, 1) else (None, "")
+    if label.place is None or label.number is not None:
+        return None, ""
+    if label.place == "rear" and driven.axles == 2:
+        return 1, ""
+    there = [i for i, p in enumerate(driven.template.places) if p == label.place] if driven.template else []
+    return (there[0], f"the {label.place} axle by the template") if len(there) == 1 else (None, "")
+
+
+#: Factors to km/h of units in which people give speeds without saying them.
+_UNITS_OF_SPEEDS = {"km/h": 1.0, "mph": 1.609344, "m/s": 3.6}
 
 
 def _speed(log: SeenLog, driven: Driven) -> tuple[float | None, bool, list[str]]:
-    """Speed [km/h], whether name and arrivals agree on it, and reasons."""
-    by_name = log.said.speed_km_h
+    """Speed [km/h], whether two of name, arrivals and sensor agree on it and none contradicts, and reasons."""
     times = driven.timed.get(log.file, {})
-    measured = None
-    if driven.positions_m is not None and len(times) > 1:
-        speed = speed_m_s(times, driven.positions_m)
-        measured = None if speed is None else 3.6 * speed
-    if by_name is not None and measured is not None:
-        agree = abs(float(np.log(measured / by_name))) < _SPEEDS
-        return by_name, agree, [] if agree else [f"its axles arrive as at {measured:.1f} km/h"]
-    if by_name is not None:
-        return by_name, False, ["speed by its name alone"]
-    if measured is not None:
-        of_what = "axle positions" if driven.trusted else "guessed axle positions"
-        return round(measured, 1), False, [f"speed by arrivals and {of_what}"]
-    return None, False, ["speed not known"]
+    seen: dict[str, float] = {}
+    if log.file in driven.logged_km_h:
+        seen["its speed sensor shows {:.1f} km/h"] = driven.logged_km_h[log.file]
+    if driven.positions_m is not None and len(times) > 1 and (speed := speed_m_s(times, driven.positions_m)):
+        seen["its axles arrive as at {:.1f} km/h"] = 3.6 * speed
+    named = log.said.speed_km_h
+    if named is None:
+        return _unnamed_speed(list(seen.values()), log.file in driven.logged_km_h, driven.trusted)
+    doubt = []
+    if not log.said.speed_unit_said:
+        units = {u: named * f for u, f in _UNITS_OF_SPEEDS.items() if all(_alike(named * f, v) for v in seen.values())}
+        unit = next(iter(units), None) if seen else None
+        if unit != "km/h":
+            doubt = [f"{named:g} {unit} by the other signs of its speed" if unit else "its name does not say km/h"]
+        named = round(units[unit], 1) if unit else named
+    against = [text.format(value) for text, value in seen.items() if not _alike(named, value)]
+    return (
+        named,
+        bool(seen) and not against and not doubt,
+        [*doubt, *against] or [] if seen else [*doubt, "speed by its name alone"],
+    )
+
+
+def _alike(one: float, other: float) -> bool:
+    return abs(float(np.log(one / other))) < _SPEEDS
+
+
+def _unnamed_speed(seen: Sequence[float], logged: bool, trusted: bool) -> tuple[float | None, bool, list[str]]:
+    """Speed of a run whose name says none: by its sensor, else by arrivals."""
+    if not seen:
+        return None, False, ["speed not known"]
+    if len(seen) == 2:
+        agree = _alike(*seen)
+        return round(seen[0], 1), agree, [] if agree else [f"its axles arrive as at {seen[1]:.1f} km/h"]
+    of_what = "its speed sensor alone" if logged else f"arrivals and {'' if trusted else 'guessed '}axle positions"
+    return round(seen[0], 1), False, [f"speed by {of_what}"]

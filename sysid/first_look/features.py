@@ -31,8 +31,9 @@ _COLLINEAR = 0.999  # correlation of two columns beyond which their factors mean
 class Look:
     """Behaviour of one column in the unit of the file; None where it cannot be told.
 
-    `rest` and `noise` of its quiet start, `size` its largest departure from rest, `hop_share` the share of its power
-    in the band of wheel hop, `arrival_s` when it first moves, `lift` how clearly it rises first (1) or falls (-1).
+    `middle` is its median.  `rest` and `noise` are those of its quiet start, `size` its largest departure from rest,
+    `hop_share` the share of its power in the band of wheel hop, `arrival_s` when it first moves, `lift` how clearly it
+    rises first (1) or falls (-1).
     """
 
     name: str
@@ -47,6 +48,7 @@ class Look:
     arrival_s: float | None = None
     lift: float = 0.0
     alive: bool = False
+    middle: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,7 @@ def _look(raw: RawChannel, channel: Channel, start_s: float | None) -> Look:
     told = (raw.name, raw.unit, 1.0 / step if step > 0.0 else 0.0, int(value.size))
     duration = float(time[-1] - time[0]) if time.size else 0.0
     if value.size < _LEAST_SAMPLES or step <= 0.0 or np.ptp(value) == 0.0:
-        return Look(*told, duration)
+        return Look(*told, duration, middle=float(np.median(value)) if value.size else 0.0)
     # The first axle moves before most columns do: its rest ends with its own first motion.
     channel_s = defects.motion_start(defects.motion_starts([channel]))
     starts = [s for s in (channel_s, start_s) if s is not None]
@@ -110,6 +112,7 @@ def _look(raw: RawChannel, channel: Channel, start_s: float | None) -> Look:
         moved,
         0.0 if moved is None else first_lift(channel, rest, moved),
         size > _ALIVE * noise,
+        float(np.median(value)),
     )
 
 

@@ -8,14 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.campaign.records import SensorKind
+from sysid.campaign.records import AUXILIARY_KINDS, KIND_DIMENSION, SensorKind
 from sysid.campaign.units import STANDARD_GRAVITY_M_S2, is_other_quantity, recognised_unit, si_factor
 from sysid.first_look.features import Look
 from sysid.first_look.matching import Three
-from sysid.first_look.words import NameSays
+from sysid.first_look.words import NameSays, dimension_of, sensor_unit
 
 #: Share of the power in the band of wheel hop from which a column without a three counts as an axle's.
 _HOPS = 0.35
+#: Units of what a sensor without calibration gives: it may be any sensor.
+_BARE_SIGNALS = frozenset(("v", "volt", "volts", "mv", "uv", "mv/v", "a", "ma"))
+#: Dimensions of units in which columns of no use may be: the others contradict their names.
+_OF_NO_USE = frozenset(("other", "speed", "pressure", "angular rate", "length"))
 #: Units that loggers write, with the cost of taking them.
 _LENGTHS = {"mm": 0.0, "m": 0.7, "cm": 1.0, "in": 1.2}
 _ACCELERATIONS = {"g": 0.0, "m/s^2": 0.0, "mg": 1.5}
@@ -34,7 +38,7 @@ _MUCH_WORSE = 3.0  # cost by which another unit must be better to speak against 
 class KindGuess:
     """Kind, unit and sign of one column; `sure` where name or file and behaviour say the same of both.
 
-    `kind` and `unit` None: not known.  `why` are the reasons in words.
+    `kind` and `unit` None: not known.  `unused` says why it is no sensor of a campaign.  `why` are the reasons.
     """
 
     column: str
@@ -43,6 +47,7 @@ class KindGuess:
     sign: int
     sure: bool
     why: tuple[str, ...]
+    unused: str | None = None
 
 
 def guess_kinds(
@@ -69,20 +74,22 @@ def guess_kinds(
     signs = {c: s for three in threes for c, s in _signs(three).items()}
     result = {}
     for column, of_logs in seen.items():
-        told = _told_unit(of_logs, said[column])
+        told = told_unit(of_logs, said[column])
         role = roles.get(column)
-        elsewhere = told is not None and told[0] is None
-        if role is None and (said[column].other or elsewhere):
-            result[column] = KindGuess(column, None, None, 1, True, ("no sensor of a campaign by its name or unit",))
-            continue
-        if elsewhere:
+        if role is None:
+            without_motion = _other_quantity(column, said[column], told)
+            if without_motion is not None:
+                result[column] = without_motion
+                continue
+        if told is not None and dimension_of(told) not in ("length", "acceleration"):
             # A bare signal, such as volts: what it means in metres or m/s2 stands in no file.
-            why_not = f"fits as {_NOUN[role[0]]}, but the file gives another unit: a scale is needed" if role else ""
-            result[column] = KindGuess(column, role and role[0], None, 1, False, (why_not,))
+            kind_of_role = role[0] if role else said[column].kind
+            why_not = f"fits as {_NOUN[role[0]]}, but it" if role else "it"
+            why_not = f"{why_not} is in {told}: a scale is needed"
+            result[column] = KindGuess(column, kind_of_role, None, 1, False, (why_not,))
             continue
-        unit = told[0] if told else None
-        kind, kind_sure, why = _kind(said[column], role and role[0], of_logs, unit)
-        unit, unit_sure, of_unit = _unit(kind, unit, units.get(column), of_logs)
+        kind, kind_sure, why = _kind(said[column], role and role[0], of_logs, told)
+        unit, unit_sure, of_unit = _unit(kind, told, units.get(column), of_logs)
         sign = signs.get(column, 1) if role is not None and kind == role[0] else 1
         if sign < 0:
             why.append("moves opposite to the others of its axle, so it is turned")
@@ -94,25 +101,57 @@ _NOUN: dict[SensorKind, str] = {
     "suspension_deflection": "a deflection",
     "axle_acceleration": "an axle acceleration",
     "body_acceleration": "a frame acceleration",
+    "speed": "the speed",
+    "air_pressure": "the pressure of an air spring",
+    "pitch_rate": "a pitch rate",
 }
+
+
+def _other_quantity(column: str, said: NameSays, told: str | None) -> KindGuess | None:
+    """A speed, a pressure, an angular rate, or a column of no use; None where it may be a sensor of vertical motion."""
+    dimension = None if told is None else dimension_of(told)
+    bare = told is not None and told.casefold() in _BARE_SIGNALS
+    if said.unused is not None:
+        across = said.unused.startswith("an acceleration")
+        fits = dimension is None or (dimension == "acceleration" if across else dimension in _OF_NO_USE)
+        why = () if fits else (f"its name says {said.unused}, but it is in {told}",)
+        return KindGuess(column, None, None, 1, fits, why or (said.unused,), said.unused)
+    if said.kind in AUXILIARY_KINDS:
+        if dimension == KIND_DIMENSION[said.kind]:
+            return KindGuess(column, said.kind, told, 1, True, ("name and unit agree",))
+        why_not = "unit not known" if told is None else f"it is in {told}"
+        return KindGuess(column, said.kind, None, 1, False, (f"{_NOUN[said.kind]} by its name, but {why_not}",))
+    kind = next((k for k in sorted(AUXILIARY_KINDS) if KIND_DIMENSION[k] == dimension), None)
+    if kind is not None:
+        return KindGuess(column, kind, told, 1, False, (f"its unit is {told}; its name does not say {_NOUN[kind]}",))
+    if dimension == "other" and not bare:
+        return KindGuess(column, None, None, 1, False, (f"it is in {told}",), f"in {told}")
+    return None
 
 
 def told_dimensions(seen: Mapping[str, Sequence[Look]], said: Mapping[str, NameSays]) -> dict[str, str]:
     """``length`` or ``acceleration`` of the columns whose unit their file or name says."""
-    told = {column: _told_unit(of_logs, said[column]) for column, of_logs in seen.items()}
-    return {column: _dimension(unit[0]) for column, unit in told.items() if unit is not None and unit[0] is not None}
+    told = {column: told_unit(of_logs, said[column]) for column, of_logs in seen.items()}
+    found = {column: dimension_of(unit) for column, unit in told.items() if unit is not None}
+    return {column: d for column, d in found.items() if d in ("length", "acceleration")}
 
 
-def _told_unit(of_logs: Sequence[Look], said: NameSays) -> tuple[str | None] | None:
-    """Unit that file or name say; (None,) for that of another quantity, None where nothing is said."""
-    written = next((look.unit for look in of_logs if look.unit), None)
-    if written is not None:
-        known = recognised_unit(written)
-        if known is not None:
-            return (known[0],)
-        if is_other_quantity(written):
-            return (None,)
-    return (said.unit,) if said.unit is not None else None
+def may_move(look: Look, said: NameSays) -> bool:
+    """Whether a column may be a deflection or an acceleration, by its unit, else by its name."""
+    told = told_unit([look], said)
+    if told is None:
+        return said.kind not in AUXILIARY_KINDS
+    return dimension_of(told) in ("length", "acceleration") or told.casefold() in _BARE_SIGNALS
+
+
+def told_unit(of_logs: Sequence[Look], said: NameSays) -> str | None:
+    """Unit that file or name say, as a campaign file writes it; one of another quantity as it stands; else None."""
+    for written in (next((look.unit for look in of_logs if look.unit), None), said.unit):
+        if written is not None:
+            known = sensor_unit(written)
+            if known is not None or is_other_quantity(written):
+                return known[0] if known else written
+    return None
 
 
 def _dimension(unit: str) -> str:

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.campaign.units import si_factor
 from sysid.first_look.features import Threes
 from sysid.first_look.kinds import KindGuess, guess_kinds, told_dimensions
 from sysid.first_look.matching import Three, matched_threes, upright
 from sysid.first_look.records import SeenLog
-from sysid.first_look.words import NameSays, column_says, paired_sides
+from sysid.first_look.words import NameSays, columns_say
 
 #: How clearly all sensors of an axle must move the wrong way, in the middle of all runs.
 _FALLS = 0.5
@@ -46,14 +47,27 @@ def layouts_of_logs(
         seen = {c: [look for log in members for look in log.looks if look.name == c] for c in sorted(columns)}
         alive = {c: [look for look in of_logs if look.alive] or of_logs for c, of_logs in seen.items()}
         hop = {c: float(np.median([look.hop_share for look in of_logs])) for c, of_logs in alive.items()}
-        sides = paired_sides(sorted(columns))
-        said = {c: column_says(c) for c in columns}
-        said = {c: replace(s, side=s.side or sides.get(c)) for c, s in said.items()}
+        said = columns_say(sorted(columns))
         files = [f for log in members for f in (joined or {}).get(log.file, {"": log.file}).values()]
         of_members = [fits[f] for f in files if f in fits]
         kinds = {c: s.kind for c, s in said.items()}
         threes = tuple(upright(t, kinds) for t in matched_threes(of_members, hop, told_dimensions(alive, said)))
         result.append(Layout(tuple(members), guess_kinds(alive, said, threes), said, threes))
+    return result
+
+
+def logged_speeds(layouts: Sequence[Layout]) -> dict[str, float]:
+    """Speed [km/h] in the middle of each log that has a sensor of it whose unit is known."""
+    result = {}
+    for layout in layouts:
+        units = {c: g.unit for c, g in layout.kinds.items() if g.kind == "speed" and g.unit is not None}
+        for log in layout.logs:
+            shown = [
+                3.6 * look.middle * si_factor(units[look.name], "speed") for look in log.looks if look.name in units
+            ]
+            shown = [speed for speed in shown if speed > 0.0]
+            if shown:
+                result[log.file] = float(np.median(shown))
     return result
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from sysid.first_look.features import Threes
 from sysid.first_look.file_words import path_says
 from sysid.first_look.records import LoggerGuess, SeenLog
-from sysid.first_look.words import folded
+from sysid.first_look.vocabulary import folded
 
 #: Words that people call loggers by: with the same columns in both logs nothing else tells loggers from repeats.
 _LOGGER_WORDS = re.compile(
@@ -68,7 +68,7 @@ def _variants(path: str) -> list[tuple[str, str]]:
     for match in re.finditer(r"(?<![a-z0-9])[a-z]+(?![a-z0-9])", plain.rsplit(".", 1)[0]):
         word = match[0]
         said = path_says(f"{word}.csv")
-        if said.load_case is None and said.kind is None:
+        if said.load is None and said.kind is None:
             rest = f"{plain[: match.start()]}_{plain[match.end() :]}"
             rest = re.sub(r"[^a-z0-9/.]+", "_", rest)
             result.append((word, re.sub(r"(?<=/)_+/|^_*/|(?:(?<=/)|^)_+|_+(?=[/.]|$)", "", rest)))

@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from sysid.errors import CampaignError, DataRejectedError, SysidError
-from sysid.first_look.entries import Driven, entries_of, kind_of_test, load_cases_of
+from sysid.first_look.entries import Driven, entries_of, kind_of_test
 from sysid.first_look.features import Threes, looks, threes
-from sysid.first_look.file_words import path_says
+from sysid.first_look.file_words import PathSays, paths_say
 from sysid.first_look.folder import names_in, opened
-from sysid.first_look.kinds import KindGuess
-from sysid.first_look.layouts import Layout, layouts_of_logs, righted
+from sysid.first_look.kinds import KindGuess, may_move
+from sysid.first_look.layouts import Layout, layouts_of_logs, logged_speeds, righted
+from sysid.first_look.load_cases import load_cases_of
 from sysid.first_look.log_columns import LogColumns, read_columns_of
 from sysid.first_look.loggers import find_loggers, joined_logs
 from sysid.first_look.places import (
@@ -24,16 +25,17 @@ from sysid.first_look.places import (
     arrival_order,
     axle_times,
     axles_of_ranks,
+    counted_from_one,
     in_order,
     measured_positions,
     misfit,
-    named_axles,
+    numbered_axles,
 )
 from sysid.first_look.records import FirstLook, SeenLog, SeenScan
 from sysid.first_look.scans import seen_profile, seen_scan
-from sysid.first_look.sensor_guesses import sensor_guesses, unused_columns
+from sysid.first_look.sensor_guesses import sensor_guesses
 from sysid.first_look.templates import Template, template, template_names
-from sysid.first_look.words import NameSays
+from sysid.first_look.words import NameSays, columns_say
 from sysid.progress import Progress, unwatched
 from sysid.wording import shorten
 
@@ -86,6 +88,8 @@ def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, T
     counts: Counter[frozenset[str]] = Counter()
     scans: list[SeenScan] = []
     names, messages = names_in(folder)
+    said = paths_say(names)
+    of_columns: dict[frozenset[str], dict[str, NameSays]] = {}
     for i, name in enumerate(names):
         progress("reading files", i / len(names))
         try:
@@ -102,11 +106,14 @@ def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, T
         except SysidError as error:
             messages.append(str(error))
             continue
-        log = _seen(columns)
+        log = _seen(columns, said[name])
         logs.append(log)
         layout = frozenset(log.columns)
         if len(fits) < _FITTED and counts[layout] < _FITTED_ALIKE:
-            fit = threes(columns.channels, log.looks)
+            if layout not in of_columns:
+                of_columns[layout] = columns_say(log.columns)
+            moving = [k for k, x in enumerate(log.looks) if may_move(x, of_columns[layout][x.name])]
+            fit = threes([columns.channels[k] for k in moving], [log.looks[k] for k in moving])
             if fit is not None:
                 fits[name] = fit
                 counts[layout] += 1
@@ -119,8 +126,7 @@ def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, T
     return logs, fits, scans, messages
 
 
-def _seen(columns: LogColumns) -> SeenLog:
-    said = path_says(columns.file)
+def _seen(columns: LogColumns, said: PathSays) -> SeenLog:
     of_columns = looks(columns.channels)
     starts = [float(t[0]) for c in columns.channels if (t := c.clock.time_s[np.isfinite(c.clock.time_s)]).size]
     start = min(starts, default=0.0)
@@ -136,18 +142,30 @@ def _first_look(
 ) -> FirstLook:
     kinds = {log.file: kind_of_test(log, layout.kinds) for layout in layouts for log in layout.logs}
     layouts = [righted(layout, [x for x in layout.logs if kinds[x.file].kind == "bump_run"]) for layout in layouts]
-    cases, case_of = load_cases_of(logs)
+    left_out = {log.file: f"its name says '{log.said.no_test}'" for log in logs if _is_no_test(log, layouts)}
+    tested = [log for log in logs if log.file not in left_out]
+    cases = load_cases_of({log.file: log.said for log in tested})
     passages = {
         log.file: _passage(log, layout.kinds)
         for layout in layouts
         for log in layout.logs
-        if kinds[log.file].kind == "bump_run"
+        if kinds[log.file].kind == "bump_run" and log.file not in left_out
     }
     order = arrival_order([p for p in passages.values() if len(p.arrival_s) > 1])
     run_layouts = [k for k in layouts if any(kinds[log.file].kind == "bump_run" for log in k.logs)]
     drop_layouts = [k for k in layouts if any(kinds[log.file].kind == "plank_drop" for log in k.logs)]
-    named = named_axles(_sensors_said(run_layouts or layouts))
-    count = len(wanted.axles) if wanted else max(len(order.share), *(n + 1 for n in named.values()), _dropped(logs))
+    said = _sensors_said(run_layouts or layouts, order)
+    from_one = counted_from_one(s.axle for s in said.values())
+    of_drops = counted_from_one(log.said.axle for log in tested if kinds[log.file].kind == "plank_drop")
+    labels = numbered_axles([*from_one.values(), *of_drops.values()])
+    of_columns = {c: from_one.get(s.axle, s.axle) for c, s in _sensors_said(layouts, order).items()}
+    named = {c: labels[label] for c, label in of_columns.items() if label in labels}
+    count = len(wanted.axles) if wanted else max(len(order.share), *(n + 1 for n in labels.values()), 0)
+    labels = {path: labels[label] for path, label in of_drops.items() if label in labels}
+    from_zero = any(s.axle.number == 0 for s in said.values()) and not any(a.number == 0 for a in of_drops)
+    if from_zero and not any(a.number == count for a in of_drops):
+        # Columns count from 0, and nothing says from where the paths do.
+        labels = {path: axle for path, axle in labels.items() if path.number is None}
     chosen = wanted or _fitting(count, order)
     axle_of, agree = _axle_columns(order, named, count, chosen)
     run_sensors = sensor_guesses(run_layouts, named, axle_of, agree, drops=False)
@@ -157,8 +175,10 @@ def _first_look(
     known = [(timed[f], speed / 3.6) for f, speed in speeds.items() if speed is not None and f in timed]
     measured = measured_positions(known, count) if count > 1 else None
     positions = measured if wanted is None and measured is not None else chosen.positions_m if chosen else None
-    driven = Driven(timed, positions, named, chosen, count, axle_of, trusted=wanted is not None or measured is not None)
-    entries = entries_of([(log, k.kinds) for k in layouts for log in k.logs], kinds, case_of, driven)
+    trusted = wanted is not None or measured is not None
+    driven = Driven(timed, positions, labels, named, chosen, count, axle_of, logged_speeds(layouts), trusted)
+    listed = [(log, k.kinds) for k in layouts for log in k.logs if log.file not in left_out]
+    entries = entries_of(listed, kinds, cases, driven)
     return FirstLook(
         logs=tuple(logs),
         scans=tuple(scans),
@@ -170,20 +190,33 @@ def _first_look(
         axles=count,
         positions_m=positions,
         measured_m=measured,
-        load_cases=cases,
-        unused=unused_columns(layouts, (*run_sensors, *drop_sensors)),
+        load_cases=cases.names,
+        text_columns=tuple(sorted({c for log in logs for c in log.text if c})),
+        left_out=left_out,
         messages=tuple(messages),
     )
 
 
-def _sensors_said(layouts: Sequence[Layout]) -> dict[str, NameSays]:
-    return {c: layout.said[c] for layout in layouts for c, guess in layout.kinds.items() if guess.kind is not None}
+def _is_no_test(log: SeenLog, layouts: Sequence[Layout]) -> bool:
+    """Whether the path of a log says that it is no test, and no axle of it moves."""
+    kinds = next(layout.kinds for layout in layouts if log in layout.logs)
+    moving = [look for look in log.looks if look.alive and kinds[look.name].kind == "axle_acceleration"]
+    return log.said.no_test is not None and not moving
 
 
-def _dropped(logs: Sequence[SeenLog]) -> int:
-    """Number of axles that the paths of drops name."""
-    numbers = [log.said.axle for log in logs if log.said.kind == "plank_drop" and log.said.axle is not None]
-    return max(numbers) + (0 in numbers) if numbers else 0
+def _sensors_said(layouts: Sequence[Layout], order: Order) -> dict[str, NameSays]:
+    """What the names of sensors say; numbers beyond the axles that arrive, at no word for axle, count sensors."""
+    said = {
+        c: layout.said[c]
+        for layout in layouts
+        for c, guess in layout.kinds.items()
+        if guess.kind is not None and guess.kind not in ("speed", "pitch_rate")
+    }
+    free = [s.axle.number for s in said.values() if s.axle.number is not None and not s.numbered]
+    axles = [s.axle.number for s in said.values() if s.axle.number is not None and s.numbered]
+    if len(order.share) < 2 or not free or max(free) <= max([len(order.share), *axles]):
+        return said
+    return {c: s if s.numbered else replace(s, axle=s.axle._replace(number=None)) for c, s in said.items()}
 
 
 def _passage(log: SeenLog, kinds: Mapping[str, KindGuess]) -> Passage:

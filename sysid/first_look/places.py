@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.first_look.words import PLACES, NameSays, PlaceWord
+from sysid.first_look.words import PLACES, AxleLabel, PlaceWord
 
 #: Axles whose arrivals differ by less than this share of the passage are the two sides of one.
 _SAME_AXLE = 0.025
@@ -52,27 +52,50 @@ def arrival_order(passages: Sequence[Passage]) -> Order:
     return Order(rank, tuple(float(np.mean(c)) for c in clusters))
 
 
-def named_axles(said: Mapping[str, NameSays]) -> dict[str, int]:
-    """Index of the axle (0 = axle 1) that each name says; names that say none are left out.
+def numbered_axles(labels: Iterable[AxleLabel]) -> dict[AxleLabel, int]:
+    """Index of the axle (0 = axle 1) for the labels by which names call axles; labels that leave it open are left out.
 
-    Numbers count from 0 if one of them is 0.  Where numbers begin anew at every place, as in ``drive1``, ``trailer1``,
-    or places have none, axles are counted through the places front to rear.
+    Numbers count from 1, see :func:`counted_from_one`.  Where they begin anew at every place, as in ``drive1``,
+    ``trailer1``, or places have none, axles are counted through the places front to rear; this needs a label for the
+    first axle.
     """
-    known = {c: s for c, s in said.items() if s.number is not None or s.place is not None}
-    if not known:
+    known = {label for label in labels if label != AxleLabel()}
+    plain = {label for label in known if label.place is None}
+    places: dict[int | None, set[tuple[PlaceWord | None, str | None]]] = {}
+    for label in known:
+        places.setdefault(label.number, set()).add((label.place, label.within))
+    through = None not in places and all(len(at) == 1 for at in places.values())
+    if through and not any(label.number == 1 and label.place not in (None, "front") for label in known):
+        return {label: label.number - 1 for label in known if label.number is not None}
+    result = {label: label.number - 1 for label in plain if label.number is not None}
+    if plain:
+        # Numbers say all axles: of the places only the front says which it is.
+        return result | {label: 0 for label in known if label == AxleLabel(place="front")}
+    placed = known - {label for label in known if _is_vague(label, known)}
+    order = sorted({_in_row(label) for label in placed})
+    if not order or order[0][0] != 0:
         return {}
-    numbered = all(s.number is not None for s in known.values())
-    per_number: dict[int | None, set[PlaceWord | None]] = {}
-    for s in known.values():
-        per_number.setdefault(s.number, set()).add(s.place)
-    if numbered and all(len(places) == 1 for places in per_number.values()):
-        base = 0 if 0 in per_number else 1
-        return {c: s.number - base for c, s in known.items() if s.number is not None}
-    labels = {c: (PLACES.index(s.place) if s.place else len(PLACES), s.number or 0) for c, s in known.items()}
-    # A number without a place does not belong to this way of counting.
-    labels = {c: label for c, label in labels.items() if label[0] < len(PLACES)}
-    counted = {label: i for i, label in enumerate(sorted(set(labels.values())))}
-    return {c: counted[label] for c, label in labels.items()}
+    return {label: order.index(_in_row(label)) for label in placed}
+
+
+def counted_from_one(labels: Iterable[AxleLabel]) -> dict[AxleLabel, AxleLabel]:
+    """Labels of one kind of names with numbers from 1; they count from 0 if one of them is 0."""
+    known = set(labels)
+    shift = 1 if any(label.number == 0 for label in known) else 0
+    return {a: a if a.number is None else a._replace(number=a.number + shift) for a in known}
+
+
+def _is_vague(label: AxleLabel, known: Iterable[AxleLabel]) -> bool:
+    """Whether a label may be any of several axles that other labels tell apart."""
+    if label.place == "rear" and any(o.place in ("pusher", "drive", "tag") for o in known):
+        return True
+    alone = label.number is None and label.within is None
+    return alone and any(o.place == label.place and o != label for o in known)
+
+
+def _in_row(label: AxleLabel) -> tuple[int, int, int]:
+    ends = {None: 0, "front": 0, "rear": 1}
+    return PLACES.index(label.place) if label.place else 0, ends.get(label.within, 0), label.number or 0
 
 
 def in_order(named: Mapping[str, int], rank: Mapping[str, int]) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from sysid.campaign.records import SensorKind
 from sysid.first_look.features import Look
 from sysid.first_look.file_words import PathSays, TestKind
+from sysid.first_look.load_cases import LoadCaseGuess
 from sysid.first_look.templates import Template
 from sysid.first_look.words import Side
 
@@ -64,7 +65,8 @@ class SeenScan:
 class SensorGuess:
     """One column: kind and unit (None: not known), sign, axle (index, None: not known), side.
 
-    `sure` where name and behaviour support all of it; `why` are the reasons.
+    `sure` where name and behaviour support all of it; `why` are the reasons.  `unused` says why it is no sensor of a
+    campaign.
     """
 
     column: str
@@ -75,18 +77,19 @@ class SensorGuess:
     side: Side | None
     sure: bool
     why: tuple[str, ...]
+    unused: str | None = None
 
 
 @dataclass(frozen=True)
 class EntryGuess:
     """One drop or run; None where something is not known: `axle` of a drop, `speed_km_h` of a run.
 
-    `load_case` is a name in the campaign file.
+    `load_case` is a name in the campaign file, None where it is not known.
     """
 
     file: str
     kind: TestKind
-    load_case: str
+    load_case: str | None
     axle: int | None
     speed_km_h: float | None
     sure: bool
@@ -108,8 +111,9 @@ class FirstLook:
 
     `positions_m` of the axles behind axle 1, None where nothing says them; `measured_m` those by arrivals at the speeds
     that names say.
-    `load_cases` maps names in the campaign file to ``empty``, ``laden`` or ``partly``.  `unused` maps columns that are
-    no sensors to a reason.  `messages` are sentences about files that were left out.
+    `load_cases` maps names in the campaign file to what the truck carries.  `text_columns` are columns without numbers.
+    `left_out` maps logs that are no tests by their names to the reason.  `messages` are sentences about files that were
+    left out.
 
     With several loggers, `loggers` are their names, the reference first. `files` maps the reference logger's log of a
     run to the logs of all, by logger. `columns` maps columns of the others to their logger and their name there.
@@ -125,8 +129,9 @@ class FirstLook:
     axles: int
     positions_m: tuple[float, ...] | None
     measured_m: tuple[float, ...] | None
-    load_cases: dict[str, str]
-    unused: dict[str, str]
+    load_cases: Mapping[str, LoadCaseGuess]
+    text_columns: tuple[str, ...]
+    left_out: Mapping[str, str]
     messages: tuple[str, ...]
     loggers: tuple[LoggerGuess, ...] = ()
     files: Mapping[str, Mapping[str, str]] = field(default_factory=dict)

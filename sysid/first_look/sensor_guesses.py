@@ -22,24 +22,30 @@ def sensor_guesses(
     result: dict[str, SensorGuess] = {}
     for layout in layouts:
         of_three = {c: t.axle for t in layout.threes for c in (t.deflection, t.axle, t.body) if c}
-        alone = Counter(g.kind for g in layout.kinds.values() if g.kind is not None)
+        alone = Counter((g.kind, layout.said[c].side) for c, g in layout.kinds.items() if g.kind is not None)
         for column, guess in layout.kinds.items():
-            if guess.kind is None and guess.sure:
-                continue
             said = layout.said[column]
             why = list(guess.why)
-            if drops and guess.kind is not None and alone[guess.kind] == 1:
+            if guess.unused is not None or guess.kind in _OF_NO_AXLE:
+                axle, axle_sure = None, True
+            elif drops and guess.kind is not None and alone[(guess.kind, said.side)] == 1:
                 # Mounted at the axle under test: the list of drops says which.
                 axle, axle_sure = None, True
             else:
                 axle, axle_sure = _axle_of_column(column, of_three.get(column, column), named, axle_of, agree, why)
+            why += [f"'{word}' has several meanings" for word in said.doubts if guess.unused is None]
+            sure = guess.sure and axle_sure and not (said.doubts and guess.unused is None)
             sensor = SensorGuess(
-                column, guess.kind, guess.unit, guess.sign, axle, said.side, guess.sure and axle_sure, tuple(why)
+                column, guess.kind, guess.unit, guess.sign, axle, said.side, sure, tuple(why), guess.unused
             )
             before = result.setdefault(column, sensor)
             if (before.kind, before.unit, before.sign) != (sensor.kind, sensor.unit, sensor.sign):
                 result[column] = replace(before, sure=False, why=(*before.why, "other logs look different"))
     return tuple(sorted(result.values(), key=_place_in_list))
+
+
+#: Kinds that belong to no axle.
+_OF_NO_AXLE = ("speed", "pitch_rate")
 
 
 def _axle_of_column(
@@ -68,19 +74,8 @@ def _ordinal(index: int) -> str:
 
 
 def _place_in_list(sensor: SensorGuess) -> tuple[int, int, str]:
-    kinds = ("suspension_deflection", "axle_acceleration", "body_acceleration")
-    rank = kinds.index(sensor.kind) if sensor.kind in kinds else len(kinds)
+    rank = _KINDS.index(sensor.kind) if sensor.kind in _KINDS else len(_KINDS) + (sensor.unused is not None)
     return rank, 99 if sensor.axle is None else sensor.axle, sensor.column
 
 
-def unused_columns(layouts: Sequence[Layout], used: Sequence[SensorGuess]) -> dict[str, str]:
-    """Columns of the logs that no sensor uses, each with the reason in words."""
-    names = {s.column for s in used}
-    result: dict[str, str] = {}
-    for layout in layouts:
-        for column, guess in layout.kinds.items():
-            if column not in names:
-                result[column] = "; ".join(guess.why)
-        for log in layout.logs:
-            result |= {c: "text, no numbers" for c in log.text if c}
-    return dict(sorted(result.items()))
+_KINDS = ("suspension_deflection", "axle_acceleration", "body_acceleration", "air_pressure", "pitch_rate", "speed")

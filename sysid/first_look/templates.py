@@ -9,7 +9,7 @@ from importlib.resources import files
 from typing import Any
 
 from sysid.errors import CampaignError
-from sysid.first_look.words import PlaceWord, place_word, tokens
+from sysid.first_look.words import Beside, PlaceWord, place_word, tokens
 from sysid.wording import finish, nearest
 
 
@@ -38,7 +38,8 @@ class Template:
     @property
     def places(self) -> tuple[PlaceWord | None, ...]:
         """Word for the place of every axle, from its name."""
-        return tuple(place_word([w for w in tokens(str(a["name"])) if not w.isdigit()]) for a in self.axles)
+        names = [tokens(str(axle["name"])) for axle in self.axles]
+        return tuple(place_word(words, Beside(names)) for words in names)
 
 
 def template_names() -> tuple[str, ...]:

@@ -8,10 +8,10 @@ from typing import Any
 
 from sysid.campaign.toml.text import banner, commented, quoted, section, todo, toml_key, value_text
 from sysid.campaign.toml.todo import CONFIRM
+from sysid.first_look.load_cases import LoadCaseGuess
 from sysid.first_look.records import FirstLook
 from sysid.first_look.templates import Template
 
-_NO_LOAD_CASE = f"{CONFIRM}: no path says a load case, so all drops and runs are taken for one"
 #: Standard deviations of mass properties that nobody has measured: assumptions.
 _TOLERANCES = {"unsprung_mass": 0.1, "pitch_inertia": 0.15, "cg_height": 0.1, "hitch_height": 0.05}
 
@@ -51,19 +51,13 @@ def _axle_lines(look: FirstLook, chosen: Template, index: int, axle: Mapping[str
 def _position(look: FirstLook, chosen: Template, index: int) -> tuple[float, str]:
     assumed = chosen.positions_m[index]
     if look.measured_m is None:
-        return assumed, f"{CONFIRM}: assumed; {_measure(look)}"
+        return assumed, f"{CONFIRM}: assumed; measure it"
     measured = look.measured_m[index]
     if look.template_given:
         near = abs(measured - assumed) < max(0.15, 0.04 * assumed)
         so = "arrivals agree" if near else f"arrivals at the speeds in the names say {measured:.2f}"
-        return assumed, f"{CONFIRM}: assumed, {so}; {_measure(look)}"
-    return round(measured, 2), f"{CONFIRM}: by arrivals at the speeds in the names; {_measure(look)}"
-
-
-def _measure(look: FirstLook) -> str:
-    """What to do about a guessed place, which stands at the frame sensor above the axle a second time."""
-    frames = any(s.kind == "body_acceleration" and s.axle is not None for s in look.run_sensors)
-    return "measure it, and give the frame sensor above it the same x_m" if frames else "measure it"
+        return assumed, f"{CONFIRM}: assumed, {so}; measure it"
+    return round(measured, 2), f"{CONFIRM}: by arrivals at the speeds in the names; measure it"
 
 
 def _unknown_vehicle(look: FirstLook) -> str:
@@ -100,38 +94,33 @@ def axle_name(look: FirstLook, index: int) -> str:
     return f"axle {index + 1}" if look.template is None else str(look.template.axles[index]["name"])
 
 
-def body_name(look: FirstLook, index: int) -> str:
-    """Name of the body that an axle carries."""
-    return "vehicle" if look.template is None else str(look.template.axles[index]["body"])
+def body_names(look: FirstLook) -> list[str]:
+    """Names of the bodies, front to rear."""
+    return ["vehicle"] if look.template is None else [str(body["name"]) for body in look.template.vehicle["body"]]
 
 
-def load_case_text(look: FirstLook, name: str, kind: str) -> str:
-    """The table of a load case; `kind` is empty, partly or laden."""
-    chosen = look.template
-    bodies = [b["name"] for b in chosen.vehicle["body"]] if chosen else ["vehicle"]
-    of_bodies = f"[{', '.join(map(str, bodies))}]" if len(bodies) > 1 else "a list of one"
-    sum_of = "axle loads less unsprung masses" + (", shared between the bodies as weighed apart" * (len(bodies) > 1))
-    lines = [
-        (f"axle_loads_kg = {quoted(todo(f'scale readings [kg], a list of {look.axles}, front to rear'))}", ""),
-        (f"sprung_mass_kg = {quoted(todo(f'{of_bodies} [kg]: {sum_of}'))}", ""),
-    ]
+def load_case_text(look: FirstLook, name: str, case: LoadCaseGuess) -> str:
+    """The table of a load case."""
+    chosen, bodies = look.template, body_names(look)
+    loads = todo(f"scale readings [kg], a list of {look.axles}, front to rear")
+    lines = [(f"axle_loads_kg = {quoted(loads)}", "")]
+    if len(bodies) > 1:
+        masses = todo(
+            f"[{', '.join(bodies)}] [kg]: axle loads less unsprung masses, shared between the bodies as weighed apart"
+        )
+        lines.append((f"sprung_mass_kg = {quoted(masses)}", ""))
     if chosen is None:
         lines += [
             (f"pitch_inertia_kg_m2 = {quoted(todo('a list of one [kg m2]; m L^2 / 12 for an even load'))}", ""),
             (f"cg_height_m = {quoted(todo('a list of one [m] above ground'))}", ""),
         ]
     else:
-        case = chosen.load_cases["empty" if kind == "empty" else "laden"]
-        said = f"assumed, of the {'empty' if kind == 'empty' else 'laden'} template"
-        lines += [(f"{key} = {value_text(case[key])}", said) for key in ("pitch_inertia_kg_m2", "cg_height_m")]
-    doubt = "" if any(log.said.load_case for log in look.logs) else f"# {_NO_LOAD_CASE}\n"
+        like = "empty" if case.kind in ("empty", None) else "laden"
+        said = f"assumed, of the {like} template"
+        said = said if case.kind in ("empty", "laden") else f"{CONFIRM}: {said}"
+        lines += [
+            (f"{key} = {value_text(chosen.load_cases[like][key])}", said)
+            for key in ("pitch_inertia_kg_m2", "cg_height_m")
+        ]
+    doubt = f"# {CONFIRM}: {case.doubt}\n" if case.doubt else ""
     return doubt + section(f"load_case.{toml_key(name)}", commented(lines))
-
-
-def position_of(look: FirstLook, index: int) -> float | None:
-    """Distance of an axle behind axle 1 [m] in the file, None where it is to be filled in."""
-    if index == 0:
-        return 0
-    if look.template is not None:
-        return _position(look, look.template, index)[0]
-    return None if look.measured_m is None else round(look.measured_m[index], 2)

@@ -19,6 +19,7 @@ from sysid.errors import CampaignError, DataRejectedError, SysidError
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.vehicle_model.passes import declared_tires
 from sysid.vehicle_model.vibration_modes import natural_modes
+from tests.support.small_campaign import LOG
 
 
 def one_sentence(error: pytest.ExceptionInfo[SysidError]) -> str:
@@ -27,6 +28,47 @@ def one_sentence(error: pytest.ExceptionInfo[SysidError]) -> str:
     assert text.endswith((".", "?"))
     assert len(text) < 700
     return text
+
+
+def test_a_sprung_mass_that_follows_from_the_scales_need_not_be_given(small):
+    campaign = read_campaign(small(("sprung_mass_kg = [6000]\n", "")))
+    # 4000 + 3500 kg on the scales, less 500 + 1000 kg of axles.
+    assert campaign.load_cases["empty"].sprung_mass_kg == (6000.0,)
+    axle = '[[vehicle.axle]]\nname = "rear"\nbody = '
+    trailer = '[[vehicle.body]]\nname = "trailer"\nhitch_x_m = 2.0\n'
+    coupled = (f'{axle}"frame"', f'{trailer}{axle}"trailer"')
+    lists = (
+        "pitch_inertia_kg_m2 = [15000]\ncg_height_m = [1.0]",
+        "pitch_inertia_kg_m2 = [9e3, 9e3]\ncg_height_m = [1, 1]",
+    )
+    with pytest.raises(
+        CampaignError, match=r"load_case\.empty has no sprung_mass_kg; give one number per body"
+    ) as error:
+        read_campaign(small(("sprung_mass_kg = [6000]\n", ""), coupled, lists))
+    one_sentence(error)
+
+
+def test_a_frame_sensor_above_an_axle_takes_its_place(small):
+    sensor = 'b_g = { kind = "body_acceleration", axle = "rear", unit = "g" }\na1_g'
+    campaign = read_campaign(small(("a1_g", sensor), log=LOG.replace("a1_g", "a1_g,b_g").replace("0\n", "0,0\n")))
+    (found,) = (c.sensor for c in campaign.bump_runs[0].log.channels if c.sensor.column == "b_g")
+    assert (found.axle, found.body, found.x_m) == (None, 0, 4.0)
+    for place in ('axle = "rear", x_m = 4', 'axle = "rear", body = "frame"', 'body = "frame"'):
+        with pytest.raises(CampaignError, match="the axle above which it sits") as error:
+            read_campaign(small(("a1_g", sensor.replace('axle = "rear"', place))))
+        one_sentence(error)
+
+
+def test_tests_take_a_common_load_case_unless_they_say_their_own(small):
+    laden = ("[acquisition]", "[load_case.laden]\naxle_loads_kg = [5000, 9000]\npitch_inertia_kg_m2 = [2e4]\n"
+             "cg_height_m = [1.2]\n[acquisition]")  # fmt: skip
+    common = ("[tests]", '[tests]\nload_case = "laden"')
+    own = read_campaign(small(laden, common)).bump_runs[0]
+    said = read_campaign(small(laden, common, ('load_case = "empty", nominal', "nominal"))).bump_runs[0]
+    assert (own.load_case, said.load_case) == ("empty", "laden")
+    # Without a common one it is required, as before.
+    with pytest.raises(CampaignError, match="load_case"):
+        read_campaign(small(laden, ('load_case = "empty", nominal', "nominal")))
 
 
 def test_linear_truck_in_si_units(linear_truck_folder):

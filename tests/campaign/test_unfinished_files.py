@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 import shutil
 import tomllib
 from collections.abc import Iterator
@@ -190,3 +191,11 @@ def test_any_one_value_may_be_left_but_the_names_that_others_use(campaign: Path)
         except CampaignError:
             refused.add(path)
     assert refused == {("vehicle", "body", 0, "name"), ("vehicle", "body", 1, "name")}
+
+
+def test_runs_of_a_load_case_that_is_to_be_filled_in_are_left_out_and_the_rest_is_read(campaign: Path) -> None:
+    text = (campaign / "campaign.toml").read_text(encoding="utf-8")
+    text = text.replace("[tests]", '[tests]\nload_case = "TODO: load case"', 1)
+    (campaign / "campaign.toml").write_text(re.sub(r'(case1.*)load_case = "unloaded", ', r"\1", text), encoding="utf-8")
+    found = read_campaign(campaign, unfinished=True)
+    assert (len(found.plank_drops), len(found.bump_runs)) == (2, 0)

@@ -11,12 +11,13 @@ from sysid.first_look.places import (
     Passage,
     arrival_order,
     axles_of_ranks,
+    counted_from_one,
     in_order,
     measured_positions,
-    named_axles,
+    numbered_axles,
     speed_m_s,
 )
-from sysid.first_look.words import NameSays, column_says
+from sysid.first_look.words import AxleLabel, columns_say
 from sysid.logs.channels import Clock, RawChannel
 
 STEP_S = 0.005
@@ -143,13 +144,35 @@ def test_axles_without_a_sensor_are_found_by_the_delays() -> None:
         (["steer_acc", "drive1_acc", "drive2_acc", "trailer1_acc", "trailer2_acc"], [0, 1, 2, 3, 4]),
         (["Beschl. Achse vorne", "Beschl. Achse hinten"], [0, 1]),
         (["ch1", "ch2"], []),
+        (["WegVA", "WegHA1", "WegHA2"], [0, 1, 2]),
+        (["VA1 acc", "VA2 acc", "HA3 acc", "HA4 acc"], [0, 1, 2, 3]),
+        # Of rear axles alone nobody knows how many stand before them.
+        (["HA1 acc", "HA2 acc"], []),
     ],
 )
 def test_names_count_axles_as_people_do(names: list[str], expected: list[int]) -> None:
-    assert list(named_axles({n: column_says(n) for n in names}).values()) == expected
+    from_one = counted_from_one(said.axle for said in columns_say(names).values())
+    axles = numbered_axles(from_one.values())
+    assert [axles[label] for said in columns_say(names).values() if (label := from_one[said.axle]) in axles] == expected
 
 
 def test_names_against_the_order_of_arrival() -> None:
-    named = named_axles({"a": NameSays(number=1), "b": NameSays(number=2)})
+    named = {"a": 0, "b": 1}
     assert in_order(named, {"a": 0, "b": 1})
     assert not in_order(named, {"a": 1, "b": 0})
+
+
+def test_columns_may_count_axles_from_zero_and_paths_from_one() -> None:
+    columns, paths = ([AxleLabel(n) for n in numbers] for numbers in ((0, 1, 2), (1, 2, 3)))
+    assert set(counted_from_one(columns).values()) == set(counted_from_one(paths).values()) == set(paths)
+    assert numbered_axles(paths) == {AxleLabel(1): 0, AxleLabel(2): 1, AxleLabel(3): 2}
+
+
+def test_an_axle_that_names_leave_open_is_left_out() -> None:
+    front, rear, drive, tag = (AxleLabel(place=p) for p in ("front", "rear", "drive", "tag"))
+    assert numbered_axles([front, rear]) == {front: 0, rear: 1}
+    # Two axles stand at the rear: which of them?
+    assert numbered_axles([front, drive, tag, rear]) == {front: 0, drive: 1, tag: 2}
+    first, second = AxleLabel(1, "rear"), AxleLabel(2, "rear")
+    assert numbered_axles([front, first, second, rear]) == {front: 0, first: 1, second: 2}
+    assert numbered_axles([AxleLabel(1), AxleLabel(2), front, rear]) == {AxleLabel(1): 0, AxleLabel(2): 1, front: 0}

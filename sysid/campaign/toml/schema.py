@@ -98,7 +98,7 @@ class _SensorTable(Table):
 
 
 class RunSensorTable(_SensorTable):
-    """[sensors.bump_run]: column = { kind, axle or body and x_m, unit, range, side, sign, scale, ... }."""
+    """[sensors.bump_run]: column = { kind, axle, or body and x_m, unit, range, side, sign, scale, ... }."""
 
     axle: Name | None = None
     body: Name | None = None
@@ -119,10 +119,11 @@ class RunSensorTable(_SensorTable):
             if self.axle is not None:
                 raise ValueError("measures pitch_rate; give its body instead of axle")
         elif self.kind == "body_acceleration":
-            if self.body is None or self.x_m is None:
-                raise ValueError("measures body_acceleration; give its body and x_m")
-            if self.axle is not None:
-                raise ValueError("measures body_acceleration; give body and x_m instead of axle")
+            at_place = self.body is not None and self.x_m is not None
+            if self.axle is None and not at_place:
+                raise ValueError("measures body_acceleration; give the axle above which it sits, or its body and x_m")
+            if self.axle is not None and (self.body is not None or self.x_m is not None):
+                raise ValueError("measures body_acceleration; give the axle above which it sits, or body and x_m")
         elif self.axle is None:
             raise ValueError(f"measures {self.kind}; give the name of its axle")
         elif self.body is not None or self.x_m is not None:
@@ -276,27 +277,31 @@ class PredictionTable(Table):
 
 
 class TestsTable(Table):
-    """[tests]: plank drops, bump runs and predictions; `plank_height_m` of drops that do not say their own."""
+    """[tests]: plank drops, bump runs and predictions; `plank_height_m` and `load_case` of those that do not say their
+    own."""
 
     plank_height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1.0)] | None = None
+    load_case: Name | None = None
     plank_drop: Annotated[list[PlankDropTable], Field(max_length=10_000)] = []
     bump_run: Annotated[list[BumpRunTable], Field(max_length=10_000)] = []
     prediction: Annotated[list[PredictionTable], Field(max_length=1000)] = []
 
     @model_validator(mode="before")
     @classmethod
-    def _common_height(cls, tables: Any) -> Any:
-        if not isinstance(tables, dict) or "plank_height_m" not in tables:
+    def _common_values(cls, tables: Any) -> Any:
+        if not isinstance(tables, dict):
             return tables
-        drops = tables.get("plank_drop")
-        if not isinstance(drops, list):
-            return tables
-        height = {"plank_height_m": tables["plank_height_m"]}
-        return {**tables, "plank_drop": [height | d if _needs_height(d) else d for d in drops]}
+        common = {key: tables[key] for key in ("plank_height_m", "load_case") if key in tables}
+        of_kinds = {kind: tables[kind] for kind in ("plank_drop", "bump_run") if isinstance(tables.get(kind), list)}
+        return {**tables, **{kind: [_with_common(e, kind, common) for e in of] for kind, of in of_kinds.items()}}
 
 
-def _needs_height(drop: Any) -> bool:
-    return isinstance(drop, dict) and drop.get("release", "plank") == "plank"
+def _with_common(entry: Any, kind: str, common: dict[str, Any]) -> Any:
+    """A drop or run with the values of all that do not say their own."""
+    if not isinstance(entry, dict):
+        return entry
+    on_plank = kind == "plank_drop" and entry.get("release", "plank") == "plank"
+    return {k: v for k, v in common.items() if k != "plank_height_m" or on_plank} | entry
 
 
 class CampaignFile(Table):

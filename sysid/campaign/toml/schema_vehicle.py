@@ -203,6 +203,6 @@ class LoadCaseTable(Table):
 
     cargo_mass_kg: OptionalMass | None = None
     axle_loads_kg: Annotated[list[Mass], Field(min_length=1, max_length=40)]
-    sprung_mass_kg: Annotated[list[Mass], Field(min_length=1, max_length=20)]
+    sprung_mass_kg: Annotated[list[Mass], Field(min_length=1, max_length=20)] | None = None
     pitch_inertia_kg_m2: Annotated[list[Inertia], Field(min_length=1, max_length=20)]
     cg_height_m: Annotated[list[Height], Field(min_length=1, max_length=20)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from typing import Any
 
-from sysid.campaign.toml.todo import find_todos, is_todo
+from sysid.campaign.toml.todo import MARK, find_todos, is_todo
 
 #: Numbers that the check of the logs does not use, but the reader needs.
 _UNUSED: dict[str, Any] = {
@@ -58,6 +58,9 @@ def with_stand_ins(tables: dict[str, Any], label: str) -> tuple[dict[str, Any], 
         for run in _entries(tests, "bump_run"):
             if is_todo(run.get("nominal_speed_km_h")):
                 del run["nominal_speed_km_h"]
+    if is_todo(tests.get("load_case")):
+        for run in _entries(tests, "bump_run"):
+            run.setdefault("load_case", MARK)
     for kind, wanted in (("plank_drop", ("axle", "axles", "file")), ("bump_run", ("file", "files", "load_case"))):
         needed = (*wanted, "nominal_speed_km_h") if kind == "bump_run" else wanted
         if isinstance(tests.get(kind), list):
@@ -117,6 +120,8 @@ def _complete_load_cases(tables: dict[str, Any]) -> None:
     counts |= dict.fromkeys(_PER_BODY, len(_entries(vehicle, "body")))
     for case in _table(tables, "load_case").values():
         if isinstance(case, dict):
+            if _has_todo(case.get("axle_loads_kg")):
+                case.setdefault("sprung_mass_kg", MARK)
             for key, count in counts.items():
                 if _has_todo(case.get(key)):
                     case[key] = [1.0 if key == "cg_height_m" else 1000.0] * count

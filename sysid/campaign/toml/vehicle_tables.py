@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from sysid.campaign.priors import PriorOverride
+from sysid.campaign.statics import chains
 from sysid.campaign.toml.groups import check_groups
 from sysid.campaign.toml.schema import CampaignFile
 from sysid.campaign.toml.schema_vehicle import AxleTable, BodyTable, GroupTable, LoadCaseTable
@@ -83,7 +84,6 @@ class VehicleReader:
         self._axles = [table.axle[i].name for i in order]
         self._check_positions([table.axle[i] for i in order], table.body)
         several = len(tables.load_case) > 1
-        self.load_cases = {n: self._load_case(n, t, order, len(table.body)) for n, t in tables.load_case.items()}
         self.vehicle = Vehicle(
             name=table.name,
             bodies=tuple(Body(b.name, b.hitch_x_m, b.hitch_height_m, _bending(b)) for b in table.body),
@@ -103,6 +103,7 @@ class VehicleReader:
             tolerances=MassTolerances(**table.tolerances.model_dump()),
         )
         check_groups(self.vehicle, label)
+        self.load_cases = {n: self._load_case(n, t, order) for n, t in tables.load_case.items()}
 
     def axle(self, name: str, key: str) -> int:
         """Index of an axle by name."""
@@ -206,7 +207,8 @@ class VehicleReader:
     def _members(self, table: GroupTable, index: int) -> tuple[int, ...]:
         return tuple(sorted(self.axle(n, f"vehicle.group[{index + 1}].axles") for n in table.axles))
 
-    def _load_case(self, name: str, table: LoadCaseTable, order: Sequence[int], bodies: int) -> LoadCase:
+    def _load_case(self, name: str, table: LoadCaseTable, order: Sequence[int]) -> LoadCase:
+        bodies = len(self.vehicle.bodies)
         counts = {
             "axle_loads_kg": (len(order), "axle"),
             "sprung_mass_kg": (bodies, "body"),
@@ -214,17 +216,30 @@ class VehicleReader:
             "cg_height_m": (bodies, "body"),
         }
         for key, (count, what) in counts.items():
-            given = len(getattr(table, key))
-            if given != count:
+            given = len(getattr(table, key) or [])
+            if given != count and not (key == "sprung_mass_kg" and table.sprung_mass_kg is None):
                 raise CampaignError(
                     f"{self._label}: load_case.{shorten(name)}.{key} has {given} numbers, expected {count}, "
                     f"one per {what}."
                 )
+        loads = tuple(table.axle_loads_kg[i] for i in order)
         return LoadCase(
             name=name,
-            axle_loads_kg=tuple(table.axle_loads_kg[i] for i in order),
-            sprung_mass_kg=tuple(table.sprung_mass_kg),
+            axle_loads_kg=loads,
+            sprung_mass_kg=tuple(table.sprung_mass_kg or self._sprung_masses(name, loads)),
             pitch_inertia_kg_m2=tuple(table.pitch_inertia_kg_m2),
             cg_height_m=tuple(table.cg_height_m),
             cargo_mass_kg=table.cargo_mass_kg,
         )
+
+    def _sprung_masses(self, name: str, axle_loads_kg: Sequence[float]) -> tuple[float, ...]:
+        """What stands on the axles of each body, less their unsprung masses, where no bodies are coupled."""
+        vehicle = self.vehicle
+        if any(len(chain) > 1 for chain in chains(vehicle)):
+            raise CampaignError(
+                f"{self._label}: load_case.{shorten(name)} has no sprung_mass_kg; give one number per body: with "
+                "coupled bodies, axle loads do not say it."
+            )
+        carried = [load - mass for load, mass in zip(axle_loads_kg, vehicle.unsprung_mass_kg, strict=True)]
+        bodies = range(len(vehicle.bodies))
+        return tuple(sum(m for m, a in zip(carried, vehicle.axles, strict=True) if a.body == b) for b in bodies)
