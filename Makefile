@@ -46,7 +46,6 @@ bench: $(VENV)/.installed
 
 # Whole jobs, cold and warm, in an environment with the program alone; then samplers on the fit of one of them.
 bench-jobs: $(VENV)/.installed
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[crosscheck]"
 	$(PYTHON) -m venv build/benchmarks/plain
 	build/benchmarks/plain/bin/pip install --quiet --disable-pip-version-check --editable .
 	$(BIN)/python -m benchmarks.jobs --python build/benchmarks/plain/bin/python --only reference --cold --document docs/benchmarks.md

@@ -88,7 +88,7 @@ def _serve(library: Path) -> None:
     from sysid.vehicle_model.native import build
 
     configure()
-    build.library = lambda coordinates=None, program=build.ENGINE: library
+    build.library = lambda coordinates=None: library
     work = make_work(nominal_point(), [0])
     ours = density(work, "native")
     points = {sets: work.sets(sets) for sets in BATCHES}

@@ -1,9 +1,8 @@
-"""What the product computes, as contenders: likelihoods, simulations, Jacobians, gradients, posterior steps."""
+"""What the product computes, as contenders: likelihoods, simulations, Jacobians, posterior steps."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import emcee
 import numpy as np
@@ -60,13 +59,6 @@ def jacobian(work: Work, name: str, every: int = 1) -> Contender:
     return _in_engine(f"{name} Jacobian", name, every, 1)(
         lambda: linearise(work.model, point.weights, point.log_parameters, point.motion)
     )
-
-
-def gradient(work: Work, ours: LogDensity, name: str, sets: int, every: int = 1) -> Contender:
-    """Log-densities with their gradients by one engine; per set."""
-    points = work.sets(sets)
-    label = f"{name} gradient" if sets == 1 else f"{name} gradient {sets}"
-    return replace(_in_engine(label, name, every, 1)(lambda: ours.gradients(points)), share=sets)
 
 
 def posterior(work: Work, ours: LogDensity) -> Contender:

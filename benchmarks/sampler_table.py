@@ -15,17 +15,14 @@ def write_table(found: dict[str, Any], document: Path) -> None:
 
 def table(found: dict[str, Any]) -> str:
     """Introduction and table."""
-    cost, machine = found["costs"], found["machine"]
-    alone, together = (f"{1e3 * cost[f'gradient_{n}_s']:.0f} ms" for n in ("alone", "batch"))
+    machine = found["machine"]
     head = ("sampler", "processor (wall) [s]", "R-hat", "spread", "effective draws", "per processor second", "later")
-    head += ("work per effective draw", "chains in a batch", "later")
+    head += ("work per effective draw", "later")
     lines = [
         f"Log-density of the fit of `{found['campaign']}/` with {found['parameters']} parameters, as the stage",
-        f"`sample` gets it. A likelihood in a batch takes {cost['likelihood_s'] * 1e3:.2f} ms of processor time. A",
-        f"gradient takes {together} in a batch, that is {cost['ratio_batch']:.1f} likelihoods, and {alone} alone, that",
-        f"is {cost['ratio_alone']:.0f}. A chain of nutpie asks for one at a time. Effective draws and R-hat are those",
-        "of the worst parameter. *Work per effective draw* counts everything, burn-in too, in likelihoods; the column",
-        "beside it says what it would be if many chains asked together. *Later* leaves burn-in and adapting out.",
+        f"`sample` gets it. A likelihood in a batch takes {found['likelihood_s'] * 1e3:.2f} ms of processor time.",
+        "Effective draws and R-hat are those of the worst parameter. *Work per effective draw* counts everything,",
+        "burn-in too, in likelihoods. *Later* leaves burn-in and adapting out.",
         "*Spread*: standard deviations over those of the converged posterior. Walkers",
         "that start apart from each other and hardly move count as that many effective draws, of where they started:",
         "R-hat and spread tell. "
@@ -35,18 +32,16 @@ def table(found: dict[str, Any]) -> str:
         f"| {' | '.join(head)} |",
         "|---" * len(head) + "|",
     ]
-    lines += [_row(one, cost) for one in found["samplers"].values()]
+    lines += [_row(one) for one in found["samplers"].values()]
     lines += ["", *(f"- {one['name']}: {one['remark']}." for one in found["samplers"].values())]
     return "\n".join(lines)
 
 
-def _row(one: dict[str, Any], cost: dict[str, float]) -> str:
+def _row(one: dict[str, Any]) -> str:
     effective, kept, spread = one["effective"], one["share_kept"], one.get("sd_ratio")
     wide = "" if spread is None else f"{spread[0]:.2f} to {spread[1]:.2f}"
-    prices = cost["ratio_alone"], cost["ratio_batch"]
-    rate = effective / one["processor_s"]
-    dear, cheap = ((one["likelihoods"] + price * one["gradients"]) / effective for price in prices)
+    rate, work = effective / one["processor_s"], one["likelihoods"] / effective
     return (
         f"| {one['name']} | {one['processor_s']:.0f} ({one['wall_s']:.0f}) | {one['rhat']:.3f} | {wide} | "
-        f"{effective:.0f} | {rate:.2g} | {rate / kept:.2g} | {dear:.0f} | {cheap:.0f} | {cheap * kept:.0f} |"
+        f"{effective:.0f} | {rate:.2g} | {rate / kept:.2g} | {work:.0f} | {work * kept:.0f} |"
     )

@@ -29,14 +29,11 @@ ENOUGH, RHAT = 400.0, 1.01
 ENSEMBLES, WALKERS_PER_PARAMETER = 4, 2.1
 #: Steps between two looks at the clock.
 STRETCH = 20
-#: Evaluations of a NUTS trajectory in whitened coordinates, for the choice of how many draws the time allows.
-PER_TRAJECTORY = 8
-NUTS_CHAINS = 2
 
 
 @dataclass(frozen=True)
 class Target:
-    """What is sampled: a log-density (n, p) -> (n,) with its gradient, and its Laplace approximation.
+    """What is sampled: a log-density (n, p) -> (n,), and its Laplace approximation.
 
     `sd` (p,) are the standard deviations of a converged posterior where there is one.
     """
@@ -49,22 +46,16 @@ class Target:
 
 
 class Counted:
-    """A log-density that counts its parameter sets and its gradients."""
+    """A log-density that counts its parameter sets."""
 
     def __init__(self, density: Any):
         self._density = density
-        self.likelihoods = self.gradients = 0
+        self.likelihoods = 0
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Log-densities (n,) of points (n, p)."""
         self.likelihoods += len(points)
         return np.asarray(self._density(points))
-
-    def gradient(self, point: np.ndarray) -> tuple[float, np.ndarray]:
-        """Log-density of one point (p,) and its gradient (p,)."""
-        self.gradients += 1
-        found: tuple[float, np.ndarray] = self._density.gradient(point)
-        return found
 
 
 @dataclass(frozen=True)
@@ -87,7 +78,6 @@ class Outcome:
     rhat: float
     sd_ratio: tuple[float, float] | None
     likelihoods: int
-    gradients: int
     share_kept: float
     wall_s: float
     processor_s: float
@@ -141,28 +131,6 @@ def emcee_moves(moves: Callable[[], list[tuple[emcee.moves.Move, float]]]) -> Sa
     return sample
 
 
-def nuts(target: Target, density: Counted, limit_s: float, seed: int) -> Draws:
-    """The No-U-Turn sampler of nutpie with the exact gradient."""
-    from sysid.posterior.cross_check import gradient_draws
-
-    density.gradient(target.centre)
-    one = _seconds(lambda: density.gradient(target.centre))
-    calls = max(int(limit_s / one), 20 * NUTS_CHAINS * PER_TRAJECTORY)
-    length = calls // (NUTS_CHAINS * PER_TRAJECTORY)
-    tuning = min(150, length // 3)
-    draws, divergences = gradient_draws(
-        density.gradient,
-        target.centre,
-        target.covariance,
-        chains=NUTS_CHAINS,
-        tuning=tuning,
-        draws=length - tuning,
-        seed=seed,
-    )
-    remark = f"{NUTS_CHAINS} chains, {tuning} draws to adapt and {length - tuning} kept, {divergences} divergences"
-    return _of_chains(draws, (length - tuning) / length, remark)
-
-
 Sampler = Callable[[Target, Counted, float, int], Draws]
 
 SAMPLERS: dict[str, Sampler] = {
@@ -171,20 +139,7 @@ SAMPLERS: dict[str, Sampler] = {
     "emcee, DE and DE snooker (4 to 1)": emcee_moves(
         lambda: [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
     ),
-    "nutpie, NUTS": nuts,
 }
-
-
-def _of_chains(draws: np.ndarray, share_kept: float, remark: str) -> Draws:
-    """Effective draws and R-hat of chains (chains, n, p)."""
-    from arviz_stats.base import array_stats  # type: ignore[attr-defined]
-
-    from sysid.posterior.diagnostics import effective_draws
-
-    every = range(draws.shape[2])
-    rhat = [float(array_stats.rhat(draws[..., i], chain_axis=0, draw_axis=1)) for i in every]
-    effective = np.array([effective_draws(draws[..., i]) for i in every])
-    return Draws(effective, np.array(rhat), draws.std(axis=(0, 1)), share_kept, remark)
 
 
 def _seconds(call: Callable[[], object], repeats: int = 5) -> float:
@@ -231,7 +186,6 @@ def measure(target: Target, name: str, limit_s: float, seed: int) -> Outcome:
         float(found.rhat.max()),
         None if ratio is None else (float(ratio.min()), float(ratio.max())),
         density.likelihoods,
-        density.gradients,
         found.share_kept,
         time.perf_counter() - wall,
         time.process_time() - processor,
@@ -239,29 +193,13 @@ def measure(target: Target, name: str, limit_s: float, seed: int) -> Outcome:
     )
 
 
-def costs(target: Target) -> dict[str, float]:
-    """Processor seconds of a likelihood in a batch as the sampler has it, and of a gradient in a batch and alone.
-
-    Rounds are interleaved.
-    """
+def cost(target: Target) -> float:
+    """Processor seconds of a likelihood in a batch as the sampler has it."""
     half = int(np.ceil(WALKERS_PER_PARAMETER * len(target.names) / 2))
     factor = np.linalg.cholesky(target.covariance)
     sets = target.centre + np.random.default_rng(5).standard_normal((half, len(target.names))) @ factor.T
-    calls: dict[str, tuple[Callable[[], object], int]] = {
-        "likelihood": (lambda: target.density(sets), half),
-        "gradient_batch": (lambda: target.density.gradients(sets), half),
-        "gradient_alone": (lambda: target.density.gradient(sets[0]), 1),
-    }
-    rounds = [{name: _seconds(call, 1) / count for name, (call, count) in calls.items()} for _ in range(16)][1:]
-
-    def median(of: Callable[[dict[str, float]], float]) -> float:
-        return float(np.median([of(one) for one in rounds]))
-
-    found = {f"{name}_s": median(lambda one, name=name: one[name]) for name in calls}  # type: ignore[misc]
-    ratios = {
-        f"ratio_{n}": median(lambda one, n=n: one[f"gradient_{n}"] / one["likelihood"]) for n in ("batch", "alone")
-    }  # type: ignore[misc]
-    return found | ratios
+    target.density(sets)
+    return _seconds(lambda: target.density(sets), 15) / half
 
 
 def main() -> None:
@@ -282,17 +220,13 @@ def main() -> None:
     kept = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     rows: dict[str, Any] = kept.get("samplers", {})
     for name in options.only:
-        try:
-            rows[name] = asdict(measure(target, name, options.seconds, options.seed))
-        except ImportError as error:
-            sys.stderr.write(f"{name}: left out ({error})\n")
-            continue
+        rows[name] = asdict(measure(target, name, options.seconds, options.seed))
         sys.stderr.write(f"{rows[name]}\n")
         found = {
             "machine": describe(),
             "campaign": options.campaign.parent.name,
             "parameters": len(target.names),
-            "costs": costs(target),
+            "likelihood_s": cost(target),
             "samplers": rows,
         }
         path.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")

@@ -80,7 +80,6 @@ def _comparison(plan: Plan, work: Work, say: Say) -> dict[str, Any]:
         *likelihood.bare(program, batches),
         likelihood.simulation(work, "native"),
         likelihood.jacobian(work, "native"),
-        *(likelihood.gradient(work, ours, "native", sets) for sets in (1, batch)),
         likelihood.posterior(work, ours),
         *peers.contenders,
     ]
@@ -91,7 +90,6 @@ def _comparison(plan: Plan, work: Work, say: Say) -> dict[str, Any]:
             *likelihood.likelihoods(work, jax_density, "jax", batches, every),
             likelihood.simulation(work, "jax", every),
             likelihood.jacobian(work, "jax", 2 * every),
-            likelihood.gradient(work, jax_density, "jax", 1, every),
         ]
     say(f"comparison of {len(contenders)}")
     done = run_rounds(contenders, 2 if plan.quick else plan.rounds, ROUNDS_LIMIT_S)
@@ -122,12 +120,9 @@ def _ratios(by_name: dict[str, Contender], batch: int) -> dict[str, dict[str, Sp
         "likelihood / kernel": (f"native {batch}", f"kernel {batch}"),
         "one simulation / kernel per set": ("native simulation", f"kernel {batch}"),
         "Jacobian / likelihood": ("native Jacobian", f"native {batch}"),
-        "gradient / likelihood": (f"native gradient {batch}", f"native {batch}"),
-        "gradient / likelihood of one set": ("native gradient", "native 1"),
         "JAX likelihood / kernel": (f"jax {batch}", f"kernel {batch}"),
         "JAX one simulation / kernel per set": ("jax simulation", f"kernel {batch}"),
         "JAX Jacobian / JAX likelihood": ("jax Jacobian", f"jax {batch}"),
-        "JAX gradient / JAX likelihood of one set": ("jax gradient", "jax 1"),
     }
     peers = [name for name in by_name if name.startswith(("diffrax", "CVODE", "LSODA"))]
     pairs |= {f"{name} / likelihood": (name, f"native {batch}") for name in peers}

@@ -71,7 +71,7 @@ def declared_everywhere() -> set[str]:
 def test_the_package_imports_what_it_declares():
     extras = project()["optional-dependencies"]
     formats = ("opencrg", "mdf", "tdms", "parquet", "excel", "lvm", "uff", "can")
-    optional = USED_WHERE_INSTALLED.union(*(names(extras[extra]) for extra in ("crosscheck", "cluster", *formats)))
+    optional = USED_WHERE_INSTALLED.union(*(names(extras[extra]) for extra in ("cluster", *formats)))
     assert imported_below("sysid") - optional == names(project()["dependencies"]) - LOADED_BY_OTHERS.keys()
 
 

@@ -72,7 +72,7 @@ def _built(name: str, processor: str, scratch: Path) -> str:
         exports.write_text(EXPORTS, encoding="ascii")
         link = (f"-Wl,--version-script={exports}", "-Wl,--gc-sections", "-s")
         target = ("-target", f"{platform.machine()}-linux-gnu.{GLIBC}", f"-mcpu={processor}")
-        build.compile_engine(ZIG, made, *link, processor=target, programs=build.PROGRAMS)
+        build.compile_engine(ZIG, made, *link, processor=target)
         made.rename(file)
     return hashlib.sha256(file.read_bytes()).hexdigest()
 

@@ -24,7 +24,6 @@ ROOT = Path(__file__).resolve().parents[1]
 TWINS = (
     "tests/vehicle_model/test_native_engine.py",
     "tests/estimation/test_native_residuals.py",
-    "tests/estimation/test_misfit_gradients.py",
 )
 #: Log-densities are sums of 1e4 squares that builds round in other ways; 1e-14 is found.
 TOLERANCE = 1e-12

@@ -126,7 +126,7 @@ for _record in RECORDS:
         _add(_record.name, _record.command.help, _record.command.options)
 _add(
     "run",
-    "All stages in order, except profile, crosscheck, selftest and validate --leave-out; with --quick without advise.",
+    "All stages in order, except profile, selftest and validate --leave-out; with --quick without advise.",
 )
 
 

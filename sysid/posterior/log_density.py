@@ -20,9 +20,7 @@ from sysid.estimation.residuals.fewer_samples import with_fewer_samples
 from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.linearisation import linearise_one
 from sysid.estimation.residuals.run_motion import motion_prior
-from sysid.estimation.residuals.set_misfits import group_inputs, group_misfit_gradients, group_misfits
-from sysid.threads import side_by_side
-from sysid.vehicle_model.device_arrays import HostOrDevice
+from sysid.estimation.residuals.set_misfits import group_inputs, group_misfits
 
 #: Description of the likelihood, for the user.
 LIKELIHOOD = (
@@ -80,30 +78,6 @@ class LogDensity:
         for inputs, shape in zip(self._inputs, self._model.shapes, strict=True):
             misfit = misfit + np.asarray(group_misfits(inputs, sets, shape=shape))
         return self._density(points, misfit)
-
-    def gradients(self, log_parameters: Parameters) -> tuple[np.ndarray, np.ndarray]:
-        """Log-density (n,) of parameter sets (n, p), and its exact gradients (n, p).
-
-        With the misfit m at the set that is simulated, F how this follows the point, the rows P of the priors, their
-        targets t and the linear term g, the gradient at x is -1/2 F' dm - P' (P x - t) - g.
-        """
-        points = np.atleast_2d(np.asarray(log_parameters, float))
-        sets = self._sets(points)
-
-        def of_group(position: int) -> tuple[HostOrDevice, HostOrDevice]:
-            return group_misfit_gradients(self._inputs[position], sets, shape=self._model.shapes[position])
-
-        # With one set a group keeps one core busy; threads let the groups share the cores.
-        misfit, slopes = np.zeros(points.shape[0]), np.zeros(sets.shape)
-        for misfits, gradients in side_by_side(of_group, range(len(self._inputs))):
-            misfit, slopes = misfit + np.asarray(misfits), slopes + np.asarray(gradients)
-        prior = self._off_prior(points) @ self._rows
-        return self._density(points, misfit), -0.5 * slopes.T @ self._following - prior - self._tilt
-
-    def gradient(self, log_parameters: Parameters) -> tuple[float, np.ndarray]:
-        """Log-density of one parameter set (p,) and its exact gradient (p,)."""
-        density, slopes = self.gradients(log_parameters)
-        return float(density[0]), slopes[0]
 
     def _sets(self, points: np.ndarray) -> np.ndarray:
         """Parameter sets (p, n) that are simulated: as if the footprint maps followed the tires."""

@@ -114,9 +114,7 @@ def _calibration(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
         "loop_pictures": figures.loop_pictures(results, gallery),
         "modes": tables.modes_table(modes),
         "mode_pictures": figures.mode_pictures(modes, gallery),
-        "posterior_table": None
-        if results.posterior is None
-        else tables.posterior_table(results.posterior, results.crosscheck),
+        "posterior_table": None if results.posterior is None else tables.posterior_table(results.posterior),
         "posterior_pictures": figures.posterior_pictures(results, gallery),
     }
 

@@ -20,7 +20,6 @@ from sysid.results import Results
 if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.parameters.estimate import ParameterEstimate
-    from sysid.posterior.cross_check import CrossCheck
     from sysid.posterior.sampled_posterior import Posterior
     from sysid.vehicle_model.vibration_modes import NaturalModes
 
@@ -135,7 +134,7 @@ def fit_table(fit: FitResult) -> Table:
     return table("Diagnostics of the least-squares fit", ("quantity", "value", "what a good fit shows"), rows, 3)
 
 
-def posterior_table(p: Posterior, checked: CrossCheck | None = None) -> Table:
+def posterior_table(p: Posterior) -> Table:
     """Diagnostics of the sampling next to what a converged run shows."""
     ensembles, steps, walkers, count = p.draws.shape
     rhat = max((s.rhat for s in p.summaries), default=math.nan)
@@ -153,21 +152,6 @@ def posterior_table(p: Posterior, checked: CrossCheck | None = None) -> Table:
         ("fewest effective draws, likewise", number(ess), "above 400"),
         ("seed", str(p.seed), ""),
     ]
-    if checked is not None:
-        shift = max(checked.parameters, key=lambda c: abs(c.shift / c.shift_limit))
-        ratio = max(checked.parameters, key=lambda c: abs((c.sd_ratio - 1.0) / c.sd_ratio_limit))
-        rows += [
-            (
-                f"{checked.sampler}: means apart [sd]",
-                f"{number(abs(shift.shift), 2)} ({shift.name})",
-                f"below {number(shift.shift_limit, 2)}, Monte Carlo error",
-            ),
-            (
-                f"{checked.sampler}: sd ratio [-]",
-                f"{fixed(ratio.sd_ratio, 2)} ({ratio.name})",
-                f"1 ± {number(ratio.sd_ratio_limit, 2)}, Monte Carlo error",
-            ),
-        ]
     return table("Diagnostics of the sampling", ("quantity", "value", "what a converged run shows"), rows, 3)
 
 

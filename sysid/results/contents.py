@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from sysid.estimation.fit.profiles import ProfileLikelihood
     from sysid.estimation.parameters.rockers import LoadShare
     from sysid.planning.advice_records import Advice
-    from sysid.posterior.cross_check import CrossCheck
     from sysid.posterior.sampled_posterior import Posterior
     from sysid.prediction.predicted_passes import Predictions
     from sysid.prediction.trust import DrivenRange
@@ -77,7 +76,6 @@ class Results(Tabular):
     scans: Mapping[str, ScanAnalysis] = field(default_factory=dict)
     fit: FitResult | None = None
     posterior: Posterior | None = None
-    crosscheck: CrossCheck | None = None
     estimates: Estimates | None = None
     driven: DrivenRange | None = None
     predictions: Predictions | None = None

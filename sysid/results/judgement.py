@@ -67,8 +67,6 @@ def _unexplained(results: Results) -> list[str]:
     sentences = _misfit(results)
     if results.posterior is not None:
         sentences += results.posterior.against_intervals
-        if results.crosscheck is not None and not results.crosscheck.agrees:
-            sentences.append(results.crosscheck.message)
     return sentences
 
 

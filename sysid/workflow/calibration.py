@@ -19,7 +19,6 @@ from sysid.helper_process import helped_by
 from sysid.output_folder import output_folder
 from sysid.planning.advice_records import Advice
 from sysid.planning.ranking import CANDIDATE_KM_H
-from sysid.posterior.cross_check import CrossCheck
 from sysid.posterior.sampled_posterior import Posterior
 from sysid.prediction.predicted_passes import Predictions
 from sysid.prediction.run_bands import with_bands
@@ -207,16 +206,6 @@ class Calibration:
         continued too.
         """
         return self.result(stages.SAMPLE)
-
-    def crosscheck(self) -> CrossCheck:
-        """The posterior sampled once more by a gradient-based sampler, and compared.
-
-        Raises
-        ------
-        CampaignError
-            If that sampler is not installed.
-        """
-        return self.result(stages.CROSSCHECK)
 
     def histories(self) -> tuple[RunHistory, ...]:
         """Measured against simulated histories of every run, with posterior bands where it has been sampled."""

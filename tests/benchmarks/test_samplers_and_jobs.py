@@ -23,20 +23,16 @@ class Gaussian:
     def __call__(self, points: np.ndarray) -> np.ndarray:
         return -0.5 * ((points / SD) ** 2).sum(axis=1)
 
-    def gradient(self, point: np.ndarray) -> tuple[float, np.ndarray]:
-        return float(self(point[None])[0]), -point / SD**2
-
 
 def target() -> Target:
     return Target(Gaussian(), ("a", "b", "c"), np.zeros(3), np.diag(SD**2), SD)
 
 
-def test_sets_and_gradients_are_counted():
+def test_sets_are_counted():
     density = Counted(Gaussian())
     density(np.zeros((7, 3)))
     density(np.zeros((2, 3)))
-    density.gradient(np.zeros(3))
-    assert (density.likelihoods, density.gradients) == (9, 1)
+    assert density.likelihoods == 9
 
 
 @pytest.mark.parametrize("name", ["ours", "emcee, stretch move (its default)"])
@@ -51,7 +47,6 @@ def test_ensembles_on_a_gaussian_converge_and_pay_for_all_walkers(name: str):
     steps = int(found.remark.split(" steps")[0].split()[-1])
     # Every step proposes for every walker; starts and the measurement of one likelihood come on top.
     assert 4 * walkers * steps <= found.likelihoods <= 4 * walkers * (steps + 2) + 5 * 64
-    assert found.gradients == 0
 
 
 def test_work_is_counted_in_likelihoods():
@@ -60,25 +55,22 @@ def test_work_is_counted_in_likelihoods():
         "effective": 100.0,
         "rhat": 1.0042,
         "likelihoods": 1000,
-        "gradients": 50,
         "share_kept": 0.5,
         "sd_ratio": [0.96, 1.31],
         "wall_s": 40.0,
         "processor_s": 20.0,
         "remark": "in words",
     }
-    costs = {"likelihood_s": 0.001, "gradient_batch_s": 0.006, "gradient_alone_s": 0.04}
-    costs |= {"ratio_batch": 6.0, "ratio_alone": 40.0}
     found = {
         "machine": {"cores": 2, "instruction_set": "AVX2", "load_before": 0.1},
         "campaign": "data",
         "parameters": 45,
-        "costs": costs,
+        "likelihood_s": 0.001,
         "samplers": {"a sampler": one},
     }
     row = next(line for line in table(found).splitlines() if line.startswith("| a sampler"))
-    # (1000 + 40 50) / 100 = 30 with gradients one at a time, (1000 + 6 50) / 100 = 13 with gradients in a batch.
-    assert row == "| a sampler | 20 (40) | 1.004 | 0.96 to 1.31 | 100 | 5 | 10 | 30 | 13 | 6 |"
+    # 1000 / 100 = 10 likelihoods per effective draw, half of them kept.
+    assert row == "| a sampler | 20 (40) | 1.004 | 0.96 to 1.31 | 100 | 5 | 10 | 10 | 5 |"
 
 
 def test_a_job_that_reaches_its_limit_is_ended_and_measured(tmp_path: Path):

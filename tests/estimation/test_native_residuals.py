@@ -18,6 +18,7 @@ from sysid.campaign.records import Campaign
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, laws_side_by_side
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.parameters.suspension_elements import ELEMENTS, law_elements
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.linearisation import linearise, linearise_group
 from sysid.estimation.residuals.residual_weights import Weights
@@ -119,6 +120,12 @@ def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined
     jacobian = found[1][2]
     used = np.abs(jacobian).max(axis=(0, 1, 2)) > 0.0
     assert used.all(), [n for n, u in zip(model.parameters.names, used, strict=False) if not u]
+
+
+def test_every_element_of_campaign_files_is_in_that_comparison():
+    """A bilinear damper is part of the asymmetric one; stops of unknown travel have the test below."""
+    laws = (law_elements(axle.suspension_law) for axle in campaign_with_every_element("beam").vehicle.axles)
+    assert set(ELEMENTS) - frozenset().union(*laws) == {"bilinear_damper", "estimated_bump_stops"}
 
 
 def assert_laws_by_numpy_are_those_by_jax(inputs: LawInputs, sets: np.ndarray) -> None:

@@ -13,7 +13,6 @@ from sysid.estimation.parameters.rockers import LoadShare
 from sysid.estimation.parameters.undeclared_parts import UndeclaredFrame
 from sysid.estimation.uncertainty.identifiability import UndeterminedGroup
 from sysid.numbers import decimals, fixed, interval, listing, number, percent
-from sysid.posterior.cross_check import CheckedParameter, CrossCheck
 from sysid.prediction.trust import Extrapolation
 from sysid.report.figures import representative_run
 from sysid.report.verdict import verdict
@@ -77,12 +76,6 @@ def with_posterior(*, against=(), **changes):
                                  against_intervals=against)}  # fmt: skip
 
 
-def checked_against(shift):
-    """Two samplers whose means of k_1 are `shift` standard deviations apart, known to a tenth of one each."""
-    found = CheckedParameter("k_1", shift, 0.1, 1.0, 0.1, 300.0)
-    return CrossCheck("NUTS (nutpie)", (found,), 2, "The two samplers were compared.")
-
-
 def with_groups(*groups):
     return with_fit(identifiability=replace(small_fit().identifiability, groups=groups))
 
@@ -100,8 +93,6 @@ def with_pass_warning(sentence):
         (with_fit(doubts=("An independent solver ends 3.0 standard deviations away.",)), "with_care", "solver ends 3"),
         (with_posterior(warnings=("The posterior fits better than the optimum.",)), "with_care", "fits better than"),
         (with_posterior(against=("7 of 64 walkers are stuck.",)), "do_not_bet", "walkers are stuck"),
-        ({"crosscheck": checked_against(0.5)}, "do_not_bet", "samplers were compared"),
-        ({"crosscheck": checked_against(0.3)}, "use", "converged"),
         (with_groups(UndeterminedGroup(("stop_1", "k_1"), 1, "sum", 0.02)), "with_care", "stop_1 and k_1 are only"),
         (with_groups(UndeterminedGroup(("stop_1",), 0, "none", math.nan)), "with_care", "do not determine stop_1"),
         # Tires are known from elsewhere.

@@ -147,7 +147,7 @@ def test_a_library_refuses_vehicles_that_it_is_not_compiled_for(call, tmp_path, 
     # Without optimisation: nothing is computed.
     build.compile_engine(compiler, tmp_path / "engine.so", "-O0", "-DSYSID_COORDINATES=8")
     other = kernel.load(tmp_path / "engine.so", "eight coordinates")
-    monkeypatch.setattr(kernel, "_loaded", lambda coordinates, program: other)
+    monkeypatch.setattr(kernel, "_loaded", lambda coordinates: other)
     with pytest.raises(ValueError, match="not compiled for so many body coordinates"):
         kernel.run(call)
 

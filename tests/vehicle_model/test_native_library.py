@@ -26,7 +26,7 @@ def builds(monkeypatch, unregistered) -> list[build.Compiler]:
     """What was compiled since; a file of a few bytes stands for the library, any program for the compiler."""
     made: list[build.Compiler] = []
 
-    def write(compiler: build.Compiler, file: Path, *flags: str, programs: tuple[str, ...]) -> None:
+    def write(compiler: build.Compiler, file: Path, *flags: str) -> None:
         made.append(compiler)
         file.write_bytes(b"library")
 
@@ -64,14 +64,6 @@ def test_each_number_of_coordinates_has_a_library_and_any_does_where_none_is_nam
     assert len(builds) == 2
     assert build.library() in (rigid_truck, long_truck)
     assert (build.library(8), build.library(3)) == (long_truck, rigid_truck)
-    assert len(builds) == 2
-
-
-@on_posix
-def test_each_program_has_a_library_of_its_own(builds):
-    made = [build.library(4, program) for program in build.PROGRAMS]
-    assert [path.parents[1].name for path in made] == [path.stem for path in made] == list(build.PROGRAMS)
-    assert [build.library(4, program) for program in build.PROGRAMS] == made
     assert len(builds) == 2
 
 
@@ -206,10 +198,10 @@ def test_two_builders_at_once_end_with_one_library(builds, monkeypatch):
     """The other one is done while this one compiles."""
     plain = build.compile_engine
 
-    def overtaken(compiler: build.Compiler, file: Path, *flags: str, programs: tuple[str, ...]) -> None:
+    def overtaken(compiler: build.Compiler, file: Path, *flags: str) -> None:
         monkeypatch.setattr(build, "compile_engine", plain)
         build.library()
-        plain(compiler, file, *flags, programs=programs)
+        plain(compiler, file, *flags)
 
     monkeypatch.setattr(build, "compile_engine", overtaken)
     found = build.library()
@@ -272,7 +264,7 @@ def test_it_compiles_without_a_warning(tmp_path):
     compiler = build.find_compiler()
     assert compiler is not None
     flags = ("-Werror", "-DSYSID_COORDINATES=4")
-    build.compile_engine(compiler, tmp_path / "engine.so", *flags, programs=build.PROGRAMS)
+    build.compile_engine(compiler, tmp_path / "engine.so", *flags)
     loaded = ctypes.CDLL(str(tmp_path / "engine.so"))
     kernel.check_fingerprint(loaded)
 

@@ -208,9 +208,9 @@ def test_without_a_compiler_the_prebuilt_engine_computes(whole, packed, cores, u
     assert engine.engine_versions() == {"engine": "native", "engine_build": "prebuilt for x86-64-v3"}
     assert caplog.messages == []
     library = kernel._loaded(None).library
-    assert all(hasattr(library, f"sysid_{entry}") for entry, x in kernel.ENTRIES.items() if x.program == build.ENGINE)
+    assert all(hasattr(library, f"sysid_{entry}") for entry in kernel.ENTRIES)
     again(monkeypatch)
-    monkeypatch.setattr(build, "compile_engine", lambda compiler, made, *flags, programs: made.write_bytes(whole))
+    monkeypatch.setattr(build, "compile_engine", lambda compiler, made, *flags: made.write_bytes(whole))
     assert engine.engine_versions() == {"engine": "native", "engine_build": "compiled on this machine"}
 
 
@@ -219,7 +219,7 @@ def test_without_a_compiler_the_prebuilt_engine_computes(whole, packed, cores, u
 def test_where_compiling_fails_the_prebuilt_engine_computes(whole, packed, cores, unregistered, monkeypatch, how):
     """A broken compiler, or a cache folder from which the system runs nothing."""
 
-    def compile_engine(compiler: build.Compiler, made: Path, *flags: str, programs: tuple[str, ...]) -> None:
+    def compile_engine(compiler: build.Compiler, made: Path, *flags: str) -> None:
         if how == "compiler fails":
             raise build.BuildError("out of order")
         made.write_bytes(b"no library")
@@ -245,7 +245,7 @@ def test_where_there_is_nothing_both_reasons_and_the_remedy_are_said(packed, cor
 @needs_compiler
 def test_what_a_compiler_has_made_is_used_when_it_is_gone(whole, packed, unregistered, monkeypatch):
     packed({"x86-64-v3": whole})
-    monkeypatch.setattr(build, "compile_engine", lambda compiler, made, *flags, programs: made.write_bytes(whole))
+    monkeypatch.setattr(build, "compile_engine", lambda compiler, made, *flags: made.write_bytes(whole))
     made = build.library()
     monkeypatch.setenv("CXX", "no-such-compiler")
     assert build.library() == made
@@ -295,5 +295,5 @@ def test_zig_keeps_nothing_where_others_may_write(monkeypatch, tmp_path):
 def test_zig_compiles_the_engine(tmp_path):
     """As it stands: the library is loaded and takes the arrays of this version."""
     zig = (sys.executable, "-m", "ziglang", "c++")
-    build.compile_engine(zig, tmp_path / "engine.so", programs=build.PROGRAMS)
+    build.compile_engine(zig, tmp_path / "engine.so")
     assert kernel.load(tmp_path / "engine.so", "zig").origin == "zig"

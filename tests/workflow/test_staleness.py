@@ -21,7 +21,7 @@ from sysid.workflow.stages import FIT, SAMPLE, SCAN, STAGES, VALIDATE
 EVERY = {stage.name for stage in STAGES}
 #: Advice names the peak of a predicted pass.
 ON_PREDICT = {"predict", "advise"}
-ON_SAMPLE = {"sample", "bands", "crosscheck", "estimates"} | ON_PREDICT
+ON_SAMPLE = {"sample", "bands", "estimates"} | ON_PREDICT
 ON_FIT = {"fit", "left_out", "validate", "profile", "driven"} | ON_SAMPLE
 ON_DROPS = {"drops"} | ON_FIT
 #: What each setting makes stale, written down by hand.

@@ -22,7 +22,6 @@ from sysid.estimation.fit.state import FitPoint
 from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet, PriorLink
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
-from sysid.posterior.cross_check import CheckedParameter, CrossCheck
 from sysid.road.shapes import raised_cosine
 from sysid.sdof.drop_results import DropEstimate, DropSummary
 from sysid.validation.channel_agreement import ChannelAgreement, LeftOutRun, Validation
@@ -54,7 +53,6 @@ def every_result() -> dict[str, Any]:
     """A result of every stage by its name."""
     found = small_results()
     left = LeftOutRun("a", np.ones(3), np.zeros(3), True, 3.0, 0.1, found.validation.channels)
-    checked = CheckedParameter("k_1", 0.1, 0.2, 1.0, 0.1, 300.0)
     return {
         "check": found.quality,
         "drops": found.drops,
@@ -65,7 +63,6 @@ def every_result() -> dict[str, Any]:
         "profile": {"k_1": small_profile()},
         "sample": found.posterior,
         "bands": tuple(h.band for h in found.fit.histories),
-        "crosscheck": CrossCheck("nuts", (checked,), 0, "words"),
         "driven": found.driven,
         "predict": found.predictions,
         "advise": small_advice(small_fit()),

@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jax.tree_util import Partial
 
 from sysid.arrays import RunsByChannels
 from sysid.estimation.parameters.axle_laws import axle_laws
@@ -67,22 +66,3 @@ def group_misfits(inputs: GroupInputs, log_parameters: ParametersBySets, *, shap
         arrays.matrices, suspension, tire, road, shape.timing, shape.sensors, shape.recursion, readings, inputs.local
     )
     return misfits.sum(axis=0)
-
-
-def group_misfit_gradients(
-    inputs: GroupInputs, log_parameters: ParametersBySets, *, shape: GroupShape
-) -> tuple[HostOrDevice, HostOrDevice]:
-    """The sums (S,) of :func:`group_misfits` and their gradients (p, S)."""
-    arrays, road = inputs.arrays, inputs.road
-    misfits, gradients = road.engine.misfit_gradients(
-        arrays.matrices,
-        Partial(axle_laws, arrays.laws),
-        log_parameters,
-        road,
-        shape.timing,
-        shape.sensors,
-        shape.recursion,
-        arrays.readings(inputs.noise_sd, inputs.tempering),
-        inputs.local,
-    )
-    return misfits.sum(axis=0), gradients

@@ -10,14 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax.tree_util import Partial
 
-from sysid.errors import SysidError
 from sysid.vehicle_model.contact import CELL_POLYNOMIAL, EffectiveRoad, TireLaw
-from sysid.vehicle_model.device_arrays import ChannelHistories, HostOrDevice, ParametersBySets, RunsBySets, numpy_of
+from sysid.vehicle_model.device_arrays import ChannelHistories, HostOrDevice, RunsBySets, numpy_of
 from sysid.vehicle_model.engines.protocol import (
     LawFunction,
     Linearisation,
     LocalColumns,
-    MisfitGradients,
     Timing,
     Unknowns,
     WheelRoad,
@@ -26,7 +24,6 @@ from sysid.vehicle_model.filters import FilterRecursion
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.native import kernel
 from sysid.vehicle_model.native.buffers import COORDINATES, MAX_AXLES, POLE_NUMBERS, law_rows
-from sysid.vehicle_model.native.build import BuildError
 from sysid.vehicle_model.native.kernel import Call
 from sysid.vehicle_model.readings import Readings
 from sysid.vehicle_model.simulation import Histories, SensorLayout
@@ -116,37 +113,6 @@ class NativeEngine:
         """r'r - b' N^-1 b, (R, S); the signals of a run never leave the processor's cache."""
         call = misfit_call(matrices, (suspension, tire), road, timing, layout, recursion, readings, local)
         return kernel.run(call)[0]
-
-    def misfit_gradients(
-        self,
-        matrices: StackedMatrices,
-        laws: LawFunction,
-        sets: ParametersBySets,
-        road: WheelRoad,
-        timing: Timing,
-        layout: SensorLayout,
-        recursion: FilterRecursion | None,
-        readings: Readings,
-        local: LocalColumns,
-    ) -> MisfitGradients:
-        """Back in time to the laws' rows, and from there to parameters by JAX.
-
-        Raises
-        ------
-        SysidError
-            If its program, another than that of the other methods, can neither be compiled nor is prebuilt.
-        """
-        call = misfit_call(matrices, laws(sets), road, timing, layout, recursion, readings, local)
-        try:
-            misfits, law_slopes, frame_slopes = kernel.run(call._replace(entry="gradients"))
-        except BuildError as error:
-            raise SysidError(
-                f"The native engine has no program for gradients: {error}. Install a C++ compiler, or set "
-                "SYSID_ENGINE=reference to compute without it."
-            ) from error
-        slopes = {"laws": law_slopes, "frames": frame_slopes if matrices.frames is not None else _NOTHING}
-        traceable = laws if isinstance(laws, Partial) else Partial(laws)
-        return MisfitGradients(misfits, _pulled_back(traceable, sets, slopes))
 
 
 NATIVE = NativeEngine()
@@ -255,14 +221,6 @@ def _law_tangents(laws: LawFunction, value: HostOrDevice, directions: HostOrDevi
     at = jnp.broadcast_to(value[:, None], directions.shape)
     tangents: dict[str, jax.Array] = jax.jvp(lambda x: _differentiated(*laws(x)), (at,), (directions,))[1]
     return tangents
-
-
-@jax.jit
-def _pulled_back(laws: LawFunction, sets: HostOrDevice, slopes: dict[str, HostOrDevice]) -> jax.Array:
-    """Slopes (p, S) by parameters from those by the arrays that depend on them."""
-    back = jax.vjp(lambda x: _differentiated(*laws(x)), sets)[1]
-    gradients: jax.Array = back(slopes)[0]
-    return gradients
 
 
 def _differentiated(suspension: SuspensionLaw, tire: TireLaw) -> dict[str, HostOrDevice]:

@@ -72,13 +72,6 @@ class LocalColumns(NamedTuple):
     factor: HostOrDevice
 
 
-class MisfitGradients(NamedTuple):
-    """Misfits (R, S) of every run and parameter set, and gradients (p, S) of their sum over the runs."""
-
-    misfits: HostOrDevice
-    gradients: HostOrDevice
-
-
 @partial(jax.tree_util.register_dataclass, data_fields=["prepared", "motion"], meta_fields=["engine"])
 @dataclass(frozen=True)
 class WheelRoad:
@@ -152,17 +145,3 @@ class Engine(Protocol):
         local: LocalColumns,
     ) -> RunsBySets:
         """r'r - b' N^-1 b of every run and set (R, S): squares with the runs' own unknowns marginalised."""
-
-    def misfit_gradients(
-        self,
-        matrices: StackedMatrices,
-        laws: LawFunction,
-        sets: ParametersBySets,
-        road: WheelRoad,
-        timing: Timing,
-        layout: SensorLayout,
-        recursion: FilterRecursion | None,
-        readings: Readings,
-        local: LocalColumns,
-    ) -> MisfitGradients:
-        """Misfits (R, S) of parameter sets (p, S), and the exact gradients (p, S) of their sums over the runs."""

@@ -22,7 +22,6 @@ from sysid.vehicle_model.engines.protocol import (
     LawFunction,
     Linearisation,
     LocalColumns,
-    MisfitGradients,
     Timing,
     Unknowns,
     WheelRoad,
@@ -116,25 +115,6 @@ class ReferenceEngine:
             matrices, suspension, tire, road, readings, local, timing=timing, layout=layout, recursion=recursion
         )
 
-    def misfit_gradients(
-        self,
-        matrices: StackedMatrices,
-        laws: LawFunction,
-        sets: ParametersBySets,
-        road: WheelRoad,
-        timing: Timing,
-        layout: SensorLayout,
-        recursion: FilterRecursion | None,
-        readings: Readings,
-        local: LocalColumns,
-    ) -> MisfitGradients:
-        """Reverse-mode derivatives."""
-        traceable = laws if isinstance(laws, Partial) else Partial(laws)
-        found: MisfitGradients = _misfit_gradients(
-            matrices, traceable, sets, road, readings, local, timing=timing, layout=layout, recursion=recursion
-        )
-        return found
-
 
 @partial(jax.jit, static_argnames=("timing",))
 def _histories(
@@ -205,29 +185,6 @@ def _misfits(
         projections.append(along + local.offset[:, k, None])
     whitened = jnp.matmul(local.factor, jnp.stack(projections, axis=1))
     return squares - (whitened**2).sum(axis=1)
-
-
-@partial(jax.jit, static_argnames=("timing", "layout", "recursion"))
-def _misfit_gradients(
-    matrices: StackedMatrices,
-    laws: LawFunction,
-    sets: ParametersBySets,
-    road: WheelRoad,
-    readings: Readings,
-    local: LocalColumns,
-    *,
-    timing: Timing,
-    layout: SensorLayout,
-    recursion: FilterRecursion | None,
-) -> MisfitGradients:
-    def misfits(parameters: ParametersBySets) -> RunsBySets:
-        suspension, tire = laws(parameters)
-        return _misfits(
-            matrices, suspension, tire, road, readings, local, timing=timing, layout=layout, recursion=recursion
-        )
-
-    found, back = jax.vjp(misfits, sets)
-    return MisfitGradients(found, back(jnp.ones_like(found))[0])
 
 
 @partial(jax.jit, static_argnames=("timing", "layout", "recursion"))

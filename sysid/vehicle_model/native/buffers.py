@@ -45,9 +45,6 @@ CONSTANTS: dict[str, int | float] = {
     "kNoDeflection": NO_DEFLECTION,
 }
 
-#: Programs that are compiled, each when it is first needed: their names and sources.
-ENGINE, GRADIENT = "engine", "gradient"
-
 #: What the compiled side says where memory does not suffice.
 NO_MEMORY = "memory does not suffice for the native engine"
 
@@ -134,11 +131,10 @@ _SIGNALS, _GAINS = ("T", "R", "C"), ("R", "C")
 
 
 class Entry(NamedTuple):
-    """An entry point: the blocks of arrays that it takes, in their order, what it returns, and its program."""
+    """An entry point: the blocks of arrays that it takes, in their order, and what it returns."""
 
     blocks: tuple[str, ...]
     results: tuple[Buffer, ...]
-    program: str = ENGINE
 
     @property
     def buffers(self) -> tuple[Buffer, ...]:
@@ -164,15 +160,6 @@ ENTRIES: dict[str, Entry] = {
         ),
     ),
     "misfits": Entry(("common", "readings", "local"), (Buffer("misfit", ("R", "S"), "r'r - b' N^-1 b"),)),
-    "gradients": Entry(
-        ("common", "readings", "local"),
-        (
-            Buffer("misfit", ("R", "S"), "r'r - b' N^-1 b"),
-            Buffer("law_slopes", ("L", "R", "na", "S"), "derivatives of `misfit` by `laws`"),
-            Buffer("frame_slopes", (2, "R", "nf", "S"), "derivatives of `misfit` by `frames`"),
-        ),
-        GRADIENT,
-    ),
     "linearise": Entry(
         ("common", "tangents", "readings"),
         (

@@ -19,26 +19,24 @@ from pathlib import Path
 from sysid.private_files import PRIVATE_MODE, NotPrivateError, check_private, write_private
 from sysid.runtime import private_cache
 from sysid.vehicle_model.native import header
-from sysid.vehicle_model.native.buffers import COORDINATES, ENGINE, GRADIENT
+from sysid.vehicle_model.native.buffers import COORDINATES
 from sysid.vehicle_model.native.processor import description
 
 #: The words with which the command of a compiler begins.
 Compiler = tuple[str, ...]
-#: Programs of the engine, `name`.cpp each, and the files that they include beside the header that is made for them.
-PROGRAMS = (ENGINE, GRADIENT)
-INCLUDED = (
+#: What is compiled, and what it includes beside the header that is made for it.
+SOURCES = (
+    "engine.cpp",
     "call.h",
-    "gradient.h",
     "residuals.h",
-    "taped_laws.h",
     "integration.h",
     "vehicle.h",
     "suspension.h",
     "contact.h",
-    "tape.h",
     "row.h",
     "pack.h",
 )
+LIBRARY = "engine.so"
 #: -O3 keeps the rules of IEEE arithmetic.
 FLAGS = ("-std=c++17", "-O3", "-shared", "-fPIC", "-pthread", "-Wall", "-Wextra")
 #: Optimisation for exactly this processor.
@@ -67,10 +65,10 @@ def find_compiler() -> Compiler | None:
     return None if named or find_spec("ziglang") is None else (sys.executable, "-m", "ziglang", "c++")
 
 
-def library(coordinates: int | None = None, program: str = ENGINE) -> Path:
-    """A program of the engine for vehicles with so many body coordinates, from the cache or compiled now.
+def library(coordinates: int | None = None) -> Path:
+    """The engine for vehicles with so many body coordinates, from the cache or compiled now.
 
-    Compiling takes 10 to 20 s, once per machine, version, program and number of coordinates.  The library's folder is
+    Compiling takes 10 to 20 s, once per machine, version and number of coordinates.  The library's folder is
     named by a hash of the sources and the processor, one of the compiler, and the number; where
     there is no compiler any more, what another one has compiled is used.  A library that is there already is used only
     if it is what this user has put there (:mod:`sysid.private_files`).  The folder is filled under another name and
@@ -79,7 +77,6 @@ def library(coordinates: int | None = None, program: str = ENGINE) -> Path:
     Parameters
     ----------
     coordinates : None for a library of whatever number; one is compiled only where there is none.
-    program : of :data:`PROGRAMS`.
 
     Raises
     ------
@@ -88,34 +85,34 @@ def library(coordinates: int | None = None, program: str = ENGINE) -> Path:
     """
     compiler = find_compiler()
     try:
-        folder = private_cache(program)
+        folder = private_cache("engine")
         if compiler is None:
-            return _kept(folder, program, "*", coordinates)
+            return _kept(folder, "*", coordinates)
         key = _key_of(compiler)
         if coordinates is None:
             try:
-                return _kept(folder, program, key, None)
+                return _kept(folder, key, None)
             except BuildError:
                 coordinates = COORDINATES[0]
         home = folder / f"{_key()}-{key}-{coordinates}"
         with _filled[home]:
-            if not _sound(home / f"{program}.so"):
-                _fill(compiler, home, program, coordinates)
+            if not _sound(home / LIBRARY):
+                _fill(compiler, home, coordinates)
     except NotPrivateError as error:
         raise BuildError(NO_COMPILER if compiler is None else str(error)) from error
     except OSError as error:
         raise BuildError(
             NO_COMPILER if compiler is None else f"the cache folder cannot be written ({error.strerror})"
         ) from error
-    return home / f"{program}.so"
+    return home / LIBRARY
 
 
-def _kept(folder: Path, program: str, compiler: str, coordinates: int | None) -> Path:
+def _kept(folder: Path, compiler: str, coordinates: int | None) -> Path:
     """What a compiler has made for this machine; `compiler` its hash, or "*" for any."""
     number = "*" if coordinates is None else coordinates
     for home in sorted(folder.glob(f"{_key()}-{compiler}-{number}")):
-        if _sound(home / f"{program}.so"):
-            return home / f"{program}.so"
+        if _sound(home / LIBRARY):
+            return home / LIBRARY
     raise BuildError(NO_COMPILER)
 
 
@@ -127,30 +124,24 @@ def _sound(library: Path) -> bool:
     return True
 
 
-def _fill(compiler: Compiler, home: Path, program: str, coordinates: int) -> None:
+def _fill(compiler: Compiler, home: Path, coordinates: int) -> None:
     with tempfile.TemporaryDirectory(dir=home.parent, prefix="build-") as scratch:
-        folder, name = Path(scratch), f"{program}.so"
-        compiled = folder / name
-        compile_engine(compiler, compiled, f"-DSYSID_COORDINATES={coordinates}", programs=(program,))
+        folder = Path(scratch)
+        compiled = folder / LIBRARY
+        compile_engine(compiler, compiled, f"-DSYSID_COORDINATES={coordinates}")
         made = folder / "made"
         made.mkdir(mode=PRIVATE_MODE)
-        write_private(made / name, compiled.read_bytes())
+        write_private(made / LIBRARY, compiled.read_bytes())
         with contextlib.suppress(OSError):
             os.rename(made, home)
-        if not _sound(home / name):
+        if not _sound(home / LIBRARY):
             # What stands there is not ours: out of the way with it.
             os.rename(home, folder / "unsound")
             os.rename(made, home)
 
 
-def compile_engine(
-    compiler: Compiler,
-    made: Path,
-    *flags: str,
-    processor: tuple[str, ...] = THIS_PROCESSOR,
-    programs: tuple[str, ...] = (ENGINE,),
-) -> None:
-    """Compile programs to the library `made`, its header beside it; for all numbers of coordinates unless `flags` say.
+def compile_engine(compiler: Compiler, made: Path, *flags: str, processor: tuple[str, ...] = THIS_PROCESSOR) -> None:
+    """Compile the engine to the library `made`, its header beside it; `flags` may set the number of coordinates.
 
     `processor` are the flags that choose a processor.
 
@@ -159,10 +150,10 @@ def compile_engine(
     BuildError
         If the compiler fails.
     """
-    sources = [str(Path(__file__).parent / f"{program}.cpp") for program in programs]
+    source = str(Path(__file__).parent / SOURCES[0])
     header.write(made.parent)
     include = ["-I", str(made.parent)]
-    done = _run([*compiler, *FLAGS, *processor, *flags, *include, *sources, "-o", str(made)], made.parent)
+    done = _run([*compiler, *FLAGS, *processor, *flags, *include, source, "-o", str(made)], made.parent)
     if done.returncode != 0 or not made.exists():
         lines = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
         message = lines[0].strip() if lines else "without a message"
@@ -172,7 +163,7 @@ def compile_engine(
 def source_digest() -> str:
     """Hash of all that the engine is compiled from."""
     digest = hashlib.sha256()
-    for name in (*(f"{program}.cpp" for program in PROGRAMS), *INCLUDED):
+    for name in SOURCES:
         digest.update((Path(__file__).parent / name).read_bytes())
     digest.update(header.header().encode())
     return digest.hexdigest()

@@ -227,7 +227,7 @@ class Inputs {
     return found;
   }
 
-  Readings<double> readings(int64_t r, int first) const {
+  Readings readings(int64_t r, int first) const {
     const int64_t c = channels.count();
     const auto of_run = [&](int which) { return by_channel(data(first + which) + r * c, clock.samples, runs * c, c); };
     const auto of_channels = [&](int which, int64_t from) { return numbers(first + which, from, c); };
@@ -240,7 +240,7 @@ class Inputs {
             clock.samples};
   }
 
-  LocalColumns<double> local_columns(int64_t r, int first) const {
+  LocalColumns local_columns(int64_t r, int first) const {
     constexpr int64_t n = kMotionNumbers;
     const int64_t c = channels.count(), own = r * c * n;
     const double* along = data(first + kLocalResidual) + own;
@@ -350,36 +350,14 @@ void store(const Pack& x, double* out, int64_t rows, int64_t row, const Lanes& l
 
 // Readings and columns of all runs.
 struct Measured {
-  std::vector<Readings<double>> readings;
-  std::vector<LocalColumns<double>> columns;
+  std::vector<Readings> readings;
+  std::vector<LocalColumns> columns;
 
   Measured(const Inputs& in, int first_reading, int first_column) : readings(in.runs), columns(in.runs) {
     share(in.runs, [&](int64_t r) {
       readings[r] = in.readings(r, first_reading);
       columns[r] = in.local_columns(r, first_column);
     });
-  }
-
-  // Those of the runs of a pack.
-  Readings<Pack> readings_of(const Lanes& lanes) const {
-    using R = Readings<double>;
-    const auto of = [&](auto member) { return gathered(readings, lanes, member); };
-    return {of(&R::value),     of(&R::measured), of(&R::censored),   of(&R::noise_sd),
-            of(&R::tempering), of(&R::gain_sd),  readings[0].samples};
-  }
-  LocalColumns<Pack> columns_of(const Lanes& lanes) const {
-    using L = LocalColumns<double>;
-    const auto of = [&](auto member) { return gathered(columns, lanes, member); };
-    return {of(&L::along), of(&L::gain), of(&L::offset), of(&L::factor)};
-  }
-
- private:
-  template <class T>
-  static std::vector<Pack> gathered(const std::vector<T>& of_runs, const Lanes& lanes, std::vector<double> T::*member) {
-    std::vector<Pack> all((of_runs[0].*member).size());
-    for (int k = 0; k < kLanes; ++k)
-      for (size_t j = 0; j < all.size(); ++j) all[j][k] = (of_runs[lanes.run[k]].*member)[j];
-    return all;
   }
 };
 
@@ -394,16 +372,14 @@ Problem called(const Array* arrays, int64_t given, const Settings& settings, dou
   }
 }
 
-
 }  // namespace
 }  // namespace sysid
 
-// In every program, and once where programs are linked together.
 extern "C" {
 // The description that this library was compiled with.
-__attribute__((weak)) const char* sysid_fingerprint() { return sysid::kFingerprint; }
+const char* sysid_fingerprint() { return sysid::kFingerprint; }
 // All calls from now on use at most so many threads; 0: as many as the machine has.
-__attribute__((weak)) void sysid_use_threads(int64_t limit) { sysid::thread_limit = limit; }
+void sysid_use_threads(int64_t limit) { sysid::thread_limit = limit; }
 }
 
 #define SYSID_ENTRY(name, count)                                                                              \

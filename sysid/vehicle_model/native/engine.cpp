@@ -13,11 +13,10 @@ bool simulate(const Inputs& in, const Run<M>& run, const Laws<V>& laws, Sink&& s
   } else if (in.coordinates != NB) {
     return simulate<NB + 1>(in, run, laws, sink);
   } else {
-    const auto forget = [](int64_t, const State<V, NB>&, const Where<M>&) {};
     if (in.filter.pole.empty())
-      integrate<V, M, NB, false>(run, laws, in.channels, in.filter, in.clock, sink, forget);
+      integrate<V, M, NB, false>(run, laws, in.channels, in.filter, in.clock, sink);
     else
-      integrate<V, M, NB, true>(run, laws, in.channels, in.filter, in.clock, sink, forget);
+      integrate<V, M, NB, true>(run, laws, in.channels, in.filter, in.clock, sink);
     return true;
   }
 }
@@ -83,9 +82,7 @@ Problem misfits(const Inputs& in, double* const* out) {
     known = simulate(in, in.run(r), in.laws(lanes), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
       for (int64_t c = 0; c < channels; ++c) signal[c * in.clock.samples + t] = shown[c];
     });
-    Pack pull[kMotionNumbers];
-    const Pack found =
-        misfit(measured.readings[r], measured.columns[r], signal.get(), static_cast<int>(channels), pull);
+    const Pack found = misfit(measured.readings[r], measured.columns[r], signal.get(), static_cast<int>(channels));
     store(found, out[kMisfitsMisfit], 1, 0, lanes, in.sets);
   });
   return finish(known);
@@ -102,13 +99,13 @@ bool linearise_block(const Inputs& in, int64_t r, int64_t first, double* const* 
       simulate(in, in.run(r), in.jets<T>(r, first), [&](int64_t t, const auto&, const auto&, const Jet<T>* shown) {
         for (int64_t c = 0; c < channels; ++c) signal[c * samples + t] = shown[c];
       });
-  const Readings<double> data = in.readings(r, kLineariseReadings);
+  const Readings data = in.readings(r, kLineariseReadings);
   const auto put = [&](const Jet<T>& x, int64_t at, double* values, double* derivatives) {
     if (first == 0) values[at] = value(x);
     const double* lane = reinterpret_cast<const double*>(x.d) + 1;
     for (int64_t k = first; k < last; ++k) derivatives[at * unknowns + k] = lane[k - first];
   };
-  std::vector<SensorFit<Jet<T>, double>> fit;
+  std::vector<SensorFit<Jet<T>>> fit;
   for (int c = 0; c < channels; ++c) {
     fit.push_back(fit_sensor(data, &signal[c * samples], c));
     put(fit[c].gain_residual, r * channels + c, out[kLineariseGainResidual], out[kLineariseGainJacobian]);

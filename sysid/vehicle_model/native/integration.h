@@ -241,12 +241,11 @@ class RoadOfSteps {
   std::vector<RoadUnderWheel<M>> wheels_;
 };
 
-// Integrates one run, or one in each lane, and calls sink(sample, forces, state, shown) at every sample, and
-// keep(step, state, resting) at the start of every step in which something moves.  The start is the static equilibrium,
-// so nothing moves before a wheel reaches the bump.
-template <class V, class M, int NB, bool Filtered, class Sink, class Keep>
+// Integrates one run, or one in each lane, and calls sink(sample, forces, state, shown) at every sample.  The start is the
+// static equilibrium, so nothing moves before a wheel reaches the bump.
+template <class V, class M, int NB, bool Filtered, class Sink>
 void integrate(const Run<M>& run, const Laws<V>& laws, const Channels& channels, const Filter& filter, const Clock& clock,
-               Sink&& sink, Keep&& keep) {
+               Sink&& sink) {
   const int na = run.axles, nc = channels.count();
   const double h = clock.step();
   RoadOfSteps<M> wheels(run, clock);
@@ -268,7 +267,6 @@ void integrate(const Run<M>& run, const Laws<V>& laws, const Channels& channels,
                    end_felt = wheels.look_up(2 * step + 2, road_end);
     resting = resting & opposite(middle_felt | end_felt);
     const bool all_rest = !any(opposite(resting));
-    if (!all_rest) keep(step, at, resting);
     if (!all_rest || step == 0) step_of.begin(road, time, at, resting);
     if (Filtered || sampled) step_of.observe_start(now.data());
     if (sampled) {

@@ -15,7 +15,7 @@ import numpy as np
 from sysid.threads import thread_count
 from sysid.vehicle_model.device_arrays import HostOrDevice
 from sysid.vehicle_model.native import build, header, prebuilt
-from sysid.vehicle_model.native.buffers import ENGINE, ENTRIES, NO_MEMORY, SETTINGS, in_order, shape
+from sysid.vehicle_model.native.buffers import ENTRIES, NO_MEMORY, SETTINGS, in_order, shape
 from sysid.vehicle_model.native.build import BuildError
 
 
@@ -65,24 +65,24 @@ _lock = threading.Lock()
 
 
 @cache
-def _loaded(coordinates: int | None, program: str = ENGINE) -> Loaded:
+def _loaded(coordinates: int | None) -> Loaded:
     """Compiled for this processor and so many body coordinates where that can be done, else prebuilt."""
     problems = []
     for find in (_compiled, _prebuilt):
         try:
-            return find(coordinates, program)
+            return find(coordinates)
         except BuildError as error:
             problems.append(str(error))
     raise BuildError(", and ".join(problems))
 
 
-def _compiled(coordinates: int | None, program: str) -> Loaded:
-    path = build.library(coordinates, program)
+def _compiled(coordinates: int | None) -> Loaded:
+    path = build.library(coordinates)
     return load(path, "compiled on this machine")
 
 
-def _prebuilt(_coordinates: int | None, _program: str) -> Loaded:
-    name, path = prebuilt.library()  # all programs, for every number of coordinates
+def _prebuilt(_coordinates: int | None) -> Loaded:
+    name, path = prebuilt.library()  # for every number of coordinates
     return load(path, f"prebuilt for {name}")
 
 
@@ -148,11 +148,11 @@ def run(call: Call) -> list[HostOrDevice]:
     MemoryError
         If memory does not suffice.
     BuildError
-        If there is no program with this entry point to be had on this machine.
+        If there is no engine to be had on this machine.
     """
     arrays = call.ordered()
     shapes = [shape(result, call.sizes) for result in ENTRIES[call.entry].results]
-    library = _loaded(call.sizes["nb"], ENTRIES[call.entry].program).library
+    library = _loaded(call.sizes["nb"]).library
     if any(isinstance(array, jax.core.Tracer) for array in arrays):
         made = [jax.ShapeDtypeStruct(s, np.float64) for s in shapes]
         return list(

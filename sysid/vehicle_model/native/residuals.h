@@ -17,25 +17,21 @@ inline std::vector<double> by_channel(const double* rows, int64_t samples, int64
   return all;
 }
 
-// Readings (C, T) and weights (C,) of one run, or of the runs of all lanes. `measured` holds the square roots of the
-// weights of plain readings, 0 where there is none.
-template <class M>
+// Readings (C, T) and weights (C,) of one run. `measured` holds the square roots of the weights of plain readings, 0
+// where there is none.
 struct Readings {
-  std::vector<M> value, measured, censored, noise_sd, tempering, gain_sd;
+  std::vector<double> value, measured, censored, noise_sd, tempering, gain_sd;
   int64_t samples;
 };
 
-template <class V, class M>
+template <class V>
 struct SensorFit {
   V offset, gain, gain_residual;
-  M scale;
-  V mean, denominator;  // of the signal; of the gain
-  M count, weight;      // of readings; 1 / sigma^2
+  double scale;
 };
 
 // x where it lies beyond zero on the side opposite to `side`, else 0.
-template <class M>
-inline Pack beyond(const Pack& x, const M& side) {
+inline Pack beyond(const Pack& x, double side) {
   return select(side * x < 0.0, x, Pack{});
 }
 template <int T>
@@ -46,34 +42,30 @@ inline Jet<T> beyond(const Jet<T>& x, double side) {
 // Offset and gain of channel c that minimise its weighted squares plus the gain's prior:
 //   gain = (S_yd / sigma^2 + 1 / s_g^2) / (S_yy / sigma^2 + 1 / s_g^2),   offset = mean(d) - gain mean(y).
 // `signal` holds its signal (samples,).
-template <class V, class M>
-SensorFit<V, M> fit_sensor(const Readings<M>& data, const V* signal, int c) {
-  M count{}, sum_d{};
+template <class V>
+SensorFit<V> fit_sensor(const Readings& data, const V* signal, int c) {
+  double count = 0.0, sum_d = 0.0;
   V sum_y{};
-  const M *value = &data.value[c * data.samples], *roots = &data.measured[c * data.samples];
+  const double *value = &data.value[c * data.samples], *roots = &data.measured[c * data.samples];
   for (int64_t t = 0; t < data.samples; ++t) {
-    const M root = roots[t], share = root * root;
+    const double root = roots[t], share = root * root;
     count += share;
     sum_d += share * value[t];
     sum_y += share * signal[t];
   }
-  count = select(count > 0.0, count, 1.0 - M{});
+  if (!(count > 0.0)) count = 1.0;
   const V mean_y = (1.0 / count) * sum_y;
   V s_yy{}, s_yd{};
   for (int64_t t = 0; t < data.samples; ++t) {
-    const M root = roots[t];
+    const double root = roots[t];
     const V centred = root * (signal[t] - mean_y);
     s_yy += centred * centred;
     s_yd += root * value[t] * centred;
   }
-  const M sigma = data.noise_sd[c] / data.tempering[c], spread = data.gain_sd[c];
-  const M weight = 1.0 / (sigma * sigma), prior = 1.0 / (spread * spread);
-  SensorFit<V, M> fit;
-  fit.mean = mean_y;
-  fit.count = count;
-  fit.weight = weight;
-  fit.denominator = prior + weight * s_yy;
-  fit.gain = (prior + weight * s_yd) / fit.denominator;
+  const double sigma = data.noise_sd[c] / data.tempering[c], spread = data.gain_sd[c];
+  const double weight = 1.0 / (sigma * sigma), prior = 1.0 / (spread * spread);
+  SensorFit<V> fit;
+  fit.gain = (prior + weight * s_yd) / (prior + weight * s_yy);
   fit.offset = sum_d / count + -(fit.gain * mean_y);
   fit.gain_residual = select(finite(data.noise_sd[c]), (1.0 / spread) * (-1.0 + fit.gain), V{});
   fit.scale = data.tempering[c] / data.noise_sd[c];
@@ -81,38 +73,34 @@ SensorFit<V, M> fit_sensor(const Readings<M>& data, const V* signal, int c) {
 }
 
 // (offset + gain y - d) / sigma; a clipped sample counts only where the simulation stays inside the range.
-template <class V, class M>
-inline V residual(const Readings<M>& data, const SensorFit<V, M>& fit, const V& y, int64_t t, int c) {
+template <class V>
+inline V residual(const Readings& data, const SensorFit<V>& fit, const V& y, int64_t t, int c) {
   const int64_t at = c * data.samples + t;
   const V difference = -data.value[at] + (fit.offset + fit.gain * y);
   V counted = data.measured[at] * difference;
-  const M& censored = data.censored[at];
-  if (any(censored != 0.0)) counted += absolute(censored) * beyond(difference, censored);
+  const double censored = data.censored[at];
+  if (censored != 0.0) counted += absolute(censored) * beyond(difference, censored);
   return fit.scale * counted;
 }
 
 // Columns along which a run's own n unknowns, those of its motion, move its residuals, and the whitening factor of their
 // normal matrix.
-template <class M>
 struct LocalColumns {
-  std::vector<M> along, gain, offset, factor;  // (n, C, T), (C, n), (n,), (n, n)
+  std::vector<double> along, gain, offset, factor;  // (n, C, T), (C, n), (n,), (n, n)
 };
 
 // r'r - b' N^-1 b with b = J' r + prior: the squares of a run with its own unknowns marginalised; signals (C, T).
-// `pull` becomes N^-1 b.
-template <class M>
-Pack misfit(const Readings<M>& data, const LocalColumns<M>& local, const Pack* signals, int channels,
-            Pack (&pull)[kMotionNumbers]) {
+inline Pack misfit(const Readings& data, const LocalColumns& local, const Pack* signals, int channels) {
   constexpr int n = kMotionNumbers;
   Pack squares{}, b[n];
-  for (int k = 0; k < n; ++k) b[k] = local.offset[k] - Pack{}, pull[k] = Pack{};
+  for (int k = 0; k < n; ++k) b[k] = splat(local.offset[k]);
   for (int c = 0; c < channels; ++c) {
     const Pack* signal = signals + c * data.samples;
-    const SensorFit<Pack, M> fit = fit_sensor(data, signal, c);
+    const SensorFit<Pack> fit = fit_sensor(data, signal, c);
     const Pack g = fit.gain_residual;
     squares += g * g;
     for (int k = 0; k < n; ++k) b[k] += local.gain[n * c + k] * g;
-    const M* column[n];
+    const double* column[n];
     for (int k = 0; k < n; ++k) column[k] = &local.along[(k * channels + c) * data.samples];
     for (int64_t t = 0; t < data.samples; ++t) {
       const Pack r = residual(data, fit, signal[t], t, c);
@@ -124,7 +112,6 @@ Pack misfit(const Readings<M>& data, const LocalColumns<M>& local, const Pack* s
     Pack whitened{};
     for (int l = 0; l < n; ++l) whitened += local.factor[n * k + l] * b[l];
     squares -= whitened * whitened;
-    for (int l = 0; l < n; ++l) pull[l] += local.factor[n * k + l] * whitened;
   }
   return squares;
 }

@@ -37,10 +37,6 @@ struct ScalarOf<Pack> {
 template <class V>
 using Scalar = typename ScalarOf<V>::type;
 
-// Whether operations on a number are recorded: what is not needed is then better not computed.
-template <class V>
-constexpr bool kRecorded = false;
-
 // Where something holds: of the run of each lane, or of one run.
 template <class M>
 struct WhereOf {
@@ -66,9 +62,7 @@ inline void clear(bool where, V& x) {
 inline bool any(bool x) { return x; }
 inline double select(bool where, double yes, double no) { return where ? yes : no; }
 inline Pack select(bool where, const Pack& yes, const Pack& no) { return where ? yes : no; }
-// Whether a number is not infinite.
 inline bool finite(double x) { return std::isfinite(x); }
-inline Mask finite(const Pack& x) { return x - x == 0.0; }
 inline double absolute(double x) { return std::fabs(x); }
 inline double sign_of(double x) { return std::copysign(1.0, x); }
 inline double square_root(double x) { return std::sqrt(x); }
@@ -123,16 +117,6 @@ template <int T>
 inline void accumulate(Jet<T>& sum, double a, const Jet<T>& x) {
   if (a == 0.0) return;
   for (int t = 0; t < T; ++t) sum.d[t] += a * x.d[t];
-}
-// a (b + c)
-template <class V, class M>
-inline V times_sum(const M& a, const V& b, const V& c) {
-  return a * (b + c);
-}
-// sum += a b
-template <class V>
-inline void add_product(V& sum, const V& a, const V& b) {
-  sum += a * b;
 }
 template <int T>
 inline Jet<T> operator+(double c, const Jet<T>& x) {

@@ -44,11 +44,6 @@ inline V ramp_force(const std::vector<Ramp<V>>& ramps, const V& x) {
   return sum;
 }
 
-template <class V>
-inline void add_ramps(const std::vector<Ramp<V>>& ramps, const V& x, V& sum) {
-  sum += ramp_force(ramps, x);
-}
-
 // S = k e (1 / max(1 + e / l, 0.05) + (e / d)^2): the isothermal law of a gas spring, and a bellows that widens.
 template <class V>
 inline V spring_force(const Elements& has, const SuspensionLaw<V>& law, const V& extension) {
@@ -59,7 +54,7 @@ inline V spring_force(const Elements& has, const SuspensionLaw<V>& law, const V&
     force = force / select(value(length) < kShortest, shortest, length) +
             law.stiffness * extension * (law.stiffening * (extension * extension));
   }
-  if (has.ramps > 0) add_ramps(law.ramps, extension, force);
+  if (has.ramps > 0) force += ramp_force(law.ramps, extension);
   return force;
 }
 
@@ -92,11 +87,6 @@ inline V add_damper(const Elements& has, const SuspensionLaw<V>& law, const V& r
   pull += damper_force(has, law, rate, symmetric);
   return symmetric;
 }
-// The force of the symmetric damper, if that is what `add_damper` returned.
-template <class V>
-inline const V& symmetric_again(const Elements&, const SuspensionLaw<V>&, const V&, const V& symmetric) {
-  return symmetric;
-}
 
 // phi after the extension changes in one direction (Dahl): s + (phi - s) exp(-|change| / z_s), s = sgn(change).
 template <class V>
@@ -108,26 +98,15 @@ inline V slide(const SuspensionLaw<V>& law, const V& phi, const V& change) {
 
 // phi at a stage `tau` into the step, from the parabola through the step's start (extension e0, rate v0) and the
 // stage's extension e: where it turns in between the element slides to the turning point and back.
-template <class S>
-inline auto turns_before(const S& e0, const S& v0, double tau, const S& e) {
-  const S reach = tau * v0;
-  return v0 * (reach + 2.0 * (e - e0 - reach)) < 0.0;
-}
 template <class V>
 inline V slip_at_stage(const SuspensionLaw<V>& law, const V& phi, const V& e0, const V& v0, double tau, const V& e) {
-  const auto turns = turns_before<Scalar<V>>(value(e0), value(v0), tau, value(e));
+  const Scalar<V> straight = tau * value(v0);
+  const auto turns = value(v0) * (straight + 2.0 * (value(e) - value(e0) - straight)) < 0.0;
   if (!any(turns)) return slide(law, phi, e - e0);
   const V reach = tau * v0, bend = e - e0 - reach;
   const V one = constant_row<V>(Scalar<V>{} + 1.0);
   const V turned = e0 - select(turns, reach * reach, V{}) / (4.0 * select(turns, bend, one));
   return slide(law, slide(law, phi, turned - e0), e - turned);
-}
-
-// Adds F_c phi to the pull at a stage.
-template <class V>
-inline void add_friction(const SuspensionLaw<V>& law, const V& phi, const V& e0, const V& v0, double tau, const V& e,
-                         V& pull) {
-  add_product(pull, law.friction, slip_at_stage(law, phi, e0, v0, tau, e));
 }
 
 // Root in [0, 1] of the rate v0 + b s + a s^2 of the cubic between both ends of a step of unit length.
@@ -210,10 +189,6 @@ struct MissedForce {
   }
   void add(const std::vector<Ramp<V>>& ramps, const V (&x)[4]) {
     for (const Ramp<V>& ramp : ramps) {
-      if constexpr (kRecorded<V>) {
-        const auto beyond = [&](int k) { return ramp.side * (value(x[k]) - value(ramp.at)); };
-        if (!any(changes_sign(beyond(0), beyond(1), beyond(2), beyond(3)))) continue;
-      }
       V p[4];
       for (int k = 0; k < 4; ++k) p[k] = ramp.side * (x[k] - ramp.at);
       add(p, ramp.side * ramp.slope);
@@ -231,18 +206,12 @@ inline void add_missed(const Elements& has, const SuspensionLaw<V>& law, const V
   if (has.saturating) missed.add_curvature(rate[0], rate[3], law.common_curvature);
   if (has.asymmetric) {
     // D = (2 / (1 + q)) (d(v) + (q - 1) max(d(v), 0)): the second part has a corner.
-    const auto beyond = [&](const auto& v, const auto& symmetric, const auto& curvature) {
-      // The parabola goes on as d(v) does for v > 0.
-      const auto below = positive(-v);
-      return has.saturating ? symmetric + 2.0 * curvature * below * below : symmetric;
-    };
-    if constexpr (kRecorded<V>) {
-      const auto at = [&](int k) { return beyond(value(rate[k]), value(damper[k]), value(law.curvature)); };
-      if (!any(changes_sign(at(0), at(1), at(2), at(3)))) return;
-    }
     V p[4];
-    for (int k = 0; k < 4; ++k)
-      p[k] = beyond(rate[k], symmetric_again(has, law, rate[k], damper[k]), law.curvature);
+    for (int k = 0; k < 4; ++k) {
+      // The parabola goes on as d(v) does for v > 0.
+      const V below = positive(-rate[k]);
+      p[k] = has.saturating ? damper[k] + 2.0 * law.curvature * below * below : damper[k];
+    }
     missed.add(p, law.corner);
   }
 }

@@ -329,25 +329,26 @@ void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, dou
     out.pull[i] = spring_force(run.elements, law, out.extension[i]);
     if (!run.elements.friction) continue;
     if (stage == nullptr)
-      add_product(out.pull[i], law.friction, slip[i]);
+      out.pull[i] += law.friction * slip[i];
     else
-      add_friction(law, slip[i], stage->extension[i], stage->rate[i], stage->tau, out.extension[i], out.pull[i]);
+      out.pull[i] += law.friction * slip_at_stage(law, slip[i], stage->extension[i], stage->rate[i], stage->tau,
+                                                  out.extension[i]);
   }
   if (run.elements.equaliser) share(run, laws, out.pull);
   for (int i = 0; i < na; ++i) {
     const SuspensionLaw<V>& law = laws.suspension[i];
     V pull = out.pull[i];
     if (linear) {
-      add_product(pull, law.damping, out.rate[i]);
+      pull += law.damping * out.rate[i];
     } else {
       out.damper[i] = add_damper(run.elements, law, out.rate[i], pull);
-      if (run.elements.stops > 0) add_ramps(law.stops, out.extension[i], pull);
+      if (run.elements.stops > 0) pull += ramp_force(law.stops, out.extension[i]);
     }
     if (beams) pull = run.beams.carries[i] * pull;
     const V vertical = positive(out.unclipped[i]);
     out.pull[i] = pull;
     out.axle[i] = -run.static_load[i] + vertical;
-    if (!beams) out.axle[i] = times_sum(run.inverse_unsprung[i], out.axle[i], pull);
+    if (!beams) out.axle[i] = run.inverse_unsprung[i] * (out.axle[i] + pull);
     if (road[i].flat) {
       out.horizontal[i] = V{};
     } else {

@@ -13,7 +13,7 @@ from sysid.workflow.stages.endings import EXPORT, REPORT
 from sysid.workflow.stages.estimates import ESTIMATES
 from sysid.workflow.stages.fit import FIT, LEFT_OUT, PROFILE, VALIDATE
 from sysid.workflow.stages.loads import ADVISE, DRIVEN, PREDICT
-from sysid.workflow.stages.posterior import BANDS, CROSSCHECK, SAMPLE
+from sysid.workflow.stages.posterior import BANDS, SAMPLE
 
 STAGES: tuple[Stage[Any], ...] = (
     CHECK,
@@ -25,7 +25,6 @@ STAGES: tuple[Stage[Any], ...] = (
     PROFILE,
     SAMPLE,
     BANDS,
-    CROSSCHECK,
     ESTIMATES,
     DRIVEN,
     PREDICT,
@@ -39,7 +38,6 @@ __all__ = [
     "ADVISE",
     "BANDS",
     "CHECK",
-    "CROSSCHECK",
     "DRIVEN",
     "DROPS",
     "ENDINGS",

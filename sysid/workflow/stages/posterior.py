@@ -1,4 +1,4 @@
-"""Stages that sample: the posterior by ensembles, the bands of the driven runs, and a second sampler."""
+"""Stages that sample: the posterior by ensembles, and the bands of the driven runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import numpy as np
 
     from sysid.estimation.residuals.run_history import HistoryBand
-    from sysid.posterior.cross_check import CrossCheck
     from sysid.posterior.sampled_posterior import Posterior
     from sysid.results.contents import Results
     from sysid.workflow.settings import Settings
@@ -185,57 +184,4 @@ BANDS = Whole(
     put=_with_bands,
     in_run="always",
     effort=15.0,
-)
-
-
-# ---------------------------------------------------------------------- crosscheck
-
-
-def _crosscheck(context: Context) -> CrossCheck:
-    from sysid.posterior.cross_check import cross_check
-    from sysid.posterior.log_density import LogDensity
-
-    state = fit_state(context)
-    return cross_check(
-        LogDensity(state).with_larger_steps().gradient,
-        context[SAMPLE],
-        state.point.log_parameters,
-        state.point.covariance,
-        spread=state.point.spread,
-        seed=context.settings.seed,
-        progress=context.progress,
-    )
-
-
-def show_crosscheck(checked: CrossCheck, results: Results) -> Blocks:
-    """Both samplers' means and spreads, parameter by parameter."""
-    table = TextTable(
-        "Ensembles against the gradient-based sampler", ("parameter", "means apart [sd]", "sd ratio", "agree")
-    )
-    for p in checked.parameters:
-        table.add_row(
-            p.name,
-            f"{p.shift:+.2f} ± {p.shift_error:.2f}",
-            f"{p.sd_ratio:.2f} ± {p.sd_ratio_error:.2f}",
-            "yes" if p.agrees else "no",
-        )
-    yield table
-    yield checked.message
-
-
-CROSSCHECK = Whole(
-    name="crosscheck",
-    compute=_crosscheck,
-    needs=(SCAN, FIT, SAMPLE),
-    settings=("sampling.seed",),
-    code=("posterior",),
-    put=lambda results, checked: replace(results, crosscheck=checked),
-    warnings=lambda checked, quick: () if checked.agrees else (checked.message,),
-    effort=60.0,
-    command=Command(
-        help="The posterior again by a gradient-based sampler, and how well both agree; needs nutpie.",
-        show=show_crosscheck,
-        recalls=True,
-        fault=lambda checked: None if checked.agrees else NotConvergedError,
-    ),
 )
