@@ -19,9 +19,10 @@ from sysid.estimation.residuals.linearisation import linearise_one
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_data import RunGroup
 from sysid.estimation.residuals.run_motion import RunMotion, motion_prior
-from sysid.estimation.residuals.run_unknowns import without_runs
+from sysid.estimation.residuals.run_unknowns import with_own_priors
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 from sysid.estimation.uncertainty.residual_columns import channel_columns
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.engines.protocol import Linearisation
@@ -57,8 +58,9 @@ class RunInformation:
     def of(self, sensors: Sequence[Sensor]) -> np.ndarray:
         """Information (p + q, p + q) of the run recorded by some of its sensors."""
         chosen = [k for k, s in enumerate(self.sensors) if s in sensors]
-        normal = self.channels[chosen].sum(axis=0)
-        return np.asarray(without_runs(normal[None], self.motion_prior_precision[None])[0])
+        whole = with_own_priors(self.channels[chosen].sum(axis=0), self.motion_prior_precision)
+        own = slice(-len(self.motion_prior_precision), None)
+        return NormalEquations(whole, np.zeros(len(whole)), np.ones(len(whole))).eliminate(own).left.matrix
 
 
 def recording_sensors(state: FitState) -> tuple[Sensor, ...]:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from sysid.estimation.fit import law_evidence
-from sysid.estimation.fit.law_evidence import LawEvidence, eliminated, evidence
+from sysid.estimation.fit.law_evidence import Evidence, LawEvidence, evidence
+from sysid.estimation.uncertainty.normal_equations import Eliminated, NormalEquations
 
 PARAMETERS, FURTHER, CANDIDATES = 4, 3, 2
 SD = np.array([0.5, 2.0, 1e-3])
@@ -51,12 +52,24 @@ def data_of(linear):
     return rows.T @ rows, rows.T @ residual
 
 
+def judged(cost: float, information: np.ndarray, score: np.ndarray, prior: np.ndarray, sd: np.ndarray) -> Evidence:
+    equations = NormalEquations.with_priors(information, score, prior=prior, sd=sd)
+    return evidence(cost, equations, len(prior))
+
+
+def candidates_of(information: np.ndarray, score: np.ndarray, prior: np.ndarray, sd: np.ndarray) -> Eliminated:
+    """Equations of the candidates, which come last, with a prior of standard deviation 1."""
+    known = len(prior) + sd.size
+    every = np.concatenate([sd, np.ones(score.size - known)])
+    return NormalEquations.with_priors(information, score, prior=prior, sd=every).eliminate(slice(known))
+
+
 def test_cost_and_covariance_are_those_of_the_joint_problem(linear):
     rows, _, prior, _, _ = linear
     information, score = data_of(linear)
     known = PARAMETERS + FURTHER
     cost = least_cost(linear, [], np.empty(0))
-    left = evidence(cost, information[:known, :known], with_pull(linear, score)[:known], prior.T @ prior, SD)
+    left = judged(cost, information[:known, :known], with_pull(linear, score)[:known], prior.T @ prior, SD)
     assert left.cost == pytest.approx(least_cost(linear, [4, 5, 6], SD), rel=1e-13)
     # Negative control: with masses known exactly more is left.
     assert left.cost < 0.9 * cost
@@ -77,13 +90,13 @@ def test_a_search_that_ended_early_leaves_the_same(linear, away: float):
     score = known.T @ residual
     score[:PARAMETERS] += prior.T @ of_prior
     cost = 0.5 * float(residual @ residual + of_prior @ of_prior)
-    found = evidence(cost, known.T @ known, score, prior.T @ prior, SD)
+    found = judged(cost, known.T @ known, score, prior.T @ prior, SD)
     joint, solution = least_squares(linear, [4, 5, 6], SD)
     assert found.cost == pytest.approx(joint, rel=3e-14)
     np.testing.assert_allclose(here + found.step, solution[:PARAMETERS], rtol=3e-11)
     # Negative control: as if the search had reached the optimum, masses get what it left over.
     score[:PARAMETERS] = 0.0
-    assert abs(evidence(cost, known.T @ known, score, prior.T @ prior, SD).cost / joint - 1.0) > 0.02
+    assert abs(judged(cost, known.T @ known, score, prior.T @ prior, SD).cost / joint - 1.0) > 0.02
 
 
 @pytest.mark.parametrize(("score", "left"), [((0.0, 283.0), 100.0), ((6.0, 0.0), 100.0 - 0.5 * 6.0**2 / 2.0)])
@@ -107,8 +120,7 @@ def test_the_promised_gain_is_the_fall_of_the_joint_cost(linear):
     information = rows.T @ rows
     score = rows.T @ (rows[:, :PARAMETERS] @ away - readings)
     score[:PARAMETERS] += prior.T @ (prior @ away - prior @ target)
-    pull, left, _ = eliminated(information, score, prior.T @ prior, SD)
-    promised = 0.5 * float(pull @ np.linalg.solve(left + np.eye(CANDIDATES), pull))
+    promised = candidates_of(information, score, prior.T @ prior, SD).left.gain
     without = least_cost(linear, [4, 5, 6], SD)
     joint = least_cost(linear, [4, 5, 6, 7, 8], np.concatenate([SD, np.ones(CANDIDATES)]))
     assert promised == pytest.approx(without - joint, rel=1e-13)
@@ -124,8 +136,7 @@ def test_what_a_mass_explains_is_promised_to_no_element():
     information, score = rows.T @ rows, rows.T @ residual
     gains = []
     for sd in (100.0, 1e-6):
-        pull, left, _ = eliminated(information, score, np.zeros((2, 2)), np.array([sd]))
-        gains.append(float(pull @ np.linalg.solve(left + np.eye(1), pull)))
+        gains.append(candidates_of(information, score, np.zeros((2, 2)), np.array([sd])).left.gain)
     assert gains[0] < 1e-3 * gains[1]
 
 
@@ -134,15 +145,15 @@ def test_parameters_follow_masses_and_candidates_as_in_the_joint_problem(linear)
     _, _, prior, _, optimum = linear
     information, score = data_of(linear)
     known, masses, candidates = PARAMETERS + FURTHER, [4, 5, 6], [7, 8]
-    found = evidence(0.0, information[:known, :known], with_pull(linear, score)[:known], prior.T @ prior, SD)
+    found = judged(0.0, information[:known, :known], with_pull(linear, score)[:known], prior.T @ prior, SD)
     with_masses = least_squares(linear, masses, SD)[1][:PARAMETERS]
     np.testing.assert_allclose(optimum + found.step, with_masses, rtol=1e-9)
     assert np.abs(found.step).max() > 0.01
-    pull, left, response = eliminated(information, with_pull(linear, score), prior.T @ prior, SD)
-    amounts = -np.linalg.solve(left + np.eye(CANDIDATES), pull)
+    left, response = candidates_of(information, with_pull(linear, score), prior.T @ prior, SD)
+    amounts = left.step()
     everything = least_squares(linear, masses + candidates, np.concatenate([SD, np.ones(CANDIDATES)]))[1]
     np.testing.assert_allclose(amounts, everything[known:], rtol=1e-9)
-    np.testing.assert_allclose(with_masses + response @ amounts, everything[:PARAMETERS], rtol=1e-9)
+    np.testing.assert_allclose(with_masses + response[:PARAMETERS] @ amounts, everything[:PARAMETERS], rtol=1e-9)
 
 
 def with_pull(linear, score: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import pytest
 from rigid_truck import AXLES, DAMPING, EMPTY, LADEN, STIFFNESS, VEHICLE, bump, campaign, empty_run, with_values
 
 from sysid.campaign.vehicle_records import AxleGroup, Equaliser, FrameBending, FrameMass
-from sysid.estimation.fit import joint_optimum, law_choice, part_score, part_search
+from sysid.estimation.fit import joint_optimum, law_choice, part_search
 from sysid.estimation.fit.fit_result import LawComparison
 from sysid.estimation.fit.frame_search import (
     LEAST_AMPLITUDE,
@@ -37,6 +37,7 @@ from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.compressed import Compressed
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 from sysid.estimation.uncertainty.residual_columns import difference_columns
 from sysid.progress import unwatched
 from sysid.vehicle_model.bending import frame_modes
@@ -150,12 +151,6 @@ def test_the_cost_at_the_end_of_a_search_is_that_of_the_linear_problem():
     assert part_search._cost_at_end(optimum) == pytest.approx(0.5 * left @ left, rel=1e-12)
 
 
-def test_a_part_without_any_effect_gains_nothing():
-    part = PartCandidate("a part", NO_PARTS, NO_PARTS, 1.0, 0.1, lambda optimum: True)
-    found = part_score._alike(part, 0, np.zeros(2), np.zeros((2, 2)), 2)
-    assert (found.gain, found.amplitude) == (0.0, 0.0)
-
-
 def test_a_frame_that_nobody_declared_to_bend_is_part_of_the_fit():
     data = measured(0.0, 0.0, bending_hz=8.0)
     fit, state = fit_with_laws(data, None, PROFILES, OPTIONS)
@@ -224,10 +219,11 @@ def test_amplitudes_by_load_case_add_up_to_those_of_all_runs():
         trials.append((problem.model.with_vehicle(tried.vehicle, tried.load_cases), 1.0))
     columns = difference_columns(problem.model, problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
     evidence = LawEvidence(data, optimum)
-    pull, information, _ = evidence.without_known(optimum, columns)
-    apart_pull, apart = evidence.by_load_case(optimum, columns)
-    np.testing.assert_allclose(apart_pull.reshape(3, 2).sum(axis=1), pull, rtol=1e-9)
-    np.testing.assert_allclose(apart.reshape(3, 2, 3, 2).sum(axis=(1, 3)), information, rtol=1e-9)
+    together, apart = evidence.without_known(optimum, columns).left, evidence.by_load_case(optimum, columns)
+    np.testing.assert_allclose(apart.gradient.reshape(3, 2).sum(axis=1), together.gradient, rtol=1e-9)
+    np.testing.assert_allclose(
+        apart.matrix.reshape(3, 2, 3, 2).sum(axis=(1, 3)), together.matrix - np.eye(3), rtol=1e-9
+    )
 
 
 def test_scores_of_frames_on_rigid_trucks_are_small_and_of_bending_ones_are_largest_near_their_frequency():
@@ -323,7 +319,8 @@ def test_frequencies_that_differ_by_load_case_have_to_be_worth_a_value_more():
     """Where runs and readings are independent of each other a gain is the sum of squares, less what a value costs."""
     low, high = frame_candidates(VEHICLE)[:2]
     pull = np.array([-3.0, -1.0, -1.0, -4.0])
-    (found,) = _by_load_case([low, high], pull, np.eye(4), {"empty": 0, "laden": 1})
+    equations = NormalEquations(np.eye(4), pull, np.ones(4))
+    (found,) = _by_load_case([low, high], equations, {"empty": 0, "laden": 1})
     assert found.gain == pytest.approx(3.0**2 + 4.0**2 - DECISIVE)
     assert found.amplitude == 3.0
     assert found.candidate.unknown.frames[0].bending.start_hz == TRIED_HZ[0]

@@ -26,8 +26,9 @@ from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
-from sysid.estimation.uncertainty.joint_step import JointStep, bounded_step, integrated, joint_step
+from sysid.estimation.uncertainty.joint_step import JointStep, bounded_step, joint_step
 from sysid.estimation.uncertainty.mass_response import MassResponse
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 from sysid.estimation.uncertainty.uncertain_masses import AXLE_LOAD, INERTIA, SCALE, uncertain_masses
 from sysid.progress import unwatched
 from sysid.vehicle_model.assembly import assemble
@@ -105,15 +106,17 @@ def test_masses_integrated_out_leave_the_marginal_of_a_joint_gaussian():
     jacobian, _, _, sd = linear_problem(3)
     information = jacobian.T @ jacobian
     joint = information + np.diag(np.concatenate([np.zeros(3), sd**-2.0]))
-    left = integrated(information, 3, sd)
-    np.testing.assert_allclose(np.linalg.inv(left.information), np.linalg.inv(joint)[:3, :3], rtol=1e-9)
-    np.testing.assert_allclose(left.factor @ left.factor.T, np.linalg.inv(joint[3:, 3:]), rtol=1e-9)
-    np.testing.assert_allclose(left.response, -np.linalg.solve(joint[3:, 3:], joint[3:, :3]), rtol=1e-9)
-    response = MassResponse(np.arange(3.0), left.response, left.factor, np.array([0.01, -0.02]))
+    equations, masses = NormalEquations.with_priors(information, sd=sd), slice(3, None)
+    left, follow = equations.eliminate(masses)
+    factor = equations.only(masses).covariance_factor
+    np.testing.assert_allclose(left.covariance, np.linalg.inv(joint)[:3, :3], rtol=1e-9)
+    np.testing.assert_allclose(factor @ factor.T, np.linalg.inv(joint[3:, 3:]), rtol=1e-9)
+    np.testing.assert_allclose(follow, -np.linalg.solve(joint[3:, 3:], joint[3:, :3]), rtol=1e-9)
+    response = MassResponse(np.arange(3.0), follow, factor, np.array([0.01, -0.02]))
     points = np.tile(np.array([0.01, 0.98, 2.03]), (50_000, 1))
     drawn = response.draws(points, np.random.default_rng(4))
-    spread = np.sqrt(np.diag(left.factor @ left.factor.T))
-    mean = np.array([0.01, -0.02]) + left.response @ [0.01, -0.02, 0.03]
+    spread = np.sqrt(np.diag(factor @ factor.T))
+    mean = np.array([0.01, -0.02]) + follow @ [0.01, -0.02, 0.03]
     np.testing.assert_allclose(drawn.mean(axis=0) / spread, mean / spread, atol=0.02)
     np.testing.assert_allclose(np.cov(drawn.T) / np.outer(spread, spread), np.corrcoef(drawn.T), atol=0.02)
 

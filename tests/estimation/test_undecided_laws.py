@@ -10,13 +10,14 @@ import pytest
 
 from sysid.estimation.fit.fit_result import UndecidedLaw
 from sysid.estimation.fit.law_comparison import _still_so
-from sysid.estimation.fit.law_evidence import Eliminated, Evidence, Judged
+from sysid.estimation.fit.law_evidence import Evidence, Judged
 from sysid.estimation.fit.law_screen import LawCandidate, Screen, travel_penalty, tried_travel
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.fit.undecided_laws import _further_parameters, _possible, by_trial, spread_rows, weight_of
 from sysid.estimation.parameters.suspension_elements import quantities
 from sysid.estimation.uncertainty.data_information import MASSES, SCALES, TIRES, DataInformation
 from sysid.estimation.uncertainty.interval_shares import LAWS, MODEL_FORM, SOURCES, interval_shares, share_sentences
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 
 NAMES = ("k_1", "c_1", "kt_1")
 
@@ -77,7 +78,9 @@ def test_friction_that_would_push_is_left_out():
     members = [LawCandidate("friction", friction, (i,)) for i in range(3)]
     screen = Screen.__new__(Screen)
     screen._listed, screen._against = members, np.array([0.0, 0.0, 0.5])
-    screen._found = Eliminated(np.array([-4.0, 3.0, -1.0]), np.diag([1.0, 1.0, 3.0]), np.ones((2, 3)))
+    # With their priors of 1.
+    screen._equations = NormalEquations(np.diag([2.0, 2.0, 4.0]), np.array([-4.0, 3.0, -1.0]), np.ones(3))
+    screen._response = np.ones((2, 3))
     assert _possible(screen, members) == [members[0], members[2]]
     np.testing.assert_allclose(screen.amounts([members[0], members[2]]), [2.0, 0.25])
     # By hand: 4^2 / 2 + 1^2 / 4 - 2 ln n, and what is against the last.

@@ -31,7 +31,7 @@ from sysid.estimation.uncertainty import allowance_columns, departure_scale
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.estimation.uncertainty.departure_scale import departure_columns
 from sysid.estimation.uncertainty.information import optimum_information
-from sysid.estimation.uncertainty.joint_step import joint_covariance, joint_scale
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 from sysid.progress import unwatched
 
 PROFILES = {"bump": bump(0.1, 0.9)}
@@ -333,8 +333,8 @@ def known_scale(optimum, vector) -> float:
     information = optimum_information(data, problem, vector, allowances, np.zeros(allowances.count)).matrix
     size = count + masses.sd.size
     rows, _ = problem.model.parameters.prior_rows()
-    arguments = information[:size, :size], rows.T @ rows, masses.sd
-    sd = joint_scale(*arguments) * np.sqrt(np.diag(joint_covariance(*arguments)))
+    joint = NormalEquations.with_priors(information[:size, :size], prior=rows.T @ rows, sd=masses.sd)
+    sd = np.sqrt(joint.variances)
     return float(sd[count:][masses.scales][0] / masses.sd[masses.scales][0])
 
 

@@ -5,12 +5,10 @@ remaining cost with masses and departures of the tires y free within their toler
 information H of the data near the optimum of the parameters x, the gradient e of data and priors together by x, and the
 prior precision P,
 
-    left = cost - 1/2 e' (H_xx + P)^-1 e - 1/2 r' (S + L)^-1 r,
-    r = g_y - H_yx (H_xx + P)^-1 e,    S = H_yy - H_yx (H_xx + P)^-1 H_xy,
-    covariance of x = (H_xx + P - H_xy (H_yy + L)^-1 H_yx)^-1.
+    left = cost - 1/2 (e, g_y)' A^-1 (e, g_y),    A = H + diag(P, L),    covariance of x = (A^-1)_xx
 
-At the optimum e is zero. A search that ends early leaves some of it, and masses act almost as the parameters do:
-without e, they would be credited with what the search has left over.
+(:mod:`sysid.estimation.uncertainty.normal_equations`). At the optimum e is zero. A search that ends early leaves some
+of it, and masses act almost as the parameters do: without e, they would be credited with what the search has left over.
 
 Friction is not a departure here, because it is one of the laws that are compared.
 """
@@ -18,9 +16,8 @@ Friction is not a departure here, because it is one of the laws that are compare
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +30,7 @@ from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE
 from sysid.estimation.uncertainty.departures import departures
 from sysid.estimation.uncertainty.information import BlockInformation, apart_by_load_case, information_with
+from sysid.estimation.uncertainty.normal_equations import Eliminated, NormalEquations
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 
@@ -85,27 +83,27 @@ class LawEvidence:
         return np.concatenate([self._allowances.masses.sd, tires])
 
     def without_known(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> Eliminated:
-        """What the data say about q candidates near an optimum, all else free to follow.
+        """Equations of q candidates near an optimum, and how parameters, masses and departures follow them.
 
         Parameters
         ----------
-        more : derivatives of every group's residuals by the candidates.
+        more : derivatives of every group's residuals by the candidates, each in units of its prior scale.
         """
         data = self._information(optimum, more)
-        return self._eliminated(optimum, data.matrix, data.score)
+        return self._eliminated(optimum, data.matrix, data.score, 1.0)
 
-    def by_load_case(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> tuple[Unknowns, UnknownsByUnknowns]:
-        """The same (q L,) and (q L, q L) with one amplitude of every candidate in each of L load cases with runs."""
+    def by_load_case(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> NormalEquations:
+        """Equations (q L,) of candidates without priors, each with one amplitude in every load case with runs."""
         data = self._information(optimum, more)
-        found = self._eliminated(optimum, *apart_by_load_case(data, optimum.problem.count + self.count))
-        return found.pull, found.information
+        return self._eliminated(optimum, *apart_by_load_case(data, optimum.problem.count + self.count), np.inf).left
 
     def _information(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> BlockInformation:
         return information_with(self._campaign, optimum.problem, optimum.vector, *self._columns(optimum), more)
 
-    def _eliminated(self, optimum: Optimum, matrix: UnknownsByUnknowns, score: Unknowns) -> Eliminated:
-        whole, precision = _with_priors(optimum, score)
-        return eliminated(matrix, whole, precision, self.sd)
+    def _eliminated(self, optimum: Optimum, matrix: UnknownsByUnknowns, score: Unknowns, sd: float) -> Eliminated:
+        known = optimum.problem.count + self.count
+        every = np.concatenate([self.sd, np.full(score.size - known, sd)])
+        return _equations(optimum, matrix, score, every).eliminate(slice(known))
 
     def _columns(self, optimum: Optimum) -> tuple[Sequence[ResidualColumns], ...]:
         """Derivatives of every group's residuals at an optimum by masses and departures."""
@@ -117,74 +115,28 @@ class LawEvidence:
         """An optimum with the evidence for it."""
         problem = optimum.problem
         data = information_with(self._campaign, problem, optimum.vector, *self._columns(optimum))
-        score, precision = _with_priors(optimum, data.score)
+        equations = _equations(optimum, data.matrix, data.score, self.sd)
         # Where a run just reaches a stop, the slope is that of one side, and no way down.
-        score[[i for i, p in enumerate(problem.model.parameters.parameters) if p.quantity in TRAVELS]] = 0.0
-        return Judged(optimum, evidence(optimum.minimum.cost, data.matrix, score, precision, self.sd))
+        travels = [i for i, p in enumerate(problem.model.parameters.parameters) if p.quantity in TRAVELS]
+        equations = replace(
+            equations, gradient=np.where(np.isin(np.arange(data.score.size), travels), 0.0, equations.gradient)
+        )
+        return Judged(optimum, evidence(optimum.minimum.cost, equations, problem.count))
 
 
-def _with_priors(optimum: Optimum, score: Unknowns) -> tuple[Unknowns, ParametersByParameters]:
-    """The gradient of data and priors from that of the data, and the precision (p, p) of the priors."""
-    count = optimum.problem.count
-    pull, precision = optimum.problem.model.parameters.prior_pull(optimum.vector[:count])
-    return np.concatenate([score[:count] + pull, score[count:]]), precision
+def _equations(optimum: Optimum, matrix: UnknownsByUnknowns, score: Unknowns, sd: Unknowns) -> NormalEquations:
+    """Equations of the parameters and of further unknowns with standard deviations `sd`, near an optimum."""
+    pull, prior = optimum.problem.model.parameters.prior_pull(optimum.vector[: optimum.problem.count])
+    return NormalEquations.with_priors(matrix, score, prior=prior, pull=pull, sd=sd)
 
 
-class Eliminated(NamedTuple):
-    """Gradient `pull` (q,) and `information` (q, q) of q candidates, all else eliminated.
-
-    `response` (p, q): how the p parameters follow the candidates.
-    """
-
-    pull: Unknowns
-    information: UnknownsByUnknowns
-    response: np.ndarray
-
-
-def eliminated(
-    information: UnknownsByUnknowns, score: Unknowns, prior: ParametersByParameters, sd: Unknowns
-) -> Eliminated:
-    """What is known of q candidates with p parameters and m masses and departures eliminated.
+def evidence(cost: float, equations: NormalEquations, count: int) -> Evidence:
+    """Remaining cost with all unknowns free, and the covariance and step of the first `count` of them.
 
     Parameters
     ----------
-    information : (p + m + q, p + m + q) of the data; score : (p + m + q,) gradient of half the sum of squares, priors
-        included: the parameters may be a little off their optimum.
-    prior : (p, p) prior precision; sd : (m,) tolerances of masses and departures.
+    cost : half the sum of squares where the equations hold, which may be a little off the parameters' optimum.
     """
-    count = prior.shape[0]
-    known = count + sd.size
-    of_known = information[:known, :known].copy()
-    of_known[:count, :count] += prior
-    of_known[count:, count:] += np.diag(sd**-2.0)
-    cross = information[:known, known:]
-    solved = np.linalg.solve(of_known, cross)
-    remaining = information[known:, known:] - cross.T @ solved
-    return Eliminated(score[known:] - solved.T @ score[:known], remaining, -solved[:count])
-
-
-def evidence(
-    cost: float, information: UnknownsByUnknowns, score: Unknowns, prior: ParametersByParameters, sd: Unknowns
-) -> Evidence:
-    """Remaining cost with m further unknowns free, and the covariance of p parameters with them.
-
-    Parameters
-    ----------
-    information : (p + m, p + m) of the data; score : (p + m,) gradient of half the sum of squares, priors included: the
-        parameters may be a little off their optimum.
-    prior : (p, p) prior precision; sd : (m,) standard deviations of the further unknowns.
-    """
-    count = prior.shape[0]
-    # In units of their tolerances: safe for unknowns that the data do not see.
-    cross = information[:count, count:] * sd
-    free = sd[:, None] * information[count:, count:] * sd + np.eye(sd.size)
-    of_parameters = information[:count, :count] + prior
-    follows = np.linalg.solve(of_parameters, cross)
-    off = np.linalg.solve(of_parameters, score[:count])
-    pull = sd * score[count:] - cross.T @ off
-    moved = np.linalg.solve(free - cross.T @ follows, pull)
-    return Evidence(
-        cost - 0.5 * float(score[:count] @ off + pull @ moved),
-        np.linalg.inv(of_parameters - cross @ np.linalg.solve(free, cross.T)),
-        follows @ moved - off,
-    )
+    further = slice(count, None)
+    covariance = equations.eliminate(further).left.covariance
+    return Evidence(cost - equations.gain, covariance, equations.step()[:count])

@@ -6,9 +6,8 @@ richer laws add, each moved slightly from its neutral value. With masses and tir
 
     promised gain = g_z' (S_zz + I)^-1 g_z - p ln n,
 
-where S is the information about z after x and y are eliminated, with z in units of its prior scale (C. R. Rao, Large
-sample tests of statistical hypotheses concerning several parameters, Mathematical Proceedings of the Cambridge
-Philosophical Society 44 (1948), doi:10.1017/S0305004100023987).
+where S is the information about z after x and y are eliminated, with z in units of its prior scale
+(:mod:`sysid.estimation.uncertainty.normal_equations`).
 """
 
 from __future__ import annotations
@@ -137,23 +136,23 @@ class Screen:
         self._listed = list(listed)
         reached = reached_travels(optimum) if any(c.element == STOPS for c in listed) else {}
         self._against = np.array([travel_penalty(campaign.vehicle, reached, c) for c in listed])
-        self._found = evidence.without_known(optimum, candidate_columns(campaign, optimum, listed, reached))
+        columns = candidate_columns(campaign, optimum, listed, reached)
+        self._equations, response = evidence.without_known(optimum, columns)
+        self._response = response[: optimum.problem.count]
 
     def gain(self, members: Sequence[LawCandidate], size: float) -> float:
         """Expected gain of adding some of the candidates; `size` is the effective number of residuals n."""
         index = self._index(members)
-        fall = -self._found.pull[index] @ self.amounts(members) - self._against[index].sum()
-        return float(fall - len(members) * np.log(size))
+        fall = 2.0 * self._equations.only(index).gain - float(self._against[index].sum())
+        return fall - len(members) * float(np.log(size))
 
     def amounts(self, members: Sequence[LawCandidate]) -> np.ndarray:
         """Values (n,) of some of the candidates after one linear step, in units of their prior scales."""
-        index = self._index(members)
-        left = self._found.information[np.ix_(index, index)] + np.eye(len(index))
-        return np.asarray(-np.linalg.solve(left, self._found.pull[index]))
+        return self._equations.only(self._index(members)).step()
 
     def shift(self, members: Sequence[LawCandidate]) -> np.ndarray:
         """How far the log parameters (p,) of the optimum move if some of the candidates are added."""
-        return np.asarray(self._found.response[:, self._index(members)] @ self.amounts(members))
+        return np.asarray(self._response[:, self._index(members)] @ self.amounts(members))
 
     def _index(self, members: Sequence[LawCandidate]) -> list[int]:
         return [self._listed.index(c) for c in members]

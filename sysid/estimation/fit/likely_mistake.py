@@ -3,12 +3,9 @@
 A score test, as in :mod:`sysid.estimation.fit.part_score`, needs no further fit. All residuals are in units of the
 noise of the instruments (or of what the channels show before the bump), so that a sensor that contradicts the others
 keeps its weight. a is the amplitude of a mistake, and z are all unknowns that would move with it: parameters, masses
-and tires within their tolerances, speeds and starts of the runs. One linear step from the present fit explains
-
-    u^2 / v,    u = g_a - H_az (H_zz + P)^-1 g_z,    v = H_aa - H_az (H_zz + P)^-1 H_za,    a = -u / v,
-
-of the sum of squares; g is the gradient, H the information of the data and P that of the priors. It is compared with
-the residuals beyond the noise that remain after a step of z alone.
+and tires within their tolerances, speeds and starts of the runs. One linear step from the present fit explains u^2 / v
+of the sum of squares, at a = -u / v. It is compared with the residuals beyond the noise that remain after a step of z
+alone.
 """
 
 from __future__ import annotations
@@ -20,7 +17,6 @@ from itertools import islice
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.fit.law_evidence import eliminated, evidence
 from sysid.estimation.fit.mistake_candidates import WHOLE, Directions, MistakeCandidate
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.thresholds import MISFIT
@@ -31,6 +27,7 @@ from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE
 from sysid.estimation.uncertainty.departures import departures
 from sysid.estimation.uncertainty.information import information_with
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 
 #: Share of the squares beyond the noise that one mistake must explain to be named.
@@ -82,17 +79,17 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
     at_once = _AT_ONCE if not too_many(model, _AT_ONCE) else 1
     while chosen := list(islice(directions, at_once)):
         data = information_with(campaign, problem, optimum.vector, *known, *(columns for _, columns in chosen))
-        score = data.score
-        score[: problem.count] += prior_pull
-        pull, information, _ = eliminated(data.matrix, score, prior, sd)
-        at = slice(0, problem.count + sd.size)
-        left = 2.0 * evidence(0.5 * total, data.matrix[at, at], score[at], prior, sd).cost - count
+        with_candidates = np.concatenate([sd, np.full(len(chosen), np.inf)])
+        equations = NormalEquations.with_priors(
+            data.matrix, data.score, prior=prior, pull=prior_pull, sd=with_candidates
+        )
+        all_else = slice(problem.count + sd.size)
+        left = total - 2.0 * equations.only(all_else).gain - count
         if left < (MISFIT**2 - 1.0) * count:
             break
-        v = np.diag(information)
-        for k, (candidate, _) in enumerate(chosen):
-            if v[k] > 0.0:
-                scored.append(MistakeScore(candidate, float(pull[k] ** 2 / v[k]) / left, float(-pull[k] / v[k])))
+        tests = zip(*equations.eliminate(all_else).left.score_tests(), strict=True)
+        for (candidate, _), (gain, amplitude) in zip(chosen, tests, strict=True):
+            scored.append(MistakeScore(candidate, float(gain) / left, float(amplitude)))
     problem.forget()
     return _best_sizes(scored)
 

@@ -4,11 +4,10 @@ s is the amplitude of a part: the share of a rocker, or the bending motion of a 
 frame that bends). It is 0 at the present optimum. z are all unknowns that would move with it: parameters, declared
 masses and tires within their tolerances, speeds and starts of the runs. One linear step from the present optimum gains
 
-    2 (cost(0) - cost(s)) = u^2 / v,    u = g_s - H_sz (H_zz + P)^-1 g_z,    v = H_ss - H_sz (H_zz + P)^-1 H_zs,
+    2 (cost(0) - cost(s)) = u^2 / v    at s = -u / v,
 
-at s = -u / v, or u' V^-1 u at -V^-1 u with one amplitude per load case; g is the gradient, H the information of the
-data and P that of the priors (C. R. Rao, Large sample tests of statistical hypotheses concerning several parameters,
-Mathematical Proceedings of the Cambridge Philosophical Society 44 (1948), doi:10.1017/S0305004100023987).
+or u' V^-1 u at -V^-1 u with one amplitude per load case; u and v are gradient and information of s with z eliminated
+(:mod:`sysid.estimation.uncertainty.normal_equations`).
 """
 
 from __future__ import annotations
@@ -25,6 +24,7 @@ from sysid.estimation.fit.law_evidence import LawEvidence
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.undeclared_parts import UndeclaredParts
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 from sysid.estimation.uncertainty.residual_columns import difference_columns
 
 #: Values that differ by load case are tried for at most so many load cases: combinations are their power.
@@ -75,28 +75,22 @@ def part_scores(campaign: Campaign, optimum: Optimum, candidates: Sequence[PartC
     if not possible:
         return ()
     columns = difference_columns(problem.model, problem.model, problem.weights, *problem.unpack(optimum.vector), trials)
-    pull, information = LawEvidence(campaign, optimum).by_load_case(optimum, columns)
+    apart = LawEvidence(campaign, optimum).by_load_case(optimum, columns)
     cases = tuple(dict.fromkeys(campaign.bump_runs[r].load_case for g in problem.model.groups for r in g.runs))
-    scores = [_alike(c, k, pull, information, len(cases)) for k, c in enumerate(possible)]
+    # One amplitude in all load cases.
+    alike = apart.along(np.repeat(np.eye(len(possible)), len(cases), axis=0)).score_tests()
+    scores = [PartScore(c, float(gain), float(step)) for c, gain, step in zip(possible, *alike, strict=True)]
     if 1 < len(cases) <= _MOST_LOAD_CASES:
         # Values are declared for the first load case.
         places = {case: cases.index(case) for case in campaign.load_cases if case in cases}
-        scores += _by_load_case(possible, pull, information, places)
+        scores += _by_load_case(possible, apart, places)
     return tuple(sorted(scores, key=lambda s: -s.gain))
 
 
-def _alike(candidate: PartCandidate, k: int, pull: np.ndarray, information: np.ndarray, cases: int) -> PartScore:
-    """Score of candidate number `k` with one amplitude in all load cases."""
-    own = slice(k * cases, (k + 1) * cases)
-    u, v = float(pull[own].sum()), float(information[own, own].sum())
-    # A part without any effect gains nothing.
-    return PartScore(candidate, u**2 / v, -u / v) if v > 0.0 else PartScore(candidate, 0.0, 0.0)
-
-
 def _by_load_case(
-    candidates: Sequence[PartCandidate], pull: np.ndarray, information: np.ndarray, cases: Mapping[str, int]
+    candidates: Sequence[PartCandidate], equations: NormalEquations, cases: Mapping[str, int]
 ) -> list[PartScore]:
-    """The best score of every family whose candidates differ by load case; `cases` with their places in the matrix."""
+    """The best score of every family whose candidates differ by load case; `cases` with their places."""
     best: dict[str, PartScore] = {}
     families: dict[str, list[int]] = {}
     for k, candidate in enumerate(candidates):
@@ -105,9 +99,10 @@ def _by_load_case(
     for family, members in families.items():
         for chosen in product(members, repeat=len(cases)):
             of = [k * len(cases) + place for k, place in zip(chosen, cases.values(), strict=True)]
-            amplitudes = -np.linalg.solve(information[np.ix_(of, of)], pull[of])
+            apart = equations.only(of)
+            amplitudes = apart.step()
             # Every further value must give enough gain.
-            gain = float(-pull[of] @ amplitudes) - DECISIVE * (len(set(chosen)) - 1)
+            gain = 2.0 * apart.gain - DECISIVE * (len(set(chosen)) - 1)
             first = candidates[chosen[0]]
             known = family in best and best[family].gain >= gain
             if known or amplitudes.min() <= first.least or len(set(chosen)) == 1 or first.joined is None:

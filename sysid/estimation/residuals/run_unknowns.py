@@ -1,4 +1,4 @@
-"""Elimination of what belongs to one run only: the last unknowns of its residuals.
+"""What belongs to one run only: the last unknowns of its residuals.
 
 These are the three of its motion, in some campaigns followed by the clocks of further loggers.
 """
@@ -7,7 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid.arrays import RunsByChannelsByUnknowns, RunsByUnknownsByUnknowns, SamplesByRunsByChannelsByUnknowns
+from sysid.arrays import (
+    RunsByChannelsByUnknowns,
+    RunsByUnknownsByUnknowns,
+    SamplesByRunsByChannelsByUnknowns,
+    UnknownsByUnknowns,
+)
 
 
 def run_normal(
@@ -27,27 +32,12 @@ def run_normal(
     return _never_singular(normal + prior)
 
 
-def without_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> RunsByUnknownsByUnknowns:
-    """Information (R, p, p) about p common unknowns, from normal matrices (R, p + l, p + l) of runs.
-
-    Parameters
-    ----------
-    prior : (R, l, l) prior precision of the runs' own unknowns.
-    """
-    count = normal.shape[-1] - prior.shape[-1]
-    return np.asarray(normal[:, :count, :count] - normal[:, :count, count:] @ response_of_runs(normal, prior))
-
-
-def response_of_runs(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> np.ndarray:
-    """How the runs' own unknowns, optimised, follow the common ones: N^-1 J_run' J, (R, l, p); as `without_runs`."""
-    count = normal.shape[-1] - prior.shape[-1]
-    return np.asarray(np.linalg.solve(own_normal(normal, prior), normal[:, count:, :count]))
-
-
-def own_normal(normal: RunsByUnknownsByUnknowns, prior: RunsByUnknownsByUnknowns) -> RunsByUnknownsByUnknowns:
-    """N (R, l, l) of the runs' own unknowns with their priors; as `without_runs`."""
-    count = normal.shape[-1] - prior.shape[-1]
-    return _never_singular(normal[:, count:, count:] + prior)
+def with_own_priors(normal: UnknownsByUnknowns, prior: UnknownsByUnknowns) -> UnknownsByUnknowns:
+    """Normal matrix (p + l, p + l) of one run with the prior precision (l, l) of its own unknowns, the last."""
+    count = len(normal) - len(prior)
+    whole = normal.copy()
+    whole[count:, count:] = _never_singular(normal[None, count:, count:] + prior)[0]
+    return whole
 
 
 def _never_singular(normal: RunsByUnknownsByUnknowns) -> RunsByUnknownsByUnknowns:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
-from sysid.estimation.uncertainty.joint_step import integrated
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 
 #: Kinds of unknowns beside the parameters: readings of a scale, other masses, and departures from the model.
 SCALES, MASSES, TIRES = "scale readings", "masses", "tires and friction"
@@ -52,8 +52,7 @@ class DataInformation:
     def precision(self, further: np.ndarray | None = None) -> np.ndarray:
         """Precision (p, p) of the parameters by the data alone; `further` (p + q, p + q) that of other data."""
         matrix = self.matrix if further is None else self.matrix + further / self.factor
-        left = integrated(matrix, self.prior.shape[0], self.sd).information
-        adjusted = self.flattening.T @ left @ self.flattening
+        adjusted = self._adjusted(matrix)
         adjusted = adjusted @ self._between_laws(adjusted)
         return np.asarray(0.5 * (adjusted + adjusted.T))
 
@@ -63,8 +62,13 @@ class DataInformation:
 
     def slope(self, gradient: Parameters) -> Parameters:
         """Gradient (p,) of the log-likelihood with undecided laws, from that of the chosen ones."""
-        adjusted = self.flattening.T @ integrated(self.matrix, gradient.size, self.sd).information @ self.flattening
-        return np.asarray(self._between_laws(adjusted).T @ gradient)
+        return np.asarray(self._between_laws(self._adjusted(self.matrix)).T @ gradient)
+
+    def _adjusted(self, matrix: np.ndarray) -> ParametersByParameters:
+        """C' N C (p, p) from H' (p + q, p + q)."""
+        further = slice(len(self.prior), None)
+        left = NormalEquations.with_priors(matrix, sd=self.sd).eliminate(further).left.matrix
+        return np.asarray(self.flattening.T @ left @ self.flattening)
 
     def _between_laws(self, precision: ParametersByParameters) -> ParametersByParameters:
         """T (p, p) with (N^-1 + R'R)^-1 = N T for a precision N."""

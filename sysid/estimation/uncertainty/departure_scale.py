@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from sysid.arrays import Masses, Parameters, ParametersByParameters
 from sysid.estimation.residuals.bump_model import BumpModel
@@ -35,6 +34,7 @@ from sysid.estimation.uncertainty.departures import (
     TIRE_LOAD,
     Departure,
 )
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 from sysid.estimation.uncertainty.residual_columns import (
     STEP,
     Difference,
@@ -158,13 +158,12 @@ def departure_scale(
     amounts : (m + n,) y at which information and score were taken, None for 0.
     readings, scales : (m,) bool, which masses are readings of a scale, and what all its readings share; None for none.
     """
-    count, masses = prior.shape[0], mass_sd.size
-    cross = information[:count, count:]
-    remaining = information[count:, count:] - cross.T @ np.linalg.solve(information[:count, :count] + prior, cross)
-    here = np.zeros(remaining.shape[0]) if amounts is None else amounts
-    towards_optimum = np.linalg.solve(information[:count, :count] + prior, score[:count])
+    masses = mass_sd.size
+    sd = np.full(masses + len(directions), np.inf)
+    free = NormalEquations.with_priors(information, score, prior=prior, sd=sd).eliminate(slice(len(prior))).left
+    here = np.zeros(sd.size) if amounts is None else amounts
     # The parameters at their best for it, a parabola about `here` has this gradient at 0.
-    gradient = score[count:] - cross.T @ towards_optimum - remaining @ here
+    gradient = free.gradient - free.matrix @ here
     groups = np.array([d.group for d in directions])
     of_group = (groups[:, None] == groups).astype(float)
     mean_of_group = of_group / of_group.sum(axis=1, keepdims=True)
@@ -173,34 +172,15 @@ def departure_scale(
     estimate, tolerance, mass_sd = np.zeros(here.size), mass_sd, mass_sd.copy()
     for _ in range(_ROUNDS):
         sd = np.concatenate([mass_sd, tau])
-        # In units of their scales the unknowns have the unit matrix as prior: safe for scales that go to zero.
-        left, towards = _left(sd[:, None] * remaining * sd + np.eye(sd.size), sd * gradient)
-        estimate = -towards * sd
-        variance = (left * sd**2)[masses:]
+        scaled = NormalEquations.with_priors(free.matrix, gradient, sd=sd)
+        estimate, variance = scaled.step(), scaled.variances
         before = np.concatenate([tau, mass_sd])
         if readings is not None and readings.any():
-            square = np.mean(estimate[:masses][readings] ** 2 + (left * sd**2)[:masses][readings])
+            square = np.mean(estimate[:masses][readings] ** 2 + variance[:masses][readings])
             mass_sd[readings] = np.clip(np.sqrt(square), tolerance[readings], MOST_GROWN * tolerance[readings])
             if scales is not None:
                 mass_sd[scales] = tolerance[scales] * float(np.max(mass_sd[readings] / tolerance[readings]))
-        tau = np.minimum(np.sqrt(mean_of_group @ (estimate[masses:] ** 2 + variance)), largest)
+        tau = np.minimum(np.sqrt(mean_of_group @ (estimate[masses:] ** 2 + variance[masses:])), largest)
         if np.all(np.abs(np.concatenate([tau, mass_sd]) - before) <= 1e-8 + 1e-3 * before):
             break
     return DepartureScale(tau, estimate, mass_sd)
-
-
-def _left(precision: ParametersByParameters, score: Parameters) -> tuple[Parameters, Parameters]:
-    """Variances (q,) of a precision A (q, q), and A^-1 s for a vector s (q,).
-
-    Raises
-    ------
-    LinAlgError
-        If the matrix is not positive definite.
-    """
-    if not score.size:
-        return score, score
-    # By its factor in a fifth of the time of an inverse: the scales are found again in every round of a fit.
-    factor, failed = dpotrf(precision, lower=True)
-    if failed:
-        raise np.linalg.LinAlgError("Matrix is not positive definite")
-    return np.diag(dpotri(factor, lower=True)[0]), dpotrs(factor, score, lower=True)[0]

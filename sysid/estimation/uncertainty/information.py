@@ -22,16 +22,10 @@ from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.data_information import MASSES, SCALES, TIRES, DataInformation
 from sysid.estimation.uncertainty.departure_scale import departure_scale, least_sd
-from sysid.estimation.uncertainty.joint_step import (
-    JointStep,
-    bounded_step,
-    integrated,
-    joint_covariance,
-    joint_scale,
-    joint_step,
-)
+from sysid.estimation.uncertainty.joint_step import JointStep, bounded_step, joint_step
 from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_following
 from sysid.estimation.uncertainty.mass_response import MassResponse
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns
 from sysid.estimation.uncertainty.run_scores import ClockScores, PriorScores, run_scores
 from sysid.estimation.uncertainty.sandwich import BlockScores, adjust
@@ -235,13 +229,14 @@ def adjusted_information(
     spread = model_error(data, prior, pull, allowances, here, footprints_following(problem, parameters, allowances))
     factor, sd = spread.factor, spread.sd
     matrix = data.matrix / factor
-    left = integrated(matrix, count, sd)
-    scores = (spread.scores[:, :count] + spread.scores[:, count:] @ left.response) / factor
-    of_blocks = adjust(scores, range(len(scores)), left.information)
+    equations, further = NormalEquations.with_priors(matrix, sd=sd), slice(count, None)
+    left, followed = equations.eliminate(further)
+    scores = (spread.scores[:, :count] + spread.scores[:, count:] @ followed) / factor
+    of_blocks = adjust(scores, range(len(scores)), left.matrix)
     follow = np.eye(count)
     if problem.model.tires is not None and departures.directions:
         about = _about_maps(matrix, count, masses.sd.size, sd)
-        loads = _footprints_by_loads(allowances) @ left.response[: masses.sd.size]
+        loads = _footprints_by_loads(allowances) @ followed[: masses.sd.size]
         follow = map_following(about, problem.model.parameters, parameters, departures.directions, loads)
     flat = of_blocks.matrix @ follow
     undecided = np.zeros((0, count)) if laws is None else laws
@@ -250,7 +245,7 @@ def adjusted_information(
     as_clocked = data.matrix if data.clocks is None else information_with(campaign, problem, vector).matrix
     slope = follow.T @ of_blocks.matrix.T @ of_blocks.matrix.T @ pull / factor
     slope = known.slope(slope)
-    response = MassResponse(parameters, left.response, left.factor, here)
+    response = MassResponse(parameters, followed, equations.only(further).covariance_factor, here)
     own = follow.T @ as_clocked[:count, :count] @ follow
     return AdjustedInformation(known.precision(), follow, own, factor * of_blocks.inflation, slope, known, response)
 
@@ -319,10 +314,9 @@ def model_error(
         )
         change = np.concatenate([step.parameters, step.amounts])
         at_optimum = scores + parts @ (change if footprint_response is None else change + footprint_response @ change)
-        unit, covariance = joint_scale(matrix, prior, sd), joint_covariance(matrix, prior, sd)
-        white = at_optimum * unit
-        absorbed = covariance @ (parts * np.outer(unit, unit)) / factor
-        scatter = np.sum(white @ covariance * white) / factor
+        covariance = NormalEquations.with_priors(matrix, prior=prior, sd=sd).covariance
+        absorbed = covariance @ parts / factor
+        scatter = np.sum(at_optimum @ covariance * at_optimum) / factor
         expected = np.einsum("bii->", absorbed) - np.einsum("bij,bji->", absorbed, absorbed)
         factor = max(1.0, float(scatter / max(expected, 1e-12)))
     return ModelError(factor, sd, step, at_optimum)
@@ -375,8 +369,8 @@ def _about_maps(matrix: np.ndarray, count: int, masses: int, sd: np.ndarray) -> 
 
     Maps that follow a tire move as departures of the footprint do, which are free to take that back.
     """
-    cross = sd[:, None] * matrix[count:]
-    solved = np.linalg.solve(sd[:, None] * matrix[count:, count:] * sd + np.eye(sd.size), cross)
-    whole = matrix - cross.T @ solved
-    chosen = [*range(count), *range(count + masses, matrix.shape[0])]
-    return np.asarray(whole[np.ix_(chosen, chosen)])
+    size = len(matrix)
+    twice = [*range(size), *range(count, size)]
+    free = NormalEquations.with_priors(matrix[np.ix_(twice, twice)], sd=sd).eliminate(slice(size, None)).left.matrix
+    chosen = [*range(count), *range(count + masses, size)]
+    return np.asarray(free[np.ix_(chosen, chosen)])

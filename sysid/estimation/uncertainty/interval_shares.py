@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.estimation.uncertainty.data_information import MASSES, SCALES, TIRES, DataInformation
-from sysid.estimation.uncertainty.joint_step import integrated
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 from sysid.wording import joined_words
 
 NOISE, MODEL_FORM, LAWS = "noise", "model form", "undecided laws"
@@ -35,14 +35,14 @@ def interval_shares(information: DataInformation) -> np.ndarray:
     """Shares (p, 6) of :data:`SOURCES` in the variance of p log parameters; every row has the sum 1."""
     prior = information.prior
     # Model error is a source of its own: the matrix already has its factor.
-    data, count = information.matrix * information.factor, prior.shape[0]
+    data, count = information.matrix * information.factor, len(prior)
+    equations = NormalEquations.with_priors(data, prior=prior, sd=information.sd)
     kinds = np.array(information.kinds)
     variances = []
     unknown = np.zeros(kinds.size, bool)
     for source in (NOISE, MASSES, SCALES, TIRES):
         unknown |= kinds == source
-        precision = integrated(data, count, np.where(unknown, information.sd, 0.0)).information
-        variances.append(np.diag(np.linalg.inv(precision + prior)))
+        variances.append(equations.only(np.concatenate([np.ones(count, bool), unknown])).variances[:count])
     variances.append(np.diag(information.with_laws(None).covariance()))
     variances.append(np.diag(information.covariance()))
     # The sandwich may make a direction a little better known: that is a share of zero.

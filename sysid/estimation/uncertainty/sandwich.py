@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
-from sysid.estimation.residuals.run_unknowns import own_normal, response_of_runs
+from sysid.estimation.residuals.run_unknowns import with_own_priors
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, channel_columns
 from sysid.threads import side_by_side
 from sysid.vehicle_model.engines.protocol import Linearisation
@@ -102,15 +103,13 @@ def _run_scores(
         squares = columns.T @ columns + np.outer(gain, gain)
         normal = normal + squares
         by_channel.append(squares if parts_of is not None and parts_of[c] else None)
-    normal = np.asarray(normal)
-    count = normal.shape[0] - local_prior.shape[0]
-    (eliminate,) = response_of_runs(normal[None], local_prior[None])
-    information = normal[:count, :count] - normal[:count, count:] @ eliminate
-    change = np.concatenate([np.eye(count), -eliminate])
-    parts = [change.T @ squares @ change for squares in by_channel if squares is not None]
+    whole = with_own_priors(np.asarray(normal), local_prior)
     wide = np.array(scores)
-    of_own = wide[:, count:].sum(axis=0), own_normal(normal[None], local_prior[None])[0], eliminate
-    return wide[:, :count] - wide[:, count:] @ eliminate, information, parts, *of_own
+    equations, own = NormalEquations(whole, wide.sum(axis=0), np.ones(len(whole))), slice(-len(local_prior), None)
+    left, response = equations.eliminate(own)
+    change = np.concatenate([np.eye(len(left.matrix)), response])
+    parts = [change.T @ squares @ change for squares in by_channel if squares is not None]
+    return wide @ change, left.matrix, parts, equations.gradient[own], whole[own, own], -response
 
 
 def noise_edge(blocks: int, count: int) -> float:
