@@ -116,11 +116,11 @@ _OTHER = frozenset(
     strain um/m microstrain ustrain""".split()  # noqa: SIM905
 )
 _WORDS = {
-    "metre": "m",
-    "meter": "m",
-    "millimetre": "mm",
-    "millimeter": "mm",
-    "inch": "in",
+    **dict.fromkeys(("metre", "meter", "metres", "meters"), "m"),
+    **dict.fromkeys(("centimetre", "centimeter", "centimetres", "centimeters"), "cm"),
+    **dict.fromkeys(("millimetre", "millimeter", "millimetres", "millimeters"), "mm"),
+    **dict.fromkeys(("inch", "inches", '"'), "in"),
+    **dict.fromkeys(("foot", "feet"), "ft"),
     "gn": "g",
     "kmh": "km/h",
     "kph": "km/h",
@@ -157,6 +157,12 @@ def recognised_unit(
 ) -> tuple[str, Dimension] | None:
     """How a campaign file calls a unit of these dimensions that a file writes, and which it is; None for others."""
     return _known_units(dimensions).get(_plain(written))
+
+
+def length_in_m(written: str) -> float | None:
+    """Metres in a unit of length that a file writes, None where it is none."""
+    unit = recognised_unit(written)
+    return si_factor(*unit) if unit is not None and unit[1] == "length" else None
 
 
 def is_other_quantity(written: str) -> bool:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from sysid.errors import CampaignError
 from sysid.logs import text
 from sysid.logs.channels import LogContent, LogFormat, LogRequest
 from sysid.logs.formats import arrow, can_bus, excel, hdf5, lvm, mat, mdf, tdms, uff
 from sysid.logs.input_file import InputFile
+from sysid.logs.stamps import settled
 from sysid.wording import finish, nearest, shorten
 
 #: In the order in which they are tried.
@@ -55,7 +58,7 @@ def format_of(file: InputFile, wanted: str | None = None) -> LogFormat:
 
 
 def read_channels(file: InputFile, label: str, request: LogRequest) -> LogContent:
-    """Wanted channels of a file of any format, each with its own time.
+    """Wanted channels of a file of any format, each with its own time, whose stamps advance in seconds.
 
     Parameters
     ----------
@@ -69,4 +72,9 @@ def read_channels(file: InputFile, label: str, request: LogRequest) -> LogConten
     DataRejectedError
         If the file cannot be read.
     """
-    return format_of(file, request.format).read(file, label, request)
+    content = format_of(file, request.format).read(file, label, request)
+    clocks = {id(c.clock): c.clock for c in content.channels}
+    found = {key: settled(clock, label) for key, clock in clocks.items()}
+    channels = tuple(replace(c, clock=found[id(c.clock)][0]) for c in content.channels)
+    said = dict.fromkeys(sentence for _, sentences in found.values() for sentence in sentences)
+    return replace(content, channels=channels, messages=(*content.messages, *said))

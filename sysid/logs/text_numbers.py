@@ -35,7 +35,12 @@ MISSING = frozenset(
     + [sign + word for sign in ("", "+", "-") for word in ("inf", "infinity")]
     + [sign + word for sign in ("", "-") for word in ("nan(ind)", "nan(snan)")]
     + [word.lower() for word in _WINDOWS_NAN]
+    + ["∞", "-∞", "+∞"]
 )
+#: Signs of typesetting for those of a keyboard: minus, and spaces that do not break a line.
+SIGNS = str.maketrans({"\u2212": "-", "\u2013": "-", "\u00a0": " ", "\u2007": " ", "\u2009": " ", "\u202f": " "})
+#: A number with spaces or apostrophes between its thousands.
+_GROUPED = "[-+]?\\d{1,3}(?:[ '\u2019]\\d{3})+(?:[.,]\\d*)?"
 #: Rows that the parser holds at a time.
 _PIECE_ROWS = 100_000
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
@@ -127,7 +132,7 @@ def _without_comments(lines: str) -> str:
 
 
 def encoding_of(data: bytes) -> str:
-    """Encoding of a text by its first megabyte: UTF-8, UTF-16 with or without its mark, else Latin-1."""
+    """Encoding of a text by its first megabyte: UTF-8, UTF-16 with or without its mark, else that of Windows."""
     head = data[: limits.LINE_LENGTH]
     if head[:2] in _UTF16:
         return "utf-16"
@@ -138,7 +143,7 @@ def encoding_of(data: bytes) -> str:
         # A character of several bytes cut by the end of the head is no fault.
         codecs.getincrementaldecoder("utf-8")().decode(head)
     except UnicodeDecodeError:
-        return "latin-1"
+        return "cp1252"
     return "utf-8-sig"
 
 
@@ -332,7 +337,10 @@ def _pieces(table: NumberTable, stream: _Rows, places: Mapping[int, str], width:
 def _from_text(table: NumberTable, column: Any, start: int, place: int) -> np.ndarray:
     import pandas as pd
 
-    text = column.fillna("").str.strip()
+    text = column.fillna("").str.translate(SIGNS).str.strip()
+    grouped = text.str.fullmatch(_GROUPED).to_numpy(dtype=bool)
+    if grouped.any():
+        text = text.where(~grouped, text.str.replace("[ '\u2019]", "", regex=True))
     if table.decimal == ",":
         # Exchanged, so that a point, which may stand between thousands, makes a cell no number.
         text = text.str.translate(str.maketrans(",.", ".,"))

@@ -1,11 +1,11 @@
-"""Numbers of a text log: encoding, delimiter, decimal mark and header are found from the file itself."""
+"""A table in a text: encoding, delimiter, decimal mark, header and units are found from the text itself."""
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
@@ -14,10 +14,12 @@ import numpy as np
 from sysid import limits
 from sysid.errors import DataRejectedError
 from sysid.logs.input_file import FileRefusedError, InputFile, read_file
-from sysid.logs.text_instants import has_instants, read_instants
+from sysid.logs.table_head import MOST_ROWS, bare_unit, rows_above_numbers, units_among
+from sysid.logs.text_instants import has_instants, is_coarse_instant, is_instant, read_instants
 from sysid.logs.text_numbers import (
     COMMENT,
     DECIMAL_COMMA,
+    WHITE_SPACE,
     CellError,
     LongRowError,
     NumberTable,
@@ -33,6 +35,11 @@ from sysid.wording import shorten
 _HEAD_BYTES = 1 << 20
 _COMPARED = 60  # characters of a name that are compared with a misspelt one
 _COMMENT = (*COMMENT, '"#')
+#: Columns of names of several words that stand under each other are divided by two spaces.
+_WIDE = "  "
+_DELIMITERS = (",", ";", "\t", "|", WHITE_SPACE, _WIDE)
+#: Longest line whose cells may be divided by spaces [characters].
+_SPACED_LINE = 20_000
 #: A number with a decimal mark, one that may as well be a thousand, and how many of the former are looked at.
 _MARKED = re.compile(r"[-+]?[\d.]*[.,]\d+(?:[eE][-+]?\d+)?")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:\.\d{3})+")
@@ -56,10 +63,10 @@ _ERROR_MARKS = (
 
 @dataclass(frozen=True)
 class Layout:
-    """How a log is written: text encoding, delimiter, decimal mark, line of the header (from 0) and its names.
+    """How a table is written: text encoding, delimiter, decimal mark, line of the header (from 0) and its names.
 
-    `units` are the cells of a row of units below the names, empty without one; `instants` are the columns that were
-    read as dates or times of day.
+    `skipped` lines stand between the names and the first row of numbers; `units` are the cells of the one of them that
+    holds units, empty without one.
     """
 
     encoding: str
@@ -67,60 +74,149 @@ class Layout:
     decimal: str
     header_line: int
     names: tuple[str, ...]
+    skipped: int = 0
     units: tuple[str, ...] = ()
-    instants: tuple[str, ...] = ()
 
     @property
     def first_row(self) -> int:
         """Line of the first row of numbers, from 1."""
-        return self.header_line + 2 + bool(self.units)
+        return self.header_line + 2 + self.skipped
 
 
-def read_columns(
-    source: Path | InputFile, label: str, wanted: Sequence[str], time_names: Iterable[str], units_row: bool = False
-) -> tuple[Layout, dict[str, np.ndarray], int]:
-    """Read the wanted columns of a log.
+@dataclass(frozen=True)
+class TextTable:
+    """A table in a text whose layout is known; `label` begins every sentence about it."""
+
+    data: bytes = field(repr=False)
+    label: str
+    layout: Layout
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return self.layout.names
+
+    def unit(self, place: int) -> str | None:
+        """The unit of a column by the row of units, None where it is not said."""
+        return (self.layout.units[place] if place < len(self.layout.units) else "") or None
+
+    def place(self, name: str) -> int | None:
+        """Place of the column with a name, None where there is none.
+
+        Raises
+        ------
+        DataRejectedError
+            If it stands twice in the header.
+        """
+        at = [i for i, n in enumerate(self.names) if n == name]
+        if len(at) > 1:
+            raise DataRejectedError(
+                f"{self.label}: the column '{shorten(name)}' stands twice in the header (columns {at[0] + 1} and "
+                f"{at[1] + 1}); rename one of them."
+            )
+        return at[0] if at else None
+
+    def first_cell(self, place: int) -> str:
+        """The first filled cell of a column, within the first rows; empty where there is none."""
+        rows = islice(_body(self._numbers()), 200)
+        cells = (row[place] for row in rows if place < len(row))
+        return next((cell for cell in cells if cell.strip()), "")
+
+    def has_instants(self, place: int) -> bool:
+        """Whether a column holds dates or times of day."""
+        return has_instants(self._numbers(), place)
+
+    def read(self, places: Sequence[int], instants: Sequence[int] = ()) -> dict[int, np.ndarray]:
+        """Columns (rows,) as float64, NaN where a cell is empty, infinite or says NaN; those of `instants` in seconds.
+
+        Raises
+        ------
+        DataRejectedError
+            If a cell is no number, a row too long, or there is none; the sentence names column and row.
+        """
+        table, names = self._numbers(), self.names
+        try:
+            rows, width = count_rows(table)
+        except LongRowError as error:
+            raise DataRejectedError(
+                f"{self.label}: row {error.number} has {error.cells} cells, the header has {len(names)} names; correct "
+                "that row."
+            ) from None
+        there = [place for place in places if place < width]
+        if not there:
+            raise DataRejectedError(f"{self.label} has a header but no rows; export the log again.")
+        try:
+            numbers = read_numbers(table, {p: str(p) for p in there if p not in instants}, rows, width)
+            columns = {int(place): values for place, values in numbers.items()}
+            columns |= {place: read_instants(table, place, width) for place in there if place in instants}
+        except CellError as error:
+            raise DataRejectedError(self._cell_sentence(error)) from None
+        count = len(next(iter(columns.values())))
+        if count == 0:
+            raise DataRejectedError(f"{self.label} has a header but no rows; export the log again.")
+        for values in columns.values():
+            values[~np.isfinite(values)] = np.nan
+        return columns | {place: np.full(count, np.nan) for place in places if place not in columns}
+
+    def _numbers(self) -> NumberTable:
+        at = self.layout
+        return NumberTable(self.data, self.label, at.encoding, at.delimiter, at.decimal, at.first_row - 1, at.names)
+
+    def _cell_sentence(self, error: CellError) -> str:
+        cell, decimal = error.text.strip(), self.layout.decimal
+        hint = "correct or empty the cell"
+        if decimal == "." and DECIMAL_COMMA.match(cell):
+            hint = "use the decimal point in every cell"
+        elif decimal == "," and _MARKED.fullmatch(cell):
+            hint = "use the decimal comma in every cell, and no points between thousands"
+        elif is_coarse_instant(cell):
+            hint = "it is a date or a time without seconds: export the time with fractions of a second"
+        elif is_instant(cell):
+            hint = "it is a time that is none, or is written differently in other rows: export the time in seconds"
+        return (
+            f"{self.label}: row {error.row + self.layout.first_row}, column '{shorten(self.names[error.place])}' has "
+            f"'{shorten(error.text, 40)}', expected a number; {hint}."
+        )
+
+
+def open_table(
+    source: Path | InputFile, label: str, wanted: Sequence[str], is_key: Callable[[str], bool], units_row: bool = False
+) -> TextTable:
+    """Find the table in a text from its first megabyte.
 
     Parameters
     ----------
     source : the file, or its path.
     label : its name for messages.
-    wanted : sensor columns by name; the time column is the first of `time_names` (lower case) that there is.  Dates and
-        times of day in it become seconds since the midnight before the first of them.
-    units_row : whether the row below the names holds units.
-
-    Returns
-    -------
-    layout, columns, first_row
-        `columns` maps every wanted name found, and the time column's, to a float64 array (rows,) with NaN where a cell
-        is empty, infinite or says NaN; `first_row` is the line number (from 1) of its first row.
+    wanted : names of columns, of which the header has at least one, or a key.
+    is_key : whether a name is that of the column over which the others are given, such as time.
+    units_row : whether the row below the names holds units, whatever stands there.
 
     Raises
     ------
     DataRejectedError
-        If the file is no such table; the sentence names file, column and row.
+        If the file is empty or binary, has no such header, or has too many columns.
     """
     data = without_error_marks(file_content(source, label).data)
-    ranked = list(time_names)
-    times = set(ranked)
-    layout = find_layout(data, label, wanted, times)
-    if units_row:
-        layout = replace(layout, units=_units(data, layout))
-    # Of several columns with a usual name of time only the first counts: others may hold anything.
-    found = {n.casefold() for n in layout.names}
-    time = next((n for n in ranked if n in found), None)
-    use = [n for n in layout.names if n in set(wanted) or n.casefold() == time]
-    double = next((n for n in use if layout.names.count(n) > 1), None)
-    if double is not None:
-        at = [i + 1 for i, n in enumerate(layout.names) if n == double]
-        raise DataRejectedError(
-            f"{label}: the column '{shorten(double)}' stands twice in the header (columns {at[0]} and {at[1]}); "
-            "rename one of them."
-        )
-    columns, instants = _parse(data, label, layout, use, times)
-    for values in columns.values():
-        values[~np.isfinite(values)] = np.nan
-    return replace(layout, instants=instants), columns, layout.first_row
+    head = data[:_HEAD_BYTES]
+    if not head.strip(b"\0 \t\r\n\xef\xbb\xbf\xff\xfe"):
+        raise DataRejectedError(f"{label} is empty; export the log again.")
+    for magic, what in _BINARY.items():
+        if head.startswith(magic):
+            raise DataRejectedError(f"{label} is {what}, not text; export the log as CSV.")
+    encoding = encoding_of(data)
+    lines = head_lines(data, encoding, _HEAD_BYTES)
+    text = "\n".join(lines)[:65536]
+    control = sum(ord(c) < 32 and c not in "\0\t\r\n\f\v" for c in text)
+    if control > 0.01 * len(text):
+        raise DataRejectedError(f"{label} is binary, not text; export the log as CSV.")
+    layout = _header(lines, label, encoding, wanted, is_key)
+    known = set(wanted)
+    used = [i for i, name in enumerate(layout.names) if name in known or is_key(name)]
+    key = next((i for i in used if is_key(layout.names[i])), None)
+    layout = _below_names(lines, layout, used, key, units_row)
+    table = TextTable(data, label, layout)
+    return replace(table, layout=replace(layout, decimal=_decimal_mark(table, used)))
 
 
 def file_content(source: Path | InputFile, label: str) -> InputFile:
@@ -153,80 +249,56 @@ def without_error_marks(data: bytes) -> bytes:
     return data
 
 
-def _units(data: bytes, layout: Layout) -> tuple[str, ...]:
-    lines = head_lines(data, layout.encoding, _HEAD_BYTES)
-    cells = cells_of(lines[layout.header_line + 1], layout.delimiter) if len(lines) > layout.header_line + 1 else []
-    cells = [cell.strip("[]() ") for cell in cells]
-    return tuple((cells + [""] * len(layout.names))[: len(layout.names)])
-
-
-def find_layout(data: bytes, label: str, wanted: Sequence[str], time_names: Iterable[str]) -> Layout:
-    """Find encoding, header line, delimiter and decimal mark of a log from its first megabyte.
-
-    Parameters
-    ----------
-    data, label : content of the log, and its name in messages.
-    wanted : names of columns, of which the header has at least one, or a time column.
-    time_names : names that a time column may have, in small letters.
-
-    Raises
-    ------
-    DataRejectedError
-        If the file is empty or binary, has no such header, or has too many columns.
-    """
-    head = data[:_HEAD_BYTES]
-    if not head.strip(b"\0 \t\r\n\xef\xbb\xbf\xff\xfe"):
-        raise DataRejectedError(f"{label} is empty; export the log again.")
-    for magic, what in _BINARY.items():
-        if head.startswith(magic):
-            raise DataRejectedError(f"{label} is {what}, not text; export the log as CSV.")
-    encoding = encoding_of(data)
-    lines = head_lines(data, encoding, _HEAD_BYTES)
-    text = "\n".join(lines)[:65536]
-    control = sum(ord(c) < 32 and c not in "\0\t\r\n\f\v" for c in text)
-    if control > 0.01 * len(text):
-        raise DataRejectedError(f"{label} is binary, not text; export the log as CSV.")
-    known, times = set(wanted), set(time_names)
-    layout = _header(lines, label, encoding, wanted, times)
-    if layout.delimiter == ",":
-        return layout
-    places = [i for i, name in enumerate(layout.names) if name in known or name.casefold() in times]
-    table = NumberTable(data, label, encoding, layout.delimiter, ".", layout.first_row - 1, layout.names)
-    return replace(layout, decimal=_decimal_mark(table, places))
-
-
-def _decimal_mark(table: NumberTable, places: Sequence[int]) -> str:
-    """Decimal mark of most of the first numbers with one in the columns at `places`."""
+def _body(table: NumberTable) -> Iterator[list[str]]:
+    """Cells of the rows of numbers."""
     with table.rows_of_text() as stream:
-        rows = iter(lambda: stream.readline(table.line_length), "")
-        of_rows = (row.split(table.delimiter) for row in rows if "," in row or "." in row)
-        cells = (cells[place] for cells in of_rows for place in places if place < len(cells))
-        numbers = (cell.strip().strip('"') for cell in cells if "," in cell or "." in cell)
-        marked = list(islice((number for number in numbers if _MARKED.fullmatch(number)), _MARKED_CELLS))
+        for line in iter(lambda: stream.readline(table.line_length), ""):
+            yield cells_of(line.rstrip("\r\n"), table.delimiter)
+
+
+def _decimal_mark(table: TextTable, places: Sequence[int]) -> str:
+    """Decimal mark of most of the first numbers with one in the columns at `places`."""
+    numbers, delimiter = table._numbers(), table.layout.delimiter
+    if delimiter == "," and b'"' not in table.data[:_HEAD_BYTES]:
+        return "."
+
+    def cells_with_mark() -> Iterator[str]:
+        with numbers.rows_of_text() as stream:
+            for row in iter(lambda: stream.readline(numbers.line_length), ""):
+                if (delimiter != "," and "," in row) or "." in row or '"' in row:
+                    quick = delimiter not in (",", WHITE_SPACE)
+                    cells = row.split(delimiter) if quick else cells_of(row.rstrip("\r\n"), delimiter)
+                    yield from (cells[p].strip().strip('"') for p in places if p < len(cells))
+
+    marked = list(islice((cell for cell in cells_with_mark() if _MARKED.fullmatch(cell)), _MARKED_CELLS))
     commas = sum("," in cell for cell in marked)
     # A point may stand between thousands, as in 1.234.
     points = sum("," not in cell and not _THOUSANDS.fullmatch(cell) for cell in marked)
     return "," if commas > points else "."
 
 
-def _header(lines: list[str], label: str, encoding: str, wanted: Sequence[str], times: set[str]) -> Layout:
+def _header(
+    lines: list[str], label: str, encoding: str, wanted: Sequence[str], is_key: Callable[[str], bool]
+) -> Layout:
     known = set(wanted)
-    best: tuple[int, int, str, list[str]] = (0, 0, ",", [])
+    best: tuple[tuple[int, bool], int, str, list[str]] = ((0, False), 0, ",", [])
     for number, line in enumerate(lines[: limits.HEADER_LINES]):
-        if line.lstrip().startswith(_COMMENT):
-            continue
-        for delimiter in (",", ";", "\t", "|"):
-            if line.count(delimiter) >= 20 * limits.LOG_COLUMNS:
+        comment = line.lstrip().startswith(_COMMENT)
+        for delimiter in _DELIMITERS:
+            spaced = delimiter in (WHITE_SPACE, _WIDE)
+            if line.count(delimiter) >= 20 * limits.LOG_COLUMNS or (spaced and len(line) > _SPACED_LINE):
                 continue
-            names = cells_of(line, delimiter)
-            hits = 2 * len(known.intersection(names)) + any(n.casefold() in times for n in names)
-            if hits > best[0]:
-                best = (hits, number, delimiter, names)
-    hits, number, delimiter, names = best
+            names = _names(line.lstrip(' "#%') if comment else line, delimiter)
+            hits = 2 * len(known.intersection(names)) + any(is_key(n) for n in names)
+            # Names behind a mark of comment count where no others are; words of a sentence are no names.
+            better = hits and (hits, not comment) > best[0]
+            if better and (not spaced or _fits(lines[number + 1 :], names)):
+                best = ((hits, not comment), number, delimiter, names)
+    _, number, delimiter, names = best
     first = next((ln for ln in lines if ln.strip() and not ln.lstrip().startswith(_COMMENT)), "")
-    if hits == 0:
+    if not names:
         raise DataRejectedError(_no_header(first, label, wanted))
-    width = max(len(names), first.count(delimiter) + 1)
+    width = max(len(names), first.count(delimiter) + 1 if delimiter not in (WHITE_SPACE, _WIDE) else 0)
     if width > limits.LOG_COLUMNS:
         raise DataRejectedError(
             f"{label} has {width} columns, at most {limits.LOG_COLUMNS} are read; export the sensor columns only."
@@ -234,13 +306,37 @@ def _header(lines: list[str], label: str, encoding: str, wanted: Sequence[str], 
     # A trailing delimiter makes an empty last name; other empty names get one of their own.
     names = [n or f"(column {i + 1})" for i, n in enumerate(names)]
     sample = [ln for ln in lines[number + 1 : number + 101] if ln.strip() and not ln.lstrip().startswith(_COMMENT)]
-    pairs = all(ln.count(",") + 1 >= 2 * len(names) - 1 for ln in sample)
+    pairs = all(ln.count(",") + 1 >= 2 * len(names) - 1 and '"' not in ln for ln in sample)
     if delimiter == "," and sample and pairs and len(names) > 1:
         raise DataRejectedError(
             f"{label}: row {number + 2} has {sample[0].count(',') + 1} cells under {len(names)} column names, as when "
             "the comma separates columns and marks decimals; export with semicolons between columns."
         )
-    return Layout(encoding, delimiter, ".", number, tuple(names))
+    return Layout(encoding, WHITE_SPACE if delimiter == _WIDE else delimiter, ".", number, tuple(names))
+
+
+def _names(line: str, delimiter: str) -> list[str]:
+    if delimiter == _WIDE:
+        return re.split(r"\s{2,}|\t", line.strip())
+    return cells_of(line, delimiter)
+
+
+def _fits(lines: Sequence[str], names: list[str]) -> bool:
+    """Whether rows of numbers between white space follow, one number per name."""
+    rows = [ln.split() for ln in lines[:MOST_ROWS] if ln.strip() and not ln.lstrip().startswith(_COMMENT)]
+    first = rows_above_numbers(rows, range(len(names)), None)
+    return len(names) > 1 and len(rows) > first and len(rows[first]) == len(names)
+
+
+def _below_names(lines: list[str], layout: Layout, used: Sequence[int], key: int | None, units_row: bool) -> Layout:
+    """The layout with what stands between names and numbers."""
+    below = lines[layout.header_line + 1 :][: MOST_ROWS + 1]
+    rows = [[] if ln.lstrip().startswith(_COMMENT) else cells_of(ln, layout.delimiter) for ln in below]
+    declared = int(units_row and bool(rows))
+    between = declared + rows_above_numbers(rows[declared:], used, key)
+    at = 0 if declared else units_among(rows[:between], key)
+    units = () if at is None else tuple(bare_unit(cell) for cell in rows[at])
+    return replace(layout, skipped=between, units=units)
 
 
 def _no_header(first: str, label: str, wanted: Sequence[str]) -> str:
@@ -258,48 +354,6 @@ def _no_header(first: str, label: str, wanted: Sequence[str]) -> str:
         f"{label} has none of the columns of campaign.toml in its first {limits.HEADER_LINES} lines (found {shown}); "
         f"{expected}."
     )
-
-
-def _parse(
-    data: bytes, label: str, layout: Layout, use: list[str], times: set[str]
-) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """Columns by name, and the names of those that hold dates or times of day."""
-    skip = layout.first_row - 1
-    table = NumberTable(data, label, layout.encoding, layout.delimiter, layout.decimal, skip, layout.names)
-    try:
-        rows, width = count_rows(table)
-    except LongRowError as error:
-        raise DataRejectedError(
-            f"{label}: row {error.number} has {error.cells} cells, the header has {len(layout.names)} names; correct "
-            "that row."
-        ) from None
-    places = {layout.names.index(n): n for n in use if layout.names.index(n) < width}
-    if not places:
-        raise DataRejectedError(f"{label} has a header but no rows; export the log again.")
-    clocks = {p: n for p, n in places.items() if n.casefold() in times and has_instants(table, p)}
-    try:
-        columns = read_numbers(table, {p: n for p, n in places.items() if p not in clocks}, rows, width)
-        for place, name in clocks.items():
-            columns[name] = read_instants(table, place, width)
-    except CellError as error:
-        name = layout.names[error.place]
-        raise DataRejectedError(_cell_sentence(label, layout, error.row + skip + 1, name, error.text)) from None
-    read = len(next(iter(columns.values())))
-    if read == 0:
-        raise DataRejectedError(f"{label} has a header but no rows; export the log again.")
-    columns |= {name: np.full(read, np.nan) for name in use if name not in columns}
-    return columns, tuple(clocks.values())
-
-
-def _cell_sentence(label: str, layout: Layout, row: int, name: str, cell: str) -> str:
-    hint = "correct or empty the cell"
-    if layout.decimal == "." and DECIMAL_COMMA.match(cell):
-        hint = "use the decimal point in every cell"
-    elif layout.decimal == "," and _MARKED.fullmatch(cell.strip()):
-        hint = "use the decimal comma in every cell, and no points between thousands"
-    elif row == layout.header_line + 2 and not layout.units:
-        hint = "if this row holds units, set units_row = true in campaign.toml, or start it with '#'"
-    return f"{label}: row {row}, column '{shorten(name)}' has '{shorten(cell, 40)}', expected a number; {hint}."
 
 
 def near_names(name: str, names: Iterable[str]) -> str:

@@ -7,6 +7,7 @@ not needed.
 
 from __future__ import annotations
 
+import re
 import struct
 
 import numpy as np
@@ -23,6 +24,12 @@ _RECORD_BYTES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
 _COMPRESSED = 0x80 | 0x40
 #: Headers of records of variable length, and of extended ones.
 _VLR_BYTES, _EVLR_BYTES = 54, 60
+#: Records that are searched for the coordinate system.
+_MOST_RECORDS = 1000
+#: Metres in units by their numbers in the EPSG data set: metre, foot, US survey foot.
+_EPSG_UNITS = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
+#: Units of length, not of angle, in the text of a coordinate system.
+_WKT_UNIT = re.compile(r'(?:LENGTHUNIT|UNIT)\["(?:metre|meter|[^"]*(?:foot|feet))[^"]*",\s*([\d.]+)', re.IGNORECASE)
 
 
 def las_points(data: bytes, label: str, most_points: int) -> np.ndarray:
@@ -58,6 +65,31 @@ def las_points(data: bytes, label: str, most_points: int) -> np.ndarray:
     layout = np.dtype({"names": ["xyz"], "formats": ["(3,)<i4"], "offsets": [0], "itemsize": size})
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(np.frombuffer(data, layout, count, begin)["xyz"] * scale + offset)
+
+
+def las_units(data: bytes) -> tuple[float, ...]:
+    """Metres in the units that the coordinate system of a LAS file names, empty where it names none.
+
+    From the GeoKeyDirectory (record 34735; keys 3076 and 4099 of GeoTIFF 1.0, horizontal and vertical unit) or from the
+    last units of length in the text of record 2112 (OGC WKT).
+    """
+    (begin, _, records) = struct.unpack_from("<HII", data, 94)
+    found: list[float] = []
+    for _ in range(min(records, _MOST_RECORDS)):
+        if begin + _VLR_BYTES > len(data):
+            break
+        owner, number, size = struct.unpack_from("<16sHH", data, begin + 2)
+        content = data[begin + _VLR_BYTES : begin + _VLR_BYTES + size]
+        if owner.rstrip(b"\0") == b"LASF_Projection" and number == 34735:
+            keys = np.frombuffer(content[: size // 8 * 8], "<u2").reshape(-1, 4)[1:]
+            found += [
+                _EPSG_UNITS[int(v)] for k, where, _, v in keys if k in (3076, 4099) and not where and v in _EPSG_UNITS
+            ]
+        elif owner.rstrip(b"\0") == b"LASF_Projection" and number == 2112:
+            text = content.decode("utf-8", "replace")
+            found += [float(size) for size in _WKT_UNIT.findall(text)]
+        begin += _VLR_BYTES + size
+    return tuple(found)
 
 
 def _decompressed(data: bytes, label: str, most_points: int) -> np.ndarray:

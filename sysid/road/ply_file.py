@@ -24,6 +24,8 @@ _BYTES = {
     **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
     **dict.fromkeys(("double", "float64"), 8),
 }
+#: A comment about the unit, such as `comment units: mm`.
+_UNIT = re.compile(r"^(?:comment|obj_info)\b.*\bunits?\b\W*(?:is|are)?\W*([A-Za-z]+)\s*$", re.MULTILINE | re.IGNORECASE)
 _FORMATS = ("ascii", "binary_little_endian", "binary_big_endian")
 #: Memory up to which a file whose needs are known is read in this process.
 _SMALL_BYTES = 100_000_000
@@ -80,6 +82,13 @@ def ply_points(data: bytes, label: str, most_points: int) -> np.ndarray:
     # The parser meets arbitrary bytes: whatever it stumbles over means the same to the user.
     except Exception as error:
         raise _unreadable(label, str(error) or type(error).__name__) from error
+
+
+def ply_unit(data: bytes) -> str | None:
+    """The unit that a comment in the header names, None without one."""
+    end = _END.search(data[:_HEAD_BYTES])
+    match = _UNIT.search(data[: end.start() if end is not None else 0].decode("ascii", errors="replace"))
+    return match[1] if match is not None else None
 
 
 def _header(data: bytes, label: str) -> tuple[str, tuple[_Element, ...], int]:

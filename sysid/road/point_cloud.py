@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
 from sysid import limits
+from sysid.campaign.units import length_in_m
 from sysid.errors import DataRejectedError
 from sysid.logs.input_file import FileRefusedError, InputFile, read_file
-from sysid.road.las_file import las_points
-from sysid.road.ply_file import ply_points
+from sysid.road.las_file import las_points, las_units
+from sysid.road.ply_file import ply_points, ply_unit
 from sysid.road.text_cloud import read_text_cloud
 
 # Lengths in which scanners write; anything else is converted before it comes here.
@@ -54,8 +56,11 @@ def read_point_cloud_counted(path: Path | InputFile, unit: str = "m") -> tuple[n
     data = _content(source, label)
     if data.startswith(b"ply"):
         raw = ply_points(data, label, MAX_POINTS)
+        written = ply_unit(data)
+        _compare(label, unit, [size for size in [length_in_m(written or "")] if size is not None])
     elif data.startswith(b"LASF"):
         raw = las_points(data, label, MAX_POINTS)
+        _compare(label, unit, las_units(data))
     else:
         raw = read_text_cloud(data, label, unit, MAX_POINTS)
     del data
@@ -74,6 +79,17 @@ def read_point_cloud_counted(path: Path | InputFile, unit: str = "m") -> tuple[n
     points = np.ascontiguousarray(raw if dropped == 0 else raw[usable], dtype=np.float64)
     points *= UNIT_IN_M[unit]
     return points, dropped
+
+
+def _compare(label: str, unit: str, said_m: Sequence[float]) -> None:
+    """Refuse a unit that is none of those [m] that the file names."""
+    # A survey foot is a foot to six digits.
+    if said_m and all(abs(size / UNIT_IN_M[unit] - 1.0) > 1e-5 for size in said_m):
+        named = min(UNIT_IN_M, key=lambda name: abs(UNIT_IN_M[name] / said_m[0] - 1.0))
+        raise DataRejectedError(
+            f"{label} says that its coordinates are in {named}, but the campaign file says unit = '{unit}'; make them "
+            "agree."
+        )
 
 
 def _content(source: Path | InputFile, label: str) -> bytes:

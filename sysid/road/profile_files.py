@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +18,21 @@ from sysid import limits
 from sysid.bounded_reader import read_in_child
 from sysid.campaign.records import BumpShape
 from sysid.campaign.requests import START_HEIGHT_M
+from sysid.campaign.units import length_in_m
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.logs.input_file import FileRefusedError, InputFile, read_file
-from sysid.logs.text_table import read_columns
+from sysid.logs.text_table import TextTable, open_table
 from sysid.road.cloud_libraries import read_crg
 from sysid.road.named_shapes import named_shape
-from sysid.wording import shorten
+from sysid.wording import joined_words, shorten
 
 #: Bytes in which the mark of an OpenCRG file is looked for.
 _HEAD_BYTES = 1 << 20
 _STATION, _HEIGHT = "station_m", "height_m"
+#: Names of the two columns, with or without a unit.
+_COLUMN = re.compile(r"(station|height)(?:_(\w+)|\s*[\[(]([^\])]*)[\])])?", re.IGNORECASE)
+#: Units of the channels of OpenCRG other than long sections, in their spellings.
+_STANDARD = dict.fromkeys(("m", "meter", "metre", "rad", "m/m", "-", "1"), 1.0)
 
 
 def bump_from_file(path: Path | InputFile, lateral_m: float = 0.0, name: str | None = None) -> BumpShape:
@@ -88,23 +94,53 @@ def _content(path: Path | InputFile, label: str) -> InputFile:
 
 
 def _columns(source: InputFile, label: str) -> tuple[np.ndarray, np.ndarray]:
+    """Stations and heights [m] of a table, in the units of its names or of a row of units."""
+
+    def named(name: str) -> str | None:
+        match = _COLUMN.fullmatch(name.strip())
+        return match[1].casefold() if match is not None else None
+
     try:
-        _, columns, first = read_columns(source, label, [_HEIGHT], [_STATION])
+        table = open_table(source, label, (), lambda name: named(name) is not None)
     except DataRejectedError as error:
         if "campaign.toml" not in str(error):
             raise
-        # The reader of logs looks for the columns of a campaign.
+        # The reader of tables looks for the columns of a campaign.
         raise DataRejectedError(f"{label} has no columns {_STATION} and {_HEIGHT}; a profile needs both.") from None
-    by_name = {name.casefold(): values for name, values in columns.items()}
-    for name in (_STATION, _HEIGHT):
-        if name not in by_name:
+    places: dict[str, int] = {}
+    for place, name in enumerate(table.names):
+        if (quantity := named(name)) is not None:
+            if quantity in places:
+                raise DataRejectedError(f"{label} has several columns of {quantity}; keep one of them.")
+            places[quantity] = place
+    for quantity, name in (("station", _STATION), ("height", _HEIGHT)):
+        if quantity not in places:
             raise DataRejectedError(f"{label} has no column {name}; a profile needs {_STATION} and {_HEIGHT}.")
-        missing = np.flatnonzero(~np.isfinite(by_name[name]))
+    columns = table.read(list(places.values()))
+    for place in places.values():
+        missing = np.flatnonzero(~np.isfinite(columns[place]))
         if missing.size:
+            row = table.layout.first_row + int(missing[0])
             raise DataRejectedError(
-                f"{label}, row {first + int(missing[0])}: {name} is missing; every station needs a height."
+                f"{label}, row {row}: {table.names[place]} is missing; every station needs a height."
             )
-    return by_name[_STATION], by_name[_HEIGHT]
+    station, height = (columns[places[q]] * _unit_of(table, places[q], label) for q in ("station", "height"))
+    return station, height
+
+
+def _unit_of(table: TextTable, place: int, label: str) -> float:
+    """Metres in the unit of a column, by its name and the row of units."""
+    name = table.names[place]
+    match = _COLUMN.fullmatch(name.strip())
+    units = {u for u in ((match[2] or match[3]) if match is not None else None, table.unit(place)) if u}
+    factors = {length_in_m(unit) for unit in units}
+    factor = factors.pop() if len(factors) == 1 else None
+    if factor is None:
+        said = f"is in {joined_words(sorted(shorten(u, 20) for u in units))}" if units else "has no unit"
+        raise DataRejectedError(
+            f"{label}: the column '{shorten(name)}' {said}; name the columns {_STATION} and {_HEIGHT}."
+        )
+    return factor
 
 
 def _long_section(source: InputFile, label: str, lateral_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -124,13 +160,37 @@ def _long_section(source: InputFile, label: str, lateral_m: float) -> tuple[np.n
             f"{label} reaches from v = {right:g} to {left:g} m, and v = {lateral_m:g} m lies outside; choose another "
             "--lateral."
         )
-    if height.size < 3 or not np.isfinite(height).all():
+    if height.size < 3 or not np.isfinite(height).all() or surface["missing"]:
+        where = f" ({surface['missing']} cross sections lack a cell there, the first at u = {surface['hole']:g} m)"
         raise DataRejectedError(
-            f"{label} has no height everywhere along v = {lateral_m:g} m; choose another --lateral or cut the file to "
-            "the bump."
+            f"{label} has no height everywhere along v = {lateral_m:g} m{where if surface['missing'] else ''}; choose "
+            "another --lateral or cut the file to the bump."
         )
+    height = height * _metres(surface["units"], label)
     station = surface["step"] * np.arange(height.size)
     return station, height - height[0] - (height[-1] - height[0]) * station / station[-1]
+
+
+def _metres(channels: Sequence[Sequence[str]], label: str) -> float:
+    """Metres in the unit of the long sections, which the library takes as metres, as every other unit of the standard.
+
+    Raises
+    ------
+    DataRejectedError
+        If long sections have several units or one that is no length, or another channel has not that of the standard.
+    """
+    sections = {unit.strip() for name, unit in channels if name.strip().lower().startswith("long section")}
+    others = [(n, u.strip()) for n, u in channels if not n.strip().lower().startswith("long section")]
+    factor = length_in_m(next(iter(sections))) if len(sections) == 1 else None
+    strange = next(((n, u) for n, u in others if u and _STANDARD.get(u.casefold(), 0.0) != 1.0), None)
+    # Slope, banking and height of the reference line add to the heights.
+    added = any(word in n.casefold() for n, _ in others for word in ("slope", "bank", "line z"))
+    if factor is None or strange is not None or (factor != 1.0 and added):
+        said = f"long sections in {joined_words(sorted(shorten(unit, 20) or 'no unit' for unit in sections))}"
+        if strange is not None:
+            said = f"'{shorten(strange[0].strip(), 40)}' in {shorten(strange[1], 20)}"
+        raise DataRejectedError(f"{label} has {said}; OpenCRG wants m, rad and m/m: write the file again in these.")
+    return factor
 
 
 def _installed(package: str) -> bool:

@@ -76,6 +76,8 @@ DIALECTS = {
     "exponents": "time_s,q_mm,a_g\n" + "".join(f"{t:e},{q:e},{a:E}\n" for t, q, a in ROWS),
     "late start": table(rows=[(t + 2718, q, a) for t, q, a in ROWS]),
     "no last line end": table().rstrip("\n"),
+    "row of units": table().replace("a_g\n", "a_g\ns,mm,g\n"),
+    "time in another language": table("zeit,q_mm,a_g"),
 }
 
 
@@ -197,12 +199,11 @@ FAULTS = {
     "one row": (table(rows=ROWS[:1]), ["1 row"]),
     "no header": (table().split("\n", 1)[1], ["no header line"]),
     "other columns": ("a,b\n1,2\n", ["none of the columns", "'a'"]),
-    "no time column": (table("zeit,q_mm,a_g"), ["no time column", "'time_s'"]),
+    "no time column": (table("when,q_mm,a_g"), ["no time column", "'time_s'"]),
     "no sensor column": (table("time_s,x,y"), ["none of the sensor columns", "'q_mm'"]),
     "duplicate header": (table("time_s,q_mm,q_mm"), ["'q_mm'", "columns 2 and 3"]),
-    "duplicate time": (table("time_s,time_s,a_g"), ["'time_s'", "twice"]),
+    "duplicate time": (table("time_s,time_s,a_g"), ["'time_s' (column 1) and 'time_s' (column 2)", "side by side"]),
     "text in a cell": (table().replace("-3.0000", "out"), ["row 4", "'q_mm'", "'out'", "expected a number"]),
-    "row of units": (table().replace("a_g\n", "a_g\ns,mm,g\n"), ["row 2", "start it with '#'"]),
     "date for time": (table().replace("0.0000,1.25", "2024-05-01 10:00,1.25"), ["row 2", "'time_s'", "2024"]),
     "some decimal commas": (table().replace("2.5000", '"2,5"'), ["row 3", "'2,5'", "decimal point"]),
     "comma for both": (table(decimal=","), ["row 2", "semicolons"]),

@@ -11,7 +11,7 @@ from sysid.campaign import Sensor, read_log
 from sysid.campaign.inputs.logs import LogWriting
 from sysid.errors import DataRejectedError
 from sysid.logs.input_file import InputFile
-from sysid.logs.text_table import find_layout
+from sysid.logs.text_table import open_table
 
 SENSORS = (Sensor("q", "suspension_deflection", "mm", axle=0),)
 STEP_S = 0.01
@@ -137,7 +137,8 @@ def test_a_date_with_dots_says_nothing_about_the_decimal_mark() -> None:
 @pytest.mark.parametrize("time", ["{}", "01.02.2024 10:{:02d}:00.000"])
 def test_the_decimal_mark_is_found_behind_whole_numbers(quiet: int, time: str) -> None:
     rows = [f"{time.format(i % 60)};0" for i in range(quiet)] + [f"{time.format(0)};0,5"]
-    assert find_layout("\n".join(["time;q", *rows]).encode(), "log.csv", ["q"], ["time"]).decimal == ","
+    file = InputFile(Path("log.csv"), "\n".join(["time;q", *rows]).encode())
+    assert open_table(file, "log.csv", ["q"], lambda name: name == "time").layout.decimal == ","
 
 
 @pytest.mark.parametrize(

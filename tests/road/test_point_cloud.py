@@ -47,6 +47,12 @@ READABLE = {
     "comment": "# made by a scanner\n# x y z\n" + table(" "),
     "blank lines": "\n\nx,y,z\n\n" + table(end="\n\n"),
 }
+READABLE |= {
+    "row of units": "x,y,z\nm,m,m\n" + table(),
+    "units in brackets below": "X;Y;Z;Intensity\n[m];[m];[m];[-]\n" + table(";", ",", extra=";1"),
+    "title": "Scan of the bump, 6 May\n\nx,y,z\n" + table(),
+    "typographic minus": "x;y;z\n" + table(";").replace("-", "\u2212"),
+}
 READABLE["column in between"] = "x,intensity,y,z\n" + "".join(f"{x:.4f},7,{y:.4f},{z:.4f}\n" for x, y, z in POINTS)
 
 
@@ -88,6 +94,44 @@ def test_las(tmp_path: Path) -> None:
     np.testing.assert_allclose(read_point_cloud(las_file(tmp_path)) - OFFSET, POINTS, atol=1e-8)
 
 
+def las_with_keys(folder: Path, *records) -> Path:
+    header = laspy.LasHeader(point_format=3, version="1.4")
+    header.scales = np.full(3, 1e-4)
+    header.vlrs.extend(records)
+    cloud = laspy.LasData(header)
+    cloud.x, cloud.y, cloud.z = POINTS.T
+    cloud.write(str(folder / "scan.las"))
+    return folder / "scan.las"
+
+
+def geo_keys(*pairs: tuple[int, int]) -> laspy.VLR:
+    numbers = [1, 1, 0, len(pairs), *(n for key, value in pairs for n in (key, 0, 1, value))]
+    return laspy.VLR("LASF_Projection", 34735, "keys", np.array(numbers, "<u2").tobytes())
+
+
+WKT = 'PROJCS["x",GEOGCS["y",UNIT["degree",0.0174532925199433]],UNIT["US survey foot",0.304800609601219]]'
+
+
+def test_the_unit_of_a_las_file_is_compared(tmp_path: Path) -> None:
+    for records in ([], [geo_keys((3076, 9001), (4099, 9001))], [geo_keys((1024, 1))]):
+        np.testing.assert_allclose(read_point_cloud(las_with_keys(tmp_path, *records)), POINTS, atol=1e-4)
+    text = laspy.VLR("LASF_Projection", 2112, "wkt", WKT.encode() + b"\0")
+    for records in ([geo_keys((3076, 9003))], [geo_keys((1024, 1), (4099, 9002))], [text]):
+        path = las_with_keys(tmp_path, *records)
+        with pytest.raises(DataRejectedError, match="coordinates are in ft, but the campaign file says unit = 'm'"):
+            read_point_cloud(path)
+        np.testing.assert_allclose(read_point_cloud(path, "ft"), 0.3048 * POINTS, atol=1e-4)
+
+
+@pytest.mark.parametrize("comment", ["comment units: mm", "obj_info unit = millimetres", "comment unit mm"])
+def test_the_unit_of_a_ply_file_is_compared(tmp_path: Path, comment: str) -> None:
+    rows = b"".join(b"%f %f %f\n" % tuple(1e3 * p) for p in POINTS)
+    path = write(tmp_path, (PLY_HEAD % (40, b"x")).replace(b"element", f"{comment}\nelement".encode(), 1) + rows)
+    with pytest.raises(DataRejectedError, match="coordinates are in mm, but"):
+        read_point_cloud(path)
+    np.testing.assert_allclose(read_point_cloud(path, "mm"), POINTS, atol=1e-6)
+
+
 def test_compressed_las_without_decompressor(tmp_path: Path) -> None:
     if laspy.LazBackend.detect_available():
         pytest.skip("a decompressor is installed")
@@ -103,6 +147,26 @@ def test_compressed_las_without_decompressor(tmp_path: Path) -> None:
 def test_units(tmp_path: Path, unit: str, factor: float) -> None:
     points = read_point_cloud(write(tmp_path, f"x_{unit},y_{unit},z_{unit}\n" + table()), unit)
     np.testing.assert_allclose(points, POINTS * factor, rtol=1e-12)
+
+
+HEADS_OF_UNITS = {
+    "below": "x;y;z\nm;m;mm\n",
+    "in the names": "x_m;y_m;z_mm\n",
+    "for one axis": "x;y;z [mm]\n",
+}
+
+
+@pytest.mark.parametrize("head", HEADS_OF_UNITS.values(), ids=HEADS_OF_UNITS)
+def test_every_axis_has_its_own_unit(tmp_path: Path, head: str) -> None:
+    rows = "".join(f"{x:.4f};{y:.4f};{1e3 * z:.1f}\n" for x, y, z in POINTS)
+    points = read_point_cloud(write(tmp_path, head + rows))
+    np.testing.assert_allclose(points, POINTS, atol=1e-9)
+
+
+@pytest.mark.parametrize("head", ["x;y;z\nmm;mm;mm\n", "x_mm;y_mm;z_mm\n", "x_m;y;z\nmm;m;m\n", "x;y;z\ns;m;m\n"])
+def test_units_that_contradict_are_refused(tmp_path: Path, head: str) -> None:
+    with pytest.raises(DataRejectedError, match=r"column 'x(_mm|_m)?' is in "):
+        read_point_cloud(write(tmp_path, head + table(";")))
 
 
 def test_incomplete_rows_are_dropped_and_counted(tmp_path: Path) -> None:

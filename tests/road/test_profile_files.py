@@ -88,6 +88,70 @@ def test_columns_of_text(tmp_path):
     assert shape.label == "hump.csv"
 
 
+@pytest.mark.parametrize(
+    ("head", "metres"),
+    [("station_m;height_mm\n", (1.0, 1e-3)), ("station;height\nm;mm\n", (1.0, 1e-3)),
+     ("Station [m];Height [in]\n", (1.0, 0.0254)), ("bump 3\nstation_mm;height_m\n[mm];[m]\n", (1e-3, 1.0))],
+)  # fmt: skip
+def test_columns_of_text_in_their_units(tmp_path, head, metres):
+    rows = "".join(f"{u / metres[0]:.6f};{z / metres[1]:.6f}\n" for u, z in zip(U, HUMP, strict=True))
+    np.testing.assert_allclose(
+        heights(bump_from_file(written(tmp_path, (head + rows).encode(), "hump.csv"))), HUMP, atol=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [("station;height\n", "has no unit"), ("station_m;height_m\nm;mm\n", "is in m and mm"),
+     ("station_m;height_g\n", "is in g"), ("station_m;height_m;height_mm\n", "several columns of height")],
+)  # fmt: skip
+def test_columns_of_text_without_a_clear_unit(tmp_path, head, said):
+    rows = "".join(
+        f"{u:.3f};{z:.6f}{';0' * (head.count(';') > 1 and 'several' in said)}\n" for u, z in zip(U, HUMP, strict=True)
+    )
+    with pytest.raises(DataRejectedError, match=said):
+        bump_from_file(written(tmp_path, (head + rows).encode(), "hump.csv"))
+
+
+# ---------------------------------------------------------------------- holes and units of surfaces
+
+
+def with_hole(columns: slice) -> np.ndarray:
+    surface = SURFACE.copy()
+    surface[100:110, columns] = np.nan
+    return surface
+
+
+@pytest.mark.parametrize("kind", list(WIDTH))
+@pytest.mark.parametrize("mode", [None, "GRID_NAN_MODE = 0", "GRID_NAN_MODE = 1", "GRID_NAN_MODE = 2"])
+def test_a_hole_is_never_filled_from_the_column_beside_it(tmp_path, kind, mode):
+    """Whatever the modifiers of the file, the library fills the crest with the height of another column, or zero."""
+    mods = [] if mode is None else ["$ROAD_CRG_MODS", mode, "$"]
+    path = written(tmp_path, crg_file(with_hole(slice(2, 4)), SECTIONS, increment=STEP, kind=kind, sections=mods))
+    for lateral in (0.0, 0.5, 1.0, -0.2):
+        with pytest.raises(
+            DataRejectedError, match=rf"no height everywhere along v = {lateral:g} m \(10 cross sections"
+        ):
+            bump_from_file(path, lateral)
+    # Beside the hole the surface is whole.
+    np.testing.assert_allclose(heights(bump_from_file(path, -0.5)), HUMP * 1.1, atol=2e-6)
+
+
+def test_long_sections_in_another_unit(tmp_path):
+    names = [name.replace(",m", ",mm") for name in SECTIONS]
+    path = written(tmp_path, crg_file(1e3 * SURFACE, names, increment=STEP, kind="LDFI"))
+    np.testing.assert_allclose(heights(bump_from_file(path)), HUMP, atol=2e-6)
+    turned = np.column_stack([np.linspace(0.0, 5.0, U.size), SURFACE])
+    for channels, said in (
+        (["reference line phi,deg", *SECTIONS], "'reference line phi' in deg"),
+        ([SECTIONS[0].replace(",m", ",in"), *SECTIONS[1:]], "long sections in in and m"),
+        ([name.replace(",m", ",kg") for name in SECTIONS], "OpenCRG"),
+    ):
+        rows = turned if len(channels) > len(SECTIONS) else SURFACE
+        with pytest.raises(DataRejectedError, match=said):
+            bump_from_file(written(tmp_path, crg_file(rows, channels, increment=STEP)))
+
+
 GOOD = crg_file(SURFACE, SECTIONS, increment=STEP)
 
 

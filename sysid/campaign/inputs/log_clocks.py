@@ -10,9 +10,11 @@ import numpy as np
 from sysid import limits
 from sysid.errors import DataRejectedError
 from sysid.logs.channels import Clock
+from sysid.logs.stamps import HICCUPS, spread
 
-BAD_STAMP_SHARE = 0.01  # up to this share of repeated or empty stamps is a hiccup of the logger, more is a broken log
+BAD_STAMP_SHARE = HICCUPS  # up to this share of repeated or empty stamps is a hiccup of the logger
 SAME_STEP = 1e-3  # rounding of the printed stamps
+_AGREES = 0.01  # steps that differ by less from the declared one are not worth a word
 _DAY_S = 86400.0
 # Steps further than this from the declared one, either way, are of another unit or wrongly declared (an assumption).
 _FAR = 20.0
@@ -50,18 +52,24 @@ def clean_clocks(
         If the time of a clock does not advance or jumps, or the steps of all clocks are far from the declared one, as
         those of another unit are.
     """
-    found = {k: _clean_stamps(c.time_s, label, c.name, c.first_row, messages) for k, c in clocks.items()}
+    found = {k: _clean_stamps(c, label, declared_s, messages) for k, c in clocks.items()}
     steps = {key: float(np.median(np.diff(stamps))) for key, (stamps, _) in found.items()}
     # A channel may be far slower or faster than the declared one beside it.
     nearest = min(judged, key=lambda key: abs(np.log(steps[key] / declared_s)))
     _refuse_unit(found[nearest][0], steps[nearest], declared_s, label, clocks[nearest].name)
+    if clocks[nearest].counted and abs(steps[nearest] / declared_s - 1.0) >= _AGREES:
+        raise DataRejectedError(
+            f"{label}: several rows share each time stamp in column '{clocks[nearest].name}'; by their count the rows "
+            f"are {steps[nearest]:.4g} s apart, acquisition.sample_interval_s says {declared_s:g} s; correct it, or "
+            "export the log with more digits in the time column."
+        )
     result = {}
     for key, (stamps, rows) in found.items():
         clock, step = clocks[key], steps[key]
-        _check_span(clock.time_s, stamps, step, label, clock.name, clock.first_row)
+        _check_span(stamps, rows, step, label, clock)
         if abs(step / declared_s - 1.0) < SAME_STEP:
             step = declared_s
-        elif key in judged and abs(step / declared_s - 1.0) >= 0.01:
+        elif key in judged and abs(step / declared_s - 1.0) >= _AGREES:
             messages.append(
                 f"{label}: the time stamps are {step:.4g} s apart, acquisition.sample_interval_s says {declared_s:g} "
                 "s; the stamps are used."
@@ -70,10 +78,9 @@ def clean_clocks(
     return result
 
 
-def _clean_stamps(
-    stamps: np.ndarray, label: str, column: str, first_row: int, messages: list[str]
-) -> tuple[np.ndarray, np.ndarray]:
+def _clean_stamps(clock: Clock, label: str, declared_s: float, messages: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """Stamps that increase strictly, and the rows they stand in."""
+    stamps, column, first_row = clock.time_s, clock.name, clock.first_row
     rows = np.flatnonzero(np.isfinite(stamps))
     allowed = max(2, int(BAD_STAMP_SHARE * stamps.size))
     empty = stamps.size - rows.size
@@ -109,10 +116,18 @@ def _clean_stamps(
     repeated = np.flatnonzero(steps == 0.0) + 1
     if repeated.size > allowed or rows.size - repeated.size < 2:
         row = rows[repeated[0]]
-        raise DataRejectedError(
+        repeats = (
             f"{label}: {repeated.size} time stamps in column '{column}' repeat the one before, the first in row "
-            f"{row + first_row} ({stamps[row]:.10g} s); export the log with more digits in the time column."
+            f"{row + first_row} ({stamps[row]:.10g} s)"
         )
+        even = spread(stamps[rows], rows, declared_s)
+        if even is None:
+            raise DataRejectedError(
+                f"{repeats}, and rows every {declared_s:g} s, as acquisition.sample_interval_s says, do not explain "
+                "them; correct it, or export the log with more digits in the time column."
+            )
+        messages.append(f"{repeats}; the rows are taken as {declared_s:g} s apart, as the campaign file says.")
+        return even, rows
     if repeated.size:
         messages.append(
             f"{label}: {repeated.size} row{'s' if repeated.size > 1 else ''} with a repeated time stamp (the first is "
@@ -143,19 +158,16 @@ def _refuse_unit(stamps: np.ndarray, step: float, declared: float, label: str, c
     )
 
 
-def _check_span(
-    all_stamps: np.ndarray, stamps: np.ndarray, step: float, label: str, column: str, first_row: int
-) -> None:
+def _check_span(stamps: np.ndarray, rows: np.ndarray, step: float, label: str, clock: Clock) -> None:
     """Refuse a clock that jumps: whoever lays an even grid over the record would need memory for all of it."""
     span = float(stamps[-1] - stamps[0])
-    rows = limits.LOG_PAUSES * stamps.size * step + limits.LOG_PAUSE_S
-    most = min(limits.LOG_SECONDS, limits.LOG_STEPS * step, rows)
+    most_of_rows = limits.LOG_PAUSES * stamps.size * step + limits.LOG_PAUSE_S
+    most = min(limits.LOG_SECONDS, limits.LOG_STEPS * step, most_of_rows)
     if span <= most:
         return
-    jump = int(np.argmax(np.diff(stamps)))
-    row = int(np.flatnonzero(all_stamps == stamps[jump + 1])[0]) + first_row
+    jump = int(np.argmax(np.diff(stamps))) + 1
     raise DataRejectedError(
-        f"{label}: the time in column '{column}' spans {span:.6g} s, but {stamps.size} rows {step:.4g} s "
-        f"apart may span at most {most:.6g} s; it jumps by {stamps[jump + 1] - stamps[jump]:.6g} s in row {row}: "
-        "correct the stamps or cut the log."
+        f"{label}: the time in column '{clock.name}' spans {span:.6g} s, but {stamps.size} rows {step:.4g} s "
+        f"apart may span at most {most:.6g} s; it jumps by {stamps[jump] - stamps[jump - 1]:.6g} s in row "
+        f"{rows[jump] + clock.first_row}: correct the stamps or cut the log."
     )

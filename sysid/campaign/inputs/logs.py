@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.campaign.inputs.log_clocks import clean_clocks
+from sysid.campaign.inputs.log_clocks import BAD_STAMP_SHARE, CleanClock, clean_clocks
 from sysid.campaign.inputs.log_sides import join_sides
 from sysid.campaign.records import AUXILIARY_KINDS, Channel, Log, Sensor
 from sysid.campaign.units import contradiction
@@ -93,6 +93,8 @@ def read_log(
         messages,
         judged={id(raw.clock) for raw in judged},
     )
+    for _, raw in found:
+        _refuse_unstamped(raw, clocks[id(raw.clock)], name)
     steps = {clocks[id(raw.clock)].step_s for raw in judged}
     step = max(steps)
     if len(steps) > 1:
@@ -137,6 +139,18 @@ def _missing(columns: Sequence[str], known: dict[str, RawChannel], content: LogC
         f"{near_names(column, content.names) if i < _SUGGESTED else ''}; the sensor is left out there."
         for i, column in enumerate(missing)
     ]
+
+
+def _refuse_unstamped(raw: RawChannel, clock: CleanClock, label: str) -> None:
+    """Refuse a channel whose readings go on in rows behind the last stamp: these are no blank lines of an editor."""
+    end = int(clock.rows[-1]) + 1
+    readings = np.flatnonzero(np.isfinite(raw.values[end:]))
+    if readings.size > max(2, BAD_STAMP_SHARE * raw.values.size):
+        raise DataRejectedError(
+            f"{label}: '{shorten(raw.name)}' has {readings.size} readings from row {end + raw.clock.first_row} on, "
+            f"where the time in column '{shorten(raw.clock.name)}' has ended; it is not the time of this channel, or "
+            "stamps are missing: export the log with the time of every channel to its left."
+        )
 
 
 def _channel(sensor: Sensor, time: np.ndarray, raw: RawChannel, rows: np.ndarray, label: str) -> Channel:

@@ -1,0 +1,112 @@
+"""Which column of time belongs to a channel of a table that has several: the nearest to its left with its stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.wording import joined_words, shorten
+
+#: Columns that a sentence lists.
+_LISTED = 4
+#: Share of the readings of a channel that may stand in rows without a stamp.
+_STRAY = 0.01
+
+
+@dataclass(frozen=True)
+class TimeColumn:
+    """A column of time: its `place` in the table, from the left, its `name`, and `stamps` (rows,) [s], or NaN."""
+
+    place: int
+    name: str
+    stamps: np.ndarray
+
+
+class SeveralTimesError(ValueError):
+    """Columns of time of which none can be chosen for a channel: what they are, and the reason."""
+
+    def __init__(self, columns: Sequence[TimeColumn], why: str):
+        names = joined_words([f"'{shorten(c.name, 40)}' (column {c.place + 1})" for c in columns[:_LISTED]])
+        super().__init__(f"{names}, and {why}")
+
+
+def time_of_channel(
+    place: int, values: np.ndarray, times: Sequence[TimeColumn], declared: str | None = None
+) -> TimeColumn:
+    """The column of time of a channel.
+
+    A column can be its time if it has a stamp wherever the channel has a reading.  Of columns that can, and that do not
+    show the same time, the nearest to the left counts.
+
+    Parameters
+    ----------
+    place, values : place of the channel, and its readings (rows,), NaN where missing.
+    times : columns of time in the order in which they are preferred where they show the same time.
+    declared : the name of the column of time that a campaign file says.
+
+    Raises
+    ------
+    SeveralTimesError
+        If several can be its time and none of them stands nearest to the left, or the declared one is another one.
+    """
+    able = [t for t in _advancing(times) if _stamps_readings(t, values)] or list(times)
+    said = next((t for t in able if declared is not None and _plain(t.name) == _plain(declared)), None)
+    if len(able) == 1:
+        return able[0]
+    if all(_same(able[0], t) for t in able[1:]):
+        return said or max(able, key=_digits)
+    left = sorted((t for t in able if t.place < place), key=lambda t: t.place)
+    if not left:
+        raise SeveralTimesError(able, "none of them stands to its left")
+    nearest = left[-1]
+    # Columns of time side by side, without channels between them, say nothing about which channel is whose.
+    block = [t for t in left if all(p in {u.place for u in times} for p in range(t.place, nearest.place))]
+    if not all(_same(nearest, t) for t in block):
+        whole = [t for t in block if np.array_equal(np.isfinite(t.stamps), np.isfinite(values))]
+        if len(whole) != 1:
+            raise SeveralTimesError(block, "they stand side by side")
+        nearest = whole[0]
+    else:
+        nearest = max(block, key=_digits)
+    if said is not None and not _same(nearest, said):
+        raise SeveralTimesError([said, nearest], "'time' names the first, the second stands between it and the channel")
+    return nearest
+
+
+def _advancing(times: Sequence[TimeColumn]) -> list[TimeColumn]:
+    return [t for t in times if np.isfinite(t.stamps).sum() > 1 and np.nanmax(t.stamps) > np.nanmin(t.stamps)]
+
+
+def _stamps_readings(time: TimeColumn, values: np.ndarray) -> bool:
+    readings = np.isfinite(values)
+    stray = np.count_nonzero(readings & ~np.isfinite(time.stamps))
+    return bool(stray <= _STRAY * np.count_nonzero(readings))
+
+
+def _same(one: TimeColumn, two: TimeColumn) -> bool:
+    """Whether two columns show the same time but for their digits, or but for a zero by which they never meet.
+
+    A time of day and a time since the start differ by hours, two loggers by less than a record takes.
+    """
+    both = np.isfinite(one.stamps) & np.isfinite(two.stamps)
+    if np.count_nonzero(both) < 2 or np.any(np.isfinite(one.stamps) != np.isfinite(two.stamps)):
+        return False
+    a, b = one.stamps[both], two.stamps[both]
+    difference = b - a
+    # Rounded stamps differ by their resolution, which is the step where rows share a stamp.
+    steps = max(float(np.max(np.abs(np.diff(s)))) for s in (a, b))
+    resolution = steps if min(np.count_nonzero(np.diff(s)) for s in (a, b)) < 0.9 * (a.size - 1) else 0.5 * steps
+    if np.ptp(difference) > 1.05 * resolution:
+        return False
+    return bool(np.max(np.abs(difference)) <= 1.05 * resolution or a[-1] < b[0] or b[-1] < a[0])
+
+
+def _digits(time: TimeColumn) -> int:
+    """Number of different stamps, of which a column with more digits has more."""
+    return int(np.count_nonzero(np.diff(time.stamps[np.isfinite(time.stamps)])))
+
+
+def _plain(name: str) -> str:
+    return name.strip().casefold()

@@ -1,0 +1,63 @@
+"""What stands between the names of the columns of a table and its first numbers: units, processing, blank rows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from sysid.logs.text_instants import is_coarse_instant, is_instant
+from sysid.logs.text_numbers import MISSING, SIGNS
+from sysid.logs.time_columns import time_unit
+
+#: Rows in which the first numbers are looked for.
+MOST_ROWS = 20
+_NUMBER = re.compile(r"[-+]?(?:\d[\d.,'\u2019 ]*|[.,]\d+)(?:[eE][-+]?\d+)?")
+_BRACKETS = re.compile(r"\[.*\]|\(.*\)")
+
+
+def is_reading(cell: str) -> bool:
+    """Whether a cell holds a number or a time."""
+    text = cell.translate(SIGNS).strip()
+    return _NUMBER.fullmatch(text) is not None or is_instant(text) or is_coarse_instant(text)
+
+
+def rows_above_numbers(rows: Sequence[Sequence[str]], used: Sequence[int], time: int | None) -> int:
+    """How many of the rows below the names hold no numbers; 0 where the first numbers are not among them.
+
+    Parameters
+    ----------
+    rows : cells of the first rows below the names.
+    used : places of the columns that are read.
+    time : place of the column of time.
+    """
+    for count, row in enumerate(rows[:MOST_ROWS]):
+        cells = [row[place] for place in used if place < len(row)]
+        readings = sum(is_reading(cell) for cell in cells)
+        words = sum(cell.strip().casefold() not in MISSING for cell in cells) - readings
+        stamped = time is not None and time < len(row) and is_reading(row[time])
+        # One word among numbers is a fault in a row of numbers.
+        if stamped or readings > words or (readings and not words):
+            return count
+    return 0
+
+
+def units_among(rows: Sequence[Sequence[str]], time: int | None) -> int | None:
+    """Which of the rows between names and numbers holds units, None where there is none.
+
+    It is the first with a unit of time in the column of time, or with all its words in brackets, else the first with
+    words at all.
+    """
+    filled = [[c.strip() for c in row if c.strip().casefold() not in MISSING] for row in rows]
+    for number, row in enumerate(rows):
+        unit = bare_unit(row[time]) if time is not None and time < len(row) else ""
+        if time_unit(unit) is not None or (filled[number] and all(_BRACKETS.fullmatch(c) for c in filled[number])):
+            return number
+    # One word alone is a title, such as [data].
+    return next(
+        (number for number, words in enumerate(filled) if len(words) > 1 or len(rows[number]) == 1 == len(words)), None
+    )
+
+
+def bare_unit(cell: str) -> str:
+    """A unit without brackets around it."""
+    return cell.strip().strip("[]()").strip()
