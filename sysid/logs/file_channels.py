@@ -202,7 +202,6 @@ def numbers_of(array: np.ndarray, path: str) -> np.ndarray:
     RefusedError
         If they are no real numbers.
     """
-    invalid = np.ma.getmaskarray(array).reshape(-1)
     flat = np.asarray(array)
     if flat.ndim != 1:
         flat = flat.reshape(-1)
@@ -211,7 +210,11 @@ def numbers_of(array: np.ndarray, path: str) -> np.ndarray:
         raise RefusedError(f"has {what} in '{shorten(path)}', expected numbers; export it as numbers")
     with np.errstate(over="ignore", invalid="ignore"):
         numbers = np.array(flat, dtype=np.float64)
-    numbers[~np.isfinite(numbers) | invalid] = np.nan
+    finite = np.isfinite(numbers)
+    if isinstance(array, np.ma.MaskedArray):
+        finite &= ~np.ma.getmaskarray(array).reshape(-1)
+    if not finite.all():
+        numbers[~finite] = np.nan
     return numbers
 
 

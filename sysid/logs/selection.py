@@ -105,8 +105,9 @@ class _Answer:
         array, unit = channel.load()
         numbers = numbers_of(array, channel.path)
         clock = self.clocks.clock_of(channel, numbers.size)
+        holes = np.isnan(numbers)
         # Rows without a stamp are no samples.
-        missing = int(np.count_nonzero(np.isnan(numbers) & np.isfinite(self.clocks.stamps[clock])))
+        missing = int(np.count_nonzero(holes & np.isfinite(self.clocks.stamps[clock]))) if holes.any() else 0
         if missing:
             self.messages.append(
                 f"{missing} of {numbers.size} samples of '{shorten(channel.path)}' are {channel.invalid} or hold no "

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from log_files import csv, mdf4
@@ -35,6 +37,26 @@ def test_format_and_channels_of_files(tmp_path: Path) -> None:
     assert found.exit_code == 0
     assert "a.mf4 is an MDF file with the channels" in found.output
     assert "b.txt is a text table with the channels 'time_s', 'q_mm', 'a_g', 'b_g'." in found.output
+
+
+def test_groups_and_clocks_of_a_file(tmp_path: Path) -> None:
+    from nptdms import ChannelObject, TdmsWriter
+
+    stream = io.BytesIO()
+    with TdmsWriter(stream) as writer:
+        for group, step, name in (("front", 0.005, "q_mm"), ("rear", 0.0025, "a_g"), ("road", 0.1, "height")):
+            about = {"wf_increment": step, "wf_start_offset": 0.1, "wf_xunit_string": "m" if group == "road" else "s"}
+            values = np.array([1.0, np.nan, 3.0])
+            writer.write_segment([ChannelObject(group, name, values, {**about, "unit_string": "mm"})])
+    (tmp_path / "a.tdms").write_bytes(stream.getvalue())
+    said = run(str(tmp_path / "a.tdms")).output
+    lines = {line.split()[0]: line.split()[1:9] for line in said.splitlines() if line.startswith(("q_mm", "a_g"))}
+    assert lines == {
+        "q_mm": ["front", "mm", "3", "1", "1", "200", "0.1", "time"],
+        "a_g": ["rear", "mm", "3", "1", "2", "400", "0.1", "time"],
+    }
+    assert "a.tdms has no time for 'road/height': its axis is a quantity [m], not time" in said
+    assert "1 of 3 samples of 'front/q_mm'" in said
 
 
 def test_a_file_that_cannot_be_read_is_a_sentence(tmp_path: Path) -> None:

@@ -116,16 +116,16 @@ def _load(
 
 def _raw(message: Any, frames: Frames) -> dict[str, np.ndarray]:
     """Numbers of all signals of a message as they stand in its frames."""
-    values = {signal.name: np.full(len(frames.data), np.nan) for signal in message.signals}
-    for row, data in enumerate(frames.data):
+    columns: dict[str, list[float]] = {signal.name: [] for signal in message.signals}
+    for data in frames.data:
         try:
             numbers = message.decode(data, decode_choices=False, scaling=False, allow_truncated=True)
         except Exception:
             # A frame that is too short, or of a multiplexer that the database has not, holds nothing.
-            continue
-        for name, number in numbers.items():
-            values[name][row] = float(number)
-    return values
+            numbers = {}
+        for name, column in columns.items():
+            column.append(numbers.get(name, np.nan))
+    return {name: np.array(column, np.float64) for name, column in columns.items()}
 
 
 FORMAT = library_format(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
@@ -16,10 +17,6 @@ from sysid.logs.file_channels import RefusedError
 _MOST_FRAMES = limits.LOG_ROWS
 _RELATIVE = re.compile(r"\s*base\s+\w+\s+timestamps\s+relative", re.IGNORECASE)
 _STAMPED = re.compile(r"\s*(-?\d+\.\d+)(\s.*)", re.DOTALL)
-#: A line with a direction holds a frame; others are statistics, triggers and remarks.
-_FRAME = re.compile(r"\s(Rx|Tx)\s")
-#: A request to send is followed by the frame that was sent.
-_REQUEST = re.compile(r"\sTxRq\s")
 
 
 @dataclass
@@ -27,7 +24,12 @@ class Frames:
     """Frames of one identifier, bus and direction: stamps [s] and data."""
 
     time_s: list[float] = field(default_factory=list)
-    data: list[bytes] = field(default_factory=list)
+    data: list[bytearray] = field(default_factory=list)
+
+    def extend(self, other: Frames) -> None:
+        """Add the frames of another one."""
+        self.time_s += other.time_s
+        self.data += other.data
 
 
 @dataclass(frozen=True, order=True)
@@ -52,109 +54,109 @@ def read_frames(stream: BinaryIO, messages: list[str]) -> dict[Address, list[tup
     RefusedError
         If there are too many frames, or the file is cut.
     """
-    found: dict[Address, tuple[Frames, Frames]] = {}
-    errors = remote = 0
-    for count, (time_s, message) in enumerate(_messages(stream, messages)):
-        if count >= _MOST_FRAMES:
-            raise RefusedError(f"has more than {_MOST_FRAMES} frames; cut it to the time of the test")
-        if message.is_error_frame or message.is_remote_frame:
-            errors += bool(message.is_error_frame)
-            remote += not message.is_error_frame
-            continue
-        bus = message.channel if isinstance(message.channel, int) else -1
-        address = Address(message.arbitration_id, bool(message.is_extended_id), bus)
-        one = found.setdefault(address, (Frames(), Frames()))[0 if message.is_rx else 1]
-        one.time_s.append(time_s)
-        one.data.append(bytes(message.data))
-    if errors or remote:
-        messages.append(f"{errors} error frames and {remote} remote frames hold no signals; they are left out")
-    return {address: _directions(*both) for address, both in sorted(found.items())}
-
-
-def _messages(stream: BinaryIO, messages: list[str]) -> Iterator[tuple[float, Any]]:
-    """Stamp [s] and frame, in the order of the file."""
     import can
 
     head = stream.read(4)
     size = stream.seek(0, io.SEEK_END)
     stream.seek(0)
-    if head == b"LOGG":
-        reader = can.BLFReader(stream)
-        if reader.file_size > size:
-            raise RefusedError("is a BLF file that ends before its data do; copy or export it again")
-        for message in reader:
-            yield float(message.timestamp), message
-        return
-    text = _AscText(stream)
-    for message in can.ASCReader(text, relative_timestamp=True):
-        text.understood()
-        yield message.timestamp - text.shift_s, message
-    text.understood(last=True)
-    if text.unknown:
+    text: Any = None if head == b"LOGG" else _AscText(stream)
+    reader: Any = can.BLFReader(stream) if text is None else can.ASCReader(text, relative_timestamp=True)
+    if text is None and reader.file_size > size:
+        raise RefusedError("is a BLF file that ends before its data do; copy or export it again")
+    found: dict[tuple[Any, ...], Frames] = defaultdict(Frames)
+    errors = remote = 0
+    for count, message in enumerate(reader):
+        if count >= _MOST_FRAMES:
+            raise RefusedError(f"has more than {_MOST_FRAMES} frames; cut it to the time of the test")
+        if text is not None:
+            text.pending = ""
+        if message.is_error_frame:
+            errors += 1
+        elif message.is_remote_frame:
+            remote += 1
+        else:
+            one = found[message.arbitration_id, message.is_extended_id, message.channel, message.is_rx]
+            one.time_s.append(message.timestamp)
+            one.data.append(message.data)
+    if errors or remote:
+        messages.append(f"{errors} error frames and {remote} remote frames hold no signals; they are left out")
+    if text is not None and text.unknown:
         messages.append(
             f"{text.unknown} lines with frames were not understood, the first is line {text.first_unknown}; they are "
             "missing"
         )
+    both: dict[Address, tuple[Frames, Frames]] = defaultdict(lambda: (Frames(), Frames()))
+    for (identifier, extended, channel, received), one in found.items():
+        if text is not None and text.shift_s:
+            one.time_s = [time_s - text.shift_s for time_s in one.time_s]
+        address = Address(identifier, bool(extended), channel if isinstance(channel, int) else -1)
+        both[address][0 if received else 1].extend(one)
+    return {address: _directions(*frames) for address, frames in sorted(both.items())}
 
 
-class _AscText(io.TextIOWrapper):
+class _AscText:
     """Lines of an ASC file as python-can reads them all: stamps that count from the start, none of them negative.
 
-    `unknown` counts lines with frames that it did not understand; `shift_s` is to be subtracted from the stamps.
+    Whoever makes a frame of a line empties `pending`; the others are counted in `unknown`.  `shift_s` is to be
+    subtracted from the stamps.
     """
 
     def __init__(self, stream: BinaryIO) -> None:
-        super().__init__(stream, encoding="utf-8", errors="replace")
         self.shift_s = 0.0
         self.unknown = 0
         self.first_unknown = 0
-        self._number = 0
-        self._now_s: float | None = None
+        self.pending = ""
+        self._now_s = 0.0
         self._relative = False
-        self._started = False
-        self._pending = False
-        self._kept = ""
+        self._lines = self._generate(io.TextIOWrapper(stream, encoding="utf-8", errors="replace"))
 
-    def understood(self, last: bool = False) -> None:
-        """The line before gave a frame; with `last` there is no further line."""
-        if last:
-            self._count()
-        self._pending = False
+    def __iter__(self) -> Iterator[str]:
+        return self._lines
 
-    def _count(self) -> None:
-        if self._pending:
+    # What the library takes for a file has these.
+    read = write = close = lambda self, *unused: None
+
+    def _generate(self, lines: Iterable[str]) -> Iterator[str]:
+        started = False
+        for number, line in enumerate(lines, start=1):
+            if not started and _STAMPED.match(line) is None:
+                self._relative = self._relative or _RELATIVE.match(line) is not None
+            elif not started:
+                started = True
+                self._shift(line)
+                # The library takes the first line that it does not know as the end of the header.
+                yield "\n"
+            if started and (self._relative or self.shift_s):
+                line = self._from_start(line)
+            # A request to send is followed by the frame that was sent.
+            if " TxRq " in line:
+                continue
+            if " Rx " in line or " Tx " in line:
+                self.pending = line
+            yield line
+            if self.pending:
+                self._count(number)
+
+    def _count(self, number: int) -> None:
+        """Count a line of which no frame was made, if it has a stamp."""
+        if _STAMPED.match(self.pending):
             self.unknown += 1
-            self.first_unknown = self.first_unknown or self._number
-        self._pending = False
+            self.first_unknown = self.first_unknown or number
+        self.pending = ""
 
-    def __next__(self) -> str:  # type: ignore[override]
-        if self._kept:
-            line, self._kept = self._kept, ""
-            return line
-        self._count()
-        line = super().__next__()
-        self._number += 1
+    def _shift(self, line: str) -> None:
+        stamped = _STAMPED.match(line)
+        if stamped is not None and float(stamped[1]) < 0.0:
+            self.shift_s = float(math.ceil(-float(stamped[1])))
+
+    def _from_start(self, line: str) -> str:
         stamped = _STAMPED.match(line)
         if stamped is None:
-            self._relative = self._relative or (not self._started and _RELATIVE.match(line) is not None)
             return line
-        line = self._from_start(line, float(stamped[1]), stamped[2])
-        self._pending = _FRAME.search(line) is not None
-        if not self._started:
-            # The library takes the first line that it does not know as the end of the header.
-            self._started = True
-            self._kept = line
-            return "\n"
-        return line
-
-    def _from_start(self, line: str, stamp_s: float, rest: str) -> str:
+        stamp_s = float(stamped[1])
         if self._relative:
-            stamp_s = self._now_s = (self._now_s or 0.0) + stamp_s
-        if not self._started and stamp_s < 0.0:
-            self.shift_s = float(math.ceil(-stamp_s))
-        if _REQUEST.search(rest):
-            return "\n"
-        return f"{stamp_s + self.shift_s:.9f}{rest}" if self._relative or self.shift_s else line
+            stamp_s = self._now_s = self._now_s + stamp_s
+        return f"{stamp_s + self.shift_s:.9f}{stamped[2]}"
 
 
 def _directions(received: Frames, sent: Frames) -> list[tuple[str, Frames]]:

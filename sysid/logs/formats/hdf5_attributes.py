@@ -53,11 +53,9 @@ def values_of(data: Any, messages: list[str] | None) -> np.ndarray:
     numbers = np.asarray(data[()]).reshape(-1)
     if text_of(data, "_Unsigned").casefold() == "true" and numbers.dtype.kind == "i":
         numbers = numbers.view(numbers.dtype.str.replace("i", "u"))
-    invalid = np.zeros(numbers.size, bool)
+    invalid = numbers == _UNWRITTEN if numbers.dtype.kind == "f" else np.zeros(numbers.size, bool)
     for fill in (*_numbers(data, "_FillValue"), *_numbers(data, "missing_value")):
         invalid |= numbers == fill
-    if numbers.dtype.kind == "f":
-        invalid |= numbers == _UNWRITTEN
     range_ = _numbers(data, "valid_range")
     for least in (*range_[:1], *_numbers(data, "valid_min")):
         invalid |= numbers < least

@@ -16,8 +16,8 @@ from sysid.logs.file_channels import FileChannel, RefusedError, axis_seconds, no
 from sysid.logs.names import decoded
 
 _HEAD = re.compile(rb"^\s*-1[ \t]*\r?\n\s{0,5}(15|55|58b?|82|15[01]|164|18|1858|24\d\d)\b")
-#: The lines of text of a data set 58, before its numbers.
-_TEXT_OF_58 = re.compile(rb"^    -1[ \r]*\n +58(?:b.*|[ \r]*)\n(?:.*\n){11}", re.MULTILINE)
+#: Lines of text of a data set 58 from its number on, before its numbers.
+_TEXT_LINES = 12
 #: Kinds of abscissa (data set 58, record 8): 0 and 1 leave it to the label; 17 is time.
 _UNSAID, _TIME = (0, 1), 17
 _AXES = {2: "stress", 3: "strain", 5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 12: "acceleration",
@@ -42,13 +42,13 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChann
     import pyuff
 
     data = stream.read()
-    if not data.rstrip(b"\0\x1a \t\r\n").endswith(b"-1"):
+    if not data[-200:].rstrip(b"\0\x1a \t\r\n").endswith(b"-1"):
         raise RefusedError("is a universal file that ends before its data do; copy or export it again")
     with tempfile.TemporaryDirectory() as folder:
         # The library takes a path; this file holds the bytes that were hashed.
         path = os.path.join(folder, "log.uff")
         with open(path, "wb") as copy:
-            copy.write(_TEXT_OF_58.sub(lambda text: decoded(text[0]).encode(), data))
+            copy.write(_in_utf8(data))
         file = pyuff.UFF(path)
         kinds = [int(kind) for kind in file.get_set_types()]
         sets = [file.read_sets(n) for n, kind in enumerate(kinds) if kind == 58]
@@ -61,6 +61,24 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChann
         request["messages"].append(f"{count} data sets that are no functions of time are not read (kinds {shown})")
     for one in sets:
         yield _file_channel(one)
+
+
+def _in_utf8(data: bytes) -> bytes:
+    """The file with the text of its data sets 58 in UTF-8, which the library takes for granted."""
+    pieces: list[bytes] = []
+    done = 0
+    begin = data.find(b"    58")
+    while begin >= 0:
+        end = begin
+        if data[max(0, begin - 82) : begin].rstrip().endswith(b"    -1"):
+            for _ in range(_TEXT_LINES):
+                end = data.find(b"\n", end) + 1 or len(data)
+            text = data[begin:end]
+            if not text.isascii():
+                pieces += [data[done:begin], decoded(text).encode()]
+                done = end
+        begin = data.find(b"    58", max(end, begin + 1))
+    return b"".join([*pieces, data[done:]]) if pieces else data
 
 
 def _file_channel(one: dict[str, Any]) -> FileChannel:
@@ -92,7 +110,8 @@ def _time(one: dict[str, Any], count: int, name: str) -> np.ndarray:
     if kind != _TIME and kind not in _UNSAID:
         raise not_time(_AXES.get(kind, f"of kind {kind}"), unit or "", name)
     what = "time" if kind == _TIME else _label(one, "abscissa_axis_lab") or ""
-    return np.asarray(one["x"], np.float64)[:count] * axis_seconds(what, unit, name)
+    factor, axis = axis_seconds(what, unit, name), np.asarray(one["x"], np.float64)[:count]
+    return axis if factor == 1.0 else axis * factor
 
 
 def _label(one: dict[str, Any], key: str) -> str | None:
