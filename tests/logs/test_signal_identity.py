@@ -118,6 +118,18 @@ def test_two_columns_of_time_that_agree_but_for_their_zero_are_one() -> None:
     assert stamps_of(found, "q") == [0.0, 1.0, 2.0]
 
 
+@pytest.mark.parametrize("later", [0.5, 2.0])
+def test_columns_of_time_with_equal_steps_whose_spans_overlap_are_two_clocks(later: float) -> None:
+    """Two devices on one time base, of which one began later: not one clock in two notations."""
+    second = [later, 1.0 + later, 2.0 + later]
+    found = [column("time1", [0.0, 1.0, 2.0]), column("q", [1, 2, 3]), column("time2", second), column("a", [1, 2, 3])]
+    assert stamps_of(found, "q") == [0.0, 1.0, 2.0]
+    assert stamps_of(found, "a") == second
+    without_order = [column(c.name, c.load()[0], in_order=False) for c in found]
+    with pytest.raises(RefusedError, match="several columns of time for 'a', 'time1' and 'time2', which do not agree"):
+        stamps_of(without_order, "a")
+
+
 def test_a_time_of_another_part_counts_only_if_there_is_no_other() -> None:
     found = [column("time", [0.0, 1.0, 2.0], "A"), column("q", [1, 2, 3], "B")]
     assert stamps_of(found, "q") == [0.0, 1.0, 2.0]
