@@ -15,7 +15,7 @@ from sysid.logs.file_channels import LISTED, FileChannel, RefusedError, is_time,
 from sysid.logs.time_columns import find_time, seconds_in, time_unit
 from sysid.wording import joined_words, shorten
 
-#: Two columns of time are the same one but for their zero if their steps differ less than this, of the median step.
+#: Two columns of time show the same instants if they differ less than this, of the median step.
 _SAME_STEPS = 0.01
 
 
@@ -117,9 +117,9 @@ class FileClocks:
         return is_time(column, self.time)
 
     def _nearest(self, channel: FileChannel, part: Sequence[FileChannel], times: list[FileChannel]) -> FileChannel:
-        """Of several columns with different steps the nearest to the left of the channel, else the usual one."""
-        steps = [np.diff(stamps) for stamps in self._readable(times)]
-        if all(_same_steps(other, steps[0]) for other in steps):
+        """Of several columns that differ the nearest to the left of the channel, else the usual one."""
+        stamps = self._readable(times)
+        if all(_same_clock(other, stamps[0]) for other in stamps):
             return times[0]
         known = {id(c) for c in times}
         left = [c for c in part[: next(i for i, c in enumerate(part) if c is channel)] if id(c) in known]
@@ -163,15 +163,23 @@ class FileClocks:
         return numbers_of(array, column.path) * seconds_in(column.name, said)
 
 
-def _same_steps(steps: np.ndarray, others: np.ndarray) -> bool:
-    """Whether two columns of time are the same but for their zero."""
-    near = np.abs(steps - others) <= _SAME_STEPS * np.nanmedian(np.abs(others))
-    return bool(np.all(near | (np.isnan(steps) & np.isnan(others))))
+def _same_clock(stamps_s: np.ndarray, others_s: np.ndarray) -> bool:
+    """Whether two columns show the same instants: their steps are equal, and they differ by nothing or by their zero.
+
+    Columns whose spans overlap have one zero, as those of two devices that began one after the other.
+    """
+    steps, other_steps = np.diff(stamps_s), np.diff(others_s)
+    near_s = _SAME_STEPS * np.nanmedian(np.abs(other_steps))
+    same = np.abs(steps - other_steps) <= near_s
+    if not np.all(same | (np.isnan(steps) & np.isnan(other_steps))):
+        return False
+    apart_s, span_s = abs(np.nanmin(stamps_s) - np.nanmin(others_s)), np.nanmax(others_s) - np.nanmin(others_s)
+    return bool(apart_s <= near_s or apart_s > span_s)
 
 
 def _several_times(channel: FileChannel, times: Sequence[FileChannel]) -> RefusedError:
     shown = joined_words([f"'{shorten(c.path)}'" for c in times[:LISTED]])
     return RefusedError(
-        f"has several columns of time for '{shorten(channel.path)}', {shown}, which do not agree; name one of them by "
-        "'time' in campaign.toml"
+        f"has several columns of time for '{shorten(channel.path)}', {shown}, which do not agree; name one by 'time' "
+        "in campaign.toml if it is that of all channels, else write each with its channels into a group of its own"
     )
