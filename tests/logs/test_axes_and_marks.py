@@ -176,6 +176,21 @@ def test_data_sets_of_hdf5_begin_when_they_say() -> None:
     )
 
 
+def test_what_a_group_of_hdf5_says_holds_for_its_data_sets() -> None:
+    import h5py
+
+    stream = io.BytesIO()
+    with h5py.File(stream, "w") as file:
+        file.attrs.update({"sample_rate": 200.0, "start_time": "2024-05-01T10:00:00"})
+        file["front/q_mm"], file["rear/a_g"], file["timed/b_g"] = VALUES, VALUES, VALUES
+        file["rear"].attrs["start_offset_s"] = 0.1
+        file["timed/time"] = 2.0 * TIME_S
+    data = stream.getvalue()
+    assert stamps("log.h5", data, "q_mm") == pytest.approx(TIME_S, abs=1e-9)
+    assert stamps("log.h5", data, "a_g") == pytest.approx(0.1 + TIME_S, abs=1e-9)
+    assert stamps("log.h5", data, "b_g") == pytest.approx(2.0 * TIME_S, abs=1e-9)
+
+
 def test_the_dimension_of_a_netcdf_variable_is_its_axis(tmp_path: Path) -> None:
     """Two rates and a profile over distance in one group, as xarray writes them."""
     import xarray as xr
@@ -350,6 +365,21 @@ def test_names_in_the_code_page_of_windows() -> None:
         written = uff({"id1": name}, binary=binary).replace(name.encode(), name.encode("cp1252") + b" ")
         (channel,) = content("log.uff", written, name).channels
         assert channel.values == pytest.approx(VALUES, abs=1e-9)
+
+
+def test_names_of_tdms_and_hdf5_in_the_code_page_of_windows() -> None:
+    import h5py
+
+    name = "Federweg_ä_mm"
+    old = tdms(**{"Federweg_*_mm": {"wf_increment": 0.005}}).replace(b"_*_", b"_\xe4_")
+    assert content("log.tdms", old, name).channels[0].values == pytest.approx(VALUES)
+    stream = io.BytesIO()
+    with h5py.File(stream, "w") as file:
+        data = file.create_dataset(name.encode("cp1252"), data=VALUES)
+        data.attrs.update({"dt": 0.005, "unit": np.bytes_("m/s²".encode("cp1252"))})
+    (channel,) = content("log.h5", stream.getvalue(), name).channels
+    assert channel.values == pytest.approx(VALUES)
+    assert channel.unit == "m/s²"
 
 
 def test_data_sets_of_hdf5_that_are_no_vectors_say_so() -> None:

@@ -240,3 +240,67 @@ def test_a_master_that_is_not_time_is_refused(kind: int, axis: str) -> None:
     with pytest.raises(DataRejectedError) as error:
         read("log.mf4", stream.getvalue(), [Q])
     assert f"its axis is {axis}, not time" in str(error.value)
+
+
+def changed_mdf(change) -> bytes:
+    """MDF of one channel whose blocks are changed before they are written."""
+    from asammdf import MDF, Signal
+
+    stream = io.BytesIO()
+    with MDF(version="4.10") as file:
+        file.append([Signal(pulse(FIRST_S), FIRST_S, name="q_mm", unit="mm")])
+        change(*file.groups[0].channels)
+        file.save(stream)
+    return stream.getvalue()
+
+
+def test_a_channel_that_mdf_marks_as_invalid_as_a_whole_is_missing() -> None:
+    def change(master, channel) -> None:
+        channel.flags |= 1
+
+    (found,) = channels("log.mf4", changed_mdf(change), "q_mm")
+    assert np.isnan(found.values).all()
+
+
+def test_a_group_of_mdf_without_a_master_has_no_time() -> None:
+    """The library counts its rows."""
+
+    def change(master, channel) -> None:
+        master.channel_type = master.sync_type = 0
+
+    with pytest.raises(DataRejectedError, match="no channel of time in the group 'group 0'"):
+        read("log.mf4", changed_mdf(change), [Q])
+
+
+def test_segments_of_lvm_with_one_name_keep_their_clocks() -> None:
+    def segment(name: str, step: str, start: str) -> list[str]:
+        rows = [f"\t{v:.3f}\t" for v in pulse(FIRST_S)]
+        return [
+            "", "Channels\t1\t", "Samples\t380\t", "Y_Unit_Label\tmm\t", "X_Dimension\tTime\t", f"X0\t{start}\t",
+            f"Delta_X\t{step}\t", "***End_of_Header***\t\t", f"X_Value\t{name}\tComment", *rows,
+        ]  # fmt: skip
+
+    head = ["LabVIEW Measurement", "Separator\tTab", "Decimal_Separator\t.", "X_Columns\tNo", "***End_of_Header***"]
+    same = "\r\n".join([*head, *segment("q_mm", "0.005", "0"), *segment("q_mm", "0.0025", "0.1"), ""]).encode()
+    with pytest.raises(DataRejectedError, match="'segment 1/q_mm' or 'segment 2/q_mm'"):
+        read("log.lvm", same, [Q])
+    (second,) = channels("log.lvm", same, "segment 2/q_mm")
+    np.testing.assert_allclose(second.clock.time_s, 0.1 + 0.5 * FIRST_S, rtol=0.0, atol=1e-12)
+
+
+def test_groups_of_hdf5_and_tdms_keep_their_clocks() -> None:
+    """Equal names, lengths and ends of the time channels in both groups."""
+    import h5py
+    from nptdms import ChannelObject, TdmsWriter
+
+    bent = FIRST_S.copy()
+    bent[100:200] += 0.001
+    hdf5, tdms = io.BytesIO(), io.BytesIO()
+    with h5py.File(hdf5, "w") as file, TdmsWriter(tdms) as writer:
+        for group, time, name in (("A", FIRST_S, "q_mm"), ("B", bent, "a_g")):
+            file[f"{group}/time"], file[f"{group}/{name}"] = time, pulse(time)
+            writer.write_segment([ChannelObject(group, "time", time), ChannelObject(group, name, pulse(time))])
+    for name, stream in (("log.h5", hdf5), ("log.tdms", tdms)):
+        q, a = channels(name, stream.getvalue(), "q_mm", "a_g")
+        np.testing.assert_array_equal(q.clock.time_s, FIRST_S)
+        np.testing.assert_array_equal(a.clock.time_s, bent)

@@ -36,37 +36,48 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChann
     file = h5py.File(stream, "r")
     sets: list[Any] = []
 
-    def visit(path: str, item: Any) -> None:
+    def visit(path: str | bytes, item: Any) -> None:
         # MATLAB keeps what its own types need under names like this.
-        if isinstance(item, h5py.Dataset) and not path.startswith("#"):
+        if isinstance(item, h5py.Dataset) and not _text(path).startswith("#"):
             sets.append(item)
             if len(sets) > limits.LOG_CHANNELS:
                 raise RefusedError(f"has more than {limits.LOG_CHANNELS} data sets; export those of the sensors only")
 
     # Links to other files are not followed by this walk.
     file.visititems(visit)
-    axes = {}
-    for data in sets:
-        if h5py.h5ds.is_scale(data.id) and not text_of(data, "NAME").startswith(_ONLY_A_SIZE):
-            axes[data.name] = FileChannel(
-                _place(data)[1], data.size, partial(_load, data, None), _place(data)[0], axis=True
-            )
+    scales = {data.name: data for data in sets if h5py.h5ds.is_scale(data.id)}
+    sizes = {name for name, data in scales.items() if text_of(data, "NAME").startswith(_ONLY_A_SIZE)}
+    axes = {
+        name: FileChannel(_place(data)[1], data.size, partial(_load, data, None), _place(data)[0], axis=True)
+        for name, data in scales.items()
+        if name not in sizes
+    }
+    timed = {(_place(d)[0], d.size) for d in sets if find_time((_place(d)[1],), None) is not None}
     starts = {start for data in sets if isinstance(start := start_of(data), np.datetime64)}
     for data in sets:
         if data.name in axes:
             yield axes[data.name]
-        elif not text_of(data, "NAME").startswith(_ONLY_A_SIZE):
-            yield from _of_data_set(data, axes, sets, starts, request["messages"])
+        elif data.name not in sizes:
+            yield from _of_data_set(data, axes, timed, starts, request["messages"])
 
 
 def _place(data: Any) -> tuple[str, str]:
     """Group and name of a data set."""
-    group, _, name = decoded(data.name.encode("utf-8", "surrogateescape")).strip("/").rpartition("/")
+    group, _, name = _text(data.name).strip("/").rpartition("/")
     return group, name
 
 
+def _text(path: str | bytes) -> str:
+    """A path, of which the library gives the bytes where they are not UTF-8."""
+    return decoded(path) if isinstance(path, bytes) else path
+
+
 def _of_data_set(
-    data: Any, axes: dict[str, FileChannel], sets: list[Any], starts: set[np.datetime64], messages: list[str]
+    data: Any,
+    axes: dict[str, FileChannel],
+    timed: set[tuple[str, int]],
+    starts: set[np.datetime64],
+    messages: list[str],
 ) -> Iterator[FileChannel]:
     group, name = _place(data)
     path = f"{group}/{name}" if group else name
@@ -87,7 +98,8 @@ def _of_data_set(
             name, f"has {size} numbers in '{path[:60]}', expected a vector; write every channel alone", group
         )
     else:
-        time = even_stamps(data, path, starts) or _axis(data, path, axes, sets)
+        with_time = (group, data.size) in timed
+        time = even_stamps(data, path, starts, with_time) or _axis(data, path, axes, with_time)
         yield FileChannel(name, data.size, partial(_load, data, messages), group, time, "sample rate", in_order=False)
 
 
@@ -101,7 +113,7 @@ def _load(data: Any, messages: list[str] | None) -> tuple[np.ndarray, str | None
     return (values, unit) if dates is None else (dates, None)
 
 
-def _axis(data: Any, path: str, axes: dict[str, FileChannel], sets: list[Any]) -> Any:
+def _axis(data: Any, path: str, axes: dict[str, FileChannel], with_time: bool) -> Any:
     """What a data set says by its dimension: the channel of its stamps, the refusal of an axis that is not time."""
     place = next((i for i, n in enumerate(data.shape) if n != 1), 0)
     scale = data.dims[place][0] if len(data.dims[place]) else None
@@ -113,8 +125,7 @@ def _axis(data: Any, path: str, axes: dict[str, FileChannel], sets: list[Any]) -
         # A unit of time says enough: names of axes are free.
         axis_seconds("" if unit else quantity, unit and unit.partition(" since ")[0], path)
     except RefusedError as error:
-        beside = (_place(other)[1] for other in sets if other.parent == data.parent and other.size == data.size)
-        return None if find_time(beside, None) else no_time(error)
+        return None if with_time else no_time(error)
     return axis
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -72,13 +72,14 @@ def values_of(data: Any, messages: list[str] | None) -> np.ndarray:
 def _not_applied(data: Any) -> list[str]:
     """Sentences on numbers in attributes that may change values, as the names say, but belong to no convention."""
     said = []
-    for key in data.attrs:
+    for key in map(str, data.attrs):
         if key not in (*_CF, *_STARTS, *_MOMENTS) and _LIKE_A_SCALE.search(key) and not _LIKE_A_START.search(key):
             number = _numbers(data, key)
             if number.size == 1 and number[0] not in (0.0, 1.0):
+                name = shorten(str(data.name).strip("/"))
                 said.append(
-                    f"the attribute '{shorten(key, 40)}' = {number[0]:g} of '{shorten(data.name.strip('/'))}' is not "
-                    "applied; give the sensor a scale if its values are raw"
+                    f"the attribute '{shorten(key, 40)}' = {number[0]:g} of '{name}' is not applied; give the sensor a "
+                    "scale if its values are raw"
                 )
     return said
 
@@ -103,33 +104,51 @@ def instants(values: np.ndarray, unit: str | None) -> np.ndarray | None:
     return moment + ticks.astype(np.int64).view("m8[ns]")
 
 
+def _around(data: Any, keys: Iterable[str]) -> Any:
+    """The data set if it has one of the attributes, else the nearest group around it that has one, else None."""
+    known, node = tuple(keys), data
+    while not any(key in node.attrs for key in known):
+        if node.name == "/":
+            return None
+        node = node.parent
+    return node
+
+
 def start_of(data: Any) -> np.datetime64 | float | None:
-    """The moment at which an evenly sampled data set begins, or a number of seconds; None where it is not said."""
-    for key in _MOMENTS:
-        text = text_of(data, key)
-        if text:
-            return _moment(text)
-        if _number(data, key) is not None:
-            return _number(data, key)
+    """The moment at which an evenly sampled data set begins, or a number of seconds; None where it is not said.
+
+    What a group says holds for its data sets that do not say it.
+    """
+    node = _around(data, _MOMENTS)
+    for key in _MOMENTS if node is not None else ():
+        if text_of(node, key):
+            return _moment(text_of(node, key))
+        if key in node.attrs:
+            return _number(node, key)
     return None
 
 
-def even_stamps(data: Any, path: str, starts: set[np.datetime64]) -> Callable[[], np.ndarray] | None:
+def even_stamps(data: Any, path: str, starts: set[np.datetime64], with_time: bool) -> Callable[[], np.ndarray] | None:
     """Stamps [s] by a step or rate and the start beside it, None where there is neither.
 
-    Moments are counted from the earliest of `starts`, those of the file.
+    Moments are counted from the earliest of `starts`, those of the file.  `with_time`: a column of time stands beside
+    the data set, and counts for more than the step of a group.
     """
+    node = data if with_time else _around(data, (*_STEPS, *_RATES))
+    if node is None:
+        return None
     try:
-        step = next((_number(data, key) for key in _STEPS if key in data.attrs), None)
-        rate = next((_number(data, key) for key in _RATES if key in data.attrs), None)
+        step = next((_number(node, key) for key in _STEPS if key in node.attrs), None)
+        rate = next((_number(node, key) for key in _RATES if key in node.attrs), None)
         step = 1.0 / rate if step is None and rate else step
         if step is None:
             return None
         zero_s = _zero_s(data, path, starts)
-        start = sum(_number(data, key) or 0.0 for key in _STARTS if key in data.attrs)
+        origin = _around(data, _STARTS)
+        start = sum(_number(origin, key) or 0.0 for key in _STARTS if origin is not None and key in origin.attrs)
     except RefusedError as error:
         return no_time(error)
-    unit, what = text_of(data, "wf_xunit_string"), text_of(data, "wf_xname")
+    unit, what = text_of(node, "wf_xunit_string"), text_of(node, "wf_xname")
     stamps: Callable[[], np.ndarray] = even_axis(what, unit, start, step, data.size, path, zero_s)
     return stamps
 

@@ -13,6 +13,8 @@ from sysid.logs.file_channels import FileChannel, RefusedError, axis_seconds
 
 #: Synchronisation types of a master channel (MDF 4.1, channel block, cn_sync_type).
 _AXES = {0: "", 1: "time", 2: "angle", 3: "distance", 4: "index"}
+#: Flag of a channel without any valid sample.
+_ALL_INVALID = 1
 #: Flag of a channel group whose master stands in another one (MDF 4.2).
 _REMOTE_MASTER = 1 << 3
 
@@ -50,6 +52,8 @@ def _load(file: Any, number: int, place: int) -> tuple[np.ndarray, str | None]:
         raise RefusedError(
             f"has an array in the channel '{channel.name[:60]}', expected single numbers; choose another"
         )
+    if getattr(channel, "flags", 0) & _ALL_INVALID:
+        invalid = np.ones(values.size, bool)
     return (values if invalid is None else np.ma.MaskedArray(values, np.asarray(invalid, bool))), _unit(channel)
 
 
