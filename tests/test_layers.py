@@ -61,7 +61,18 @@ ROOMS = {
 }
 #: Files of such a package outside its rooms.
 NO_ROOM = {
-    "campaign": {"findings", "loggers", "priors", "read", "records", "requests", "statics", "units", "vehicle_records"}
+    "campaign": {
+        "findings",
+        "gaps",
+        "loggers",
+        "priors",
+        "read",
+        "records",
+        "requests",
+        "statics",
+        "units",
+        "vehicle_records",
+    }
 }
 
 JAX_PACKAGES = {"runtime", "vehicle_model", "estimation", "posterior", "prediction", "planning", "estimates"}

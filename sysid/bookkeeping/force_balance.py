@@ -14,14 +14,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid import limits
+from sysid.campaign.gaps import readings_at, window_over
 from sysid.campaign.records import BumpRun, Channel
 from sysid.campaign.statics import chains, static_equilibrium
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 
 #: Below, offsets and drift count; above, frames bend and deflections are small (an assumption).
 BAND_HZ = (0.8, 6.0)
-#: Rows of the sensors must tell all motions of the frames apart by this singular value, and channels be whole.
-_DISTINCT, _WHOLE = 0.3, 0.9
+#: Rows of the sensors must tell all motions of the frames apart by this singular value.
+_DISTINCT = 0.3
+#: Shares of the record that a channel, and all channels together, must have seen.
+_WHOLE, _TOGETHER = 0.9, 0.7
+_DEFLECTION = "suspension_deflection"
 #: Deflections that were lost follow from the accelerations of frame and axle, for this share of the axles at most.
 _REPLACED = 0.34
 
@@ -30,14 +34,15 @@ _REPLACED = 0.34
 class RunSpectra:
     """Spectra of one run in the band.
 
-    `motion` (n + 1, F) generalised accelerations of n bodies [m/s^2, rad/s^2], `deflection` (axles, F) [m],
-    `omega` (F,) [rad/s].
+    `motion` (n + 1, F) generalised accelerations of n bodies [m/s^2, rad/s^2], `deflection` (axles, F) [m] and
+    `velocity` (axles, F) [m/s] of the suspensions, `omega` (F,) [rad/s].
     """
 
     file: str
     load_case: str
     motion: np.ndarray
     deflection: np.ndarray
+    velocity: np.ndarray
     omega: np.ndarray
 
 
@@ -79,25 +84,32 @@ def run_spectra(run: BumpRun, vehicle: Vehicle) -> RunSpectra | None:
     step = log.sample_interval_s
     if log.duration_s / step > limits.GRID_STEPS:
         return None
-    grid = np.arange(0.0, log.duration_s + 0.5 * step, step)
-    frequency = np.fft.rfftfreq(grid.size, step)
-    band = (frequency >= BAND_HZ[0]) & (frequency <= min(BAND_HZ[1], 0.4 / step))
-    if band.sum() < 10:
+    time = step * np.arange(int(log.duration_s / step + 1e-6) + 1)
+    frequency = np.fft.rfftfreq(time.size, step)
+    omega = 2.0 * np.pi * frequency[(frequency >= BAND_HZ[0]) & (frequency <= min(BAND_HZ[1], 0.4 / step))]
+    if omega.size < 10:
         return None
-    edge = max(2, grid.size // 20)
-    window = np.ones(grid.size)
-    window[:edge] = 0.5 - 0.5 * np.cos(np.pi * np.arange(edge) / edge)
-    window[-edge:] = window[:edge][::-1]
+    used = {c.sensor.column: r for c in log.channels if (r := _seen(c, time)) is not None}
+    # The acceleration of an axle replaces a deflection only, so that its gaps and clips do not count beside one.
+    measured = {c.sensor.axle for c in log.channels if c.sensor.column in used and c.sensor.kind == _DEFLECTION}
+    for c in log.channels:
+        if c.sensor.kind == "axle_acceleration" and c.sensor.axle in measured:
+            used.pop(c.sensor.column, None)
+    window = window_over(time, list(used.values())) if used else None
+    if window is None or window.known_s < _TOGETHER * time.size * step:
+        return None
     deflection: dict[int, np.ndarray] = {}
+    velocity: dict[int, np.ndarray] = {}
     axle_motion: dict[int, np.ndarray] = {}
     rows, readings = [], []
     for channel in log.channels:
-        spectrum = _spectrum(channel, grid, window, band)
         sensor = channel.sensor
-        if spectrum is None:
+        if sensor.column not in used:
             continue
-        if sensor.kind == "suspension_deflection" and sensor.axle is not None:
+        spectrum = window.transform(used[sensor.column], omega)
+        if sensor.kind == _DEFLECTION and sensor.axle is not None:
             deflection[sensor.axle] = spectrum
+            velocity[sensor.axle] = window.transform(used[sensor.column], omega, 1)
         elif sensor.kind == "axle_acceleration" and sensor.axle is not None:
             axle_motion[sensor.axle] = spectrum
         elif sensor.kind == "body_acceleration" and sensor.body is not None and sensor.x_m is not None:
@@ -106,35 +118,36 @@ def run_spectra(run: BumpRun, vehicle: Vehicle) -> RunSpectra | None:
     if np.linalg.matrix_rank(np.array(rows), tol=_DISTINCT) < len(vehicle.bodies) + 1:
         return None
     motion = np.linalg.lstsq(np.array(rows), np.array(readings), rcond=None)[0]
-    omega = 2.0 * np.pi * frequency[band]
-    by_axle = _all_deflections(vehicle, deflection, axle_motion, motion, omega)
-    return None if by_axle is None else RunSpectra(log.file, run.load_case, motion, by_axle, omega)
+    lost = _lost_deflections(vehicle, deflection, axle_motion, motion, omega)
+    # Integrated from accelerations, a deflection needs a record at rest at both ends.
+    if lost is None or (lost and not window.whole):
+        return None
+    deflection |= lost
+    velocity |= {axle: 1j * omega * q for axle, q in lost.items()}
+    axles = range(len(vehicle.axles))
+    stacked, rates = (np.array([of[i] for i in axles]) for of in (deflection, velocity))
+    return RunSpectra(log.file, run.load_case, motion, stacked, rates, omega)
 
 
-def _all_deflections(
+def _lost_deflections(
     vehicle: Vehicle,
     measured: Mapping[int, np.ndarray],
     axle_motion: Mapping[int, np.ndarray],
     motion: np.ndarray,
     omega: np.ndarray,
-) -> np.ndarray | None:
-    """(axles, F) deflections; those of a lost sensor by q'' = b - a; None where too many are lost."""
+) -> dict[int, np.ndarray] | None:
+    """Deflections (F,) of lost sensors, by axle, from q'' = b - a; None where too many are lost."""
     lost = [i for i in range(len(vehicle.axles)) if i not in measured]
     if len(lost) > _REPLACED * len(vehicle.axles) or any(i not in axle_motion for i in lost):
         return None
-    whole = dict(measured)
-    for i in lost:
-        axle = vehicle.axles[i]
-        whole[i] = -(frame_rise(vehicle, axle.body, axle.x_m) @ motion - axle_motion[i]) / omega**2
-    return np.array([whole[i] for i in range(len(vehicle.axles))])
+    rises = {i: frame_rise(vehicle, vehicle.axles[i].body, vehicle.axles[i].x_m) for i in lost}
+    return {i: -(rise @ motion - axle_motion[i]) / omega**2 for i, rise in rises.items()}
 
 
-def _spectrum(channel: Channel, grid: np.ndarray, window: np.ndarray, band: np.ndarray) -> np.ndarray | None:
-    good = np.isfinite(channel.value) & (channel.censored == 0)
-    if good.sum() < max(20, _WHOLE * good.size) or channel.time_s[good][-1] < grid[-1] - 0.3:
-        return None
-    value = np.interp(grid, channel.time_s[good], channel.value[good])
-    return np.asarray(np.fft.rfft((value - np.median(value)) * window)[band])
+def _seen(channel: Channel, time: np.ndarray) -> np.ndarray | None:
+    """Readings at even times, NaN where missing or clipped; None where these are too many."""
+    readings = readings_at(channel, time, BAND_HZ[1], clipped=False)
+    return readings if np.isfinite(readings).mean() > _WHOLE else None
 
 
 def balance(
@@ -160,7 +173,7 @@ def balance(
         inertia, freed, size = _inertia_forces(run, vehicle, load_case, free)
         phi = np.array([frame_rise(vehicle, a.body, a.x_m) for a in vehicle.axles])
         columns = [np.outer(p, -q) for p, q in zip(phi, run.deflection, strict=True)]
-        columns += [np.outer(p, -1j * run.omega * q) for p, q in zip(phi, run.deflection, strict=True)]
+        columns += [np.outer(p, -v) for p, v in zip(phi, run.velocity, strict=True)]
         columns += [-f for f in freed]
         scaled = np.stack([(c / size).ravel() for c in columns], axis=1)
         target = (inertia / size).ravel()

@@ -19,6 +19,9 @@ from sysid.wording import shorten
 OTHER_CASE = 0.55
 #: Of most runs: less than this.
 ALL_CASES = 0.8
+#: A free inertia or centre of gravity that leaves less than this share of what another load case leaves is the likelier
+#: explanation; the first share holds where springs would push the wrong way with the listed masses only.
+FREED_SURELY, FREED_INSTEAD = 0.1, 0.5
 #: Axle loads in another order, or of one side, leave less than this share of what the listed ones leave unexplained,
 #: and no more than this multiple of what a free inertia or centre of gravity leaves.
 OTHER_LOADS, AS_GOOD = 0.5, 1.5
@@ -123,7 +126,8 @@ def _wrong_load_cases(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list
             continue
         # Freeing an inertia explains a little more in any case; much more than another load case means that it is that.
         ratio = others[best].unexplained / declared.unexplained
-        if freed and min(freed) < 0.5 * others[best].unexplained and not _makes_sense_instead(declared, others[best]):
+        instead = FREED_SURELY if _makes_sense_instead(declared, others[best]) else FREED_INSTEAD
+        if freed and min(freed) < instead * others[best].unexplained:
             ratio = 1.0
         # Nothing is free here, so that the better one is the likelier one.
         if listed_wrongly and min(listed_wrongly) < others[best].unexplained:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from sysid.campaign.gaps import gaps_of, unseen
 from sysid.campaign.passage.arrivals import Passage
 from sysid.campaign.passage.speed import DOUBTFUL, believed_speed
 from sysid.campaign.records import BumpRun, Channel
@@ -27,6 +28,8 @@ _AGAIN, _DIED_AWAY_S = 0.6, 3.0
 #: Axles are shaken by at least this share of what other runs and the square of the speed say, or not by the bump; that
 #: is far less than the ratio of empty and laden trucks.
 _SHAKEN = 0.1
+#: A gap hides an axle's motion on the bump if it is longer: wheel hop goes on for half a second [s].
+_HIDES_S, _HOP_HZ = 0.3, 15.0
 #: Share of the runs in which an axle is out of place.
 MOST_RUNS = 0.6
 #: Without this axle the others are at their places within this.
@@ -54,7 +57,7 @@ def place_complaints(runs: Sequence[BumpRun], passages: Mapping[str, Passage | N
             "listed from the rear. Give x_m as the distance behind the front axle, with hitch_x_m and the x_m of the "
             "sensors, or drive forward."
         ]
-    forward = [p for _, p in seen if p.speed_m_s > 0.0]
+    forward = [p for _, p in seen if p.speed_m_s > 0.0 and p.whole]
     moved = _misplaced_axle(forward, vehicle) or _axle_out_of_time(forward, vehicle)
     return [*short, *([moved] if moved else _all_speeds(seen, vehicle))]
 
@@ -84,6 +87,8 @@ def second_passes(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None
                 continue
             time, size = _sizes(channel)
             late = time > over
+            if any(begin < over for begin, _ in gaps_of(channel, _HOP_HZ)):
+                continue  # the largest acceleration on the bump may be what is missing
             if late.any() and not late.all():
                 shaken = late & (size > _AGAIN * size[~late].max())
                 if shaken.any():
@@ -103,6 +108,11 @@ def _sizes(channel: Channel) -> tuple[np.ndarray, np.ndarray]:
     return channel.time_s[there], np.abs(value - np.median(value)) if value.size else value
 
 
+def _missing_s(channel: Channel) -> float:
+    """Longest time without a reading [s]."""
+    return max((end - begin for begin, end in unseen(channel, _HOP_HZ)), default=0.0)
+
+
 def runs_without_bump(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None]) -> list[str]:
     """Sentences about logs in which the axles hardly move, though they do in other runs over the same bump."""
     peaks = {}
@@ -115,6 +125,8 @@ def runs_without_bump(runs: Sequence[BumpRun], passages: Mapping[str, Passage | 
     for run in runs:
         others = [peaks[r.log.file] for r in runs if r.bump == run.bump and r is not run and r.log.file in peaks]
         if run.log.file not in peaks or passages.get(run.log.file) is not None or len(others) < 2:
+            continue
+        if any(_missing_s(c) > _HIDES_S for c in run.log.channels if c.sensor.kind == "axle_acceleration"):
             continue
         if peaks[run.log.file] < _SHAKEN * min(others):
             said.append(

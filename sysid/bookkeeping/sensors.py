@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid import limits
+from sysid.campaign.gaps import Window, readings_at, window_over
 from sysid.campaign.quality.exchanges import quoted
 from sysid.campaign.quality.sensor_trios import Trio, trios
 from sysid.campaign.records import BumpRun, Channel, Sensor
@@ -26,13 +27,17 @@ EXPLAINED, CLEARER = 0.3, 0.75
 #: Corners of a high-pass filter that a deflection may have gone through (AC coupling) [Hz].
 CORNERS_HZ = (0.1, 0.16, 0.25, 0.4, 0.6, 1.0, 1.6, 2.5)
 LAGS_S, FINE_S = np.arange(-0.15, 0.1501, 0.005), np.arange(-0.005, 0.0051, 0.001)
+#: Shares of a run that three sensors must have seen together, and each of many.
+SEEN, SEEN_BY_ALL = 0.7, 0.97
+#: Frames turn here; above, they bend.
+FRAME_BAND_HZ = (0.8, 5.0)
 #: Frame sensors are found at their place within 0.3 m.
 PLACE_M = 0.6
 
 
 @dataclass(frozen=True)
 class Equation:
-    """Spectra of the three sensors of one axle in one run: left side -w Q, right side (B - A) / w, by channel."""
+    """Spectra of the three sensors of one axle in one run, divided by w: of q'', -a and b, with q'' = b - a."""
 
     omega: np.ndarray
     parts: tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -44,15 +49,15 @@ def sensor_complaints(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
     sensors: dict[int, tuple[Sensor, ...]] = {}
     leaks: dict[int, list[dict[str, np.ndarray]]] = {}
     for run in runs:
-        spectra = _Spectra()
+        record = _Record(run)
         for trio in trios(run.log.channels, vehicle):
-            made = _equation(trio, run, spectra)
+            made = _equation(trio, record)
             if made is None:
                 continue
-            equation, grid, band = made
+            equation, window, omega = made
             equations.setdefault(trio.axle, []).append(equation)
             sensors[trio.axle] = tuple(c.sensor for c in trio.channels)
-            leaks.setdefault(trio.axle, []).append(_others(trio, run, grid, band, spectra))
+            leaks.setdefault(trio.axle, []).append(_others(trio, record, window, omega))
     said = []
     for axle in sorted(equations):
         sentence = _fault(equations[axle], sensors[axle], leaks[axle])
@@ -61,61 +66,69 @@ def sensor_complaints(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
     return said
 
 
-class _Spectra:
-    """Spectra of the channels of one run: a channel stands beside every axle."""
+class _Record:
+    """One run on even times; a channel stands beside every axle, so that its spectrum is kept."""
 
-    def __init__(self) -> None:
-        self._known: dict[tuple[str, int], np.ndarray] = {}
+    def __init__(self, run: BumpRun) -> None:
+        self.channels = run.log.channels
+        self.step_s = run.log.sample_interval_s
+        steps = run.log.duration_s / self.step_s
+        self.time_s = self.step_s * np.arange(int(steps) + 1 if steps <= limits.GRID_STEPS else 0)
+        self._readings: dict[str, np.ndarray] = {}
+        self._windows: dict[bytes, Window | None] = {}
+        self._spectra: dict[tuple[str, int], np.ndarray] = {}
 
-    def of(self, channel: Channel, grid: np.ndarray) -> np.ndarray:
-        """Spectrum of a channel on a time grid from 0."""
-        key = channel.sensor.column, grid.size
-        if key not in self._known:
-            self._known[key] = _spectrum(channel, grid)
-        return self._known[key]
+    def readings(self, channel: Channel) -> np.ndarray:
+        """Readings of a channel at even times, NaN in gaps and where they clip."""
+        column = channel.sensor.column
+        if column not in self._readings:
+            self._readings[column] = readings_at(channel, self.time_s, BAND_HZ[1], clipped=False)
+        return self._readings[column]
+
+    def window(self, channels: Sequence[Channel]) -> Window | None:
+        """The window over what all channels have seen; None where that is less than most of the record."""
+        readings = [self.readings(c) for c in channels]
+        # Channels of one clock without gaps share their window, and so their spectra.
+        key = np.packbits(np.logical_and.reduce([np.isfinite(r) for r in readings])).tobytes()
+        if key not in self._windows:
+            window = window_over(self.time_s, readings)
+            enough = window is not None and window.known_s > SEEN * self.time_s.size * self.step_s
+            self._windows[key] = window if enough else None
+        return self._windows[key]
+
+    def omega(self, low_hz: float, high_hz: float) -> np.ndarray:
+        """Angular frequencies of the spectra between two frequencies [rad/s]."""
+        frequency = np.fft.rfftfreq(self.time_s.size, self.step_s)
+        return 2.0 * np.pi * frequency[(frequency >= low_hz) & (frequency <= min(high_hz, 0.4 / self.step_s))]
+
+    def acceleration(self, channel: Channel, window: Window, omega: np.ndarray) -> np.ndarray:
+        """Spectrum of a channel under a window, a deflection derived twice."""
+        key = channel.sensor.column, id(window)
+        if key not in self._spectra:
+            derivative = 2 * (channel.sensor.kind == "suspension_deflection")
+            self._spectra[key] = window.transform(self.readings(channel), omega, derivative)
+        return self._spectra[key]
 
 
-def _equation(trio: Trio, run: BumpRun, spectra: _Spectra) -> tuple[Equation, np.ndarray, np.ndarray] | None:
-    """The equation of one axle in one run, with its time grid and band; None where a sensor clips or lacks readings."""
-    if trio.body_acceleration is None or any(not _whole(c) for c in trio.channels):
+def _equation(trio: Trio, record: _Record) -> tuple[Equation, Window, np.ndarray] | None:
+    """The equation of one axle in one run, its window and frequencies; None where a sensor clips or lacks readings."""
+    if trio.body_acceleration is None or any(c.censored.any() for c in trio.channels) or record.time_s.size < 2:
         return None
-    step = run.log.sample_interval_s
-    last = min(float(c.time_s[np.isfinite(c.value)][-1]) for c in trio.channels)
-    if last / step > limits.GRID_STEPS:
+    window, omega = record.window(trio.channels), record.omega(*BAND_HZ)
+    if window is None or omega.size < 20:
         return None
-    grid = np.arange(0.0, last, step)
-    frequency = np.fft.rfftfreq(grid.size, step)
-    band = (frequency >= BAND_HZ[0]) & (frequency <= min(BAND_HZ[1], 0.4 / step))
-    if band.sum() < 20:
-        return None
-    omega = 2.0 * np.pi * frequency[band]
-    q, a, b = (spectra.of(c, grid)[band] for c in trio.channels)
-    parts = (-omega * q, -a / omega, b / omega)
-    return Equation(omega, parts), grid, band
+    q, a, b = (record.acceleration(c, window, omega) / omega for c in trio.channels)
+    return Equation(omega, (q, -a, b)), window, omega
 
 
-def _whole(channel: Channel) -> bool:
-    good = np.isfinite(channel.value)
-    return bool(good.mean() > 0.97 and not channel.censored.any())
-
-
-def _spectrum(channel: Channel, grid: np.ndarray) -> np.ndarray:
-    good = np.isfinite(channel.value)
-    value = np.interp(grid, channel.time_s[good], channel.value[good])
-    edge = max(2, grid.size // 20)
-    window = np.ones(grid.size)
-    window[:edge] = 0.5 - 0.5 * np.cos(np.pi * np.arange(edge) / edge)
-    window[-edge:] = window[:edge][::-1]
-    return np.asarray(np.fft.rfft((value - np.median(value)) * window))
-
-
-def _others(trio: Trio, run: BumpRun, grid: np.ndarray, band: np.ndarray, spectra: _Spectra) -> dict[str, np.ndarray]:
-    """Spectra of the sensors of the same kinds at other axles."""
+def _others(trio: Trio, record: _Record, window: Window, omega: np.ndarray) -> dict[str, np.ndarray]:
+    """Spectra of the sensors of the same kinds at other axles, divided by w, where they have seen the same."""
     compared = {c.sensor.column for c in trio.channels}
+    used = window.weight > 0.0
     return {
-        f"{c.sensor.kind} {c.sensor.column}": spectra.of(c, grid)[band]
-        for c in run.log.channels
-        if c.sensor.column not in compared and np.isfinite(c.value).mean() > 0.97
+        f"{c.sensor.kind} {c.sensor.column}": record.acceleration(c, window, omega) / omega
+        for c in record.channels
+        if c.sensor.column not in compared and bool(np.isfinite(record.readings(c)[used]).all())
     }
 
 
@@ -225,7 +238,7 @@ def _leaks(
     for name in sorted(n for n in names if n.startswith(kind)):
         top = bottom = whole = 0.0
         for e, spectra in zip(equations, others, strict=True):
-            shape = spectra[name] * (-e.omega if wrong == 0 else (-1.0 if wrong == 1 else 1.0) / e.omega)
+            shape = spectra[name] * (-1.0 if wrong == 1 else 1.0)
             rest = e.parts[wrong] - _implied(e, wrong)
             top += float(np.real(np.vdot(shape, rest)))
             bottom += _power(shape)
@@ -262,30 +275,34 @@ def place_of_frame_sensors(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[st
     return said
 
 
+def _seen(channel: Channel, record: _Record) -> bool:
+    """Whether a channel does not clip, and has seen nearly all of a run, so that it takes little from the others."""
+    return not channel.censored.any() and bool(np.isfinite(record.readings(channel)).mean() > SEEN_BY_ALL)
+
+
 def _places(run: BumpRun, vehicle: Vehicle) -> dict[str, tuple[float, float, float, float]]:
     """Sums of how far [m] each frame sensor is from its place: top, bottom, what is left before, and a count."""
-    step = run.log.sample_interval_s
-    if run.log.duration_s / step > limits.GRID_STEPS:
+    record = _Record(run)
+    if record.time_s.size < 2:
         return {}
-    grid = np.arange(0.0, run.log.duration_s, step)
-    frequency = np.fft.rfftfreq(grid.size, step)
-    band = (frequency >= 0.8) & (frequency <= min(5.0, 0.4 / step))
-    if band.sum() < 10:
-        return {}
-    omega = 2.0 * np.pi * frequency[band]
+    omega = record.omega(*FRAME_BAND_HZ)
     frames = [
         c
         for c in run.log.channels
-        if c.sensor.kind == "body_acceleration" and _whole(c) and c.sensor.x_m is not None
-        and c.time_s[np.isfinite(c.value)][-1] > grid[-1] - 0.3
-    ]  # fmt: skip
-    moved = {c.sensor.column: _spectrum(c, grid)[band] for c in frames}
+        if c.sensor.kind == "body_acceleration" and c.sensor.x_m is not None and _seen(c, record)
+    ]
+    whole = [t for t in trios(run.log.channels, vehicle)
+             if _seen(t.axle_acceleration, record) and _seen(t.deflection, record)]  # fmt: skip
+    compared = [*frames, *(c for t in whole for c in (t.axle_acceleration, t.deflection))]
+    window = record.window(compared) if compared else None
+    if window is None or omega.size < 10:
+        return {}
+    moved = {c.sensor.column: record.acceleration(c, window, omega) for c in frames}
     above: list[tuple[int, float, np.ndarray]] = []
-    for trio in trios(run.log.channels, vehicle):
-        a, q = trio.axle_acceleration, trio.deflection
-        if _whole(a) and _whole(q):
-            axle = vehicle.axles[trio.axle]
-            above.append((axle.body, axle.x_m, (_spectrum(a, grid)[band] - omega**2 * _spectrum(q, grid)[band])))
+    for trio in whole:
+        axle = vehicle.axles[trio.axle]
+        a, q = (record.acceleration(c, window, omega) for c in (trio.axle_acceleration, trio.deflection))
+        above.append((axle.body, axle.x_m, a + q))
     result = {}
     for channel in frames:
         sensor = channel.sensor

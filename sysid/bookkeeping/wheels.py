@@ -8,6 +8,8 @@ from itertools import combinations
 
 import numpy as np
 
+from sysid import limits
+from sysid.campaign.gaps import is_whole, readings_at, window_over
 from sysid.campaign.passage.arrivals import HIGH_PASS_HZ, Passage, integrated
 from sysid.campaign.records import AntiAliasFilter, BumpRun, Channel
 from sysid.campaign.vehicle_records import Vehicle
@@ -36,6 +38,8 @@ MIRRORED = 0.03
 #: Half of the length over which a tire smooths the road [m].
 _FOOTPRINT_M = 0.11
 _SLOW_M_S = 7.0
+#: Motion on the bump is compared below this frequency, and a gap disturbs what is integrated for this time around it.
+_RISE_HZ, _INTEGRATED_S = 15.0, 1.0
 #: Filters are judged where wheel hop is in their band; power beyond it over that within, of axles without a filter.
 _LOW_CUTOFF_HZ, _NATURAL = 25.0, 0.05
 #: Lengths that are tried where the scan leaves more than this, and how much better another length must be.
@@ -136,13 +140,13 @@ def _hop_frequency(runs: Sequence[BumpRun], passages: Mapping[str, Passage | Non
 
 
 def _power_of_hop(channel: Channel, frequency: np.ndarray, first: float, last: float, step: float) -> np.ndarray | None:
-    """Power per second (F,) of an axle between two times, times the frequency; None within half a second or less."""
-    good = np.isfinite(channel.value)
-    first, last = max(first, channel.time_s[good][0]), min(last, channel.time_s[good][-1])
+    """Power per second (F,) of an axle between two times, times the frequency; None for half a second or less,
+    and beside a gap."""
+    first, last = max(first, float(channel.time_s[0])), min(last, float(channel.time_s[-1]))
     time = np.arange(first, last, step)
-    if time.size * step < 0.5:
+    value = readings_at(channel, time, HOP_HZ[1], clipped=False)
+    if time.size * step < 0.5 or not np.isfinite(value).all():
         return None
-    value = np.interp(time, channel.time_s[good], channel.value[good])
     fading = 0.5 + 0.5 * np.cos(np.pi * np.arange(time.size) / time.size)
     waves = np.exp(-2j * np.pi * frequency[:, None] * time) @ ((value - value.mean()) * fading)
     return np.asarray(frequency * np.abs(waves) ** 2 / time.size)
@@ -240,18 +244,21 @@ def _judged(name: str, profile: RoadProfile, rises: Sequence[_Rise], several: bo
 def _rise(run: BumpRun, passage: Passage, axle: int, profile: RoadProfile) -> _Rise | None:
     """Least squares of one axle's displacement on the profile, over shifts of the profile; and on its mirror image."""
     a, q = _axle_sensor(run, axle), _axle_sensor(run, axle, "suspension_deflection")
-    if a is None or q is None or a.censored.mean() > 0.01 or np.isfinite(a.value).mean() < 0.97:
+    if a is None or q is None or a.censored.mean() > 0.01:
         return None
     motion = integrated(a, 2)
     if motion is None:
         return None
     grid, rise = motion
     speed, arrival = passage.speed_m_s, passage.arrivals[axle].time_s
-    window = (grid > arrival - 0.3) & (grid < arrival + (profile.length_m + 0.5) / speed + 0.6)
-    good = [np.isfinite(c.value) for c in (a, q)]
-    if window.sum() < 30 or good[1].mean() < 0.97 or grid[-1] < arrival + profile.length_m / speed:
+    begin, end = arrival - 0.3, arrival + (profile.length_m + 0.5) / speed + 0.6
+    window = (grid > begin) & (grid < end)
+    if window.sum() < 30 or grid[-1] < arrival + profile.length_m / speed:
+        return None
+    if not all(is_whole(c, begin - _INTEGRATED_S, end + _INTEGRATED_S, _RISE_HZ) for c in (a, q)):
         return None
     step = float(grid[1] - grid[0])
+    good = [np.isfinite(c.value) for c in (a, q)]
     readings = [np.interp(grid, c.time_s[g], c.value[g]) for c, g in zip((a, q), good, strict=True)]
     known = [_band(readings[0], step), _band(readings[1], step), _band(readings[1], step, 1)]
     target = _band(rise, step, high_pass=False)[window]
@@ -283,7 +290,7 @@ def _band(value: np.ndarray, step: float, derivative: int = 0, high_pass: bool =
     """What is between the limit of the integrated acceleration and 15 Hz, derived as often as asked."""
     count = value.size
     frequency = np.fft.rfftfreq(2 * count, step)
-    factor = (2j * np.pi * frequency) ** derivative / (1.0 + (frequency / 15.0) ** 8)
+    factor = (2j * np.pi * frequency) ** derivative / (1.0 + (frequency / _RISE_HZ) ** 8)
     if high_pass:
         factor = factor * frequency**4 / (frequency**4 + HIGH_PASS_HZ**4)
     # Once more for all: what is slower than 0.8 Hz says more about drift than about the bump.
@@ -326,18 +333,21 @@ def filter_complaint(runs: Sequence[BumpRun], low_pass: AntiAliasFilter | None) 
 
 def _beyond(channel: Channel, step: float, cutoff: float) -> float | None:
     """Power between two and three times the cut-off over that between half of it and itself, without the noise."""
-    good = np.isfinite(channel.value)
+    duration_s = float(channel.time_s[-1] - channel.time_s[0])
     if (
         cutoff > _LOW_CUTOFF_HZ
         or 3.0 * cutoff > 0.45 / step
-        or good.mean() < 0.97
         or channel.censored.any()
-        or channel.value.size < 100
+        or not 100 <= duration_s / step < limits.GRID_STEPS
     ):
         return None
-    value = np.interp(channel.time_s, channel.time_s[good], channel.value[good])
-    frequency = np.fft.rfftfreq(value.size, step)
-    power = np.abs(np.fft.rfft((value - np.median(value)) * np.hanning(value.size))) ** 2
+    time = float(channel.time_s[0]) + step * np.arange(int(duration_s / step) + 1)
+    value = readings_at(channel, time, 0.5 / step)
+    window = window_over(time, [value])
+    if window is None or window.known_s < 0.7 * duration_s:
+        return None
+    frequency = np.fft.rfftfreq(time.size, step)
+    power = np.abs(window.transform(value, 2.0 * np.pi * frequency)) ** 2
     bands = [(0.5, 1.0), (2.0, 3.0)]
     inside, outside = (power[(frequency > lo * cutoff) & (frequency < hi * cutoff)].mean() for lo, hi in bands)
     highest = power[frequency > 0.85 * frequency[-1]].mean()

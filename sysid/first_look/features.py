@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.campaign.gaps import Window, parted, readings_at, window_over
 from sysid.campaign.quality import defects
 from sysid.campaign.quality.sensor_trios import BAND_HZ, PAIR_BAND_HZ, arrival, first_lift
 from sysid.campaign.records import Channel, Sensor
@@ -24,6 +25,7 @@ MOST_COMPARED = 48
 _MOST_STEPS = 200_000
 _ALIVE = 6.0  # largest departure over noise
 _LEAST_SAMPLES = 40
+_SEEN = 0.7  # share of a log that a column must have seen to be compared
 _COLLINEAR = 0.999  # correlation of two columns beyond which their factors mean nothing
 
 
@@ -80,9 +82,11 @@ def _channel(raw: RawChannel) -> Channel:
     time, value = raw.clock.time_s[good], raw.values[good].copy()
     forward = np.concatenate([[True], np.diff(time) > 0.0]) if time.size else np.zeros(0, bool)
     time, value = time[forward], value[forward]
-    value[defects.spikes(value)] = np.nan
     # Kind and unit are what is looked for: the record only carries the readings.
-    return Channel(Sensor(raw.name, "axle_acceleration", "m/s^2"), time, value, np.zeros(value.size, np.int8))
+    channel = Channel(Sensor(raw.name, "axle_acceleration", "m/s^2"), time, value, np.zeros(value.size, np.int8))
+    beside, place = parted(channel)
+    value[np.isin(place, defects.spikes(beside.value))] = np.nan
+    return channel
 
 
 def _look(raw: RawChannel, channel: Channel, start_s: float | None) -> Look:
@@ -108,7 +112,7 @@ def _look(raw: RawChannel, channel: Channel, start_s: float | None) -> Look:
         rest,
         noise,
         size,
-        _share(time, value - rest, step),
+        _share(channel, step),
         moved,
         0.0 if moved is None else first_lift(channel, rest, moved),
         size > _ALIVE * noise,
@@ -116,14 +120,18 @@ def _look(raw: RawChannel, channel: Channel, start_s: float | None) -> Look:
     )
 
 
-def _share(time: np.ndarray, departure: np.ndarray, step: float) -> float:
+def _share(channel: Channel, step: float) -> float:
     """Share of the power between 0.3 and 40 Hz that lies in the band of wheel hop."""
-    count = int((time[-1] - time[0]) / step) + 1
+    count = int((channel.time_s[-1] - channel.time_s[0]) / step) + 1
     if count > _MOST_STEPS:
         return 0.0
-    value = np.interp(time[0] + step * np.arange(count), time, departure)
+    time = channel.time_s[0] + step * np.arange(count)
+    value = readings_at(channel, time, HOP_HZ[1])
+    window = window_over(time, [value])
+    if window is None:
+        return 0.0
     frequency = np.fft.rfftfreq(count, step)
-    power = np.abs(np.fft.rfft(value)) ** 2
+    power = np.abs(window.transform(value, 2.0 * np.pi * frequency)) ** 2
     total = float(power[(frequency > 0.3) & (frequency < 40.0)].sum())
     hop = float(power[(frequency >= HOP_HZ[0]) & (frequency <= HOP_HZ[1])].sum())
     return hop / total if total > 0.0 else 0.0
@@ -141,29 +149,30 @@ def threes(channels: Sequence[RawChannel], seen: Sequence[Look]) -> Threes | Non
     if count < _LEAST_SAMPLES or count > _MOST_STEPS or step > 0.4 / BAND_HZ[1] or count * step < 1.0:
         return None
     grid = begin + step * np.arange(count)
-    members = [c for c, _ in chosen]
-    broad, narrow = (_scaled(*_spectra(members, grid, step, band)) for band in (BAND_HZ, PAIR_BAND_HZ))
+    readings = [(readings_at(c, grid, BAND_HZ[1]), look) for c, look in chosen]
+    # A column that lost half of its record would take it from all others.
+    members = [(r, look) for r, look in readings if np.isfinite(r).mean() > _SEEN]
+    window = window_over(grid, [r for r, _ in members]) if len(members) > 1 else None
+    if window is None:
+        return None
+    broad, narrow = (_scaled(*_spectra([r for r, _ in members], window, band)) for band in (BAND_HZ, PAIR_BAND_HZ))
     if broad is None or narrow is None:
         return None
-    return Threes(tuple(look.name for _, look in chosen), *_of_threes(broad), *_of_pairs(narrow))
+    return Threes(tuple(look.name for _, look in members), *_of_threes(broad), *_of_pairs(narrow))
 
 
 def _spectra(
-    channels: Sequence[Channel], grid: np.ndarray, step: float, band_hz: tuple[float, float]
+    readings: Sequence[np.ndarray], window: Window, band_hz: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Columns as accelerations and as deflections differentiated twice, at the level of velocity (see
     :func:`sysid.campaign.quality.sensor_trios.fit_factors`): real and imaginary parts (2 F, n)."""
-    good = [np.isfinite(c.value) for c in channels]
-    values = np.stack([np.interp(grid, c.time_s[g], c.value[g]) for c, g in zip(channels, good, strict=True)], axis=1)
-    window = np.ones(grid.size)
-    edge = max(2, grid.size // 20)
-    window[:edge] = 0.5 - 0.5 * np.cos(np.pi * np.arange(edge) / edge)
-    window[-edge:] = window[:edge][::-1]
-    frequency = np.fft.rfftfreq(grid.size, step)
-    band = (frequency >= band_hz[0]) & (frequency <= min(band_hz[1], 0.4 / step))
-    omega = 2.0 * np.pi * frequency[band][:, None]
-    spectrum = np.fft.rfft((values - np.median(values, axis=0)) * window[:, None], axis=0)[band]
-    return tuple(np.concatenate([s.real, s.imag]) for s in (spectrum / omega, -omega * spectrum))  # type: ignore[return-value]
+    step = float(window.time_s[1] - window.time_s[0])
+    frequency = np.fft.rfftfreq(window.time_s.size, step)
+    omega = 2.0 * np.pi * frequency[(frequency >= band_hz[0]) & (frequency <= min(band_hz[1], 0.4 / step))]
+    plain, twice = (
+        np.stack([window.transform(r, omega, derivative) / omega for r in readings], axis=1) for derivative in (0, 2)
+    )
+    return tuple(np.concatenate([s.real, s.imag]) for s in (plain, twice))  # type: ignore[return-value]
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid.campaign.gaps import readings_at
 from sysid.campaign.records import Channel, PlankDrop
 from sysid.campaign.statics import static_equilibrium
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
@@ -169,10 +170,9 @@ def _deflection(drop: PlankDrop, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarr
 
 
 def _measured(channel: Channel, time: np.ndarray) -> np.ndarray:
-    value = np.where(channel.censored == 0, channel.value, np.nan)
     if channel.time_s.shape == time.shape and np.array_equal(channel.time_s, time):
-        return value
-    return np.asarray(np.interp(time, channel.time_s, value, left=np.nan, right=np.nan))
+        return np.where(channel.censored == 0, channel.value, np.nan)
+    return readings_at(channel, time, clipped=False)
 
 
 def _read(

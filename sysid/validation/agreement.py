@@ -37,8 +37,11 @@ def history_agreement(history: RunHistory, out_of_sample: bool = False) -> list[
     plain = np.where(history.censored == 0, history.measured, np.nan)
     lost = np.mean(~np.isfinite(plain), axis=1)
     rated = [c for c in range(len(history.columns)) if lost[c] <= _MOST_MISSING]
-    filled = np.array([filled_in(plain[c]) for c in rated]).reshape(len(rated), plain.shape[1])
-    pair = _joined(filled), _joined(history.simulated[rated])
+    # What a gap hides is hidden from both, or the line through it would be rated against the motion.
+    seen = np.where(np.isfinite(plain), history.simulated, np.nan)
+    pair = (
+        _joined(np.array([filled_in(h[c]) for c in rated]).reshape(len(rated), plain.shape[1])) for h in (plain, seen)
+    )
     ratings = dict(zip(rated, objective_ratings(*pair), strict=True))
     rows = []
     for c, column in enumerate(history.columns):
@@ -67,7 +70,7 @@ def history_agreement(history: RunHistory, out_of_sample: bool = False) -> list[
                 peak_error=peak,
                 peak_time_error_s=when,
                 measured_frequency_hz=dominant_frequency(measured, interval),
-                simulated_frequency_hz=dominant_frequency(simulated, interval),
+                simulated_frequency_hz=dominant_frequency(seen[c], interval),
                 sprague_geers_magnitude=magnitude,
                 sprague_geers_phase=phase,
                 iso18571=np.nan if rating is None else rating.overall,

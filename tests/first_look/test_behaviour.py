@@ -42,17 +42,17 @@ def axle(start_s: float, hop_hz: float) -> dict[str, np.ndarray]:
     return {"q": 1e3 * (body - 0.6 * hop), "a": 0.6 * of_hop / G, "b": of_body / G}
 
 
-def channels(columns: dict[str, np.ndarray]) -> list[RawChannel]:
+def channels(columns: dict[str, np.ndarray], noise: float = 1e-3) -> list[RawChannel]:
     clock = Clock("time_s", STEP_S * np.arange(1200))
     rng = np.random.default_rng(3)
     return [
-        RawChannel(name, clock, values + 1e-3 * np.ptp(values) * rng.normal(size=values.size))
+        RawChannel(name, clock, values + noise * np.ptp(values) * rng.normal(size=values.size))
         for name, values in columns.items()
     ]
 
 
-def found_in(columns: dict[str, np.ndarray], dimension: dict[str, str] | None = None):
-    of_log = channels(columns)
+def found_in(columns: dict[str, np.ndarray], dimension: dict[str, str] | None = None, noise: float = 1e-3):
+    of_log = channels(columns, noise)
     seen = looks(of_log)
     fit = threes(of_log, seen)
     assert fit is not None
@@ -60,13 +60,16 @@ def found_in(columns: dict[str, np.ndarray], dimension: dict[str, str] | None = 
 
 
 def test_columns_of_two_axles_are_told_apart_by_the_equation_alone() -> None:
-    one, two = axle(1.0, 9.0), axle(1.4, 11.0)
-    found = found_in({"u": one["b"], "v": two["q"], "w": one["q"], "x": two["a"], "y": one["a"], "z": two["b"]})
+    # The noise of the other tests makes factors of the axle scatter by 3.5 % (200 seeds), a tenth of it by 0.4 %.
+    one, two = axle(1.0, 6.0), axle(1.4, 7.0)
+    found = found_in(
+        {"u": one["b"], "v": two["q"], "w": one["q"], "x": two["a"], "y": one["a"], "z": two["b"]}, noise=1e-4
+    )
     assert {(t.deflection, t.axle, t.body) for t in found} == {("w", "y", "u"), ("v", "x", "z")}
     for three in found:
         # q in mm and accelerations in g: 1 g is 9806.65 mm/s2.
-        assert three.alpha == pytest.approx(9806.65, rel=0.03)
-        assert three.beta == pytest.approx(9806.65, rel=0.03)
+        assert three.alpha == pytest.approx(9806.65, rel=0.015)
+        assert three.beta == pytest.approx(9806.65, rel=0.015)
 
 
 @pytest.mark.parametrize(("turned", "signs"), [("a", (-1, 1)), ("b", (1, -1)), ("q", (-1, -1))])

@@ -17,8 +17,9 @@ from sysid.campaign.passage.arrivals import find_passage, first_arrival
 from sysid.campaign.records import BumpRun, Channel
 from sysid.campaign.vehicle_records import Vehicle
 
-#: Axles are found at their place within 0.07 m in 99 of 100 runs (as in `sysid.bookkeeping.places`).
-PLACE_SD_M = 0.027
+#: Axles are found at their place within 0.07 m in 99 of 100 runs (as in `sysid.bookkeeping.places`), 0.2 m beside
+#: a gap of 0.1 to 0.3 s.
+PLACE_SD_M, BESIDE_GAP_M = 0.027, 0.08
 
 
 def arrival_lag(first: Sequence[Channel], second: Sequence[Channel], vehicle: Vehicle, run: BumpRun) -> Lag | None:
@@ -38,14 +39,15 @@ def arrival_lag(first: Sequence[Channel], second: Sequence[Channel], vehicle: Ve
     if not all(seen):
         return None
     slowness = 1.0 / run.nominal_speed_m_s
-    points = [(vehicle.axles[a].x_m, t, k) for k, found in enumerate(seen) for a, t in found.items()]
-    x, time, late = (np.array(v) for v in zip(*points, strict=True))
+    points = [(vehicle.axles[a].x_m, t, k, sd) for k, found in enumerate(seen) for a, (t, sd) in found.items()]
+    x, time, late, place_sd = (np.array(v) for v in zip(*points, strict=True))
     length = max(max(a.x_m for a in vehicle.axles), 1e-3)
     at = float(time[late == 1].mean())
     bent = 0.5 * slowness * x * (1.0 - x / length)
     # Unknowns: start, relative slowness, change of speed, lag.
     design = np.stack([np.ones_like(x), slowness * x, bent, -late.astype(float)], axis=1)
-    rows, target = design / (PLACE_SD_M * slowness), (time - slowness * x) / (PLACE_SD_M * slowness)
+    sd = place_sd * slowness
+    rows, target = design / sd[:, None], (time - slowness * x) / sd
     priors = np.zeros((2, 4))
     priors[0, 1], priors[1, 2] = 1.0 / run.speed_sd, 1.0 / max(run.speed_change_sd, 1e-4)
     whole = np.vstack([rows, priors])
@@ -54,13 +56,14 @@ def arrival_lag(first: Sequence[Channel], second: Sequence[Channel], vehicle: Ve
     return Lag(lag, float(np.sqrt(covariance[3, 3])), at)
 
 
-def _arrivals(channels: Sequence[Channel], vehicle: Vehicle, speed_m_s: float) -> Mapping[int, float]:
-    """Arrivals [s] of the axles whose accelerations a logger has, by axle."""
+def _arrivals(channels: Sequence[Channel], vehicle: Vehicle, speed_m_s: float) -> Mapping[int, tuple[float, float]]:
+    """Arrivals [s] of the axles whose accelerations a logger has, with the sd of their places [m], by axle."""
     passage = find_passage(channels, vehicle, speed_m_s)
     if passage is not None:
-        return {axle: arrival.time_s for axle, arrival in passage.arrivals.items()} if passage.speed_m_s > 0.0 else {}
+        sd = PLACE_SD_M if passage.whole else BESIDE_GAP_M
+        return {axle: (met.time_s, sd) for axle, met in passage.arrivals.items()} if passage.speed_m_s > 0.0 else {}
     alone = [c for c in channels if c.sensor.kind == "axle_acceleration" and c.sensor.axle is not None]
     if len(alone) != 1 or alone[0].sensor.axle is None:
         return {}
     arrival = first_arrival(alone[0])
-    return {} if arrival is None else {alone[0].sensor.axle: arrival.time_s}
+    return {} if arrival is None else {alone[0].sensor.axle: (arrival.time_s, PLACE_SD_M)}

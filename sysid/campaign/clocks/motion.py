@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.campaign.gaps import readings_at, window_over
 from sysid.campaign.records import Channel, SensorKind
 from sysid.campaign.vehicle_records import Vehicle
 
@@ -39,8 +40,6 @@ RIVAL = 0.93
 _APART_S = 0.15
 #: Parts of the band that the jackknife leaves out in turn.
 _BLOCKS = 8
-#: Length over which records fade in and out, less than a cycle of body motion: ends do not look like steps.
-_TAPER_S = 0.2
 #: Most sensors that may disagree with the others, and the share of what remains unexplained that must go with each
 #: (assumptions).
 _MOST_LEFT_OUT, _BETTER = 3, 0.6
@@ -187,10 +186,8 @@ def _spectra(
     for k, observation in enumerate(observations):
         for part in observation.parts:
             begin, end = window_s[int(part.second)]
-            spectrum = np.fft.rfft(_on_grid(part.channel, begin, end, step), n)[band]
-            factor = -(omega**2) if part.twice else np.ones_like(omega)
-            parts[int(part.second), :, k] += factor * spectrum
-            variance[:, k] += (factor * _NOISE[part.channel.sensor.kind]) ** 2
+            parts[int(part.second), :, k] += _spectrum(part, begin, end, step, omega, n)
+            variance[:, k] += ((omega**2 if part.twice else 1.0) * _NOISE[part.channel.sensor.kind]) ** 2
     weight = 1.0 / np.sqrt(variance)
     design = weight[:, :, None] * np.array([o.row for o in observations])
     left = np.eye(len(observations)) - design @ np.linalg.pinv(design, rcond=1e-9)
@@ -198,17 +195,12 @@ def _spectra(
     return _Spectra(omega, first, second)
 
 
-def _on_grid(channel: Channel, begin: float, end: float, step: float) -> np.ndarray:
-    """Readings from begin to end, about their median, fading in and out; for this comparison only."""
-    grid = begin + step * np.arange(int((end - begin) / step) + 1)
-    good = np.isfinite(channel.value)
-    value = np.interp(grid, channel.time_s[good], channel.value[good])
-    value = value - np.median(value)
-    edge = min(int(_TAPER_S / step), grid.size // 4)
-    fade = 0.5 - 0.5 * np.cos(np.pi * np.arange(edge) / max(edge, 1))
-    value[:edge] *= fade
-    value[value.size - edge :] *= fade[::-1]
-    return np.asarray(value)
+def _spectrum(part: _Part, begin: float, end: float, step: float, omega: np.ndarray, n: int) -> np.ndarray:
+    """Acceleration (F,) that a channel shows from begin to end, under a window that vanishes in its gaps."""
+    time = begin + step * np.arange(int((end - begin) / step) + 1)
+    value = readings_at(part.channel, time, BAND_HZ[1])
+    window = window_over(time, [value])
+    return np.zeros(omega.size) if window is None else window.transform(value, omega, 2 * part.twice, n)
 
 
 def _span(channels: Sequence[Channel]) -> tuple[float, float]:

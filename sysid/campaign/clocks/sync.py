@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid.campaign.clocks.motion import Lag
+from sysid.campaign.gaps import longest_pause_s, pauses
 
 #: Longest records together [samples of the common grid].
 _MOST_STEPS = 4_000_000
@@ -51,8 +52,7 @@ def sync_lag(first: Signal, second: Signal, within_s: tuple[float, float]) -> La
 
 
 def _coarse(signals: list[Signal], step: float, within_s: tuple[float, float]) -> float | None:
-    even = [np.interp(np.arange(t[0], t[-1], step), t, v) for t, v in signals]
-    even = [v - v.mean() for v in even]
+    even = [_even(t, v, step) for t, v in signals]
     n = sum(v.size for v in even)
     spectra = [np.fft.rfft(v, n) for v in even]
     height = np.fft.irfft(spectra[0] * np.conj(spectra[1]), n)
@@ -81,6 +81,22 @@ def _coarse(signals: list[Signal], step: float, within_s: tuple[float, float]) -
     return float(lags[k])
 
 
+def _even(time: np.ndarray, value: np.ndarray, step: float) -> np.ndarray:
+    """A signal about its mean at even times; zero in its gaps, which so add nothing to any product."""
+    at = np.arange(time[0], time[-1], step)
+    even = np.interp(at, time, value)
+    seen = _seen(time, at, 0.0)
+    return np.where(seen, even - even[seen].mean(), 0.0)
+
+
+def _seen(time: np.ndarray, at: np.ndarray, reach_s: float) -> np.ndarray:
+    """Which times (m,) are further than a reach from every gap of a signal."""
+    seen = np.ones(at.size, bool)
+    for begin, end in pauses(time, longest_pause_s(time, np.inf)):
+        seen &= (at <= begin - reach_s) | (at >= end + reach_s)
+    return seen
+
+
 def _power_between(value: np.ndarray, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Sum of squares of the samples from begin to end, as far as there are any."""
     total = np.concatenate([[0.0], np.cumsum(value**2)])
@@ -98,6 +114,8 @@ def _fine(signals: list[Signal], lag: float, steps: list[float]) -> Lag | None:
     (time_a, a), (time_b, b) = signals
     reach = 1.5 * max(steps)
     inside = (time_a >= time_b[0] + lag + reach) & (time_a <= time_b[-1] + lag - reach)
+    # In a gap of either the edges of the other have no partner.
+    inside &= _seen(time_b, time_a - lag, reach)
     if inside.sum() < _FEWEST:
         return None
     time, value = time_a[inside], a[inside]
@@ -110,14 +128,16 @@ def _fine(signals: list[Signal], lag: float, steps: list[float]) -> Lag | None:
 
     tried = lag + reach * np.linspace(-1.0, 1.0, 61)
     best = float(tried[int(np.argmin([left(t)[0] for t in tried]))])
-    near = best + reach / 30.0 * np.linspace(-1.0, 1.0, 21)
-    best = float(near[int(np.argmin([left(t)[0] for t in near]))])
+    closer = best + reach / 30.0 * np.linspace(-1.0, 1.0, 21)
+    best = float(closer[int(np.argmin([left(t)[0] for t in closer]))])
     rest, gain = left(best)
-    slope = gain * np.gradient(np.interp(time - best, time_b, b), time)
+    shown = np.interp(time[:, None] - best + np.array([-0.5, 0.5]) * steps[0], time_b, b)
+    slope = gain * (shown[:, 1] - shown[:, 0]) / steps[0]
     power = slope**2
     formula = np.sqrt(rest / max(time.size - 3, 1) / max(float(power.sum()), 1e-300))
     # An edge lies anywhere between two samples, in each log by itself.
-    edges = max(float(np.sum(np.abs(np.diff(value)))) / float(np.ptp(value)), 1.0)
+    near = np.diff(time) < 1.5 * steps[0]
+    edges = max(float(np.sum(np.abs(np.diff(value)[near]))) / float(np.ptp(value)), 1.0)
     between = float(np.hypot(steps[0], steps[1])) / np.sqrt(12.0 * edges)
     middle = float(power @ time) / max(float(power.sum()), 1e-300)
     return Lag(best, float(max(formula, between)), middle - best)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid.campaign.gaps import readings_at
 from sysid.campaign.records import AUXILIARY_KINDS, Channel
 from sysid.wording import shorten
 
@@ -78,15 +79,9 @@ def _at_times_of(one: Channel, two: Channel) -> Channel:
     """The second channel at the times of the first, where it has another clock; clipped readings stay clipped."""
     if one.time_s.size == two.time_s.size and np.array_equal(one.time_s, two.time_s):
         return two
-    good = np.isfinite(two.value)
-    if good.sum() < 2:
-        return replace(
-            two, time_s=one.time_s, value=np.full(one.time_s.size, np.nan), censored=np.zeros_like(one.censored)
-        )
-    value = np.interp(one.time_s, two.time_s[good], two.value[good], left=np.nan, right=np.nan)
     nearest = np.clip(np.searchsorted(two.time_s, one.time_s), 0, two.time_s.size - 1)
-    value[~good[nearest]] = np.nan
-    return replace(two, time_s=one.time_s, value=value, censored=two.censored[nearest])
+    value = readings_at(two, one.time_s)
+    return replace(two, time_s=one.time_s, value=value, censored=np.where(np.isfinite(value), two.censored[nearest], 0))
 
 
 def _rms(values: np.ndarray) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid import limits
+from sysid.campaign.gaps import unseen
 from sysid.campaign.records import Channel
 from sysid.campaign.vehicle_records import Vehicle
 
@@ -32,6 +33,11 @@ _STILL = 0.2
 _FAR = 1.6
 #: For axles at equal distances both directions are the same: the one against the list counts less.
 _BACKWARDS = 0.97
+#: An arrival needs readings this long before and after it: an impulse that is missing in a gap shifts the velocity on
+#: both sides of it, by half of it beside the gap, by 0.3 of it after the first time here, by 0.04 after the second [s].
+_SEEN_S, _UNDISTURBED_S = 0.3, 1.5
+#: Pauses are gaps if they are long for motion at this frequency, wheel hop [Hz].
+_HOP_HZ = 15.0
 #: Before it, the axle moves less than this share of its largest motion: those in front shake it a little.
 _QUIET = 0.5
 
@@ -49,12 +55,14 @@ class Arrival:
 class Passage:
     """The axles of one run at the bump: arrivals by axle; `speed_m_s` is negative where the last axle comes first.
 
-    `sensors` are the axles that have a sensor; some of them may show no arrival.
+    `sensors` counts the axles whose sensor has no gap where the axle is to be expected; some may show no arrival.
+    `whole` says whether no gap is near any arrival: only then the arrivals tell places.
     """
 
     speed_m_s: float
     arrivals: Mapping[int, Arrival]
     sensors: int
+    whole: bool = True
 
     @property
     def one_way(self) -> bool:
@@ -80,7 +88,8 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
     Displacements d_i of the axles, integrated twice, are added up as d_i(t + x_i / v); the speed v of the run is the
     one at which they agree best. An axle has met the bump when its velocity reaches 0.45 of the velocity with which it
     is lifted. If some sensors then show an axle that falls, speeds near the listed one are tried as well, and the
-    passage counts at which the axles are nearest to their places.
+    passage counts at which the axles are nearest to their places. An axle that arrives beside a gap of its readings is
+    left out.
 
     Parameters
     ----------
@@ -100,20 +109,39 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
     x = {axle: vehicle.axles[axle].x_m for axle in moved}
     if max(x.values()) - min(x.values()) < 0.5:
         return None
+    missing = {axle: _unseen(sensors[axle], channels) for axle in moved}
     rising = {axle: motion for axle in moved if (motion := integrated(sensors[axle], 1)) is not None}
-    passage = _passage(*_stacked(moved, x, listed_m_s), rising, x, listed_m_s)
+    # What is integrated over a gap is wrong for a while: axles without any show the speed, if they are enough.
+    whole = {axle: motion for axle, motion in moved.items() if not missing[axle]}
+    shown = whole if len(whole) > 2 else moved
+    passage = _passage(*_stacked(shown, x, listed_m_s), rising, missing, x, listed_m_s)
     if passage is None or passage.one_way:
         return passage
     # Some axles seem to fall: of a low bump that is long, the end of it may have been taken for its begin.
-    near = (_stacked_at(share * listed_m_s, moved, x) for share in _NEAR_LISTED)
-    others = [p for speed, start in near if (p := _passage(speed, start, rising, x, listed_m_s)) and p.one_way]
+    near = (_stacked_at(share * listed_m_s, shown, x) for share in _NEAR_LISTED)
+    others = [
+        p for near_m_s, start in near if (p := _passage(near_m_s, start, rising, missing, x, listed_m_s)) and p.one_way
+    ]
     return min([passage, *others], key=lambda p: p.furthest_off_m(vehicle))
+
+
+def _unseen(channel: Channel, of_log: Sequence[Channel]) -> list[tuple[float, float]]:
+    """Spans of time [s] in which a channel has no readings: gaps, and where it begins late or ends early."""
+    begin, end = min(float(c.time_s[0]) for c in of_log), max(float(c.time_s[-1]) for c in of_log)
+    inner = {begin, end}
+    # Loggers that start one after the other within some cycles of hop miss nothing of the bump.
+    return [s for s in unseen(channel, _HOP_HZ, (begin, end)) if not inner & set(s) or s[1] - s[0] > _SEEN_S]
+
+
+def _is_seen(spans: Sequence[tuple[float, float]], at_s: float) -> bool:
+    return not any(begin < at_s + _SEEN_S and end > at_s - _SEEN_S for begin, end in spans)
 
 
 def _passage(
     speed: float,
     start: float,
     rising: Mapping[int, tuple[np.ndarray, np.ndarray]],
+    missing: Mapping[int, Sequence[tuple[float, float]]],
     x: Mapping[int, float],
     listed_m_s: float,
 ) -> Passage | None:
@@ -125,31 +153,38 @@ def _passage(
     for axle, motion in rising.items():
         at = start + x[axle] / speed
         arrival = _lifted(*motion, (at - _BEFORE_M / pace, at + _BEHIND_M / pace))
-        if arrival is not None:
+        if arrival is not None and _is_seen(missing[axle], arrival.time_s):
             first[axle] = arrival
     line = _line({a: (x[a], v.time_s) for a, v in first.items()})
     if line is None:
         return None
     speed, start = line
-    arrivals = {}
+    arrivals, seen = {}, 0
     for axle, motion in rising.items():
         at = start + x[axle] / speed
+        if not _is_seen(missing[axle], at):
+            continue
+        seen += 1
         arrival = _lifted(*motion, (at - _NEAR_M / pace, at + _NEAR_M / pace), at)
         # An axle that does not move there meets the bump elsewhere; its first arrival shows where.
         if arrival is None or (axle in first and arrival.rise_m_s < _STILL * first[axle].rise_m_s):
             arrival = first.get(axle)
-        if arrival is not None:
+        if arrival is not None and _is_seen(missing[axle], arrival.time_s):
             arrivals[axle] = arrival
     line = _line({a: (x[a], v.time_s) for a, v in arrivals.items()})
-    if line is None or 2 * sum(_quiet_before(rising[a], v.time_s, pace) for a, v in arrivals.items()) < len(rising):
+    if line is None or 2 * sum(_quiet_before(rising[a], v.time_s, pace) for a, v in arrivals.items()) < seen:
         return None
-    return Passage(line[0], arrivals, len(rising))
+    begin, end = (f(v.time_s for v in arrivals.values()) for f in (min, max))
+    near = (begin - _UNDISTURBED_S, end + _UNDISTURBED_S)
+    disturbed = any(first < near[1] and last > near[0] for spans in missing.values() for first, last in spans)
+    return Passage(line[0], arrivals, seen, not disturbed)
 
 
 def first_arrival(channel: Channel) -> Arrival | None:
     """The first relevant motion of an axle acceleration, if no other axle shows when to expect it."""
     found = integrated(channel, 1)
-    return None if found is None else _lifted(*found, (float(found[0][0]), float(found[0][-1])))
+    arrival = None if found is None else _lifted(*found, (float(found[0][0]), float(found[0][-1])))
+    return arrival if arrival is not None and _is_seen(_unseen(channel, [channel]), arrival.time_s) else None
 
 
 def _quiet_before(motion: tuple[np.ndarray, np.ndarray], arrival_s: float, speed: float) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
+from sysid.campaign.gaps import parted, unseen
 from sysid.campaign.passage.speed import speed_complaint
 from sysid.campaign.passage.speed_sensors import with_logged_speeds
 from sysid.campaign.quality import defects
@@ -36,6 +37,7 @@ NOISY = 0.2  # noise rms over peak
 SPIKY_SHARE = 0.02  # of the samples: more spikes than that are a loose connection
 _USED = ("speed",)  # auxiliary kinds that estimates use
 _NAMED = 10  # columns that one sentence names
+HOP_HZ, HIDES_S = 15.0, 0.3  # a pause that may hide all that a channel shows of a bump: some cycles of wheel hop
 JITTER_SHARE = 0.2  # of the step between stamps
 
 
@@ -194,10 +196,11 @@ def _timings(log: Log, messages: list[str]) -> list[defects.Timing]:
 
 def _examine(channel: Channel, of_log: Sequence[Channel]) -> _ChannelCheck:
     """Defects that the channel shows beside the others `of_log`; times of spans in seconds of the log."""
-    value, censored = channel.value.copy(), channel.censored.copy()
-    time = channel.time_s
+    whole, rows = parted(channel)
+    value, censored = whole.value.copy(), whole.censored.copy()
+    time = whole.time_s
     messages: list[str] = []
-    missing = int(np.sum(~np.isfinite(value)))
+    missing = int(np.sum(~np.isfinite(channel.value)))
     finite = value[np.isfinite(value)]
     item = _ChannelCheck(channel, missing, None, (), None, None, messages)
     if finite.size == 0:
@@ -249,7 +252,7 @@ def _examine(channel: Channel, of_log: Sequence[Channel]) -> _ChannelCheck:
     if np.sum(np.isfinite(value)) < FEWEST_SAMPLES <= value.size:
         messages.append(f"fewer than {FEWEST_SAMPLES} readings remain.")
         item.rejected = True
-    item.channel = replace(channel, value=value, censored=censored)
+    item.channel = replace(channel, value=value[rows], censored=censored[rows])
     return item
 
 
@@ -308,7 +311,7 @@ def _judge_together(
         rests[item.channel.sensor.column] = (
             float(np.nanmedian(item.channel.value)) if item.rest_level is None else item.rest_level
         )
-        _judge_noise(item)
+        _judge_noise(item, start)
     alive = [item for item in alive if not item.rejected]
     for item in alive:
         # A plank compresses the suspension until the wheels fall off it.
@@ -326,8 +329,11 @@ def _judge_together(
             _add_suspicion(item, suspicion)
 
 
-def _judge_noise(item: _ChannelCheck) -> None:
+def _judge_noise(item: _ChannelCheck, start_s: float | None) -> None:
     if item.rest_level is None or item.noise is None:
+        return
+    # What the truck did meanwhile, the channel may have missed.
+    if any(end - begin > HIDES_S and end > (start_s or 0.0) for begin, end in unseen(item.channel, HOP_HZ)):
         return
     departures = np.abs(item.channel.value - item.rest_level)
     peak = float(np.nanmax(departures))

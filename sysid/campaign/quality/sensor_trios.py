@@ -13,13 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid import limits
+from sysid.campaign.gaps import Window, is_whole, readings_at, window_over
 from sysid.campaign.records import Channel
 from sysid.campaign.vehicle_records import Vehicle
 
 BAND_HZ = (1.0, 10.0)  # below, drift is integrated twice; above, the displacement sensor shows noise only
 PAIR_BAND_HZ = (5.0, 15.0)  # wheel hop, where the frame moves little
 REACH_M = 0.5  # a frame sensor this near to the axle counts as above it
-LONGEST_FILL_S = 0.1  # a pause of one cycle of the highest frequency of BAND_HZ: a line through it misses a swing
+HOP_HZ = (6.0, 20.0)  # where an axle moves more than the frame above it
+EXPLAINED_MORE = 0.05  # of the power of q'': a third too much of one of two accelerations of like size
+LEAST_S = 1.0  # a cycle of the lowest frequency of BAND_HZ
+_BEFORE_ARRIVAL_S = 0.2  # a wheel at 10 km/h rolls over a bump of half a metre in this time
 RATE_NEEDED_HZ = 25.0  # two and a half samples per cycle of the highest frequency of BAND_HZ
 
 
@@ -40,17 +44,26 @@ class Trio:
 
 @dataclass(frozen=True)
 class Fit:
-    """Factors alpha (axle) and beta (frame) with standard errors, and the share of q'' that they leave unexplained."""
+    """Factors alpha (axle) and beta (frame) with standard errors, and the share of q'' that they leave unexplained.
+
+    `unexplained_by_one` is the share that factors of 1 leave.
+    """
 
     alpha: float
     alpha_se: float
     beta: float
     beta_se: float
     unexplained: float
+    unexplained_by_one: float
 
     @property
     def right(self) -> bool:
-        """Whether both factors are compatible with 1."""
+        """Whether both factors are compatible with 1, or other factors explain hardly more.
+
+        A sensor that moves little while all three are seen has a factor that its noise makes too small.
+        """
+        if self.unexplained_by_one < self.unexplained + EXPLAINED_MORE:
+            return True
         return abs(self.alpha - 1.0) < max(0.3, 4.0 * self.alpha_se) and (
             abs(self.beta - 1.0) < max(0.3, 4.0 * self.beta_se)
         )
@@ -90,8 +103,8 @@ def trios(channels: Sequence[Channel], vehicle: Vehicle) -> list[Trio]:
 def fit_factors(q: Channel, a: Channel, b: Channel | None, step_s: float) -> Fit | None:
     """Fit alpha and beta of q'' = beta b - alpha a in the band of body and hop motion.
 
-    Spectra are compared at the level of velocity, -omega^2 Q / omega, so that neither drift (low) nor displacement
-    noise (high) weighs too much.
+    Spectra are compared at the level of velocity, divided by omega, so that neither drift (low) nor displacement noise
+    (high) weighs too much.
 
     Parameters
     ----------
@@ -105,25 +118,17 @@ def fit_factors(q: Channel, a: Channel, b: Channel | None, step_s: float) -> Fit
         None where the channels share too short a record.
     """
     members = [q, a] + ([] if b is None else [b])
-    grid = _common_grid(members, step_s)
-    if grid is None:
-        return None
-    n = grid.size
-    window = np.ones(n)
-    edge = max(2, n // 20)
-    window[:edge] = 0.5 - 0.5 * np.cos(np.pi * np.arange(edge) / edge)
-    window[-edge:] = window[:edge][::-1]
     low, high = PAIR_BAND_HZ if b is None else BAND_HZ
-    frequency = np.fft.rfftfreq(n, step_s)
-    band = (frequency >= low) & (frequency <= min(high, 0.4 / step_s))
-    omega = 2.0 * np.pi * frequency[band]
+    seen = _seen_together(members, step_s, high)
+    if seen is None:
+        return None
+    window, readings = seen
+    frequency = np.fft.rfftfreq(window.time_s.size, step_s)
+    omega = 2.0 * np.pi * frequency[(frequency >= low) & (frequency <= min(high, 0.4 / step_s))]
     if omega.size < 6:
         return None
-    spectra = []
-    for channel in members:
-        value = _on_grid(channel, grid)
-        spectra.append(np.fft.rfft((value - np.median(value)) * window)[band] / omega)
-    target = _stacked(-(omega**2) * spectra[0])
+    spectra = [window.transform(r, omega, 2 * (k == 0)) / omega for k, r in enumerate(readings)]
+    target = _stacked(spectra[0])
     columns = [_stacked(-spectra[1])] + ([] if b is None else [_stacked(spectra[2])])
     design = np.stack(columns, axis=1)
     scale = np.linalg.norm(design, axis=0)
@@ -143,39 +148,44 @@ def fit_factors(q: Channel, a: Channel, b: Channel | None, step_s: float) -> Fit
         beta=float(solution[1]) if b is not None else 1.0,
         beta_se=float(error[1]) if b is not None else np.inf,
         unexplained=float(residual @ residual) / size,
+        unexplained_by_one=float(np.sum((target - design.sum(axis=1)) ** 2)) / size,
     )
 
 
 def hop_size(channel: Channel, step_s: float) -> float:
     """Root mean square of a channel between 6 and 20 Hz, where an axle moves more than the frame above it."""
-    grid = _common_grid([channel], step_s)
-    if grid is None:
+    seen = _seen_together([channel], step_s, HOP_HZ[1])
+    if seen is None:
         return 0.0
-    value = _on_grid(channel, grid)
-    frequency = np.fft.rfftfreq(grid.size, step_s)
-    spectrum = np.fft.rfft(value - np.median(value))
-    band = (frequency >= 6.0) & (frequency <= 20.0)
-    return float(np.sqrt(2.0 * np.sum(np.abs(spectrum[band]) ** 2)) / grid.size)
+    window, (value,) = seen
+    frequency = np.fft.rfftfreq(window.time_s.size, step_s)
+    omega = 2.0 * np.pi * frequency[(frequency >= HOP_HZ[0]) & (frequency <= HOP_HZ[1])]
+    return float(np.sqrt(2.0 * np.sum(np.abs(window.transform(value, omega)) ** 2)) / window.time_s.size)
 
 
 def arrival(channel: Channel, rest_level: float) -> float | None:
-    """Time [s] at which an axle acceleration first exceeds a third of its largest departure from `rest_level`."""
+    """Time [s] at which an axle acceleration first exceeds a third of its largest departure from `rest_level`.
+
+    None where that happens in a gap, and where a gap of this channel may hide that it happened before.
+    """
     departure = np.abs(channel.value - rest_level)
     good = np.isfinite(departure)
     if good.sum() < 20:
         return None
-    return float(channel.time_s[np.argmax(np.where(good, departure, 0.0) > np.nanmax(departure) / 3.0)])
+    time = float(channel.time_s[np.argmax(np.where(good, departure, 0.0) > np.nanmax(departure) / 3.0)])
+    return time if is_whole(channel, time - _BEFORE_ARRIVAL_S, time, HOP_HZ[1]) else None
 
 
 def first_lift(channel: Channel, rest_level: float, arrival_s: float) -> float:
-    """How clearly an axle rises (towards +1) or falls (towards -1) when it meets the obstacle.
+    """How clearly an axle rises (towards +1) or falls (towards -1) when it meets the obstacle; 0 beside a gap.
 
     The acceleration is integrated twice over 0.35 s around the arrival; the largest departure of the displacement
     from zero decides, relative to the largest one of the other sign.
     """
-    inside = (channel.time_s > arrival_s - 0.15) & (channel.time_s < arrival_s + 0.2) & np.isfinite(channel.value)
+    begin, end = arrival_s - 0.15, arrival_s + 0.2
+    inside = (channel.time_s > begin) & (channel.time_s < end) & np.isfinite(channel.value)
     time, value = channel.time_s[inside], channel.value[inside] - rest_level
-    if time.size < 6:
+    if time.size < 6 or not is_whole(channel, begin, end, HOP_HZ[1]):
         return 0.0
     steps = np.diff(time)
     velocity = np.concatenate([[0.0], np.cumsum(0.5 * steps * (value[1:] + value[:-1]))])
@@ -184,43 +194,18 @@ def first_lift(channel: Channel, rest_level: float, arrival_s: float) -> float:
     return (up - down) / (up + down) if up + down > 0.0 else 0.0
 
 
-def _common_grid(channels: Sequence[Channel], step_s: float) -> np.ndarray | None:
-    """Uniform times over the longest stretch in which no channel pauses for more than a tenth of a second."""
-    if step_s > 1.0 / RATE_NEEDED_HZ:
+def _seen_together(
+    channels: Sequence[Channel], step_s: float, highest_hz: float
+) -> tuple[Window, list[np.ndarray]] | None:
+    """Readings of several channels at even times, under a window that vanishes where any of them has none."""
+    begin, end = max(float(c.time_s[0]) for c in channels), min(float(c.time_s[-1]) for c in channels)
+    count = int((end - begin) / step_s) + 1
+    if step_s > 1.0 / RATE_NEEDED_HZ or count * step_s < LEAST_S or count > limits.GRID_STEPS:
         return None
-    time = _shared_times(channels)
-    if time.size < 2:
-        return None
-    breaks = np.flatnonzero(np.diff(time) > max(LONGEST_FILL_S, 2.5 * step_s)) + 1
-    pieces = np.split(time, breaks)
-    longest = max(pieces, key=lambda p: p[-1] - p[0])
-    count = int((longest[-1] - longest[0]) / step_s) + 1
-    if count * step_s < 1.0 or count > limits.GRID_STEPS:
-        return None
-    return np.asarray(longest[0] + step_s * np.arange(count))
-
-
-def _shared_times(channels: Sequence[Channel]) -> np.ndarray:
-    """Stamps at which all channels have readings; with several clocks those of the slowest, where no other pauses."""
-    first = channels[0].time_s
-    if all(c.time_s.size == first.size and np.array_equal(c.time_s, first) for c in channels[1:]):
-        return np.asarray(first)[np.logical_and.reduce([np.isfinite(c.value) for c in channels])]
-    stamps = [c.time_s[np.isfinite(c.value)] for c in channels]
-    if min(s.size for s in stamps) < 2:
-        return np.empty(0)
-    slowest = max(stamps, key=lambda s: float(np.median(np.diff(s))))
-    shared = np.ones(slowest.size, bool)
-    for other in stamps:
-        after = np.searchsorted(other, slowest)
-        inside = (slowest >= other[0]) & (slowest <= other[-1])
-        pause = np.diff(other)[np.clip(after - 1, 0, other.size - 2)]
-        shared &= inside & (pause <= max(LONGEST_FILL_S, 2.5 * float(np.median(np.diff(other)))))
-    return np.asarray(slowest[shared])
-
-
-def _on_grid(channel: Channel, grid: np.ndarray) -> np.ndarray:
-    good = np.isfinite(channel.value)
-    return np.asarray(np.interp(grid, channel.time_s[good], channel.value[good]))
+    time = begin + step_s * np.arange(count)
+    readings = [readings_at(c, time, highest_hz) for c in channels]
+    window = window_over(time, readings)
+    return None if window is None or window.known_s < LEAST_S else (window, readings)
 
 
 def _stacked(spectrum: np.ndarray) -> np.ndarray:

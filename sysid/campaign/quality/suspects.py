@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from sysid.campaign.gaps import parted
 from sysid.campaign.passage.arrivals import find_passage
 from sysid.campaign.quality import defects
 from sysid.campaign.quality.exchanges import Suspicion, accuse, find_exchanges, inverted_axles, quoted
@@ -276,7 +277,7 @@ def axles_shown_falling(runs: Sequence[tuple[Sequence[Channel], float]], vehicle
     """
     votes: dict[int, list[bool]] = {}
     for channels, listed_m_s in runs:
-        live = [c for c in channels if not defects.held_spans(c.value, c.sensor.full_scale)]
+        live = [c for c in channels if not defects.held_spans(parted(c)[0].value, c.sensor.full_scale)]
         passage = find_passage(live, vehicle, listed_m_s)
         # A speed far from the listed one means that places or units are wrong, and so distances on the bump are too.
         if passage is None or abs(np.log(abs(passage.speed_m_s) / listed_m_s)) > _SPEED_RIGHT:
