@@ -20,7 +20,8 @@ ROOT = Path(__file__).resolve().parents[2]
 _MARK = "<!-- table of python -m studies.first_look -->"
 
 
-def _simulated(output: Path, vehicle: str) -> Path:
+def simulated(output: Path, vehicle: str) -> Path:
+    """Folder of a campaign that is simulated where it is not there."""
     folder = output / vehicle
     if not (folder / "truth.toml").is_file():
         command = [sys.executable, "-m", "tests.support.synthetic_campaign", "--vehicle", vehicle]
@@ -63,7 +64,7 @@ def main() -> None:
     campaigns = arguments.campaigns or [
         ROOT / "data",
         ROOT / "examples" / "linear_truck",
-        *(_simulated(arguments.output, v) for v in ("rigid3", "veqmon2d")),
+        *(simulated(arguments.output, v) for v in ("rigid3", "veqmon2d")),
     ]
     rows = [HEAD]
     for campaign in campaigns:

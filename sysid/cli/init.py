@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 
 from sysid.campaign.toml.errors import parse_toml
@@ -18,16 +16,12 @@ from sysid.cli.tables import render
 from sysid.display import TextTable
 from sysid.errors import CampaignError, OutputError
 from sysid.files import write_text
-from sysid.first_look import EntryGuess, FirstLook, campaign_text, first_look
+from sysid.first_look import EntryGuess, FirstLook, campaign_text, coverage_table, first_look
 from sysid.output_folder import has_control_characters
 from sysid.wording import shorten
 
 #: Rows of a table on a terminal.
 _ROWS = 200
-#: Load cases in the closing table.
-_CASES = 8
-#: Ratio of speeds that count as one.
-_SAME_SPEED = 1.08
 
 
 def run_init(folder: Path, vehicle: str | None, output: Path | None, force: bool) -> int:
@@ -75,7 +69,7 @@ def _write(target: Path, text: str) -> None:
 
 
 def _show(screen: Console, look: FirstLook, target: Path, text: str) -> None:
-    render(screen, [_files(look), _columns(look), *look.messages, _counts(look)])
+    render(screen, [_files(look), _columns(look), *look.messages, coverage_table(look)])
     todos, doubts = find_todos(parse_toml(text.encode("utf-8"), target.name)), find_doubts(text)
     drops = sum(entry.kind == "plank_drop" for entry in look.tests)
     columns = sum(s.unused is None for s in (*look.run_sensors, *look.drop_sensors))
@@ -137,36 +131,3 @@ def _taken_for(entry: EntryGuess) -> str:
     detail = f", axle {entry.axle + 1}" if entry.axle is not None else ""
     detail += f", {entry.speed_km_h:g} km/h" if entry.speed_km_h is not None else ""
     return f"{what}, {entry.load_case or 'load case ?'}{detail}"
-
-
-def _counts(look: FirstLook) -> TextTable:
-    """Number of drops by axle and load case, and of runs by speed and load case: holes are seen at once."""
-    unknown = [None] * any(entry.load_case is None for entry in look.tests)
-    cases: list[str | None] = [*list(look.load_cases)[:_CASES], *unknown]
-    # The whole table has room in 80 columns.
-    width = max(5, (80 - 22) // max(1, len(cases)) - 2)
-    table = TextTable("Drops and runs", ("", *(shorten(c or "load case ?", width) for c in cases)))
-    drops = [e for e in look.tests if e.kind == "plank_drop"]
-    runs = [e for e in look.tests if e.kind == "bump_run"]
-    axles: list[int | None] = [*range(look.axles)] if drops else []
-    axles += [None] * any(e.axle is None for e in drops)
-    rows = [(f"drops, axle {'?' if a is None else a + 1}", [e for e in drops if e.axle == a]) for a in axles]
-    rows += [(f"runs, {speed} km/h", of_speed) for speed, of_speed in _by_speed(runs)]
-    rows = [*([] if drops else [("drops", [])]), *rows, *([] if runs else [("runs", [])])]
-    for title, entries in rows:
-        counts = [sum(e.load_case == case for e in entries) for case in cases]
-        table.add_row(title, *(str(n) if n else "none" for n in counts))
-    return table
-
-
-def _by_speed(runs: Sequence[EntryGuess]) -> list[tuple[str, list[EntryGuess]]]:
-    """Runs of about the same speed, slowest first; those of unknown speed last."""
-    groups: list[list[EntryGuess]] = []
-    for run in sorted((r for r in runs if r.speed_km_h is not None), key=lambda r: r.speed_km_h or 0.0):
-        if groups and (run.speed_km_h or 0.0) < _SAME_SPEED * (groups[-1][0].speed_km_h or 0.0):
-            groups[-1].append(run)
-        else:
-            groups.append([run])
-    result = [(f"{float(np.median([r.speed_km_h or 0.0 for r in group])):.3g}", group) for group in groups]
-    unknown = [r for r in runs if r.speed_km_h is None]
-    return [*result, *([("?", unknown)] if unknown else [])]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.campaign.records import SensorKind
 from sysid.first_look.file_words import TestKind
 from sysid.first_look.kinds import KindGuess
 from sysid.first_look.load_cases import LoadCases
@@ -39,6 +40,7 @@ class Driven:
     - `timed` maps files of runs to the arrival [s] of every axle;
     - `positions_m` of the axles;
     - `labels` maps labels of axles to axles; `named` and `axle_of` columns, by name and by arrival;
+    - `agree`: whether these two do;
     - `logged_km_h` maps files to the speed that a sensor shows;
     - `trusted`: whether positions do not come from a guessed template.
     """
@@ -50,6 +52,7 @@ class Driven:
     template: Template | None
     axles: int
     axle_of: Mapping[str, int]
+    agree: bool
     logged_km_h: Mapping[str, float]
     trusted: bool
 
@@ -91,10 +94,9 @@ def _motion(log: SeenLog, kinds: Mapping[str, KindGuess]) -> TestKind | None:
     if max(times) - min(times) > _ONE_AFTER_THE_OTHER_S:
         return "bump_run"
     # Over a bump axle and frame rise first and the suspension is pressed together, off a plank all is turned round.
-    up = {"suspension_deflection": -1, "axle_acceleration": 1, "body_acceleration": 1}
-    lifts = [
-        x.lift * kinds[x.name].sign * up[k] for x in log.looks if x.alive and (k := kinds[x.name].kind) is not None
-    ]
+    up: dict[SensorKind | None, int] = {"suspension_deflection": -1, "axle_acceleration": 1, "body_acceleration": 1}
+    moving = [(x, kinds[x.name]) for x in log.looks if x.alive]
+    lifts = [x.lift * guess.sign * up[guess.kind] for x, guess in moving if guess.kind in up]
     lift = float(np.median(lifts))
     if abs(lift) < _CLEAR:
         return None
@@ -145,6 +147,8 @@ def _drop_axle(log: SeenLog, kinds: Mapping[str, KindGuess], driven: Driven) -> 
         against = [f"axle {by_motion + 1} moves most"] if by_motion not in (None, by_name) else []
         if by_motion is None and by_columns not in (None, by_name):
             against.append(f"its columns are named for axle {by_columns + 1}")
+        if by_motion == by_name and not driven.agree and by_columns != by_name:
+            against.append("names and arrivals of the axles do not agree")
         if name_says and by_motion != by_name and by_columns != by_name:
             against.append(name_says)
         # Where the sensors sit at the axle under test, nothing but names can say which that was.

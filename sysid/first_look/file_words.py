@@ -90,7 +90,8 @@ def paths_say(paths: Sequence[str]) -> dict[str, PathSays]:
     split = {path: _parts(path) for path in paths}
     depth = max((len(parts) for parts in split.values()), default=0)
     beside = [Beside(tokens(parts[k]) for parts in split.values() if k < len(parts)) for k in range(depth)]
-    return {path: _says(parts, beside) for path, parts in split.items()}
+    whole = Beside(map(tokens, paths))
+    return {path: _says(path, parts, beside, whole) for path, parts in split.items()}
 
 
 def _parts(path: str) -> list[str]:
@@ -99,7 +100,7 @@ def _parts(path: str) -> list[str]:
     return [pure.stem, *reversed(pure.parts[:-1])]
 
 
-def _says(parts: Sequence[str], beside: Sequence[Beside]) -> PathSays:
+def _says(path: str, parts: Sequence[str], beside: Sequence[Beside], whole: Beside) -> PathSays:
     readings = [read_words(tokens(part), names) for part, names in zip(parts, beside, strict=False)]
     plain = [folded(part) for part in parts]
     speed, factor = next((s for s in map(_speed, plain) if s is not None), (None, 1.0))
@@ -120,7 +121,7 @@ def _says(parts: Sequence[str], beside: Sequence[Beside]) -> PathSays:
         None if kind is None else "plank_drop" if kind in ("drop", "step") else "bump_run",
         speed if speed is None or factor is None else round(speed * factor, 1),
         factor is not None,
-        next(iter(sure or loads), None),
+        next(iter(sure or loads), None) or _load_beside(path, whole),
         axle,
         side,
         none.said["test"]["none"] if none is not None and kind is None else None,
@@ -171,6 +172,15 @@ def _load(reading: Reading, part: str) -> LoadSaid | None:
         match = pattern.search(part)
         if match:
             return LoadSaid(None, name.format(match[1].replace(",", ".")))
+    return None
+
+
+def _load_beside(path: str, whole: Beside) -> LoadSaid | None:
+    """A word that nobody knows, in place of the load of another path: ``heavy/run1`` beside ``tare/run1``."""
+    words = tokens(path)
+    for i, word in enumerate(words):
+        if word.isalpha() and not meanings(word) and any("load" in m for m in whole.contrasts(words, i)):
+            return LoadSaid(None, word)
     return None
 
 

@@ -12,14 +12,12 @@ from sysid.campaign.records import AUXILIARY_KINDS, KIND_DIMENSION, SensorKind
 from sysid.campaign.units import STANDARD_GRAVITY_M_S2, is_other_quantity, recognised_unit, si_factor
 from sysid.first_look.features import Look
 from sysid.first_look.matching import Three
-from sysid.first_look.words import NameSays, dimension_of, sensor_unit
+from sysid.first_look.words import UNUSED_DIMENSIONS, NameSays, dimension_of, sensor_unit
 
 #: Share of the power in the band of wheel hop from which a column without a three counts as an axle's.
 _HOPS = 0.35
 #: Units of what a sensor without calibration gives: it may be any sensor.
 _BARE_SIGNALS = frozenset(("v", "volt", "volts", "mv", "uv", "mv/v", "a", "ma"))
-#: Dimensions of units in which columns of no use may be: the others contradict their names.
-_OF_NO_USE = frozenset(("other", "speed", "pressure", "angular rate", "length"))
 #: Units that loggers write, with the cost of taking them.
 _LENGTHS = {"mm": 0.0, "m": 0.7, "cm": 1.0, "in": 1.2}
 _ACCELERATIONS = {"g": 0.0, "m/s^2": 0.0, "mg": 1.5}
@@ -111,11 +109,8 @@ def _other_quantity(column: str, said: NameSays, told: str | None) -> KindGuess 
     """A speed, a pressure, an angular rate, or a column of no use; None where it may be a sensor of vertical motion."""
     dimension = None if told is None else dimension_of(told)
     bare = told is not None and told.casefold() in _BARE_SIGNALS
-    if said.unused is not None:
-        across = said.unused.startswith("an acceleration")
-        fits = dimension is None or (dimension == "acceleration" if across else dimension in _OF_NO_USE)
-        why = () if fits else (f"its name says {said.unused}, but it is in {told}",)
-        return KindGuess(column, None, None, 1, fits, why or (said.unused,), said.unused)
+    if said.unused is not None and dimension in (None, "other", UNUSED_DIMENSIONS.get(said.unused)):
+        return KindGuess(column, None, None, 1, True, (said.unused,), said.unused)
     if said.kind in AUXILIARY_KINDS:
         if dimension == KIND_DIMENSION[said.kind]:
             return KindGuess(column, said.kind, told, 1, True, ("name and unit agree",))
@@ -123,7 +118,8 @@ def _other_quantity(column: str, said: NameSays, told: str | None) -> KindGuess 
         return KindGuess(column, said.kind, None, 1, False, (f"{_NOUN[said.kind]} by its name, but {why_not}",))
     kind = next((k for k in sorted(AUXILIARY_KINDS) if KIND_DIMENSION[k] == dimension), None)
     if kind is not None:
-        return KindGuess(column, kind, told, 1, False, (f"its unit is {told}; its name does not say {_NOUN[kind]}",))
+        but = f"its name says {said.unused}" if said.unused else f"its name does not say {_NOUN[kind]}"
+        return KindGuess(column, kind, told, 1, False, (f"its unit is {told}, but {but}",))
     if dimension == "other" and not bare:
         return KindGuess(column, None, None, 1, False, (f"it is in {told}",), f"in {told}")
     return None

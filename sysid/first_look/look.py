@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from sysid.campaign.records import AUXILIARY_KINDS, KIND_DIMENSION, SensorKind
 from sysid.errors import CampaignError, DataRejectedError, SysidError
 from sysid.first_look.entries import Driven, entries_of, kind_of_test
 from sysid.first_look.features import Threes, looks, threes
@@ -43,6 +44,8 @@ from sysid.wording import shorten
 _FITS = 0.12
 #: Logs with the same columns whose threes are compared, and logs altogether: more say nothing new and take memory.
 _FITTED_ALIKE, _FITTED = 30, 300
+
+_OF_AXLES = KIND_DIMENSION.keys() - AUXILIARY_KINDS
 
 
 def first_look(folder: Path, vehicle: str | None = None, progress: Progress = unwatched) -> FirstLook:
@@ -154,11 +157,13 @@ def _first_look(
     order = arrival_order([p for p in passages.values() if len(p.arrival_s) > 1])
     run_layouts = [k for k in layouts if any(kinds[log.file].kind == "bump_run" for log in k.logs)]
     drop_layouts = [k for k in layouts if any(kinds[log.file].kind == "plank_drop" for log in k.logs)]
-    said = _sensors_said(run_layouts or layouts, order)
+    # A pressure is at an axle that others have: only what moves with an axle counts them.
+    said = _sensors_said(run_layouts or layouts, order, _OF_AXLES)
     from_one = counted_from_one(s.axle for s in said.values())
     of_drops = counted_from_one(log.said.axle for log in tested if kinds[log.file].kind == "plank_drop")
     labels = numbered_axles([*from_one.values(), *of_drops.values()])
-    of_columns = {c: from_one.get(s.axle, s.axle) for c, s in _sensors_said(layouts, order).items()}
+    at_axles = _sensors_said(layouts, order, {*_OF_AXLES, "air_pressure"})
+    of_columns = {c: from_one.get(s.axle, s.axle) for c, s in at_axles.items()}
     named = {c: labels[label] for c, label in of_columns.items() if label in labels}
     count = len(wanted.axles) if wanted else max(len(order.share), *(n + 1 for n in labels.values()), 0)
     labels = {path: labels[label] for path, label in of_drops.items() if label in labels}
@@ -176,7 +181,7 @@ def _first_look(
     measured = measured_positions(known, count) if count > 1 else None
     positions = measured if wanted is None and measured is not None else chosen.positions_m if chosen else None
     trusted = wanted is not None or measured is not None
-    driven = Driven(timed, positions, labels, named, chosen, count, axle_of, logged_speeds(layouts), trusted)
+    driven = Driven(timed, positions, labels, named, chosen, count, axle_of, agree, logged_speeds(layouts), trusted)
     listed = [(log, k.kinds) for k in layouts for log in k.logs if log.file not in left_out]
     entries = entries_of(listed, kinds, cases, driven)
     return FirstLook(
@@ -204,14 +209,12 @@ def _is_no_test(log: SeenLog, layouts: Sequence[Layout]) -> bool:
     return log.said.no_test is not None and not moving
 
 
-def _sensors_said(layouts: Sequence[Layout], order: Order) -> dict[str, NameSays]:
-    """What the names of sensors say; numbers beyond the axles that arrive, at no word for axle, count sensors."""
-    said = {
-        c: layout.said[c]
-        for layout in layouts
-        for c, guess in layout.kinds.items()
-        if guess.kind is not None and guess.kind not in ("speed", "pitch_rate")
-    }
+def _sensors_said(layouts: Sequence[Layout], order: Order, kinds: Collection[SensorKind]) -> dict[str, NameSays]:
+    """What the names of sensors of these kinds say.
+
+    Numbers beyond the axles that arrive count sensors, if no word for axle stands at them.
+    """
+    said = {c: layout.said[c] for layout in layouts for c, guess in layout.kinds.items() if guess.kind in kinds}
     free = [s.axle.number for s in said.values() if s.axle.number is not None and not s.numbered]
     axles = [s.axle.number for s in said.values() if s.axle.number is not None and s.numbered]
     if len(order.share) < 2 or not free or max(free) <= max([len(order.share), *axles]):

@@ -67,15 +67,14 @@ def numbered_axles(labels: Iterable[AxleLabel]) -> dict[AxleLabel, int]:
     through = None not in places and all(len(at) == 1 for at in places.values())
     if through and not any(label.number == 1 and label.place not in (None, "front") for label in known):
         return {label: label.number - 1 for label in known if label.number is not None}
-    result = {label: label.number - 1 for label in plain if label.number is not None}
-    if plain:
-        # Numbers say all axles: of the places only the front says which it is.
-        return result | {label: 0 for label in known if label == AxleLabel(place="front")}
-    placed = known - {label for label in known if _is_vague(label, known)}
+    by_number = {label: label.number - 1 for label in plain if label.number is not None}
+    placed = {label for label in known - plain if not _is_vague(label, known)}
     order = sorted({_in_row(label) for label in placed})
-    if not order or order[0][0] != 0:
-        return {}
-    return {label: order.index(_in_row(label)) for label in placed}
+    by_place = {label: order.index(_in_row(label)) for label in placed} if order and order[0][0] == 0 else {}
+    if plain and set(by_number.values()) != set(range(len(order))):
+        # Numbers say all axles: of the places only the front says which it is.
+        by_place = {label: 0 for label in by_place if label == AxleLabel(place="front")}
+    return by_number | by_place
 
 
 def counted_from_one(labels: Iterable[AxleLabel]) -> dict[AxleLabel, AxleLabel]:

@@ -20,6 +20,7 @@ def sensor_guesses(
 ) -> tuple[SensorGuess, ...]:
     """One guess per column of the logs of runs, or of drops."""
     result: dict[str, SensorGuess] = {}
+    everywhere = set.intersection(*(set(layout.kinds) for layout in layouts)) if layouts else set()
     for layout in layouts:
         of_three = {c: t.axle for t in layout.threes for c in (t.deflection, t.axle, t.body) if c}
         alone = Counter((g.kind, layout.said[c].side) for c, g in layout.kinds.items() if g.kind is not None)
@@ -28,8 +29,8 @@ def sensor_guesses(
             why = list(guess.why)
             if guess.unused is not None or guess.kind in _OF_NO_AXLE:
                 axle, axle_sure = None, True
-            elif drops and guess.kind is not None and alone[(guess.kind, said.side)] == 1:
-                # Mounted at the axle under test: the list of drops says which.
+            elif drops and column in everywhere and guess.kind is not None and alone[(guess.kind, said.side)] == 1:
+                # In the logs of all drops, so mounted at the axle under test: the list of drops says which.
                 axle, axle_sure = None, True
             else:
                 axle, axle_sure = _axle_of_column(column, of_three.get(column, column), named, axle_of, agree, why)

@@ -6,13 +6,15 @@ import re
 from dataclasses import dataclass
 from itertools import pairwise
 
-from sysid.campaign.units import is_other_quantity, recognised_unit
+from sysid.first_look.words import dimension_of
 from sysid.logs.text_numbers import MISSING, cells_of, encoding_of, head_lines
 from sysid.logs.text_table import without_error_marks
 from sysid.logs.time_columns import TIME_NAMES, time_unit
 
 _HEAD_BYTES = 65536
 _ROWS = 40
+#: Characters of a unit that nobody lists.
+_LONGEST_UNIT = 6
 _NUMBER = re.compile(r"^[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?$")
 _INSTANT = re.compile(r"^\d{1,4}[-/.:]\d{1,2}[-/.:]\d{1,4}")
 _COMMENT = ("#", "%", "//")
@@ -94,8 +96,10 @@ def _names(above: list[list[str]], width: int) -> tuple[list[str], bool]:
         return width - 1 <= len(cells) <= width + 1 and sum(not _is_number(c) for c in cells) > 0.5 * len(cells)
 
     if len(above) == 2 and fits(above[0]) and fits(above[1]):
-        units = [c for c in above[1] if c]
-        if units and all(_is_unit(c) for c in units):
+        cells = [c for c in above[1] if c]
+        known = sum(_is_unit(c) for c in cells)
+        # Short cells among units are units that nobody lists, such as "%".
+        if known > 0 and all(len(c) <= _LONGEST_UNIT or _is_unit(c) for c in cells) and 2 * known >= len(cells):
             return above[0], True
     if above and fits(above[-1]):
         return above[-1], False
@@ -104,7 +108,7 @@ def _names(above: list[list[str]], width: int) -> tuple[list[str], bool]:
 
 def _is_unit(cell: str) -> bool:
     bare = cell.strip("[]() ")
-    return recognised_unit(bare) is not None or is_other_quantity(bare) or time_unit(bare) is not None
+    return dimension_of(bare) is not None or time_unit(bare) is not None
 
 
 def _numeric(cells: list[str]) -> bool:

@@ -176,6 +176,7 @@ def _against(meaning: Meaning, fixed: Mapping[str, frozenset[str]]) -> bool:
 
 # ---------------------------------------------------------------------- columns
 
+#: Reasons why a column is no sensor of a campaign, by quantity.
 _UNUSED = {
     "temperature": "a temperature",
     "strain": "a strain",
@@ -190,6 +191,14 @@ _UNUSED = {
     "time": "a time",
 }
 _OTHER_PRESSURES = {"brake": "a brake pressure", "tire": "a tire pressure", "other": "a pressure of no air spring"}
+#: What columns of no use may be measured in, where it is not a unit that no sensor has.
+UNUSED_DIMENSIONS = {
+    _UNUSED["location"]: "length",
+    "an acceleration along or across the vehicle": "acceleration",
+    "an acceleration of neither frame nor axle": "acceleration",
+    "an angular rate of roll or yaw": "angular rate",
+    **dict.fromkeys(_OTHER_PRESSURES.values(), "pressure"),
+}
 #: Quantities whose words stand beside others without meaning a quantity of their own.
 _WEAK = frozenset(("counter", "time", "location", "trigger", "battery"))
 

@@ -178,4 +178,7 @@ def test_an_axle_that_names_leave_open_is_left_out() -> None:
     assert numbered_axles([front, drive, tag, rear]) == {front: 0, drive: 1, tag: 2}
     first, second = AxleLabel(1, "rear"), AxleLabel(2, "rear")
     assert numbered_axles([front, first, second, rear]) == {front: 0, first: 1, second: 2}
-    assert numbered_axles([AxleLabel(1), AxleLabel(2), front, rear]) == {AxleLabel(1): 0, AxleLabel(2): 1, front: 0}
+    one, two, three = (AxleLabel(n) for n in (1, 2, 3))
+    # Two ways to call all axles, if they are equally many.
+    assert numbered_axles([one, two, front, rear]) == {one: 0, two: 1, front: 0, rear: 1}
+    assert numbered_axles([one, two, three, front, rear]) == {one: 0, two: 1, three: 2, front: 0}

@@ -138,3 +138,9 @@ def test_load_cases_that_differ_stay_apart() -> None:
     assert cases["26 t"] == (None, True)
     # Words for one thing are one load case, and its table says so.
     assert _cases("leer/a.csv", "unbeladen/b.csv")[0] == {"leer": ("empty", True)}
+
+
+def test_an_unknown_word_in_place_of_a_load_is_a_load_case_to_be_confirmed() -> None:
+    cases, of_paths = _cases("tare/drop_1.csv", "heavy/drop_1.csv", "laden/drop_1.csv", "docs/notes_3.csv")
+    assert of_paths == ["tare", "heavy", "laden", None]
+    assert cases["heavy"] == (None, True)
