@@ -164,6 +164,20 @@ def test_waveforms_begin_when_they_say() -> None:
     assert "no wf_start_time for 'G/b_g'" in refusal("log.tdms", unsaid, "b_g")
 
 
+@pytest.mark.parametrize(("pause_ms", "second_s"), [(0, 0.5), (250, 0.75)], ids=["goes on", "begun again"])
+def test_a_waveform_in_several_pieces(pause_ms: int, second_s: float) -> None:
+    """LabVIEW appends to a file: the start of the second piece stands in its own segment."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    stream = io.BytesIO()
+    with TdmsWriter(stream) as writer:
+        for start in (START, START + np.timedelta64(500 + pause_ms, "ms")):
+            about = {"wf_start_time": start, "wf_increment": 0.005}
+            writer.write_segment([ChannelObject("G", "q_mm", VALUES[:100], about)])
+    expected = np.concatenate([TIME_S[:100], second_s + TIME_S[:100]])
+    np.testing.assert_allclose(stamps("log.tdms", stream.getvalue()), expected, rtol=0.0, atol=1e-9)
+
+
 def test_data_sets_of_hdf5_begin_when_they_say() -> None:
     said = ("2024-05-01T12:00:00.250+02:00", "2024-05-01 10:00:00")
     data = hdf5(**{name: (VALUES, {"dt": 0.005, "start_time": text}) for name, text in zip("ab", said, strict=True)})
