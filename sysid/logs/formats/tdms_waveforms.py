@@ -12,6 +12,8 @@ import numpy as np
 from sysid.logs.file_channels import RefusedError, axis_seconds, even_time, no_time
 from sysid.wording import shorten
 
+_NANOSECOND = np.timedelta64(1, "ns")
+
 
 class Waveforms:
     """Starts of all channels of a file, as its segments say them: npTDMS itself keeps the last start of each channel.
@@ -23,8 +25,6 @@ class Waveforms:
         from nptdms.reader import TdmsReader
 
         self._said: dict[str, list[tuple[int, Any]]] = defaultdict(list)
-        self._first: np.datetime64 | None = None
-        self._several = False
         # The library has no other place where the properties of one segment can be seen.
         update, said = TdmsReader._update_object_properties, self._said
 
@@ -73,7 +73,7 @@ def _stamps(
     if not pieces and len(starts) > 1:
         return no_time(
             RefusedError(
-                f"has no wf_start_time for '{shorten(path)}', and other channels begin at different times; export it again"
+                f"has no wf_start_time for '{shorten(path)}', and others begin at different times; export it again"
             )
         )
     what, unit = (str(properties.get(key) or "") for key in ("wf_xname", "wf_xunit_string"))
@@ -82,8 +82,7 @@ def _stamps(
     except RefusedError as error:
         return no_time(error)
     offset_s, step_s = factor * float(properties.get("wf_start_offset", 0.0) or 0.0), factor * float(step)
-    first = min(starts, default=None)
-    begins = [(number, offset_s + float((start - first) / np.timedelta64(1, "ns")) * 1e-9) for number, start in pieces]
+    begins = [(number, offset_s + float((start - min(starts)) / _NANOSECOND) * 1e-9) for number, start in pieces]
     joined: list[tuple[int, float]] = []
     for number, begin_s in begins or [(0, offset_s)]:
         # A piece that goes on where the one before ended is none of its own: writers repeat the start with every piece.
