@@ -112,6 +112,8 @@ IN_OTHER_UNITS = {
     ),
     "TDMS min": ("log.tdms", tdms(q_mm={"wf_increment": 0.005 / 60.0, "wf_xunit_string": "min"}), 0.0),
     "HDF5 ms": ("log.h5", hdf5(q_mm=(VALUES, {**WAVE, "wf_xunit_string": "ms", "wf_start_offset": 100.0})), 0.1),
+    "TDMS in German": ("log.tdms", tdms(q_mm={**WAVE, "wf_xname": "Zeit", "wf_xunit_string": "Millisekunden"}), 0.0),
+    "TDMS sample time": ("log.tdms", tdms(q_mm={**WAVE, "wf_xname": "Sample time", "wf_xunit_string": "msec."}), 0.0),
     "HDF5 integers in ms": ("log.h5", hdf5(q_mm=VALUES, time=(5 * np.arange(ROWS), {"units": "ms"})), 0.0),
     "UFF ms": ("log.uff", uff({"x": 1e3 * TIME_S, "abscissa_axis_units_lab": "ms"}), 0.0),
     "UFF of unsaid kind": ("log.uff", uff({"x": 1e3 * TIME_S, "abscissa_spec_data_type": 0,
