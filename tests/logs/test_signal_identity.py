@@ -102,8 +102,13 @@ TWO_TIMES = [
 def test_of_several_columns_of_time_the_nearest_on_the_left_counts() -> None:
     assert stamps_of(TWO_TIMES, "a") == [0.0, 1.0, 2.0]
     assert stamps_of(TWO_TIMES, "q") == [5.0, 7.0, 9.0]
-    assert stamps_of(TWO_TIMES, "q", "time") == [0.0, 1.0, 2.0]
-    assert stamps_of(TWO_TIMES, "q", "S/time") == [0.0, 1.0, 2.0]
+    for name in ("time", "S/time"):
+        assert stamps_of(TWO_TIMES, "a", name) == [0.0, 1.0, 2.0]
+        # The declared one is not the nearest: one of both is wrong.
+        with pytest.raises(
+            RefusedError, match=r"for 'S/q', 'time' \(column 1\) and 't' \(column 3\), and 'time' names"
+        ):
+            stamps_of(TWO_TIMES, "q", name)
 
 
 def test_of_several_columns_of_time_in_no_order_none_is_taken() -> None:
