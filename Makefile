@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUTPUT ?= output
 
-.PHONY: run quick test test-long fuzz test-browser docs wheel bench bench-jobs bench-long coverage first-look ring-downs faults check-faults damages kills soak fleets independent lint format clean
+.PHONY: run quick test test-long fuzz test-browser docs wheel bench bench-jobs bench-long coverage first-look ring-downs faults check-faults check-numbers damages kills soak fleets independent lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -96,6 +96,10 @@ independent: $(VENV)/.installed
 check-faults: $(VENV)/.installed
 	$(BIN)/python -m studies.check_faults --count 144 --seed 9157 --healthy 0 --effects --output build/check_faults --document docs/check-faults.md
 	$(BIN)/python -m studies.check_faults --count 0 --healthy 40 --seed 3391 --output build/check_faults --document docs/check-faults.md
+
+# Half an hour on one core: every declared number times a factor.
+check-numbers: $(VENV)/.installed
+	$(BIN)/python -m studies.check_faults.numbers --part kept --output build/check_faults --document docs/check-faults.md
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

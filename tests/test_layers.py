@@ -62,9 +62,11 @@ ROOMS = {
 #: Files of such a package outside its rooms.
 NO_ROOM = {
     "campaign": {
+        "factors",
         "findings",
         "gaps",
         "loggers",
+        "mass_sums",
         "priors",
         "read",
         "records",

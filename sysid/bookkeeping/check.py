@@ -7,12 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from sysid.bookkeeping.drops import drop_complaints
+from sysid.bookkeeping.elimination import sentences
 from sysid.bookkeeping.force_balance import run_spectra
 from sysid.bookkeeping.masses import mass_complaints
+from sysid.bookkeeping.measured import measured_values
 from sysid.bookkeeping.names import name_complaints
 from sysid.bookkeeping.places import place_complaints, runs_without_bump, second_passes
 from sysid.bookkeeping.sensors import place_of_frame_sensors, sensor_complaints
-from sysid.bookkeeping.wheels import bump_complaints, filter_complaint, radius_complaint, tire_complaint
+from sysid.bookkeeping.usual import BALANCED, MASSES, declared_values
+from sysid.bookkeeping.wheels import bump_complaints, filter_complaint, hop_frequencies, unsprung_exchanged
 from sysid.campaign.findings import QualityReport, RunSpeed, ScanFinding
 from sysid.campaign.passage.arrivals import find_passage
 from sysid.campaign.passage.speed import believed_speed
@@ -51,18 +54,21 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
     profiles: dict[str, RoadProfile] = {name: scan.profile for name, scan in scans.items()}
     runs, vehicle = campaign.bump_runs, campaign.vehicle
     said = name_complaints(read)
-    said += _sentences(lambda: radius_complaint(vehicle))
     places = place_complaints(runs, passages, vehicle)
     said += [*places, *second_passes(runs, passages), *runs_without_bump(runs, passages)]
     said += _sentences(lambda: sensor_complaints(runs, vehicle))
     said += _sentences(lambda: place_of_frame_sensors(runs, vehicle))
     said += _sentences(lambda: filter_complaint(runs, campaign.acquisition.filter))
+    declared = declared_values(campaign)
+    # All that follows rests on the places of the axles, and the balance of the frames on what enters it.
+    spectra = [] if places else [s for run in runs if (s := run_spectra(run, vehicle)) is not None]
+    unclear = any(d.unusual and BALANCED & {n.key for n in d.powers} for d in declared)
+    masses = _sentences(lambda: mass_complaints(campaign, spectra, unclear))
+    hop_hz = {} if places else hop_frequencies(runs, passages, vehicle)
+    exchanged = _sentences(lambda: unsprung_exchanged(hop_hz, vehicle))
+    measured = measured_values(campaign, {} if exchanged else hop_hz, [] if masses or unclear else spectra)
+    said += [*masses, *exchanged, *sentences([*declared, *measured], [MASSES])]
     if not places:
-        # All that follows rests on the places of the axles.
-        spectra = [s for run in runs if (s := run_spectra(run, vehicle)) is not None]
-        masses = _sentences(lambda: mass_complaints(campaign, spectra))
-        said += masses
-        said += _sentences(lambda: tire_complaint(runs, passages, vehicle))
         said += _sentences(lambda: bump_complaints(runs, passages, profiles))
         said += _sentences(lambda: drop_complaints(campaign, [] if masses else spectra))
     findings = tuple(_scan_finding(name, campaign.scans[name], scan) for name, scan in scans.items())

@@ -16,17 +16,17 @@ from sysid.campaign.vehicle_records import Vehicle
 from sysid.road.road_profile import RoadProfile
 from sysid.wording import shorten
 
-#: The largest tires on roads, 16.00 R 20, have a radius of 0.67 m; the smallest of trucks a diameter of 0.71 m.
-LARGEST_RADIUS_M = 0.7
-#: Hop frequencies give (k + kt) / kt of 0.9 to 1.5 with the declared kt, as the median of a vehicle's axles.
-TIRE_LOW, TIRE_HIGH = 0.5, 1.75
-HOP_HZ = (5.0, 22.0)
+HOP_HZ, _HOP_STEP_HZ = (5.0, 22.0), 0.1
+#: ln((k + kt) / kt) of a vehicle's axles by hop frequencies, as their median.
+HOPS = (-0.2, 0.6)
 #: ln of these of two axles of one vehicle are at most 0.7 apart; of two exchanged masses they are more, and near each
 #: other and the other axles once they are exchanged back.
 HOPS_APART, HOPS_ALIKE, HOPS_NEAR = 0.95, 0.5, 0.4
 #: Power of the hop over that of the same sensor before the first axle arrives, below which noise may be its peak: of
 #: noise of this share the highest peak stays below that of the hop.
 HOP_OVER_NOISE, _REST_S = 4.0, 0.1
+#: Of the runs with this share of the largest power, more than half must show the hop at this share of its frequency.
+_SHAKEN, _SAME_HOP = 0.05, 0.08
 #: The height of the bump follows from the axles' motion within 8 % (median of axles and runs), 30 % in odd campaigns,
 #: as with strong one-sided dampers; another unit or another bump is off by more.
 HEIGHT_OFF = 0.5
@@ -47,53 +47,31 @@ _LENGTH_OFF_M = 0.65  # tires make a bump longer by less
 _LENGTHS, _LENGTH_LEFT, _LENGTH_BETTER = (0.4, 0.5, 0.6, 1.7, 2.2), 0.04, 0.6
 
 
-def tire_complaint(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], vehicle: Vehicle) -> str | None:
-    """A sentence where the wheels hop at other frequencies than tires and unsprung masses say.
+def hop_frequencies(
+    runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], vehicle: Vehicle
+) -> dict[int, float]:
+    """Frequencies [Hz] of wheel hop by axle, of those axles that show one."""
+    found = {axle: hop_frequency(runs, passages, axle) for axle in range(len(vehicle.axles))}
+    return {axle: hz for axle, hz in found.items() if hz is not None}
 
-    The hop frequency f of each axle after it has left the bump gives k + kt = (2 pi f)^2 m_u.
+
+def unsprung_exchanged(hop_hz: Mapping[int, float], vehicle: Vehicle) -> str | None:
+    """A sentence where two axles hop as if each had the unsprung mass of the other.
+
+    The hop frequency f of each axle after it has left the bump gives (k + kt) / kt = (2 pi f)^2 m_u / kt.
     """
-    ratios = {}
-    for axle, record in enumerate(vehicle.axles):
-        frequency = _hop_frequency(runs, passages, axle)
-        mass = vehicle.unsprung_mass_kg[axle]
-        if frequency is not None:
-            ratios[axle] = (2.0 * np.pi * frequency) ** 2 * mass / record.tire_stiffness_N_per_m
-    if len(ratios) < 2:
-        return None
-    middle = float(np.median(list(ratios.values())))
-    if TIRE_LOW < middle < TIRE_HIGH:
-        return _unsprung_exchanged(ratios, vehicle)
-    likely = _tire_words(middle / 1.2)
-    pressures = any(axle.inflation_pressure_Pa is not None for axle in vehicle.axles)
-    return (
-        f"The frequency of wheel hop is that of {middle:.2g} times the declared tire stiffness (with the suspension): "
-        f"tire_stiffness_N_per_m{likely}{', an inflation pressure (in kPa)' if pressures else ''} or unsprung_mass_kg "
-        "is wrong (stiffness and mass are per axle: all tires together, in N/m and kg)."
-    )
-
-
-def radius_complaint(vehicle: Vehicle) -> str | None:
-    """A sentence where tires are larger than those of road vehicles, as with diameters in place of radii."""
-    large = [a for a in vehicle.axles if a.tire_radius_m > LARGEST_RADIUS_M]
-    if not large:
-        return None
-    one = max(large, key=lambda a: a.tire_radius_m)
-    more = f" and {len(large) - 1} more" if len(large) > 1 else ""
-    return (
-        f"tire_radius_m of '{shorten(one.name)}'{more} is {one.tire_radius_m:.3g} m; tires of road vehicles have less "
-        f"than {LARGEST_RADIUS_M:g} m. Give the radius, not the diameter, unless the tires are that large."
-    )
-
-
-def _unsprung_exchanged(ratios: Mapping[int, float], vehicle: Vehicle) -> str | None:
-    """A sentence where two axles hop as if each had the unsprung mass of the other."""
-    size = {axle: float(np.log(ratio)) for axle, ratio in ratios.items()}
+    size = {
+        i: float(
+            np.log((2.0 * np.pi * hz) ** 2 * vehicle.unsprung_mass_kg[i] / vehicle.axles[i].tire_stiffness_N_per_m)
+        )
+        for i, hz in hop_hz.items()
+    }
     for i, j in combinations(sorted(size), 2):
         masses = float(np.log(vehicle.unsprung_mass_kg[i] / vehicle.unsprung_mass_kg[j]))
         apart = size[i] - size[j]
         right = {**size, i: size[i] - masses, j: size[j] + masses}
         middle = float(np.median(list(right.values())))
-        near = max(abs(right[i] - middle), abs(right[j] - middle)) < HOPS_NEAR
+        near = HOPS[0] < middle < HOPS[1] and max(abs(right[i] - middle), abs(right[j] - middle)) < HOPS_NEAR
         if near and abs(apart) > HOPS_APART and abs(apart - 2.0 * masses) < HOPS_ALIKE:
             one, two = (shorten(vehicle.axles[k].name) for k in (i, j))
             return (
@@ -103,22 +81,10 @@ def _unsprung_exchanged(ratios: Mapping[int, float], vehicle: Vehicle) -> str | 
     return None
 
 
-def _tire_words(factor: float) -> str:
-    for target, words in (
-        (2.0, " (that of one side, or half the tires?)"),
-        (4.0, " (that of one tire of four?)"),
-        (1000.0, " (in N/mm?)"),
-        (2.20462, ""),
-    ):
-        if abs(np.log(factor / target)) < 0.25:
-            return words if target != 2.0 else " (that of one side?), all masses (in lb?)"
-    return ""
-
-
-def _hop_frequency(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], axle: int) -> float | None:
+def hop_frequency(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], axle: int) -> float | None:
     """Frequency [Hz] at which an axle moves most within a second after the bump."""
-    frequency = np.arange(HOP_HZ[0], HOP_HZ[1], 0.1)
-    total = np.zeros(frequency.size)
+    frequency = np.arange(HOP_HZ[0], HOP_HZ[1], _HOP_STEP_HZ)
+    powers = []
     for run in runs:
         passage = passages.get(run.log.file)
         channel = _axle_sensor(run, axle)
@@ -131,12 +97,16 @@ def _hop_frequency(runs: Sequence[BumpRun], passages: Mapping[str, Passage | Non
         # Behind a bump that was left slowly the wheels are at rest again, and noise has any frequency.
         if after is None or before is None or after.sum() < HOP_OVER_NOISE * before.sum():
             continue
-        # The runs that shake the wheel most show its hop best; after slow ones it moves with the frame.
-        total += after
-    if not total.any():
+        powers.append(after)
+    if not powers:
         return None
-    k = int(np.argmax(total))
-    return float(frequency[k]) if 0 < k < frequency.size - 1 else None
+    # The runs that shake the wheel most show its hop best; after slow ones it moves with the frame.
+    k = int(np.argmax(np.sum(powers, axis=0)))
+    peaks = np.max(powers, axis=1)
+    own = frequency[np.argmax(powers, axis=1)][peaks > _SHAKEN * peaks.max()]
+    if not 0 < k < frequency.size - 1 or np.mean(np.abs(own / frequency[k] - 1.0) < _SAME_HOP) <= 0.5:
+        return None
+    return float(frequency[k])
 
 
 def _power_of_hop(channel: Channel, frequency: np.ndarray, first: float, last: float, step: float) -> np.ndarray | None:
@@ -145,10 +115,12 @@ def _power_of_hop(channel: Channel, frequency: np.ndarray, first: float, last: f
     first, last = max(first, float(channel.time_s[0])), min(last, float(channel.time_s[-1]))
     time = np.arange(first, last, step)
     value = readings_at(channel, time, HOP_HZ[1], clipped=False)
-    if time.size * step < 0.5 or not np.isfinite(value).all():
+    if time.size * step < 0.5 or frequency[-1] > 0.5 / step or not np.isfinite(value).all():
         return None
     fading = 0.5 + 0.5 * np.cos(np.pi * np.arange(time.size) / time.size)
-    waves = np.exp(-2j * np.pi * frequency[:, None] * time) @ ((value - value.mean()) * fading)
+    # Zeros behind the second give the spectrum at steps that are the same for all rates.
+    count = round(1.0 / (_HOP_STEP_HZ * step))
+    waves = np.fft.rfft((value - value.mean()) * fading, count)[np.rint(frequency / _HOP_STEP_HZ).astype(int)]
     return np.asarray(frequency * np.abs(waves) ** 2 / time.size)
 
 

@@ -14,6 +14,7 @@ from sysid.campaign.inputs.bumps import PointCloudReader, ProfileReader, read_bu
 from sysid.campaign.inputs.named_files import NamedFiles
 from sysid.campaign.inputs.run_logs import RunLogs, log_writing
 from sysid.campaign.loggers import ClockFinding
+from sysid.campaign.mass_sums import check_masses
 from sysid.campaign.passage.logged_speed import speed_at_bump
 from sysid.campaign.priors import NamedPrior
 from sysid.campaign.records import (
@@ -30,7 +31,6 @@ from sysid.campaign.records import (
     Sensor,
 )
 from sysid.campaign.requests import check_passes
-from sysid.campaign.statics import check_statics
 from sysid.campaign.toml.stand_ins import with_stand_ins
 from sysid.campaign.toml.todo import refuse_todos
 from sysid.campaign.units import speed_m_s
@@ -93,9 +93,7 @@ def read_campaign(
     tables = validate(parsed, file.name)
     vehicle = VehicleReader(tables, file.name)
     try:
-        for name, load_case in vehicle.load_cases.items():
-            if name not in unknown:
-                check_statics(vehicle.vehicle, load_case)
+        check_masses(vehicle.vehicle, {n: c for n, c in vehicle.load_cases.items() if n not in unknown})
     except CampaignError as error:
         raise CampaignError(f"{file.name}: {error}") from None
     files = NamedFiles(file, tables.acquisition.sample_interval_s, {file.name: content.sha256}, planned)

@@ -14,6 +14,15 @@ OVERHANG_M = 5.0  # a centre of gravity further than this outside the wheels and
 
 
 @dataclass(frozen=True)
+class ChainSum:
+    """Axle loads under a chain of coupled `bodies` [kg], and by how much they exceed its masses."""
+
+    bodies: tuple[int, ...]
+    loads_kg: float
+    difference_kg: float
+
+
+@dataclass(frozen=True)
 class StaticEquilibrium:
     """Forces and positions of the vehicle standing on level ground.
 
@@ -55,6 +64,19 @@ def _tributary_mass(vehicle: Vehicle, load_case: LoadCase) -> np.ndarray:
     return np.asarray(np.array(load_case.axle_loads_kg, float) - np.array(vehicle.unsprung_mass_kg, float))
 
 
+def chain_sums(vehicle: Vehicle, load_case: LoadCase) -> list[ChainSum]:
+    """Sum of the axle loads of every chain that has axles, less unsprung, beam and sprung masses."""
+    tributary = _tributary_mass(vehicle, load_case)
+    sums = []
+    for chain in chains(vehicle):
+        on_chain = [i for i, axle in enumerate(vehicle.axles) if axle.body in chain]
+        loads = sum(load_case.axle_loads_kg[i] for i in on_chain)
+        sprung = sum(load_case.sprung_mass_kg[b] for b in chain)
+        if on_chain:
+            sums.append(ChainSum(tuple(chain), loads, float(tributary[on_chain].sum()) - sprung))
+    return sums
+
+
 def check_statics(vehicle: Vehicle, load_case: LoadCase) -> None:
     """Check that the scale readings carry the masses of each chain of coupled bodies.
 
@@ -78,20 +100,19 @@ def check_statics(vehicle: Vehicle, load_case: LoadCase) -> None:
                 f"unsprung mass under it ({load - mass:g} kg); check axle_loads_kg, which includes the unsprung mass."
             )
     for chain in chains(vehicle):
-        names = ", ".join(vehicle.bodies[b].name for b in chain)
-        on_chain = [i for i, axle in enumerate(vehicle.axles) if axle.body in chain]
-        if not on_chain:
+        if not any(axle.body in chain for axle in vehicle.axles):
+            names = ", ".join(vehicle.bodies[b].name for b in chain)
             raise CampaignError(
                 f"the body '{names}' has neither an axle nor a hinge; give it an axle or hitch_x_m in campaign.toml."
             )
-        loads = sum(load_case.axle_loads_kg[i] for i in on_chain)
-        sprung = sum(load_case.sprung_mass_kg[b] for b in chain)
-        difference = float(tributary[on_chain].sum()) - sprung
-        if abs(difference) > MASS_TOLERANCE * loads:
+    for found in chain_sums(vehicle, load_case):
+        if abs(found.difference_kg) > MASS_TOLERANCE * found.loads_kg:
+            names = ", ".join(vehicle.bodies[b].name for b in found.bodies)
             raise CampaignError(
-                f"load case '{load_case.name}': the axle loads under {names} sum to {loads:g} kg, but unsprung and "
-                f"sprung masses sum to {loads - difference:g} kg, a difference of {difference:+g} kg; correct "
-                "axle_loads_kg, sprung_mass_kg or unsprung_mass_kg so that they agree within 0.5 %."
+                f"load case '{load_case.name}': the axle loads under {names} sum to {found.loads_kg:g} kg, but "
+                f"unsprung and sprung masses sum to {found.loads_kg - found.difference_kg:g} kg, a difference of "
+                f"{found.difference_kg:+g} kg; correct axle_loads_kg, sprung_mass_kg or unsprung_mass_kg so that they "
+                "agree within 0.5 %."
             )
     statics = _equilibrium(vehicle, load_case, tributary)
     supports = [a.x_m for a in vehicle.axles] + [b.hitch_x_m for b in vehicle.bodies if b.hitch_x_m is not None]

@@ -36,8 +36,8 @@ class Axle:
 
     `body` is the index of the body it carries.  `load_dependent` says whether the stiffness has one value per load case
     (air springs) or one for all (leaf springs).  `tire_stiffness_N_per_m` is the nominal one at the pressure that the
-    tires had in the tests.  `priors` maps a quantity (``stiffness``, ``damping``,
-    ``tire_stiffness``, ``tire_damping``) to the user's own prior.
+    tires had in the tests, carried over from `tire_stiffness_pressure_Pa` where both pressures are declared.
+    `priors` maps a quantity (``stiffness``, ``damping``, ``tire_stiffness``, ``tire_damping``) to the user's own prior.
     """
 
     name: str
@@ -54,6 +54,7 @@ class Axle:
     hanger_lash_m: float | None = None
     load_dependent: bool = False
     inflation_pressure_Pa: float | None = None
+    tire_stiffness_pressure_Pa: float | None = None
     jounce_travel_m: float | None = None
     rebound_travel_m: float | None = None
     leaf: LeafDimensions | None = None

@@ -160,7 +160,7 @@ class VehicleReader:
             prior = None if table.priors is None else getattr(table.priors, name)
             if prior is not None:
                 priors[quantity] = PriorOverride(prior.median, prior.log_sd)
-        pressure = table.inflation_pressure_kPa
+        pressure, measured_at = table.inflation_pressure_kPa, table.tire_stiffness_pressure_kPa
         return Axle(
             name=table.name,
             body=self.body(table.body, f"{key}.body"),
@@ -180,6 +180,7 @@ class VehicleReader:
             hanger_lash_m=table.hanger_lash_m,
             load_dependent=by_load if table.load_dependent is None else table.load_dependent,
             inflation_pressure_Pa=None if pressure is None else pressure_pa(pressure),
+            tire_stiffness_pressure_Pa=None if measured_at is None else pressure_pa(measured_at),
             jounce_travel_m=table.jounce_travel_m,
             rebound_travel_m=table.rebound_travel_m,
             leaf=None if leaf is None else LeafDimensions(leaf.leaves, leaf.width_m, leaf.thickness_m, leaf.length_m),
